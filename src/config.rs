@@ -1,5 +1,5 @@
-//! The config file: one YAML document, composed of each module's own options. Unknown keys and
-//! wrong values are refused with line and column.
+//! The config file: one YAML document, composed of the options of each module. Unknown keys and
+//! invalid values are refused with line and column.
 
 mod behaviours;
 mod effective;
@@ -37,7 +37,7 @@ use crate::timetable::{Quiet, Rule, Timetable};
 use crate::vision::{Camera, Colour};
 use crate::yaml;
 
-/// Where scripts save pictures unless the config says something else.
+/// The default data folder.
 const DATA_FOLDER: &str = "spykee-data";
 
 /// The contents of a config file; everything is optional.
@@ -47,7 +47,7 @@ pub struct Config {
     /// The robot's address, `HOST` or `HOST:PORT`.
     #[schemars(with = "Option<String>")]
     pub robot: Option<Target>,
-    /// Log in as this user.
+    /// User name for the login.
     pub user: Option<String>,
     /// A file with the password in its first line.
     pub password_file: Option<PathBuf>,
@@ -55,7 +55,7 @@ pub struct Config {
     #[serde(deserialize_with = "behaviours::entries", skip_serializing)]
     #[schemars(with = "Vec<schema::Behaviour>")]
     pub behaviours: Vec<Entry>,
-    /// When `spykee serve` starts which behaviour.
+    /// The timetable by which `spykee serve` starts behaviours.
     pub schedule: Vec<Rule>,
     /// The time zone, such as `Europe/Rome` [default: the computer's].
     #[schemars(with = "Option<String>")]
@@ -65,41 +65,41 @@ pub struct Config {
     pub quiet: Option<Quiet>,
     /// Whether the alarm is silent too in these hours.
     pub quiet_alarm: bool,
-    /// A start of the timetable missed by less than this is made up for: 10m.
+    /// A scheduled start missed by less than this is made up for [default: 10m].
     #[schemars(with = "String")]
     pub catch_up: Span,
-    /// What `spykee serve` does while no behaviour runs, and as which user it runs.
+    /// What `spykee serve` does while no behaviour runs, and the user that runs it.
     pub service: Service,
-    /// The numbers of the safety rules.
+    /// The limits of the safety rules.
     pub watchdog: safety::Limits,
-    /// The link's time limits.
+    /// The timeouts of the link.
     pub link: link::Options,
     /// When the robot's streams are on; `off` forbids them.
     pub streams: Streams,
-    /// What a script may use.
+    /// The resource limits of a script.
     pub limits: script::Limits,
     /// The conversion of track power to speed.
     pub calibration: Calibration,
     /// The camera's field of view and distortion.
     #[serde(deserialize_with = "camera")]
     pub camera: Camera,
-    /// Colours by name, besides the built-in ones: spans `h`, `s` and `v` (degrees, percent), or
-    /// `l`, `a` and `b`.
+    /// Colours by name, in addition to the built-in ones: ranges of `h`, `s` and `v` (degrees,
+    /// percent), or of `l`, `a` and `b`.
     #[schemars(with = "BTreeMap<String, BTreeMap<String, [f64; 2]>>")]
     pub colours: BTreeMap<String, Colour>,
     /// The data folder, with a folder for each behaviour.
     pub data: Option<PathBuf>,
     /// The page in the browser and the JSON API.
     pub live: http::Options,
-    /// How logs are written.
+    /// The log on stderr.
     pub logging: Logging,
     /// The record of what happens.
     pub journal: journal::Options,
-    /// The people who are notified, by webhooks, topics and commands.
+    /// Notifications to people, by webhooks, topics and commands.
     pub notify: notify::Options,
     /// The MQTT broker through which others see and command the robot.
     pub mqtt: Mqtt,
-    /// A service on another computer that `spykee status`, `behaviour` and `robot` ask.
+    /// A service on another computer that `spykee status`, `behaviour` and `robot` use.
     pub remote: Remote,
 }
 
@@ -134,8 +134,8 @@ impl Default for Config {
     }
 }
 
-/// The camera's numbers, checked where they stand: the eyes know no config. A field of view that is
-/// named alone is that of a lens without distortion.
+/// Reads and checks the camera's parameters here, as the vision module does not know the config.
+/// With only a field of view, the lens has no distortion.
 fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
@@ -161,7 +161,7 @@ fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
         Ok(camera)
     } else {
         Err(serde::de::Error::custom(
-            "such a distortion folds the picture: expected numbers nearer to 0, or a narrower hfov",
+            "this distortion folds the picture: expected numbers closer to 0, or a narrower hfov",
         ))
     }
 }
@@ -169,18 +169,18 @@ fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
 /// Why a config cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
-    /// Not readable.
+    /// The file cannot be read.
     #[error("cannot read the config {path}: {source}")]
     Read {
-        /// Which.
+        /// Its path.
         path: String,
-        /// The system's words.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// Not valid; line and column are in the text.
+    /// The config is not valid; line and column are in the reason.
     #[error("{path}: {reason}")]
     Invalid {
-        /// Which.
+        /// Its path, or the environment variable.
         path: String,
         /// What is wrong and where.
         reason: String,
@@ -201,12 +201,12 @@ impl Config {
         self.data.as_deref().unwrap_or(Path::new(DATA_FOLDER))
     }
 
-    /// Whose clock counts.
+    /// The time zone: the config's, or else the computer's.
     pub fn zone(&self) -> Zone {
         self.time_zone.clone().unwrap_or_else(Zone::system)
     }
 
-    /// When `spykee serve` starts what.
+    /// The timetable for `spykee serve`.
     pub fn timetable(&self) -> Timetable {
         Timetable {
             rules: self.schedule.clone(),
@@ -216,7 +216,7 @@ impl Config {
         }
     }
 
-    /// What the pilot of a run goes by.
+    /// The settings of a run's pilot.
     pub fn pilot(&self, simulated: bool, seed: u64) -> Settings {
         Settings {
             limits: self.watchdog.clone(),
@@ -227,7 +227,7 @@ impl Config {
         }
     }
 
-    /// What a script of this name is started with; `chunk` is its file as messages show it.
+    /// The options of a script with this name; `chunk` is its file as messages show it.
     pub fn script(
         &self,
         name: impl Into<String>,
@@ -282,7 +282,7 @@ impl Config {
         Ok(config)
     }
 
-    /// Parses a text; `name` is what errors call it.
+    /// Parses a text; `name` is its name in errors.
     ///
     /// # Errors
     /// [`ConfigError::Invalid`].
@@ -314,15 +314,16 @@ impl Config {
             .map_err(|error| invalid(error.to_string()))?;
         if let (Some(target), None) = (config.notify.needs_broker(), &config.mqtt.host) {
             return Err(invalid(format!(
-                "notify.targets.{target}: its topic is one of the broker that `mqtt: {{ host: ... }}` \
-                 names, and none is named"
+                "notify.targets.{target}: a topic needs a broker, but no `mqtt: {{ host: ... }}` is \
+                 set"
             )));
         }
         Ok(config)
     }
 }
 
-/// An unknown key with the nearest valid one; other complaints as they are.
+/// Rewrites the error for an unknown key to name the nearest valid one; returns other errors
+/// unchanged.
 fn in_words(complaint: &str) -> String {
     let parts = complaint
         .split_once("unknown field `")

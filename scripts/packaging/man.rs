@@ -15,7 +15,7 @@ const REST: &str = r#".SH "EXIT STATUS"
 Done.
 .TP
 1
-A script failed, or the robot did not do what a tool asked.
+A script failed, or the robot did not carry out a command.
 .TP
 2
 The command line, the config or a file cannot be used.

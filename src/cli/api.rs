@@ -1,4 +1,4 @@
-//! `spykee api`: what scripts can call, for people, editors and programs.
+//! `spykee api`: the reference of the script API, for people, editors and programs.
 
 use serde_json::{Value as Json, json};
 
@@ -6,11 +6,11 @@ use super::{Exit, Failure, print};
 use crate::api::{self, Function, Namespace, Need, Type, Value};
 use crate::script::suggestion;
 
-/// Show what scripts can call: a list, or one entry in full
+/// Show the script API: a list, or one entry in full
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ApiArgs {
-    /// A function, namespace, module, object, field or event, such as robot.move, vision, bt, frame
-    /// or Blob.cx; or events, objects, modules
+    /// Function, namespace, module, object, field or event, such as robot.move, vision, bt, frame
+    /// or Blob.cx; or one of the lists: events, objects, modules
     #[arg(value_name = "NAME")]
     name: Option<String>,
 
@@ -18,11 +18,11 @@ pub(super) struct ApiArgs {
     #[arg(long, conflicts_with_all = ["name", "markdown", "json"])]
     luau: bool,
 
-    /// Print the reference of behaviours/README.md
+    /// Print the reference as Markdown, as in behaviours/README.md
     #[arg(long, conflicts_with_all = ["name", "json"])]
     markdown: bool,
 
-    /// Print everything as JSON
+    /// Print the whole API as a JSON object
     #[arg(long, conflicts_with = "name")]
     json: bool,
 }

@@ -1,21 +1,21 @@
-//! What an argument of the command line must be, where it is not.
+//! Errors of invalid command-line arguments.
 
 use crate::behaviour::MAX_NAME;
 use crate::clock::ClockError;
 
-/// What an argument of the command line must be, where it is not.
+/// An invalid command-line argument; the message says what was expected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum ArgumentError {
     /// `learn --name`.
-    #[error("expected a letter and then letters, digits, _ or -, at most {0}")]
+    #[error("expected a letter followed by letters, digits, _ or -, at most {0} characters in all")]
     Colour(usize),
     /// `history --since` and `--until`.
     #[error(
-        "expected so long ago, such as 30m, 12h, 7d or 2w, or a day such as 2026-11-01, or \
+        "expected an age such as 30m, 12h, 7d or 2w, or a date such as 2026-11-01 or \
          2026-11-01T21:30"
     )]
     Moment,
-    /// The name of a picture that is written.
+    /// The name of a picture to write.
     #[error("expected a file that ends in .png")]
     Png,
     /// `new NAME`.
@@ -33,7 +33,7 @@ pub(super) enum ArgumentError {
     /// `--timeout` of tests and lessons.
     #[error("expected a number of seconds, 0.1 to 86400")]
     Timeout,
-    /// `discover --timeout`: no number.
+    /// `discover --timeout`: not a number.
     #[error("expected a number of seconds")]
     Number,
     /// `discover --timeout`: too short or too long.
@@ -48,19 +48,19 @@ pub(super) enum ArgumentError {
     /// `--roi`.
     #[error("expected x,y,w,h in whole pixels, such as 100,80,40,30; w and h at least 1")]
     Roi,
-    /// `lesson`: no number or name of one.
-    #[error("there are lessons 1 to {0}; `spykee lesson list` shows them")]
+    /// `lesson`: neither a lesson's number nor its name.
+    #[error("expected a lesson's name or a number from 1 to {0}; `spykee lesson list` shows them")]
     Lesson(usize),
     /// `service unit --user`.
-    #[error("a user's name has letters, digits, -, _ and dots, at most 31")]
+    #[error("expected a user name: at most 31 letters, digits, -, _ and dots")]
     User,
     /// `--param`.
     #[error("expected NAME=VALUE, such as speed=50, or BEHAVIOUR.NAME=VALUE")]
     Param,
-    /// `behaviour start --for`: no length of time.
+    /// `behaviour start --for`: not a duration.
     #[error(transparent)]
     Span(#[from] ClockError),
     /// `behaviour start --for 0s`.
-    #[error("it would end before it begins")]
+    #[error("expected a duration of at least one second")]
     NoTime,
 }

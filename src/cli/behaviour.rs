@@ -1,4 +1,4 @@
-//! `spykee behaviour`: starts and stops the behaviours of a run that is on.
+//! `spykee behaviour`: starts, stops and lists the behaviours of an active run.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use crate::clock::{self, Span};
 use crate::control::{Answer, Change, Client, Errand, Listed};
 use crate::link::Target;
 
-/// A farewell of the old script, the loading of the new one, and some time to spare.
+/// Timeout of a request: the old script's end handlers, loading the new script, and a margin.
 const CHANGED: Duration = Duration::from_secs(15);
 
 const HEAD: [(&str, Side); 5] = [
@@ -44,22 +44,22 @@ pub(super) struct BehaviourArgs {
 
 #[derive(Debug, Clone, Subcommand)]
 enum BehaviourCommand {
-    /// List the behaviours of the run and what each does
+    /// List the behaviours of the run with their states
     List(ListArgs),
     /// Start a behaviour that is not running
     Start(StartArgs),
     /// End a behaviour; it is not restarted
     Stop(NameArgs),
-    /// End a behaviour if it is running, and start it from its file as it is now
+    /// End a behaviour if it is running, then start it from the current version of its file
     Restart(NameArgs),
 }
 
 #[derive(Debug, Clone, clap::Args)]
 struct ListArgs {
-    /// Print a JSON list
+    /// Print a JSON array
     #[arg(long)]
     json: bool,
-    /// Print only the names, one per line, for shells; leaves out names with characters other than
+    /// Print only the names, one per line, for shells; omits names with characters other than
     /// letters, digits, `.`, `_` and `-`
     #[arg(long, conflicts_with = "json")]
     names: bool,
@@ -69,7 +69,7 @@ struct ListArgs {
 
 #[derive(Debug, Clone, clap::Args)]
 struct NameArgs {
-    /// The behaviour, as `spykee behaviour list` shows it
+    /// The behaviour's name, as in `spykee behaviour list`
     name: String,
     #[command(flatten)]
     which: WhichArgs,
@@ -77,14 +77,14 @@ struct NameArgs {
 
 #[derive(Debug, Clone, clap::Args)]
 struct StartArgs {
-    /// End it after this time, such as 30m or 1h30m, unless it ends by itself first
+    /// End the behaviour after this time, such as 30m or 1h30m, if it has not ended before
     #[arg(long = "for", value_name = "TIME", value_parser = some_time)]
     lasts: Option<Span>,
     #[command(flatten)]
     name: NameArgs,
 }
 
-/// At least a second.
+/// Parses a duration of at least a second.
 fn some_time(text: &str) -> Result<Span, ArgumentError> {
     let span: Span = text.parse()?;
     if span.get().is_zero() {
@@ -93,10 +93,10 @@ fn some_time(text: &str) -> Result<Span, ArgumentError> {
     Ok(span)
 }
 
-/// Which run.
+/// Selects the run.
 #[derive(Debug, Clone, clap::Args)]
 struct WhichArgs {
-    /// The run of this robot [default: the only active run]
+    /// Address of the robot whose run to use [default: the only active run]
     #[arg(long, value_name = "HOST[:PORT]")]
     robot: Option<Target>,
     #[command(flatten)]
@@ -106,7 +106,7 @@ struct WhichArgs {
 }
 
 impl BehaviourArgs {
-    /// Which settings count.
+    /// The settings of the chosen subcommand.
     pub(super) fn settings(&self) -> &SettingsArgs {
         match &self.command {
             BehaviourCommand::List(args) => &args.which.settings,
@@ -116,10 +116,10 @@ impl BehaviourArgs {
     }
 }
 
-/// Asks the run.
+/// Sends the request to the run and prints the reply.
 ///
 /// # Errors
-/// No run is on, several are and none was named, or it refuses.
+/// No run is active, several are and none was named, or the run refuses the request.
 pub(super) fn run(args: &BehaviourArgs) -> Result<Exit, Failure> {
     match &args.command {
         BehaviourCommand::List(args) => list(args),
@@ -186,8 +186,8 @@ impl WhichArgs {
     }
 }
 
-/// Whether a shell that completes this name takes it as it is: bash executes what such words
-/// contain.
+/// Whether this name is safe in shell completion: bash expands completion words, including command
+/// substitutions in them.
 fn is_plain(name: &str) -> bool {
     let plain = |letter: char| letter.is_alphanumeric() || "._-".contains(letter);
     !name.starts_with('-') && name.chars().all(plain)

@@ -1,4 +1,4 @@
-//! `spykee blobs`: what a script's `find_blobs` sees in pictures.
+//! `spykee blobs`: runs a script's `find_blobs` on pictures.
 
 use std::path::{Path, PathBuf};
 
@@ -11,8 +11,9 @@ use super::table::{Side, aligned};
 use super::{Console, Exit, Failure, colours, picture, print};
 use crate::vision::{Blob, BlobOptions, Colour, Eyes, Image, Mark, Roi, Size, annotate_enlarged};
 
-/// Small pictures are enlarged to about this width for people, at most so many times.
+/// Small pictures are enlarged to about this width for people.
 const SHOWN_WIDTH: u32 = 960;
+/// Largest enlargement factor.
 const MOST_TIMES: u32 = 6;
 
 const HEAD: [(&str, Side); 13] = [
@@ -43,8 +44,8 @@ pub(super) struct BlobsArgs {
     #[arg(value_name = "IMAGE.jpg", required = true)]
     images: Vec<PathBuf>,
 
-    /// What to look for: red, orange, yellow, green, cyan, blue, magenta, white, black, or a colour
-    /// of the config; may be repeated
+    /// Colour to look for: red, orange, yellow, green, cyan, blue, magenta, white, black, or a
+    /// colour from the config; may be repeated
     #[arg(
         long = "colour",
         alias = "color",
@@ -57,11 +58,11 @@ pub(super) struct BlobsArgs {
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// Look only at this part, in pixels: left column, top row, width, height
+    /// Search only this part of the picture, in pixels: left column, top row, width, height
     #[arg(long, value_name = "X,Y,W,H", value_parser = picture::parse_roi)]
     roi: Option<Roi>,
 
-    /// Omit blobs of fewer pixels
+    /// Omit blobs with fewer pixels
     #[arg(long, value_name = "NUMBER", default_value_t = BlobOptions::default().pixels_threshold)]
     min_pixels: u32,
 
@@ -69,28 +70,28 @@ pub(super) struct BlobsArgs {
     #[arg(long)]
     merge: bool,
 
-    /// Show at most this many blobs per picture, the largest
+    /// Maximum number of blobs per picture; the largest are shown
     #[arg(long, value_name = "NUMBER", default_value_t = BlobOptions::default().max_blobs)]
     max_blobs: usize,
 
-    /// Print a JSON array instead of the table
+    /// Print a JSON array
     #[arg(long)]
     json: bool,
 
-    /// Draw boxes, numbers and names: for one picture the PNG file to write; for several pictures a
-    /// folder, made if missing, that gets NAME-blobs.png for each
+    /// Write a marked copy with boxes, numbers and names: for one picture the PNG file to write;
+    /// for several pictures a folder, created if missing, which gets NAME-blobs.png for each
     #[arg(long, value_name = "OUT.png|FOLDER")]
     annotate: Option<PathBuf>,
 }
 
-/// What was found in one picture.
+/// The blobs found in one picture.
 struct Found {
     file: String,
     size: Size,
     blobs: Vec<Blob>,
 }
 
-/// How to look, the same for all pictures.
+/// The search, the same for all pictures.
 struct Search<'a> {
     args: &'a BlobsArgs,
     colours: Vec<Colour>,
@@ -99,8 +100,8 @@ struct Search<'a> {
     marked: Option<MarkedPictures>,
 }
 
-/// Looks at each picture and prints what was found. A picture that cannot be used is told on
-/// stderr, and the others go on.
+/// Searches each picture and prints the blobs found. Reports an unusable picture on stderr and
+/// continues with the others.
 ///
 /// # Errors
 /// Colours, config or `--annotate` that cannot be used.
@@ -133,8 +134,8 @@ pub(super) fn run(args: &BlobsArgs, console: &Console) -> Result<Exit, Failure> 
 fn more_may_be_there(found: &Found) -> String {
     let (number, file) = (found.blobs.len(), &found.file);
     format!(
-        "note: the {number} largest blobs of {file}; there may be more: --max-blobs shows them, \
-         --min-pixels leaves out small ones"
+        "note: only the {number} largest blobs of {file} are shown; there may be more: --max-blobs \
+         raises the limit, --min-pixels omits small ones"
     )
 }
 
@@ -149,7 +150,7 @@ impl<'a> Search<'a> {
             colours,
             options: BlobOptions {
                 roi: args.roi,
-                // A box has at least as many pixels as what is in it.
+                // A box has at least as many pixels as its blob.
                 area_threshold: args.min_pixels,
                 pixels_threshold: args.min_pixels,
                 merge: args.merge,
@@ -186,7 +187,8 @@ impl<'a> Search<'a> {
     }
 }
 
-/// A copy for people: large enough, what was not looked at dark, boxes with number and name.
+/// A copy for people: enlarged, the part outside the searched region dimmed, and a box with number
+/// and name around each blob.
 fn marked(image: &Image, blobs: &[Blob], args: &BlobsArgs) -> RgbImage {
     let texts: Vec<String> = (1..)
         .zip(blobs)
@@ -212,7 +214,7 @@ fn dimmed(image: &Image, bright: Roi) -> Image {
     Image::from_rgb(&pixels)
 }
 
-/// The name of its colour; of all its colours when blobs were merged.
+/// The name of the blob's colour; the names of all its colours if blobs were merged.
 fn names(blob: &Blob, colours: &[String]) -> String {
     let of_code = (0..)
         .zip(colours)

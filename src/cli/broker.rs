@@ -1,5 +1,5 @@
-//! The broker that the config names: its secrets on their way into this program, and the agent's
-//! connection to it.
+//! The MQTT broker that the config names: reads its secrets and certificates, and connects the
+//! agent to it.
 
 use std::time::Duration;
 
@@ -10,12 +10,12 @@ use crate::files;
 use crate::mqtt::{Account, Mqtt};
 use crate::robot::Bus;
 
-/// How long the last words to the broker may take.
+/// Time limit for sending the last words to the broker.
 pub(super) const END: Duration = Duration::from_secs(2);
-/// No file of certificates is longer.
+/// Maximum size of a certificate file, bytes.
 const LONGEST_CERTIFICATES: u64 = 1 << 20;
 
-/// The broker, if the config names one.
+/// The broker's account, if the config names a broker.
 ///
 /// # Errors
 /// Secrets or certificates that cannot be read.
@@ -49,17 +49,19 @@ pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> 
     }))
 }
 
-/// The broker by which a run may be asked, if the config names one. A config that was found in the current
-/// folder may have come from anywhere: it must not hand the robot and its camera to a stranger's broker.
+/// The account of the broker that serves requests to a run, if the config names a broker. A config
+/// that was found in the current folder may have come from anywhere: it must not hand the robot and
+/// its camera to a stranger's broker.
 ///
 /// # Errors
-/// See [`account`]; or a config that was found and not named.
+/// See [`account`]; or a config that was found, not named.
 pub(super) fn of_run(settings: &Effective) -> Result<Option<Account>, Failure> {
     let account = account(settings)?;
     if let (Some(_), Some((config, Named::Found))) = (&account, settings.file_of("mqtt.host")) {
         let config = config.display();
         let failure = Failure::usage(format_args!(
-            "the config {config} was found here, not named, and would connect the robot to a broker"
+            "the config {config} would connect the robot to a broker, but was found in the current \
+             folder, not named"
         ));
         return Err(failure.help(format!(
             "name the config, --config {config}, if you trust it"
@@ -68,7 +70,7 @@ pub(super) fn of_run(settings: &Effective) -> Result<Option<Account>, Failure> {
     Ok(account)
 }
 
-/// Goes to the broker for a run. A run without it drives all the same.
+/// Starts the broker connection of a run. On an error the run continues without it.
 pub(super) fn start(bus: &Bus, run: &Run, account: Option<Account>) -> Option<Mqtt> {
     let started = Mqtt::start(bus, run.clone(), account?);
     started.map_err(|error| tracing::warn!("{error}")).ok()

@@ -1,5 +1,5 @@
-//! What a command runs: behaviours from files and the config's entries, each with its blueprint, by
-//! which it can be started anew while the agent runs.
+//! The behaviours that a command runs, from files and the config's entries, each with a blueprint
+//! from which it can be started again while the agent runs.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
@@ -18,29 +18,29 @@ use crate::clock::{Clock, Zone};
 use crate::config::{Config, Entry};
 use crate::script::{self, GivenParam};
 
-/// A behaviour's file under watch, and who is told.
+/// A watched behaviour file and the channel for its reloads.
 pub(super) type Watch = (Watched, mpsc::Sender<Reload>);
 
-/// How the behaviours of a command are made.
+/// Builds the behaviours of a command.
 pub(super) struct Casting<'a> {
     pub(super) config: &'a Config,
-    /// As messages call it.
+    /// The config's file, for messages.
     pub(super) file: Option<&'a Path>,
-    /// What the command line says of their parameters.
+    /// Parameters from the command line.
     pub(super) params: &'a [Param],
-    /// Where copies of the frames that they look at are kept.
+    /// Folder for marked copies of the frames that the behaviours look at.
     pub(super) annotate: Option<&'a Path>,
-    /// In place of what each entry says.
+    /// Overrides the policy of each entry.
     pub(super) restart: Option<RestartPolicy>,
-    /// A text that comes later is looked over before it is loaded.
+    /// Whether a reloaded script is checked before it is loaded.
     pub(super) checked: bool,
-    /// Each is loaded anew when its file is saved.
+    /// Whether each behaviour is reloaded when its file is saved.
     pub(super) watch: bool,
-    /// Of the first; each has its own.
+    /// Seed of the first behaviour; each following one gets the next number.
     pub(super) seed: u64,
-    /// The time of day that scripts are told.
+    /// The clock from which scripts get the time of day.
     pub(super) clock: Clock,
-    /// And in which zone.
+    /// The time zone of that clock.
     pub(super) zone: Zone,
 }
 
@@ -55,7 +55,8 @@ impl Casting<'_> {
     /// Reads the scripts of these entries.
     ///
     /// # Errors
-    /// A script that cannot be read, a name that is not valid, a parameter that the script does not declare.
+    /// A script that cannot be read, a name that is not valid, a parameter that the script does not
+    /// declare.
     pub(super) fn cast(&self, entries: &[Entry]) -> Result<Cast, Failure> {
         let (mut names, mut watches, mut behaviours) = (Vec::new(), Vec::new(), Vec::new());
         for (entry, seed) in entries.iter().zip(self.seed..) {
@@ -119,7 +120,7 @@ impl Casting<'_> {
     }
 }
 
-/// The same behaviour with its file as that is when it starts.
+/// The same behaviour with its file read again at each start.
 fn blueprint(behaviour: &Behaviour, file: PathBuf, checked: bool) -> Blueprint {
     let (priority, restart) = (behaviour.priority, behaviour.restart);
     let launch = behaviour.launch.clone();
@@ -140,13 +141,13 @@ fn blueprint(behaviour: &Behaviour, file: PathBuf, checked: bool) -> Blueprint {
     })
 }
 
-/// What the config says for what the script declares.
+/// The parameters that the config gives to the script.
 pub(super) fn params(entry: &Entry, config: Option<&Path>) -> BTreeMap<String, GivenParam> {
     entry.given(&config.map_or_else(String::new, |config| config.display().to_string()))
 }
 
-/// The private folder for a behaviour's marked frames, made here so that a wrong one is told before
-/// the robot moves.
+/// The private folder for a behaviour's marked frames. It is created here so that an error is
+/// reported before the robot moves.
 fn marked_folder(
     annotate: Option<&Path>,
     name: &str,
@@ -174,7 +175,7 @@ fn marked_folder(
     Ok(Some(folder))
 }
 
-/// Two behaviours of one name would share a data folder.
+/// Makes the name unique: two behaviours of one name would share a data folder.
 fn unique(name: String, names: &mut Vec<String>) -> String {
     let mut candidate = name.clone();
     for number in 2.. {

@@ -1,4 +1,4 @@
-//! `spykee check`: what is wrong in scripts, without running them.
+//! `spykee check`: finds mistakes in scripts without running them.
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -15,22 +15,22 @@ use crate::clean;
 use crate::config::{Config, Entry};
 use crate::script::Options;
 
-/// Look for mistakes in behaviours, without running them
+/// Check behaviours for mistakes without running them
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct CheckArgs {
-    /// Scripts, or folders of them
+    /// Scripts, or folders of scripts
     #[arg(value_name = "FILE.lua", required = true)]
     files: Vec<PathBuf>,
 
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// Print the findings as JSON
+    /// Print the findings as a JSON array
     #[arg(long)]
     json: bool,
 }
 
-/// Folders are not followed deeper.
+/// Maximum depth of nested folders.
 const MAX_DEPTH: u32 = 16;
 
 pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
@@ -66,7 +66,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     })
 }
 
-/// One script with the settings of a config.
+/// Reads a script and its options from the config.
 fn of_file(
     file: &Path,
     config: &Config,
@@ -85,14 +85,14 @@ fn of_file(
     Ok((source, options))
 }
 
-/// All that is wrong with a script that would run with these options.
+/// The findings for a script that would run with these options.
 pub(super) fn of_source(source: &[u8], options: &Options) -> Result<Vec<Finding>, Failure> {
     let mut examiner = Examiner::new()?;
     examiner.behaviour(source, options)?;
     Ok(examiner.findings)
 }
 
-/// Refuses to run what cannot work; warnings are only shown.
+/// Returns an error if a behaviour has errors; only prints warnings.
 pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<(), Failure> {
     let mut examiner = Examiner::new()?;
     for behaviour in behaviours {
@@ -113,18 +113,18 @@ pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<
         Ok(())
     } else {
         Err(Failure::new(Exit::Check, texts.join("\n\nerror: "))
-            .help("nothing was run; --no-check runs it anyway"))
+            .help("nothing was run; --no-check skips this check"))
     }
 }
 
-/// Whether it is refused before a run.
+/// Whether a script with these findings is refused before a run.
 pub(super) fn has_errors(findings: &[Finding]) -> bool {
     findings
         .iter()
         .any(|finding| finding.severity == Severity::Error)
 }
 
-/// The scripts of a folder, in the order of their names; a file as it is.
+/// Collects the scripts of a folder in alphabetical order; a file is taken as it is.
 fn collect(path: &Path, depth: u32, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
     if !path.is_dir() {
         files.push(path.to_path_buf());
@@ -161,7 +161,7 @@ fn report(findings: &[Finding], files: usize) -> String {
         .count();
     let warnings = findings.len() - errors;
     text += &match (errors, warnings) {
-        (0, 0) => format!("{}: nothing to complain about\n", plural(files, "script")),
+        (0, 0) => format!("{}: no problems found\n", plural(files, "script")),
         (_, 0) => format!("{}\n", plural(errors, "error")),
         (0, _) => format!("{}\n", plural(warnings, "warning")),
         _ => format!(
@@ -173,7 +173,7 @@ fn report(findings: &[Finding], files: usize) -> String {
     text
 }
 
-/// Findings for people, a blank line between two.
+/// Findings for people, separated by blank lines.
 fn shown(findings: &[Finding], colours: bool) -> String {
     let one = |finding: &Finding| {
         if colours {

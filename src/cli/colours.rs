@@ -1,17 +1,17 @@
-//! Colours by name: those of the config and the nine that are built in.
+//! Colours by name: those of the config and the nine built-in ones.
 
 use super::Failure;
 use crate::config::Config;
 use crate::script::suggestion;
 use crate::vision::{Colour, MAX_COLOURS};
 
-/// A longer name is cut in messages.
+/// Messages cut longer names to this many characters.
 const MAX_SHOWN: usize = 40;
 
-/// The colours of these names, in their order. A name of the config wins over a built-in one.
+/// The colours with these names, in the same order. The config's names override built-in ones.
 ///
 /// # Errors
-/// An unknown name, with the nearest known one; too many names.
+/// An unknown name (the error suggests the nearest known one); too many names.
 pub(super) fn of_names(names: &[String], config: &Config) -> Result<Vec<Colour>, Failure> {
     if names.len() > MAX_COLOURS {
         return Err(Failure::usage(format_args!(
@@ -36,9 +36,9 @@ fn unknown(name: &str, config: &Config) -> Failure {
     let what = format!("there is no colour '{shown}'{}", suggestion(name, known));
     let built_in = Colour::NAMES.join(", ");
     let help = if own.is_empty() {
-        format!("colours: {built_in}, and those of --config FILE under colours:")
+        format!("colours: {built_in}, and those under `colours:` of --config FILE")
     } else {
-        format!("colours: {built_in}; of the config: {}", own.join(", "))
+        format!("colours: {built_in}; from the config: {}", own.join(", "))
     };
     Failure::usage(what).help(help)
 }
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_of_any_length_is_answered_shortly() {
+    fn the_error_for_a_long_name_is_short() {
         let report = of_name(&"r".repeat(100_000), &config())
             .unwrap_err()
             .report();
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn more_colours_than_can_be_told_apart_are_refused() {
+    fn more_colours_than_the_maximum_are_refused() {
         let names = vec!["red".to_owned(); MAX_COLOURS + 1];
         assert!(of_names(&names, &config()).is_err());
     }

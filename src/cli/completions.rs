@@ -1,4 +1,4 @@
-//! `spykee completions`: for the shell, made from the definition of the command line.
+//! `spykee completions`: shell completions, generated from the definition of the command line.
 
 use clap::builder::PossibleValuesParser;
 use clap_complete::{Shell, generate};
@@ -6,9 +6,9 @@ use clap_complete::{Shell, generate};
 use super::{Exit, Failure, print};
 use crate::api;
 
-/// Stands in the scripts, as they are generated, where a shell asks for names of behaviours.
+/// Placeholder in the generated scripts for the names of behaviours.
 const BEHAVIOURS: &str = "__spykee_behaviours";
-/// Names them: those of the run that is on in the data folder.
+/// The command that replaces it: prints the behaviours of the active run in the data folder.
 const ASK: &str = "spykee behaviour list --names 2>/dev/null";
 
 /// Print completions for a shell
@@ -22,16 +22,17 @@ Install them, then open a new shell:
   elvish      spykee completions elvish >> ~/.config/elvish/rc.elv
   powershell  spykee completions powershell >> $PROFILE")]
 pub(super) struct CompletionsArgs {
-    /// For which shell
+    /// The shell
     shell: Shell,
 }
 
-/// Prints them to stdout.
+/// Prints the completions to stdout.
 ///
 /// # Errors
 /// A stdout that cannot be written to.
 pub(super) fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<Exit, Failure> {
-    // Only here: elsewhere a wrong name gets a suggestion. Shells split words at colons.
+    // The names are set only here: elsewhere a wrong name must reach the suggestions. Names with
+    // colons are left out, as shells split words at colons.
     let mut titles = api::titles();
     titles.retain(|title| !title.contains(':'));
     command = command.mut_subcommand("api", |api| {
@@ -48,9 +49,9 @@ pub(super) fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<
     generate(args.shell, &mut command, name, &mut text);
     let text = String::from_utf8_lossy(&text);
     print(&match args.shell {
-        // Within the double quotes of a list of words.
+        // The list of words is in double quotes.
         Shell::Bash => text.replace(BEHAVIOURS, &format!("$({ASK})")),
-        // The action of an argument: words in brackets, or code in braces.
+        // The action of an argument is either words in parentheses or code in braces.
         Shell::Zsh => text.replace(
             &format!("({BEHAVIOURS})"),
             &format!("{{compadd -- $({ASK})}}"),
@@ -68,7 +69,7 @@ fn placeholder(name: clap::Arg) -> clap::Arg {
     name.value_parser(PossibleValuesParser::new([BEHAVIOURS]))
 }
 
-/// What clap_complete leaves out for fish: the words that arguments without a dash may be.
+/// The possible values of positional arguments, which clap_complete leaves out for fish.
 fn fish_arguments(command: &clap::Command, path: &[&str]) -> String {
     let mut lines = String::new();
     for argument in command.get_positionals() {

@@ -1,4 +1,4 @@
-//! `spykee config`: what the settings are, where they come from, whether a file is right.
+//! `spykee config`: shows the settings and their origins, and checks config files.
 
 use std::path::{Path, PathBuf};
 
@@ -19,12 +19,12 @@ pub(super) struct ConfigArgs {
 
 #[derive(Debug, Clone, Subcommand)]
 enum Action {
-    /// Print the settings in effect: a flag overrides $SPYKEE_..., that the file, and that the
-    /// default
+    /// Print the settings in effect: flags override $SPYKEE_..., which overrides the file, which
+    /// overrides the defaults
     Show(ShowArgs),
     /// Check a config file
     Check {
-        /// The file [default: that of --config, or else $SPYKEE_CONFIG, or else spykee.yaml]
+        /// Config file [default: the one of --config, or else $SPYKEE_CONFIG, or else spykee.yaml]
         #[arg(value_name = "FILE")]
         file: Option<PathBuf>,
 
@@ -44,25 +44,25 @@ struct ShowArgs {
     #[arg(long)]
     origin: bool,
 
-    /// Print JSON, with origins
+    /// Print a JSON array, with origins
     #[arg(long)]
     json: bool,
 
-    /// As for `spykee run`
+    /// Robot's address, as for `spykee run`
     #[arg(long, value_name = "HOST[:PORT]")]
     robot: Option<Target>,
 
-    /// As for `spykee run`
+    /// User name for the login, as for `spykee run`
     #[arg(long, value_name = "NAME")]
     user: Option<String>,
 
-    /// As for `spykee run`
+    /// Password file, as for `spykee run`
     #[arg(long, value_name = "FILE")]
     password_file: Option<PathBuf>,
 }
 
 impl ConfigArgs {
-    /// Which settings count.
+    /// The settings of the chosen subcommand, if it uses any.
     pub(super) fn settings(&self) -> Option<&SettingsArgs> {
         match &self.action {
             Action::Show(args) => Some(&args.settings),
@@ -72,7 +72,7 @@ impl ConfigArgs {
     }
 }
 
-/// Shows or checks; secrets are never read, so never shown.
+/// Shows or checks the settings. Never reads secrets, so cannot show them.
 pub(super) fn run(args: &ConfigArgs) -> Result<Exit, Failure> {
     match &args.action {
         Action::Show(args) => show(args),
@@ -97,7 +97,7 @@ fn check(file: &Path) -> Result<Exit, Failure> {
             Failure::new(Exit::Check, what).help("paths are relative to the config's folder")
         );
     }
-    print(&format!("{}: all right\n", file.display()))?;
+    print(&format!("{}: valid\n", file.display()))?;
     Ok(Exit::Done)
 }
 

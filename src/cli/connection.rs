@@ -1,4 +1,4 @@
-//! The flags that name the robot and the login: shared by all subcommands that drive one.
+//! The flags for the robot and the login, shared by all subcommands that connect to a robot.
 
 use std::path::{Path, PathBuf};
 
@@ -13,12 +13,12 @@ const DEFAULT_LOGIN: &str = "admin";
 /// The protocol's one-byte length prefix.
 const MAX_LOGIN_CHARS: usize = 255;
 
-/// Which robot.
+/// The robot to connect to.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum RobotChoice {
-    /// One on the network.
+    /// A robot on the network.
     Robot(Target),
-    /// A simulated one inside this program, in this world or the built-in one.
+    /// A simulated robot inside this program, in this world or the default one.
     Sim(Option<PathBuf>),
 }
 
@@ -26,11 +26,11 @@ pub enum RobotChoice {
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Connection")]
 pub struct ConnectionArgs {
-    /// The robot's address [default port: 9000]
+    /// Robot's address [default port: 9000]
     #[arg(long, value_name = "HOST[:PORT]", conflicts_with = "sim")]
     pub robot: Option<Target>,
 
-    /// Use a simulated robot, in the built-in living room, another built-in world or a world file
+    /// Use a simulated robot, in a built-in world or a world file [default: living_room]
     #[arg(long, value_name = "WORLD", num_args = 0..=1, value_parser = WorldParser, hide_possible_values = true)]
     pub sim: Option<Option<PathBuf>>,
 
@@ -43,24 +43,24 @@ pub struct ConnectionArgs {
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "Connection")]
 pub struct LoginArgs {
-    /// Log in as this user [default: admin]
+    /// User name for the login [default: admin]
     #[arg(long, value_name = "NAME")]
     pub user: Option<String>,
 
-    /// Read the password from the first line of this file [default: $SPYKEE_PASSWORD, or else the
-    /// config's password_file, or else admin]
+    /// File with the password in its first line [default: $SPYKEE_PASSWORD, or else the config's
+    /// password_file, or else the password admin]
     #[arg(long, value_name = "FILE")]
     pub password_file: Option<PathBuf>,
 }
 
 impl ConnectionArgs {
-    /// Which robot was asked for; `None` leaves it to the config.
+    /// The robot named by the flags; `None` leaves it to the config.
     pub fn place(&self) -> Option<RobotChoice> {
         let robot = self.robot.clone().map(RobotChoice::Robot);
         robot.or_else(|| self.sim.clone().map(RobotChoice::Sim))
     }
 
-    /// In `--sim patrol.lua` the file is meant as a behaviour, not as a world: takes it out.
+    /// Removes and returns the file of `--sim patrol.lua`, which is a behaviour, not a world.
     pub fn take_misplaced_behaviour(&mut self) -> Option<PathBuf> {
         let world = self.sim.as_mut()?;
         let extension = world.as_deref().and_then(Path::extension);
@@ -70,13 +70,13 @@ impl ConnectionArgs {
 }
 
 impl LoginArgs {
-    /// User and password: flags over the environment over the config's file over the robot's own
-    /// default.
+    /// User and password: flags override the environment, which overrides the config, which
+    /// overrides the robot's default.
     ///
     /// # Errors
-    /// A password file that cannot be read or is empty, or that a config names which was found and
-    /// not named and may not; a name or password that the robot cannot know. The password is not
-    /// shown.
+    /// A password file that cannot be read or is empty, or that is named by a config which was
+    /// found (not named) and may not name it; a user name or password that the protocol cannot
+    /// carry. The error never contains the password.
     pub(super) fn login(&self, settings: &Effective) -> Result<Login, Failure> {
         let config = &settings.config;
         let user = self.user.as_deref().or(config.user.as_deref());
@@ -116,7 +116,7 @@ impl LoginArgs {
     }
 }
 
-/// The protocol carries ISO-8859-1 with a one-byte length; anything else would arrive changed.
+/// Refuses text that the protocol would change: it carries ISO-8859-1 with a one-byte length.
 fn sendable(what: &str, text: &str) -> Result<(), Failure> {
     if text.chars().count() > MAX_LOGIN_CHARS {
         return Err(Failure::usage(format_args!(
@@ -125,7 +125,7 @@ fn sendable(what: &str, text: &str) -> Result<(), Failure> {
     }
     if text.chars().any(|c| u32::from(c) > u32::from(u8::MAX)) {
         let failure = Failure::usage(format_args!(
-            "{what} has a character that the robot does not know"
+            "{what} has a character that the robot does not support"
         ));
         return Err(failure.help("use letters of western European languages, digits and signs"));
     }
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_or_a_simulator_or_what_the_config_says_but_not_both() {
+    fn robot_and_sim_exclude_each_other() {
         let place = |args| parse(args).unwrap().place();
         let robot = "172.17.6.1".parse().unwrap();
         assert_eq!(
@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn an_address_that_is_none_is_refused_with_what_was_expected() {
+    fn the_error_for_an_invalid_address_names_the_expected_form() {
         let error = parse(&["--robot", "http://robot"]).unwrap_err();
         assert!(
             error.to_string().contains("expected HOST[:PORT]"),
@@ -173,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_behaviour_behind_sim_is_not_taken_for_a_world() {
+    fn a_behaviour_after_sim_is_not_taken_for_a_world() {
         let mut args = parse(&["--sim", "patrol.lua"]).unwrap();
         assert_eq!(args.take_misplaced_behaviour(), Some("patrol.lua".into()));
         assert_eq!(args.place(), Some(RobotChoice::Sim(None)));

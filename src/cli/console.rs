@@ -1,5 +1,5 @@
-//! The one thread that writes to stderr. Logging and status updates only enqueue:
-//! a paused terminal, or a pipe without a reader, can stall this thread and no other.
+//! The thread that writes to stderr. Logging and status updates only enqueue:
+//! a paused terminal, or a pipe without a reader, can stall only this thread.
 
 use std::io::{self, IsTerminal, Write};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -18,22 +18,24 @@ use super::screen::{Features, Screen};
 use crate::budget::{Budget, Repeats};
 use crate::config::{Logging, When};
 
-/// Records that wait; what comes while so many wait is dropped and counted.
+/// Length of the queue. Records that find it full are dropped and counted.
 const MAX_WAITING: usize = 512;
-/// The longest record; what is over is cut, or, as a JSON object cannot be cut, left out.
+/// Maximum length of a record, bytes. Longer text records are cut; longer JSON records are dropped,
+/// since a JSON object cannot be cut.
 const MAX_RECORD_LEN: usize = 8 * 1024;
-/// In place of a JSON record that was left out.
+/// Replaces a JSON record that was dropped.
 const TOO_LONG: &str = "a log line was dropped: it was too long";
-/// A window of unknown width.
+/// Width to assume for a window of unknown width.
 const DEFAULT_COLUMNS: usize = 80;
-/// The longest wait to divert what is written.
+/// Timeout for enqueueing the note of [`Console::divert`].
 const DIVERT_LIMIT: Duration = Duration::from_millis(500);
-/// How often is said that lines are left out, if a day's bytes are used up.
+/// Interval between notices that lines are dropped because the day's byte budget is used up.
 const LEFT_OUT_EVERY: Duration = Duration::from_secs(60);
-/// Between two tries to leave a note when ending.
+/// Pause between two attempts to enqueue into a full queue.
 const END_PAUSE: Duration = Duration::from_millis(5);
 
-/// The way to stderr. Cheap to clone; nothing but [`Console::end`] ever waits.
+/// A handle for writing to stderr. Cheap to clone; only [`Console::divert`] and [`Console::end`]
+/// may block.
 #[derive(Clone)]
 pub struct Console {
     notes: SyncSender<Note>,
@@ -42,14 +44,14 @@ pub struct Console {
     format: LogFormat,
 }
 
-/// What the writing thread is told.
+/// A message to the writing thread.
 enum Note {
     Record(Vec<u8>),
-    /// Why the program ends: shown whatever else was.
+    /// Why the program ends: written even if the day's byte budget is used up.
     LastWords(String),
-    /// The newest status line stands in [`Shared`].
+    /// A new status line is in [`Shared`].
     Status,
-    /// From now on everything goes there; `None`: to stderr again.
+    /// Write everything to this writer from now on; `None`: to stderr again.
     Divert(Option<Box<dyn Write + Send>>),
     End(SyncSender<()>),
 }
@@ -57,7 +59,7 @@ enum Note {
 #[derive(Default)]
 struct Shared {
     dropped: AtomicU64,
-    /// Newest wins. Never locked while writing.
+    /// The newest status line that is not drawn yet. Never locked while writing.
     status: Mutex<Option<String>>,
 }
 
@@ -65,7 +67,7 @@ impl Console {
     /// Starts the thread that writes to stderr.
     ///
     /// # Errors
-    /// When the system has no thread to give.
+    /// The system cannot start a thread.
     pub fn start(format: LogFormat, logging: &Logging) -> io::Result<Console> {
         let features = features_of_stderr(format, logging.colour);
         let day = Budget::new(logging.bytes_a_day);
@@ -102,12 +104,12 @@ impl Console {
         })
     }
 
-    /// Whether log lines are to be coloured.
+    /// Whether to colour log lines.
     pub fn colour(&self) -> bool {
         self.features.colour
     }
 
-    /// Whether logs are for programs.
+    /// Whether logs are JSON.
     pub fn is_json(&self) -> bool {
         self.format == LogFormat::Json
     }
@@ -117,7 +119,7 @@ impl Console {
         self.features.redraw
     }
 
-    /// Sets the status line. Without a terminal nothing happens: see [`Console::status_line_plain`].
+    /// Sets the status line. Does nothing without a terminal: see [`Console::status_line_plain`].
     pub fn status(&self, text: impl Into<String>) {
         if !self.features.redraw {
             return;
@@ -127,24 +129,24 @@ impl Console {
             .status
             .lock()
             .unwrap_or_else(PoisonError::into_inner) = Some(text.into());
-        // When full, what is served next redraws it.
+        // If the queue is full, the next note that is processed redraws it.
         let _ = self.notes.try_send(Note::Status);
     }
 
-    /// The status as a line of its own, for files and pipes; on a terminal nothing happens.
+    /// Writes the status as a separate line, for files and pipes. Does nothing on a terminal.
     pub fn status_line_plain(&self, text: &str) {
         if !self.features.redraw {
             self.say("INFO", text);
         }
     }
 
-    /// A line beside the log, such as an error that ends the program. Under `--log-format json` an
-    /// object with `level` and `message`, so that every line stays one.
+    /// Writes a line that is not from the log, such as an error that ends the program. With
+    /// `--log-format json` it is an object with `level` and `message`, so that every line is JSON.
     pub fn say(&self, level: &str, text: &str) {
         self.record(said(self.format, level, text).into_bytes());
     }
 
-    /// Writes elsewhere from now on, such as above a prompt; `None`: to stderr again.
+    /// Redirects the output, such as above a prompt; `None`: to stderr again.
     pub fn divert(&self, to: Option<Box<dyn Write + Send>>) {
         let mut left = DIVERT_LIMIT;
         self.insist(Note::Divert(to), &mut left);
@@ -162,7 +164,7 @@ impl Console {
         }
     }
 
-    /// Says the last words if there are any, takes the status line away and waits until all is
+    /// Writes the last words if there are any, clears the status line and waits until everything is
     /// written, at most `limit`.
     pub fn end(&self, last_words: Option<&str>, limit: Duration) {
         let mut left = limit;
@@ -175,7 +177,7 @@ impl Console {
         let _ = wait.recv_timeout(left);
     }
 
-    /// Leaves a note even if it takes a while.
+    /// Enqueues a note, retrying while the queue is full and time is left.
     fn insist(&self, mut note: Note, left: &mut Duration) {
         while let Err(TrySendError::Full(back)) = self.notes.try_send(note) {
             let Some(less) = left.checked_sub(END_PAUSE) else {
@@ -197,7 +199,7 @@ fn said(format: LogFormat, level: &str, text: &str) -> String {
     }
 }
 
-/// The time as the other lines of a JSON log have it.
+/// The time, in the format of the other lines of a JSON log.
 fn now() -> String {
     let mut text = String::new();
     // Writing into a string cannot fail.
@@ -218,7 +220,7 @@ struct Desk<W> {
 }
 
 impl<W: Write> Desk<W> {
-    /// A broken stderr is no reason to end: notes are taken and go nowhere.
+    /// Processes notes. Continues after write errors: notes to a broken stderr are discarded.
     fn serve(mut self, inbox: &Receiver<Note>) {
         while let Ok(note) = inbox.recv() {
             match note {
@@ -242,7 +244,7 @@ impl<W: Write> Desk<W> {
         }
     }
 
-    /// A record, if the day's bytes allow it.
+    /// Writes a record if the day's byte budget allows it.
     fn write(&mut self, record: &str) {
         let text = self.screen.record(record, (self.columns)());
         let now = Instant::now();
@@ -251,7 +253,7 @@ impl<W: Write> Desk<W> {
         }
         if let Some(before) = self.left_out.note((), now) {
             let words = format!(
-                "log lines are left out, {before} before this one: {} bytes a day are used up",
+                "log lines are dropped ({before} before this one): the limit of {} bytes a day is used up",
                 self.day.per_day()
             );
             let line = self
@@ -274,7 +276,7 @@ impl<W: Write> Desk<W> {
         }
     }
 
-    /// Says how many records were dropped since the last time.
+    /// Reports how many records were dropped since the last report.
     fn confess(&mut self) {
         let dropped = self.shared.dropped.swap(0, Ordering::Relaxed);
         if dropped > 0 {
@@ -332,7 +334,7 @@ impl<'a> MakeWriter<'a> for Console {
     }
 }
 
-/// One log record in the making; sent when dropped.
+/// Buffer of one log record; enqueued when dropped.
 pub struct Record<'a> {
     console: &'a Console,
     bytes: Vec<u8>,
@@ -340,7 +342,7 @@ pub struct Record<'a> {
 
 impl Write for Record<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        // One byte more than fits tells that it was too long.
+        // Keeps one byte more than the limit, to detect a record that is too long.
         let room = (MAX_RECORD_LEN + 1).saturating_sub(self.bytes.len());
         self.bytes
             .extend_from_slice(&bytes[..bytes.len().min(room)]);

@@ -1,4 +1,4 @@
-//! `spykee discover`: who is there.
+//! `spykee discover`: lists the robots on the network.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -20,15 +20,15 @@ const NO_ANSWER_HELP: &str = "is the robot on, and is this computer in its Wi-Fi
 /// List the robots on the network
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct DiscoverArgs {
-    /// How long to wait for answers
+    /// Time to wait for replies, in seconds
     #[arg(long, value_name = "SECONDS", default_value = "3", value_parser = parse_timeout)]
     timeout: Duration,
 
-    /// Print a JSON array instead of the table
+    /// Print a JSON array
     #[arg(long)]
     json: bool,
 
-    /// Ask only this address instead of every network; may be repeated
+    /// Query only this address instead of every network; may be repeated
     #[arg(long, value_name = "IP:PORT")]
     ask: Vec<SocketAddr>,
 }
@@ -41,10 +41,10 @@ fn parse_timeout(text: &str) -> Result<Duration, ArgumentError> {
         .ok_or(ArgumentError::Search)
 }
 
-/// Asks, and prints who answered.
+/// Sends the query and prints the robots that answered.
 ///
 /// # Errors
-/// No robot answered, or there is no network to ask.
+/// No robot answered, or the query cannot be sent.
 pub(super) fn run(args: &DiscoverArgs, _console: &Console) -> Result<Exit, Failure> {
     let found = block_on(async {
         if args.ask.is_empty() {
@@ -56,7 +56,7 @@ pub(super) fn run(args: &DiscoverArgs, _console: &Console) -> Result<Exit, Failu
     let found = found.map_err(|error| {
         Failure::new(
             Exit::Unreachable,
-            format_args!("cannot ask the network: {error}"),
+            format_args!("cannot search the network: {error}"),
         )
     })?;
     if args.json {
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_is_aligned_and_harmless() {
+    fn the_table_is_aligned_and_has_no_control_characters() {
         let robot = |uid: &str, port, user: Option<&str>| Found {
             addr: SocketAddr::from(([127, 0, 0, 1], port)),
             uid: uid.into(),

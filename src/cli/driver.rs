@@ -1,5 +1,5 @@
-//! Driving by hand: the pilot and its watchdog as in a run, with this program in the place of a
-//! behaviour. The same rules hold: low battery, station, dead link.
+//! Manual driving: the pilot and its watchdog as in a run, with this program in place of a
+//! behaviour. The same safety rules apply: low battery, station, dead link.
 
 use std::time::Duration;
 
@@ -17,30 +17,30 @@ use crate::robot::{BehaviourId, DockEnd, DockPlan, MotionEnd, Priority, Setpoint
 
 const ME: BehaviourId = BehaviourId(0);
 
-/// What it takes to drive a robot by hand.
+/// The parts needed to drive a robot manually.
 pub(super) struct Means {
-    /// How to reach the robot.
+    /// Connects to the robot.
     pub(super) dial: Dial,
-    /// The pilot's numbers.
+    /// The pilot's settings.
     pub(super) settings: Settings,
-    /// The rescue behaviour, if there is to be one.
+    /// The rescue behaviour, if wanted.
     pub(super) rescue: Option<Launch>,
 }
 
-/// A seat in front of the pilot.
+/// Drives the robot through a seat at the pilot.
 pub(super) struct Driver {
     requests: mpsc::Sender<Request>,
-    /// Taken as soon as the robot is there.
+    /// Set once the robot is connected.
     seat: Option<Seat>,
     flight: Flight,
 }
 
-/// Connects, lets `job` drive, and stops the robot before it lets go of it, however the job ends. Any
-/// signal that ends a program ends it; Ctrl-Z stops the robot, then the program. A robot whose battery
-/// is low is not left before it is home, unless by a signal.
+/// Connects, lets `job` drive, and stops the robot before it disconnects, however the job ends. Any
+/// terminating signal ends the job; Ctrl-Z stops the robot, then suspends the program. If the
+/// battery is low, stays connected until the robot is on its station, unless a signal arrives.
 ///
 /// # Errors
-/// The robot cannot be reached, or the job's own.
+/// The robot cannot be reached, or the job fails.
 pub(super) async fn drive(
     means: Means,
     job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
@@ -64,8 +64,8 @@ pub(super) async fn drive(
     }))
 }
 
-/// What the work came to; `None` once `stop` is cancelled: what ends after that, such as a motion, ends
-/// because of it.
+/// The result of the work; `None` once `stop` is cancelled: work that ends after that, such as a
+/// motion, ends because of it.
 async fn unless_stopped<T>(stop: &CancellationToken, work: impl Future<Output = T>) -> Option<T> {
     let done = stop.run_until_cancelled(work).await;
     done.filter(|_| !stop.is_cancelled())
@@ -112,15 +112,15 @@ impl Driver {
         Ok(())
     }
 
-    /// Robot and watchdog as they are now.
+    /// The current state of the robot and the watchdog.
     pub(super) fn status(&self) -> Status {
         self.flight.status()
     }
 
-    /// Drives for a while; how it ended.
+    /// Drives for this long and returns how the motion ended.
     ///
     /// # Errors
-    /// The pilot is gone.
+    /// The pilot has ended.
     pub(super) async fn run(
         &mut self,
         setpoint: Setpoint,
@@ -133,7 +133,7 @@ impl Driver {
     /// Goes to the station.
     ///
     /// # Errors
-    /// The pilot is gone.
+    /// The pilot has ended.
     pub(super) async fn dock(&mut self, plan: DockPlan) -> Result<Docked, Failure> {
         let end = self.seat()?.dock(plan).await;
         self.answered(end).await
@@ -142,16 +142,16 @@ impl Driver {
     /// Leaves the station.
     ///
     /// # Errors
-    /// The pilot is gone.
+    /// The pilot has ended.
     pub(super) async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, Failure> {
         let end = self.seat()?.undock(timeout).await;
         self.answered(end).await
     }
 
-    /// Speaks: s16 little-endian, mono, 16 kHz.
+    /// Plays samples on the robot's speaker: s16 little-endian, mono, 16 kHz.
     ///
     /// # Errors
-    /// The pilot is gone.
+    /// The pilot has ended.
     pub(super) async fn say(&mut self, samples: &[u8]) -> Result<(), Failure> {
         let end = self.seat()?.say(samples).await;
         self.answered(end).await
@@ -169,7 +169,7 @@ impl Driver {
         }
     }
 
-    /// Where the pilot is gone, its own reason tells more than its absence.
+    /// The failure to report. If the pilot has ended, reports the pilot's own reason.
     async fn refused(&mut self, error: SeatError) -> Failure {
         match error {
             SeatError::Closed => failed(self.flight.lost().await),

@@ -1,5 +1,5 @@
-//! The simulator inside `spykee run --sim`: on a thread of its own, so that drawing pictures never
-//! delays the watchdog, and over real sockets on loopback.
+//! The simulator inside `spykee run --sim`: runs on its own thread, so that drawing pictures never
+//! delays the watchdog, and uses real sockets on loopback.
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -13,12 +13,12 @@ use super::Failure;
 use crate::sim::{Firmware, Handle, Options, Server, World};
 use crate::wire::Login;
 
-/// What else a simulated robot is.
+/// Further options of a simulated robot.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Simulated {
-    /// A person may begin faults.
+    /// Whether a person may start faults.
     pub(super) faults: bool,
-    /// What is not known of genuine ones.
+    /// Behaviour of the firmware where the real one is unknown.
     pub(super) firmware: Firmware,
 }
 
@@ -31,7 +31,7 @@ pub(super) struct EmbeddedSim {
 }
 
 impl EmbeddedSim {
-    /// Starts one in the built-in world or the one of a file; it knows this one login.
+    /// Starts a simulator in the default world or the named one; it accepts this one login.
     ///
     /// # Errors
     /// A world that cannot be used; no socket, no thread.
@@ -83,12 +83,12 @@ impl EmbeddedSim {
         }
     }
 
-    /// Where it listens.
+    /// The address on which it listens.
     pub(super) fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// What happens in it.
+    /// A handle to its state.
     pub(super) fn handle(&self) -> Handle {
         self.handle.clone()
     }
@@ -107,10 +107,10 @@ fn no_sim(error: std::io::Error) -> Failure {
     Failure::usage(format_args!("cannot start the simulator: {error}"))
 }
 
-/// The world of a file, the one of that name that comes along, or the built-in one.
+/// Loads the world from a file, the built-in one of that name, or the default one.
 ///
 /// # Errors
-/// What is wrong with the file, and where.
+/// An invalid file; the error says what is wrong and where.
 pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
     let Some(path) = world else {
         return Ok(World::default_world());
@@ -122,6 +122,6 @@ pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
     World::load(path).map_err(|error| {
         let names: Vec<&str> = World::ready_names().collect();
         let names = names.join(", ");
-        Failure::usage(error).help(format!("a file, or one of {names}"))
+        Failure::usage(error).help(format!("name a world file, or one of {names}"))
     })
 }

@@ -1,4 +1,4 @@
-//! Has scripts and the modules that they require looked at, each file once and in a confined process.
+//! Checks scripts and the modules that they require, each file once, in a confined process.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
@@ -8,19 +8,19 @@ use crate::behaviour::{Inspected, Inspector, Library};
 use crate::check::{Finding, Required};
 use crate::script::{ModuleFile, Options};
 
-/// See the module.
+/// Checks scripts; see the module.
 pub(super) struct Examiner {
     inspector: Inspector,
     seen: BTreeSet<PathBuf>,
-    /// In the order of the files.
+    /// The findings, in the order of the files.
     pub(super) findings: Vec<Finding>,
 }
 
-/// A file that is looked at.
+/// A file to check.
 struct File {
     source: Vec<u8>,
     options: Options,
-    /// Where it is, as seen from the behaviour's folder.
+    /// Its folder, relative to the behaviour's folder.
     folder: String,
 }
 
@@ -36,15 +36,15 @@ impl Examiner {
         })
     }
 
-    /// How many files were looked at.
+    /// The number of files checked.
     pub(super) fn count(&self) -> usize {
         self.seen.len()
     }
 
-    /// A behaviour's own file, and then its modules.
+    /// Checks a behaviour's own file, then its modules.
     ///
     /// # Errors
-    /// If a file has crashed its inspector.
+    /// A file that crashed its inspector.
     pub(super) fn behaviour(&mut self, source: &[u8], options: &Options) -> Result<(), Failure> {
         let folder = Path::new(&options.chunk).parent().unwrap_or(Path::new(""));
         let (folder, library) = (folder.to_owned(), Library::new(folder.to_owned()));
@@ -90,8 +90,8 @@ impl Examiner {
         Ok((found, required))
     }
 
-    /// A module that is there and cannot be had, such as one behind a symbolic link. Of one that is
-    /// not there the check has spoken already.
+    /// Reports a module that exists but is refused, such as one behind a symbolic link. The check
+    /// has already reported modules that do not exist.
     fn missing(&mut self, file: &File, module: &Required, why: &str, found: &[Finding]) {
         let chunk = file.options.chunk.as_str();
         let refused = module.refused((&file.source, chunk), why);
@@ -103,7 +103,7 @@ impl Examiner {
     }
 }
 
-/// A module takes no values from outside that are not the behaviour's.
+/// The file of a module: it has the behaviour's options, but no parameters.
 fn of_module(module: ModuleFile, folder: &Path, options: &Options) -> File {
     let inner = Path::new(&module.file).parent().unwrap_or(Path::new(""));
     let inner = inner.display().to_string();

@@ -1,25 +1,25 @@
-//! How the program ends, in numbers for scripts and in words for people.
+//! Exit codes for scripts, and error messages for people.
 
 use std::process::ExitCode;
 
 use crate::link::LinkError;
 
-/// The exit codes. Their numbers are a promise to scripts that call `spykee`.
+/// The exit codes. Their numbers are stable: scripts that call `spykee` rely on them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Exit {
-    /// All done.
+    /// Success.
     Done = 0,
     /// A behaviour failed.
     Script = 1,
     /// The command line, the config, a world or another file cannot be used.
     Usage = 2,
-    /// No robot in reach, or it does not let us in.
+    /// The robot cannot be reached or refused the login.
     Unreachable = 3,
     /// A check or a test of a behaviour failed.
     Check = 4,
-    /// At the end the watchdog had the robot: its battery is low.
+    /// The run ended while the watchdog controlled the robot because of a low battery.
     Safety = 5,
-    /// Ended by a person or the system: SIGINT, SIGTERM.
+    /// Ended by a signal from a person or the system: SIGINT, SIGTERM.
     Interrupted = 130,
 }
 
@@ -29,7 +29,7 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// What went wrong, and what the person can do about it.
+/// An error that ends the program, with help for the user.
 #[derive(Debug, thiserror::Error)]
 #[error("{what}")]
 pub struct Failure {
@@ -37,12 +37,12 @@ pub struct Failure {
     pub exit: Exit,
     /// What happened, and where; no full stop.
     pub what: String,
-    /// What to do.
+    /// What the user can do about it.
     pub help: Option<String>,
 }
 
 impl Failure {
-    /// Of an exit code and what happened.
+    /// Creates a failure from an exit code and a message.
     pub fn new(exit: Exit, what: impl std::fmt::Display) -> Failure {
         Failure {
             exit,
@@ -51,12 +51,12 @@ impl Failure {
         }
     }
 
-    /// A command line, config or file that cannot be used.
+    /// Creates a failure for a command line, config or file that cannot be used.
     pub fn usage(what: impl std::fmt::Display) -> Failure {
         Failure::new(Exit::Usage, what)
     }
 
-    /// With what to do.
+    /// Adds a help text.
     #[must_use]
     pub fn help(self, help: impl Into<String>) -> Failure {
         Failure {
@@ -65,7 +65,7 @@ impl Failure {
         }
     }
 
-    /// As it stands on stderr.
+    /// The text for stderr.
     pub fn report(&self) -> String {
         match &self.help {
             Some(help) => format!("error: {}\nhelp: {help}", self.what),

@@ -1,6 +1,6 @@
-//! `run --sim --fast`: the run happens in a laboratory on a thread of its own, in virtual time; this
-//! thread shows how far it is and hears interruptions, in real time. A script that cannot be interrupted
-//! ends the run, and with it the program.
+//! `run --sim --fast`: the run happens in a laboratory on its own thread, in virtual time; this
+//! thread shows the progress and handles signals, in real time. A script that cannot be interrupted
+//! ends the run and the program.
 
 use std::convert::Infallible;
 use std::fmt;
@@ -32,34 +32,34 @@ use crate::script;
 use crate::sim::{Handle, World};
 use crate::timetable::View;
 
-/// A script that cannot be interrupted for so long ends the run.
+/// A script that cannot be interrupted for this long ends the run.
 const STUCK: Duration = Duration::from_secs(5);
-/// How long the scripts' last words and the end of all may take, in real time.
+/// Time limit, in real time, for ending the scripts and the run after a signal.
 const PARTING: Duration = Duration::from_secs(10);
 
-/// What is to run, and where.
+/// A fast run: its behaviours, world and outputs.
 pub(super) struct Fast {
     pub(super) world: World,
     pub(super) behaviours: Vec<Behaviour>,
     pub(super) options: lab::Options,
     pub(super) limit: Option<Duration>,
-    /// Where the way of the robot is drawn at the end.
+    /// The picture of the robot's path, drawn at the end.
     pub(super) trace: Option<TraceFile>,
-    /// The page that shows it, and holds the clock of the options.
+    /// The page that shows the run and controls its clock.
     pub(super) page: Option<Ahead>,
-    /// Where it is remembered.
+    /// The journal of the run.
     pub(super) journal: Option<Keeping>,
 }
 
-/// A journal in virtual time, and where it is. One is kept if the config says so in so many words: what
-/// is only tried does not belong among what has happened.
+/// A journal in virtual time and its folder. It is kept only if the config explicitly has
+/// `journal: { record: on }`: by default, fast runs are not mixed with the history of real runs.
 pub(super) struct Keeping {
     data: PathBuf,
     options: journal::Options,
 }
 
 impl Keeping {
-    /// What this config says.
+    /// The journal that this config asks for, if any.
     pub(super) fn of(config: &Config) -> Option<Keeping> {
         let wanted = config.journal.record == journal::When::On;
         wanted.then(|| Keeping {
@@ -68,7 +68,7 @@ impl Keeping {
         })
     }
 
-    /// Begins it, within the laboratory.
+    /// Starts the journal, within the laboratory.
     pub(super) fn start(self, bus: &Bus) -> LabJournal {
         let about = journal::About {
             target: "a simulated robot".to_owned(),
@@ -78,10 +78,10 @@ impl Keeping {
     }
 }
 
-/// What can be seen of a laboratory from outside.
+/// The view of a laboratory from outside: the agent's status and the simulator.
 type LabView = (watch::Receiver<Status>, Handle);
 
-/// How the agent ended and how much virtual time had passed.
+/// How the agent ended, and the virtual time that had passed.
 type Run = (Result<Outcome, AgentError>, Duration);
 
 impl Fast {
@@ -127,7 +127,7 @@ impl Fast {
         let watching = async {
             signals.next().await;
             stop.cancel();
-            // A run that can end does so in no time; a second signal is in a hurry.
+            // A run that can end does so at once; a second signal skips the wait.
             tokio::select! {
                 () = signals.next() => {}
                 () = sleep(PARTING) => {}
@@ -154,7 +154,7 @@ impl Fast {
         }
     }
 
-    /// On a thread without any runtime.
+    /// Runs the laboratory, on a thread without a runtime.
     fn live(
         self,
         opened: oneshot::Sender<LabView>,
@@ -185,7 +185,7 @@ impl Fast {
     }
 }
 
-/// The run as the page asks it.
+/// The handle through which the page accesses the run.
 fn asked(run: &Running, streams: Streams) -> control::Run {
     control::Run {
         requests: run.requests(),
@@ -203,7 +203,7 @@ fn asked(run: &Running, streams: Streams) -> control::Run {
     }
 }
 
-/// The last words of a program whose laboratory cannot be ended.
+/// Ends the program with these last words when the laboratory cannot be ended.
 fn end_here(console: &Console, words: &str, exit: Exit) -> ! {
     console.end(Some(words), super::CONSOLE_LIMIT);
     std::process::exit(exit as i32)
@@ -237,7 +237,7 @@ fn no_lab(error: std::io::Error) -> Failure {
     Failure::usage(format_args!("cannot start the simulation: {error}"))
 }
 
-/// How much virtual time has passed, and how fast.
+/// The virtual time that has passed, and the real time it took.
 struct Pace {
     simulated: Duration,
     real: Duration,
@@ -262,14 +262,14 @@ impl Pace {
     }
 }
 
-/// As the status line begins.
+/// The beginning of the status line.
 impl fmt::Display for Pace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} ({:.0}x)", hours(self.simulated), self.factor())
     }
 }
 
-/// An event log as a file: one JSON object a line. The first trouble in writing is kept.
+/// An event log file with one JSON object per line. Keeps the first write error.
 pub(super) struct EventFile {
     shown: String,
     writing: Arc<Mutex<Writing>>,
@@ -281,10 +281,10 @@ struct Writing {
 }
 
 impl EventFile {
-    /// Makes the file, or empties it.
+    /// Creates the file, or empties it.
     ///
     /// # Errors
-    /// If the system does not let us.
+    /// The file cannot be created.
     pub(super) fn create(path: &Path) -> Result<EventFile, Failure> {
         let shown = path.display().to_string();
         let file = File::create(path).map_err(|error| {
@@ -300,7 +300,7 @@ impl EventFile {
         })
     }
 
-    /// Writes what it is given to the file.
+    /// A recorder that writes events to the file.
     pub(super) fn recorder(&self) -> Recorder {
         let writing = self.writing.clone();
         Recorder::new(move |event| {
@@ -315,10 +315,10 @@ impl EventFile {
         })
     }
 
-    /// Writes what still waits.
+    /// Writes the buffered rest.
     ///
     /// # Errors
-    /// The first trouble there was: the log is not whole.
+    /// The first write error: the log is incomplete.
     pub(super) fn finish(self) -> Result<(), Failure> {
         let mut writing = self.writing.lock().unwrap_or_else(PoisonError::into_inner);
         let flushed = writing.file.flush();
@@ -337,7 +337,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_summary_says_how_long_and_how_fast() {
+    fn the_summary_has_duration_and_speed() {
         let pace = Pace::new(Duration::from_secs(3600), Duration::from_millis(1100));
         assert_eq!(pace.summary(), "1:00:00 simulated in 1.1 s (3273x)");
     }

@@ -1,24 +1,24 @@
-//! `--firmware FILE.yaml`: what a simulated robot does where the real one's behaviour is unknown.
+//! `--firmware FILE.yaml`: how a simulated robot behaves where the real one's behaviour is unknown.
 
 use std::path::PathBuf;
 
 use super::Failure;
 use crate::sim::Firmware;
 
-/// Which firmware a simulated robot has.
+/// The firmware of a simulated robot.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct FirmwareArgs {
-    /// YAML file that sets how the simulated robot behaves where the real firmware is unknown; the
-    /// README lists the keys
+    /// YAML file with the simulated robot's behaviour where the real firmware is unknown; the README
+    /// lists the keys
     #[arg(long, value_name = "FILE.yaml")]
     firmware: Option<PathBuf>,
 }
 
 impl FirmwareArgs {
-    /// The file's, or the default.
+    /// Loads the firmware from the file, or returns the default.
     ///
     /// # Errors
-    /// What is wrong with the file, and where.
+    /// An invalid file; the error says what is wrong and where.
     pub(super) fn load(&self) -> Result<Firmware, Failure> {
         let Some(path) = &self.firmware else {
             return Ok(Firmware::default());
@@ -28,10 +28,10 @@ impl FirmwareArgs {
         })
     }
 
-    /// A real robot has its own.
+    /// Refuses the flag for a real robot, which has its own firmware.
     ///
     /// # Errors
-    /// One was asked for, and the robot is not simulated.
+    /// The flag was given and the robot is not simulated.
     pub(super) fn refuse_unless(&self, simulated: bool) -> Result<(), Failure> {
         if simulated || self.firmware.is_none() {
             return Ok(());

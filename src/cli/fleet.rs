@@ -1,4 +1,4 @@
-//! `spykee fleet`: all agents of a broker.
+//! `spykee fleet`: commands for all agents on an MQTT broker.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -12,9 +12,9 @@ use super::table::{Side, aligned};
 use super::{Exit, Failure, block_on, print};
 use crate::mqtt::{BrokerCommand, Fleet, FleetError, Found, Presence};
 
-/// How long an agent may take to answer: behaviours are loaded and ended meanwhile.
+/// Timeout for an agent's reply, which includes loading or ending behaviours.
 const ANSWER: Duration = Duration::from_secs(15);
-/// Everybody.
+/// The name for all robots that are online.
 const ALL: &str = "all";
 
 const HEAD: [(&str, Side); 6] = [
@@ -26,11 +26,11 @@ const HEAD: [(&str, Side); 6] = [
     ("PROBLEM", Side::Left),
 ];
 
-/// Address all robots of an MQTT broker: list them, run a behaviour, stop
+/// Control all robots on an MQTT broker: list them, start a behaviour, stop them
 ///
 /// The config names the broker (`mqtt: { host: ... }`); every run whose config names the same
-/// broker appears there under its robot's uid. The exit code is 4 if any robot did not do what was
-/// asked.
+/// broker appears there under its robot's uid. The exit code is 4 if any robot did not carry out
+/// the command.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee fleet list\n  spykee fleet run patrol --on all\n  \
@@ -43,10 +43,10 @@ pub(super) struct FleetArgs {
 
 #[derive(Debug, Clone, Subcommand)]
 enum Action {
-    /// List the robots and the state of each: ONLINE, OFFLINE (logged off),
-    /// CONNECTIONBROKEN (lost its connection)
+    /// List the robots with their connections (ONLINE, OFFLINE if logged off, CONNECTIONBROKEN if
+    /// lost) and states
     List {
-        /// Print a JSON list
+        /// Print a JSON array
         #[arg(long)]
         json: bool,
         #[command(flatten)]
@@ -54,18 +54,18 @@ enum Action {
     },
     /// Start a behaviour
     Run {
-        /// The behaviour's name in the robots' configs
+        /// Name of the behaviour in the robots' configs
         #[arg(value_name = "NAME")]
         behaviour: String,
-        /// The robots' uids, or `all`: every robot that is online
+        /// Uids of the robots, or `all` for every robot that is online
         #[arg(long, value_name = "UID", required = true, num_args = 1..)]
         on: Vec<String>,
         #[command(flatten)]
         settings: SettingsArgs,
     },
-    /// Stop robots: their tracks stop, and their behaviours end
+    /// Stop robots: stop their tracks and end their behaviours
     Stop {
-        /// The robots' uids, or `all`: every robot that is online
+        /// Uids of the robots, or `all` for every robot that is online
         #[arg(value_name = "UID", required = true)]
         robots: Vec<String>,
         #[command(flatten)]
@@ -83,14 +83,14 @@ impl FleetArgs {
     }
 }
 
-/// Goes to the broker.
+/// Connects to the broker and carries out the command.
 ///
 /// # Errors
-/// No broker in the config, or none in reach.
+/// The config names no broker, or the broker cannot be reached.
 pub(super) fn run(args: &FleetArgs) -> Result<Exit, Failure> {
     let account = broker::account(args.settings().load()?)?.ok_or_else(|| {
         Failure::usage("the config names no broker")
-            .help("mqtt: { host: broker.local }; README.md, \"MQTT\", has more")
+            .help("add mqtt: { host: broker.local }; see README.md, \"MQTT\"")
     })?;
     let visit = async {
         let mut fleet = Fleet::visit(account).await.map_err(unreachable)?;
@@ -113,7 +113,7 @@ async fn act(fleet: &mut Fleet, action: &Action) -> Result<Exit, Failure> {
 
 fn unreachable(error: FleetError) -> Failure {
     Failure::new(Exit::Unreachable, error)
-        .help("is it the broker that `spykee config show --origin` names, and does it run?")
+        .help("is `mqtt` in `spykee config show --origin` right, and is the broker running?")
 }
 
 fn list(fleet: &Fleet, as_json: bool) -> Result<Exit, Failure> {
@@ -122,7 +122,7 @@ fn list(fleet: &Fleet, as_json: bool) -> Result<Exit, Failure> {
         let list: Vec<Value> = found.into_iter().map(object).collect();
         print(&format!("{}\n", Value::Array(list)))?;
     } else if found.is_empty() {
-        print("no robot has been at this broker\n")?;
+        print("no robot has ever connected to this broker\n")?;
     } else {
         let rows: Vec<Vec<String>> = found.into_iter().map(row).collect();
         print(&aligned(&HEAD, &rows))?;
@@ -139,7 +139,7 @@ fn object(found: &Found) -> Value {
     json!({ "robot": robot, "connection": presence, "state": state })
 }
 
-/// What one that is not there said last may no longer be so.
+/// A table row. Shows the state only of online robots: the last state of others may be out of date.
 fn row(found: &Found) -> Vec<String> {
     let mut row = vec![found.robot.clone(), found.presence.word().to_owned()];
     if found.presence == Presence::Online {
@@ -155,7 +155,7 @@ fn row(found: &Found) -> Vec<String> {
     row
 }
 
-/// Asks them all at once, and tells of each how it went.
+/// Sends the command to all chosen robots at once and prints the outcome of each.
 async fn order(
     fleet: &mut Fleet,
     order: &BrokerCommand,
@@ -194,11 +194,12 @@ async fn order(
     Ok(exit)
 }
 
-/// The robots that are asked, and those that are not there.
+/// The robots to ask, and those that are not online.
 type Chosen = (Vec<String>, Vec<(String, Presence)>);
 
-/// Who is asked, and of those who are meant and are not there how it is with them. An agent whose
-/// connection broke may drive on without its broker: also `all` tells that it was not asked.
+/// Chooses the robots to ask, and lists those that are meant but not online, with their presence.
+/// An agent that lost its connection may still be driving without the broker, so `all` also reports
+/// that it was not asked.
 fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
     let all = named.iter().any(|name| name == ALL);
     let names: BTreeSet<&str> = named.iter().map(String::as_str).collect();
@@ -206,15 +207,15 @@ fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
         .iter()
         .find(|name| **name != ALL && fleet.found().all(|found| found.robot != **name));
     if let Some(unknown) = unknown {
-        let failure = Failure::usage(format_args!("no robot {unknown} has been at this broker"));
-        return Err(failure.help("`spykee fleet list` shows which have"));
+        let failure = Failure::usage(format_args!("no robot {unknown} at this broker"));
+        return Err(failure.help("`spykee fleet list` lists the robots"));
     }
     let (mut chosen, mut absent) = (Vec::new(), Vec::new());
     for found in fleet.found() {
         let wanted = names.contains(found.robot.as_str());
         match found.presence {
             Presence::Online if all || wanted => chosen.push(found.robot.clone()),
-            // An agent that logged off is no failure where all are meant.
+            // With `all`, an agent that logged off is not a failure.
             Presence::Offline if !wanted => {}
             presence if all || wanted => absent.push((found.robot.clone(), presence)),
             _ => {}

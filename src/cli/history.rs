@@ -1,4 +1,4 @@
-//! `spykee history`: what the journal remembers, as a table, as data, or as a picture.
+//! `spykee history`: shows the journal as a table, as JSON or CSV, or as a picture.
 
 mod chart;
 mod moment;
@@ -17,26 +17,26 @@ use super::settings::SettingsArgs;
 use super::{Exit, Failure, print};
 use crate::journal::{History, Kinds, Record, Span};
 
-/// Show the journal: links, battery, docks, alarms, runs, pictures, entries of scripts
+/// Show the journal: links, battery, docks, alarms, runs, pictures, entries by scripts
 ///
-/// A service keeps a journal; `spykee run` keeps one with `journal: { record: on }` in the config.
-/// Times are local.
+/// `spykee serve` keeps a journal; `spykee run` keeps one with `journal: { record: on }` in the
+/// config. Times are local.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee history --since 1d\n  spykee history docks --since 2026-11-01 \
                         --csv > docks.csv\n  spykee history --plot battery.png --since 7d"
 )]
 pub(super) struct HistoryArgs {
-    /// What to show
+    /// Kind of entries to show
     #[arg(value_enum, default_value_t = Topic::All)]
     topic: Topic,
 
-    /// Only what happened since: an age (30m, 12h, 7d), a day (2026-11-01), or a day and a time of
-    /// day (2026-11-01T21:30)
+    /// Only entries since this time: an age (30m, 12h, 7d), a date (2026-11-01), or a date and a
+    /// time (2026-11-01T21:30)
     #[arg(long, value_name = "WHEN", value_parser = moment::parse)]
     since: Option<moment::Moment>,
 
-    /// Only what happened until: in the same form
+    /// Only entries until this time, in the same form
     #[arg(long, value_name = "WHEN", value_parser = moment::parse)]
     until: Option<moment::Moment>,
 
@@ -44,20 +44,20 @@ pub(super) struct HistoryArgs {
     #[arg(long, value_name = "UID")]
     robot: Option<String>,
 
-    /// At most this many entries, the newest [default without --since: 1000]
+    /// Only this many of the newest entries [default without --since: 1000]
     #[arg(long, value_name = "NUMBER")]
     newest: Option<u32>,
 
-    /// Print a JSON list
+    /// Print a JSON array
     #[arg(long, conflicts_with_all = ["csv", "plot"])]
     json: bool,
 
-    /// Print a table for spreadsheets
+    /// Print CSV for spreadsheets
     #[arg(long, conflicts_with = "plot")]
     csv: bool,
 
-    /// Draw level, charging, docks and runs over time [default without --since: the last seven
-    /// days]
+    /// Draw battery level, charging, docks and runs over time into this file [default without
+    /// --since: the last seven days]
     #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
     plot: Option<PathBuf>,
 
@@ -65,26 +65,26 @@ pub(super) struct HistoryArgs {
     pub(super) settings: SettingsArgs,
 }
 
-/// What is told.
+/// The entries to show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Topic {
     /// Everything but the battery's level
     All,
     /// The battery's level, each minute and at each change
     Battery,
-    /// When the robot was in reach
+    /// Connections to the robot: when the link was up and down
     Link,
     /// Dockings and undockings: how they ended, tries, time
     Docks,
-    /// What the watchdog did, behaviours that were given up, missed starts
+    /// Watchdog actions, behaviours that were given up, missed starts
     Alarms,
     /// Behaviours: start, end, and how they ended
     Runs,
-    /// Pictures and where they are
+    /// Pictures and their paths
     Pictures,
-    /// What scripts added with journal.add
+    /// Entries that scripts added with journal.add
     Entries,
-    /// What scripts sent with notify.send
+    /// Messages that scripts sent with notify.send
     Messages,
 }
 
@@ -104,12 +104,12 @@ impl Topic {
     }
 }
 
-/// Without limits so many are told.
+/// Default maximum number of entries.
 const USUAL: u32 = 1000;
-/// What a plot shows unless it is told more.
+/// Default time span of a plot.
 const PLOTTED: jiff::SignedDuration = jiff::SignedDuration::from_hours(7 * 24);
 
-/// Tells it.
+/// Prints or draws the journal.
 ///
 /// # Errors
 /// No journal, or one that cannot be read; a picture that cannot be written.
@@ -140,8 +140,8 @@ fn open(data: &Path) -> Result<History, Failure> {
         Ok(Some(history)) => Ok(history),
         Ok(None) => Err(
             Failure::usage(format_args!("there is no journal in {data_shown}")).help(
-                "`journal: { record: on }` in the config has `spykee run` keep one; with --config \
-                 another config's data folder is looked into",
+                "with `journal: { record: on }` in the config, `spykee run` keeps one; --config \
+                 selects another config and its data folder",
             ),
         ),
         Err(error) => Err(Failure::usage(format_args!(
@@ -166,7 +166,7 @@ fn list(
     };
     let records = records.map_err(unreadable)?;
     if !limited && records.len() == USUAL as usize {
-        tracing::warn!("these are the newest {USUAL}; --since shows more");
+        tracing::warn!("only the newest {USUAL} entries are shown; --since shows more");
     }
     if args.json {
         let text = serde_json::to_string(&records).map_err(Failure::usage)?;
@@ -177,7 +177,7 @@ fn list(
     if args.csv {
         print(&view.csv())?;
     } else if view.is_empty() {
-        print("nothing of this kind is in the journal\n")?;
+        print("the journal has no such entries\n")?;
     } else {
         print(&view.table())?;
     }
@@ -222,7 +222,7 @@ fn plot(
     let kinds = Kinds::Of(&["started", "ended", "dock", "link_up", "link_down", "safety"]);
     let battery = history.battery(&within).map_err(unreadable)?;
     let events = history.records(&kinds, &within).map_err(unreadable)?;
-    // A young journal has not seven days to show.
+    // A journal younger than the default span starts at its first entry.
     let first = battery.iter().chain(&events).map(|record| record.at).min();
     let since = match (span.since, first) {
         (None, Some(first)) => since.max(first),
@@ -230,8 +230,8 @@ fn plot(
     };
     let story = story::Story::of((since, until), &battery, &events);
     if story.is_empty() {
-        let why = "the journal has nothing to draw of this time";
-        return Err(Failure::usage(why).help("--since and --until choose another"));
+        let why = "the journal has nothing to draw in this time span";
+        return Err(Failure::usage(why).help("choose another with --since and --until"));
     }
     super::world::save(&chart::draw(&story, &zone), path)?;
     print(&format!("The picture is in {}.\n", path.display()))?;

@@ -1,4 +1,4 @@
-//! The signals that end or stop a program, and what a program that drives a robot does about them.
+//! Handles the signals that end or suspend a program, for programs that drive a robot.
 
 use std::future::{Future, poll_fn};
 use std::task::Poll;
@@ -13,12 +13,12 @@ use super::Failure;
 use super::terminal::Terminal;
 use crate::robot::channel::{Request, Sleep};
 
-/// How long the signal that stops this program may take to do so.
+/// Time for SIGSTOP to suspend this program.
 const FALLING_ASLEEP: Duration = Duration::from_millis(50);
 
-/// Signals whose usual effect is that a program ends at once: each ends a run in order here, the
-/// tracks first. SIGKILL cannot be heard, and after SIGABRT and its like nothing of this program can
-/// be trusted: then the guardian stops the robot.
+/// Signals that terminate a program by default. Here each ends the run in an orderly way and stops
+/// the tracks first. SIGKILL cannot be handled, and after SIGABRT and similar signals the program's
+/// state cannot be trusted: then the guardian stops the robot.
 const ENDING: [i32; 13] = [
     libc::SIGINT,
     libc::SIGTERM,
@@ -35,33 +35,33 @@ const ENDING: [i32; 13] = [
     libc::SIGPWR,
 ];
 
-/// Ends at the first signal from now on that would usually end a program.
+/// Returns a future that completes at the first terminating signal from now on.
 ///
 /// # Errors
-/// If the system does not let us hear them.
+/// The signal handlers cannot be installed.
 pub(super) fn interruption() -> Result<impl Future<Output = ()> + Send, Failure> {
     let mut signals = EndingSignals::but(&[])?;
     Ok(async move { signals.next().await })
 }
 
-/// The signals that would usually end this program.
+/// A listener for the signals that terminate a program by default.
 pub(super) struct EndingSignals(Vec<Signal>);
 
 impl EndingSignals {
-    /// Hears all of them from now on but those that the caller hears by itself.
+    /// Listens from now on to all of them except those that the caller handles itself.
     ///
     /// # Errors
-    /// If the system does not let us.
+    /// The signal handlers cannot be installed.
     pub(super) fn but(others: &[i32]) -> Result<EndingSignals, Failure> {
         let ours = ENDING.iter().filter(|number| !others.contains(number));
         let signals: Result<_, Failure> = ours.map(|&number| listen(number)).collect();
         signals.map(EndingSignals)
     }
 
-    /// Waits for the next one.
+    /// Waits for the next signal.
     pub(super) async fn next(&mut self) {
         poll_fn(|context| {
-            // All are asked, so that each of them wakes this task.
+            // Polls all of them, so that each can wake this task.
             let mut heard = Poll::Pending;
             for signal in &mut self.0 {
                 if signal.poll_recv(context).is_ready() {
@@ -74,21 +74,21 @@ impl EndingSignals {
     }
 }
 
-/// Hears a signal from now on, in place of its usual effect.
+/// Listens to a signal from now on, which replaces its default action.
 ///
 /// # Errors
-/// If the system does not let us.
+/// The signal handler cannot be installed.
 pub(super) fn listen(number: i32) -> Result<Signal, Failure> {
     signal(SignalKind::from_raw(number))
         .map_err(|error| Failure::usage(format_args!("cannot receive signals: {error}")))
 }
 
-/// From now on the first signal that would end this program cancels `stop`; and Ctrl-Z stops the robot
-/// first, by a request to its pilot, then this program. The driving core hears the signals: any other
-/// thread may be waiting for a disk.
+/// From now on the first terminating signal cancels `stop`, and Ctrl-Z first stops the robot, by a
+/// request to its pilot, then suspends this program. The driving core handles the signals: any
+/// other thread may be blocked on the disk.
 ///
 /// # Errors
-/// If the system does not let us hear them.
+/// The signal handlers cannot be installed.
 pub(super) fn obey(
     core: &Handle,
     requests: mpsc::Sender<Request>,
@@ -97,10 +97,10 @@ pub(super) fn obey(
     hear(core, requests, stop, &[], None)
 }
 
-/// As [`obey`], of a service: SIGHUP is heard by the caller.
+/// Like [`obey`], for a service: the caller handles SIGHUP.
 ///
 /// # Errors
-/// If the system does not let us hear them.
+/// The signal handlers cannot be installed.
 pub(super) fn obey_as_service(
     core: &Handle,
     requests: mpsc::Sender<Request>,
@@ -109,11 +109,11 @@ pub(super) fn obey_as_service(
     hear(core, requests, stop, &[libc::SIGHUP], None)
 }
 
-/// As [`obey`], while a person edits lines: an interruption is heard by the caller, and while this
-/// program is stopped the terminal has its usual settings.
+/// Like [`obey`], for a prompt: the caller handles SIGINT, and while this program is suspended the
+/// terminal has its original settings.
 ///
 /// # Errors
-/// If the system does not let us hear them.
+/// The signal handlers cannot be installed.
 pub(super) fn obey_at_prompt(
     core: &Handle,
     requests: mpsc::Sender<Request>,
@@ -149,13 +149,13 @@ fn hear(
     Ok(())
 }
 
-/// Stops this program as the terminal would have done; returns when it goes on.
+/// Suspends this program as the terminal would have done; returns when it is resumed.
 fn sleep_here(usual: Option<Terminal>) {
     use rustix::process::{Signal, getpid, kill_process};
-    tracing::info!("stopped by Ctrl-Z, and so is the robot");
+    tracing::info!("suspended by Ctrl-Z; the robot is stopped");
     let edited = usual.and_then(|usual| usual.enforce());
     let _ = kill_process(getpid(), Signal::STOP);
-    // The signal may reach another thread first: nothing may be done in the meantime.
+    // The signal may reach another thread first: do nothing until it has taken effect.
     std::thread::sleep(FALLING_ASLEEP);
     if let Some(edited) = edited {
         edited.restore();

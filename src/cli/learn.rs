@@ -1,4 +1,4 @@
-//! `spykee learn`: a colour for the config, from pictures of the thing.
+//! `spykee learn`: learns a colour for the config from pictures of an object.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use crate::vision::{
     Palette, Roi,
 };
 
-/// From this quality on a colour is very good, good, usable; below it is poor.
+/// Lowest quality of a colour that is very good, good or usable; a lower one is poor.
 const VERY_GOOD: f64 = 0.9;
 const GOOD: f64 = 0.75;
 const USABLE: f64 = 0.5;
@@ -27,23 +27,23 @@ const HEAD: [(&str, Side); 6] = [
     ("LARGEST BLOB", Side::Left),
 ];
 
-/// Learn a colour from pictures, and print it for the config
+/// Learn a colour from pictures and print it for the config
 ///
-/// Prints YAML: the colour under colours:, and in comments how many pixels of each picture it
-/// matches inside and outside the part, and whether the largest blob is the object. Pictures in
-/// different light, with the object in the same part, make the colour more reliable.
+/// Prints YAML: the colour under `colours:`, and in comments how many pixels of each picture it
+/// matches inside and outside the given part, and whether the largest blob is the object. Pictures
+/// in different light, with the object in the same part, make the colour more reliable.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct LearnArgs {
     /// JPEG pictures of the object, such as scripts save with frame:save
     #[arg(value_name = "IMAGE.jpg", required = true)]
     images: Vec<PathBuf>,
 
-    /// The part that the object fills, in pixels: left column, top row, width, height
+    /// Part of the picture that the object fills, in pixels: left column, top row, width, height
     #[arg(long, value_name = "X,Y,W,H", value_parser = picture::parse_roi)]
     roi: Roi,
 
-    /// The colour's name in scripts: letters, digits, _ and -. A built-in name such as red is
-    /// redefined for all scripts that run with this config
+    /// Name of the colour in scripts: letters, digits, _ and -. A built-in name such as red
+    /// redefines that colour for all scripts that run with this config
     #[arg(long, value_name = "NAME", default_value = "thing", value_parser = parse_name)]
     name: String,
 
@@ -62,27 +62,27 @@ fn parse_name(text: &str) -> Result<String, ArgumentError> {
     Err(ArgumentError::Colour(MAX_LETTERS))
 }
 
-/// What the learned colour finds in one picture.
+/// The matches of the learned colour in one picture.
 #[derive(Debug, Serialize)]
 struct Proof {
     file: String,
     inside: Count,
     outside: Count,
-    /// Whether the largest blob is the thing; nothing when there is no blob.
+    /// Whether the largest blob is the object; `None` if there is no blob.
     largest_is_inside: Option<bool>,
 }
 
-/// Pixels that have the colour, of so many.
+/// The number of pixels that have the colour, and of all pixels.
 #[derive(Debug, Serialize)]
 struct Count {
     pixels: u32,
     of: u32,
 }
 
-/// Learns, and prints what can be pasted.
+/// Learns the colour and prints it as YAML to paste into a config, or as JSON.
 ///
 /// # Errors
-/// No picture that can be used; a part that is too grey or too mixed.
+/// No usable picture; a part that is too grey or too mixed.
 pub(super) fn run(args: &LearnArgs, console: &Console) -> Result<Exit, Failure> {
     let mut exit = Exit::Done;
     let mut images = Vec::new();
@@ -125,12 +125,12 @@ fn load(path: &Path, roi: Roi) -> Result<Image, Failure> {
 fn refuse(refusal: LearnRefusal, as_json: bool) -> Result<Exit, Failure> {
     let help = match refusal {
         LearnRefusal::TooGrey => {
-            "choose --roi inside a thing of a strong colour and switch on a light; white, grey and \
-             black things are found by the built-in colours white and black, or by lab ranges"
+            "choose --roi inside an object of a strong colour and switch on a light; for white, grey \
+             and black objects use the built-in colours white and black, or lab ranges"
         }
         LearnRefusal::TooMixed => {
-            "spykee blobs PICTURE --colour NAME --roi X,Y,W,H --annotate OUT.png shows what a part \
-             holds; with several pictures the thing must be in the same part of all"
+            "spykee blobs PICTURE --colour NAME --roi X,Y,W,H --annotate OUT.png shows the contents \
+             of a part; with several pictures the object must be in the same part of all"
         }
     };
     if as_json {
@@ -140,7 +140,7 @@ fn refuse(refusal: LearnRefusal, as_json: bool) -> Result<Exit, Failure> {
     Err(Failure::usage(refusal).help(help))
 }
 
-/// What the finder of scripts finds of the colour in each picture.
+/// Counts the colour's pixels in each picture with the blob finder that scripts use.
 fn prove(images: &[(&Path, Image)], roi: Roi, colour: &Colour) -> Vec<Proof> {
     let mut palette = Palette::compile(&[*colour], false);
     let mut finder = BlobFinder::default();
@@ -187,7 +187,7 @@ fn overlaps(blob: &Blob, roi: Roi) -> bool {
     blob.x < right && roi.x < blob.x + blob.w && blob.y < bottom && roi.y < blob.y + blob.h
 }
 
-/// Some picture has hardly any of the colour where the thing should be.
+/// Whether some picture has hardly any of the colour where the object should be.
 fn absent(proofs: &[Proof]) -> bool {
     const LEAST_PERCENT: u32 = 20;
     let hardly = |inside: &Count| inside.pixels * 100 < inside.of * LEAST_PERCENT;
@@ -200,24 +200,27 @@ fn misled(proofs: &[Proof]) -> bool {
         .any(|proof| proof.largest_is_inside != Some(true))
 }
 
-/// How good the colour is, and what to do if it is not.
+/// Rates the colour, with advice if it is poor.
 fn verdict(quality: f64, proofs: &[Proof]) -> &'static str {
     match quality {
         _ if absent(proofs) => {
-            "poor: not every picture shows the thing in this part; leave out those that do not"
+            "poor: not every picture shows the object in this part; leave out those that do not"
         }
         _ if misled(proofs) => {
-            "poor: the largest blob is not the thing; add pictures under other lights, choose \
-             --roi well inside the thing, or a thing of a rarer colour"
+            "poor: the largest blob is not the object; add pictures in different light, choose \
+             --roi well inside the object, or an object of a rarer colour"
         }
         VERY_GOOD.. => "very good",
         GOOD.. => "good",
-        USABLE.. => "usable; pictures under other lights may make it surer",
-        _ => "poor: little of the part has it, or much else; choose --roi well inside the thing",
+        USABLE.. => "usable; pictures in different light may improve it",
+        _ => {
+            "poor: the colour matches too little of the part, or too much outside it; choose --roi \
+             well inside the object"
+        }
     }
 }
 
-/// All of it can be pasted: what is not the colour is a comment.
+/// The result as YAML to paste into a config: everything except the colour is a comment.
 fn yaml(name: &str, learned: &Learned, proofs: &[Proof]) -> String {
     let rows: Vec<Vec<String>> = proofs.iter().map(row).collect();
     let verdict = verdict(learned.quality, proofs);
@@ -233,7 +236,7 @@ fn yaml(name: &str, learned: &Learned, proofs: &[Proof]) -> String {
 
 fn row(proof: &Proof) -> Vec<String> {
     let largest = match proof.largest_is_inside {
-        Some(true) => "the thing",
+        Some(true) => "the object",
         Some(false) => "elsewhere",
         None => "none",
     };
@@ -247,14 +250,14 @@ fn row(proof: &Proof) -> Vec<String> {
     ]
 }
 
-/// A file's name may hold what ends a comment, and what no YAML may hold.
+/// Replaces characters of a file name that would end a comment or are invalid in YAML.
 fn commented(text: &str) -> String {
     let harmless = |c: char| c == ' ' || c.is_ascii_graphic() || c.is_alphanumeric();
     let shown = text.chars().map(|c| if harmless(c) { c } else { '?' });
     shown.collect()
 }
 
-/// A name such as `null` or `true` means something else in YAML unless it is quoted.
+/// Quotes the name if necessary: `null` or `true` mean something else in YAML.
 fn key(name: &str) -> String {
     match serde_yaml::from_str::<String>(name) {
         Ok(read) if read == name => name.to_owned(),
@@ -301,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_mean_something_else_in_yaml_or_here_cannot_mislead() {
+    fn names_with_a_meaning_in_yaml_are_quoted() {
         for name in ["null", "true", "false", "Null", "y", "no", "e3", "red"] {
             let text = yaml(&parse_name(name).unwrap(), &learned(), &[proof("a.jpg")]);
             let config = Config::parse(&text, "learned").unwrap();
@@ -313,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn a_colour_that_finds_something_else_first_is_poor_whatever_its_quality() {
+    fn a_colour_whose_largest_blob_is_elsewhere_is_poor_whatever_its_quality() {
         let mut elsewhere = proof("a.jpg");
         assert_eq!(verdict(0.97, &[proof("b.jpg")]), "very good");
         elsewhere.largest_is_inside = Some(false);
@@ -326,7 +329,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_names_it_has_the_snippet_is_a_config(
+        fn the_output_is_a_valid_config_for_all_names(
             name in "\\PC{1,12}|[a-z]{1,5}",
             file in "[^\\x00]{0,40}|[a \\n\u{2028}\u{85}\u{fffe}\u{feff}#:]{1,9}"
         ) {

@@ -1,4 +1,4 @@
-//! `spykee lesson`: built-in exercises, and a check that says what is missing.
+//! `spykee lesson`: built-in exercises, and checks of learners' scripts.
 
 mod catalogue;
 mod check;
@@ -18,7 +18,7 @@ use super::table::{Side, aligned};
 use super::{Console, Exit, Failure, print};
 use catalogue::Lesson;
 
-/// Learn to write behaviours: built-in exercises, and checks that say what is missing
+/// Learn to write behaviours with built-in exercises and checks
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct LessonArgs {
     #[command(subcommand)]
@@ -29,9 +29,9 @@ pub(super) struct LessonArgs {
 enum Action {
     /// List the lessons
     List,
-    /// Make a folder with a lesson: its task, and a script to start from
+    /// Create a folder with a lesson's task and a script to start from
     Start(start::StartArgs),
-    /// Try a script, and say what is missing
+    /// Test a script against its lesson and say what is missing
     Check(check::CheckArgs),
     /// Check the scripts of a class
     Grade(grade::GradeArgs),
@@ -63,13 +63,14 @@ fn list() -> Result<Exit, Failure> {
         })
         .collect();
     print(&format!(
-        "{}\nBegin one with: spykee lesson start 1\n",
+        "{}\nStart one with: spykee lesson start 1\n",
         aligned(&head, &rows)
     ))?;
     Ok(Exit::Done)
 }
 
-/// A number from 1, or a name such as `moving` or `03-moving`; shells complete the names.
+/// Parses a lesson's number, from 1, or its name, such as `moving` or `03-moving`. Shells complete
+/// the names.
 #[derive(Debug, Clone)]
 struct LessonParser;
 

@@ -1,4 +1,4 @@
-//! The page beside a run or a service, and the browser that shows it.
+//! Serves the page of a run or a service, and opens it in the browser.
 
 use std::io::IsTerminal as _;
 use std::process::{Command, Stdio};
@@ -14,7 +14,7 @@ use crate::live::{self, Known, Live, LiveError, Script, Shown, Simulation};
 use crate::robot::{Bus, Listener};
 use crate::script::ParamValue;
 
-/// What the page needs of a run before it has begun.
+/// The page's inputs that must be collected before the run starts.
 pub(super) struct Ahead {
     options: Options,
     data: std::path::PathBuf,
@@ -23,7 +23,7 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    /// Of a run of which this is known, as the config says.
+    /// Collects the inputs from the config, the known scripts and the bus.
     pub(super) fn of(config: &Config, known: watch::Receiver<Known>, bus: &Bus) -> Ahead {
         Ahead {
             options: config.live.clone(),
@@ -33,10 +33,11 @@ impl Ahead {
         }
     }
 
-    /// Serves the page, says where, and opens it in the browser of a person who sits there.
+    /// Serves the page, logs its address, and opens it in the browser if a person is at the
+    /// terminal.
     ///
     /// # Errors
-    /// It cannot be served.
+    /// The page cannot be served.
     pub(super) fn serve(
         self,
         run: Run,
@@ -95,14 +96,15 @@ fn words(value: &ParamValue) -> String {
 
 fn refused(error: LiveError) -> Failure {
     let help = match &error {
-        LiveError::Access(_) => "without --live the run needs no page",
-        LiveError::Socket { .. } => "is another run there? --live=127.0.0.1:0 takes a free port",
-        LiveError::System(_) => "without --live the run needs no page",
+        LiveError::Access(_) => "without --live the run serves no page",
+        LiveError::Socket { .. } => "does another run use it? --live=127.0.0.1:0 picks a free port",
+        LiveError::System(_) => "without --live the run serves no page",
     };
     Failure::usage(error).help(help)
 }
 
-/// On a desktop. Without one, or without `xdg-open`, the address in the log is enough.
+/// Opens the URL in the browser on a desktop. Without a desktop or `xdg-open` does nothing: the
+/// address is in the log.
 fn open(url: &str) {
     let desktop = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     if !std::io::stdin().is_terminal() || !(desktop("DISPLAY") || desktop("WAYLAND_DISPLAY")) {
@@ -115,7 +117,7 @@ fn open(url: &str) {
         .stdout(Stdio::null())
         .stderr(Stdio::null());
     if let Ok(mut child) = command.spawn() {
-        // It may take as long as it likes; the system takes it back.
+        // Reaps the process whenever it ends.
         let _ = std::thread::Builder::new()
             .name("browser".into())
             .spawn(move || child.wait());

@@ -1,4 +1,4 @@
-//! Logs: what `tracing` records, as text for people or JSON for programs, through the console.
+//! Writes `tracing` records to the console, as text for people or JSON for programs.
 
 use std::fmt;
 use std::time::Instant;
@@ -18,7 +18,8 @@ use crate::config::{Level, Time};
 use crate::lab;
 use crate::live::LogTap;
 
-/// Without `RUST_LOG`: our own doings from the config's level on, and what worries others.
+/// The default filter: records of this crate from the config's level up, of other crates only
+/// warnings and errors.
 fn usual(level: Level) -> &'static str {
     match level {
         Level::Error => "error",
@@ -28,8 +29,8 @@ fn usual(level: Level) -> &'static str {
     }
 }
 
-/// Logs from now on. `RUST_LOG` chooses what is logged; a value that cannot be read is named and the
-/// default taken. A second call changes nothing.
+/// Starts logging. `RUST_LOG` overrides the filter; an invalid value is reported and the default
+/// used. A second call changes nothing.
 pub(super) fn start(console: &Console, format: LogFormat, level: Level, time: Time) {
     let wanted = std::env::var("RUST_LOG")
         .ok()
@@ -66,7 +67,8 @@ pub(super) fn start(console: &Console, format: LogFormat, level: Level, time: Ti
     }
 }
 
-/// Virtual time where there is any, such as `+3725.040s`; else the time of the config's choice.
+/// The timestamps: virtual time inside a laboratory, such as `+3725.040s`; otherwise the kind of
+/// time that the config selects.
 struct Clock {
     started: Instant,
     time: Time,
@@ -107,10 +109,11 @@ impl FormatTime for Clock {
     }
 }
 
-/// Fields that the agent itself adds to what others say: no message may seem to have them.
+/// Fields that the agent adds to records: no message may look as if it had them.
 const RESERVED: [&str; 3] = ["behaviour", "line", "reason"];
 
-/// The message, then `name=value` for each field, both such that neither can pass for the other.
+/// Formats the message, then `name=value` for each field, quoted so that neither can imitate the
+/// other.
 struct Plain;
 
 impl<'writer> FormatFields<'writer> for Plain {
@@ -150,7 +153,7 @@ impl Visit for Reading {
     fn record_str(&mut self, field: &Field, value: &str) {
         match field.name() {
             "message" => self.message = Some(clean::text(value, false)),
-            // In quotes, as ever.
+            // Always in quotes.
             name => self.fields.push((name, format!("{value:?}"))),
         }
     }
@@ -199,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn usual_lines_look_as_ever() {
+    fn plain_messages_and_values_are_not_quoted() {
         let line = logged(|| tracing::info!(behaviour = "a", line = Some(3), "speed=40"));
         assert_eq!(line, "INFO speed=40 behaviour=\"a\" line=3");
         let line = logged(|| tracing::info!(address = %"10.0.0.1:9000", battery = 7, "connected"));

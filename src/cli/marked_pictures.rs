@@ -1,4 +1,4 @@
-//! Where pictures with marks go: one PNG file, or a folder with one for each picture.
+//! Writes marked pictures: to one PNG file, or to a folder with one file per picture.
 
 use std::collections::BTreeSet;
 use std::io::Cursor;
@@ -9,23 +9,23 @@ use image::{ImageFormat, RgbImage};
 use super::Failure;
 
 const HELP: &str =
-    "for one picture --annotate names a file that ends in .png, for several a folder";
+    "for one picture, --annotate names a file that ends in .png; for several, a folder";
 
-/// Where marked pictures go.
+/// The output for marked pictures.
 #[derive(Debug)]
 pub(super) enum MarkedPictures {
     /// One picture, one file.
     File(PathBuf),
-    /// A folder, and the names in it that are taken.
+    /// A folder, and the names already used in it.
     Folder(PathBuf, BTreeSet<String>),
 }
 
 impl MarkedPictures {
-    /// For marked copies of these pictures; makes the folder.
+    /// Opens the output for marked copies of these pictures; creates the folder.
     ///
     /// # Errors
-    /// A file where a folder is needed, a file that is no PNG or is one of the pictures, a folder
-    /// that cannot be made.
+    /// A file where a folder is needed, a file that does not end in .png or is one of the pictures,
+    /// a folder that cannot be created.
     pub(super) fn open(out: &Path, images: &[PathBuf]) -> Result<MarkedPictures, Failure> {
         let is_png = out
             .extension()
@@ -34,7 +34,7 @@ impl MarkedPictures {
         let ends_as_folder = shown.to_string().ends_with(MAIN_SEPARATOR);
         if out.is_dir() || ends_as_folder || images.len() > 1 {
             if is_png && !out.is_dir() || out.is_file() {
-                let what = format_args!("{shown} is no folder, and there are several pictures");
+                let what = format_args!("{shown} is not a folder, but there are several pictures");
                 return Err(Failure::usage(what).help(HELP));
             }
             return MarkedPictures::folder(out);
@@ -44,7 +44,7 @@ impl MarkedPictures {
         }
         let is_input = |image: &PathBuf| same_file(image, out);
         if images.iter().any(is_input) {
-            let what = format_args!("{shown} is the picture itself and would be lost");
+            let what = format_args!("{shown} is the picture itself and would be overwritten");
             return Err(Failure::usage(what).help("choose another name for --annotate"));
         }
         Ok(MarkedPictures::File(out.to_owned()))
@@ -53,7 +53,7 @@ impl MarkedPictures {
     fn folder(out: &Path) -> Result<MarkedPictures, Failure> {
         std::fs::create_dir_all(out).map_err(|error| {
             Failure::usage(format_args!(
-                "cannot make the folder {}: {error}",
+                "cannot create the folder {}: {error}",
                 out.display()
             ))
         })?;
@@ -63,7 +63,7 @@ impl MarkedPictures {
     /// Writes the marked copy of a picture.
     ///
     /// # Errors
-    /// What the system says.
+    /// The file cannot be written.
     pub(super) fn keep(&mut self, image: &Path, marked: &RgbImage) -> Result<(), Failure> {
         let path = match self {
             MarkedPictures::File(path) => path.clone(),
@@ -87,7 +87,8 @@ fn same_file(one: &Path, other: &Path) -> bool {
     }
 }
 
-/// `NAME-blobs.png`, with a number when pictures of several folders have one name.
+/// The file name `NAME-blobs.png`, with a number if pictures in different folders have the same
+/// name.
 fn name(image: &Path, taken: &mut BTreeSet<String>) -> String {
     let stem = image
         .file_stem()
@@ -107,7 +108,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_of_one_name_do_not_overwrite_each_other() {
+    fn pictures_with_the_same_name_do_not_overwrite_each_other() {
         let mut taken = BTreeSet::new();
         let mut names = ["a/shot.jpg", "b/shot.jpg", "c/shot.jpg", "c/.."]
             .map(|image| name(Path::new(image), &mut taken));
@@ -150,6 +151,7 @@ mod tests {
         let picture = folder.path().join("shot.png");
         std::fs::write(&picture, "picture").unwrap();
         let failure = MarkedPictures::open(&picture, std::slice::from_ref(&picture)).unwrap_err();
-        assert!(failure.to_string().contains("would be lost"), "{failure}");
+        let said = failure.to_string();
+        assert!(said.contains("would be overwritten"), "{said}");
     }
 }

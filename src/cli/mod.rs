@@ -1,5 +1,5 @@
-//! The `spykee` command: one file for each subcommand; parse, dispatch, exit code. What a command
-//! does lives on lower floors.
+//! The `spykee` command: parses the command line, dispatches to one module per subcommand, and
+//! returns the exit code. The work itself is done by the layers below.
 
 mod api;
 mod argument;
@@ -80,9 +80,9 @@ pub use console::Console;
 pub use failure::{Exit, Failure};
 use settings::{ConfigFlag, SettingsArgs};
 
-/// The longest wait for a stderr that takes nothing, when all else is done.
+/// Timeout for writing the last lines to a blocked stderr at exit.
 const CONSOLE_LIMIT: Duration = Duration::from_millis(500);
-/// The longest wait for background work, such as a name lookup, when all else is done.
+/// Timeout for background work, such as a name lookup, at exit.
 const RUNTIME_LIMIT: Duration = Duration::from_millis(200);
 
 /// Lua behaviours for the Spykee robot
@@ -95,7 +95,7 @@ struct Cli {
     #[command(flatten)]
     config: ConfigFlag,
 
-    /// Format of the log on stderr [default: text]; $RUST_LOG sets what is logged
+    /// Format of the log on stderr [default: text]; $RUST_LOG filters it
     #[arg(long, value_enum, global = true)]
     log_format: Option<LogFormat>,
 }
@@ -109,12 +109,12 @@ impl From<Format> for LogFormat {
     }
 }
 
-/// How logs are written.
+/// The format of the log.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum LogFormat {
-    /// Lines for people.
+    /// Text for people
     Text,
-    /// One JSON object per line.
+    /// One JSON object per line
     Json,
 }
 
@@ -149,7 +149,7 @@ enum Command {
 }
 
 impl Command {
-    /// Which settings count, for a command that goes by some.
+    /// The settings of the subcommand, if it uses any.
     fn settings(&self) -> Option<&SettingsArgs> {
         match self {
             Command::Run(args) => Some(&args.settings),
@@ -205,13 +205,13 @@ impl Command {
     }
 }
 
-/// The definition of the command line, from which manual pages are made.
+/// The definition of the command line, from which the manual pages are generated.
 #[must_use]
 pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// Parses the command line, does what it says, and tells how it went.
+/// Parses the command line, runs the subcommand and returns its exit code.
 pub fn main() -> ExitCode {
     keep_descriptors();
     let mut args = std::env::args_os().skip(1);
@@ -227,7 +227,7 @@ pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => {
-            // Nothing can be done about a broken stderr here.
+            // A broken stderr cannot be reported.
             let _ = error.print();
             return if error.use_stderr() {
                 Exit::Usage
@@ -237,9 +237,9 @@ pub fn main() -> ExitCode {
             .into();
         }
     };
-    // A config that is wrong is told by the command that needs it.
+    // An invalid config is reported by the subcommand that needs it.
     let named = match cli.command {
-        // The unit's config, which may be another user's.
+        // Here --config names the unit's config, which may belong to another user.
         Command::Service(_) => None,
         _ => cli.config.file,
     };
@@ -267,7 +267,7 @@ pub fn main() -> ExitCode {
     exit.into()
 }
 
-/// The life of a confined process, by what it is started for.
+/// Runs a confined process of the kind named by its first argument.
 fn work(mut args: impl Iterator<Item = OsString>) -> ExitCode {
     match args.next() {
         Some(kind) if kind == INSPECTION => inspection_main(args),
@@ -276,9 +276,9 @@ fn work(mut args: impl Iterator<Item = OsString>) -> ExitCode {
     }
 }
 
-/// A panic is our fault: one line says where, and nothing else is printed unless `RUST_BACKTRACE`
-/// asks for it. Goes through the console: a blocked stderr must not keep a panicking thread from
-/// stopping the robot.
+/// Reports panics as internal errors: one line with the location, and a backtrace only if
+/// `RUST_BACKTRACE` requests it. Writes through the console: a blocked stderr must not keep a
+/// panicking thread from stopping the robot.
 fn report_panics(console: Console) {
     std::panic::set_hook(Box::new(move |panic| {
         let payload = payload_text(panic.payload());
@@ -294,19 +294,19 @@ fn report_panics(console: Console) {
     }));
 }
 
-/// What `panic!` was given, if it was text.
+/// The message given to `panic!`, if it is text.
 fn payload_text(payload: &(dyn std::any::Any + Send)) -> &str {
     let text = payload.downcast_ref::<&str>().copied();
     text.or_else(|| payload.downcast_ref::<String>().map(String::as_str))
         .unwrap_or("no message")
 }
 
-/// Such as `1 error` and `2 errors`.
+/// Formats a count, such as `1 error` or `2 errors`.
 fn plural(count: usize, word: &str) -> String {
     format!("{count} {word}{}", if count == 1 { "" } else { "s" })
 }
 
-/// Runs a future on a runtime of its own. What is left in the background is given up.
+/// Runs a future on its own runtime. Abandons unfinished background work.
 fn block_on<F: Future>(future: F) -> Result<F::Output, Failure> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
@@ -318,14 +318,14 @@ fn block_on<F: Future>(future: F) -> Result<F::Output, Failure> {
     Ok(output)
 }
 
-/// Writes to stdout, for people or as JSON: nothing in it, wherever it is from, moves a terminal. A
-/// reader that has seen enough is no failure.
+/// Writes text to stdout, without control sequences that could affect a terminal. A closed pipe is
+/// not an error.
 fn print(text: &str) -> Result<(), Failure> {
     print_coloured(text, false)
 }
 
-/// As [`print`]; with `colour` the sequences that set colours pass: all text from outside must have
-/// been cleaned before.
+/// Like [`print`], but with `colour` keeps the sequences that set colours: the caller must already
+/// have cleaned all text from outside.
 fn print_coloured(text: &str, colour: bool) -> Result<(), Failure> {
     let text = clean::text(text, colour);
     let mut out = std::io::stdout().lock();

@@ -1,5 +1,5 @@
-//! `spykee new`: a folder to begin in, with a behaviour, its config, its test and what an editor
-//! needs.
+//! `spykee new`: creates a project folder with a behaviour, its config, its tests and files for
+//! editors.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,33 +11,33 @@ use super::{Exit, Failure, print};
 use crate::api;
 use crate::config;
 
-/// The longest name.
+/// Maximum length of a name.
 const MAX_NAME: usize = 64;
 
-/// Make a folder for a new behaviour: script, config, scenarios, completion for editors
+/// Create a folder for a new behaviour: script, config, scenarios, completion for editors
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct NewArgs {
     /// Name of the behaviour and its folder: letters, digits, `_` and `-`, beginning with a letter
     #[arg(value_name = "NAME", value_parser = parse_name)]
     name: String,
 
-    /// What the behaviour does at first
+    /// Behaviour to start from
     #[arg(long, value_enum, default_value = "patrol")]
     template: Template,
 
-    /// Make the folder in this one
+    /// Parent folder; created if missing
     #[arg(long, value_name = "DIR", default_value = ".")]
     into: PathBuf,
 }
 
-/// What the behaviour does at first.
+/// The behaviour to start from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Template {
-    /// Drives a square again and again.
+    /// Drives a square repeatedly
     Patrol,
-    /// Follows something red.
+    /// Follows a red object
     Follow,
-    /// Prints a greeting.
+    /// Prints a greeting
     Empty,
 }
 
@@ -61,7 +61,7 @@ impl Template {
     }
 }
 
-/// A name is a folder's, a file's and a behaviour's.
+/// Parses a name, which must be valid for a folder, a file and a behaviour.
 fn parse_name(text: &str) -> Result<String, ArgumentError> {
     let usual = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
     let right = text.starts_with(|c: char| c.is_ascii_alphabetic())
@@ -71,10 +71,10 @@ fn parse_name(text: &str) -> Result<String, ArgumentError> {
     right.then(|| text.to_owned()).ok_or(ArgumentError::Project)
 }
 
-/// Makes the folder; one that is there is left alone.
+/// Creates the folder. Does not change an existing one.
 ///
 /// # Errors
-/// If it is there or cannot be made.
+/// The folder exists or cannot be created.
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     let folder = if args.into.as_os_str() == "." {
         PathBuf::from(&args.name)
@@ -83,18 +83,21 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     };
     let shown = folder.display();
     fs::create_dir_all(&args.into).map_err(|error| {
-        Failure::usage(format_args!("cannot make {}: {error}", args.into.display()))
+        Failure::usage(format_args!(
+            "cannot create {}: {error}",
+            args.into.display()
+        ))
     })?;
     fs::create_dir(&folder).map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
             .help("nothing was changed; choose another name"),
-        _ => Failure::usage(format_args!("cannot make {shown}: {error}")),
+        _ => Failure::usage(format_args!("cannot create {shown}: {error}")),
     })?;
     for (name, text) in files(&args.name, args.template) {
         write(&folder.join(name), &text)?;
     }
     print(&format!(
-        "made {shown}\n\nnext:\n  cd {shown}\n  spykee run {}.lua --sim\n",
+        "created {shown}\n\nnext:\n  cd {shown}\n  spykee run {}.lua --sim\n",
         args.name
     ))?;
     Ok(Exit::Done)
@@ -107,7 +110,7 @@ fn write(path: &Path, text: &str) -> Result<(), Failure> {
         .map_err(|error| Failure::usage(format_args!("cannot write {}: {error}", path.display())))
 }
 
-/// All files by name.
+/// All files to write, as (name, text).
 fn files(name: &str, template: Template) -> Vec<(String, String)> {
     let (behaviour, test) = template.texts();
     let own = |text: &str| text.replace("{{NAME}}", name);
@@ -150,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_that_lead_elsewhere_or_mean_something_else_are_refused() {
+    fn names_that_are_paths_or_flags_are_refused() {
         for wrong in ["", "a/b", "../a", ".", "1st", "-v", "a b", "é", "x_test"] {
             assert!(parse_name(wrong).is_err(), "{wrong}");
         }
@@ -159,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_right() {
+    fn the_written_files_are_valid() {
         for template in Template::value_variants() {
             let files = files("mine", *template);
             for (name, text) in &files {

@@ -1,4 +1,4 @@
-//! `spykee notify`, and the notifications of a run: the targets of the config, with their secrets.
+//! `spykee notify`, and the notifications of a run: reads the config's targets and their secrets.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::config::{Effective, Named};
 use crate::mqtt::{PostError, publish};
 use crate::notify::{Delivery, Letter, Notice, Notifier, Options, Post, Rule, Target, deliver};
 
-/// How long the targets may take at the end of a run.
+/// Time limit for the last deliveries at the end of a run.
 pub(super) const END: Duration = Duration::from_secs(3);
 
 /// Test the config's notification targets: webhooks, topics and commands
@@ -26,21 +26,20 @@ pub(super) struct NotifyArgs {
 
 #[derive(Debug, Clone, clap::Subcommand)]
 enum Action {
-    /// Send a message to a target, or to all, and report how each delivery went
+    /// Send a message to some or all targets and print the result of each delivery
     ///
-    /// Sends at once, without queue, rules or rate limits. The exit code is 4 if a target was not
-    /// reached.
+    /// Sends at once, without queue, rules or rate limits. The exit code is 4 if a delivery failed.
     #[command(after_help = "Example: spykee notify test phone --picture spykee-data/guard/1.jpg")]
     Test {
         /// Names of targets in the config's `notify: { targets: ... }` [default: all]
         #[arg(value_name = "TARGET")]
         targets: Vec<String>,
 
-        /// The text of the message
+        /// Text of the message
         #[arg(long, default_value = "a test of spykee's notifications")]
         text: String,
 
-        /// A JPEG to attach
+        /// JPEG picture to attach
         #[arg(long, value_name = "FILE.jpg")]
         picture: Option<PathBuf>,
 
@@ -57,7 +56,7 @@ impl NotifyArgs {
     }
 }
 
-/// Sends it.
+/// Sends the message.
 ///
 /// # Errors
 /// No such target, or secrets that cannot be read.
@@ -95,7 +94,7 @@ pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
     Ok(exit)
 }
 
-/// With a folder, in which it is read.
+/// The absolute path of a picture.
 fn absolute(path: &Path) -> Result<PathBuf, Failure> {
     path.canonicalize().map_err(|error| {
         Failure::usage(format_args!(
@@ -111,8 +110,8 @@ fn chosen<'a>(
 ) -> Result<Vec<(&'a String, &'a Target)>, Failure> {
     if options.targets.is_empty() {
         return Err(Failure::usage("the config names no target to notify").help(
-            "notify: { targets: { phone: { url: \"https://ntfy.sh/your-topic\" } } }; \
-             behaviours/README.md has more",
+            "add notify: { targets: { phone: { url: \"https://ntfy.sh/your-topic\" } } }; \
+             see behaviours/README.md",
         ));
     }
     if names.is_empty() {
@@ -131,7 +130,8 @@ fn chosen<'a>(
 /// The notifications of a run, if the config wants any.
 ///
 /// # Errors
-/// Secrets that cannot be read, or a config that was found and not named and wants too much.
+/// Secrets that cannot be read, or a config that was found, not named, and has targets that are
+/// only allowed in a named config.
 pub(super) fn start(settings: &Effective, bus: &Bus) -> Result<Option<Notifier>, Failure> {
     let options = &settings.config.notify;
     if options.targets.is_empty() {
@@ -143,7 +143,7 @@ pub(super) fn start(settings: &Effective, bus: &Bus) -> Result<Option<Notifier>,
     Ok(started.map_err(|error| tracing::warn!("{error}")).ok())
 }
 
-/// The way to the broker, if a target is a topic.
+/// The function that publishes to the broker, if a target is a topic.
 fn post(settings: &Effective) -> Result<Post, Failure> {
     if settings.config.notify.needs_broker().is_none() {
         return Ok(None);
@@ -185,20 +185,21 @@ fn tokens(settings: &Effective, options: &Options) -> Result<BTreeMap<String, St
     Ok(tokens)
 }
 
-/// A config that was found in the current folder may have come from anywhere: it starts no
-/// programs, talks to no broker and sends nothing of the environment.
+/// Refuses targets of a config that was found in the current folder if they start programs, use a
+/// broker or send environment variables: such a config may have come from anywhere.
 fn trusted(name: &str, target: &Target, config: &Path) -> Result<(), Failure> {
     let what = match target {
         Target { command, .. } if !command.is_empty() => "runs a program",
-        Target { topic: Some(_), .. } => "goes to a broker",
+        Target { topic: Some(_), .. } => "uses a broker",
         Target {
             token_env: Some(_), ..
-        } => "sends a variable of the environment",
+        } => "sends an environment variable",
         _ => return Ok(()),
     };
     let config = config.display();
     let failure = Failure::usage(format_args!(
-        "the config {config} was found here, not named, and its target {name} {what}"
+        "the target {name} {what}, but its config {config} was found in the current folder, not \
+         named"
     ));
     Err(failure.help(format!(
         "name the config, --config {config}, if you trust it"

@@ -6,10 +6,10 @@ use crate::behaviour::is_failure;
 use crate::link::LinkError;
 use crate::robot::EndReason;
 
-/// Of what a run has come to.
+/// The exit code for the outcome of a run.
 ///
 /// # Errors
-/// The first connection failed, or the agent broke down.
+/// The first connection failed, or a part of the agent ended unexpectedly.
 pub(super) fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
     let outcome = match outcome {
         Ok(outcome) => outcome,
@@ -33,13 +33,13 @@ pub(super) fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure
     })
 }
 
-/// Of the first connection.
+/// The failure of the first connection.
 fn unreachable(error: LinkError) -> Failure {
     if error.is_final() {
         return error.into();
     }
     let help = error.help();
     Failure::from(error).help(format!(
-        "{help}; `spykee run --wait` dials until it answers"
+        "{help}; `spykee run --wait` retries until it answers"
     ))
 }

@@ -1,11 +1,11 @@
-//! `--param NAME=VALUE`: values for what scripts declare with `params.declare`. Which names and values
-//! are right the script says itself, when it runs.
+//! `--param NAME=VALUE`: values for parameters that scripts declare with `params.declare`. Names
+//! and values are validated against the declaration when the script runs.
 
 use super::Failure;
 use super::argument::ArgumentError;
 use crate::script::{GivenParam, Options, ParamOrigin, ParamValue, suggestion};
 
-/// One value, perhaps for one of several behaviours.
+/// One value, optionally for one of several behaviours.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Param {
     behaviour: Option<String>,
@@ -14,7 +14,7 @@ pub(super) struct Param {
 }
 
 impl Param {
-    /// Reads `NAME=VALUE` or `BEHAVIOUR.NAME=VALUE`.
+    /// Parses `NAME=VALUE` or `BEHAVIOUR.NAME=VALUE`.
     pub(super) fn parse(text: &str) -> Result<Param, ArgumentError> {
         let (key, value) = text.split_once('=').ok_or(ArgumentError::Param)?;
         let (behaviour, name) = match key.rsplit_once('.') {
@@ -32,8 +32,8 @@ impl Param {
     }
 }
 
-/// Gives each value to its behaviour, in the place of one from the config. Of two values for one
-/// name the last counts.
+/// Gives each value to its behaviour; overrides values from the config. Of two values for one name
+/// the last is used.
 pub(super) fn give(params: &[Param], mut behaviours: Vec<&mut Options>) -> Result<(), Failure> {
     for param in params {
         let of = owner(param, &behaviours)?;
@@ -46,7 +46,7 @@ pub(super) fn give(params: &[Param], mut behaviours: Vec<&mut Options>) -> Resul
     Ok(())
 }
 
-/// The place of the behaviour that a value is for.
+/// The index of the behaviour that a value is for.
 fn owner(param: &Param, behaviours: &[&mut Options]) -> Result<usize, Failure> {
     let names = || behaviours.iter().map(|options| options.name.as_str());
     let known = || names().collect::<Vec<_>>().join(", ");
@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_value_may_hold_anything_and_a_behaviours_name_may_hold_dots() {
+    fn values_may_contain_anything_and_behaviour_names_may_contain_dots() {
         let parsed = |text: &str| {
             let Param {
                 behaviour,

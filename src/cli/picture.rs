@@ -1,4 +1,4 @@
-//! Pictures that are named on the command line, and the part of them that is looked at.
+//! Reads pictures named on the command line, and the part of them to search.
 
 use std::path::Path;
 
@@ -7,14 +7,15 @@ use super::argument::ArgumentError;
 use crate::files;
 use crate::vision::{FrameError, MAX_JPEG_LEN, Roi, Size};
 
-const NO_JPEG_HELP: &str = "JPEG is what the robot's camera sends and what scripts save; convert \
-                            pictures of another kind";
+const NO_JPEG_HELP: &str = "only JPEG is supported, as the robot's camera sends it and scripts save \
+                            it; convert other pictures";
 const TOO_LARGE_HELP: &str = "scale it down; the robot's own pictures are 320x240";
 
-/// The bytes of a file, at most one more than is looked at, so that a longer one is told as such.
+/// Reads a file, at most one byte more than the maximum length of a JPEG, so that a longer one can
+/// be reported as too long.
 ///
 /// # Errors
-/// Names the file and what the system says.
+/// The file cannot be read; the error names it and the system's reason.
 pub(super) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     files::read_beginning(path, MAX_JPEG_LEN as u64 + 1).map_err(|error| {
         Failure::usage(format_args!(
@@ -24,7 +25,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     })
 }
 
-/// A file that is no picture: which, why, and what to do.
+/// The failure for a file that is not a usable picture.
 pub(super) fn unusable(path: &Path, error: &FrameError) -> Failure {
     let failure = Failure::usage(format_args!("cannot use {}: {error}", path.display()));
     match error {
@@ -34,26 +35,26 @@ pub(super) fn unusable(path: &Path, error: &FrameError) -> Failure {
     }
 }
 
-/// The part of a picture that is looked at.
+/// The part of a picture to search.
 ///
 /// # Errors
-/// A part that is outside of this picture.
+/// A part that is outside the picture.
 pub(super) fn part(roi: Roi, size: Size, path: &Path) -> Result<Roi, Failure> {
     roi.within(size).ok_or_else(|| {
         let Roi { x, y, w, h } = roi;
         let Size { width, height } = size;
         let path = path.display();
         Failure::usage(format_args!(
-            "the part {x},{y},{w},{h} is outside of {path}, which is {width}x{height}"
+            "the part {x},{y},{w},{h} is outside {path}, which is {width}x{height}"
         ))
-        .help("--roi is left column, top row, width, height, from 0,0 at the top left")
+        .help("--roi is left column, top row, width, height; 0,0 is the top left")
     })
 }
 
-/// Reads `x,y,w,h`, as for `--roi`.
+/// Parses `x,y,w,h`, as for `--roi`.
 ///
 /// # Errors
-/// What was expected.
+/// Invalid text; the error names the expected form.
 pub(super) fn parse_roi(text: &str) -> Result<Roi, ArgumentError> {
     let numbers: Option<Vec<u32>> = text
         .split(',')
@@ -86,7 +87,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_text_is_a_part_that_panics(text in "[-0-9, x]{0,40}", width in 1u32..2000) {
+        fn no_text_causes_a_panic(text in "[-0-9, x]{0,40}", width in 1u32..2000) {
             if let Ok(roi) = parse_roi(&text) {
                 let size = Size { width, height: 240 };
                 let inside = part(roi, size, Path::new("a.jpg"));

@@ -1,4 +1,4 @@
-//! A service that was started as root drops its privileges.
+//! Drops the privileges of a service that was started as root.
 
 use std::ffi::CString;
 use std::os::unix::fs::{DirBuilderExt as _, chown};
@@ -8,43 +8,43 @@ use nix::unistd::{Gid, Uid, User, initgroups, setgid, setuid};
 
 use super::Failure;
 
-/// Leaves root for this user, for good; `root` itself means to stay. Does nothing for others. The data
-/// folder is made for the user if it is not there.
+/// If started as root, permanently switches to this user; `root` itself keeps the privileges. Does
+/// nothing if not started as root. Creates the data folder for the user if it is missing.
 ///
 /// # Errors
-/// No user was named, there is no such user, or the system does not let us.
+/// No user was named, the user does not exist, or a system call failed.
 pub(super) fn leave_root(user: Option<&str>, data: &Path) -> Result<(), Failure> {
     if !Uid::effective().is_root() {
         return Ok(());
     }
     let Some(name) = user else {
         let failure =
-            Failure::usage("a service does not run as root, and the config names no user");
+            Failure::usage("a service must not run as root, and the config names no user");
         return Err(failure.help(
-            "`service: { user: NAME }` in the config names one; `user: root` means it; \
-             `spykee service install` makes a unit with a user of its own",
+            "name one in the config, `service: { user: NAME }`; `user: root` stays root; \
+             `spykee service install` creates a unit with its own user",
         ));
     };
     if name == "root" {
-        tracing::warn!("the service continues as root, as its config says");
+        tracing::warn!("the service continues as root, as the config requests");
         return Ok(());
     }
     let found = User::from_name(name).ok().flatten();
     let user = found.ok_or_else(|| {
-        let failure = Failure::usage(format_args!("no user of this computer is called `{name}`"));
-        failure.help("`service: { user: ... }` in the config names an existing user")
+        let failure = Failure::usage(format_args!("this computer has no user `{name}`"));
+        failure.help("name an existing user in the config, `service: { user: ... }`")
     })?;
     give_folder(data, &user).map_err(|error| {
         let data = data.display();
-        Failure::usage(format_args!("cannot make {data} for `{name}`: {error}"))
+        Failure::usage(format_args!("cannot create {data} for `{name}`: {error}"))
     })?;
     become_user(&user)
         .map_err(|why| Failure::usage(format_args!("cannot continue as `{name}`: {why}")))?;
-    tracing::info!("started as root, continues as {name}");
+    tracing::info!("started as root, now running as {name}");
     Ok(())
 }
 
-/// An existing folder stays as it is.
+/// Creates the folder for this user. Does not change an existing one.
 fn give_folder(data: &Path, user: &User) -> std::io::Result<()> {
     if data.exists() {
         return Ok(());
@@ -56,14 +56,14 @@ fn give_folder(data: &Path, user: &User) -> std::io::Result<()> {
     chown(data, Some(user.uid.as_raw()), Some(user.gid.as_raw()))
 }
 
-/// Why a process is still root.
+/// Why dropping the privileges failed.
 #[derive(Debug, thiserror::Error)]
 enum StillRoot {
     #[error(transparent)]
     Name(#[from] std::ffi::NulError),
     #[error(transparent)]
     System(#[from] nix::Error),
-    #[error("the system did not give up root's rights")]
+    #[error("the process still has root's privileges")]
     Kept,
 }
 

@@ -1,4 +1,5 @@
-//! How a robot is reached: which robot the flags and the config name, and a link to it or to a simulator started here.
+//! Chooses the robot that the flags or the config name, and connects to it or to a simulator
+//! started here.
 
 use super::embedded::{EmbeddedSim, Simulated};
 use super::{ConnectionArgs, Failure, RobotChoice};
@@ -11,8 +12,8 @@ pub(super) fn place(connection: &ConnectionArgs, config: &Config) -> Result<Robo
     let from_config = || config.robot.clone().map(RobotChoice::Robot);
     connection.place().or_else(from_config).ok_or_else(|| {
         Failure::usage("which robot? neither --robot nor --sim was given").help(
-            "--sim runs on a simulated robot; --robot HOST[:PORT] on yours \
-             (spykee discover finds it)",
+            "--sim uses a simulated robot; --robot HOST[:PORT] uses yours (`spykee discover` finds \
+             it)",
         )
     })
 }
@@ -25,7 +26,7 @@ pub(super) fn reach(
     reach_with(place, login, seed, Simulated::default())
 }
 
-/// As [`reach`], with a simulated robot of this kind.
+/// Like [`reach`], with these options for a simulated robot.
 pub(super) fn reach_with(
     place: RobotChoice,
     login: &Login,

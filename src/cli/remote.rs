@@ -1,4 +1,4 @@
-//! `--url` and `--token-file`: a service on another computer, in place of a run on this one.
+//! `--url` and `--token-file`: a service on another computer, instead of a run on this one.
 
 use std::path::PathBuf;
 
@@ -7,25 +7,25 @@ use super::{Exit, Failure, block_on, secret};
 use crate::config::{Effective, Named};
 use crate::control::{AskError, Client, Remote};
 
-/// Which service.
+/// Selects the service.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub(super) struct RemoteArgs {
-    /// Ask the service at this address, http://HOST:PORT, through its JSON API [default: the
-    /// config's `remote: url`]
+    /// Address of a service, http://HOST:PORT, to use through its JSON API instead of a local run
+    /// [default: the config's `remote: url`]
     #[arg(long, value_name = "URL")]
     url: Option<String>,
 
-    /// With --url: a file with a token of that service in its first line (`spykee token new` there
-    /// makes one)
+    /// With --url: file with a token of that service in its first line; `spykee token new` on its
+    /// computer creates one
     #[arg(long, value_name = "FILE", requires = "url")]
     token_file: Option<PathBuf>,
 }
 
 impl RemoteArgs {
-    /// The service that is meant, if one is: that of the command line, or else of the config.
+    /// A client of the service that the command line or else the config names, if any.
     ///
     /// # Errors
-    /// An address or a token that is not valid; the service is out of reach, or refuses the token.
+    /// An invalid address or token; the service cannot be reached or refuses the token.
     pub(super) fn client(&self, settings: &SettingsArgs) -> Result<Option<Client>, Failure> {
         let effective = settings.load()?;
         let options = &effective.config.remote;
@@ -42,13 +42,14 @@ impl RemoteArgs {
         asked.map(Some).map_err(|error| unreachable(url, &error))
     }
 
-    /// It was named on the command line.
+    /// Whether the command line names a service.
     pub(super) fn is_named(&self) -> bool {
         self.url.is_some()
     }
 }
 
-/// The config's. One of a config that was found, not named, is beside it.
+/// The token of the config. A config that was found, not named, may only name a file in its own
+/// folder.
 fn token(effective: &Effective) -> Result<Option<String>, Failure> {
     let Some(path) = &effective.config.remote.token_file else {
         return Ok(None);
@@ -63,9 +64,9 @@ fn token(effective: &Effective) -> Result<Option<String>, Failure> {
 fn unreachable(url: &str, error: &AskError) -> Failure {
     let help = match error {
         AskError::Denied(_) => {
-            "--token-file names a file with a token; `spykee token new NAME` makes one there"
+            "name a file with a token, --token-file FILE; `spykee token new NAME` there creates one"
         }
-        _ => "does it serve there, with `live: { listen: IP:PORT }` in its config?",
+        _ => "is the service running there, with `live: { listen: IP:PORT }` in its config?",
     };
     Failure::new(Exit::Unreachable, format_args!("{url}: {error}")).help(help)
 }

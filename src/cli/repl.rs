@@ -1,6 +1,5 @@
-//! `spykee repl`: type Lua and see what the robot does. Lines run in a behaviour host like any
-//! script, behind the same pilot and watchdog; the terminal has a thread of its own, and whatever
-//! it does, nothing here waits for it.
+//! `spykee repl`: runs typed Lua on a robot. Lines run in a behaviour host like any script, behind
+//! the same pilot and watchdog. The terminal has its own thread; nothing here blocks on it.
 
 mod editor;
 mod history;
@@ -29,14 +28,14 @@ use crate::robot::EndReason;
 use crate::script::{self, Evaluated, Level, LogLine};
 use editor::{EditorCommand, Next, Typed};
 
-/// What the session is called in logs, and its data folder.
+/// Name of the session in logs, and of its data folder.
 const NAME: &str = "repl";
-/// How long the terminal may take to show a prompt before the tracks are stopped.
+/// If the terminal takes longer than this to show a prompt, the tracks are stopped.
 const TERMINAL_LIMIT: Duration = Duration::from_secs(2);
-/// Texts that may wait for the terminal, and one place for what becomes of the line.
+/// Length of the queue to the terminal; the last slot is reserved for the outcome of the line.
 const MAX_TOLD: usize = 257;
 
-/// Run the Lua that you type, at once
+/// Run Lua interactively on a robot
 ///
 /// Ctrl-C stops the tracks, all tasks and all handlers; Ctrl-D ends the session. Lines can also
 /// come from a pipe; then the exit code is 1 if one of them failed.
@@ -53,10 +52,10 @@ pub(super) struct ReplArgs {
     connection: ConnectionArgs,
 }
 
-/// Until a person has had enough.
+/// Runs the session until the user ends it.
 ///
 /// # Errors
-/// Whatever keeps the session from beginning: files, config, the robot.
+/// Anything that prevents the session from starting: files, config, the robot.
 pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let config = args.settings.config()?.clone();
     args.settings.announce();
@@ -85,7 +84,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     outcome
 }
 
-/// A script of no lines that lives on.
+/// An empty script that keeps running and evaluates lines.
 fn launch(config: &Config, seed: u64) -> Result<Launch, Failure> {
     let data = config.data_folder().join(NAME);
     let options = script::Options {
@@ -141,7 +140,7 @@ async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<
             () = until(repl.terminal_due) => repl.give_up_on_terminal(),
             typed = typed.recv(), if repl.order.is_some() => match typed {
                 Some(typed) => repl.take(typed),
-                // A prompt that is gone: no more input can come.
+                // The prompt's thread has ended: no more input can arrive.
                 None => drop(repl.order.take()),
             },
         }
@@ -155,21 +154,21 @@ async fn next(signal: &mut Option<Signal>) {
     }
 }
 
-/// What stands between the prompt and the behaviour.
+/// Connects the prompt with the behaviour.
 struct Repl {
-    /// `None`: no further orders, the session ends.
+    /// Commands to the behaviour; `None` ends the session.
     order: Option<mpsc::Sender<PromptCommand>>,
     tell: mpsc::Sender<EditorCommand>,
     console: Console,
-    /// A person types; otherwise lines come from a pipe.
+    /// Whether a person types; otherwise lines come from a pipe.
     interactive: bool,
-    /// The first behaviour is there.
+    /// Whether the behaviour has been ready once.
     begun: bool,
-    /// A line is being run, and the prompt waits.
+    /// Whether a line is running and the prompt waits for it.
     running: bool,
-    /// A line has failed.
+    /// Whether a line has failed.
     failed: bool,
-    /// When a terminal that shows no prompt has had its time.
+    /// Deadline of the terminal for showing a prompt.
     terminal_due: Option<Instant>,
 }
 
@@ -192,7 +191,8 @@ impl Repl {
         }
     }
 
-    /// One that finds no room ends the session: better than a robot that does not hear.
+    /// Sends a command to the behaviour. Ends the session if the queue is full, since the robot
+    /// would otherwise miss the command.
     fn order(&mut self, order: PromptCommand) {
         let sent = self.order.as_ref().map(|orders| orders.try_send(order));
         if sent.is_some_and(|sent| sent.is_err()) {
@@ -200,7 +200,8 @@ impl Repl {
         }
     }
 
-    /// A session that waits for nothing but a robot with a low battery is ended by it.
+    /// Interrupts the line. If the session has ended and only waits for a robot with a low battery
+    /// to return to its station, stops waiting.
     fn interrupted(&mut self, stop: &CancellationToken) {
         match self.order {
             Some(_) => self.order(PromptCommand::Interrupt),
@@ -222,7 +223,7 @@ impl Repl {
                 let reason = ending.reason;
                 self.failed |= !matches!(reason, EndReason::Done);
                 self.print(&format!(
-                    "ended ({reason}): {why}\na new session begins; its variables are empty"
+                    "ended ({reason}): {why}\na new session starts; all variables are unset"
                 ));
                 if self.running {
                     self.finish(Next::Prompt);
@@ -245,12 +246,12 @@ impl Repl {
         self.finish(Next::Prompt);
     }
 
-    /// While a line runs its output goes the way of its answer, in order; else above the prompt.
+    /// Prints text: while a line runs, in order with its result; otherwise above the prompt.
     fn print(&self, text: &str) {
         if !self.running {
             return self.console.say("INFO", text);
         }
-        // The last place is for what becomes of the line.
+        // The last slot is reserved for the outcome of the line.
         if self.tell.capacity() > 1 {
             let _ = self.tell.try_send(EditorCommand::Print(text.to_owned()));
         }
@@ -265,7 +266,7 @@ impl Repl {
     fn give_up_on_terminal(&mut self) {
         self.terminal_due = None;
         self.order(PromptCommand::Interrupt);
-        tracing::warn!("the terminal takes no output: everything was stopped");
+        tracing::warn!("the terminal does not accept output: everything was stopped");
     }
 
     fn exit(&self, ended: Result<bool, TalkError>, interrupted: bool) -> Result<Exit, Failure> {
@@ -285,7 +286,7 @@ impl Repl {
     }
 }
 
-/// A log line as a person at a prompt reads it.
+/// Formats a log line for a person at a prompt.
 fn written(line: &LogLine) -> String {
     let mut text = match line.level {
         Level::Debug => "debug: ".to_owned(),

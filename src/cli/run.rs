@@ -40,24 +40,24 @@ use crate::sim;
 use crate::timetable::View;
 use crate::wire::Login;
 
-/// The longest `--for`: a year.
+/// Maximum of `--for`: a year, in seconds.
 const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
 /// Run behaviours on a robot, or on a simulated one with --sim
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct RunArgs {
-    /// Behaviour scripts; several run at once [default: those of the config]
+    /// Behaviour scripts; several run at the same time [default: the config's behaviours]
     #[arg(value_name = "FILE.lua")]
     files: Vec<PathBuf>,
 
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// Keep dialling until the robot answers, instead of ending with exit code 3
+    /// Retry until the robot answers, instead of ending with exit code 3
     #[arg(long, conflicts_with = "fast")]
     wait: bool,
 
-    /// End this many seconds after the first connection
+    /// Time limit of the run, in seconds after the first connection
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
     limit: Option<Duration>,
 
@@ -65,29 +65,29 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 
-    /// Keep copies of the frames that the behaviours look at, with everything they find drawn in:
+    /// Save the frames that the behaviours look at, with everything they find marked:
     /// DIR/BEHAVIOUR/00.jpg to 99.jpg, at most two per second, the newest hundred
     #[arg(long, value_name = "DIR")]
     annotate: Option<PathBuf>,
 
-    /// Whether a behaviour that failed is restarted, after growing pauses and a limited number of
-    /// times. Overrides the config, for all behaviours
+    /// Whether to restart a behaviour that failed, after growing pauses and a limited number of
+    /// times; overrides the config for all behaviours
     #[arg(long, value_name = "POLICY", value_parser = restart_words())]
     restart: Option<RestartPolicy>,
 
-    /// Reload a behaviour whenever its file is saved; Ctrl-C ends the run
+    /// Reload a behaviour when its file is saved; Ctrl-C ends the run
     #[arg(long, conflicts_with = "fast")]
     watch: bool,
 
-    /// With --sim: draw the robot's path and the events onto the map of its world
+    /// With --sim: draw the robot's path and the events on the map of its world into this file
     #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
     trace: Option<PathBuf>,
 
-    /// With --sim: run in virtual time, as fast as possible. The same seed gives the same run
+    /// With --sim: run in virtual time, as fast as possible; the same seed gives the same run
     #[arg(long)]
     fast: bool,
 
-    /// With --sim: the date and time at the start, in the config's time zone [default: now; with
+    /// With --sim: date and time at the start, in the config's time zone [default: now; with
     /// --fast: 2026-01-01 09:00 UTC]
     #[arg(long, value_name = "DATE")]
     date: Option<Date>,
@@ -96,17 +96,18 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
 
-    /// Show the run in the browser and steer it from there; prints the address [default:
+    /// Serve a web page that shows and controls the run, and print its address [default:
     /// 127.0.0.1:7788]. The run continues when its behaviours have ended; Ctrl-C ends it. With
     /// --fast the page controls the clock: pause, single steps, 1 to 100 times real time
     #[arg(long, value_name = "IP:PORT", num_args = 0..=1, require_equals = true)]
     live: Option<Option<SocketAddr>>,
 
-    /// Skip the check for mistakes before the run
+    /// Skip the check of the scripts before the start
     #[arg(long)]
     no_check: bool,
 
-    /// Set a parameter that the script declares; with several behaviours BEHAVIOUR.NAME=VALUE
+    /// Value of a parameter that the script declares; with several behaviours
+    /// BEHAVIOUR.NAME=VALUE; may be repeated
     #[arg(long = "param", value_name = "NAME=VALUE", value_parser = Param::parse)]
     params: Vec<Param>,
 
@@ -117,13 +118,13 @@ pub(super) struct RunArgs {
     connection: ConnectionArgs,
 }
 
-/// As the config has them; the numbers of a table are its usual ones.
+/// Parses a restart policy by the same words as the config; its other numbers have their defaults.
 fn restart_words() -> impl TypedValueParser<Value = RestartPolicy> {
     PossibleValuesParser::new(RestartPolicy::WORDS)
         .try_map(|word| word.parse::<RestartPolicy>().map_err(std::io::Error::other))
 }
 
-/// A number of seconds, up to a year.
+/// Parses a number of seconds, up to a year.
 pub(super) fn parse_seconds(text: &str) -> Result<Duration, ArgumentError> {
     let seconds = text
         .parse()
@@ -133,10 +134,10 @@ pub(super) fn parse_seconds(text: &str) -> Result<Duration, ArgumentError> {
     duration.ok_or(ArgumentError::Duration(LONGEST_RUN))
 }
 
-/// Runs until the scripts have ended, the time is over, or a person interrupts.
+/// Runs until the scripts have ended, the time limit is reached, or a signal arrives.
 ///
 /// # Errors
-/// Whatever keeps the run from beginning: files, config, the robot.
+/// Anything that prevents the run from starting: files, config, the robot.
 pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let mut args = args.clone();
     args.files
@@ -152,7 +153,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         blueprints,
         watches,
     } = cast(&args, &config, seed)?;
-    // Under watch the keeper looks: a mistake does not end the run there.
+    // With --watch the agent checks each version: a mistake must not end the run.
     if !args.no_check && !args.watch {
         check::before_run(&behaviours, console)?;
     }
@@ -233,7 +234,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
     journal.map(|journal| journal.finish(JOURNAL_END));
     voice.map(|voice| voice.finish(notify::END));
-    // Also of a run that failed or was interrupted: then people want to see it most.
+    // Also drawn for a run that failed or was interrupted, where it is most useful.
     let drawn = match (trace, &sim) {
         (Some(trace), Some(sim)) => trace.write(&sim.handle()),
         _ => Ok(()),
@@ -264,7 +265,7 @@ fn page(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> Ahead {
     Ahead::of(config, watch::channel(scripts.into()).1, bus)
 }
 
-/// The whole run in virtual time, in this process.
+/// Runs in virtual time, in this process.
 fn fast(
     (args, trace): (&RunArgs, Option<TraceFile>),
     config: &Config,
@@ -284,7 +285,7 @@ fn fast(
         sim: sim::Options {
             login,
             firmware: args.firmware.load()?,
-            // Faults of people at the page.
+            // A page lets people start faults.
             faults: args.live.map(|_| Vec::new()),
             ..sim::Options::default()
         },
@@ -361,7 +362,7 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
     } else {
         args.files.iter().map(named).collect()
     };
-    // With a page there is always something to do: driving by hand.
+    // With a page, a run without behaviours is useful for manual driving.
     if entries.is_empty() && args.live.is_none() {
         let failure = Failure::usage("what to run? no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
@@ -381,13 +382,13 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
     .cast(&entries)
 }
 
-/// A fast run is the same on every computer.
+/// The time zone. A fast run does not use the computer's zone, to be the same on every computer.
 fn zone(args: &RunArgs, config: &Config) -> Zone {
     let fast = || config.time_zone.clone().unwrap_or_else(Zone::utc);
     if args.fast { fast() } else { config.zone() }
 }
 
-/// The time of day that scripts are told, and that the journal has.
+/// The clock for scripts and for the journal.
 fn clock(args: &RunArgs, config: &Config) -> Clock {
     match args.date {
         Some(date) if !args.fast => Clock::set_to(date.at(&zone(args, config))),

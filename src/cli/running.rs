@@ -1,5 +1,4 @@
-//! Runs that are on in this data folder: which of them has the robot that is meant, and what becomes of
-//! an errand that it is sent.
+//! Finds the active run of this data folder that uses the chosen robot, and sends requests to it.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -11,14 +10,14 @@ use super::{ConnectionArgs, Exit, Failure, block_on};
 use crate::control::{self, Answer, Client, Errand};
 use crate::link::Target;
 
-/// How long a run may take for what is done at once.
+/// Timeout for requests that a run carries out immediately.
 pub(super) const AT_ONCE: Duration = Duration::from_secs(5);
 
-/// The run that has the named robot, else the config's robot, or else the only run. With --sim there is
-/// no such run: the robot is started here.
+/// The run that uses the named robot, else the config's robot, or else the only run. `None` with
+/// `--sim`, which starts its own robot.
 ///
 /// # Errors
-/// A config that cannot be used; several runs, and none was named.
+/// A config that cannot be used; several runs are active and no robot was named.
 pub(super) fn run_on(
     settings: &SettingsArgs,
     connection: &ConnectionArgs,
@@ -33,11 +32,11 @@ pub(super) fn run_on(
     }
 }
 
-/// The run that has this robot; without one, the service of the command line or the config, the run
-/// that has the config's robot, or else the only run.
+/// The run that uses this robot; without one, the service that the command line or the config
+/// names, the run that uses the config's robot, or else the only run.
 ///
 /// # Errors
-/// As [`run_on`].
+/// See [`run_on`].
 pub(super) fn run_of(
     settings: &SettingsArgs,
     robot: Option<&Target>,
@@ -56,7 +55,7 @@ pub(super) fn run_of(
     let config = settings.config()?;
     let (mut runs, silent) = block_on(control::runs(config.data_folder()))?;
     if silent > 0 {
-        tracing::warn!("a run does not answer: is it stopped by Ctrl-Z, or of another version?");
+        tracing::warn!("a run does not answer: is it suspended by Ctrl-Z, or of another version?");
     }
     if let Some(target) = robot.or(config.robot.as_ref()) {
         runs.retain(|run| has(run, target));
@@ -68,7 +67,7 @@ pub(super) fn run_of(
     Ok(runs.into_iter().next())
 }
 
-/// By name as the run was given it, or by address.
+/// Whether the run uses this robot: compares the name given to the run, and the connected address.
 fn has(run: &Client, target: &Target) -> bool {
     let target = target.to_string();
     let address = |text: &str| text.parse::<SocketAddr>().ok();
@@ -77,10 +76,11 @@ fn has(run: &Client, target: &Target) -> bool {
     run.overview.target == target || (connected.is_some() && connected == address(&target))
 }
 
-/// Asks a run, and waits so long. `None`: interrupted; then the run gives the errand up.
+/// Sends a request to a run and waits for its reply, at most `limit`. `None` if interrupted; then
+/// the run cancels the request.
 ///
 /// # Errors
-/// It does not answer, its robot is out of reach, or it refuses.
+/// The run does not answer, its robot cannot be reached, or it refuses the request.
 pub(super) fn ask(
     run: &Client,
     errand: &Errand,
@@ -105,26 +105,27 @@ pub(super) fn ask(
             Err(failure.help("is the robot still in reach of its Wi-Fi?"))
         }
         Some(Answer::Refused(why)) => {
-            let what = format!("the run ({name}) refuses it: {why}");
+            let what = format!("the run ({name}) refused the request: {why}");
             Err(Failure::new(Exit::Script, what).help("`spykee status` shows its state"))
         }
         answer => Ok(answer),
     }
 }
 
-/// An answer to another question: only a run of another version gives such a one.
+/// The failure for a reply that does not match the request, which only a run of another version
+/// sends.
 pub(super) fn nonsense() -> Failure {
-    Failure::new(Exit::Unreachable, "the run gave an unexpected answer")
+    Failure::new(Exit::Unreachable, "the run sent an unexpected reply")
         .help("was it started by another version of this program?")
 }
 
-/// The run has the robot, and this needs it alone.
+/// The failure for a command that needs the robot to itself while a run uses it.
 pub(super) fn taken(run: &Client) -> Failure {
     let overview = &run.overview;
     let what = format!(
-        "a run has the robot {} ({}), and this needs it alone",
+        "a run uses the robot {} ({}), but this command needs it to itself",
         overview.target,
         run.name()
     );
-    Failure::new(Exit::Unreachable, what).help("end the run first: `spykee robot stop` does")
+    Failure::new(Exit::Unreachable, what).help("end the run first, with `spykee robot stop`")
 }

@@ -1,4 +1,4 @@
-//! `spykee status`: which runs are on, and how things stand with them.
+//! `spykee status`: lists the active runs and their states.
 
 use super::remote::RemoteArgs;
 use super::settings::SettingsArgs;
@@ -23,11 +23,11 @@ const HEAD: [(&str, Side); 8] = [
 ///
 /// Asks every `spykee run` and `spykee serve` of this data folder through its private socket, or
 /// with --url a service on another computer. `spykee robot battery`, `info`, `snapshot`, `dock`,
-/// `undock`, `stop`, `led`, `play`, `volume` and `say` go through the run as well.
+/// `undock`, `stop`, `led`, `play`, `volume` and `say` also go through the run.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee status --json")]
 pub(super) struct StatusArgs {
-    /// Print a JSON list
+    /// Print a JSON array
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -36,7 +36,7 @@ pub(super) struct StatusArgs {
     pub(super) settings: SettingsArgs,
 }
 
-/// Lists them.
+/// Lists the runs.
 ///
 /// # Errors
 /// A config that cannot be used.
@@ -49,7 +49,7 @@ pub(super) fn run(args: &StatusArgs) -> Result<Exit, Failure> {
     };
     if silent > 0 {
         tracing::warn!(
-            "runs that do not answer: {silent}; are they stopped by Ctrl-Z, or of another version?"
+            "runs that do not answer: {silent}; are they suspended by Ctrl-Z, or of another version?"
         );
     }
     let runs: Vec<Overview> = runs.into_iter().map(|run| run.overview).collect();
@@ -88,7 +88,7 @@ fn row(run: &Overview, zone: &Zone) -> Vec<String> {
     ]
 }
 
-/// As people read it.
+/// Describes the battery, for people.
 pub(super) fn words(battery: Battery) -> String {
     let charging = if battery.charging { ", charging" } else { "" };
     let left = battery.minutes_left.map_or_else(String::new, |minutes| {

@@ -1,4 +1,4 @@
-//! `spykee schedule`: what the timetable will do, and what it will not and why.
+//! `spykee schedule`: lists the timetable's coming starts, and those that will not happen and why.
 
 use jiff::Timestamp;
 use serde_json::{Value, json};
@@ -19,20 +19,20 @@ const HEAD: [(&str, Side); 4] = [
 
 /// List the coming starts of the timetable, and those that will not happen and why
 ///
-/// Reads only the config: it cannot know whether the robot will be in reach, or what a person will
+/// Reads only the config: it does not know whether the robot will be in reach or what people will
 /// start in the meantime.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee schedule --next 20 --from \"2026-03-28 12:00\"")]
 pub(super) struct ScheduleArgs {
-    /// How many starts to show
+    /// Number of starts to show
     #[arg(long, value_name = "COUNT", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=1000))]
     next: u16,
 
-    /// Start at this date, in the config's time zone [default: now]
+    /// Date and time to list from, in the config's time zone [default: now]
     #[arg(long, value_name = "DATE")]
     from: Option<Date>,
 
-    /// Print a JSON list
+    /// Print a JSON array
     #[arg(long)]
     json: bool,
 
@@ -40,7 +40,7 @@ pub(super) struct ScheduleArgs {
     pub(super) settings: SettingsArgs,
 }
 
-/// Says it.
+/// Prints the outlook.
 ///
 /// # Errors
 /// A config that cannot be used.
@@ -60,7 +60,7 @@ pub(super) fn run(args: &ScheduleArgs) -> Result<Exit, Failure> {
         return Ok(Exit::Done);
     }
     if !clock::is_plausible(now) {
-        tracing::warn!("the clock of this computer is not set: a service waits until it is");
+        tracing::warn!("this computer's clock is not set: a service waits until it is");
     }
     if starts.is_empty() {
         print("the config has no `schedule:`\n")?;
@@ -68,7 +68,7 @@ pub(super) fn run(args: &ScheduleArgs) -> Result<Exit, Failure> {
     }
     let rows: Vec<Vec<String>> = starts.iter().map(|one| row(one, &table.zone)).collect();
     print(&aligned(&HEAD, &rows))?;
-    print(&format!("times of {}\n", table.zone))?;
+    print(&format!("times in {}\n", table.zone))?;
     Ok(Exit::Done)
 }
 
@@ -95,7 +95,7 @@ fn words(reason: Reason) -> &'static str {
     match reason {
         Reason::Quiet => "quiet hours: no sounds, no headlight",
         Reason::Overlap => "will not start: it still runs then",
-        Reason::Unknown => "will not start: no behaviour of the config is called so",
+        Reason::Unknown => "will not start: the config has no such behaviour",
     }
 }
 

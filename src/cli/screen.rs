@@ -1,18 +1,18 @@
-//! What a terminal, or a file in its place, is to be sent. Pure: text in, bytes out.
+//! Computes the output for a terminal, or for a file in its place. Pure.
 
 use crate::clean;
 
-/// Back to the line's start, and away with what stands in it.
+/// Returns to the start of the line and clears it.
 const CLEAR_LINE: &str = "\r\x1b[K";
-/// Behind a line break within one record, so that no text can pass for a record of its own.
+/// Replaces a line break within a record, so that no text can imitate a new record.
 const CONTINUATION: &str = "\n  ";
 
-/// What the output understands.
+/// Features of the output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Features {
-    /// A line can be redrawn in place.
+    /// Whether a line can be redrawn in place.
     pub(super) redraw: bool,
-    /// Colours are wanted.
+    /// Whether to use colours.
     pub(super) colour: bool,
 }
 
@@ -28,7 +28,7 @@ impl Features {
     };
 }
 
-/// The lines above and the status line below them.
+/// The log lines, and the status line below them.
 #[derive(Debug)]
 pub(super) struct Screen {
     features: Features,
@@ -43,7 +43,7 @@ impl Screen {
         }
     }
 
-    /// A record for the log, cleaned; the status line moves below it.
+    /// The output for a log record: cleaned, with the status line redrawn below it.
     pub(super) fn record(&self, text: &str, columns: usize) -> String {
         let text = clean::text(text.trim_end(), self.features.colour).replace('\n', CONTINUATION);
         if !self.features.redraw {
@@ -52,7 +52,7 @@ impl Screen {
         format!("{CLEAR_LINE}{text}\n{}", self.visible_status(columns))
     }
 
-    /// A new status line; nothing where lines cannot be redrawn.
+    /// The output for a new status line; empty if lines cannot be redrawn.
     pub(super) fn status(&mut self, text: &str, columns: usize) -> String {
         self.status = clean::line(text);
         if !self.features.redraw {
@@ -61,7 +61,7 @@ impl Screen {
         format!("{CLEAR_LINE}{}", self.visible_status(columns))
     }
 
-    /// The status line goes, so that the shell's prompt begins an empty line.
+    /// The output that clears the status line, so that the shell's prompt starts on an empty line.
     pub(super) fn end(&mut self) -> &'static str {
         let drawn = !std::mem::take(&mut self.status).is_empty();
         if drawn && self.features.redraw {
@@ -71,7 +71,8 @@ impl Screen {
         }
     }
 
-    /// One column stays free: many terminals break a line that fills the last one.
+    /// The status line, cut to leave one column free: many terminals wrap a line that fills the
+    /// last column.
     fn visible_status(&self, columns: usize) -> String {
         self.status
             .chars()
@@ -95,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_gets_lines_and_nothing_else() {
+    fn a_file_gets_only_lines() {
         let mut screen = Screen::new(Features::FILE);
         assert_eq!(screen.status("driving", 80), "");
         assert_eq!(screen.record("\x1b[31mred\x1b[0m\n", 80), "red\n");
@@ -103,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_break_in_a_text_cannot_pass_for_a_record() {
+    fn a_line_break_in_a_text_cannot_imitate_a_record() {
         let screen = Screen::new(Features::FILE);
         let shown = screen.record("INFO said\nERROR forged", 80);
         assert_eq!(shown, "INFO said\n  ERROR forged\n");

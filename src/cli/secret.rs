@@ -1,5 +1,5 @@
-//! The robot's password on its way into this program: out of the environment, where every process of
-//! the same user and every child could read it, or out of a file.
+//! Reads the robot's password from a file or from the environment, and removes it from the
+//! environment, where every process of the same user and every child could read it.
 
 use std::ffi::{OsStr, OsString};
 use std::io::{Read as _, Write as _};
@@ -16,19 +16,19 @@ use rustix::io::{FdFlags, fcntl_setfd, ioctl_fionbio};
 use super::Failure;
 use crate::files;
 
-/// Where the password is looked for before any file of the config.
+/// The environment variable with the password; overrides the config's file.
 const VARIABLE: &str = "SPYKEE_PASSWORD";
-/// Between the two lives of this program: the descriptor on which the second reads it.
+/// Tells the restarted program the descriptor of the pipe from which to read the password.
 const HANDOVER: &str = "SPYKEE_PASSWORD_PIPE";
-/// No password file is longer.
+/// Maximum size of a password file, bytes.
 const MAX_FILE_LEN: u64 = 4096;
 
-/// What the environment had.
+/// The password taken from the environment.
 static GIVEN: Mutex<Option<Vec<u8>>> = Mutex::new(None);
 
-/// Takes the password out of the environment. The kernel shows a process's first environment for as
-/// long as it lives, so the program starts itself anew without it, and hands it over in a pipe. To be
-/// called before anything else. Where the system does not let it do that, the variable stays.
+/// Removes the password from the environment. The kernel shows a process's initial environment for
+/// its whole life, so the program restarts itself without the variable and passes the password
+/// through a pipe. Must be called before anything else. If the restart fails, the variable stays.
 pub(super) fn leave_environment() {
     if let Some(handed) = std::env::var_os(HANDOVER) {
         if let Some(password) = take_over(&handed) {
@@ -48,23 +48,23 @@ fn keep(password: Vec<u8>) {
     *GIVEN.lock().unwrap_or_else(PoisonError::into_inner) = Some(password);
 }
 
-/// The reading end of a pipe in which this waits; it passes to whatever this process becomes.
+/// The reading end of a pipe that holds the password; it stays open across `exec`.
 fn filled(password: &[u8]) -> std::io::Result<OwnedFd> {
     let (reader, mut writer) = std::io::pipe()?;
     fcntl_setfd(&reader, FdFlags::empty())?;
-    // What does not fit does not wait: no password is so long.
+    // Fail instead of blocking if it does not fit: no password is that long.
     ioctl_fionbio(&writer, true)?;
     writer.write_all(password)?;
     Ok(reader.into())
 }
 
-/// Returns only if the system does not let it.
+/// Replaces this process by a new instance of the program. Returns only on failure.
 fn start_anew(pipe: &OwnedFd) {
     let mut args = std::env::args_os();
     let name = args.next().unwrap_or_else(|| OsString::from("spykee"));
     let args: Vec<OsString> = args.collect();
-    // The second works also when the file has been replaced meanwhile, but is a strange name in lists of
-    // processes.
+    // The second path also works if the file has been replaced meanwhile, but looks odd in process
+    // lists.
     let files = [std::env::current_exe().ok(), Some("/proc/self/exe".into())];
     for file in files.into_iter().flatten() {
         let _ = Command::new(file)
@@ -76,7 +76,7 @@ fn start_anew(pipe: &OwnedFd) {
     }
 }
 
-/// Empties the pipe, so that the secret does not stay in it.
+/// Reads the password from the pipe and empties it, so that the secret does not stay in it.
 fn take_over(number: &OsStr) -> Option<Vec<u8>> {
     let number: u32 = number.to_str()?.parse().ok()?;
     let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::CLOEXEC;
@@ -90,10 +90,10 @@ fn take_over(number: &OsStr) -> Option<Vec<u8>> {
     Some(password)
 }
 
-/// What the environment says; `None` if it says nothing.
+/// The password from the environment, if it is set.
 ///
 /// # Errors
-/// It is not UTF-8. The password is not shown.
+/// It is not UTF-8. The error does not contain the password.
 pub(super) fn of_environment() -> Result<Option<String>, Failure> {
     let given = GIVEN.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let given = given.or_else(|| std::env::var_os(VARIABLE).map(OsStringExt::into_vec));
@@ -101,7 +101,7 @@ pub(super) fn of_environment() -> Result<Option<String>, Failure> {
     text.map_err(|_| Failure::usage(format_args!("{VARIABLE} is not UTF-8")))
 }
 
-/// What the system's manager has handed over: the credential `password` of a service's unit.
+/// The password from systemd: the credential `password` of a service's unit, if any.
 ///
 /// # Errors
 /// It cannot be read, or its first line is empty.
@@ -117,8 +117,8 @@ pub(super) fn of_credential() -> Result<Option<String>, Failure> {
     }
 }
 
-/// The first line of a file that the command line or the environment names: the person who starts this
-/// program has chosen it, so it may also be a pipe.
+/// The first line of a file that the command line or the environment names. It may also be a pipe,
+/// since the person who starts this program has chosen it.
 ///
 /// # Errors
 /// It cannot be read, or its first line is empty.
@@ -134,7 +134,7 @@ pub(super) fn of_chosen_file(path: &Path) -> Result<String, Failure> {
     first_line(path, text)
 }
 
-/// The first line of a file that a config names: a regular file, short.
+/// The first line of a file that a config names. It must be a short regular file.
 ///
 /// # Errors
 /// It cannot be read, or its first line is empty.
@@ -147,12 +147,13 @@ pub(super) fn of_named_file(path: &Path) -> Result<String, Failure> {
     first_line(path, text)
 }
 
-/// The first line of a file named by a config that was found, not given: found in the current folder, it may
-/// have come from anywhere. So the file is beside or below it, and this user's alone; else its first
-/// line would be sent to whatever robot that config names.
+/// The first line of a file named by a config that was found in the current folder, not named: such
+/// a config may have come from anywhere. So the file must be in the config's folder or below, and
+/// readable only by this user; otherwise its first line could be sent to any robot that the config
+/// names.
 ///
 /// # Errors
-/// It is elsewhere, others can read it, it cannot be read, or its first line is empty.
+/// The file is elsewhere, others can read it, it cannot be read, or its first line is empty.
 pub(super) fn of_found_file(path: &Path, config: &Path) -> Result<String, Failure> {
     let folder = match config.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -166,7 +167,8 @@ pub(super) fn of_found_file(path: &Path, config: &Path) -> Result<String, Failur
     );
     if !file.starts_with(&folder) {
         let what = format_args!(
-            "the config {} was found here, not named, and its password file {} is not in its folder",
+            "the config {} was found in the current folder, not named, but its password file {} is \
+             not in its folder",
             config.display(),
             path.display()
         );
@@ -182,7 +184,7 @@ fn cannot(path: &Path, error: &dyn std::fmt::Display) -> Failure {
     Failure::usage(format_args!(
         "cannot read the password file {path}: {error}"
     ))
-    .help("write the password into its first line")
+    .help("put the password into its first line")
 }
 
 fn first_line(path: &Path, text: Vec<u8>) -> Result<String, Failure> {
@@ -191,7 +193,7 @@ fn first_line(path: &Path, text: Vec<u8>) -> Result<String, Failure> {
         "" => {
             let shown = path.display();
             let failure = Failure::usage(format_args!("the first line of {shown} is empty"));
-            Err(failure.help("write the password into its first line"))
+            Err(failure.help("put the password into its first line"))
         }
         line => Ok(line.to_owned()),
     }
@@ -210,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn a_config_that_was_found_reads_private_files_in_its_folder_only() {
+    fn a_found_config_may_only_name_private_files_in_its_folder() {
         let root = tempfile::tempdir().unwrap();
         let path = |name: &str| root.path().join(name);
         fs::create_dir_all(path("here/below")).unwrap();
@@ -249,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_was_chosen_may_be_anywhere_and_one_of_a_named_config_is_a_file() {
+    fn a_chosen_file_may_be_anywhere_and_one_of_a_named_config_must_be_regular() {
         let root = tempfile::tempdir().unwrap();
         let path = root.path().join("password");
         write(&path, 0o644);
@@ -261,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_handed_over_is_read_once_and_nothing_else_is() {
+    fn only_a_pipe_is_read_and_only_once() {
         let pipe = filled(b"hunter2").unwrap();
         let number = OsString::from(pipe.as_raw_fd().to_string());
         assert_eq!(take_over(&number).as_deref(), Some(&b"hunter2"[..]));

@@ -1,4 +1,4 @@
-//! `spykee serve`: a robot that is looked after for good, by timetable and when asked.
+//! `spykee serve`: runs a robot permanently, by timetable and on request.
 
 mod duties;
 mod fast;
@@ -39,21 +39,21 @@ use crate::timetable::Record;
 ///
 /// Waits for a robot that does not answer, or that another program uses. The config's behaviours
 /// start at once, except those in the timetable and those with `start: asked`; `spykee behaviour
-/// start` starts any of them. An idle robot is sent to its station. SIGHUP reads the config again;
-/// unchanged behaviours continue. SIGTERM ends the service in order; a run of the timetable that
-/// this interrupts resumes when the service starts again.
+/// start` starts any of them. An idle robot is sent to its station. SIGHUP reloads the config;
+/// unchanged behaviours continue. SIGTERM shuts the service down; a scheduled run that this
+/// interrupts resumes when the service starts again.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee serve --config /etc/spykee/spykee.yaml\n  \
                         spykee serve --sim --date \"2026-03-29 01:59\"\n\n\
-                  `spykee schedule` lists the coming starts, `spykee service` makes a unit for systemd."
+                  `spykee schedule` lists the coming starts, `spykee service` creates a systemd unit."
 )]
 pub(super) struct ServeArgs {
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// With --sim: the date and time at the start, in the config's time zone [default: now;
-    /// with --fast: 2026-01-01 09:00 UTC]
+    /// With --sim: date and time at the start, in the config's time zone [default: now; with
+    /// --fast: 2026-01-01 09:00 UTC]
     #[arg(long, value_name = "DATE")]
     date: Option<Date>,
 
@@ -61,13 +61,13 @@ pub(super) struct ServeArgs {
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
 
-    /// With --sim: run in virtual time, as fast as possible, for the time of --for. The same seed
-    /// gives the same days. An interrupted run of the timetable is not resumed later, and there is
-    /// a journal only with `journal: { record: on }`
+    /// With --sim and --for: run in virtual time, as fast as possible; the same seed gives the same
+    /// days. An interrupted scheduled run is not resumed later, and a journal is kept only with
+    /// `journal: { record: on }`
     #[arg(long, requires = "limit")]
     fast: bool,
 
-    /// End after this many seconds
+    /// Time limit of the service, in seconds
     #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
     limit: Option<Duration>,
 
@@ -86,7 +86,7 @@ pub(super) struct ServeArgs {
 /// Serves until a signal ends it.
 ///
 /// # Errors
-/// Whatever keeps it from beginning: files, config; the password that the robot refuses.
+/// Anything that prevents the service from starting: files, config; a login that the robot refuses.
 pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> {
     let config = args.settings.config()?.clone();
     let place = place(&args.connection, &config)?;
@@ -178,21 +178,21 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     exit(outcome?)
 }
 
-/// What stands beside a service: its page, what that is told of it, and its broker.
+/// The companions of a service: its page, the channel with the page's information, and its broker.
 type Beside = (
     Option<(Ahead, Option<Handle>)>,
     watch::Sender<Known>,
     Option<Account>,
 );
 
-/// What it takes to serve.
+/// The parts needed to run a service.
 struct Means {
     plan: Plan,
     clock: Clock,
     record: (Record, Option<RecordFile>),
     desk: std::io::Result<Desk>,
     target: Target,
-    /// Of the driving core.
+    /// Heartbeats of the driving core.
     beats: Arc<Notify>,
 }
 
@@ -244,7 +244,7 @@ async fn serve(
     let showing = async {
         match console.has_status_line() {
             true => show(line, status, console).await,
-            // A file of weeks has the log alone.
+            // Status lines would flood a log file that covers weeks.
             false => std::future::pending().await,
         }
     };
@@ -268,7 +268,7 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
     }
 }
 
-/// The computer's, unless a simulation says something else.
+/// The computer's clock, unless `--date` sets the clock of a simulation.
 fn clock(args: &ServeArgs, config: &Config, simulated: bool) -> Result<Clock, Failure> {
     match args.date {
         None => Ok(Clock::default()),
@@ -280,7 +280,7 @@ fn clock(args: &ServeArgs, config: &Config, simulated: bool) -> Result<Clock, Fa
     }
 }
 
-/// The date that a simulation begins with, for what is foreseen.
+/// The time from which to list the schedule: the given date, or now.
 #[must_use]
 pub(super) fn or_now(date: Option<Date>, config: &Config) -> Timestamp {
     date.map_or_else(|| Clock::default().now(), |date| date.at(&config.zone()))

@@ -1,4 +1,4 @@
-//! `spykee service`: the unit by which systemd starts `spykee serve`.
+//! `spykee service`: creates the unit with which systemd starts `spykee serve`.
 
 use std::io::Write as _;
 use std::os::unix::fs::OpenOptionsExt as _;
@@ -10,7 +10,7 @@ use super::argument::ArgumentError;
 use super::{Exit, Failure, print};
 use crate::service::{Unit, unit};
 
-/// Make a systemd unit for `spykee serve`, with its own user and few rights
+/// Create a systemd unit for `spykee serve`, with its own user and few rights
 ///
 /// The unit cannot read home folders, so its program, config and password file must be elsewhere:
 /// /usr/local/bin/spykee, /etc/spykee/spykee.yaml. The service keeps its data in /var/lib/spykee,
@@ -34,7 +34,7 @@ enum Action {
     Install {
         #[command(flatten)]
         unit: UnitArgs,
-        /// The unit's file
+        /// File to write the unit to
         #[arg(
             long,
             value_name = "FILE",
@@ -49,28 +49,28 @@ enum Action {
 
 #[derive(Debug, Clone, clap::Args)]
 struct UnitArgs {
-    /// The service's config
+    /// Config of the service
     #[arg(long, value_name = "FILE", default_value = "/etc/spykee/spykee.yaml")]
     config: PathBuf,
 
-    /// A file with the robot's password in its first line, which systemd passes to this service
-    /// only; it may belong to root (chmod 600)
+    /// File with the robot's password in its first line, which systemd passes to this service only;
+    /// it may belong to root (chmod 600)
     #[arg(long, value_name = "FILE")]
     password_file: Option<PathBuf>,
 
-    /// The user that runs the service [default: one that systemd makes]
+    /// User that runs the service [default: one that systemd creates]
     #[arg(long, value_name = "NAME", value_parser = user)]
     user: Option<String>,
 
-    /// The program that the unit starts [default: this one]
+    /// Program that the unit starts [default: this one]
     #[arg(long, value_name = "FILE")]
     program: Option<PathBuf>,
 }
 
-/// Prints or writes it.
+/// Prints or writes the unit.
 ///
 /// # Errors
-/// Paths that are not whole, a file that is there or cannot be written.
+/// Relative paths, a file that exists or cannot be written.
 pub(super) fn run(args: &ServiceArgs) -> Result<Exit, Failure> {
     match &args.action {
         Action::Print(unit) => print(&unit.text()?)?,
@@ -91,10 +91,10 @@ impl UnitArgs {
         {
             if !path.is_absolute() {
                 let what = format_args!(
-                    "a unit needs absolute paths, and {} is not one",
+                    "a unit needs absolute paths, but {} is relative",
                     path.display()
                 );
-                return Err(Failure::usage(what).help("a path that begins with /"));
+                return Err(Failure::usage(what).help("give a path that begins with /"));
             }
         }
         if ["/home", "/root", "/run/user"]
@@ -102,8 +102,8 @@ impl UnitArgs {
             .any(|home| program.starts_with(home))
         {
             tracing::warn!(
-                "the unit does not see people's homes, and {} is in one: copy it, \
-                 `sudo install {} /usr/local/bin/`, and say --program /usr/local/bin/spykee",
+                "the unit cannot read home folders, but {} is in one: copy it with \
+                 `sudo install {} /usr/local/bin/` and add --program /usr/local/bin/spykee",
                 program.display(),
                 program.display()
             );
@@ -117,7 +117,7 @@ impl UnitArgs {
     }
 }
 
-/// A name as systemd takes it: it must stay one word of one line.
+/// Parses a user name for systemd: it must be a single word on one line.
 fn user(name: &str) -> Result<String, ArgumentError> {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     if !name.is_empty() && name.len() <= 31 && name.chars().all(plain) {

@@ -1,4 +1,4 @@
-//! `--config FILE`, and the settings that count then: read once, for the logs and for the command.
+//! `--config FILE` and the settings from it: read once, for the logs and for the command.
 
 use std::cell::OnceCell;
 use std::path::{Path, PathBuf};
@@ -9,16 +9,16 @@ use clap::{ArgMatches, FromArgMatches};
 use super::Failure;
 use crate::config::{Config, ConfigError, Effective};
 
-/// The flag, which stands before or behind any command.
+/// The flag, which may be before or after any subcommand.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ConfigFlag {
-    /// Read the settings from this YAML file [default: $SPYKEE_CONFIG, or else spykee.yaml in the
-    /// current folder]
+    /// YAML file with the settings [default: $SPYKEE_CONFIG, or else spykee.yaml in the current
+    /// folder]
     #[arg(id = CONFIG, long, value_name = "FILE", global = true)]
     pub(super) file: Option<PathBuf>,
 }
 
-/// Clap's name of the flag.
+/// The flag's id in clap.
 const CONFIG: &str = "config";
 
 /// The settings of a command, from the file that [`ConfigFlag`] names.
@@ -40,7 +40,7 @@ impl FromArgMatches for SettingsArgs {
     }
 }
 
-/// Adds no flag: the one of the whole program is known to every command.
+/// Adds no flag: every subcommand knows the program's global one.
 impl clap::Args for SettingsArgs {
     fn augment_args(command: clap::Command) -> clap::Command {
         command
@@ -52,7 +52,7 @@ impl clap::Args for SettingsArgs {
 }
 
 impl SettingsArgs {
-    /// Those of this file; `None`: of the usual one.
+    /// The settings of this file; `None`: of the default one.
     pub(super) fn of(config: Option<PathBuf>) -> SettingsArgs {
         SettingsArgs {
             config,
@@ -60,7 +60,7 @@ impl SettingsArgs {
         }
     }
 
-    /// The settings; the first call reads them.
+    /// The settings with their origins; the first call reads them.
     ///
     /// # Errors
     /// A config or variable that cannot be used.
@@ -70,7 +70,7 @@ impl SettingsArgs {
         (**read).as_ref().map_err(Failure::usage)
     }
 
-    /// The settings alone.
+    /// The settings without their origins.
     ///
     /// # Errors
     /// See [`SettingsArgs::load`].
@@ -78,23 +78,23 @@ impl SettingsArgs {
         Ok(&self.load()?.config)
     }
 
-    /// The file that they were read from, whether it was named or found.
+    /// The file from which the settings were read, whether it was named or found.
     pub(super) fn file(&self) -> Option<&Path> {
         let effective = self.load().ok()?;
         effective.file.as_ref().map(|(path, _)| path.as_path())
     }
 
-    /// The file that they are read from, even if it is missing.
+    /// The file from which to read the settings, even if it is missing.
     pub(super) fn path(&self) -> PathBuf {
         Effective::path(self.config.as_deref())
     }
 
-    /// The same, to be read anew.
+    /// The same settings, to be read again.
     pub(super) fn anew(&self) -> SettingsArgs {
         SettingsArgs::of(self.config.clone())
     }
 
-    /// Says in the log which file counts.
+    /// Logs which file is used.
     pub(super) fn announce(&self) {
         if let Some(path) = self.file() {
             tracing::info!("settings from {}", path.display());

@@ -14,30 +14,30 @@ use super::world_name::WorldParser;
 use super::{Console, Exit, Failure, LoginArgs, block_on, print};
 use crate::sim::{Fault, Handle, Options, Server, State, World};
 
-/// How often the status line is drawn anew.
+/// Interval between redraws of the status line.
 const STATUS_PERIOD: Duration = Duration::from_millis(500);
 
 /// Serve a simulated robot to any Spykee client
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct SimArgs {
-    /// The world, a YAML file such as behaviours/worlds/living_room.yaml [default: a living room]
+    /// World file, or the name of a built-in world [default: living_room]
     #[arg(value_name = "WORLD.yaml", value_parser = WorldParser, hide_possible_values = true)]
     world: Option<PathBuf>,
 
-    /// Address and port, TCP and UDP; port 0 picks a free one
+    /// Address and port to listen on, TCP and UDP; port 0 picks a free one
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:9000")]
     listen: SocketAddr,
 
-    /// Camera frames per second, 0.1 to 60 [default: the world's]
+    /// Camera frames per second, 0.1 to 60 [default: from the world]
     #[arg(long, value_name = "NUMBER", value_parser = parse_fps)]
     fps: Option<f64>,
 
-    /// Seed for all noise: the same seed and the same commands give the same run
+    /// Seed for simulator noise; the same seed and the same commands give the same run
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     seed: u64,
 
-    /// YAML file of faults to play, such as a broken network or a rebooting robot; the README lists
-    /// them
+    /// YAML file of faults to simulate, such as a broken network or a rebooting robot; the README
+    /// lists them
     #[arg(long, value_name = "FILE.yaml")]
     faults: Option<PathBuf>,
 
@@ -84,7 +84,7 @@ async fn serve(world: World, options: Options, console: &Console) -> Result<Exit
     let interrupted = interruption()?;
     let server = Server::bind(world, options).await.map_err(|error| {
         Failure::usage(format_args!("cannot listen on {listen}: {error}"))
-            .help("is a simulator running already? --listen 127.0.0.1:0 takes a free port")
+            .help("is a simulator already running? --listen 127.0.0.1:0 picks a free port")
     })?;
     print(&greeting(server.local_addr(), &uid, &user))?;
     let handle = server.handle();
@@ -123,7 +123,7 @@ fn status(state: &State) -> String {
     let doing = match state {
         State {
             searching: true, ..
-        } => "searching its station",
+        } => "searching for its station",
         State { docked: true, .. } => "on its station",
         state if state.moving() => "driving",
         _ => "standing",

@@ -1,11 +1,11 @@
-//! The files of behaviours.
+//! Reads behaviour scripts.
 
 use std::path::Path;
 
 use super::Failure;
 use crate::behaviour;
 
-/// Reads a script, with words for a person if it cannot be read.
+/// Reads a script; the error has help for the user.
 pub(super) fn read_source(path: &Path) -> Result<Vec<u8>, Failure> {
     behaviour::read_source(path).map_err(|error| {
         Failure::usage(format_args!(

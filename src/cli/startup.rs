@@ -1,5 +1,5 @@
-//! What every command that runs an agent starts beside it: heartbeat and guardian, driving core, rescue
-//! behaviour, journal, the desk for other commands, and the status line.
+//! Starts the parts that every command with an agent needs: heartbeat and guardian, driving core,
+//! rescue behaviour, journal, the desk for other commands, and the status line.
 
 use std::convert::Infallible;
 use std::io;
@@ -20,25 +20,25 @@ use crate::guardian::Guardian;
 use crate::journal::{self, Journal};
 use crate::pilot::{DrivingCore, Pulse, Status};
 
-/// How often the status line is drawn anew.
+/// Interval between redraws of the status line.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
-/// How long the journal may take at the end to write what it has.
+/// Time limit for the journal to write its queue at the end.
 pub(super) const JOURNAL_END: Duration = Duration::from_secs(2);
 
 /// A runtime on this thread.
 pub(super) fn runtime() -> Result<Runtime, Failure> {
     let runtime = Builder::new_current_thread().enable_all().build();
-    runtime.map_err(|error| Failure::usage(format_args!("no runtime: {error}")))
+    runtime.map_err(|error| Failure::usage(format_args!("cannot start the runtime: {error}")))
 }
 
-/// What starts hosts: this program.
+/// The launcher of hosts, which run this program's own file.
 pub(super) fn launcher() -> Result<Launcher, Failure> {
     Launcher::this_executable().map_err(|error| {
         Failure::usage(format_args!("cannot find this program's own file: {error}"))
     })
 }
 
-/// A journal. What runs without one drives all the same.
+/// Starts the journal. On an error logs a warning: the run continues without it.
 pub(super) fn journal(
     config: &Config,
     bus: &Bus,
@@ -53,7 +53,7 @@ pub(super) fn journal(
     started.map_err(|error| tracing::warn!("{error}")).ok()
 }
 
-/// A run without a desk drives all the same.
+/// Serves the desk. On an error logs a warning: the run continues without it.
 pub(super) async fn serve(desk: io::Result<Desk>, run: control::Run) -> Infallible {
     let served = match desk {
         Ok(desk) => desk.serve(run).await,
@@ -61,15 +61,15 @@ pub(super) async fn serve(desk: io::Result<Desk>, run: control::Run) -> Infallib
     };
     if let Err(error) = served {
         tracing::warn!(
-            "`spykee status` and `spykee robot` cannot ask this run: no socket in its data folder: \
-             {error}"
+            "`spykee status` and `spykee robot` cannot reach this run: no socket in its data \
+             folder: {error}"
         );
     }
     std::future::pending().await
 }
 
-/// The heartbeat of a run, with a guardian unless the robot is simulated in this program and ends with
-/// it.
+/// The heartbeat of a run, with a guardian unless the robot is simulated in this program and so
+/// ends with it.
 pub(super) fn pulse(simulated: bool) -> Pulse {
     if simulated {
         return Pulse::new(None);
@@ -79,15 +79,15 @@ pub(super) fn pulse(simulated: bool) -> Pulse {
         Ok(guardian) => Some(guardian),
         Err(error) => {
             tracing::warn!(
-                "this run has no guardian ({error}): if this program is killed or stopped, nothing \
-                 stops the robot"
+                "this run has no guardian ({error}): if this program is killed or suspended, \
+                 nothing stops the robot"
             );
             None
         }
     })
 }
 
-/// The rescue behaviour that the config wants.
+/// The rescue behaviour that the config selects.
 pub(super) fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failure> {
     let choice = &config.watchdog.rescue;
     let options = config.script(RESCUE_NAME, choice.to_string(), seed);
@@ -99,13 +99,13 @@ pub(super) fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failu
     })
 }
 
-/// The thread on which the pilot runs.
+/// Starts the thread on which the pilot runs.
 pub(super) fn driving_core() -> Result<DrivingCore, Failure> {
     DrivingCore::start()
-        .map_err(|error| Failure::usage(format_args!("no thread to drive on: {error}")))
+        .map_err(|error| Failure::usage(format_args!("cannot start the driving thread: {error}")))
 }
 
-/// Shows how things stand, on a terminal or in a file.
+/// Shows the status, on a terminal or in a file.
 pub(super) async fn show(
     mut line: StatusLine,
     status: watch::Receiver<Status>,

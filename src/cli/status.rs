@@ -1,5 +1,5 @@
-//! What `run` shows of itself: one line that is redrawn on a terminal, or a line for each change
-//! where the output is a file or a pipe.
+//! The status of a run: one line that is redrawn on a terminal, or a line for each change if the
+//! output is a file or a pipe.
 
 use std::time::Duration;
 
@@ -11,12 +11,12 @@ use crate::robot::Battery;
 use crate::safety::WatchdogState;
 use crate::sim::{Handle, State};
 
-/// Over how long frames are counted.
+/// Period for measuring the frame rate.
 const RATE_PERIOD: Duration = Duration::from_secs(1);
-/// In a file, how often the state is told even if nothing has changed.
+/// In a file, interval at which the status is written even if nothing has changed.
 const PLAIN_PERIOD: Duration = Duration::from_secs(60);
 
-/// Remembers what was shown.
+/// Formats the status, and remembers the last one to detect changes.
 pub(super) struct StatusLine {
     behaviours: String,
     sim: Option<Handle>,
@@ -26,7 +26,7 @@ pub(super) struct StatusLine {
     told: Option<(Instant, Essence)>,
 }
 
-/// What is worth a line of its own in a file.
+/// The part of the status whose changes are written to a file.
 #[derive(PartialEq, Eq)]
 struct Essence {
     link: LinkState,
@@ -35,8 +35,8 @@ struct Essence {
 }
 
 impl StatusLine {
-    /// For behaviours of these names; with a simulator the robot's true place is shown.
-    /// Before the first connection the tries that have failed are shown.
+    /// Creates the line for behaviours with these names. With a simulator it shows the robot's true
+    /// position; before the first connection it shows the number of failed tries.
     pub(super) fn new(behaviours: String, sim: Option<Handle>, tries: Tries) -> StatusLine {
         let counted = (Instant::now(), 0);
         StatusLine {
@@ -67,7 +67,7 @@ impl StatusLine {
         parts.join(" · ")
     }
 
-    /// The line for a file, if there is something new.
+    /// The line for a file, if the status has changed or the last line is old.
     pub(super) fn news(&mut self, status: &Status) -> Option<String> {
         let charging = status.battery.map(|battery| battery.charging);
         let essence = Essence {

@@ -1,17 +1,18 @@
-//! Tables for people: plain text, aligned, and harmless whatever stands in the cells.
+//! Tables for people: plain aligned text, cleaned of control sequences.
 
 use crate::clean;
 
-/// On which side of its column a cell stands.
+/// The alignment of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Side {
-    /// Words.
+    /// For words.
     Left,
-    /// Numbers.
+    /// For numbers.
     Right,
 }
 
-/// Rows below a head; columns as wide as their widest cell, two spaces apart. A row may be short.
+/// Formats rows below a header; columns are as wide as their widest cell, two spaces apart. A row
+/// may have fewer cells.
 pub(super) fn aligned(head: &[(&str, Side)], rows: &[Vec<String>]) -> String {
     let titles = head.iter().map(|(title, _)| (*title).to_owned()).collect();
     let rows: Vec<Vec<String>> = std::iter::once(&titles)
@@ -43,12 +44,12 @@ fn line(row: &[String], columns: &[(usize, Side)]) -> String {
     format!("{}\n", cells.join("  ").trim_end())
 }
 
-/// What begins a formula; some programs take the wide forms of East Asia for them too.
+/// Characters that start a formula; some programs also accept their East Asian wide forms.
 const FORMULAS: [char; 8] = [
     '=', '+', '-', '@', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}',
 ];
 
-/// Quoted where need be, and never read as a formula: the text is untrusted.
+/// A CSV cell: quoted if necessary, and never read as a formula, since the text is untrusted.
 pub(super) fn csv_cell(text: &str) -> String {
     let mut text = clean::text(text, false).replace(['\n', '\r', '\t'], " ");
     if text.starts_with(FORMULAS) {
@@ -65,7 +66,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_stand_left_numbers_right_and_nothing_trails() {
+    fn words_are_left_numbers_right_and_no_blanks_trail() {
         let row = |cells: &[&str]| cells.iter().map(|cell| (*cell).to_owned()).collect();
         let head = [
             ("FILE", Side::Left),
@@ -83,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cell_of_a_spreadsheet_is_one_cell_and_no_formula() {
+    fn a_csv_cell_is_one_cell_and_not_a_formula() {
         for (text, cell) in [
             ("Ada", "Ada"),
             ("a, b", "\"a, b\""),

@@ -1,13 +1,14 @@
-//! The terminal's settings: however a session ends or is stopped, they are restored.
+//! The terminal's settings, which are restored however a session ends or is suspended.
 
 use std::time::Duration;
 
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
 
-/// Settings that were the same at so many looks stay, and no more looks are taken than that.
+/// Settings that more than this many successive checks find unchanged count as stable.
 const ENOUGH_LOOKS: u32 = 3;
+/// Maximum number of checks.
 const MOST_LOOKS: u32 = 20;
-/// From one look to the next.
+/// Pause between two checks.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// The settings of standard input, if it is a terminal.
@@ -15,20 +16,20 @@ const LOOK: Duration = Duration::from_millis(10);
 pub(super) struct Terminal(Option<Termios>);
 
 impl Terminal {
-    /// As they are now.
+    /// The current settings.
     pub(super) fn remember() -> Terminal {
         Terminal(tcgetattr(rustix::stdio::stdin()).ok())
     }
 
-    /// As they were; an editor that still reads cannot be asked to do it.
+    /// Restores these settings. An editor that is still reading cannot do this itself.
     pub(super) fn restore(&self) {
         if let Some(settings) = &self.0 {
             let _ = tcsetattr(rustix::stdio::stdin(), OptionalActions::Now, settings);
         }
     }
 
-    /// Gives the terminal these settings until they stay: an editor that was asked to stop by a key
-    /// sets its own once more meanwhile. Returns the other settings that it had.
+    /// Sets these settings repeatedly until they are stable: an editor that was suspended by a key
+    /// may set its own once more meanwhile. Returns the settings that it replaced, if any.
     pub(super) fn enforce(&self) -> Option<Terminal> {
         let (mut others, mut stays) = (None, 0);
         for _ in 0..MOST_LOOKS {

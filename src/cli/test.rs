@@ -1,4 +1,4 @@
-//! `spykee test`: plays the scenarios of `*_test.lua` files, many at a time.
+//! `spykee test`: runs the scenarios of `*_test.lua` files in parallel.
 
 pub(super) mod crew;
 mod files;
@@ -19,38 +19,38 @@ use crate::scenario::{Book, BookError, Scenario, Setting, Trials};
 use crew::{Crew, Done, parse_timeout};
 use report::Report;
 
-/// Play scenarios: *_test.lua files that state what behaviours must achieve
+/// Run scenarios: *_test.lua files that state what behaviours must achieve
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct TestArgs {
-    /// Scenario files, or folders that are searched for *_test.lua
+    /// Scenario files, or folders to search for *_test.lua
     #[arg(value_name = "PATH", default_value = ".")]
     paths: Vec<PathBuf>,
 
-    /// Play only scenarios that contain this text in their name or in FILE: NAME
+    /// Run only scenarios that contain this text in their name or in FILE: NAME
     #[arg(long, value_name = "TEXT")]
     filter: Option<String>,
 
-    /// Play each scenario with the seeds 1 to COUNT, instead of the number it asks for
+    /// Run each scenario with the seeds 1 to COUNT [default: as many as the scenario sets]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=10_000))]
     seeds: Option<u64>,
 
-    /// Play each scenario with this seed only, for example one that failed
+    /// Run each scenario with this seed only, for example one that failed
     #[arg(long, value_name = "NUMBER", conflicts_with = "seeds")]
     seed: Option<u64>,
 
-    /// Number of scenarios to play in parallel [default: one per processor]
+    /// Number of scenarios to run in parallel [default: one per processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
 
-    /// End each run that takes longer than this many seconds of real time; it counts as failed
+    /// Time limit of each run, in seconds of real time; a longer run counts as failed
     #[arg(long, value_name = "SECONDS", default_value = "300", value_parser = parse_timeout)]
     timeout: Duration,
 
-    /// List the scenarios and play none
+    /// List the scenarios without running them
     #[arg(long)]
     list: bool,
 
-    /// Print the results as JSON
+    /// Print a JSON object
     #[arg(long)]
     json: bool,
 
@@ -58,7 +58,7 @@ pub(super) struct TestArgs {
     #[arg(long, value_name = "FILE.xml")]
     junit: Option<PathBuf>,
 
-    /// Draw the robot's path in each failed run into this folder [default: scenarios/ in the data
+    /// Folder for pictures of the robot's path in failed runs [default: scenarios/ in the data
     /// folder]
     #[arg(long, value_name = "DIR")]
     pictures: Option<PathBuf>,
@@ -70,7 +70,7 @@ pub(super) struct TestArgs {
     pub(super) settings: SettingsArgs,
 }
 
-/// A file whose scenarios were asked for.
+/// A scenario file.
 struct Page {
     file: PathBuf,
     book: Result<Book, BookError>,
@@ -85,8 +85,8 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
         return list(&pages, &jobs);
     }
     if jobs.is_empty() && pages.iter().all(|page| page.book.is_ok()) {
-        let failure = Failure::usage("no scenario has such a name");
-        return Err(failure.help("spykee test --list shows them all"));
+        let failure = Failure::usage("no scenario matches --filter");
+        return Err(failure.help("`spykee test --list` lists all scenarios"));
     }
     let pictures = pictures(args, &config);
     let setting = Setting {
@@ -96,7 +96,7 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let stop = setting.stop.clone();
     let crew = Crew::new(args.jobs, setting, trials);
-    // The status line is drawn on the same screen.
+    // Whether the status line shares the terminal with stdout.
     let shared = console.has_status_line() && std::io::stdout().is_terminal();
     let live = !args.json && !shared;
     let mut report = Report::new(&pages, &jobs, pictures);
@@ -150,7 +150,7 @@ fn pages(paths: &[PathBuf], trials: &Trials) -> Result<Vec<Page>, Failure> {
             .map(|path| path.display().to_string())
             .collect();
         let failure = Failure::usage(format_args!("no *_test.lua file in {}", places.join(", ")));
-        return Err(failure.help("spykee new NAME makes a behaviour with a scenario to begin with"));
+        return Err(failure.help("`spykee new NAME` creates a behaviour with scenarios"));
     }
     let page = |file: PathBuf| {
         let book = trials.read(&file);
@@ -162,7 +162,7 @@ fn pages(paths: &[PathBuf], trials: &Trials) -> Result<Vec<Page>, Failure> {
     files.into_iter().map(page).collect()
 }
 
-/// What is to be played, in the order of the files.
+/// The jobs to run, in the order of the files.
 fn jobs<'a>(args: &TestArgs, pages: &'a [Page]) -> Vec<crew::Job<'a>> {
     let wanted = |file: &Path, scenario: &Scenario| {
         let text = args.filter.as_deref().unwrap_or_default();

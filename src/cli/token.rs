@@ -1,4 +1,4 @@
-//! `spykee token`: what programs off this machine need to ask the page's API.
+//! `spykee token`: manages the tokens with which programs on other computers use the page's API.
 
 use clap::{Subcommand, ValueEnum};
 
@@ -7,7 +7,7 @@ use super::table::{Side, aligned};
 use super::{Exit, Failure, print};
 use crate::http::{Keyring, KeyringError, Role};
 
-/// Make, list and revoke tokens for the page and the JSON API
+/// Create, list and revoke tokens for the page and the JSON API
 ///
 /// A token is 256 random bits. It is printed once; the data folder keeps its SHA-256 digest in a
 /// private file. Programs send it as `Authorization: Bearer TOKEN`, and people can log in to the
@@ -23,11 +23,11 @@ pub(super) struct TokenArgs {
 
 #[derive(Debug, Clone, Subcommand)]
 enum Action {
-    /// Make a token and print it; it is shown only once
+    /// Create a token and print it; it is shown only once
     New {
-        /// A name of your choice, such as the program that uses it
+        /// Name of your choice, such as the program that uses the token
         name: String,
-        /// What it allows
+        /// Role of the token
         #[arg(long, value_enum, default_value_t = Wanted::Viewer)]
         role: Wanted,
     },
@@ -35,23 +35,23 @@ enum Action {
     List,
     /// Revoke a token; an active run accepts it until it is restarted
     Revoke {
-        /// Its name
+        /// Name of the token
         name: String,
     },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Wanted {
-    /// To look, and to stop the robot
+    /// May look and stop the robot
     Viewer,
-    /// To do everything that the page and the API can do
+    /// May do everything that the page and the API offer
     Driver,
 }
 
-/// Does it.
+/// Runs the subcommand.
 ///
 /// # Errors
-/// A config or a file of tokens that cannot be used; a name that is taken or unknown.
+/// A config or token file that cannot be used; a name that is already used or unknown.
 pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
     let data = args.settings.config()?.data_folder();
     let mut keys = Keyring::open(data).map_err(refused)?;
@@ -63,7 +63,7 @@ pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
             };
             let token = keys.make(name, role).map_err(refused)?;
             tracing::info!(
-                "this is the only time that the token is shown; its role is {}",
+                "the token is shown only this once; its role is {}",
                 role.name()
             );
             print(&format!("{token}\n"))?;
@@ -83,7 +83,7 @@ pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
                 let failure = Failure::usage(format_args!("there is no token `{name}`"));
                 return Err(failure.help("spykee token list"));
             }
-            tracing::info!("an active run uses the old tokens until it is restarted");
+            tracing::info!("an active run accepts the token until it is restarted");
         }
     }
     Ok(Exit::Done)
@@ -91,8 +91,8 @@ pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
 
 fn refused(error: KeyringError) -> Failure {
     let help = match &error {
-        KeyringError::Broken { .. } => "take the file away and make new tokens",
-        KeyringError::Write { .. } => "`data:` in the config says where data goes",
+        KeyringError::Broken { .. } => "remove the file and create new tokens",
+        KeyringError::Write { .. } => "`data:` in the config sets the data folder",
         KeyringError::Refused(_) => "spykee token list",
     };
     Failure::usage(error).help(help)

@@ -1,4 +1,4 @@
-//! `run --trace FILE.png`: the picture of a run, written when it is over.
+//! `run --trace FILE.png`: draws a run when it has ended.
 
 use std::path::{Path, PathBuf};
 
@@ -6,15 +6,15 @@ use super::Failure;
 use super::world::save;
 use crate::sim::Handle;
 
-/// A file for the way that a robot went.
+/// A picture file for the path of a robot.
 #[derive(Debug)]
 pub(super) struct TraceFile(PathBuf);
 
 impl TraceFile {
-    /// Makes the file, so that a wrong name is told before the robot moves.
+    /// Creates the file, so that an invalid name is reported before the robot moves.
     ///
     /// # Errors
-    /// If the system does not let us.
+    /// The file cannot be created.
     pub(super) fn create(path: &Path) -> Result<TraceFile, Failure> {
         let made = std::fs::File::create(path);
         made.map_err(|error| {
@@ -23,10 +23,10 @@ impl TraceFile {
         Ok(TraceFile(path.to_owned()))
     }
 
-    /// Draws what this robot did so far.
+    /// Draws this robot's path and events so far.
     ///
     /// # Errors
-    /// If the system does not let us.
+    /// The file cannot be written.
     pub(super) fn write(&self, sim: &Handle) -> Result<(), Failure> {
         save(&sim.trace().draw(sim.world()), &self.0)?;
         tracing::info!("the robot's path is drawn in {}", self.0.display());

@@ -1,4 +1,4 @@
-//! `spykee world`: simulated places as pictures, as a list, and checked.
+//! `spykee world`: draws, lists and checks worlds.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -20,21 +20,21 @@ pub(super) struct WorldArgs {
 enum Action {
     /// Draw the map of a world
     Show {
-        /// A world file, or the name of a built-in world [default: living_room]
+        /// World file, or the name of a built-in world [default: living_room]
         #[arg(value_name = "WORLD", value_parser = WorldParser, hide_possible_values = true)]
         world: Option<PathBuf>,
 
-        /// The picture to write, a .png file
+        /// Picture to write, a .png file
         #[arg(short, long, value_name = "FILE.png", default_value = "map.png", value_parser = parse_png)]
         output: PathBuf,
 
-        /// Print the world as YAML instead, for you to change: `--yaml > mine.yaml`
+        /// Print the world as YAML instead, as a start for your own: `--yaml > mine.yaml`
         #[arg(long, conflicts_with = "output")]
         yaml: bool,
     },
     /// List the built-in worlds
     List,
-    /// Check world files: what is wrong, and in which line
+    /// Check world files; errors name the line
     Check {
         /// World files
         #[arg(value_name = "WORLD.yaml", required = true)]
@@ -42,10 +42,10 @@ enum Action {
     },
 }
 
-/// A file that ends in `.png`.
+/// Parses the name of a file that ends in `.png`.
 ///
 /// # Errors
-/// What was expected.
+/// Another ending.
 pub(super) fn parse_png(text: &str) -> Result<PathBuf, ArgumentError> {
     let path = PathBuf::from(text);
     let ending = path.extension().unwrap_or_default();
@@ -87,7 +87,7 @@ fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
     match (World::ready_yaml(&name), world) {
         (Some(yaml), _) => print(yaml)?,
         (None, Some(path)) => {
-            // Only what is a world is shown.
+            // Refuses to print files that are not worlds.
             World::load(path).map_err(Failure::usage)?;
             let text = std::fs::read_to_string(path).map_err(Failure::usage)?;
             print(&text)?;
@@ -100,7 +100,7 @@ fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
 /// Writes a picture.
 ///
 /// # Errors
-/// Names the file and what the system says.
+/// The file cannot be written; the error names it and the system's reason.
 pub(super) fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure> {
     picture
         .save(path)
@@ -123,7 +123,7 @@ fn check(worlds: &[PathBuf]) -> Result<Exit, Failure> {
     let mut wrong = Vec::new();
     for path in worlds {
         match World::load(path) {
-            Ok(world) => print(&format!("{}: {} is a world\n", path.display(), world.name))?,
+            Ok(world) => print(&format!("{}: valid, {}\n", path.display(), world.name))?,
             Err(error) => wrong.push(error.to_string()),
         }
     }

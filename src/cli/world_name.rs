@@ -1,4 +1,4 @@
-//! How a world is named on the command line.
+//! Parses the name of a world on the command line.
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use clap::builder::{PathBufValueParser, PossibleValue, TypedValueParser};
 
 use crate::sim::World;
 
-/// The name of a world that comes along, or of a file; shells complete the names.
+/// Parses the name of a built-in world or of a file; shells complete the names.
 #[derive(Debug, Clone)]
 pub(super) struct WorldParser;
 

@@ -25,10 +25,10 @@ pub struct Entry {
     /// The behaviour with the highest priority drives [default: 0].
     #[serde(default)]
     pub priority: Priority,
-    /// What is done when it fails; `never` unless given.
+    /// Whether it is restarted after a failure [default: never].
     #[serde(default)]
     pub restart: RestartPolicy,
-    /// When `spykee serve` starts it; unless given, always, or when asked if the timetable has it.
+    /// When `spykee serve` starts it [default: always; asked if it is in the timetable].
     #[serde(default)]
     pub start: Option<Start>,
     /// Values of its parameters, by name.
@@ -36,18 +36,18 @@ pub struct Entry {
     pub params: BTreeMap<String, ParamValue>,
 }
 
-/// When `spykee serve` starts a behaviour, besides its timetable.
+/// When `spykee serve` starts a behaviour, in addition to the timetable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Start {
     /// As soon as the robot is connected.
     Always,
-    /// When a person asks for it, or the timetable.
+    /// Only on request by a person or the timetable.
     Asked,
 }
 
 impl Entry {
-    /// A script without any wish.
+    /// An entry for a script, with the defaults for everything else.
     pub fn of(file: PathBuf) -> Entry {
         Entry {
             file,
@@ -59,7 +59,7 @@ impl Entry {
         }
     }
 
-    /// What it says for what its script declares; `origin` is what messages call the place.
+    /// The values that it gives to its script's parameters; `origin` names the config in messages.
     pub fn given(&self, origin: &str) -> BTreeMap<String, GivenParam> {
         let given = |(name, value): (&String, &ParamValue)| {
             let (value, origin) = (value.clone(), ParamOrigin::Config(origin.to_owned()));
@@ -68,10 +68,10 @@ impl Entry {
         self.params.iter().map(given).collect()
     }
 
-    /// Its name, or else that of its file, without what follows the last dot.
+    /// Its name, or else the name of its file without the extension.
     ///
     /// # Errors
-    /// A file whose name cannot be that of a behaviour.
+    /// A file name that is not valid as a behaviour's name.
     pub fn name(&self) -> Result<String, NameError> {
         match &self.name {
             Some(name) => Ok(name.clone()),
@@ -80,7 +80,7 @@ impl Entry {
     }
 }
 
-/// A name is a folder's too: nothing in it may lead anywhere.
+/// Reads a name, which is also used for a folder: it must not contain path separators.
 fn name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
     struct Word;
     impl Visitor<'_> for Word {
@@ -105,8 +105,8 @@ fn name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> 
     from.deserialize_str(Word)
 }
 
-/// For `deserialize_with`: entries whose names differ. Two of one name would share a folder; the
-/// second is refused where it stands.
+/// For `deserialize_with`: reads entries with unique names, as two of one name would share a data
+/// folder. The error for a duplicate has the place of the second entry.
 pub(super) fn entries<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Entry>, D::Error> {
     struct List;
     impl<'de> Visitor<'de> for List {
@@ -127,7 +127,7 @@ pub(super) fn entries<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Entry>, 
     from.deserialize_seq(List)
 }
 
-/// One more entry beside these.
+/// Reads one more entry, whose name must differ from those of these entries.
 struct Another<'a>(&'a [Entry]);
 
 impl<'de> DeserializeSeed<'de> for Another<'_> {
@@ -178,7 +178,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read() {
+    fn all_keys_of_an_entry_are_read() {
         let text = "behaviours:\n\
                     - file: patrol.lua\n\
                     - file: lib/avoid.lua\n  \
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_refused_with_its_place() {
+    fn invalid_entries_are_refused_with_their_place() {
         for (text, place, words) in [
             (
                 "behaviours:\n- file: a.lua\n- file: b.lua\n- file: other/a.lua\n",

@@ -1,5 +1,5 @@
-//! What the settings are in the end, and where each comes from: environment over file over default.
-//! Flags stand above all of them and are known to the command line only.
+//! The effective settings and their origins: the environment overrides the file, which overrides
+//! the defaults. Flags override all of them; only the command line knows them.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -10,23 +10,23 @@ use serde_yaml::Value;
 use super::place::{self, Step};
 use super::{Config, ConfigError};
 
-/// Read by itself where it lies in the current folder.
+/// The config that is read if it is in the current folder and no other is named.
 const FILE: &str = "spykee.yaml";
-/// Names another.
+/// The environment variable that names another config.
 const FILE_VARIABLE: &str = "SPYKEE_CONFIG";
 
 /// Where a value comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Origin {
-    /// The command line.
+    /// This flag of the command line.
     Flag(&'static str),
-    /// This variable.
+    /// This environment variable.
     Environment(String),
     /// The config file.
     File {
-        /// Which.
+        /// Its path.
         path: PathBuf,
-        /// From 1.
+        /// The line, from 1.
         line: usize,
     },
     /// The default.
@@ -49,18 +49,18 @@ impl fmt::Display for Origin {
 pub struct Setting {
     /// Names joined by dots; elements of lists in brackets.
     pub key: String,
-    /// What it is.
+    /// The value.
     pub value: Value,
-    /// Where it comes from.
+    /// The origin of the value.
     pub origin: Origin,
 }
 
-/// How a config came to be read.
+/// How a config was selected.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Named {
     /// A person named it.
     Chosen,
-    /// It lay in the current folder: perhaps it came out of an archive.
+    /// It was found in the current folder, so it may come from anywhere, such as an archive.
     #[default]
     Found,
 }
@@ -70,26 +70,26 @@ pub enum Named {
 pub struct Effective {
     /// The settings.
     pub config: Config,
-    /// The file they were read from, and its text.
+    /// The file from which they were read, and its text.
     pub file: Option<(PathBuf, String)>,
     named: Named,
     variables: BTreeMap<String, String>,
 }
 
-/// A variable of the environment that is set.
+/// The value of an environment variable, if it is set and not empty.
 fn variable(name: &str) -> Option<String> {
     std::env::var(name).ok().filter(|text| !text.is_empty())
 }
 
-/// The file that is named, or that of `$SPYKEE_CONFIG`.
+/// The named file, or else the one in `$SPYKEE_CONFIG`.
 fn chosen(named: Option<&Path>, variable: impl Fn(&str) -> Option<String>) -> Option<PathBuf> {
     let of_variable = || variable(FILE_VARIABLE).map(PathBuf::from);
     named.map(Path::to_owned).or_else(of_variable)
 }
 
 impl Effective {
-    /// Of the file that is named, or of `$SPYKEE_CONFIG`, or of `spykee.yaml` in the current folder
-    /// if it is there; and of the `SPYKEE_...` variables.
+    /// Loads the settings from the named file, or else from `$SPYKEE_CONFIG`, or else from
+    /// `spykee.yaml` in the current folder if it exists, and from the `SPYKEE_...` variables.
     ///
     /// # Errors
     /// See [`ConfigError`].
@@ -139,13 +139,14 @@ impl Effective {
         Ok(effective)
     }
 
-    /// The file that says this value, and how that came to be read; `None` if no file does.
+    /// The config file and how it was selected; `None` if there is no file or a variable overrides
+    /// this key.
     pub fn file_of(&self, key: &str) -> Option<(&Path, Named)> {
         let (path, _) = self.file.as_ref()?;
         (!self.variables.contains_key(key)).then_some((path, self.named))
     }
 
-    /// Every value and where it comes from, in the order of the keys.
+    /// All values with their origins, in the order of the keys.
     pub fn settings(&self) -> Vec<Setting> {
         let mut settings = Vec::new();
         if let Ok(mut tree) = serde_yaml::to_value(&self.config) {
@@ -161,7 +162,7 @@ impl Effective {
         settings
     }
 
-    /// As they stand in the file.
+    /// The `behaviours:` as written in the file.
     fn behaviours(&self) -> Option<Value> {
         let (_, text) = self.file.as_ref()?;
         let tree: Value = serde_yaml::from_str(text).ok()?;
@@ -186,7 +187,7 @@ fn variable_of(key: &str) -> String {
     format!("SPYKEE_{}", key.replace('.', "_").to_uppercase())
 }
 
-/// Every key that is one value, whatever a config says.
+/// All keys with a single value, as opposed to a list or a mapping.
 pub(super) fn keys() -> Vec<String> {
     let mut keys = Vec::new();
     if let Ok(tree) = serde_yaml::to_value(Config::default()) {
@@ -199,7 +200,7 @@ pub(super) fn keys() -> Vec<String> {
     keys
 }
 
-/// Calls `found` for every value that holds no others; pairs and empty collections are values too.
+/// Calls `found` for each leaf of the tree: scalars, empty mappings, and lists without mappings.
 fn leaves(tree: &Value, steps: &mut Vec<Step>, found: &mut impl FnMut(&[Step], &Value)) {
     match tree {
         Value::Mapping(map) if !map.is_empty() => {
@@ -232,7 +233,7 @@ fn written(steps: &[Step]) -> String {
     key
 }
 
-/// The config with one value from a text; refused in the words of the config's own types.
+/// The config with one value replaced by this text. Errors come from the config's own types.
 fn overridden(
     config: &Config,
     key: &str,
@@ -249,7 +250,7 @@ fn overridden(
             *place = value;
         }
         match serde_yaml::from_value(tree.clone()) {
-            // Not written, so not read back: no variable speaks of them.
+            // Behaviours are not serialized, so copy them. No variable can change them.
             Ok(read) => {
                 let behaviours = config.behaviours.clone();
                 return Ok(Config { behaviours, ..read });
@@ -293,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn environment_beats_file_beats_default_and_each_says_so() {
+    fn environment_overrides_file_overrides_default_and_origins_are_known() {
         let file = "robot: 10.0.0.1\nwatchdog:\n  low: 25\n  ok: 60\nbehaviours:\n- file: a.lua\n";
         let effective = load(file, &[("SPYKEE_WATCHDOG_LOW", "30"), ("SPYKEE_USER", "7")]).unwrap();
         assert_eq!(effective.config.watchdog.low.get(), 30);
@@ -315,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn a_variable_with_a_wrong_value_is_named_with_what_was_expected() {
+    fn the_error_for_an_invalid_variable_names_it_and_the_expected_form() {
         for (variable, value) in [
             ("SPYKEE_WATCHDOG_LOW", "150"),
             ("SPYKEE_CALIBRATION_FULL_SPEED", "fast"),

@@ -1,24 +1,24 @@
-//! How logs are written: the `logging:` section.
+//! The `logging:` section: options of the log.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::robot::whole_within;
 
-/// How logs are written on stderr.
+/// Options of the log on stderr.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Logging {
-    /// What is logged; `RUST_LOG` overrides it, in more detail.
+    /// The lowest level that is logged; `RUST_LOG` overrides it with a finer filter.
     pub level: Level,
-    /// For people or for programs; `--log-format` overrides it.
+    /// The format, for people or for programs; `--log-format` overrides it.
     pub format: Format,
-    /// The time at the beginning of each line.
+    /// The kind of time at the beginning of each line.
     pub time: Time,
-    /// Whether lines are coloured; `NO_COLOR` overrides `auto`.
+    /// When lines are coloured; `NO_COLOR` overrides `auto`.
     pub colour: When,
-    /// The most bytes written per day, of which a 24th may be used at once: 256 MiB. The rest is
-    /// counted.
+    /// Maximum number of bytes written per day, of which a 24th may be used at once [default: 256
+    /// MiB]. Lines beyond it are dropped and counted.
     #[serde(deserialize_with = "bytes_a_day")]
     pub bytes_a_day: u64,
 }
@@ -40,40 +40,40 @@ fn bytes_a_day<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
     whole_within(from, words, (1 << 20)..=(1 << 50))
 }
 
-/// Lines below this level are left out.
+/// The lowest level that is logged.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Level {
-    /// Errors only.
+    /// Only errors.
     Error,
-    /// And warnings.
+    /// Errors and warnings.
     Warn,
-    /// And information.
+    /// Also information.
     #[default]
     Info,
-    /// And details.
+    /// Also details.
     Debug,
 }
 
-/// The form of a log line.
+/// The format of log lines.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
-    /// Lines for people.
+    /// Text for people.
     #[default]
     Text,
-    /// One JSON object a line.
+    /// One JSON object per line.
     Json,
 }
 
-/// The time of a log line. In virtual time it is always the time since the start.
+/// The kind of time in log lines. In virtual time it is always the time since the start.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Time {
-    /// Since the start on a terminal, UTC in files and pipes.
+    /// The time since the start on a terminal, UTC in files and pipes.
     #[default]
     Auto,
-    /// Since the start, in seconds.
+    /// The time since the start, in seconds.
     Run,
     /// UTC, with the date.
     Utc,
@@ -81,7 +81,7 @@ pub enum Time {
     Local,
 }
 
-/// When colours are used.
+/// When to use colours.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum When {
@@ -90,6 +90,6 @@ pub enum When {
     Auto,
     /// Also in files and pipes.
     Always,
-    /// Nowhere.
+    /// Not at all.
     Never,
 }

@@ -1,4 +1,4 @@
-//! The `mqtt:` section: the broker by which other programs see the robot and ask for it.
+//! The `mqtt:` section: the broker through which other programs see and command the robot.
 
 use std::path::PathBuf;
 
@@ -7,12 +7,12 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::robot::{Seconds, whole_within};
 
-/// The longest prefix of topics.
+/// Maximum length of a topic prefix.
 const LONGEST_PREFIX: usize = 64;
-/// Less would be a storm at a broker that is gone.
+/// Minimum of `longest_pause`; shorter pauses would flood an unreachable broker with attempts.
 const SHORTEST_PAUSE: Seconds = Seconds::from_millis(100);
 
-/// The MQTT broker. Without a host MQTT is off.
+/// The MQTT broker. MQTT is off without a host.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "MqttOptions")]
@@ -22,18 +22,18 @@ pub struct Mqtt {
     /// The broker's port [default: 1883, with TLS 8883].
     #[serde(deserialize_with = "port")]
     pub port: Option<u16>,
-    /// Log in as this user.
+    /// User name for the login.
     pub user: Option<String>,
     /// A file with that user's password in its first line.
     pub password_file: Option<PathBuf>,
-    /// Encrypted if a `ca_file` is named.
+    /// Encryption; on if a `ca_file` is named.
     pub tls: Tls,
     /// The first part of all topics.
     pub prefix: String,
-    /// Where Home Assistant looks for devices.
+    /// The first part of the topics in which Home Assistant looks for devices.
     pub discovery_prefix: String,
-    /// The MQTT keep-alive in seconds; after one and a half times this without a sign of life the
-    /// broker declares the connection broken.
+    /// The MQTT keep-alive in seconds; the broker declares the connection broken after one and a
+    /// half times this without a message.
     pub keep_alive: Seconds,
     /// The longest pause between two attempts to reach the broker, in seconds.
     pub longest_pause: Seconds,
@@ -64,33 +64,33 @@ impl Default for Mqtt {
     }
 }
 
-/// What is wrong in [`Mqtt`].
+/// An invalid value in [`Mqtt`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum MqttError {
-    /// A prefix that makes no topics.
+    /// A prefix that is not valid in topics.
     #[error(
-        "mqtt.{key}: `{prefix}` must be letters, digits, - and _, with single slashes between, at \
-         most {LONGEST_PREFIX}"
+        "mqtt.{key}: `{prefix}` must consist of letters, digits, - and _ with single slashes in \
+         between, at most {LONGEST_PREFIX} characters"
     )]
     Prefix {
-        /// Which.
+        /// The key of the prefix.
         key: &'static str,
-        /// As written.
+        /// The prefix as written.
         prefix: String,
     },
-    /// Too short.
-    #[error("mqtt.keep_alive: at least 1 second")]
+    /// `keep_alive` is too short.
+    #[error("mqtt.keep_alive: expected at least 1 second")]
     KeepAlive,
-    /// Too short.
-    #[error("mqtt.longest_pause: at least 0.1 seconds")]
+    /// `longest_pause` is too short.
+    #[error("mqtt.longest_pause: expected at least 0.1 seconds")]
     LongestPause,
-    /// A password for no user.
+    /// A password file without a user.
     #[error("mqtt.password_file needs mqtt.user")]
     PasswordFile,
 }
 
 impl Mqtt {
-    /// What no type can say.
+    /// Checks the rules that the types of the fields do not enforce.
     ///
     /// # Errors
     /// See [`MqttError`].
@@ -134,7 +134,7 @@ fn port<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u16>, D::Error> {
     struct Port(#[serde(deserialize_with = "number")] u16);
     fn number<'de, D: Deserializer<'de>>(from: D) -> Result<u16, D::Error> {
         let number: u64 = whole_within(from, "a port from 1 to 65535", 1..=65_535)?;
-        // Within the range.
+        // Cannot fail: the number is within the range.
         Ok(u16::try_from(number).unwrap_or(u16::MAX))
     }
     Ok(Option::<Port>::deserialize(from)?.map(|Port(number)| number))
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_topic_or_no_port_is_refused_in_words() {
+    fn the_error_for_an_invalid_value_names_its_key() {
         for (text, words) in [
             ("{ prefix: 'a/+' }", "mqtt.prefix"),
             ("{ prefix: '' }", "mqtt.prefix"),
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn the_usual_port_is_that_of_the_encryption() {
+    fn the_default_port_depends_on_the_encryption() {
         let address = |text| checked(text).unwrap().address().map(|(_, port)| port);
         assert_eq!(address("{}"), None);
         assert_eq!(address("{ host: a }"), Some(1883));

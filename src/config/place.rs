@@ -1,11 +1,11 @@
-//! Where a key stands in a YAML text. The parser tells places only with its errors, so the search
-//! is a deserializer that fails where it has found what it looks for.
+//! Finds the place of a key in a YAML text. The parser reports places only in errors, so the search
+//! is a deserializer that fails at the key.
 
 use std::fmt;
 
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
 
-/// What the search fails with.
+/// The error with which a successful search ends.
 const FOUND: &str = "found it";
 
 /// One step into a document.
@@ -17,7 +17,7 @@ pub(super) enum Step {
     Index(usize),
 }
 
-/// Line and column, from 1, of the key or element that the steps lead to.
+/// Line and column, from 1, of the key or element at the end of the steps.
 pub(super) fn of(text: &str, steps: &[Step]) -> Option<(usize, usize)> {
     if steps.is_empty() {
         return None;
@@ -32,7 +32,7 @@ pub(super) fn of(text: &str, steps: &[Step]) -> Option<(usize, usize)> {
         .then(|| (place.line(), place.column()))
 }
 
-/// Fails at the end of its steps.
+/// Follows its steps and fails at their end.
 #[derive(Clone, Copy)]
 struct Seek<'a>(&'a [Step]);
 
@@ -119,7 +119,7 @@ impl<'de> Visitor<'de> for Seek<'_> {
     }
 }
 
-/// Whether a key is the wanted one; if it is the last step, it fails there.
+/// Returns whether a key is the wanted one; fails there if it is the last step.
 struct Key<'a> {
     wanted: &'a str,
     last: bool,
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_and_elements_are_found_where_they_stand() {
+    fn the_places_of_keys_and_elements_are_found() {
         let text = "a: 1\nb:\n  - { c: 2 }\n  - d:\n      e: [3]\n";
         assert_eq!(of(text, &[key("a")]), Some((1, 1)));
         let c = [key("b"), Step::Index(0), key("c")];
@@ -171,7 +171,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_text_makes_it_panic(text in "[ -~\n]{0,200}") {
+        fn no_text_causes_a_panic(text in "[ -~\n]{0,200}") {
             let _ = of(&text, &[key("a"), Step::Index(1)]);
         }
     }

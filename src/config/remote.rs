@@ -1,12 +1,12 @@
-//! The `remote:` section: a service on another computer that the tools ask.
+//! The `remote:` section: a service on another computer.
 
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The service that `spykee status`, `behaviour` and `robot` ask; the command line can name
-/// another.
+/// The service on another computer that `spykee status`, `behaviour` and `robot` use; the command
+/// line can name another.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Remote {

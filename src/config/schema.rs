@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::{Config, Start};
 
-/// One entry of `behaviours:`, as editors see it; [`super::Entry`] reads it.
+/// The schema of an entry of `behaviours:`, for editors; [`super::Entry`] reads it.
 #[derive(JsonSchema)]
 #[schemars(deny_unknown_fields)]
 #[allow(dead_code, reason = "only its shape is used")]
@@ -23,8 +23,8 @@ pub(super) struct Behaviour {
     /// Whether it is restarted after a failure: `never`, `on-failure`, or a table with `policy` and
     /// its numbers [default: never].
     restart: Option<Value>,
-    /// When `spykee serve` starts it: `always`, or when `asked` [default: always; asked if it is in
-    /// the timetable].
+    /// When `spykee serve` starts it: `always`, or only when `asked` [default: always; asked if it
+    /// is in the timetable].
     start: Option<Start>,
     /// Values of its parameters, by name: true, false, a number or a text.
     params: Option<BTreeMap<String, Value>>,
@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn the_example_is_read_and_says_the_defaults() {
+    fn the_example_is_valid_and_has_the_defaults() {
         let config = Config::parse(EXAMPLE, "example").unwrap();
         let usual = Config::default();
         assert_eq!(config.watchdog, usual.watchdog);
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn the_schema_knows_all_that_the_example_says_and_nothing_else() {
+    fn the_schema_has_all_keys_of_the_example_and_refuses_others() {
         let schema = schema();
         knows(&schema, &schema, &example(), "");
         for closed in [

@@ -1,18 +1,18 @@
-//! How `spykee serve` goes about its robot: the `service:` section.
+//! The `service:` section: options of `spykee serve`.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::clock::Span;
 
-/// What a service does while no behaviour runs, and as which user it runs.
+/// What a service does while no behaviour runs, and the user that runs it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Service {
     /// What happens to the link while no behaviour runs: `keep`, or `release`, so that others can
     /// log in.
     pub idle: Idle,
-    /// The time without a behaviour after which the robot is idle: 1m.
+    /// The time without a behaviour after which the robot is idle [default: 1m].
     #[schemars(with = "String")]
     pub idle_after: Span,
     /// Whether an idle robot that is off its station is sent there.
@@ -36,7 +36,7 @@ impl Default for Service {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Idle {
-    /// It stays connected, and the battery is monitored.
+    /// The service stays connected and monitors the battery.
     #[default]
     Keep,
     /// The service disconnects from a robot on its station, so that another program can log in.

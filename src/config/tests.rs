@@ -14,7 +14,7 @@ fn an_empty_file_is_all_defaults() {
 }
 
 #[test]
-fn what_is_written_is_read() {
+fn all_sections_are_read() {
     let text = "robot: 172.17.6.1\nbehaviours:\n  - file: patrol.lua\n    priority: 3\n\
                 watchdog: { low: 25, host_silence: 0.5 }\n";
     let config = Config::parse(text, "spykee.yaml").unwrap();
@@ -42,7 +42,7 @@ fn a_wrong_value_is_refused_with_its_place_and_range() {
 }
 
 #[test]
-fn numbers_that_would_switch_a_limit_off_or_mean_nothing_are_refused_with_their_place() {
+fn invalid_numbers_are_refused_with_their_place() {
     for wrong in [
         "calibration:\n  full_speed: 0\n",
         "calibration:\n  track_width: .nan\n",
@@ -81,7 +81,7 @@ fn levels_that_do_not_rise_are_refused() {
 
 proptest! {
     #[test]
-    fn no_text_makes_it_panic(text in "[ -~\n]{0,200}") {
+    fn no_text_causes_a_panic(text in "[ -~\n]{0,200}") {
         let _ = Config::parse(&text, "spykee.yaml");
     }
 }

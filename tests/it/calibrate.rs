@@ -140,7 +140,7 @@ async fn a_person_is_guided_and_asked_before_the_config_is_written() {
         terminal.shows("in centimetres?").await;
         if again {
             terminal.types("far");
-            terminal.shows("A number, such as").await;
+            terminal.shows("Type a number, such as").await;
             terminal.types(&format!("{:.1}", way * 100.0).replace('.', ","));
         } else {
             terminal.types("r");

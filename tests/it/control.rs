@@ -94,7 +94,7 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
     assert_eq!(code, Some(0), "{text}");
     let (code, text) = tool(&rig, &["robot", "log", "--robot", &rig.address]).await;
     assert_eq!(
-        (code, text.contains("a run has the robot")),
+        (code, text.contains("a run uses the robot")),
         (Some(3), true),
         "{text}"
     );
@@ -139,7 +139,7 @@ async fn a_sound_file_is_played_through_a_run_and_without_one() {
     rig.file("no.wav", "RIFF");
     let (code, text) = tool(&rig, &["robot", "say", "no.wav"]).await;
     assert_eq!(
-        (code, text.contains("no WAV file")),
+        (code, text.contains("not a WAV file")),
         (Some(2), true),
         "{text}"
     );

@@ -431,7 +431,7 @@ async fn a_tool_that_only_reads_does_not_end_the_search_of_a_low_robot() {
         rig.sim.hide_station(true);
         let mut run = rig.spykee(&[&["robot"], tool, &["--robot", &rig.address]].concat());
         assert_eq!(run.code().await, Some(0), "{}", run.text());
-        let said = run.text().contains("was told to search its station");
+        let said = run.text().contains("was told to search for its station");
         assert!(said, "{}", run.text());
         ends_with_a_search(&rig, 0);
     }

@@ -187,7 +187,7 @@ async fn history_shows_runs_entries_pictures_and_the_battery() {
         "{text}"
     );
     let (_, text) = history(&rig, &["--until", "2001-01-01"]).await;
-    assert!(text.contains("nothing of this kind"), "{text}");
+    assert!(text.contains("the journal has no such entries"), "{text}");
     let (code, text) = history(&rig, &["--plot", "battery.png"]).await;
     assert_eq!(code, Some(0), "{text}");
     assert!(image::open(rig.folder().join("battery.png")).is_ok());

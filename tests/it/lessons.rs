@@ -202,8 +202,8 @@ fn a_class_is_graded_with_missing_and_copied_scripts() {
         "Lesson 3, Moving: 10 points",
         "Ada       10",
         "Eva        2  It drives away and stays there",
-        "=Cem       0  It cannot run: robot.moev does not exist",
-        "Handed in nothing that can be checked: Dora, Finn",
+        "=Cem       0  The script cannot run: robot.moev does not exist",
+        "No script to check from: Dora, Finn",
         "Nearly the same text (",
         "): Ada and Ben",
     ] {
@@ -449,7 +449,7 @@ fn invalid_requests_are_explained_and_nothing_is_overwritten() {
     );
     tells(
         &["lesson", "check", "lesson-03-moving"],
-        &["name the script in it"],
+        &["name the script in this folder"],
     );
     fs::write(folder.path().join("check.lua"), "-- spykee lesson 1\n").unwrap();
     tells(

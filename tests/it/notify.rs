@@ -303,7 +303,7 @@ async fn notify_test_reports_its_result_and_a_found_config_starts_no_program() {
     assert!(code == Some(2) && text.contains("desk, phone"), "{text}");
     let (code, text) = test(&[]).await;
     assert!(
-        code == Some(2) && text.contains("found here, not named"),
+        code == Some(2) && text.contains("found in the current folder, not named"),
         "{text}"
     );
     assert_eq!(hook.asked().len(), 2);

@@ -112,7 +112,7 @@ async fn mistakes_are_explained_and_the_session_continues() {
 async fn a_line_that_never_waits_ends_the_session_and_a_new_one_begins() {
     let (code, out, err) = typed("x = 1\nwhile true do end\nx\n2 + 3\n").await;
     assert_eq!(code, Some(1), "{out}{err}");
-    for words in ["cpu", "a new session begins", "unknown name 'x'", "5"] {
+    for words in ["cpu", "a new session starts", "unknown name 'x'", "5"] {
         assert!(out.contains(words), "{words}: {out}{err}");
     }
 }

@@ -173,7 +173,7 @@ async fn a_reload_affects_only_changes_and_a_bad_config_changes_nothing() {
         "behaviours: [{ file: stays.lua, nmae: x }]\n",
     );
     run.signal(Signal::HUP);
-    run.says("the new settings are refused").await;
+    run.says("the new settings are invalid").await;
     run.says("nmae").await;
     rig.file("changes.lua", "robot.volume(45) task.wait(600)");
     rig.file("new.lua", "robot.volume(46) task.wait(600)");
@@ -407,7 +407,7 @@ async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
         "{text}"
     );
     assert!(
-        lines[3].contains("12:00") && lines[3].contains("no behaviour"),
+        lines[3].contains("12:00") && lines[3].contains("no such behaviour"),
         "{text}"
     );
     assert!(

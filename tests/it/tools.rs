@@ -148,7 +148,7 @@ async fn a_snapshot_is_a_complete_picture_or_ends_with_3() {
     let short = ["snapshot", "-o", "b.jpg", "--timeout", "1"];
     let (code, text) = tool(&spoilt, &short).await;
     assert_eq!(
-        (code, text.contains("no good frame")),
+        (code, text.contains("no intact frame")),
         (Some(3), true),
         "{text}"
     );

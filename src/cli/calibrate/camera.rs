@@ -1,5 +1,5 @@
-//! `spykee calibrate camera`: pictures of a chessboard tell the camera's field of view and
-//! distortion, or those of the station its field of view.
+//! `spykee calibrate camera`: measures the camera's field of view and distortion from pictures of a
+//! chessboard, or only its field of view from pictures of the station.
 
 use std::path::{Path, PathBuf};
 
@@ -15,7 +15,7 @@ use crate::vision::{
     Board, Calibrated, CalibrationError, Decoder, Sighting, Size, calibrate, find_chessboard,
 };
 
-/// What to do about pictures that do not tell.
+/// Help for pictures from which the camera cannot be computed.
 const HELP: &str = "ten pictures with the whole board in each, from near, tilted to another side in each, \
                     and some with it in the corners of the picture: `spykee robot snapshot` takes them";
 
@@ -23,8 +23,8 @@ const HELP: &str = "ten pictures with the whole board in each, from near, tilted
 ///
 /// Print a chessboard, glue it to something flat, and take about ten pictures that each show the
 /// whole board: tilted differently in each, close enough to fill most of the picture, in some of
-/// them near the picture's corners. The size of the squares does not matter. Prints `camera:` for
-/// the config.
+/// them near the picture's corners. The size of the squares does not matter. The command prints a
+/// `camera:` line for the config.
 ///
 /// Without a chessboard you can measure the field of view, but not the distortion, with the
 /// charging station: put the robot straight in front of it, and give with --station the distance
@@ -35,15 +35,15 @@ const HELP: &str = "ten pictures with the whole board in each, from near, tilted
                         spykee calibrate camera near.jpg far.jpg --station 1,1.5"
 )]
 pub(super) struct CameraArgs {
-    /// Pictures of the board, as the camera took them; all of the same size
+    /// Unchanged camera pictures of the board, all of the same size
     #[arg(value_name = "IMAGE.jpg", required = true)]
     images: Vec<PathBuf>,
 
-    /// Inner corners of the board, across and down: one less than its squares
+    /// Number of the board's inner corners, across and down: one less than its squares
     #[arg(long, value_name = "COLUMNSxROWS", default_value = "9x6", value_parser = parse_board)]
     board: Board,
 
-    /// The pictures show the charging station, each from this distance in metres
+    /// Measure from pictures of the charging station: the distance of each picture, in metres
     #[arg(long, value_name = "METRES,...", value_delimiter = ',', value_parser = parse_distance,
           conflicts_with = "board")]
     station: Vec<f64>,
@@ -78,10 +78,11 @@ fn parse_board(text: &str) -> Result<Board, ArgumentError> {
         .ok_or(ArgumentError::Board)
 }
 
-/// Looks for the board in each picture, and says what the camera is like.
+/// Finds the board in each picture and prints the camera's parameters.
 ///
 /// # Errors
-/// Files that are no pictures, pictures of different sizes, too few with the board, too much alike.
+/// Files that are not pictures, pictures of different sizes, too few pictures with the board or too
+/// similar ones.
 pub(super) fn run(args: &CameraArgs) -> Result<Exit, Failure> {
     if !args.station.is_empty() {
         return station::run(&args.images, &args.station, args.json);
@@ -116,7 +117,7 @@ pub(super) fn run(args: &CameraArgs) -> Result<Exit, Failure> {
     let sightings: Vec<Sighting> = seen.iter().map(|(_, corners)| corners.clone()).collect();
     let found = calibrate(&sightings, args.board, size).map_err(|error| {
         let help = match error {
-            CalibrationError::Bent { .. } => "--board says how many inner corners it has",
+            CalibrationError::Bent { .. } => "give the number of inner corners with --board",
             _ => HELP,
         };
         Failure::usage(error).help(help)
@@ -162,7 +163,7 @@ fn as_text(found: &Calibrated, names: &[String]) -> String {
     format!(
         "{rows}\nfield of view {:.1} degrees, give or take {:.1}\n\n\
          camera: {{ hfov: {hfov:.4}, distortion: [{k1:.4}, {k2:.4}] }}\n\
-         Paste it into your config. A picture that is much farther off than the others is better left out.\n",
+         Paste this line into your config. Leave out pictures with much larger errors than the others.\n",
         hfov.to_degrees(),
         (2.0 * sure).to_degrees().max(0.1),
     )

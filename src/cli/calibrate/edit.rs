@@ -1,5 +1,5 @@
-//! The `calibration:` mapping of a config, changed as text: the rest of the file and its comments
-//! stay as they are. Pure. What comes out is parsed again and compared before it counts.
+//! Edits the `calibration:` mapping of a config as text: the rest of the file and its comments stay
+//! as they are. Pure. The result is parsed again and compared before it is accepted.
 
 use serde_yaml::Value;
 
@@ -8,21 +8,21 @@ use crate::script::Calibration;
 
 const KEY: &str = "calibration";
 
-/// The file is written in a way that this editor does not understand, or is no valid config.
+/// The file is written in a way that this editor does not understand, or is not a valid config.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum EditError {
-    /// Not valid before.
+    /// The file is not valid before the edit.
     #[error("{0}")]
     Invalid(String),
-    /// Nothing was changed.
+    /// The editor does not understand the mapping; nothing was changed.
     #[error("its `calibration:` is written in a way that cannot be edited safely")]
     NotUnderstood,
 }
 
-/// The text with these two numbers in its `calibration:` mapping.
+/// Returns the text with these two numbers in its `calibration:` mapping.
 ///
 /// # Errors
-/// See [`EditError`]; then change it by hand.
+/// See [`EditError`]; the user must then edit the file by hand.
 pub(super) fn with_calibration(
     text: &str,
     name: &str,
@@ -39,12 +39,12 @@ pub(super) fn with_calibration(
     same.then_some(edited).ok_or(EditError::NotUnderstood)
 }
 
-/// To a tenth of a millimetre: measurements are no more precise.
+/// Rounds to a tenth of a millimetre: measurements are no more precise.
 fn round(number: f64) -> f64 {
     (number * 1e4).round() / 1e4
 }
 
-/// All but the calibration; `None` if it cannot be read.
+/// Everything in the config but the calibration; `None` if the text cannot be parsed.
 fn rest_of(text: &str) -> Option<Value> {
     let said = |line: &str| !line.trim().is_empty() && !line.trim().starts_with('#');
     if !text.lines().any(said) {
@@ -111,7 +111,7 @@ fn edit(text: &str, calibration: Calibration) -> String {
     lines.concat()
 }
 
-/// As it stands in a config.
+/// The calibration as a line of a config.
 pub(super) fn line_of(calibration: Calibration) -> String {
     let Calibration {
         track_width,
@@ -139,7 +139,7 @@ fn set_in_flow(line: &str, key: &str, value: f64) -> String {
     format!("{head}{{ {key}: {value}{comma}{tail}")
 }
 
-/// The scalar behind `key:` is replaced; blanks around it stay.
+/// Replaces the scalar after `key:`; keeps the blanks after it.
 fn set_value(line: &str, key: &str, value: f64, ends: &[char]) -> String {
     let Some(start) = line.find(key).map(|at| at + key.len()) else {
         return line.to_owned();
@@ -160,7 +160,7 @@ fn set_value(line: &str, key: &str, value: f64, ends: &[char]) -> String {
     )
 }
 
-/// What changes, line by line: `-` goes, `+` comes.
+/// The changed lines: removed ones with `-`, added ones with `+`.
 pub(super) fn diff(before: &str, after: &str) -> String {
     let (old, new): (Vec<&str>, Vec<&str>) = (before.lines().collect(), after.lines().collect());
     let head = old.iter().zip(&new).take_while(|(a, b)| a == b).count();
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_understood_is_left_alone() {
+    fn text_that_is_not_understood_is_an_error() {
         let odd = "calibration: { track_width: 0.3,\n  full_speed: 0.5 }\n";
         assert_eq!(
             with_calibration(odd, "x", MEASURED),
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn the_difference_shows_what_goes_and_what_comes() {
+    fn diff_shows_removed_and_added_lines() {
         let before = "a: 1\ncalibration: { full_speed: 1 }\nb: 2\n";
         let shown = diff(before, "a: 1\ncalibration: { full_speed: 2 }\nb: 2\n");
         assert_eq!(
@@ -244,7 +244,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_stands_in_the_file_the_rest_of_it_stays(
+        fn the_rest_of_the_file_stays_the_same(
             lines in prop::collection::vec(prop::sample::select(vec![
                 "# note", "", "calibration:", "  track_width: 0.3 # m", "  full_speed: 0.5",
                 "calibration: {}", "calibration: { full_speed: 0.2 } # c", "data: x", "  # in",

@@ -1,4 +1,4 @@
-//! From what was measured to the two numbers. Pure.
+//! Computes the two numbers of the calibration from measurements. Pure.
 
 use std::time::Duration;
 
@@ -6,14 +6,13 @@ use crate::cli::{Exit, Failure};
 use crate::robot::Setpoint;
 use crate::script::Calibration;
 
-/// The part of full power that is driven with, percent: fast enough to measure, slow enough to
-/// watch.
+/// Power of the moves, percent: fast enough to measure, slow enough to watch.
 pub(super) const POWER: f64 = 60.0;
-/// What can be a Spykee, metres and metres a second; all else is a slip of the tape.
+/// Plausible values for a Spykee, metres and metres per second; others are measuring errors.
 const WIDTHS: std::ops::RangeInclusive<f64> = 0.08..=0.8;
 const SPEEDS: std::ops::RangeInclusive<f64> = 0.03..=3.0;
 
-/// One step: what the tracks do, and how long.
+/// One step: the setpoint of the tracks and its duration.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plan {
     pub(super) setpoint: Setpoint,
@@ -21,12 +20,12 @@ pub(super) struct Plan {
 }
 
 impl Plan {
-    /// Both tracks at this part of [`POWER`], -1 to 1.
+    /// Both tracks at this fraction of [`POWER`], -1 to 1.
     pub(super) fn straight(direction: f64, millis: u64) -> Plan {
         Plan::of(direction, direction, millis)
     }
 
-    /// On the spot, to the left if positive.
+    /// A turn on the spot, to the left if positive.
     pub(super) fn turn(direction: f64, millis: u64) -> Plan {
         Plan::of(-direction, direction, millis)
     }
@@ -40,18 +39,19 @@ impl Plan {
     }
 }
 
-/// One round: how fast it drove and turned at [`POWER`].
+/// One round: the speeds of driving and turning at [`POWER`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measured {
-    /// Metres a second.
+    /// Metres per second.
     pub(super) speed: f64,
-    /// Radians a second.
+    /// Radians per second.
     pub(super) turning: f64,
 }
 
 impl Measured {
-    /// From distances, metres, after two times, seconds, and an angle, radians. The difference of
-    /// two moves leaves out how the robot starts and stops.
+    /// Computes the speeds from two (distance, time) pairs and one (angle, time) pair, in metres,
+    /// radians and seconds. Taking the difference of two moves cancels the effect of starting and
+    /// stopping.
     pub(super) fn from_tape(
         (short, long): ((f64, f64), (f64, f64)),
         (angle, seconds): (f64, f64),
@@ -61,17 +61,17 @@ impl Measured {
         Measured { speed, turning }
     }
 
-    /// The calibration that the average of all rounds means.
+    /// The calibration from the average of all rounds.
     ///
     /// # Errors
-    /// Numbers that no robot has.
+    /// Implausible numbers.
     pub(super) fn average(rounds: &[Measured]) -> Result<Calibration, Failure> {
         let count = rounds.len() as f64;
         let speed = rounds.iter().map(|round| round.speed).sum::<f64>() / count;
         let turning = rounds.iter().map(|round| round.turning).sum::<f64>() / count;
         let calibration = Calibration {
             full_speed: speed / (POWER / 100.0),
-            // On the spot the tracks run against each other at this speed.
+            // When turning on the spot, the tracks run in opposite directions at this speed.
             track_width: 2.0 * speed / turning,
         };
         let Calibration {
@@ -82,9 +82,9 @@ impl Measured {
             return Ok(calibration);
         }
         let what = format_args!(
-            "that cannot be: {full_speed:.2} m/s at full power, {track_width:.2} m between the tracks"
+            "implausible result: {full_speed:.2} m/s at full power, {track_width:.2} m between the tracks"
         );
-        let help = "measure again: centimetres ahead, degrees with full turns counted as 360";
+        let help = "measure again: distances in centimetres; a full turn counts as 360 degrees";
         Err(Failure::new(Exit::Script, what).help(help))
     }
 }
@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused() {
+    fn implausible_measurements_are_refused() {
         for (speed, turning) in [
             (0.27, 0.0),
             (-0.2, 2.0),

@@ -1,5 +1,5 @@
-//! `spykee calibrate`: two timed moves and a turn tell how wide and how fast the robot is; pictures
-//! of a chessboard, or of the station, tell what the camera sees.
+//! `spykee calibrate`: measures the robot's track width and speed with two timed moves and a turn,
+//! and its camera with pictures of a chessboard or of the station.
 
 mod camera;
 mod edit;
@@ -28,7 +28,7 @@ use crate::yaml;
 ///
 /// Guides you through two moves straight ahead and a turn on the spot, asks how far the robot
 /// really went, and computes `calibration:` from your answers. Every step can be repeated. With
-/// --sim the simulator measures by itself. Put the robot off its station, on the floor that it will
+/// --sim the simulator does the measuring. Put the robot off its station, on the floor that it will
 /// drive on, with two metres free ahead, no stairs and no people in the way. Ctrl-C stops the
 /// robot.
 #[derive(Debug, Clone, clap::Args)]
@@ -41,11 +41,11 @@ pub(super) struct CalibrateArgs {
     #[command(subcommand)]
     what: Option<What>,
 
-    /// Print a JSON object; the questions go to stderr
+    /// Print a JSON object; questions go to stderr
     #[arg(long)]
     json: bool,
 
-    /// Write into the config without asking
+    /// Write the result into the config without asking
     #[arg(long)]
     yes: bool,
 
@@ -62,16 +62,17 @@ pub(super) struct CalibrateArgs {
     pub(super) aim: AimArgs,
 }
 
-/// What else can be calibrated than the tracks.
+/// What to calibrate other than the tracks.
 #[derive(Debug, Clone, clap::Subcommand)]
 enum What {
     Camera(camera::CameraArgs),
 }
 
-/// Measures, shows, and writes if that is wanted.
+/// Measures, prints the result, and writes it into the config if the user agrees.
 ///
 /// # Errors
-/// The robot, its state, measurements that cannot be, a config that cannot be changed.
+/// A robot that cannot be reached or may not drive, implausible measurements, a config that cannot
+/// be changed.
 pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
     if let Some(What::Camera(args)) = &args.what {
         return camera::run(args);
@@ -99,10 +100,10 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
     conclude(args, calibration)
 }
 
-/// Refuses where nothing may move, with what to do.
+/// Returns an error with help if the robot may not drive.
 fn ready(status: Status) -> Result<(), Failure> {
     if status.low {
-        let failure = Failure::new(Exit::Safety, "the battery is low: nothing may drive");
+        let failure = Failure::new(Exit::Safety, "the battery is low: the robot may not drive");
         return Err(failure.help("charge the robot first"));
     }
     if status.safety == WatchdogState::Docked {
@@ -112,7 +113,7 @@ fn ready(status: Status) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Drives one step; anything but its whole time makes the measurement worthless.
+/// Drives one step. A step that is cut short is an error: it would spoil the measurement.
 async fn step(driver: &mut Driver, plan: Plan) -> Result<(), Failure> {
     ready(driver.status())?;
     let end = driver.run(plan.setpoint, plan.duration).await?;
@@ -123,7 +124,7 @@ async fn step(driver: &mut Driver, plan: Plan) -> Result<(), Failure> {
             Exit::Unreachable,
             "is the robot still in reach of its Wi-Fi?",
         ),
-        _ => (Exit::Script, "begin again, on free floor"),
+        _ => (Exit::Script, "start again, on free floor"),
     };
     let what = format_args!("the move was cut short: {end}");
     Err(Failure::new(exit, what).help(help))
@@ -139,7 +140,7 @@ fn conclude(args: &CalibrateArgs, calibration: Calibration) -> Result<Exit, Fail
         None => {
             if !args.json {
                 print(
-                    "Paste it into your config; with --config FILE, or a spykee.yaml here, it is written there.\n",
+                    "Paste this line into your config, or use --config FILE or a spykee.yaml in this folder to have it written.\n",
                 )?;
             }
             false
@@ -158,7 +159,7 @@ fn conclude(args: &CalibrateArgs, calibration: Calibration) -> Result<Exit, Fail
     Ok(Exit::Done)
 }
 
-/// Shows the change, asks, and replaces the file in one go. Whether it was written.
+/// Shows the change, asks, and replaces the file atomically. Returns whether it was written.
 fn write(args: &CalibrateArgs, path: &Path, calibration: Calibration) -> Result<bool, Failure> {
     let shown = path.display();
     let cannot = |what: &str, error: &dyn std::fmt::Display| {
@@ -170,7 +171,7 @@ fn write(args: &CalibrateArgs, path: &Path, calibration: Calibration) -> Result<
         .map_err(|error| cannot("change", &error))?;
     let change = edit::diff(&before, &after);
     if change.is_empty() {
-        person::say(args.json, &format!("{shown} says so already.\n"))?;
+        person::say(args.json, &format!("{shown} already has these values.\n"))?;
         return Ok(false);
     }
     person::say(args.json, &format!("\n{shown}:\n{change}"))?;
@@ -178,7 +179,7 @@ fn write(args: &CalibrateArgs, path: &Path, calibration: Calibration) -> Result<
         if !std::io::stdin().is_terminal() {
             person::say(
                 args.json,
-                "Not written: no terminal to ask at. --yes writes it.\n",
+                "Not written: stdin is not a terminal. --yes writes without asking.\n",
             )?;
             return Ok(false);
         }
@@ -191,7 +192,7 @@ fn write(args: &CalibrateArgs, path: &Path, calibration: Calibration) -> Result<
     Ok(true)
 }
 
-/// Readers see the old file or the new one, never a half.
+/// Replaces the file atomically: readers see the old file or the new one, never a partial one.
 fn replace(path: &Path, text: &str) -> std::io::Result<()> {
     let path = path.canonicalize()?;
     let name = format!(".spykee-calibrate-{}", std::process::id());
@@ -200,7 +201,7 @@ fn replace(path: &Path, text: &str) -> std::io::Result<()> {
         .and_then(|()| std::fs::set_permissions(&new, path.metadata()?.permissions()))
         .and_then(|()| std::fs::rename(&new, &path));
     if replaced.is_err() {
-        // What is left of a failed try is of no use.
+        // Best effort: the incomplete temporary file is of no use.
         let _ = std::fs::remove_file(&new);
     }
     replaced

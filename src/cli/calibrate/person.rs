@@ -1,4 +1,4 @@
-//! A person with a tape measure.
+//! Measurements by a person with a tape measure.
 
 use std::io::{BufRead, Read, Write};
 
@@ -12,21 +12,21 @@ use crate::cli::{Failure, print};
 const SHORT: u64 = 1000;
 const LONG: u64 = 3000;
 const TURN: u64 = 2000;
-/// No answer is longer.
+/// Maximum length of an answer, bytes.
 const MAX_ANSWER: u64 = 256;
 
 const WELCOME: &str = "\
-Put the robot on the floor that it will drive on, off its station, two metres free ahead of it and
-half a metre around it. No stairs, no table, no cables; people and animals stay away while it moves.
-Ctrl-C stops it at any time. Lay a tape measure beside it.
+Put the robot on the floor that it will drive on, off its station, with two metres free ahead of it
+and half a metre around it. No stairs, no table, no cables; keep people and animals away while it
+moves. Ctrl-C stops it at any time. Lay a tape measure beside it.
 ";
 
-/// Two moves and a turn, asked for and typed in.
+/// Drives two moves and a turn, and asks the person for each result.
 pub(super) async fn round(driver: &mut Driver, json: bool) -> Result<Measured, Failure> {
     ready(driver.status())?;
     say(json, WELCOME)?;
     let ahead = |millis| Plan::straight(1.0, millis);
-    let how_far = "How far did it go, in centimetres? (r: once more) ";
+    let how_far = "How far did it go, in centimetres? (r: repeat) ";
     let short = ask(
         driver,
         json,
@@ -35,10 +35,10 @@ pub(super) async fn round(driver: &mut Driver, json: bool) -> Result<Measured, F
         how_far,
     );
     let short = short.await? / 100.0;
-    let next = "2/3  Bring it back to its mark. It drives forwards for three seconds.";
+    let next = "2/3  Put it back at the start. It drives forwards for three seconds.";
     let long = ask(driver, json, next, ahead(LONG), how_far).await? / 100.0;
     let next = "3/3  Mark where it faces. It turns left on the spot for two seconds.";
-    let how_much = "How many degrees did it turn? A full turn counts 360. (r: once more) ";
+    let how_much = "How many degrees did it turn? A full turn counts as 360. (r: repeat) ";
     let degrees = ask(driver, json, next, Plan::turn(1.0, TURN), how_much).await?;
     let seconds = |millis: u64| millis as f64 / 1000.0;
     Ok(Measured::from_tape(
@@ -47,7 +47,7 @@ pub(super) async fn round(driver: &mut Driver, json: bool) -> Result<Measured, F
     ))
 }
 
-/// One step, repeated as often as the person likes; what was measured.
+/// Drives one step, repeated as often as the person likes, and returns the person's measurement.
 async fn ask(
     driver: &mut Driver,
     json: bool,
@@ -68,13 +68,13 @@ async fn ask(
             match typed.parse::<f64>() {
                 Ok(number) if number.is_finite() && number > 0.0 => return Ok(number),
                 _ if typed == "r" => break,
-                _ => say(json, "     A number, such as 27.5, or r.\n")?,
+                _ => say(json, "     Type a number, such as 27.5, or r.\n")?,
             }
         }
     }
 }
 
-/// To the person; where stdout is for JSON, on stderr.
+/// Prints to the person: on stdout, or on stderr if stdout is for JSON.
 pub(super) fn say(json: bool, text: &str) -> Result<(), Failure> {
     if !json {
         return print(text);
@@ -84,16 +84,16 @@ pub(super) fn say(json: bool, text: &str) -> Result<(), Failure> {
         .map_err(|error| Failure::usage(format_args!("cannot write to stderr: {error}")))
 }
 
-/// Waits for a line on a thread of its own: the pilot goes on, and Ctrl-C is heard.
+/// Waits for a line on a separate thread, so that the pilot keeps running and Ctrl-C works.
 async fn answer() -> Result<String, Failure> {
     let typed = tokio::task::spawn_blocking(line).await;
     typed.unwrap_or_else(|error| Err(Failure::usage(format_args!("no answer: {error}"))))
 }
 
-/// One line of stdin, without blanks around it.
+/// Reads one line of stdin and trims it.
 ///
 /// # Errors
-/// Its end.
+/// End of input, or a read error.
 pub(super) fn line() -> Result<String, Failure> {
     let mut line = String::new();
     let read = std::io::stdin()
@@ -103,7 +103,7 @@ pub(super) fn line() -> Result<String, Failure> {
     match read {
         Ok(1..) => Ok(line.trim().to_owned()),
         Ok(0) => Err(Failure::usage("no answer: the calibration needs a person")
-            .help("--sim measures by itself")),
+            .help("--sim measures without a person")),
         Err(error) => Err(Failure::usage(format_args!(
             "cannot read the answer: {error}"
         ))),

@@ -1,4 +1,4 @@
-//! The simulator measures itself: true places and times in the place of tape and watch.
+//! Measurements in the simulator: true positions and times instead of a tape measure and a clock.
 
 use std::f64::consts::{PI, TAU};
 use std::time::Duration;
@@ -14,14 +14,14 @@ use crate::sim::{Handle, State};
 const SHORT: u64 = 1000;
 const LONG: u64 = 1800;
 const TURN: u64 = 1500;
-/// Until the tracks have their speed.
+/// Time until the tracks have reached their speed.
 const RAMP: Duration = Duration::from_millis(500);
-/// Until they rest again.
+/// Time until they have stopped again.
 const REST: Duration = Duration::from_millis(500);
-/// The longest wait for the simulator's word that it has left its station.
+/// Timeout for leaving the station.
 const LEAVING: Duration = Duration::from_secs(20);
 
-/// Back and forth, short and long, and a turn each way: the robot ends where it began.
+/// Drives back and forth, short and long, and turns each way: the robot ends where it began.
 pub(super) async fn round(driver: &mut Driver, sim: &Handle) -> Result<Measured, Failure> {
     if driver.status().safety == WatchdogState::Docked && !driver.status().low {
         driver.undock(LEAVING).await?;
@@ -44,7 +44,7 @@ pub(super) async fn round(driver: &mut Driver, sim: &Handle) -> Result<Measured,
     })
 }
 
-/// Drives a step and keeps what is seen while the tracks have their speed.
+/// Drives a step and returns the states while the tracks are at full speed.
 async fn watch(driver: &mut Driver, sim: &Handle, plan: Plan) -> Result<Vec<State>, Failure> {
     let (before, mut seen) = (sim.state().collisions, Vec::<State>::new());
     let driving = step(driver, plan);
@@ -74,7 +74,7 @@ async fn watch(driver: &mut Driver, sim: &Handle, plan: Plan) -> Result<Vec<Stat
     Ok(seen)
 }
 
-/// How fast, from the first to the last that was seen.
+/// Mean rate of change from the first to the last state.
 fn rate(seen: &[State], between: impl Fn(&State, &State) -> f64) -> Result<f64, Failure> {
     let way: f64 = seen
         .windows(2)
@@ -84,15 +84,15 @@ fn rate(seen: &[State], between: impl Fn(&State, &State) -> f64) -> Result<f64, 
         [first, .., last] => (last.time - first.time).as_secs_f64(),
         _ => 0.0,
     };
-    // Less is what a machine that stood still for a while has seen.
+    // A shorter span means that this computer was suspended or overloaded.
     if time < 0.2 {
-        let failure = Failure::new(Exit::Script, "the simulator was seen too rarely");
+        let failure = Failure::new(Exit::Script, "too few states from the simulator");
         return Err(failure.help("is this computer overloaded? Try again"));
     }
     Ok(way / time)
 }
 
-/// Radians from one to the next, less than half a turn.
+/// Radians turned from one state to the next, at most half a turn.
 fn turned(before: &State, after: &State) -> f64 {
     (after.pose.heading - before.pose.heading + PI).rem_euclid(TAU) - PI
 }

@@ -1,4 +1,5 @@
-//! `spykee calibrate camera --station`: pictures of the charging station from known distances tell the field of view.
+//! `spykee calibrate camera --station`: measures the field of view from pictures of the charging
+//! station at known distances.
 
 use std::path::{Path, PathBuf};
 
@@ -15,27 +16,28 @@ use crate::vision::{
 /// The station: a dark box with a white plate, metres.
 const WIDTH: f64 = 0.36;
 const HEIGHT: f64 = 0.34;
-/// Its box may be so much flatter or slimmer than that.
+/// Tolerance of the box's aspect ratio, as a fraction.
 const SHAPE: f64 = 0.25;
-/// Its sides are darker than this, of 255, its plate and the wall behind it brighter.
+/// Brightness, of 255, that separates the station's dark sides from its plate and the wall behind
+/// it.
 const MIDDLE: f32 = 110.0;
-/// So many pixels beside what is dark may be, too.
+/// Pixels beside the dark blob that may belong to it.
 const BLUR: u32 = 2;
-/// Distances from which it can be measured, metres.
+/// Distances from which the station can be measured, metres.
 pub(super) const DISTANCES: std::ops::RangeInclusive<f64> = 0.3..=5.0;
-const HELP: &str = "put the robot straight before the station, measure from the lens to the station's front, and take \
-                    pictures from 0.8, 1, 1.5 and 2 m";
+const HELP: &str = "put the robot straight in front of the station, measure from the lens to the station's front, and \
+                    take pictures from 0.8, 1, 1.5 and 2 m";
 
-/// The station's front in a picture, pixels.
+/// The station's front in a picture, in pixels.
 struct Front {
     edges: [f64; 2],
     row: f64,
 }
 
-/// Finds the station in each picture, and says what the field of view is.
+/// Finds the station in each picture and prints the field of view.
 ///
 /// # Errors
-/// As many distances as pictures are needed; pictures that show no station, or contradict each other.
+/// Not one distance per picture; pictures that show no station, or contradict each other.
 pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Result<Exit, Failure> {
     if images.len() != distances.len() {
         let what = format_args!(
@@ -43,7 +45,9 @@ pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Resul
             distances.len(),
             images.len()
         );
-        return Err(Failure::usage(what).help("give one distance for each picture, in their order"));
+        return Err(
+            Failure::usage(what).help("give one distance for each picture, in the same order")
+        );
     }
     let camera = Camera::default();
     let mut eyes = Eyes::new(camera);
@@ -51,7 +55,7 @@ pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Resul
     for (number, (path, distance)) in images.iter().zip(distances).enumerate() {
         let (size, station) = look(&mut eyes, number as u64, path)?;
         if *common.get_or_insert(size) != size {
-            let what = format_args!("{} has another size than those before it", path.display());
+            let what = format_args!("{} differs in size from those before it", path.display());
             return Err(Failure::usage(what).help("take all of them with the same camera"));
         }
         let Some(Front { edges, row }) = station else {
@@ -86,7 +90,7 @@ pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Resul
     Ok(Exit::Done)
 }
 
-/// The picture's size, and the largest thing in it that looks like the station from its front.
+/// Returns the picture's size and the largest blob that looks like the station's front.
 fn look(eyes: &mut Eyes, key: u64, path: &Path) -> Result<(Size, Option<Front>), Failure> {
     let jpeg = picture::read(path)?;
     let unusable = |error: FrameError| picture::unusable(path, &error);
@@ -106,14 +110,14 @@ fn look(eyes: &mut Eyes, key: u64, path: &Path) -> Result<(Size, Option<Front>),
     Ok((size, blobs.iter().find_map(|blob| station_in(image, blob))))
 }
 
-/// Its sides, if what is dark there is the station's front.
+/// Returns the station's front if this dark blob is the station.
 fn station_in(image: &Image, blob: &Blob) -> Option<Front> {
     let light = |x: u32, y: u32| {
         let pixel = image.pixel(x, y).unwrap_or_default().map(f32::from);
         pixel.iter().sum::<f32>() / 3.0
     };
     let columns = blob.x.saturating_sub(BLUR)..blob.x + blob.w + BLUR;
-    // Its upper half stands before the wall; at its foot other dark things may touch it.
+    // The upper half is in front of the wall; other dark things may touch the foot.
     let rows = blob.y + blob.h * 15 / 100..=blob.y + blob.h / 2;
     let sides: Vec<(u32, u32)> = rows
         .filter_map(|y| {
@@ -157,7 +161,7 @@ fn text_of((hfov, sure, each): &Found, camera: Camera, names: &[String]) -> Stri
     format!(
         "{rows}\nfield of view {:.1} degrees, give or take {:.1}\n\n\
          camera: {{ hfov: {hfov:.4}, distortion: [{k1:.4}, {k2:.4}] }}\n\
-         Paste it into your config. The distortion is the usual one: a chessboard tells yours.\n",
+         Paste this line into your config. The distortion is the default; a chessboard measures yours.\n",
         hfov.to_degrees(),
         (2.0 * sure).to_degrees().max(0.1),
     )

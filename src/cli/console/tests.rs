@@ -3,7 +3,7 @@ use std::sync::mpsc::{Sender, channel};
 
 const LIMIT: Duration = Duration::from_secs(20);
 
-/// Keeps what is written; each write waits for a permit while there are gates.
+/// Keeps the written bytes; if it has a gate, each write waits for a permit.
 #[derive(Clone)]
 struct Paper {
     written: Arc<Mutex<Vec<u8>>>,
@@ -18,7 +18,7 @@ impl Paper {
         }
     }
 
-    /// As long as the sender lives and is not used, every write blocks.
+    /// Every write blocks until the sender sends a permit or is dropped.
     fn blocked() -> (Paper, Sender<()>) {
         let (open, gate) = channel();
         let gate = Some(Arc::new(Mutex::new(gate)));
@@ -67,7 +67,7 @@ fn lines_and_status_share_a_terminal() {
 }
 
 #[test]
-fn a_file_gets_the_status_only_when_told() {
+fn a_file_gets_only_plain_status_lines() {
     let paper = Paper::new();
     let console = console(&paper, Features::FILE, LogFormat::Text);
     console.status("driving");
@@ -77,7 +77,7 @@ fn a_file_gets_the_status_only_when_told() {
 }
 
 #[test]
-fn a_day_has_its_bytes_and_the_last_words_are_said_all_the_same() {
+fn last_words_are_written_when_the_day_limit_is_used_up() {
     let paper = Paper::new();
     let day = Budget::new(24 * 1000);
     let console =
@@ -92,12 +92,12 @@ fn a_day_has_its_bytes_and_the_last_words_are_said_all_the_same() {
         .filter(|line| line.starts_with("line "))
         .count();
     assert!((20..=60).contains(&said), "{said}");
-    assert_eq!(text.matches("24000 bytes a day are used up").count(), 1);
+    assert_eq!(text.matches("24000 bytes a day is used up").count(), 1);
     assert!(text.ends_with("last words\n"), "{text}");
 }
 
 #[test]
-fn a_blocked_stderr_stalls_nobody_and_what_was_lost_is_counted() {
+fn a_blocked_stderr_does_not_block_callers_and_dropped_lines_are_counted() {
     let (paper, open) = Paper::blocked();
     let console = console(&paper, Features::FILE, LogFormat::Text);
     for number in 0..MAX_WAITING * 4 {

@@ -11,7 +11,8 @@ use crate::walls::{Landlock, Walls};
 
 /// Seconds from 1970 to the beginning of 2100.
 const LATEST: i64 = 4_102_444_800;
-/// Free space below which pictures will soon not fit, and below which nothing does, MiB.
+/// Free space, MiB, below which the check warns (pictures will soon not fit), and below which it
+/// fails.
 const LITTLE: u64 = 200;
 const NOTHING: u64 = 10;
 
@@ -21,24 +22,24 @@ pub(super) fn clock() -> Finding {
 
 fn clock_finding(now: Timestamp) -> Finding {
     if is_plausible(now) && now.as_second() < LATEST {
-        return Finding::ok("clock", "its date is plausible");
+        return Finding::ok("clock", "the date is plausible");
     }
     Finding::warn(
         "clock",
-        format!("its date is not plausible: {now:.0}"),
+        format!("the date is not plausible: {now:.0}"),
         "set the date, or the times in logs and file names will be wrong",
     )
 }
 
-/// Writes and removes a small file where pictures would go, or where their folder would be made.
+/// Creates and removes an empty file in the data folder, or where the data folder would be created.
 pub(super) fn disk(data: &Path) -> Finding {
     let shown = data.display();
     let absolute = std::path::absolute(data).unwrap_or_else(|_| data.to_owned());
     let Some(there) = absolute.ancestors().find(|folder| folder.exists()) else {
         return Finding::fail(
             "disk",
-            format!("{shown}: no such place"),
-            "choose another `data`",
+            format!("{shown}: no such folder"),
+            "choose another `data` in the config",
         );
     };
     if let Err(error) = try_to_write(there) {
@@ -60,7 +61,7 @@ fn try_to_write(folder: &Path) -> std::io::Result<()> {
 }
 
 fn space_finding(folder: &str, mebibytes: u64) -> Finding {
-    let found = format!("{folder} can be written, {mebibytes} MiB are free");
+    let found = format!("{folder} is writable, {mebibytes} MiB free");
     match mebibytes {
         ..NOTHING => Finding::fail("disk", found, "free some space"),
         NOTHING..LITTLE => Finding::warn("disk", found, "free some space: pictures need it"),
@@ -68,7 +69,7 @@ fn space_finding(folder: &str, mebibytes: u64) -> Finding {
     }
 }
 
-/// What the kernel answers when it is asked to restrict a thread.
+/// Checks the kernel's support for Landlock.
 pub(super) fn landlock() -> Finding {
     let release = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
     landlock_finding(Landlock::of_this_kernel(), release.trim())
@@ -80,10 +81,10 @@ fn landlock_finding(landlock: Landlock, release: &str) -> Finding {
     match landlock {
         Landlock::Version(version) => {
             let network = match version {
-                ..4 => "; this version knows nothing of the network, seccomp refuses that",
+                ..4 => "; this version cannot restrict the network, but seccomp does",
                 _ => "",
             };
-            let on = "a script's host opens files in its own folder only";
+            let on = "a script's host can open only files in its own folder";
             Finding::ok("landlock", format!("version {version}: {on}{network}"))
         }
         Landlock::Off => {
@@ -105,12 +106,12 @@ fn seccomp_finding(offered: bool) -> Finding {
     if offered {
         Finding::ok(
             "seccomp",
-            "on: a script's host has a short list of system calls",
+            "on: a script's host may make only a few system calls",
         )
     } else {
         Finding::warn(
             "seccomp",
-            "this kernel, or this kind of processor, has no filters for system calls",
+            "this kernel or processor type does not support system call filters",
             "code that escapes a script's sandbox could open sockets: run only scripts that you \
              trust",
         )
@@ -144,7 +145,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_clock_that_was_never_set_is_told() {
+    fn a_clock_that_was_never_set_gets_a_warning() {
         let verdict = |now| clock_finding(Timestamp::from_second(now).unwrap()).verdict;
         assert_eq!(verdict(1000), Verdict::Warn);
         assert_eq!(verdict(1_800_000_000), Verdict::Ok);
@@ -174,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn kernel_features_are_read_from_what_the_kernel_tells() {
+    fn kernel_features_decide_the_verdict() {
         let landlock = |found| landlock_finding(found, "6.1");
         let version = landlock(Landlock::Version(3));
         assert_eq!(version.verdict, Verdict::Ok);

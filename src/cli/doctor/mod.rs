@@ -1,4 +1,4 @@
-//! `spykee doctor`: checks everything between this computer and a robot that runs behaviours.
+//! `spykee doctor`: checks everything that running behaviours on a robot needs.
 
 mod computer;
 mod network;
@@ -12,8 +12,8 @@ use crate::config::Effective;
 
 /// Check network, robot, clock, disk, config, kernel and terminal
 ///
-/// The exit code is 0 if nothing failed, even with warnings, and 3 otherwise. With a robot it logs
-/// in for some seconds and stops the tracks.
+/// The exit code is 0 if nothing failed, even with warnings, and 3 otherwise. If a robot is named,
+/// the command logs in for some seconds and stops the tracks.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee doctor\n  spykee doctor --robot 172.17.6.1\n  \
@@ -23,7 +23,7 @@ pub(super) struct DoctorArgs {
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// Print a JSON array instead of lines
+    /// Print a JSON array
     #[arg(long)]
     json: bool,
 
@@ -31,7 +31,7 @@ pub(super) struct DoctorArgs {
     connection: ConnectionArgs,
 }
 
-/// How a check went.
+/// The result of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum Verdict {
@@ -46,7 +46,7 @@ struct Finding {
     check: &'static str,
     verdict: Verdict,
     found: String,
-    /// What to do; nothing if all is well.
+    /// What to do; `None` if the check passed.
     help: Option<String>,
 }
 
@@ -91,11 +91,11 @@ impl Finding {
     }
 }
 
-/// Checks everything, and prints a line for each.
+/// Runs all checks and prints a line for each.
 ///
 /// # Errors
-/// No runtime, or a stdout that cannot be written to. What is found wrong is no error, but an exit
-/// code.
+/// No runtime, or a stdout that cannot be written to. A failed check is not an error but sets the
+/// exit code.
 pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
     let mut diagnosis = Diagnosis {
         json: args.json,
@@ -123,21 +123,21 @@ pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
     diagnosis.end()
 }
 
-/// A wrong one is told, and the rest is checked with the defaults.
+/// Loads the settings. Reports an invalid config and falls back to the defaults.
 fn settings(args: &DoctorArgs, diagnosis: &mut Diagnosis) -> Result<Effective, Failure> {
     let config = args.settings.load();
     diagnosis.tell(match (&config, args.settings.file()) {
         (Ok(_), Some(path)) => Finding::ok("config", format!("{} is valid", path.display())),
-        (Ok(_), None) => Finding::ok("config", "no spykee.yaml here, none named: defaults"),
+        (Ok(_), None) => Finding::ok("config", "no config named, no spykee.yaml here: defaults"),
         (Err(error), _) => {
-            let help = "correct it there; the README lists the keys";
+            let help = "correct the file; the README lists the keys";
             Finding::fail("config", error.to_string(), help)
         }
     })?;
     Ok(config.cloned().unwrap_or_default())
 }
 
-/// What was found so far; lines are printed as they come.
+/// The findings so far. Prints each line as soon as its finding is known.
 struct Diagnosis {
     json: bool,
     findings: Vec<Finding>,

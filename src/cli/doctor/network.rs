@@ -16,18 +16,18 @@ use crate::pilot::DELIVERY;
 use crate::vision::validate_markers;
 use crate::wire::{Command, Report, Stream};
 
-/// How long discovery listens.
+/// Time to listen for replies to discovery.
 const DISCOVERY: Duration = Duration::from_secs(1);
-/// How long frames are counted.
+/// Time to count frames.
 const WATCHING: Duration = Duration::from_secs(3);
-/// The longest wait for an answer to a question of ours.
+/// Timeout of a request.
 const ANSWER: Duration = Duration::from_secs(2);
-/// Above this a behaviour that steers by pictures gets into trouble.
+/// Latency above which behaviours that steer by pictures work badly.
 const SLOW: Duration = Duration::from_millis(150);
-/// Fewer frames a second are too few to follow anything.
+/// Frames per second below which behaviours cannot follow anything.
 const FEW_FRAMES: f64 = 5.0;
 
-/// All checks that need a network; the robot's only if one is named. Ctrl-C ends them.
+/// Runs all checks that need a network, and those of the robot if one is named. Ctrl-C ends them.
 pub(super) async fn examine(
     place: Option<RobotChoice>,
     connection: &ConnectionArgs,
@@ -40,7 +40,7 @@ pub(super) async fn examine(
         diagnosis.tell(discovery().await)?;
         match place {
             None => {
-                let help = "name it with --robot HOST[:PORT] or in --config; --sim checks a \
+                let help = "name a robot with --robot HOST[:PORT] or in the config; --sim checks a \
                             simulated one";
                 diagnosis.tell(Finding::warn("robot", "no robot named: not checked", help))
             }
@@ -77,7 +77,7 @@ async fn discovery() -> Finding {
         ),
         Ok(found) if found.is_empty() => Finding::warn(
             "discovery",
-            "asked every network; no robot answered",
+            "searched every network; no robot answered",
             "is the robot on, and is this computer in its Wi-Fi (SPYKEE...)? A firewall must let \
              UDP port 9000 through",
         ),
@@ -118,7 +118,7 @@ async fn robot(
     let who = &session.accepted;
     let docked = if who.docked { "on" } else { "off" };
     let found = format!(
-        "{} lets us in, firmware {}, {docked} its station",
+        "{} accepted the login, firmware {}, {docked} its station",
         who.uid, who.firmware
     );
     diagnosis.tell(Finding::ok("login", found))?;
@@ -133,7 +133,7 @@ async fn robot(
     Ok(())
 }
 
-/// What only an open link tells.
+/// The checks that need an open link.
 async fn further(
     session: &mut Session,
     config: &Config,
@@ -148,7 +148,7 @@ async fn further(
     Ok(diagnosis.tell(video))
 }
 
-/// One TCP connection, closed at once: its time is that of one way there and back.
+/// Opens one TCP connection and closes it at once: this takes one round trip.
 async fn knock(target: &Target, limit: Duration) -> Finding {
     let began = Instant::now();
     let help = "is the robot on, and is this computer in its Wi-Fi? `spykee discover` lists robots";
@@ -181,14 +181,14 @@ fn battery(session: &Session, config: &Config) -> Finding {
     Finding::warn("battery", found, help)
 }
 
-/// From a question to its answer, the robot's own time included.
+/// Measures the time from a request to its reply, including the robot's processing time.
 async fn latency(session: &mut Session) -> Result<Finding, LinkError> {
     let began = Instant::now();
     session.writer.write(&[Command::PowerQuery]).await?;
     loop {
         let Ok(report) = timeout_at(began + ANSWER, session.reader.next()).await else {
-            let found = "the robot does not answer when asked for its battery";
-            let help = "not all may; see whether frames come";
+            let found = "the robot did not reply to a battery request";
+            let help = "some robots may not reply; check whether frames arrive";
             return Ok(Finding::warn("latency", found, help));
         };
         if let Report::Power(_) = report? {
@@ -197,7 +197,7 @@ async fn latency(session: &mut Session) -> Result<Finding, LinkError> {
     }
     let took = began.elapsed();
     let found = format!(
-        "{:.1} ms from a question to its answer",
+        "{:.1} ms from a request to its reply",
         took.as_secs_f64() * 1000.0
     );
     Ok(if took > SLOW {
@@ -234,10 +234,11 @@ async fn video(session: &mut Session) -> Result<Finding, LinkError> {
 }
 
 fn video_finding(frames: u32, damaged: u32, rate: f64) -> Finding {
-    let found = format!("{rate:.0} frames a second, {damaged} of {frames} damaged");
+    let found = format!("{rate:.0} frames per second, {damaged} of {frames} damaged");
     if frames == 0 {
-        let help = "scripts that look will see nothing: switch the robot off and on again";
-        return Finding::fail("video", "no frame came within 3 s", help);
+        let help =
+            "scripts that use the camera will get no pictures: switch the robot off and on again";
+        return Finding::fail("video", "no frame arrived within 3 s", help);
     }
     if rate < FEW_FRAMES || damaged * 10 > frames {
         return Finding::warn("video", found, "bring robot and computer closer together");
@@ -251,7 +252,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn few_or_damaged_frames_are_told() {
+    fn few_or_damaged_frames_get_a_warning() {
         let verdict = |frames, damaged, rate| video_finding(frames, damaged, rate).verdict;
         assert_eq!(verdict(45, 0, 15.0), Verdict::Ok);
         assert_eq!(verdict(45, 9, 15.0), Verdict::Warn);

@@ -1,5 +1,5 @@
-//! The picture of a story: the battery's level over time, when it charged, dockings and alarms, and a
-//! lane for each behaviour that ran.
+//! Draws a story: the battery level over time, charging, dockings and alarms, and a lane for each
+//! behaviour that ran.
 
 use image::RgbImage;
 use jiff::Timestamp;
@@ -11,21 +11,21 @@ use crate::clean;
 use crate::paper::{Ink, Paper, Script};
 
 const WIDTH: u32 = 1280;
-/// Above the level.
+/// Height above the battery plot.
 const HEAD: f32 = 104.0;
-/// Of the level.
+/// Height of the battery plot.
 const HEIGHT: f32 = 300.0;
-/// Of the time axis.
+/// Height of the time axis.
 const AXIS: f32 = 34.0;
-/// Of a lane.
+/// Height of a lane.
 const LANE: f32 = 30.0;
 const RIGHT: f32 = 36.0;
 const FOOT: f32 = 28.0;
-/// Behaviours with a lane of their own: those that ran longest.
+/// Maximum number of lanes; the behaviours that ran longest get one.
 const MOST_LANES: usize = 10;
-/// A longer name is cut, in letters.
+/// Longer names are cut to this many characters.
 const LONGEST_NAME: usize = 18;
-/// Levels further apart, in seconds, are not joined: nothing is known in between.
+/// Levels that are further apart, in seconds, are not joined by a line.
 const APART: i64 = 200;
 
 const DARK: Ink = [33, 37, 41, 255];
@@ -43,7 +43,7 @@ const STRIPE: Ink = [0, 0, 0, 9];
 const TEXT: Script = Script::small(DARK);
 const NOTE: Script = Script::small(PALE);
 
-/// Draws it.
+/// Draws the story.
 pub(super) fn draw(story: &Story, zone: &TimeZone) -> RgbImage {
     let lanes = lanes(&story.runs, story);
     let height = HEAD + HEIGHT + AXIS + LANE * (lanes.len() + 1) as f32 + FOOT;
@@ -71,7 +71,7 @@ struct Lane<'a> {
     runs: Vec<&'a Run>,
 }
 
-/// Of those behaviours that ran longest, by name.
+/// The lanes of the behaviours that ran longest, sorted by name.
 fn lanes<'a>(runs: &'a [Run], story: &Story) -> Vec<Lane<'a>> {
     let mut names: Vec<&str> = runs.iter().map(|run| run.behaviour.as_str()).collect();
     names.sort_unstable();
@@ -95,7 +95,7 @@ fn lanes<'a>(runs: &'a [Run], story: &Story) -> Vec<Lane<'a>> {
     names.into_iter().map(lane).collect()
 }
 
-/// As far as they are within the picture. A run that was cut off ends with it.
+/// The start and end of a run, clipped to the picture. A run without an end ends with the picture.
 fn bounds(run: &Run, story: &Story) -> (Timestamp, Timestamp) {
     let began = run
         .began
@@ -127,7 +127,7 @@ impl Chart<'_> {
         HEAD + HEIGHT * (1.0 - percent.clamp(0.0, 100.0) as f32 / 100.0)
     }
 
-    /// The top of a lane; the first is that of the dockings.
+    /// The top of a lane; lane 0 is for dockings.
     fn lane_top(number: usize) -> f32 {
         HEAD + HEIGHT + AXIS + LANE * number as f32
     }
@@ -159,7 +159,7 @@ impl Chart<'_> {
         self.legend();
     }
 
-    /// Along the right edge of the head.
+    /// Draws the legend, right-aligned in the head.
     fn legend(&mut self) {
         let entries: [(&str, Sign); 8] = [
             ("level", Sign::Line),
@@ -209,7 +209,7 @@ impl Chart<'_> {
         );
     }
 
-    /// When nothing was known.
+    /// Shades the spans without a link.
     fn gaps(&mut self) {
         let (top, bottom) = (HEAD, HEAD + HEIGHT);
         for &(from, to) in &self.story.offline {
@@ -284,7 +284,7 @@ impl Chart<'_> {
         self.name(0, "docking");
         let y = Chart::lane_top(0) + LANE / 2.0;
         let story = self.story;
-        // What went wrong lies on top.
+        // Failures and alarms are drawn on top.
         let rank = |mark: &&Mark| (!mark.good, mark.alarm);
         let mut marks: Vec<&Mark> = story.marks.iter().collect();
         marks.sort_by_key(rank);
@@ -298,7 +298,7 @@ impl Chart<'_> {
         }
     }
 
-    /// With a white edge, so that one beside the other is still seen.
+    /// Draws a dot with a white edge, so that overlapping dots can be told apart.
     fn dot(&mut self, place: (f32, f32), ink: Ink) {
         self.paper.dot(place, 6.5, [255, 255, 255, 255]);
         self.paper.dot(place, 5.0, ink);
@@ -319,7 +319,7 @@ impl Chart<'_> {
     }
 }
 
-/// A sign of the legend.
+/// A symbol in the legend.
 #[derive(Debug, Clone, Copy)]
 enum Sign {
     Line,
@@ -328,7 +328,8 @@ enum Sign {
     Alarm,
 }
 
-/// From which to which of these levels it charged, or did not; each begins where the one before ends.
+/// Splits the levels into phases of charging and not charging, as (first, last, charging); each
+/// phase begins where the one before ends.
 fn phases(levels: &[Level]) -> Vec<(usize, usize, bool)> {
     let mut phases: Vec<(usize, usize, bool)> = Vec::new();
     for (at, pair) in levels.windows(2).enumerate() {

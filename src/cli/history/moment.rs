@@ -1,4 +1,4 @@
-//! `--since` and `--until`: so long ago, a day, or a day and a time of day.
+//! The values of `--since` and `--until`: an age, a date, or a date and a time.
 
 use jiff::civil::DateTime;
 use jiff::tz::TimeZone;
@@ -6,24 +6,24 @@ use jiff::{SignedDuration, Timestamp};
 
 use crate::cli::argument::ArgumentError;
 
-/// A moment as people write it.
+/// A point in time, as given on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Moment {
-    /// So long before now.
+    /// This long before now.
     Ago(SignedDuration),
-    /// Local time.
+    /// A local date and time.
     At(DateTime),
 }
 
-/// A time that no calendar has.
+/// A time outside the range of the calendar.
 #[derive(Debug, thiserror::Error)]
 #[error("there is no such time: {0}")]
 pub(super) struct NoSuchTime(#[from] jiff::Error);
 
-/// Reads one.
+/// Parses a moment.
 ///
 /// # Errors
-/// What was expected.
+/// Invalid text; the error names the expected form.
 pub(super) fn parse(text: &str) -> Result<Moment, ArgumentError> {
     let text = text.trim();
     let at = || text.parse::<DateTime>().ok().map(Moment::At);
@@ -31,7 +31,7 @@ pub(super) fn parse(text: &str) -> Result<Moment, ArgumentError> {
     moment.ok_or(ArgumentError::Moment)
 }
 
-/// A number and its unit.
+/// Parses a number with a unit.
 fn ago(text: &str) -> Option<SignedDuration> {
     let unit = text.chars().next_back()?;
     let number: f64 = text[..text.len() - unit.len_utf8()].parse().ok()?;
@@ -44,17 +44,17 @@ fn ago(text: &str) -> Option<SignedDuration> {
         _ => return None,
     };
     let long = number * seconds;
-    // A century, whatever the unit.
+    // At most a century.
     (0.0..=36_525.0 * 86_400.0)
         .contains(&long)
         .then(|| SignedDuration::from_millis((long * 1000.0) as i64))
 }
 
 impl Moment {
-    /// When that is, seen from now in this time zone.
+    /// The timestamp of this moment, relative to `now` and in this time zone.
     ///
     /// # Errors
-    /// A time that no calendar has.
+    /// A time outside the range of the calendar.
     pub(super) fn resolve(&self, now: Timestamp, zone: &TimeZone) -> Result<Timestamp, NoSuchTime> {
         let resolved = match self {
             Moment::Ago(ago) => now.checked_sub(*ago),
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn people_write_it_in_several_ways() {
+    fn ages_dates_and_times_are_understood() {
         assert_eq!(resolved("90m"), "2026-11-22T10:30:00Z");
         assert_eq!(resolved("7d"), "2026-11-15T12:00:00Z");
         assert_eq!(resolved("0.5h"), "2026-11-22T11:30:00Z");
@@ -90,12 +90,12 @@ mod tests {
     }
 
     #[test]
-    fn the_hour_that_the_clock_skips_is_taken_as_the_next() {
+    fn a_time_in_the_hour_that_the_clock_skips_is_moved_forward() {
         assert_eq!(resolved("2026-03-29T02:30"), "2026-03-29T01:30:00Z");
     }
 
     #[test]
-    fn what_is_no_moment_is_refused_with_what_was_expected() {
+    fn the_error_for_invalid_text_names_the_expected_form() {
         for text in [
             "",
             "yesterday",
@@ -114,7 +114,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_text_makes_it_panic(text in "\\PC{0,30}") {
+        fn no_text_causes_a_panic(text in "\\PC{0,30}") {
             if let Ok(moment) = parse(&text) {
                 let _ = moment.resolve(Timestamp::now(), &TimeZone::UTC);
             }

@@ -1,15 +1,15 @@
-//! Where a chart's time axis has its marks: at round local times, also where the clock changes.
+//! Places the marks of a chart's time axis at round local times, also across changes of the clock.
 
 use jiff::civil::{DateTime, Time};
 use jiff::tz::TimeZone;
 use jiff::{Span, Timestamp};
 
-/// A mark of the axis.
+/// A mark on the axis.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Tick {
     pub(super) at: Timestamp,
     pub(super) label: String,
-    /// A new day among hours.
+    /// Whether it is the start of a day on an axis of hours or minutes.
     pub(super) strong: bool,
 }
 
@@ -17,10 +17,10 @@ pub(super) struct Tick {
 const MINUTES: &[i64] = &[1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720];
 /// Steps of days.
 const DAYS: &[i64] = &[1, 2, 7, 14, 30, 60, 180, 365, 3650];
-/// No axis has more.
+/// Maximum number of steps tried for an axis.
 const MOST_TRIES: i64 = 5000;
 
-/// At most about so many marks from one moment to another.
+/// The marks from `since` to `until`, about `most` at most.
 pub(super) fn ticks(since: Timestamp, until: Timestamp, zone: &TimeZone, most: i64) -> Vec<Tick> {
     let long = until.duration_since(since).as_secs().max(1);
     let fits = |step: i64| long / step <= most;
@@ -44,7 +44,7 @@ pub(super) fn ticks(since: Timestamp, until: Timestamp, zone: &TimeZone, most: i
         if moment > until {
             break;
         }
-        // An hour that the clock skips is no mark.
+        // A time in the hour that the clock skips gets no mark.
         let is_new = ticks.last().is_none_or(|last| last.at < moment);
         if moment >= since && is_new {
             ticks.push(tick(moment, at, minutes.is_some()));
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn the_day_on_which_the_clock_skips_an_hour_has_its_midnights() {
+    fn midnights_are_marked_around_a_clock_change() {
         let marks = labels("2026-03-28T12:00:00Z", "2026-03-30T12:00:00Z");
         assert!(
             marks.contains(&"29 Mar".to_owned()) && marks.contains(&"30 Mar".to_owned()),
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moment_and_a_century_have_axes_too() {
+    fn a_second_and_a_century_have_axes() {
         assert!(labels("2026-11-22T10:05:00Z", "2026-11-22T10:05:01Z").len() < 3);
         assert!(!labels("1970-01-01T00:00:00Z", "2070-01-01T00:00:00Z").is_empty());
     }

@@ -1,4 +1,4 @@
-//! What the journal's records make together: runs with beginning and end, spans without a link.
+//! Combines the journal's records: runs with start and end, spans without a link.
 
 use std::collections::BTreeMap;
 
@@ -11,18 +11,18 @@ use crate::journal::Record;
 pub(super) struct Run {
     pub(super) behaviour: String,
     pub(super) began: Option<Timestamp>,
-    /// `None`: it runs, or was cut off with its agent.
+    /// `None` if it is still running or its agent was killed.
     pub(super) ended: Option<Timestamp>,
-    /// How long it ran, by its own account.
+    /// The running time recorded by the agent.
     pub(super) seconds: Option<f64>,
-    /// Why it ended; empty if it is not known.
+    /// Why it ended; empty if unknown.
     pub(super) reason: String,
     pub(super) message: String,
 }
 
 impl Run {
-    /// How long it ran, in whole seconds. The clock may have been set meanwhile, so what it says itself
-    /// counts first.
+    /// How long it ran, in whole seconds. Prefers the recorded running time over the difference of
+    /// the timestamps: the clock may have been set in between.
     pub(super) fn lasted(&self) -> Option<i64> {
         let own = self.seconds.map(|seconds| seconds.round() as i64);
         let shown = self.began.zip(self.ended);
@@ -30,7 +30,7 @@ impl Run {
         own.or(shown)
     }
 
-    /// It failed.
+    /// Whether it failed.
     pub(super) fn failed(&self) -> bool {
         matches!(self.reason.as_str(), "error" | "cpu" | "memory")
     }
@@ -79,7 +79,7 @@ pub(super) fn runs(records: &[Record]) -> Vec<Run> {
     runs
 }
 
-/// A level of the battery.
+/// A battery level.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Level {
     pub(super) at: Timestamp,
@@ -91,23 +91,23 @@ pub(super) struct Level {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Mark {
     pub(super) at: Timestamp,
-    /// It ended well.
+    /// Whether a docking succeeded.
     pub(super) good: bool,
-    /// The watchdog's alarm.
+    /// Whether this is an alarm of the watchdog.
     pub(super) alarm: bool,
 }
 
-/// What a chart shows.
+/// The contents of a chart.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Story {
     pub(super) since: Timestamp,
     pub(super) until: Timestamp,
-    /// The robots that it tells of.
+    /// The robots in the records.
     pub(super) robots: Vec<String>,
     pub(super) levels: Vec<Level>,
     pub(super) marks: Vec<Mark>,
     pub(super) runs: Vec<Run>,
-    /// From when to when there was no link, though there had been one.
+    /// Spans without a link, after one was lost.
     pub(super) offline: Vec<(Timestamp, Timestamp)>,
 }
 
@@ -193,7 +193,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn starts_and_ends_make_runs_and_what_was_cut_off_has_no_end() {
+    fn starts_and_ends_make_runs_and_a_killed_run_has_no_end() {
         let records = [
             record(0, json!({"event": "started", "behaviour": "patrol"})),
             record(1, json!({"event": "started", "behaviour": "guard"})),
@@ -233,7 +233,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn spans_without_a_link_end_with_the_next_or_with_the_picture() {
+    fn spans_without_a_link_end_with_the_next_link_or_with_the_picture() {
         let down = |at| record(at, json!({"event": "link_down", "reason": "gone"}));
         let up = |at| record(at, json!({"event": "link_up"}));
         let until = record(100, json!({})).at;

@@ -1,4 +1,4 @@
-//! The journal's records in rows: for people as a table, for spreadsheets as CSV.
+//! Formats the journal's records as rows: a table for people, CSV for spreadsheets.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use super::story::Run;
 use crate::clock;
 use crate::journal::Record;
 
-/// Rows below a head.
+/// Rows with a header.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct View {
     head: Vec<(&'static str, Side)>,
@@ -30,7 +30,7 @@ impl View {
         self.rows.is_empty()
     }
 
-    /// For people.
+    /// The rows as an aligned table, for people.
     pub(super) fn table(&self) -> String {
         let upper: Vec<(String, Side)> = self
             .head
@@ -44,7 +44,7 @@ impl View {
         aligned(&head, &self.rows)
     }
 
-    /// For spreadsheets.
+    /// The rows as CSV, for spreadsheets.
     pub(super) fn csv(&self) -> String {
         let head: Vec<String> = self
             .head
@@ -217,7 +217,7 @@ pub(super) fn messages(records: &[Record], zone: &TimeZone) -> View {
     View::new(&head, rows)
 }
 
-/// One line for people.
+/// Describes a record in one line, for people.
 fn words(one: &Record) -> String {
     let text = |key| one.text(key);
     let whole = |key| one.number(key).unwrap_or(0.0);
@@ -270,7 +270,7 @@ fn words(one: &Record) -> String {
     }
 }
 
-/// What a script said of its entry.
+/// The fields of a script's entry.
 fn fields(one: &Record) -> String {
     let Some(Value::Object(fields)) = one.data.get("data") else {
         return String::new();
@@ -291,7 +291,7 @@ fn yes(is: bool) -> String {
     if is { "yes" } else { "no" }.to_owned()
 }
 
-/// Local, to the second.
+/// Formats local time, to the second.
 fn time(at: Timestamp, zone: &TimeZone) -> String {
     at.to_zoned(zone.clone())
         .strftime("%Y-%m-%d %H:%M:%S")
@@ -309,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn people_read_local_times_and_sentences() {
+    fn the_table_has_local_times_and_descriptions() {
         let records = [
             record(
                 0,
@@ -340,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn spreadsheets_get_one_cell_for_each_value_and_no_formula() {
+    fn csv_has_one_cell_for_each_value_and_no_formula() {
         let records = [record(
             0,
             json!({"event": "notify", "behaviour": "guard", "text": "=1+1, \"quoted\""}),

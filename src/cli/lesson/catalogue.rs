@@ -1,17 +1,17 @@
-//! The lessons, inside the program: they need no files.
+//! The lessons, compiled into the program.
 
 /// One lesson. Its texts are those of its folder in `behaviours/lessons/`.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Lesson {
-    /// From 1.
+    /// The number, from 1.
     pub(super) number: usize,
     /// Its folder in `behaviours/lessons/`, such as `03-moving`.
     pub(super) folder: &'static str,
-    /// Where a learner's script is tried out, a world that comes along.
+    /// The built-in world for trying out a learner's script.
     pub(super) world: &'static str,
     pub(super) readme: &'static str,
     pub(super) starter: &'static str,
-    /// The scenarios that give points.
+    /// The scenarios that award points.
     pub(super) check: &'static str,
 }
 
@@ -55,16 +55,16 @@ static LESSONS: [Lesson; 12] = [
     lesson!(12, "12-states", "yard"),
 ];
 
-/// Only so far down a script is a line that names its lesson.
+/// The line that names a script's lesson must be among this many first lines.
 const HEAD_LINES: usize = 10;
 
 impl Lesson {
-    /// In the order they are best done.
+    /// All lessons, in the recommended order.
     pub(super) fn all() -> &'static [Lesson] {
         &LESSONS
     }
 
-    /// By number, such as `3` or `03`, by name or by both, such as `03-moving`.
+    /// Finds a lesson by number, such as `3` or `03`, by name, or by both, such as `03-moving`.
     pub(super) fn named(text: &str) -> Option<&'static Lesson> {
         LESSONS.iter().find(|lesson| {
             text.parse() == Ok(lesson.number) || text == lesson.name() || text == lesson.folder
@@ -82,19 +82,19 @@ impl Lesson {
         })
     }
 
-    /// Such as `moving`.
+    /// The lesson's name, such as `moving`.
     pub(super) fn name(&self) -> &'static str {
         self.folder
             .split_once('-')
             .map_or(self.folder, |(_, name)| name)
     }
 
-    /// What a learner's script is called.
+    /// The file name of a learner's script.
     pub(super) fn file(&self) -> String {
         format!("{}.lua", self.name())
     }
 
-    /// The headline without its number.
+    /// The title, without its number.
     pub(super) fn title(&self) -> &'static str {
         let headline = self.readme.lines().next().unwrap_or_default();
         headline
@@ -102,14 +102,14 @@ impl Lesson {
             .map_or(headline, |(_, title)| title)
     }
 
-    /// What is learned, in a few words.
+    /// The subjects of the lesson, in a few words.
     pub(super) fn subjects(&self) -> &'static str {
         let mut lines = self.readme.lines();
         let line = lines.find_map(|line| line.strip_prefix("You learn: "));
         line.unwrap_or_default().trim_end_matches('.')
     }
 
-    /// One of three hints, from 1; Markdown.
+    /// One of the three hints, numbered from 1, in Markdown.
     pub(super) fn hint(&self, number: u8) -> Option<&'static str> {
         let opening = format!("<summary>Hint {number}</summary>");
         let (_, rest) = self.readme.split_once(&opening)?;
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn every_readme_has_goal_tools_three_hints_a_way_on_and_the_commands() {
+    fn every_readme_has_all_its_sections_three_hints_and_the_commands() {
         for lesson in Lesson::all() {
             let (name, readme, file) = (lesson.folder, lesson.readme, lesson.file());
             assert!(!lesson.title().is_empty() && !lesson.title().contains('#'));
@@ -173,8 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn the_line_that_names_a_lesson_may_look_a_little_different_but_must_be_a_comment_near_the_top()
-    {
+    fn the_line_that_names_a_lesson_must_be_a_comment_near_the_top() {
         for script in [
             "-- spykee lesson 3",
             "--Spykee Lesson 3: moving\n",
@@ -196,7 +195,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_script_is_read_so_that_it_panics(text in "(-- ?[sS]pykee lesson ?[0-9é]{0,30}|\\PC|\n){0,12}") {
+        fn no_script_causes_a_panic(text in "(-- ?[sS]pykee lesson ?[0-9é]{0,30}|\\PC|\n){0,12}") {
             let _ = Lesson::of_script(&text);
         }
     }

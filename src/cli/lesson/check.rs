@@ -1,5 +1,5 @@
-//! `spykee lesson check`: plays the lesson's scenarios with the learner's script as the one that
-//! runs. All learners have the same settings, whatever config is about.
+//! `spykee lesson check`: runs the lesson's scenarios with the learner's script. Ignores any
+//! config, so that all learners have the same settings.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -21,19 +21,19 @@ pub(super) struct CheckArgs {
     #[arg(value_name = "FILE.lua")]
     file: PathBuf,
 
-    /// Check it against this lesson, instead of the one that its first lines name
+    /// Lesson to check against [default: the one that the script's first lines name]
     #[arg(long, value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
     lesson: Option<&'static Lesson>,
 
-    /// Also show this one of the lesson's three hints
+    /// Also show this hint, 1 to 3
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(1..=3))]
     hint: Option<u8>,
 
-    /// Draw the robot's path in the first failed try
+    /// Draw the robot's path in the first failed try into this file
     #[arg(long, value_name = "FILE.png", value_parser = parse_png)]
     picture: Option<PathBuf>,
 
-    /// Print the result as JSON
+    /// Print a JSON object
     #[arg(long, conflicts_with = "hint")]
     json: bool,
 
@@ -41,11 +41,11 @@ pub(super) struct CheckArgs {
     #[arg(long, value_name = "FILE.json")]
     gradescope: Option<PathBuf>,
 
-    /// End each try that takes longer than this many seconds of real time; it counts as failed
+    /// Time limit of each try, in seconds of real time; a longer try counts as failed
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = parse_timeout)]
     timeout: Duration,
 
-    /// Number of tries to play in parallel [default: one per processor]
+    /// Number of tries to run in parallel [default: one per processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
 }
@@ -74,11 +74,11 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
     })
 }
 
-/// Plays the lesson's scenarios with a script, so many at a time and each for so long at most;
-/// `None` if a person has interrupted that.
+/// Runs the lesson's scenarios with a script, with this many jobs in parallel and this time limit
+/// for each; `None` if interrupted.
 ///
 /// # Errors
-/// What the system does not give.
+/// A process, thread or signal handler that cannot be started; a scenario file that cannot be read.
 pub(super) fn marks_of(
     lesson: &'static Lesson,
     (file, source): (&Path, &[u8]),
@@ -107,7 +107,7 @@ pub(super) fn marks_of(
 
 pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
-    // Scripts of such names are read as scenarios: they would not know `robot`.
+    // Files with these names are loaded as scenarios, which have no `robot`.
     if name == "check.lua" || name.ends_with("_test.lua") {
         let why = format!("a lesson's script cannot be called {name}");
         return Err(Failure::usage(why).help("give it another name"));
@@ -115,7 +115,7 @@ pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
     behaviour::read_source(file).map_err(|error| {
         let shown = file.display();
         let help = if file.is_dir() {
-            "name the script in it"
+            "name the script in this folder"
         } else {
             "spykee lesson start 1 makes a folder with a script to start from"
         };
@@ -125,8 +125,8 @@ pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
 
 fn unnamed() -> Failure {
     Failure::usage("the script does not say which lesson it belongs to").help(
-        "put a line such as `-- spykee lesson 3` at its top, or say --lesson 3; \
-         `spykee lesson list` shows them all",
+        "put a line such as `-- spykee lesson 3` at its top, or add --lesson 3; \
+         `spykee lesson list` lists the lessons",
     )
 }
 

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 
 use super::catalogue::Lesson;
 
-/// Learners of one class.
+/// Maximum number of learners in a class.
 const MOST: usize = 2000;
 
-/// Why there is no script of a learner.
+/// Why a learner has no script.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum NotHandedIn {
     #[error("nothing handed in")]
@@ -19,18 +19,18 @@ pub(super) enum NotHandedIn {
     Several { count: usize, wanted: String },
 }
 
-/// One learner, and what he has handed in.
+/// A learner and the script handed in.
 #[derive(Debug, PartialEq)]
 pub(super) struct Learner {
     pub(super) name: String,
-    /// The script, or why it cannot be read.
+    /// The script, or why there is none.
     pub(super) script: Result<PathBuf, NotHandedIn>,
 }
 
-/// All learners by name: of the folder, and those of the list who are not in it.
+/// All learners, sorted by name: those in the folder, and those on the list who are not in it.
 ///
 /// # Errors
-/// A folder that cannot be read, or that holds far too much.
+/// A folder that cannot be read, or that has too many entries.
 pub(super) fn learners(
     folder: &Path,
     lesson: &Lesson,
@@ -50,14 +50,14 @@ pub(super) fn learners(
         found.insert(name, script);
     }
     if found.len() > MOST {
-        let words = format!("there are more than {MOST} in it");
+        let words = format!("it has more than {MOST} learners");
         return Err(io::Error::other(words));
     }
     let learner = |(name, script)| Learner { name, script };
     Ok(found.into_iter().map(learner).collect())
 }
 
-/// Without hidden ones, by name.
+/// The entries of a folder, sorted by name, without hidden ones.
 fn entries(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
     for entry in fs::read_dir(folder)?.take(4 * MOST) {
@@ -79,7 +79,7 @@ fn is_script(path: &Path) -> bool {
     path.is_file() && name.ends_with(".lua") && name != "check.lua" && !name.ends_with("_test.lua")
 }
 
-/// The one with the lesson's name, or the only one.
+/// The script in the folder with the lesson's name, or else the only one.
 fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, NotHandedIn>> {
     let wanted = lesson.file();
     let scripts: Vec<PathBuf> = entries(folder)?
@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_learner_has_a_folder_or_a_script_and_who_is_missing_is_in_the_list() {
+    fn learners_are_found_by_folder_or_script_and_missing_ones_by_the_list() {
         let class = tempfile::tempdir().unwrap();
         for folder in ["Ada", "Ben", "Cem", "Dora", ".git"] {
             fs::create_dir(class.path().join(folder)).unwrap();

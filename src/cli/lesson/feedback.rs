@@ -1,4 +1,4 @@
-//! What a learner is told: short, in sentences, and nothing in it that the script could forge.
+//! The feedback to a learner: short sentences that the script's output cannot forge.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -10,7 +10,7 @@ use super::marks::{Mark, Marks};
 use crate::clean;
 use crate::scenario::{Cause, Failure};
 
-/// Lines of an error that are shown.
+/// Maximum number of lines shown of an error.
 const MAX_LINES: usize = 16;
 
 /// A checked script.
@@ -18,12 +18,12 @@ pub(super) struct Feedback<'a> {
     pub(super) lesson: &'static Lesson,
     pub(super) file: &'a Path,
     pub(super) marks: &'a Marks,
-    /// Which of the lesson's hints to show.
+    /// Number of the hint to show.
     pub(super) hint: Option<u8>,
 }
 
 impl Feedback<'_> {
-    /// For a terminal.
+    /// The feedback as text, for a terminal.
     pub(super) fn text(&self) -> String {
         let (lesson, marks) = (self.lesson, self.marks);
         let file = clean::text(&self.file.display().to_string(), false).replace('\n', " ");
@@ -41,7 +41,7 @@ impl Feedback<'_> {
         text
     }
 
-    /// What is wrong in the script itself, each line marked as a quotation.
+    /// The mistakes in the script itself, with each line marked as a quotation.
     fn complaints(&self) -> String {
         let marks = self.marks;
         let mut text = String::new();
@@ -65,7 +65,7 @@ impl Feedback<'_> {
         match (marks.is_full(), number < Lesson::all().len()) {
             (true, true) => format!(" Well done! Next: spykee lesson start {}\n", number + 1),
             (true, false) => " Well done! That was the last lesson.\n".to_owned(),
-            // Who has a mistake to mend, or reads a hint already, needs none.
+            // No hint is offered if the script has mistakes to fix or a hint is already shown.
             (false, _)
                 if marks.cannot_run || marks.breakdown().is_some() || self.hint.is_some() =>
             {
@@ -75,7 +75,7 @@ impl Feedback<'_> {
         }
     }
 
-    /// For programs.
+    /// The feedback as JSON, for programs.
     pub(super) fn json(&self) -> Value {
         let (lesson, marks) = (self.lesson, self.marks);
         let scenario = |mark: &Mark| {
@@ -95,7 +95,7 @@ impl Feedback<'_> {
     }
 }
 
-/// The results.json of a Gradescope autograder.
+/// The feedback as the results.json of a Gradescope autograder.
 pub(super) fn gradescope(feedback: &Feedback<'_>) -> Value {
     let marks = feedback.marks;
     let test = |mark: &Mark| {
@@ -128,7 +128,7 @@ fn write(mark: &Mark, text: &mut String) {
     }
 }
 
-/// What is missing.
+/// A sentence that says what is missing.
 pub(super) fn sentence(failure: &Failure) -> String {
     match &failure.cause {
         Cause::Behaviour(_) => "The script stopped with an error.".to_owned(),
@@ -138,7 +138,7 @@ pub(super) fn sentence(failure: &Failure) -> String {
     }
 }
 
-/// Where some tries went well.
+/// Says how many tries passed, if any did.
 fn tries(mark: &Mark) -> String {
     match mark.passes() {
         0 => String::new(),
@@ -146,7 +146,7 @@ fn tries(mark: &Mark) -> String {
     }
 }
 
-/// Quoted text: each line is marked, so that none passes for one of ours.
+/// Quotes text: marks each line, so that it cannot pass for our own output.
 fn quoted(words: &str) -> String {
     let words = clean::text(words.trim_end(), false);
     let mut lines = words.lines();

@@ -1,4 +1,4 @@
-//! `spykee lesson grade`: the scripts of a class, each checked as `spykee lesson check` does.
+//! `spykee lesson grade`: checks the scripts of a class, each as `spykee lesson check` does.
 
 use std::fs;
 use std::path::PathBuf;
@@ -19,46 +19,46 @@ use crate::cli::test::crew::parse_timeout;
 
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct GradeArgs {
-    /// A folder with a folder or a script for each learner, named after the learner
+    /// Folder with a folder or a script for each learner, named after the learner
     #[arg(value_name = "FOLDER")]
     folder: PathBuf,
 
-    /// Check the scripts against this lesson
+    /// Lesson to check the scripts against
     #[arg(long, value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
     lesson: &'static Lesson,
 
-    /// A file with the names of the class, one per line; a name without a folder counts as not
-    /// handed in
+    /// File with the names of the class, one per line; a name without a script counts as not handed
+    /// in
     #[arg(long, value_name = "FILE")]
     names: Option<PathBuf>,
 
-    /// Print a table for a spreadsheet
+    /// Print CSV for spreadsheets
     #[arg(long, conflicts_with = "json")]
     csv: bool,
 
-    /// Print the result as JSON
+    /// Print a JSON object
     #[arg(long)]
     json: bool,
 
-    /// End each try that takes longer than this many seconds of real time; it counts as failed
+    /// Time limit of each try, in seconds of real time; a longer try counts as failed
     #[arg(long, value_name = "SECONDS", default_value = "60", value_parser = parse_timeout)]
     timeout: Duration,
 
-    /// Number of tries to play in parallel [default: one per processor]
+    /// Number of tries to run in parallel [default: one per processor]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
     jobs: Option<u16>,
 }
 
-/// What came out for one learner.
+/// The result of one learner.
 struct Graded {
     name: String,
     file: Option<PathBuf>,
     points: u32,
-    /// In sentences; empty when nothing is.
+    /// Sentences that say what is missing; empty if nothing is.
     missing: Vec<String>,
 }
 
-/// A class and its marks.
+/// The results of a class.
 struct Class {
     lesson: &'static Lesson,
     worth: u32,
@@ -72,7 +72,7 @@ pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> 
     let found = learners(folder, lesson, &names(args)?).map_err(cannot)?;
     if found.is_empty() {
         let why = format!("there is no script in {}", folder.display());
-        return Err(Failure::usage(why).help("each learner has a folder or a script in it"));
+        return Err(Failure::usage(why).help("it needs a folder or a script for each learner"));
     }
     let (mut graded, mut texts, mut worth) = (Vec::new(), Vec::new(), 0);
     for learner in found {
@@ -109,10 +109,10 @@ fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
     Ok(names.map(str::to_owned).collect())
 }
 
-/// One learner's marks, his text, and how many points there are.
+/// One learner's result and script text, and the maximum number of points.
 type One = (Graded, Option<String>, u32);
 
-/// `None` if a person has interrupted it.
+/// Grades one learner; `None` if interrupted.
 fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Option<One>, Failure> {
     let mut graded = Graded {
         name: learner.name,
@@ -150,7 +150,7 @@ fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Option
     Ok(Some((graded, Some(text), marks.worth())))
 }
 
-/// What is missing, each sentence once.
+/// The sentences that say what is missing, each once.
 fn missing(marks: &Marks) -> Vec<String> {
     let mut sentences: Vec<String> = Vec::new();
     if marks.cannot_run {
@@ -159,7 +159,10 @@ fn missing(marks: &Marks) -> Vec<String> {
             .iter()
             .map(|found| found.message.clone())
             .next();
-        sentences.push(format!("It cannot run: {}", first.unwrap_or_default()));
+        sentences.push(format!(
+            "The script cannot run: {}",
+            first.unwrap_or_default()
+        ));
         return sentences;
     }
     for mark in &marks.marks {
@@ -173,7 +176,7 @@ fn missing(marks: &Marks) -> Vec<String> {
 }
 
 impl Class {
-    /// For a terminal.
+    /// The results as text, for a terminal.
     fn text(&self) -> String {
         let head = [
             ("NAME", Side::Left),
@@ -198,10 +201,7 @@ impl Class {
             .map(|one| one.name.as_str())
             .collect();
         if !absent.is_empty() {
-            text += &format!(
-                "\nHanded in nothing that can be checked: {}\n",
-                absent.join(", ")
-            );
+            text += &format!("\nNo script to check from: {}\n", absent.join(", "));
         }
         for pair in &self.alike {
             let (one, other) = self.names(pair);
@@ -216,7 +216,7 @@ impl Class {
         (name(pair.places.0), name(pair.places.1))
     }
 
-    /// For a spreadsheet.
+    /// The results as CSV, for a spreadsheet.
     fn csv(&self) -> String {
         let mut text = "name,points,max_points,missing,file,same_text_as\n".to_owned();
         for (place, one) in self.learners.iter().enumerate() {
@@ -235,7 +235,7 @@ impl Class {
         text
     }
 
-    /// Whose text is nearly the same.
+    /// The names of the learners with nearly the same text.
     fn alike_with(&self, place: usize) -> Vec<&str> {
         let other = |pair: &Pair| match pair.places {
             (one, other) if one == place => Some(other),
@@ -248,7 +248,7 @@ impl Class {
             .collect()
     }
 
-    /// For programs.
+    /// The results as JSON, for programs.
     fn json(&self) -> Value {
         let learner = |one: &Graded| {
             json!({

@@ -1,23 +1,23 @@
-//! Which scripts of a class are nearly the same text. What all have from the lesson's starter does not
-//! count, nor does a text that is too short to say anything: three lines look alike by themselves.
+//! Finds scripts of a class with nearly the same text. Ignores lines from the lesson's starter, and
+//! texts that are too short: solutions of a few lines are similar without being copied.
 
-/// From this likeness on, of 1, two texts are nearly the same.
+/// Texts with at least this likeness, from 0 to 1, are nearly the same.
 const NEARLY_THE_SAME: f64 = 0.92;
-/// Letters that must be a learner's own before his text is compared.
+/// Minimum length of a learner's own text for a comparison, in characters.
 const SHORTEST: usize = 60;
-/// Letters that are compared.
+/// Maximum number of characters compared.
 const LONGEST: usize = 20_000;
 
-/// Two of a list of texts that are nearly the same.
+/// A pair of texts in a list that are nearly the same.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pair {
-    /// Their places in the list, the first one first.
+    /// Their indices in the list, in ascending order.
     pub(super) places: (usize, usize),
-    /// 0 to 1.
+    /// Likeness, 0 to 1.
     pub(super) likeness: f64,
 }
 
-/// All pairs, the most alike first.
+/// All pairs, the most similar first.
 pub(super) fn pairs(texts: &[Option<String>], starter: &str) -> Vec<Pair> {
     let own = |text: &Option<String>| text.as_deref().and_then(|text| own_words(text, starter));
     let own: Vec<Option<String>> = texts.iter().map(own).collect();
@@ -38,7 +38,7 @@ pub(super) fn pairs(texts: &[Option<String>], starter: &str) -> Vec<Pair> {
     pairs
 }
 
-/// The lines that are not the starter's, without spaces; `None` if that is too little.
+/// The lines that are not in the starter, without spaces; `None` if they are too short.
 fn own_words(text: &str, starter: &str) -> Option<String> {
     let given: Vec<String> = starter.lines().map(without_spaces).collect();
     let lines = text.lines().map(without_spaces);
@@ -64,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn a_copy_is_found_whatever_its_spaces_and_a_little_change() {
+    fn a_copy_with_other_spaces_and_small_changes_is_found() {
         let (one, other) = ("robot.led('all', true)", "robot.led(  'all',  true )");
         let texts = [
             script(one),
@@ -80,7 +80,7 @@ mod tests {
     }
 
     #[test]
-    fn the_starter_and_short_solutions_are_nobodys_copy() {
+    fn the_starter_and_short_solutions_are_not_copies() {
         let short = Some(format!("{STARTER}robot.led('all', false)\n"));
         let starter = Some(STARTER.repeat(9));
         assert_eq!(

@@ -1,31 +1,31 @@
-//! What a script has earned: points only for what becomes true with every seed.
+//! The points of a script: a scenario gives its points only if it passes with every seed.
 
 use std::collections::BTreeMap;
 
 use crate::check::Finding;
 use crate::scenario::{Cause, Failure, Scenario};
 
-/// All that came out of a check.
+/// The results of a check.
 pub(super) struct Marks {
     /// One for each scenario of the lesson.
     pub(super) marks: Vec<Mark>,
-    /// What is wrong in the script; with an error among them nothing was played.
+    /// Mistakes found in the script.
     pub(super) findings: Vec<Finding>,
-    /// Whether that is so.
+    /// Whether a finding is an error; then no scenario was run.
     pub(super) cannot_run: bool,
 }
 
-/// What came out of one scenario.
+/// The result of one scenario.
 pub(super) struct Mark {
     pub(super) name: String,
     pub(super) worth: u32,
-    /// By seed; nothing where it passed.
+    /// The failure of each seed; `None` if it passed.
     tries: BTreeMap<u64, Option<Failure>>,
     seeds: usize,
 }
 
 impl Marks {
-    /// Nothing was played yet.
+    /// Creates marks without any tries.
     pub(super) fn new(scenarios: &[Scenario], findings: Vec<Finding>, cannot_run: bool) -> Marks {
         let mark = |scenario: &Scenario| Mark {
             name: scenario.name.clone(),
@@ -62,7 +62,7 @@ impl Marks {
         !self.cannot_run && self.marks.iter().all(Mark::passed)
     }
 
-    /// How the script itself failed, for the first time.
+    /// The first error of the script itself, as opposed to unmet expectations.
     pub(super) fn breakdown(&self) -> Option<&str> {
         self.marks.iter().find_map(Mark::breakdown)
     }
@@ -72,7 +72,7 @@ impl Marks {
         self.marks.iter().find_map(Mark::failure)
     }
 
-    /// `12 of 30 tries`.
+    /// The progress, such as `12 of 30 tries`.
     pub(super) fn progress(&self) -> String {
         let done: usize = self.marks.iter().map(|mark| mark.tries.len()).sum();
         let all: usize = self.marks.iter().map(|mark| mark.seeds).sum();

@@ -1,4 +1,4 @@
-//! `spykee lesson start`: a folder with what to do, and a script to go on from.
+//! `spykee lesson start`: creates a folder with a lesson's task and a script to start from.
 
 use std::fs;
 use std::path::PathBuf;
@@ -8,33 +8,33 @@ use super::{Exit, Failure, LessonParser, print};
 
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct StartArgs {
-    /// The lesson's number or name
+    /// Number or name of the lesson
     #[arg(value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
     lesson: &'static Lesson,
 
-    /// The folder to make [default: named after the lesson, such as lesson-03-moving]
+    /// Folder to create [default: named after the lesson, such as lesson-03-moving]
     #[arg(value_name = "DIR")]
     folder: Option<PathBuf>,
 }
 
-/// Makes the folder; one that is there is left alone.
+/// Creates the folder. Does not change an existing one.
 ///
 /// # Errors
-/// If it is there or cannot be made.
+/// The folder exists or cannot be created.
 pub(super) fn run(args: &StartArgs) -> Result<Exit, Failure> {
     let lesson = args.lesson;
     let own = || PathBuf::from(format!("lesson-{}", lesson.folder));
     let folder = args.folder.clone().unwrap_or_else(own);
     let shown = folder.display();
-    let cannot = |error| Failure::usage(format_args!("cannot make {shown}: {error}"));
+    let cannot = |error| Failure::usage(format_args!("cannot create {shown}: {error}"));
     if let Some(parent) = folder.parent() {
         fs::create_dir_all(parent).map_err(cannot)?;
     }
     fs::create_dir(&folder).map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
             .help(format!(
-                "nothing was changed; go on in it, or begin in another folder: spykee lesson start \
-                 {} DIR",
+                "nothing was changed; continue in it, or use another folder: spykee lesson start {} \
+                 DIR",
                 lesson.number
             )),
         _ => cannot(error),
@@ -45,7 +45,7 @@ pub(super) fn run(args: &StartArgs) -> Result<Exit, Failure> {
     }
     let (number, title, world) = (lesson.number, lesson.title(), lesson.world);
     print(&format!(
-        "Lesson {number}, {title}, is in {shown}: read README.md, go on from {file}.\n\n\
+        "Lesson {number}, {title}, is in {shown}: read README.md, then edit {file}.\n\n\
          next:\n  cd {shown}\n  spykee run {file} --sim {world} --trace run.png\n  spykee lesson check {file}\n"
     ))?;
     Ok(Exit::Done)

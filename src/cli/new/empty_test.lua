@@ -1,5 +1,5 @@
 -- Scenarios: what {{NAME}}.lua must achieve. Try it:  spykee test
--- Each scenario is played in virtual time, with every seed from 1 to `seeds`.
+-- Each scenario runs in virtual time, with every seed from 1 to `seeds`.
 
 scenario("ends by itself and hits nothing", { seeds = 3, limit = 60 }, function(sim)
 	sim:run("{{NAME}}.lua")

@@ -1,4 +1,4 @@
-//! The prompt, on a thread of its own: it may block for as long as the terminal likes.
+//! The prompt. Runs on its own thread, so that a blocked terminal blocks nothing else.
 
 use std::io::{self, BufRead, IsTerminal as _, Write};
 use std::path::PathBuf;
@@ -15,44 +15,44 @@ use crate::api;
 use crate::clean;
 use crate::script::MAX_SOURCE;
 
-/// Where a new input begins, and where one goes on.
+/// The prompts for a new input and for a continued one.
 const PROMPTS: (&str, &str) = ("spykee> ", "     .. ");
-/// Inputs that are kept from one session to the next.
+/// Maximum number of inputs kept from one session to the next.
 const MAX_HISTORY: usize = 1000;
 
 const HELP: &str = "\
-Type Lua: an expression shows its value, waiting calls wait.
+Type Lua. An expression prints its value; a call that takes time blocks the prompt.
   robot.forward(0.5)      drive half a metre
-  robot.move(30, 30)      drive until something else is said
+  robot.move(30, 30)      drive until the next command
   robot.battery().percent
-Tab completes. Ctrl-C stops the tracks, all tasks and handlers. Ctrl-D ends.
-A name made without `local` lives on; a local one ends with its line.
-  :api NAME   what a call does, such as :api robot.move
-  :help       this text
-  :quit       ends";
+Tab completes names. Ctrl-C stops the tracks, all tasks and handlers. Ctrl-D ends.
+Global variables stay until the session ends; a `local` one ends with its line.
+  :api NAME   describe a call, such as :api robot.move
+  :help       show this text
+  :quit       end the session";
 
-/// From the prompt.
+/// A message from the prompt.
 #[derive(Debug)]
 pub(super) enum Typed {
     /// All output is written and the prompt is about to be shown.
     Ready,
     Line {
         text: String,
-        /// An empty line has not yet said that this is all.
+        /// Whether the input may continue; false after an empty line.
         more: bool,
     },
     Interrupt,
     End,
 }
 
-/// To the prompt.
+/// A message to the prompt.
 #[derive(Debug)]
 pub(super) enum EditorCommand {
     Print(String),
     Done(Next),
 }
 
-/// What the prompt asks for next.
+/// The next input that the prompt asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Next {
     Prompt,
@@ -61,7 +61,7 @@ pub(super) enum Next {
 
 type Lines = Editor<Names, FileHistory>;
 
-/// Until the input ends or the receiver is dropped.
+/// Runs the prompt until the input ends or the receiver is dropped.
 pub(super) fn serve(
     typed: &mpsc::Sender<Typed>,
     told: mpsc::Receiver<EditorCommand>,
@@ -76,14 +76,14 @@ pub(super) fn serve(
             pending: String::new(),
         },
         Err(error) => {
-            tracing::error!("there is no prompt: {error}");
+            tracing::error!("cannot open the prompt: {error}");
             return;
         }
     };
     if io::stdin().is_terminal() {
         prompt.divert(console);
         prompt.remember();
-        console.say("INFO", "Lua for the robot; :help helps, Ctrl-D ends");
+        console.say("INFO", "Lua for the robot; :help shows help, Ctrl-D ends");
     }
     while let Some(next) = prompt.wait() {
         if typed.blocking_send(Typed::Ready).is_err() {
@@ -92,7 +92,7 @@ pub(super) fn serve(
         let Some(what) = prompt.read(next) else {
             return;
         };
-        // At the end the printer above the prompt goes with it: its output would be lost.
+        // Returning drops the printer above the prompt: later output through it would be lost.
         let ends = matches!(what, Typed::End);
         if typed.blocking_send(what).is_err() || ends {
             return;
@@ -115,14 +115,14 @@ struct Prompt {
     lines: Lines,
     told: mpsc::Receiver<EditorCommand>,
     history: Option<PathBuf>,
-    /// A person types; otherwise lines come from a pipe.
+    /// Whether a person types; otherwise lines come from a pipe.
     person: bool,
-    /// The lines so far of an input that goes on.
+    /// The lines so far of a continued input.
     pending: String,
 }
 
 impl Prompt {
-    /// What others write stands above the prompt.
+    /// Redirects the console's output above the prompt.
     fn divert(&mut self, console: &Console) {
         match self.lines.create_external_printer() {
             Ok(printer) => console.divert(Some(Box::new(Above(printer)))),
@@ -135,15 +135,15 @@ impl Prompt {
             return;
         };
         if let Err(error) = history::prepare(&path) {
-            tracing::warn!("lines are not kept in {}: {error}", path.display());
+            tracing::warn!("no history is kept in {}: {error}", path.display());
             return;
         }
-        // A history that cannot be read begins anew.
+        // If the history cannot be read, it starts empty.
         let _ = self.lines.load_history(&path);
         self.history = Some(path);
     }
 
-    /// Writes what comes until it is the person's turn again.
+    /// Prints output until the next input is due.
     fn wait(&mut self) -> Option<Next> {
         loop {
             match self.told.blocking_recv()? {
@@ -153,8 +153,8 @@ impl Prompt {
         }
     }
 
-    /// The next thing for the robot; what is for the prompt itself is done here. An interruption
-    /// leaves nothing pending.
+    /// Reads until there is a message for the session; handles commands to the prompt itself here.
+    /// An interruption discards the pending input.
     fn read(&mut self, next: Next) -> Option<Typed> {
         if next == Next::Prompt {
             self.pending.clear();
@@ -190,7 +190,7 @@ impl Prompt {
         }
     }
 
-    /// A line that no person types. Of one that is too long no more is kept than shows that it is.
+    /// Reads a line from a pipe. Of a line that is too long, keeps only enough to detect that.
     fn piped(&mut self) -> rustyline::Result<String> {
         bounded_line(&mut io::stdin().lock(), MAX_SOURCE + 1)
     }
@@ -221,7 +221,7 @@ impl Prompt {
         let Some(path) = &self.history else { return };
         let added = self.lines.add_history_entry(line).unwrap_or(false);
         if added && let Err(error) = self.lines.append_history(path) {
-            tracing::debug!("this line is not kept: {error}");
+            tracing::debug!("this line is not in the history: {error}");
         }
     }
 
@@ -232,20 +232,22 @@ impl Prompt {
         {
             (":quit" | ":q", _) => return Some(Typed::End),
             (":help" | ":h", _) => show(HELP),
-            (":api", "") => show("which? such as :api robot.move"),
+            (":api", "") => show("add a name, such as :api robot.move"),
             (":api", name) => match api::page(name) {
                 Some(text) => show(&text),
                 None => show(&format!(
-                    "nothing in the API is called '{name}'; Tab completes"
+                    "nothing in the API is called '{name}'; Tab completes names"
                 )),
             },
-            (other, _) => show(&format!("there is no {other}; :help, :api NAME, :quit")),
+            (other, _) => show(&format!(
+                "there is no command {other}; use :help, :api NAME or :quit"
+            )),
         }
         None
     }
 }
 
-/// The next line without its end, at most `most` bytes of it.
+/// Reads the next line without its line break, at most `most` bytes of it.
 fn bounded_line(from: &mut impl BufRead, most: usize) -> rustyline::Result<String> {
     let mut line = Vec::new();
     loop {
@@ -268,14 +270,14 @@ fn bounded_line(from: &mut impl BufRead, most: usize) -> rustyline::Result<Strin
     }
 }
 
-/// Nothing can be done about a terminal that is gone.
+/// Prints text. Ignores errors: a closed terminal cannot be reported.
 fn show(text: &str) {
     let mut out = io::stdout().lock();
     let _ = writeln!(out, "{}", clean::text(text.trim_end(), false));
     let _ = out.flush();
 }
 
-/// Each record above the prompt.
+/// Prints each record above the prompt.
 struct Above<P>(P);
 
 impl<P: ExternalPrinter> Write for Above<P> {

@@ -1,4 +1,4 @@
-//! Where typed lines are kept from one session to the next: a file that only its user can read.
+//! The file that keeps typed lines from one session to the next; only its user can read it.
 
 use std::fs::{DirBuilder, OpenOptions};
 use std::io;
@@ -16,7 +16,7 @@ pub(super) fn path() -> Option<PathBuf> {
     Some(state.join("spykee").join("history"))
 }
 
-/// Makes the file, and its folder, readable by this user alone.
+/// Creates the file and its folder, readable only by this user.
 pub(super) fn prepare(path: &Path) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         DirBuilder::new()

@@ -1,4 +1,4 @@
-//! What can be completed: every name of the API, from its table.
+//! Completion of names: all names of the API and the words of the language.
 
 use rustyline::completion::Completer;
 use rustyline::highlight::Highlighter;
@@ -8,7 +8,7 @@ use rustyline::{Context, Helper};
 
 use crate::api;
 
-/// Words of the language and of its libraries that people type.
+/// Keywords and common functions of the language.
 const WORDS: [&str; 24] = [
     "and", "break", "continue", "do", "else", "elseif", "end", "false", "for", "function", "if",
     "in", "ipairs", "local", "nil", "not", "or", "pairs", "print", "repeat", "return", "then",
@@ -28,7 +28,7 @@ impl Names {
         Names(names)
     }
 
-    /// Where the word before the cursor begins, and what it may become.
+    /// Returns the start of the word before the cursor and its possible completions.
     fn candidates(&self, line: &str, cursor: usize) -> (usize, Vec<String>) {
         let before = line.get(..cursor).unwrap_or(line);
         let part = |c: char| c.is_alphanumeric() || matches!(c, '_' | '.');
@@ -68,7 +68,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn names_of_the_api_are_completed_where_they_stand() {
+    fn names_of_the_api_are_completed_at_the_cursor() {
         let names = Names::new();
         let (start, found) = names.candidates("if robot.forw", 13);
         assert_eq!((start, found), (3, vec!["robot.forward".to_owned()]));
@@ -79,7 +79,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_line_makes_completion_panic(line in ".{0,40}", cursor in 0..200_usize) {
+        fn no_line_causes_a_panic(line in ".{0,40}", cursor in 0..200_usize) {
             let (start, _) = Names::new().candidates(&line, cursor);
             prop_assert!(start <= line.len());
         }

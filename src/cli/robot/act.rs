@@ -1,4 +1,4 @@
-//! `spykee robot led`, `play`, `volume`: said, and acknowledged before the program ends.
+//! `spykee robot led`, `play` and `volume`: send a command and wait for its acknowledgement.
 
 use clap::builder::PossibleValuesParser;
 
@@ -14,10 +14,10 @@ use crate::wire::{Command, Led, Sound};
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot led flash on --robot 172.17.6.1")]
 pub(super) struct LedArgs {
-    /// Which light
+    /// The light
     #[arg(value_parser = PossibleValuesParser::new(Led::ALL.iter().map(|led| led.name())))]
     led: String,
-    /// On or off
+    /// The new state
     #[arg(value_name = "on|off", value_parser = ["on", "off"])]
     state: String,
     #[command(flatten)]
@@ -32,11 +32,11 @@ pub(super) struct LedArgs {
                         Some sounds also switch lights."
 )]
 pub(super) struct PlayArgs {
-    /// Which sound
+    /// The sound
     #[arg(required_unless_present = "stop",
           value_parser = PossibleValuesParser::new(Sound::ALL.iter().map(|sound| sound.name())))]
     sound: Option<String>,
-    /// Stop the music now playing
+    /// Stop the music
     #[arg(long, conflicts_with = "sound")]
     stop: bool,
     #[command(flatten)]
@@ -46,9 +46,9 @@ pub(super) struct PlayArgs {
 /// Set the volume of the speaker
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot volume 40 --robot 172.17.6.1\n\n\
-                        `spykee robot config` may show the present volume.")]
+                        `spykee robot config` may show the current volume.")]
 pub(super) struct VolumeArgs {
-    /// 0 to 100
+    /// Volume in percent, 0 to 100
     #[arg(value_parser = clap::value_parser!(u8).range(0..=100))]
     percent: u8,
     #[command(flatten)]
@@ -77,7 +77,7 @@ pub(super) fn volume(args: &VolumeArgs) -> Result<Exit, Failure> {
     say(&args.aim, command, Errand::Volume(percent))
 }
 
-/// By the command, or by a run that has the robot.
+/// Sends a command, directly or through the run that uses the robot.
 fn say(aim: &SharedAimArgs, command: Command, errand: Errand) -> Result<Exit, Failure> {
     if let Some(run) = aim.run_on()? {
         return match ask(&run, &errand, AT_ONCE)? {

@@ -1,4 +1,4 @@
-//! `spykee robot info`, `battery`, `log`: what the robot tells and nothing else.
+//! `spykee robot info`, `battery` and `log`: print what the robot reports.
 
 use serde_json::json;
 
@@ -11,7 +11,7 @@ use crate::control::Overview;
 use crate::robot::Battery;
 use crate::wire::{Command, Report, latin1};
 
-/// Identify the robot: id, names, firmware, battery, station
+/// Print the robot's id, names, firmware, battery and station
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot info --robot 172.17.6.1 --json")]
 pub(super) struct InfoArgs {
@@ -22,7 +22,7 @@ pub(super) struct InfoArgs {
     pub(super) aim: SharedAimArgs,
 }
 
-/// Report the battery's level, and whether it charges
+/// Print the battery level and whether it charges
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot battery --robot 172.17.6.1")]
 pub(super) struct BatteryArgs {
@@ -38,18 +38,18 @@ pub(super) struct BatteryArgs {
 #[command(after_help = "Example: spykee robot log --robot 172.17.6.1 | tail\n\n\
                         The contents of the robot's log are not documented.")]
 pub(super) struct LogArgs {
-    /// Print a JSON object with the lines
+    /// Print a JSON object
     #[arg(long)]
     json: bool,
     #[command(flatten)]
     pub(super) aim: AimArgs,
 }
 
-/// What is known of a robot, from a run or from the robot itself.
+/// The facts about a robot, from a run or from the robot itself.
 struct Facts {
     uid: String,
     name: String,
-    /// `None`: a run does not keep it.
+    /// `None` if the facts come from a run, which does not store it.
     third_name: Option<String>,
     firmware: String,
     address: String,
@@ -111,7 +111,7 @@ fn show_info(as_json: bool, facts: &Facts) -> Result<Exit, Failure> {
         format!("{object}\n")
     } else {
         let third = facts.third_name.as_ref().map_or_else(String::new, |name| {
-            format!("third name  {name} (its meaning is not known)\n")
+            format!("third name  {name} (meaning unknown)\n")
         });
         let lines = format!(
             "id          {}\nname        {}\n{third}firmware    {}\naddress     {}\n\

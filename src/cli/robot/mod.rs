@@ -1,5 +1,5 @@
-//! `spykee robot`: one thing asked of the robot, from the shell. What moves it goes through the
-//! pilot and its watchdog; the rest is said over the same link.
+//! `spykee robot`: single commands to the robot from the shell. Commands that move it go through
+//! the pilot and its watchdog; others are sent over a plain link.
 
 mod act;
 mod ask;
@@ -32,7 +32,7 @@ use crate::control::Client;
 use crate::link::{self, Target};
 use crate::wire::{self, Login};
 
-/// Have the robot do or report one thing: battery, docking, lights, a picture, its settings
+/// Send the robot a single command: battery, docking, lights, a picture, its settings
 ///
 /// The watchdog handles a low battery, the station and a dead link as in a run. The robot serves
 /// one user at a time. If that is a `spykee run` of the same data folder, then battery, info,
@@ -69,7 +69,7 @@ enum RobotCommand {
 }
 
 impl RobotArgs {
-    /// Which settings count.
+    /// The settings of the chosen subcommand.
     pub(super) fn settings(&self) -> &SettingsArgs {
         use RobotCommand as C;
         let aim: &AimArgs = match &self.command {
@@ -92,10 +92,10 @@ impl RobotArgs {
     }
 }
 
-/// Does the one thing.
+/// Runs the subcommand.
 ///
 /// # Errors
-/// The command line, the robot, or its answer.
+/// An invalid command line, a robot that cannot be reached, or an unexpected reply.
 pub(super) fn run(args: &RobotArgs, console: &Console) -> Result<Exit, Failure> {
     match &args.command {
         RobotCommand::Info(args) => ask::info(args),
@@ -115,7 +115,7 @@ pub(super) fn run(args: &RobotArgs, console: &Console) -> Result<Exit, Failure> 
     }
 }
 
-/// Which robot, with which login and settings.
+/// Selects the robot, the login and the settings.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct AimArgs {
     #[command(flatten)]
@@ -125,7 +125,7 @@ pub(super) struct AimArgs {
     pub(super) connection: ConnectionArgs,
 }
 
-/// The same, for what a run or service that has the robot can be asked for.
+/// The same, for commands that can also go through a run or service that uses the robot.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct SharedAimArgs {
     #[command(flatten)]
@@ -143,7 +143,7 @@ impl Deref for SharedAimArgs {
     }
 }
 
-/// A robot that can be dialled. The simulator, if it is one, ends with this.
+/// A robot to connect to. A simulator ends when this is dropped.
 pub(super) struct Aim {
     pub(super) target: Target,
     pub(super) login: Login,
@@ -152,7 +152,7 @@ pub(super) struct Aim {
 }
 
 impl SharedAimArgs {
-    /// The active run, or the service, of the robot in question.
+    /// The active run or the service that uses the chosen robot, if any.
     ///
     /// # Errors
     /// See [`run_on`].
@@ -162,7 +162,7 @@ impl SharedAimArgs {
 }
 
 impl AimArgs {
-    /// Resolves flags and config, and starts the simulator if that is what was asked for.
+    /// Resolves flags and config, and starts the simulator if requested.
     ///
     /// # Errors
     /// A config, login or world that cannot be used; no robot named.
@@ -195,7 +195,7 @@ impl Aim {
         .await
     }
 
-    /// What it takes to drive it.
+    /// The parts needed to drive the robot.
     ///
     /// # Errors
     /// The rescue behaviour of the config cannot be read.

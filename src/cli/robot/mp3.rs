@@ -1,43 +1,43 @@
-//! Whether a file is an MP3, by its frame headers: nothing is decoded. Pure.
+//! Checks whether a file is an MP3 by its frame headers, without decoding. Pure.
 
 use std::time::Duration;
 
-/// What the headers tell.
+/// Properties of an MP3 file from its headers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Mp3 {
-    /// Frames in a row, each where the one before ends.
+    /// Number of contiguous frames.
     pub(super) frames: usize,
-    /// How long they play.
+    /// Playing time of the frames.
     pub(super) duration: Duration,
 }
 
-/// Why a file is no MP3 that can be sent.
+/// Why a file is not an MP3 that can be sent.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Mp3Error {
-    /// Nothing where the first frame should be.
+    /// No frame where the first one should be.
     #[error("there is no MP3 frame at byte {0}")]
     NoFrame(usize),
-    /// Some frames, then something else.
-    #[error("after {frames} frames byte {at} is something else: the file is damaged")]
+    /// Some frames, then other data.
+    #[error("there is no MP3 frame at byte {at}, after {frames} frames: the file is damaged")]
     Damaged {
-        /// Good ones before.
+        /// Number of good frames before.
         frames: usize,
-        /// Where the next should be.
+        /// Position where the next frame should be.
         at: usize,
     },
 }
 
-/// Kilobits a second of layer III, by index; 0 and 15 have no meaning that can be used.
+/// Kilobits per second of layer III, by index; the indices 0 and 15 are not supported.
 const MPEG1_KBPS: [u32; 16] = [
     0, 32, 40, 48, 56, 64, 80, 96, 112, 128, 160, 192, 224, 256, 320, 0,
 ];
-/// The same of MPEG 2 and 2.5.
+/// The same for MPEG 2 and 2.5.
 const MPEG2_KBPS: [u32; 16] = [
     0, 8, 16, 24, 32, 40, 48, 56, 64, 80, 96, 112, 128, 144, 160, 0,
 ];
-/// Samples a second of MPEG 1; MPEG 2 has half of it, 2.5 a quarter.
+/// Samples per second of MPEG 1, by index; MPEG 2 has half of it, 2.5 a quarter.
 const RATES: [u32; 3] = [44_100, 48_000, 32_000];
-/// Fewer frames in a row are chance, not music.
+/// Minimum number of contiguous frames: fewer may match by chance.
 const MIN_FRAMES: usize = 2;
 const ID3V2_LEN: usize = 10;
 
@@ -48,8 +48,8 @@ struct Header {
     rate: u32,
 }
 
-/// Walks from frame to frame. Tags before and behind are passed over; a last frame that is cut off
-/// is forgiven, as encoders leave it so.
+/// Walks from frame to frame. Skips tags before and after the frames, and accepts an incomplete
+/// last frame, as encoders may write one.
 ///
 /// # Errors
 /// See [`Mp3Error`].
@@ -77,7 +77,8 @@ pub(super) fn check(file: &[u8]) -> Result<Mp3, Mp3Error> {
     Ok(Mp3 { frames, duration })
 }
 
-/// The length of an ID3v2 tag at the beginning: four bytes of seven bits each.
+/// The length of an ID3v2 tag at the beginning, encoded in four bytes of seven bits each; 0 without
+/// a tag.
 fn tag_length(file: &[u8]) -> usize {
     let Some(head) = file
         .get(..ID3V2_LEN)
@@ -133,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_in_a_row_between_tags_are_music() {
+    fn contiguous_frames_between_tags_are_an_mp3() {
         let tag = [b'I', b'D', b'3', 4, 0, 0, 0, 0, 1, 2];
         let file = [&tag[..], &[7; 130], &frames(100), b"TAG title"].concat();
         let mp3 = check(&file).unwrap();
@@ -142,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn other_files_and_damaged_ones_are_told() {
+    fn other_files_and_damaged_ones_are_refused() {
         assert_eq!(check(b"RIFF....WAVE"), Err(Mp3Error::NoFrame(0)));
         assert_eq!(check(b""), Err(Mp3Error::NoFrame(0)));
         assert_eq!(check(&frames(1)), Err(Mp3Error::NoFrame(0)));
@@ -159,7 +160,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_bytes_are_judged_without_panic(
+        fn no_bytes_cause_a_panic(
             start in prop::sample::select(vec![vec![], frames(2), b"ID3\x04\0\x10\x7F\x7F\x7F\x7F".to_vec()]),
             bytes in prop::collection::vec(any::<u8>(), 0..600),
         ) {

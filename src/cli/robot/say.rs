@@ -1,4 +1,4 @@
-//! `spykee robot say`: a sound file, spoken.
+//! `spykee robot say`: plays a sound file through the robot's speaker.
 
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
@@ -12,11 +12,11 @@ use crate::cli::{Exit, Failure, block_on};
 use crate::control::{Answer, Errand, MAX_SPEECH};
 use crate::robot::Use;
 
-/// Samples, and room for what stands before them.
+/// Maximum size of a file: the samples, and room for the chunks before them.
 const MAX_FILE: u64 = MAX_SPEECH as u64 + 64 * 1024;
-/// Bytes of speech a second.
+/// Bytes of samples per second.
 const RATE: f64 = 32_000.0;
-/// How much longer than the speech itself it may take.
+/// Timeout beyond the playing time.
 const SLACK: Duration = Duration::from_secs(10);
 
 /// Play a sound file through the speaker: WAV, one channel, 16 kHz, 16 bits, up to 30 s
@@ -26,7 +26,7 @@ const SLACK: Duration = Duration::from_secs(10);
                         To convert any other sound file: ffmpeg -i hello.mp3 -ac 1 -ar 16000 -c:a pcm_s16le hello.wav"
 )]
 pub(super) struct SayArgs {
-    /// The file
+    /// The sound file
     #[arg(value_name = "FILE.wav")]
     file: PathBuf,
     #[command(flatten)]
@@ -38,7 +38,7 @@ pub(super) fn say(args: &SayArgs) -> Result<Exit, Failure> {
     let shown = args.file.display();
     let refused = |why: &dyn std::fmt::Display| {
         Failure::usage(format_args!("{shown} cannot be played: {why}"))
-            .help("ffmpeg -i FILE -ac 1 -ar 16000 -c:a pcm_s16le FILE.wav makes one that can")
+            .help("ffmpeg -i FILE -ac 1 -ar 16000 -c:a pcm_s16le FILE.wav converts a file")
     };
     let samples = wav::samples(&file).map_err(|error| refused(&error))?;
     if samples.len() > MAX_SPEECH {

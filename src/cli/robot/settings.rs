@@ -1,5 +1,5 @@
-//! `spykee robot config` and `wifi`: what the robot keeps, read; and, after a typed confirmation,
-//! changed. Keys and passwords are never shown.
+//! `spykee robot config` and `wifi`: print the robot's settings, and change them after a typed
+//! confirmation. Keys and passwords are never shown.
 
 use std::io::{BufRead, IsTerminal, Read};
 use std::path::Path;
@@ -15,16 +15,16 @@ use crate::wire::{
     Command, Network, Report, Setting, join_settings, parse_networks, parse_settings,
 };
 
-/// In place of a secret value.
+/// Printed in place of a secret value.
 const HIDDEN: &str = "***";
-/// A key with one of these in it is kept secret.
+/// Settings whose key contains one of these are secret.
 const SECRETS: [&str; 7] = ["key", "pass", "psk", "pwd", "secret", "wep", "wpa"];
-/// A key with one of these in it concerns the network.
+/// Settings whose key contains one of these concern the network.
 const NETWORK: [&str; 7] = ["wifi", "wlan", "essid", "ssid", "wep", "wpa", "channel"];
-/// The longest value that is sent.
+/// Maximum length of a key and its value, characters.
 const MAX_VALUE: usize = 255;
 
-/// Print the robot's settings, or change one with --set
+/// Print the robot's settings, or change them with --set
 ///
 /// The settings are not documented. Only settings that the robot lists itself can be changed, and a
 /// wrong value may leave it unreachable. Keys and passwords are shown as ***.
@@ -49,13 +49,14 @@ pub(super) struct WifiArgs {
     pub(super) change: ChangeArgs,
 }
 
-/// How settings are changed.
+/// Options for changing settings.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ChangeArgs {
-    /// Change a setting, after a typed confirmation; KEY=@FILE takes the first line of a file
+    /// Change a setting, after a typed confirmation; KEY=@FILE reads the value from the first line
+    /// of a file; may be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// The robot's id, instead of typing it when asked: for scripts
+    /// Confirm the change with the robot's id instead of typing it: for scripts
     #[arg(long, value_name = "ID", requires = "set")]
     yes_i_mean: Option<String>,
     /// Print a JSON object
@@ -86,8 +87,10 @@ pub(super) fn wifi(args: &WifiArgs) -> Result<Exit, Failure> {
     let args = &args.change;
     let wanted = wanted(args)?;
     if let Some(other) = wanted.iter().find(|wanted| !concerns_network(&wanted.key)) {
-        let what = format_args!("{} is no setting of the network", other.key);
-        return Err(Failure::usage(what).help("`spykee robot config --set` changes the others"));
+        let what = format_args!("{} is not a network setting", other.key);
+        return Err(
+            Failure::usage(what).help("change other settings with `spykee robot config --set`")
+        );
     }
     talk_alone(&args.aim, async |talk| {
         let mut own = settings(talk).await?;
@@ -142,7 +145,7 @@ async fn settings(talk: &mut Talk) -> Result<Vec<Setting>, Failure> {
     Ok(parse_settings(&join_settings(&messages)))
 }
 
-/// Checks, asks, sends, and reads back what the robot says now.
+/// Checks the changes, asks for confirmation, sends them, and reads the settings back.
 async fn change(
     talk: &mut Talk,
     args: &ChangeArgs,
@@ -154,8 +157,8 @@ async fn change(
         .find(|w| !listed.iter().any(|l| l.key == w.key))
     {
         let keys: Vec<&str> = listed.iter().map(|setting| setting.key.as_str()).collect();
-        let what = format!("the robot lists no such setting: {}", unknown.key);
-        let help = clean::text(&format!("it lists {}", keys.join(", ")), false);
+        let what = format!("the robot has no such setting: {}", unknown.key);
+        let help = clean::text(&format!("it has {}", keys.join(", ")), false);
         return Err(Failure::usage(what).help(help));
     }
     confirm(&talk.session.accepted.uid, args, wanted)?;
@@ -163,7 +166,7 @@ async fn change(
         .iter()
         .map(|setting| format!("{}={}", setting.key, setting.value))
         .collect();
-    // `wanted` lets nothing pass that has no byte.
+    // `wanted` accepts only characters that fit into one byte.
     let byte = |c| u8::try_from(u32::from(c)).unwrap_or(b'?');
     let text = pairs.join("&").chars().map(byte).collect();
     talk.say(&[Command::ConfigSet(text)]).await?;
@@ -171,21 +174,22 @@ async fn change(
     match wanted.iter().find(|wanted| !now.contains(wanted)) {
         None => Ok(now),
         Some(refused) => {
-            let what = format!("the robot did not take over {}", refused.key);
-            let help = "it may do so after it was switched off and on; `spykee robot config` tells";
+            let what = format!("the robot did not accept {}", refused.key);
+            let help =
+                "it may do so after it is switched off and on; check with `spykee robot config`";
             Err(Failure::new(Exit::Script, what).help(help))
         }
     }
 }
 
-/// The robot's id, typed by a person at a terminal or named on purpose by a script.
+/// Requires the robot's id, typed by a person at a terminal or given by a script.
 fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failure> {
     let typed = match &args.yes_i_mean {
         Some(typed) => typed.clone(),
         None if !std::io::stdin().is_terminal() => {
-            let failure = Failure::usage("no terminal to confirm the change at");
+            let failure = Failure::usage("cannot confirm the change: stdin is not a terminal");
             return Err(
-                failure.help("without a terminal, name the robot: --yes-i-mean ID (`robot info`)")
+                failure.help("confirm it with --yes-i-mean ID; `spykee robot info` shows the id")
             );
         }
         None => {
@@ -193,7 +197,7 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
             print(&clean::text(
                 &format!(
                     "This changes the robot {uid}:\n{changes}A wrong setting may leave it \
-                     unreachable. Type its id to go on: "
+                     unreachable. Type its id to continue: "
                 ),
                 false,
             ))?;
@@ -209,11 +213,11 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
     if typed == uid {
         return Ok(());
     }
-    let what = format_args!("`{typed}` is not this robot: nothing was changed");
+    let what = format_args!("`{typed}` is not this robot's id: nothing was changed");
     Err(Failure::usage(what).help("`spykee robot info` shows the robot's id"))
 }
 
-/// What `--set` says, before any robot is asked.
+/// Parses the `--set` options, before connecting to the robot.
 fn wanted(args: &ChangeArgs) -> Result<Vec<Setting>, Failure> {
     args.set.iter().map(|text| wish(text)).collect()
 }
@@ -227,10 +231,8 @@ fn wish(text: &str) -> Result<Setting, Failure> {
     let value = match value.strip_prefix('@') {
         Some(path) => first_line(Path::new(path))?,
         None if is_secret(key) => {
-            let failure = wrong(&format!(
-                "{key}: a secret does not belong on a command line"
-            ));
-            return Err(failure.help(format!("write it into a file: --set {key}=@FILE")));
+            let failure = wrong(&format!("{key}: a secret must not be on the command line"));
+            return Err(failure.help(format!("put it into a file: --set {key}=@FILE")));
         }
         None => value.to_owned(),
     };
@@ -239,7 +241,7 @@ fn wish(text: &str) -> Result<Setting, Failure> {
         return Err(wrong(&format!(
             "{key}: a character that cannot be sent to the robot"
         ))
-        .help("&, = and letters outside of western European languages cannot be sent"));
+        .help("&, = and letters outside western European languages cannot be sent"));
     }
     if key.chars().count() + value.chars().count() > MAX_VALUE {
         return Err(wrong(&format!("{key}: longer than {MAX_VALUE} characters")));
@@ -268,7 +270,7 @@ fn concerns_network(key: &str) -> bool {
     NETWORK.iter().any(|word| key.contains(word))
 }
 
-/// The value, or stars.
+/// The value, or asterisks if it is secret.
 fn shown(setting: &Setting) -> &str {
     if is_secret(&setting.key) && !setting.value.is_empty() {
         HIDDEN
@@ -310,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn what_could_be_taken_for_another_setting_is_refused() {
+    fn values_that_would_change_other_settings_are_refused() {
         for text in [
             "name",
             "=x",

@@ -1,4 +1,4 @@
-//! `spykee robot snapshot`: one good picture.
+//! `spykee robot snapshot`: saves one intact picture.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -22,10 +22,10 @@ use crate::wire::{Command, Report, Stream};
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot snapshot -o room.jpg --robot 172.17.6.1")]
 pub(super) struct SnapshotArgs {
-    /// The picture's file; an existing file is replaced
+    /// File to write; an existing file is replaced
     #[arg(short, long, value_name = "FILE.jpg")]
     output: PathBuf,
-    /// How long to wait for an intact frame, in seconds
+    /// Time to wait for an intact frame, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 5,
           value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,
@@ -36,7 +36,7 @@ pub(super) struct SnapshotArgs {
     pub(super) aim: SharedAimArgs,
 }
 
-/// A frame that is whole, and how many before it were not.
+/// An intact frame, and the number of damaged ones before it.
 struct Shot {
     jpeg: Bytes,
     size: Size,
@@ -76,7 +76,7 @@ fn keep(args: &SnapshotArgs, shot: &Shot) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// A good picture of a run that has the robot; `None`: interrupted.
+/// Requests an intact picture from the run that uses the robot; `None` if interrupted.
 fn ask_for_shot(run: &Client, limit: Duration) -> Result<Option<Shot>, Failure> {
     let until = std::time::Instant::now() + limit;
     let (mut decoder, mut damaged) = (Decoder::default(), 0);
@@ -140,9 +140,9 @@ async fn shoot(talk: &mut Talk, limit: Duration) -> Result<Shot, Failure> {
 
 fn none_in_time(limit: Duration, damaged: u32) -> Failure {
     let seconds = limit.as_secs();
-    let what = format!("no good frame came within {seconds} s; damaged ones: {damaged}");
+    let what = format!("no intact frame arrived within {seconds} s; damaged ones: {damaged}");
     Failure::new(Exit::Unreachable, what)
-        .help("move the robot closer to this computer, or give it more --timeout")
+        .help("move the robot closer to this computer, or increase --timeout")
 }
 
 fn save(path: &Path, jpeg: &[u8]) -> Result<(), Failure> {

@@ -1,4 +1,4 @@
-//! `spykee robot dock` and `undock`: by the pilot, under the watchdog's rules.
+//! `spykee robot dock` and `undock`: through the pilot, under the watchdog's rules.
 
 use std::time::Duration;
 
@@ -12,20 +12,20 @@ use crate::cli::{Exit, Failure, block_on, print};
 use crate::control::{Answer, Errand};
 use crate::robot::{DockEnd, DockPlan};
 
-/// How much longer than planned a run may take to answer.
+/// Timeout for a run's reply, beyond the planned time.
 const SLACK: Duration = Duration::from_secs(60);
 
 /// Drive to the charging station, as `robot.dock` does
 ///
-/// The robot searches for its station by itself; between two tries it backs off a little. Ctrl-C
-/// ends the search and stops the robot.
+/// The robot's firmware searches for the station; between two tries the robot backs off a little.
+/// Ctrl-C ends the search and stops the robot.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Example: spykee robot dock --robot 172.17.6.1 --timeout 60\n\n\
                         The distance from which the robot finds its station is not documented."
 )]
 pub(super) struct DockArgs {
-    /// The longest search of one try, in seconds
+    /// Time limit of each try, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 180,
           value_parser = clap::value_parser!(u64).range(1..=3600))]
     timeout: u64,
@@ -44,7 +44,7 @@ pub(super) struct DockArgs {
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot undock --robot 172.17.6.1")]
 pub(super) struct UndockArgs {
-    /// How long to wait for the robot to report that it has left, in seconds
+    /// Time to wait for the robot to report that it has left, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 15,
           value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,
@@ -135,22 +135,22 @@ fn show_undocked(as_json: bool, end: DockEnd) -> Result<(), Failure> {
     }
 }
 
-/// Where the robot was wanted is a success, also if it stood there before.
+/// The exit code for this end. A robot that already was where it should go is a success.
 fn exit_of(end: DockEnd, low: bool) -> Result<Exit, Failure> {
     let (exit, what, help) = match end {
         DockEnd::Done => return Ok(Exit::Done),
         DockEnd::AlreadyDocked => {
-            tracing::info!("it was already on its station");
+            tracing::info!("the robot was already on its station");
             return Ok(Exit::Done);
         }
         DockEnd::NotDocked => {
-            tracing::info!("it was not on its station");
+            tracing::info!("the robot was not on its station");
             return Ok(Exit::Done);
         }
         DockEnd::Safety => (
             Exit::Safety,
             "the watchdog does not allow it".to_owned(),
-            "is the battery low? `spykee robot battery` tells",
+            "is the battery low? `spykee robot battery` shows its level",
         ),
         DockEnd::Disconnected => (
             Exit::Unreachable,

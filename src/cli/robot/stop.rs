@@ -1,4 +1,4 @@
-//! `spykee robot stop`: the tracks rest, whatever it takes.
+//! `spykee robot stop`: stops the tracks, with retries.
 
 use std::time::Duration;
 
@@ -15,24 +15,25 @@ use crate::pilot::{DELIVERY, Delivery};
 use crate::safety::{Fact, Watchdog};
 use crate::wire::{Command, Engage};
 
-/// Between two tries.
+/// Pause between two tries.
 const PAUSE: Duration = Duration::from_millis(200);
 
 /// Stop the robot: tracks and the search for its station
 ///
-/// Logs in, sends MOVE 0 0, ends a search for the station, sends MOVE 0 0 again, and ends when the
+/// Logs in, sends MOVE 0 0, ends a search for the station, sends MOVE 0 0 again, and exits when the
 /// robot's side has acknowledged that. If the robot cannot be reached, or does not acknowledge
-/// within 2 s, it retries until --timeout; then the exit code is 3. A signal ends the retries, but
-/// not a try that has got through. The robot is left standing even if its battery is low: `spykee
-/// robot dock` sends it home.
+/// within 2 s, retries until --timeout; then the exit code is 3. A signal ends the retries, but not
+/// a try that has connected. The robot stays where it is even if its battery is low: `spykee robot
+/// dock` sends it home.
 ///
-/// A `spykee run` that has the robot stops it at once, whatever drives, and ends. While any other
-/// program is connected the robot refuses further logins: that program must stop it. With --url the
-/// service continues, and the robot stays stopped until somebody releases it at the page.
+/// If a `spykee run` uses the robot, it stops the robot at once, whatever drives it, and ends.
+/// While any other program is connected, the robot refuses further logins: that program must stop
+/// it. With
+/// --url the service continues, and the robot stays stopped until a person releases it on the page.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot stop --robot 172.17.6.1")]
 pub(super) struct StopArgs {
-    /// Give up after this many seconds
+    /// Time limit for the retries, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 10,
           value_parser = clap::value_parser!(u64).range(1..=600))]
     timeout: u64,
@@ -48,7 +49,7 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
     let mut aim = AimArgs::clone(&args.aim);
     if let Some(run) = &running {
         tracing::info!(
-            "ends the run that has the robot (process {})",
+            "ending the run that uses the robot (process {})",
             run.overview.pid
         );
         let asked = ask(run, &Errand::Stop, AT_ONCE);
@@ -59,11 +60,11 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
             print("stopped: the simulated robot ends with its run\n")?;
             return Ok(Exit::Done);
         }
-        // What follows stops the robot in any case, once it lets us in.
+        // The steps below stop the robot in any case, once it accepts the login.
         if let Err(failure) = asked {
             tracing::warn!("{failure}");
         }
-        // It may have been named by nothing but its being the only one.
+        // Without --robot, the run was chosen because it is the only one.
         aim.connection.robot = run.overview.target.parse().ok();
     }
     let aim = aim.aim(rand::random())?;
@@ -89,18 +90,20 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
     })?
 }
 
-/// A service goes on, and nothing moves its robot until the stop is released.
+/// Stops the robot through a service. The service continues, but the robot cannot move until the
+/// stop is released.
 fn hold(run: &Client) -> Result<Exit, Failure> {
     if ask(run, &Errand::Stop, AT_ONCE)?.is_none() {
         return Ok(Exit::Interrupted);
     }
     print(
-        "stopped: nothing moves the robot until somebody releases it at the page, or with POST /api/let-go\n",
+        "stopped: the robot does not move until it is released on the page or with POST /api/let-go\n",
     )?;
     Ok(Exit::Done)
 }
 
-/// What became of the last try that got through; `None`: ended before one did.
+/// Retries until a stop is acknowledged or the time is up. Returns the outcome of the last try that
+/// connected; `None` if interrupted before one did.
 async fn insist(
     aim: &Aim,
     limit: Duration,
@@ -123,8 +126,8 @@ async fn insist(
     }
 }
 
-/// The login's own first command is MOVE 0 0; the second stop is for what the cancelled search may
-/// have left on the tracks.
+/// Tries once. The login already sends MOVE 0 0; the second stop ends any motion left by the
+/// cancelled search.
 async fn once(aim: &Aim, ended: &CancellationToken) -> Result<Option<Delivery>, LinkError> {
     let mut session = tokio::select! {
         biased;

@@ -1,4 +1,4 @@
-//! A short conversation with the robot that moves nothing.
+//! Short sessions with the robot that do not move it.
 
 use std::time::Duration;
 
@@ -17,29 +17,30 @@ use crate::robot::Streams;
 use crate::safety::{Act, Fact, Watchdog};
 use crate::wire::{Command, Report};
 
-/// The longest wait for the first part of an answer.
+/// Timeout for the first part of a reply.
 const ANSWER: Duration = Duration::from_secs(3);
-/// A text that comes in several messages has no end mark: it is over when no more comes for so long.
+/// A text in several messages has no end mark: it is complete when no further message arrives for
+/// this long.
 const QUIET: Duration = Duration::from_millis(400);
-/// Nothing that the robot has to tell is longer.
+/// Maximum length of a text, bytes.
 const MAX_TEXT: usize = 1 << 20;
-/// Messages of a text, at most.
+/// Maximum number of messages of a text.
 const MAX_MESSAGES: usize = 1000;
 
-/// A robot that listens; its tracks have been told to rest, or to take it home.
+/// A session with the robot, which has been told to stop or to search for its station.
 pub(super) struct Talk {
     pub(super) session: Session,
     pub(super) simulated: bool,
     pub(super) streams: Streams,
-    /// Something was said that must arrive.
+    /// Whether a command was sent that must be acknowledged.
     said: bool,
 }
 
-/// Logs in, talks, and hangs up when the robot's side has acknowledged all that was said. Any signal
-/// that ends a program ends it so, too.
+/// Logs in, runs the job, and disconnects when the robot's side has acknowledged all commands. A
+/// terminating signal ends the job in the same way.
 ///
 /// # Errors
-/// The robot cannot be reached, the job's own, or what was said has not arrived.
+/// The robot cannot be reached, the job fails, or the commands are not acknowledged.
 pub(super) fn talk(
     args: &AimArgs,
     job: impl AsyncFnOnce(&mut Talk) -> Result<Exit, Failure>,
@@ -63,10 +64,10 @@ pub(super) fn talk(
     })?
 }
 
-/// As [`talk`], for what a run that has the robot cannot be asked for.
+/// Like [`talk`], for commands that a run cannot carry out.
 ///
 /// # Errors
-/// As of [`talk`], or a run has the robot.
+/// As for [`talk`], or a run uses the robot.
 pub(super) fn talk_alone(
     args: &AimArgs,
     job: impl AsyncFnOnce(&mut Talk) -> Result<Exit, Failure>,
@@ -77,11 +78,12 @@ pub(super) fn talk_alone(
     }
 }
 
-/// Every login begins with a stop, which may have ended the search of a robot with a low battery: the
-/// watchdog's rules say what it is told then, and what its last words are.
+/// Sends the commands and sets the last words that the watchdog's rules require after a login.
+/// Every login begins with a stop, which may have ended the search for the station of a robot with
+/// a low battery.
 ///
 /// # Errors
-/// The link is gone.
+/// The link is lost.
 pub(in crate::cli) async fn send_home_if_low(
     session: &mut Session,
     config: &Config,
@@ -98,8 +100,8 @@ pub(in crate::cli) async fn send_home_if_low(
     if watchdog.low().is_some() && !watchdog.docked() {
         let percent = power.percent;
         tracing::warn!(
-            "the battery is low ({percent} %): the robot was told to search its station; \
-             `spykee robot dock` stays until it is there"
+            "the battery is low ({percent} %): the robot was told to search for its station; \
+             `spykee robot dock` waits until it is there"
         );
     }
     Ok(())
@@ -117,7 +119,7 @@ impl Talk {
         })
     }
 
-    /// Hangs up when all has arrived.
+    /// Disconnects when all commands are acknowledged.
     async fn end(self) -> Result<(), Failure> {
         let Session { reader, writer, .. } = self.session;
         match farewell(reader, writer, DELIVERY).await {
@@ -133,27 +135,27 @@ impl Talk {
         }
     }
 
-    /// Says something that must arrive: see [`talk`].
+    /// Sends a command that must be acknowledged: see [`talk`].
     ///
     /// # Errors
-    /// The link is gone.
+    /// The link is lost.
     pub(super) async fn tell(&mut self, command: Command) -> Result<(), Failure> {
         self.said = true;
         self.say(&[command]).await
     }
 
-    /// Says something, in one write.
+    /// Sends commands in one write.
     ///
     /// # Errors
-    /// The link is gone.
+    /// The link is lost.
     pub(super) async fn say(&mut self, commands: &[Command]) -> Result<(), Failure> {
         Ok(self.session.writer.write(commands).await?)
     }
 
-    /// Waits for a report; `None` when none came within `limit`.
+    /// Waits for a report that `pick` accepts; `None` if none arrives within `limit`.
     ///
     /// # Errors
-    /// The link is gone.
+    /// The link is lost.
     pub(super) async fn hear<T>(
         &mut self,
         limit: Duration,
@@ -170,10 +172,10 @@ impl Talk {
         }
     }
 
-    /// Asks for a text: its messages in their order.
+    /// Requests a text and returns its messages in order.
     ///
     /// # Errors
-    /// The link is gone, or no answer came.
+    /// The link is lost, or no reply arrives.
     pub(super) async fn messages(
         &mut self,
         ask: Command,
@@ -183,9 +185,9 @@ impl Talk {
         self.say(&[ask]).await?;
         let Some(first) = self.hear(ANSWER, &pick).await? else {
             let seconds = ANSWER.as_secs();
-            let what = format_args!("the robot did not tell {what} within {seconds} s");
+            let what = format_args!("the robot did not send {what} within {seconds} s");
             let failure = Failure::new(Exit::Unreachable, what);
-            return Err(failure.help("robots may show it only to the user admin"));
+            return Err(failure.help("the robot may send this only to the user admin"));
         };
         let (mut length, mut messages) = (first.len(), vec![first]);
         while length < MAX_TEXT && messages.len() < MAX_MESSAGES {
@@ -198,10 +200,10 @@ impl Talk {
         Ok(messages)
     }
 
-    /// Asks for a text, and puts its messages together as they came.
+    /// Requests a text and joins its messages.
     ///
     /// # Errors
-    /// The link is gone, or no answer came.
+    /// The link is lost, or no reply arrives.
     pub(super) async fn text(
         &mut self,
         ask: Command,

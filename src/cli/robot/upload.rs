@@ -1,4 +1,4 @@
-//! `spykee robot upload-sound`: an MP3 into one of the robot's free places.
+//! `spykee robot upload-sound`: uploads an MP3 to one of the robot's user slots.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -13,27 +13,27 @@ use crate::cli::{Console, Exit, Failure, print};
 use crate::files;
 use crate::wire::{Command, FileChunk, Report, Sound};
 
-/// The size of a chunk is not documented; the robot's own largest message is 32 KiB, and a small
-/// chunk passes a slow link before it counts as dead.
+/// The size of a chunk is not documented. The robot's own largest message is 32 KiB; a small chunk
+/// gets through a slow link before the link counts as dead.
 const CHUNK: usize = 4096;
-/// What fits into the robot is not documented: a guard against the wrong file.
+/// Maximum size of a file. The robot's limit is not documented; this guards against wrong files.
 const MAX_LEN: usize = 2 << 20;
-/// How long the robot may take to swallow the last bytes and answer.
+/// Timeout for processing the last bytes and replying.
 const ANSWER: Duration = Duration::from_secs(20);
 
-/// Upload an MP3 as one of the user's sounds, or as the music
+/// Upload an MP3 as a user sound or as the music
 ///
-/// Checks the file, sends it in chunks, and then asks the robot for its settings: an answer shows
-/// that the robot has read the whole file. The protocol cannot confirm that the sound is stored:
-/// listen to it with `spykee robot play SLOT`. The largest size that the robot accepts is not
-/// documented; this program refuses more than 2 MiB. Firmware cannot be uploaded.
+/// Checks the file, sends it in chunks, and then requests the robot's settings: a reply shows that
+/// the robot has read the whole file. The protocol cannot confirm that the sound is stored: listen
+/// to it with `spykee robot play SLOT`. The largest size that the robot accepts is not documented;
+/// this program refuses more than 2 MiB. Firmware cannot be uploaded.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot upload-sound user0 hello.mp3 --robot 172.17.6.1")]
 pub(super) struct UploadArgs {
-    /// The slot on the robot; its present sound is replaced
+    /// Slot on the robot; its current sound is replaced
     #[arg(value_parser = ["user0", "user1", "music"])]
     slot: String,
-    /// The sound
+    /// The sound file
     #[arg(value_name = "FILE.mp3")]
     file: PathBuf,
     /// Print a JSON object
@@ -60,7 +60,7 @@ fn load(path: &Path) -> Result<(Bytes, Mp3), Failure> {
         .map_err(|error| Failure::usage(format_args!("cannot read {shown}: {error}")))?;
     if content.len() > MAX_LEN {
         let failure = Failure::usage(format_args!("{shown} is longer than 2 MiB"));
-        return Err(failure.help("make it shorter, or encode it with fewer kilobits per second"));
+        return Err(failure.help("shorten it, or encode it with fewer kilobits per second"));
     }
     let mp3 = mp3::check(&content).map_err(|error| {
         Failure::usage(format_args!(
@@ -71,7 +71,7 @@ fn load(path: &Path) -> Result<(Bytes, Mp3), Failure> {
     Ok((content.into(), mp3))
 }
 
-/// The first chunk has the first flag, the last one the last.
+/// Splits the file into chunks; flags the first and the last one.
 fn chunks(slot: &str, content: &Bytes) -> Result<Vec<Command>, Failure> {
     let last = content.len().div_ceil(CHUNK).saturating_sub(1);
     let chunk = |number: usize| {
@@ -95,16 +95,17 @@ async fn send(talk: &mut Talk, chunks: &[Command], console: &Console) -> Result<
     Ok(())
 }
 
-/// The robot reads in order: an answer to the last question acknowledges all messages before it.
-/// CONFIG is only sent when asked for, so that no other news can pass for the answer.
+/// Waits until the robot has read the file. The robot processes messages in order, so a reply to
+/// the last request acknowledges all messages before it. The robot sends CONFIG only on request, so
+/// no other report can be mistaken for the reply.
 async fn confirm(talk: &mut Talk) -> Result<(), Failure> {
     talk.say(&[Command::ConfigQuery]).await?;
     let answer = |report| matches!(report, Report::Config(_)).then_some(());
     if talk.hear(ANSWER, answer).await?.is_some() {
         return Ok(());
     }
-    let what = "all of the file was sent, but the robot did not answer afterwards";
-    Err(Failure::new(Exit::Unreachable, what).help("play the sound to hear whether it arrived"))
+    let what = "the whole file was sent, but the robot did not reply afterwards";
+    Err(Failure::new(Exit::Unreachable, what).help("play the sound to check whether it arrived"))
 }
 
 fn report(args: &UploadArgs, bytes: usize, mp3: Mp3) -> Result<(), Failure> {
@@ -117,7 +118,7 @@ fn report(args: &UploadArgs, bytes: usize, mp3: Mp3) -> Result<(), Failure> {
     }
     print(&format!(
         "{slot}: {bytes} bytes, {seconds:.1} s; the robot has read them. \
-         Hear it with: spykee robot play {slot}\n"
+         Listen to it with: spykee robot play {slot}\n"
     ))
 }
 
@@ -149,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn no_other_place_can_be_filled() {
+    fn other_slots_are_refused() {
         assert!(chunks("alarm", &Bytes::from_static(b"x")).is_err());
         assert!(chunks("firmware", &Bytes::from_static(b"x")).is_err());
     }

@@ -1,37 +1,38 @@
-//! The samples of a WAV file, if they are such as the robot's loudspeaker takes. Pure.
+//! Extracts the samples of a WAV file in the format of the robot's speaker. Pure.
 
-/// What the robot speaks (`PROTOCOL.md`, AUDIO): one channel, 16 kHz, s16 little-endian.
+/// Format of the robot's audio (`PROTOCOL.md`, AUDIO): one channel, 16 kHz, s16 little-endian.
 const CHANNELS: u16 = 1;
 const RATE: u32 = 16_000;
 const BITS: u16 = 16;
-/// Integer samples; and those whose kind stands further behind.
+/// Format tag of integer samples.
 const PCM: u16 = 1;
+/// Format tag of samples whose kind is in an extension of the header.
 const EXTENSIBLE: u16 = 0xFFFE;
 
-/// Why a file cannot be spoken.
+/// Why a file cannot be played.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum WavError {
-    /// Something else.
-    #[error("it is no WAV file")]
+    /// Not a WAV file.
+    #[error("it is not a WAV file")]
     NoWav,
-    /// Samples of another kind.
+    /// Samples in another format.
     #[error(
         "it has {channels} channels, {rate} samples per second of {bits} bits; the robot takes 1, 16000 and 16"
     )]
     Other {
-        /// Channels.
+        /// Number of channels.
         channels: u16,
-        /// Samples a second.
+        /// Samples per second.
         rate: u32,
-        /// Bits of a sample.
+        /// Bits per sample.
         bits: u16,
     },
-    /// Nothing to hear.
+    /// No samples.
     #[error("it has no samples")]
     Empty,
 }
 
-/// The samples. A file that is cut off is as long as it is.
+/// Returns the samples. Of a truncated file, returns the samples that are there.
 ///
 /// # Errors
 /// See [`WavError`].
@@ -59,7 +60,7 @@ pub(super) fn samples(file: &[u8]) -> Result<&[u8], WavError> {
             }
             _ => {}
         }
-        // Chunks begin at even places.
+        // Chunks begin at even offsets.
         rest = next.get(length % 2..).unwrap_or_default();
     }
     Err(if known {
@@ -107,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_are_found_behind_other_chunks() {
+    fn samples_are_found_after_other_chunks() {
         assert_eq!(
             samples(&wav(1, 16_000, 16, &[1, 2, 3, 4])),
             Ok(&[1, 2, 3, 4][..])
@@ -118,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_robot_cannot_speak_is_refused_in_words() {
+    fn unsupported_formats_are_refused_with_a_reason() {
         let stereo = samples(&wav(2, 44_100, 16, &[0; 8])).unwrap_err();
         assert!(stereo.to_string().contains("2 channels, 44100"), "{stereo}");
         assert_eq!(samples(b"RIFF"), Err(WavError::NoWav));
@@ -128,7 +129,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_file_is_a_panic(mut file in prop::collection::vec(any::<u8>(), 0..200), whole: bool) {
+        fn no_file_causes_a_panic(mut file in prop::collection::vec(any::<u8>(), 0..200), whole: bool) {
             if whole && file.len() > 12 {
                 file[..12].copy_from_slice(b"RIFF\0\0\0\0WAVE");
             }

@@ -1,4 +1,4 @@
-//! What a service is to do, made of its config: at the beginning, and anew at each SIGHUP.
+//! Builds the duties of a service from its config, at the start and again at each SIGHUP.
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
@@ -17,32 +17,34 @@ use crate::live::Known;
 use crate::service::{Duties, IdlePolicy, Reload};
 use crate::timetable::Timetable;
 
-/// Duties, and from what they were made.
+/// Duties, with fingerprints to detect changes.
 #[derive(Clone)]
 pub(super) struct LoadedDuties {
     pub(super) duties: Duties,
-    /// Of each behaviour with all that it is started with.
+    /// Fingerprints of the behaviours: their scripts and options.
     prints: BTreeMap<String, u64>,
-    /// What a page shows of them.
+    /// Information for the page.
     pub(super) known: Known,
 }
 
-/// Makes duties from the config, at the beginning and anew.
+/// Builds duties from the config, at the start and at each reload.
 #[derive(Clone)]
 pub(super) struct Reader {
     pub(super) settings: SettingsArgs,
-    /// Scripts are looked over first.
+    /// Whether to check scripts first.
     pub(super) checked: bool,
     pub(super) seed: u64,
     pub(super) console: Console,
     pub(super) clock: Clock,
-    /// Whose clock counts if the config does not say it.
+    /// The time zone to use if the config sets none.
     pub(super) zone: Zone,
 }
 
 impl Reader {
+    /// Builds the duties.
+    ///
     /// # Errors
-    /// A script that cannot be read or has a mistake, a timetable that names what is not there.
+    /// A script that cannot be read or has a mistake, a timetable that names an unknown behaviour.
     pub(super) fn load(&self, config: &Config) -> Result<LoadedDuties, Failure> {
         let casting = Casting {
             config,
@@ -70,12 +72,13 @@ impl Reader {
             ..config.timetable()
         };
         if let Some(unknown) = table.unknown(&names).first() {
-            let what =
-                format_args!("the timetable runs `{unknown}`, and no behaviour is called so");
+            let what = format_args!(
+                "the timetable runs `{unknown}`, but the config has no such behaviour"
+            );
             let known = if names.is_empty() {
                 "the config names no behaviours".to_owned()
             } else {
-                format!("there are {}", names.join(", "))
+                format!("the config has {}", names.join(", "))
             };
             return Err(Failure::usage(what).help(known));
         }
@@ -109,7 +112,7 @@ impl Reader {
         })
     }
 
-    /// Reads the config anew at each SIGHUP; a config with an error changes nothing. Never returns.
+    /// Reloads the config at each SIGHUP; a config with an error changes nothing. Never returns.
     pub(super) async fn obey(
         self,
         mut hangup: Signal,
@@ -118,7 +121,7 @@ impl Reader {
         mut now: (Config, LoadedDuties),
     ) -> Infallible {
         while hangup.recv().await.is_some() {
-            tracing::info!("SIGHUP: reading the settings again");
+            tracing::info!("SIGHUP: reloading the settings");
             let reader = self.clone();
             let read = tokio::task::spawn_blocking(move || reader.read_anew()).await;
             match read {
@@ -135,7 +138,7 @@ impl Reader {
                     let _ = reload.send(Reload { duties, changed }).await;
                 }
                 Ok(Err(failure)) => tracing::error!(
-                    "the new settings are refused, the old ones stay: {}",
+                    "the new settings are invalid, the old ones stay in effect: {}",
                     failure.what
                 ),
                 Err(error) => tracing::error!("the new settings could not be read: {error}"),
@@ -162,7 +165,7 @@ impl Reader {
     }
 }
 
-/// Two behaviours of one print are started alike.
+/// The fingerprint of a behaviour: equal if script and options are equal.
 fn print(behaviour: &Behaviour) -> u64 {
     let mut hasher = DefaultHasher::new();
     behaviour.launch.source.hash(&mut hasher);
@@ -175,7 +178,7 @@ fn print(behaviour: &Behaviour) -> u64 {
     hasher.finish()
 }
 
-/// What a running service cannot change.
+/// Logs the changed settings that only take effect after a restart of the service.
 fn say_what_waits(old: &Config, new: &Config) {
     const WAITS: [&str; 13] = [
         "robot",
@@ -207,7 +210,7 @@ fn say_what_waits(old: &Config, new: &Config) {
     let waits: Vec<&str> = waits.collect();
     if !waits.is_empty() {
         tracing::warn!(
-            "takes effect when the service starts again: {}",
+            "takes effect when the service is restarted: {}",
             waits.join(", ")
         );
     }

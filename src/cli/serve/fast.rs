@@ -1,4 +1,4 @@
-//! `serve --sim --fast`: days and weeks of a service in a laboratory, in virtual time.
+//! `serve --sim --fast`: runs days and weeks of a service in a laboratory, in virtual time.
 
 use super::duties::LoadedDuties;
 use super::{ServeArgs, exit};
@@ -15,7 +15,7 @@ use crate::sim;
 use crate::timetable::Record;
 use crate::wire::Login;
 
-/// Serves until the time is over; the first signal ends it.
+/// Serves until the time limit or the first signal.
 ///
 /// # Errors
 /// A real robot, a world that cannot be used, no thread.
@@ -87,10 +87,10 @@ pub(super) fn serve(
     exit(outcome)
 }
 
-/// A script that cannot be interrupted for so long ends the program.
+/// A script that cannot be interrupted for this long ends the program.
 const STUCK: std::time::Duration = std::time::Duration::from_secs(5);
 
-/// A thread hears signals, in real time.
+/// Starts a thread that cancels `stop` at the first terminating signal, in real time.
 fn end_at_a_signal(stop: tokio_util::sync::CancellationToken) -> Result<(), Failure> {
     let runtime = startup::runtime()?;
     let mut signals = {
@@ -107,5 +107,5 @@ fn end_at_a_signal(stop: tokio_util::sync::CancellationToken) -> Result<(), Fail
         .name("signals".into())
         .spawn(hear)
         .map(|_| ())
-        .map_err(|error| Failure::usage(format_args!("no thread: {error}")))
+        .map_err(|error| Failure::usage(format_args!("cannot start a thread: {error}")))
 }

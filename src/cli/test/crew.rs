@@ -1,5 +1,4 @@
-//! Plays many scenarios at a time, each in a process of its own, until all are done or a person
-//! interrupts.
+//! Runs scenarios in parallel, each in its own process, until all are done or a signal arrives.
 
 use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -16,21 +15,21 @@ use crate::scenario::{Book, Played, Scenario, Setting, Trials};
 /// One scenario with one seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in super::super) struct Job<'a> {
-    /// Its place among the books.
+    /// Index of its book.
     pub(in super::super) book: usize,
     pub(in super::super) scenario: &'a Scenario,
     pub(in super::super) seed: u64,
 }
 
-/// A job and how it went.
+/// A job and its result.
 pub(in super::super) struct Done<'a> {
     pub(in super::super) job: Job<'a>,
     pub(in super::super) played: Played,
-    /// Real time.
+    /// Duration in real time.
     pub(in super::super) took: Duration,
 }
 
-/// So many threads, and what they have in common.
+/// A pool of threads with their common settings.
 pub(in super::super) struct Crew {
     threads: usize,
     setting: Setting,
@@ -38,7 +37,7 @@ pub(in super::super) struct Crew {
 }
 
 impl Crew {
-    /// As many threads as there are processors unless told otherwise.
+    /// Creates a pool with this many threads [default: one per processor].
     pub(in super::super) fn new(threads: Option<u16>, setting: Setting, trials: Trials) -> Crew {
         let processors = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
         Crew {
@@ -48,10 +47,10 @@ impl Crew {
         }
     }
 
-    /// Plays all jobs and hands over each as it is done; none is begun after an interruption.
+    /// Runs all jobs and calls `take` with each result. Starts no more jobs after an interruption.
     ///
     /// # Errors
-    /// What the system does not give: threads, signals, folders.
+    /// Threads, processes or signal handlers that cannot be started.
     pub(in super::super) fn play<'a>(
         &self,
         books: &[&Book],
@@ -61,7 +60,7 @@ impl Crew {
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()
-            .map_err(|error| Failure::usage(format_args!("no runtime: {error}")))?;
+            .map_err(|error| Failure::usage(format_args!("cannot start the runtime: {error}")))?;
         let next = AtomicUsize::new(0);
         let (done, mut finished) = mpsc::channel(16);
         thread::scope(|scope| {
@@ -126,14 +125,14 @@ impl Crew {
     }
 }
 
-/// The processes in which scenarios are played.
+/// The launcher of the processes that run scenarios.
 pub(in super::super) fn trials(timeout: Duration) -> Result<Trials, Failure> {
     Trials::new(timeout).map_err(|error| {
         Failure::usage(format_args!("cannot find this program's own file: {error}"))
     })
 }
 
-/// `--timeout`: seconds of real time.
+/// Parses `--timeout`: seconds of real time.
 pub(in super::super) fn parse_timeout(text: &str) -> Result<Duration, ArgumentError> {
     let seconds = text.parse().ok();
     let seconds = seconds.filter(|seconds| (0.1..=86_400.0).contains(seconds));
@@ -144,6 +143,6 @@ pub(in super::super) fn parse_timeout(text: &str) -> Result<Duration, ArgumentEr
 fn no_lab(error: std::io::Error) -> Failure {
     Failure::new(
         Exit::Usage,
-        format_args!("cannot play the scenario: {error}"),
+        format_args!("cannot run the scenario: {error}"),
     )
 }

@@ -1,14 +1,14 @@
-//! Where scenarios are: the files that were named, and all `*_test.lua` in folders.
+//! Finds scenario files: the named files, and all `*_test.lua` in named folders.
 
 use std::path::{Path, PathBuf};
 
 use super::super::Failure;
 
-/// Folders are not followed deeper.
+/// Maximum depth of nested folders.
 const MAX_DEPTH: u32 = 16;
 
-/// A file as it is; of a folder all scenario files, in the order of their names. What is hidden and
-/// what was built is left out.
+/// Collects a file as it is, and all scenario files of a folder in alphabetical order. Skips hidden
+/// folders, `target` folders and symbolic links to folders.
 ///
 /// # Errors
 /// A path that does not exist or cannot be read.
@@ -37,7 +37,7 @@ fn search(folder: &Path, depth: u32, files: &mut Vec<PathBuf>) -> Result<(), Fai
                 search(&path, depth + 1, files)?;
             }
         } else if name.ends_with("_test.lua") {
-            // As people would name it.
+            // Without `./`, as people would write it.
             let shown = path.strip_prefix("./").map(Path::to_owned);
             files.push(shown.unwrap_or(path));
         }

@@ -1,4 +1,4 @@
-//! The results as JUnit XML, which every continuous integration reads.
+//! Writes the results as JUnit XML, for continuous integration.
 
 use std::io;
 
@@ -9,12 +9,13 @@ use super::super::Failure;
 use super::report::{Report, Run};
 use crate::clean;
 
-/// The whole document.
+/// The report as a JUnit document.
 ///
 /// # Errors
-/// None is known: the document is written to memory.
+/// None is known, as the document is written to memory.
 pub(super) fn document(report: &Report) -> Result<Vec<u8>, Failure> {
-    write(report).map_err(|error| Failure::usage(format_args!("no JUnit report: {error}")))
+    write(report)
+        .map_err(|error| Failure::usage(format_args!("cannot create the JUnit report: {error}")))
 }
 
 fn write(report: &Report) -> io::Result<Vec<u8>> {
@@ -64,7 +65,7 @@ fn write_file(
     Ok(())
 }
 
-/// A test case; what went wrong is an element's name, a message and the whole story.
+/// Writes a test case; `wrong` is the element of a failure, its message and its full text.
 fn write_case(
     xml: &mut Writer<Vec<u8>>,
     file: &str,

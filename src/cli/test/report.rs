@@ -1,4 +1,4 @@
-//! What came out, in words, in JSON and as pictures.
+//! Reports the results as text, as JSON and as pictures.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -19,7 +19,7 @@ use crate::scenario::{Failure, Scene};
 /// All runs of a file.
 struct Sheet {
     file: String,
-    /// Its scenarios cannot be played at all.
+    /// Why its scenarios cannot be run, if they cannot.
     broken: Option<String>,
     runs: Vec<Run>,
     told: bool,
@@ -34,7 +34,7 @@ pub(super) struct Run {
     outcome: Option<Outcome>,
 }
 
-/// Why there is no picture of the robot's way.
+/// Why there is no picture of the robot's path.
 #[derive(Debug, thiserror::Error)]
 #[error("its path could not be drawn in {}: {source}", path.display())]
 struct NotDrawn {
@@ -50,14 +50,14 @@ struct Outcome {
     picture: Option<Result<PathBuf, NotDrawn>>,
 }
 
-/// See the module.
+/// The results of all runs; see the module.
 pub(super) struct Report {
     sheets: Vec<Sheet>,
     pictures: PathBuf,
 }
 
 impl Report {
-    /// Of what is to be played.
+    /// Creates a report for the jobs to run.
     pub(super) fn new(pages: &[Page], jobs: &[Job<'_>], pictures: PathBuf) -> Report {
         let mut books = 0;
         let sheet = |page: &Page| {
@@ -80,7 +80,7 @@ impl Report {
         }
     }
 
-    /// Takes down how one went, and keeps its picture if it failed.
+    /// Stores a result, and saves its picture if it failed.
     pub(super) fn take(&mut self, done: Done<'_>) {
         let pictures = self.pictures.clone();
         let playable = self
@@ -110,7 +110,7 @@ impl Report {
         });
     }
 
-    /// `12 of 40 runs, 1 failed`.
+    /// The progress, such as `12 of 40 runs, 1 failed`.
     pub(super) fn progress(&self) -> String {
         let all = self.runs().count();
         let done = self.outcomes().count();
@@ -121,7 +121,7 @@ impl Report {
         }
     }
 
-    /// The words for every file whose turn it is and that is complete; each only once.
+    /// The text for the next files, in order, as far as they are complete; each file only once.
     pub(super) fn whole_pages(&mut self) -> String {
         let mut text = String::new();
         for sheet in &mut self.sheets {
@@ -137,7 +137,7 @@ impl Report {
         text
     }
 
-    /// The last line.
+    /// The summary, which is the last line.
     pub(super) fn summary(&self) -> String {
         let (all, failed) = (self.runs().count(), self.failures());
         let done = self.outcomes().count();
@@ -147,24 +147,24 @@ impl Report {
             let _ = write!(text, ", {failed} failed");
         }
         if done < all {
-            let _ = write!(text, ", {} not played", all - done);
+            let _ = write!(text, ", {} not run", all - done);
         }
         let broken = self.sheets.iter().filter(|sheet| sheet.broken.is_some());
         match broken.count() {
             0 => {}
             count => {
-                let _ = write!(text, ", {} cannot be played", plural(count, "file"));
+                let _ = write!(text, ", {} cannot be run", plural(count, "file"));
             }
         }
         text + &format!("; {} simulated\n", hours(simulated))
     }
 
-    /// Whether anything is not as it must be.
+    /// Whether a run has failed or a file cannot be run.
     pub(super) fn has_failed(&self) -> bool {
         self.failures() > 0 || self.sheets.iter().any(|sheet| sheet.broken.is_some())
     }
 
-    /// All of it.
+    /// The whole report as JSON.
     pub(super) fn json(&self) -> Value {
         let failed = self.failures();
         let runs: Vec<Value> = self
@@ -183,7 +183,7 @@ impl Report {
         json!({"passed": runs.len() - failed, "failed": failed, "broken": broken, "runs": runs})
     }
 
-    /// File, why none of it can be played, and its runs that were played.
+    /// For each file: its name, why it cannot be run if it cannot, and its finished runs.
     pub(super) fn sheets(&self) -> impl Iterator<Item = (&str, Option<&str>, Vec<&Run>)> {
         self.sheets.iter().map(|sheet| {
             let played = sheet.runs.iter().filter(|run| run.outcome.is_some());
@@ -263,19 +263,19 @@ impl Run {
         }
     }
 
-    /// What did not become true.
+    /// The failure, if the run failed.
     pub(super) fn failure(&self) -> Option<&Failure> {
         self.outcome.as_ref()?.failure.as_ref()
     }
 
-    /// Real time.
+    /// Duration in real time.
     pub(super) fn took(&self) -> Duration {
         self.outcome
             .as_ref()
             .map_or(Duration::ZERO, |outcome| outcome.took)
     }
 
-    /// A failure in words.
+    /// The failure as text.
     pub(super) fn words(&self) -> String {
         let mut text = String::new();
         self.write_failure(&mut text);
@@ -311,13 +311,13 @@ impl Run {
             None => writeln!(text, "        with seed {}", self.seed),
         };
         if !failure.recent.is_empty() {
-            let _ = writeln!(text, "        what happened last:");
+            let _ = writeln!(text, "        last events:");
             for line in &failure.recent {
                 let _ = writeln!(text, "        {line}");
             }
         }
         if !outcome.lines.is_empty() {
-            let _ = writeln!(text, "        what the scenario wrote:");
+            let _ = writeln!(text, "        output of the scenario:");
             for line in &outcome.lines {
                 let _ = writeln!(text, "          {}", indented(line, 10));
             }
@@ -373,7 +373,7 @@ impl Run {
     }
 }
 
-/// For the user's eyes only, as everything that the program keeps.
+/// Saves a picture, readable only by the user, like all data of the program.
 fn save(scene: &Scene, folder: &Path, path: &Path) -> Result<(), NotDrawn> {
     let cannot = |source: io::Error| NotDrawn {
         path: path.to_owned(),
@@ -388,7 +388,7 @@ fn save(scene: &Scene, folder: &Path, path: &Path) -> Result<(), NotDrawn> {
         .map_err(cannot)
 }
 
-/// Further lines under the first.
+/// Indents all lines but the first.
 fn indented(text: &str, by: usize) -> String {
     text.replace('\n', &format!("\n{}", " ".repeat(by)))
 }

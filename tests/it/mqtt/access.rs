@@ -89,6 +89,6 @@ async fn a_user_of_one_robot_can_neither_drive_nor_see_nor_impersonate_another()
     let fleet = ["fleet", "stop", A, "--config", "fleet.yaml"];
     let mut stop = first.spykee(&fleet);
     assert_eq!(stop.code().await, Some(2), "{}", stop.text());
-    let unknown = "no robot SPYKEE0001 has been at this broker";
+    let unknown = "no robot SPYKEE0001 at this broker";
     assert!(stop.text().contains(unknown), "{}", stop.text());
 }

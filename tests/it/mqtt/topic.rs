@@ -75,6 +75,6 @@ async fn notifications_are_published_with_their_pictures_and_survive_a_broker_ou
     .await;
     let mut found = rig.spykee(&["notify", "test", "words"]);
     assert_eq!(found.code().await, Some(2), "{}", found.text());
-    let why = "goes to a broker";
+    let why = "uses a broker";
     assert!(found.text().contains(why), "{}", found.text());
 }

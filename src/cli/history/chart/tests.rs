@@ -37,7 +37,7 @@ fn phases_follow_each_other_without_a_gap() {
 }
 
 #[test]
-fn the_level_is_drawn_where_it_belongs_and_gaps_are_left_open() {
+fn the_level_is_drawn_at_its_height_and_gaps_stay_empty() {
     let levels = (0..720).map(|minute| level(minute * 60, 80.0, false));
     let picture = draw(&story(levels.collect(), Vec::new()), &TimeZone::UTC);
     let blue = |x: u32, y: u32| {
@@ -54,7 +54,7 @@ fn the_level_is_drawn_where_it_belongs_and_gaps_are_left_open() {
 }
 
 #[test]
-fn nothing_and_very_much_can_be_drawn_too() {
+fn empty_and_very_large_stories_can_be_drawn() {
     draw(&story(Vec::new(), Vec::new()), &TimeZone::UTC);
     let run = |number: i64| Run {
         behaviour: format!("behaviour-with-a-long-name-{number}\u{1b}[2J"),
@@ -71,7 +71,8 @@ fn nothing_and_very_much_can_be_drawn_too() {
     assert!(picture.height() < 1000);
 }
 
-/// Three days as a patrol has them: twice a day out, home when low, once not at the first try.
+/// Three typical days of a patrol: two trips a day, home when the battery is low, and one docking
+/// that fails at first.
 fn example() -> Story {
     let (mut levels, mut marks, mut runs) = (Vec::new(), Vec::new(), Vec::new());
     let at = |minute: i64| record(minute * 60, json!({})).at;
