@@ -194,7 +194,7 @@ struct Want {
     task: TaskId,
 }
 
-/// See the module. The behaviour's own file is the first.
+/// See the module documentation. The behaviour's own file is the first.
 pub(super) struct Modules {
     all: Vec<Module>,
     wants: Vec<Want>,

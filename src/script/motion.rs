@@ -25,7 +25,7 @@ struct Current {
     since: Instant,
 }
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct Motion {
     last: u64,

@@ -74,7 +74,7 @@ pub(super) fn drive_of(setpoint: Setpoint, calibration: Calibration) -> Drive {
 /// The power that belongs to full speed (`PROTOCOL.md`, MOVE).
 const FULL_POWER: f64 = 90.0;
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug)]
 pub(super) struct Odometry {
     pose: Pose,

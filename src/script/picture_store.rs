@@ -49,7 +49,7 @@ enum Complaint {
     TooLarge,
 }
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug)]
 pub(super) struct PictureStore {
     folder: Option<PathBuf>,

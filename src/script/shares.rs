@@ -15,7 +15,7 @@ pub(crate) const MAX_NOTICE: usize = 1000;
 /// What the journal has of an entry besides its texts.
 const OVERHEAD: usize = 100;
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug)]
 pub(super) struct Shares {
     bytes: Budget,

@@ -37,7 +37,7 @@ impl Drop for HeldFrame {
     }
 }
 
-/// See the module.
+/// See the module documentation.
 pub(super) struct Sight {
     pub(super) newest: Option<Rc<HeldFrame>>,
     /// JPEG bytes of all frames that anyone holds.

@@ -21,7 +21,7 @@ pub(super) struct Full {
     wanted: usize,
 }
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct Store {
     values: BTreeMap<String, Box<RawValue>>,

@@ -21,7 +21,7 @@ pub(super) enum Demand {
     Used,
 }
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct WantedStreams {
     asked: BTreeSet<Stream>,

@@ -16,7 +16,7 @@ const AWAY: std::ops::Range<f64> = 0.07..1.85;
 /// It is not told to have been held for longer.
 const LONGEST: Duration = Duration::from_secs(2);
 
-/// See the module. Of one motion.
+/// See the module documentation. Of one motion.
 #[derive(Debug, Default)]
 pub(super) struct WallAhead {
     odometer: Option<f64>,
