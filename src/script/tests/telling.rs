@@ -44,11 +44,11 @@ fn what_makes_no_entry_or_message_is_refused_in_words() {
         ("notify.send(('x'):rep(1001))", "1000"),
         (
             "notify.send('x', {picture = '/etc/passwd'})",
-            "what frame:save gave",
+            "a path that frame:save returned",
         ),
         (
             "notify.send('x', {picture = '../b/1.jpg'})",
-            "what frame:save gave",
+            "a path that frame:save returned",
         ),
         ("notify.send('x', {image = '1.jpg'})", "image"),
     ] {
