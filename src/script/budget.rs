@@ -177,7 +177,7 @@ pub(crate) fn when_stuck(after: Duration, tell: impl Fn(&str) + Send + Sync + 's
 
 /// The message about a script that is stuck.
 pub(crate) fn stuck(file: &str) -> String {
-    format!("{file}: it keeps running within one call that cannot be interrupted; split its work")
+    format!("{file}: the script is stuck in one call that cannot be interrupted; split its work")
 }
 
 /// The files of the scripts that are running a slice now, on all threads.

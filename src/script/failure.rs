@@ -72,7 +72,7 @@ pub enum Failure {
 /// How a script has ended.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ending {
-    /// Why.
+    /// The reason.
     pub reason: EndReason,
     /// For people: file, line, what happened and what to do; or the text of `script.stop`.
     pub message: Option<String>,
@@ -81,9 +81,9 @@ pub struct Ending {
 /// A line of a script.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct SourceLocation {
-    /// As messages show it.
+    /// The file, as messages show it.
     pub file: String,
-    /// From 1.
+    /// The line number, from 1.
     pub line: u32,
 }
 
@@ -120,7 +120,7 @@ impl VmError {
                 _ => break,
             }
         }
-        VmError::Text("an error that the machine cannot put into words".to_owned())
+        VmError::Text("an error of the VM without a message".to_owned())
     }
 }
 

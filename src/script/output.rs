@@ -208,8 +208,8 @@ impl OutputQueue {
         Mark(self.waiting.len())
     }
 
-    /// Removes the output since `mark`, except log lines, parameters and saved pictures, which are
-    /// facts.
+    /// Removes the output since `mark`, except log lines, parameters and saved pictures: those have
+    /// already happened.
     pub(super) fn withdraw_since(&mut self, mark: Mark) {
         let mut index = 0;
         self.waiting.retain(|output| {

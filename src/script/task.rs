@@ -69,7 +69,7 @@ pub(super) enum Cancel {
     No,
     /// The next wait fails.
     Asked,
-    /// A wait has failed; the next one is the end.
+    /// A wait has failed; the next wait ends the task.
     Told,
 }
 

@@ -106,7 +106,7 @@ fn save(call: &mut Call<'_>) -> Answered {
         }
         Err(NotSaved::Io(reason)) => {
             call.state
-                .log(Level::Warn, &format!("{name} is not saved: {reason}"));
+                .log(Level::Warn, &format!("{name} was not saved: {reason}"));
             call.reply((LuaValue::Nil, "io"))
         }
     }

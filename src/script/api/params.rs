@@ -79,9 +79,9 @@ fn set(table: &LuaTable, name: &str, value: &ParamValue) -> LuaResult<()> {
 /// Why a parameter was not changed.
 #[derive(Debug, thiserror::Error)]
 pub(in crate::script) enum TurnError {
-    #[error("it declares no parameter '{0}'")]
+    #[error("the script declares no parameter '{0}'")]
     Undeclared(String),
-    #[error("{0} cannot be changed while it runs")]
+    #[error("{0} cannot be changed while the script runs")]
     Fixed(String),
     #[error("{name} must be {expected}")]
     Refused { name: String, expected: String },

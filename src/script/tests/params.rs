@@ -145,12 +145,12 @@ fn a_parameter_that_is_declared_live_changes_within_its_bounds_while_the_script_
         (
             "mode",
             ParamValue::Text("wild".into()),
-            "mode cannot be changed while it runs",
+            "mode cannot be changed while the script runs",
         ),
         (
             "sped",
             ParamValue::Number(20.0),
-            "it declares no parameter 'sped'",
+            "the script declares no parameter 'sped'",
         ),
     ] {
         rig.script.turn_param(name, value, rig.now);
