@@ -1,14 +1,14 @@
-//! Luau names values that have no text of their own by their addresses, such as `table: 0x00007f42c8a0b3d0`.
-//! They differ from run to run, and they tell where a process has its memory: they are left out of all
-//! that a script says.
+//! Removes addresses from texts. Luau prints values without a text form with their addresses, such
+//! as `table: 0x00007f42c8a0b3d0`. Addresses differ from run to run and reveal the memory layout of
+//! the process, so they are removed from all output of a script.
 
 use std::borrow::Cow;
 
 const MARK: &str = ": 0x";
-/// Digits of an address: some places print leading zeros.
+/// Digits of an address: some of Luau's functions print leading zeros, some do not.
 const DIGITS: std::ops::RangeInclusive<usize> = 11..=16;
 
-/// The text with `table` in place of `table: 0x00007f42c8a0b3d0`.
+/// Returns the text with `table` in place of `table: 0x00007f42c8a0b3d0`.
 pub(super) fn without_addresses(text: &str) -> Cow<'_, str> {
     let mut out = String::new();
     let mut rest = text;
@@ -36,7 +36,7 @@ pub(super) fn without_addresses(text: &str) -> Cow<'_, str> {
     Cow::Owned(out)
 }
 
-/// Whether the last word is a type of Luau, or one of our objects, whose names are capitalised.
+/// Whether the last word is a Luau type, or one of our objects, whose names are capitalised.
 fn names_a_value(before: &str) -> bool {
     let word = before
         .rsplit(|letter: char| !letter.is_ascii_alphanumeric())
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_of_values_are_left_out_and_numbers_of_scripts_stay() {
+    fn addresses_of_values_are_removed_and_other_hex_numbers_stay() {
         for (text, shown) in [
             ("table: 0x00007fa3d80b2b70", "table"),
             ("a.lua:3: table: 0x7fa3d80b2a50", "a.lua:3: table"),

@@ -1,5 +1,6 @@
-//! A script's values to ours, by the rows of the API table, with words for what is wrong. Never runs
-//! code of the script: tables are read raw, and nothing of a value is echoed at length.
+//! Converts a script's values to Rust values, as the rows of the API table say, with an error
+//! message if a value is wrong. Never runs code of the script: tables are read raw, and messages
+//! quote values only in short form.
 
 mod read;
 
@@ -9,14 +10,14 @@ use super::failure::printable;
 use super::nearest::suggestion;
 use crate::api::{Bounds, Choice, Function, Literal, Need, Type, Value};
 
-/// Why a native does not do what it was asked.
+/// Why a native function refuses a call.
 #[derive(Debug)]
 pub(super) enum Refusal {
-    /// A mistake of the script: an error with its place.
+    /// A mistake in the script, raised as an error with its place.
     Misuse(String),
     /// The task was cancelled.
     Cancelled,
-    /// The VM's own trouble: no memory.
+    /// A failure of the VM itself, such as too little memory.
     Machine(LuaError),
 }
 
@@ -26,8 +27,8 @@ impl From<LuaError> for Refusal {
     }
 }
 
-/// What a row without a name reads: only a native that asks for more arguments than its row has
-/// comes by it.
+/// The row used where the API table has none: for a native function that reads more arguments than
+/// its row declares.
 const UNNAMED: &Value = &Value {
     name: "the argument",
     kind: Type::Any,
@@ -43,34 +44,34 @@ pub(super) struct Args {
 }
 
 impl Args {
-    /// The value of a parameter; nil beyond the last. A method's object is not counted.
+    /// The value of a parameter; nil beyond the last one. The object of a method is not counted.
     pub(super) fn value(&self, index: usize) -> &LuaValue {
         let index = index + usize::from(self.function.is_method());
         self.values.get(index).unwrap_or(&LuaValue::Nil)
     }
 
-    /// What a method was called on.
+    /// The object on which a method was called.
     pub(super) fn subject(&self) -> &LuaValue {
         self.values.front().unwrap_or(&LuaValue::Nil)
     }
 
-    /// What comes behind the parameters.
+    /// The extra arguments after the declared parameters.
     pub(super) fn rest(&self) -> LuaMultiValue {
         let skipped = self.function.parameters.len() + usize::from(self.function.is_method());
         self.values.iter().skip(skipped).cloned().collect()
     }
 
-    /// An error about this call.
+    /// Creates an error about this call.
     pub(super) fn misuse(&self, words: &str) -> Refusal {
         Refusal::Misuse(format!("{}: {words}", self.function.path))
     }
 
-    /// The argument of a parameter, as its row says; its default if it is left out.
+    /// Reads the argument of a parameter as its row says; its default if it is left out.
     pub(super) fn get<T: Argument>(&self, index: usize) -> Result<T, Refusal> {
         T::read(self.given(index))
     }
 
-    /// The same, not read yet.
+    /// The argument of a parameter, not converted yet.
     pub(super) fn given(&self, index: usize) -> Given<'_> {
         Given {
             args: self,
@@ -79,32 +80,32 @@ impl Args {
         }
     }
 
-    /// The table of options of a parameter, its keys checked.
+    /// The options table of a parameter, with its keys checked.
     pub(super) fn options(&self, index: usize) -> Result<OptionTable<'_>, Refusal> {
         self.given(index).options()
     }
 }
 
-/// One argument or option: its row, and what was given.
+/// One argument or option: its row and the given value.
 pub(super) struct Given<'a> {
     pub(super) args: &'a Args,
     row: &'static Value,
     pub(super) value: LuaValue,
 }
 
-/// What arguments are read as.
+/// A type that arguments can be converted to.
 pub(super) trait Argument: Sized {
-    /// Reads what was given; an error in words if it is something else.
+    /// Converts the given value, or returns an error message if it has the wrong type.
     fn read(given: Given<'_>) -> Result<Self, Refusal>;
 }
 
 impl<'a> Given<'a> {
-    /// An error that says what was expected.
+    /// Creates an error that says what was expected.
     pub(super) fn wrong(&self, expected: &str) -> Refusal {
         self.args.wrong(self.row.spoken(), expected, &self.value)
     }
 
-    /// What it is unless given.
+    /// The default, if there is one and no value was given.
     fn default(&self) -> Option<Literal> {
         match self.row.need {
             Need::Default(literal) if self.value.is_nil() => Some(literal),
@@ -127,7 +128,7 @@ impl<'a> Given<'a> {
         })
     }
 
-    /// One of a set of names.
+    /// Reads one of a set of names.
     fn name(&self) -> Result<&'static str, Refusal> {
         match self.row.kind {
             Type::Choice(choice) => self.choice(choice),
@@ -135,13 +136,13 @@ impl<'a> Given<'a> {
         }
     }
 
-    /// What one of a set of names stands for.
+    /// Reads one of a set of names and converts it with `find`.
     pub(super) fn named<T>(&self, find: impl Fn(&str) -> Option<T>) -> Result<T, Refusal> {
         let name = self.name()?;
         find(name).ok_or_else(|| self.wrong("another name"))
     }
 
-    /// Its keys checked.
+    /// Reads the options table and checks its keys.
     fn options(self) -> Result<OptionTable<'a>, Refusal> {
         let keys = match self.row.kind {
             Type::Options(keys) => keys,
@@ -159,8 +160,8 @@ impl<'a> Given<'a> {
         Ok(OptionTable { args, keys, table })
     }
 
-    /// Holds what was given against its row, without reading it as anything. Types that need more
-    /// than the row are left to who reads them.
+    /// Checks the given value against its row without converting it. Types whose check needs more
+    /// than the row are checked when they are read.
     pub(super) fn check(self) -> Result<(), Refusal> {
         if self.value.is_nil() && self.row.need != Need::Required {
             return Ok(());
@@ -241,7 +242,7 @@ impl Args {
     }
 }
 
-/// A table of named values whose keys were checked.
+/// An options table whose keys were checked.
 pub(super) struct OptionTable<'a> {
     args: &'a Args,
     keys: &'static [Value],
@@ -249,7 +250,7 @@ pub(super) struct OptionTable<'a> {
 }
 
 impl OptionTable<'_> {
-    /// An option as its row says; its default if it is left out.
+    /// Reads an option as its row says; its default if it is left out.
     pub(super) fn get<T: Argument>(&self, key: &str) -> Result<T, Refusal> {
         T::read(self.given(key)?)
     }
@@ -266,12 +267,12 @@ impl OptionTable<'_> {
         })
     }
 
-    /// What stands at a key.
+    /// The value of an option, not converted.
     pub(super) fn value(&self, key: &str) -> Result<LuaValue, Refusal> {
         Ok(self.given(key)?.value)
     }
 
-    /// The defaults of the keys that are left out.
+    /// The defaults of the options that are left out.
     pub(super) fn defaults(&self) -> Result<Vec<(&'static str, Literal)>, Refusal> {
         let mut found = Vec::new();
         for key in self.keys {
@@ -281,7 +282,7 @@ impl OptionTable<'_> {
     }
 }
 
-/// A value in a few words: never more than a short piece of it.
+/// Describes a value in a few words: of a long string only its beginning.
 pub(super) fn describe(value: &LuaValue) -> String {
     match value {
         LuaValue::Nil => "nothing".to_owned(),

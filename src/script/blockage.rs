@@ -1,12 +1,16 @@
-//! Notices that the robot is held although its tracks turn: by the pictures that come while a timed motion
-//! of the script is on. It rather says nothing than something wrong.
+//! Detects a blocked robot, whose tracks turn but which does not move, from the pictures that
+//! arrive during a timed motion of the script. In doubt it reports nothing: a missed blockage is
+//! better than a false one.
 //!
-//! Three things tell: tiles of the picture that should have changed and did not, outlines that did not (paler ones, and
-//! of what is close), and, where the picture is all plain, the way that the tracks have made since the foot of what
-//! stands ahead left the picture, in curves and towards slanted walls too (`wall_ahead`), or since its last stripes and
-//! edges did, which moved apart as they came nearer. A robot that was held and has only turned since is still where it
-//! was held (`contact`). They rest on the height of the lens above the floor, on its looking level, on the field of view
-//! and on the calibration of the tracks; on nothing of how the simulated camera draws.
+//! There are three kinds of evidence: tiles of the picture that should have changed and did not;
+//! outlines that did not change (this works for fainter structure and for near objects); and, where
+//! the picture shows only a plain surface, the distance that the tracks have covered. That distance
+//! counts from when the foot of the object ahead left the picture (also in curves and towards
+//! slanted walls, see `wall_ahead`), or from when its last stripes and edges did, whose growth told
+//! how near they were. A robot that was blocked and has only turned since is still at the same
+//! obstacle (`contact`). The detection relies on the height of the lens above the floor, on the
+//! camera being level, on the field of view and on the calibration of the tracks; it does not rely
+//! on how the simulated camera draws.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -22,70 +26,77 @@ use crate::vision::{
     compare_outlines, foot_ahead, looming_distance, nearer_than, swayed,
 };
 
-/// The robot gains speed, and its pictures are late: what is older than this after the beginning of a
-/// motion is not looked at.
+/// Pictures from the first part of a motion, of this length, are not used: the robot is still
+/// accelerating, and pictures arrive late.
 const SETTLING: Duration = Duration::from_millis(300);
-/// Pictures are compared that were taken so far apart.
+/// Least and most time between two pictures that are compared.
 const APART: (Duration, Duration) = (Duration::from_millis(190), Duration::from_millis(450));
-/// If those do not tell, farther apart: a slow robot changes little meanwhile.
+/// Most time between two pictures if the first comparison is inconclusive: a slow robot changes
+/// little in less time.
 const FARTHER_APART: Duration = Duration::from_millis(750);
-/// It must have stood for so long, in at least so many pictures; in fewer at the beginning of a motion, when it may have
-/// been held from the start.
+/// The robot must have stood for this long, in at least this many pictures. Fewer pictures are
+/// needed within [`AT_FIRST`] of the beginning of a motion, when it may have been blocked from the
+/// start.
 const STOOD: Duration = Duration::from_millis(500);
 const PICTURES: u32 = 4;
 const PICTURES_AT_FIRST: u32 = 3;
 const AT_FIRST: Duration = Duration::from_millis(1200);
-/// Pictures that told so longer ago count no more.
+/// The evidence is dropped if the last picture that showed the robot standing is older than this.
 const FORGOTTEN: Duration = Duration::from_millis(500);
-/// How fast it may turn, in radians a second, so that what it sees ahead is what it will meet.
+/// Below this turn rate, in radians a second, the robot will meet what it sees ahead.
 const STRAIGHT: f64 = 0.06;
-/// In so many pictures in a row floor must be seen, until it is believed again.
+/// Floor must be seen in this many pictures in a row before the robot no longer counts as close.
 const FLICKER: u32 = 4;
-/// In a curve, what was close ahead is still ahead if the robot would have turned by less than this since, in radians.
+/// In a curve, a near object is still ahead if the robot would have turned by less than this since,
+/// in radians.
 const BEND: f64 = 1.2;
-/// What is close is taken to be no nearer than this, in metres, however far the tracks have turned since.
+/// Least distance to a near object that is assumed, in metres, however far the tracks have run
+/// since.
 const NEAREST: f64 = 0.3;
-/// Metres from the lens to what has just left the picture, at least: nearer ones are mistakes.
+/// Least distance in metres from the lens to an object whose foot has just left the picture;
+/// smaller results are mistakes.
 const LEAST_ROOM: f64 = 0.15;
-/// Metres by which what grows may be farther than it seemed.
+/// Metres by which an object may be farther away than its growth says.
 const MARGIN: f64 = 0.02;
-/// If the foot and the growth of what is ahead tell ways that differ by more, in metres, one of them is wrong.
+/// If the distances from the foot and from the growth of the object ahead differ by more than this,
+/// in metres, one of them is wrong.
 const DISAGREE: f64 = 0.15;
-/// Tracks that differ turn the picture by so many half-size pixels between two looks; and a turn that was asked for may
-/// come out so much larger, since the lens is before the middle of the robot.
+/// Unequal tracks shift the picture by up to `VEER` half-size pixels between two pictures; and a
+/// commanded turn may shift it up to `PARALLAX` times as far as computed, since the lens is in
+/// front of the robot's centre.
 const VEER: f64 = 6.0;
 const PARALLAX: f64 = 1.4;
-/// Pictures that are kept.
+/// Largest number of pictures that are kept.
 const MOST: usize = 16;
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct Blockage {
     motion: Option<MotionId>,
     views: VecDeque<View>,
-    /// Pictures tell that it stands.
+    /// Set while the pictures show that the robot stands.
     standing: Option<Standing>,
-    /// Close before something plain; see [`Close`].
+    /// Set while the robot is close to a plain surface; see [`Close`].
     close: Option<Close>,
     approach: Approach,
     looming: Looming,
     wall: WallAhead,
     contact: Contact,
-    /// A picture's memory, to use again.
+    /// Buffers of a dropped picture, for reuse.
     spare: Option<(Glance, Outline)>,
 }
 
-/// Since when it has stood, as far as the pictures tell.
+/// The evidence of the pictures that the robot stands.
 #[derive(Debug, Clone, Copy)]
 struct Standing {
     since: Instant,
-    /// When a picture last told so.
+    /// When a picture last showed it.
     last: Instant,
-    /// How many have.
+    /// Number of pictures that showed it.
     pictures: u32,
 }
 
-/// A picture that others are compared with.
+/// A picture that later ones are compared with.
 #[derive(Debug)]
 struct View {
     at: Instant,
@@ -94,28 +105,28 @@ struct View {
     outline: Outline,
 }
 
-/// The robot has come so close to something plain that the pictures tell nothing any more. Then only the way
-/// that its tracks make tells that it must have arrived.
+/// The robot is so close to a plain surface that the pictures no longer show anything. Then only
+/// the distance covered by its tracks tells when it must have arrived.
 #[derive(Debug, Clone, Copy)]
 struct Close {
-    /// When, and where the odometer stood, metres.
+    /// When it came close, and the odometer then, in metres.
     at: Instant,
     odometer: f64,
-    /// The most that there is to go, metres.
+    /// Upper bound of the distance to the surface at that time, in metres.
     room: f64,
-    /// The same, whatever its foot says.
+    /// The same, ignoring the measurement from its foot.
     farthest: f64,
-    /// That is by how its foot came down.
+    /// `room` comes from the measurement of how the foot moved down in the picture.
     measured: bool,
-    /// Where the odometer stands when it arrives, by how what is ahead grew.
+    /// Odometer reading at arrival, estimated from how the object ahead grew.
     arrival: Option<f64>,
-    /// Pictures in a row that may show floor again.
+    /// Number of pictures in a row that may show floor again.
     floor: u32,
 }
 
 impl Blockage {
-    /// A picture that was taken `at`, while this motion was on. Since when the robot has been held, if it
-    /// is held.
+    /// Processes a picture that was taken `at`, during the motion in `going`. Returns since when
+    /// the robot has been blocked, if it is.
     pub(super) fn look(
         &mut self,
         image: &Image,
@@ -171,7 +182,7 @@ impl Blockage {
         held
     }
 
-    /// Since when the pictures say that it stands, if enough do. The motion began at `began`.
+    /// Since when the robot has stood, if enough pictures show it. The motion began at `began`.
     fn stood(&self, at: Instant, began: Instant) -> Option<Instant> {
         let fewest = if at < began + AT_FIRST {
             PICTURES_AT_FIRST
@@ -183,12 +194,13 @@ impl Blockage {
         (long && standing.pictures >= fewest).then_some(standing.since)
     }
 
-    /// The robot may be anywhere now, or what is ahead of it.
+    /// Forgets the last obstacle: the robot or the obstacle may have been moved.
     pub(super) fn forget(&mut self) {
         self.contact.forget();
     }
 
-    /// What two pictures say, and when the first was taken.
+    /// Compares this picture with an earlier one; returns the verdict and when the earlier one was
+    /// taken.
     fn compare(&self, now: &View, camera: Camera, drive: Drive) -> (Verdict, Option<Instant>) {
         let told = |before: &View| {
             let verdict = self.compare_two(before, now, camera, drive);
@@ -199,7 +211,8 @@ impl Blockage {
             Some((Verdict::Unknown, _)) | None => {}
             Some(near) => return near,
         }
-        // It may have driven for the beginning of that time: so this tells nothing of a movement.
+        // The robot may have driven for only a part of that time, so this comparison cannot prove a
+        // movement.
         let straight = drive.turn.abs() < STRAIGHT;
         let far = self
             .before(now.at, FARTHER_APART)
@@ -238,7 +251,7 @@ impl Blockage {
         self.views.push_back(now);
     }
 
-    /// Where it will arrive at what is close, by how that grows.
+    /// Estimates from the growth of the near object where the robot will reach it.
     fn note_looming(&mut self, now: &View, camera: Camera, going: Going) {
         let Some(close) = self.close else {
             self.looming = Looming::default();
@@ -281,14 +294,15 @@ impl Blockage {
         };
     }
 
-    /// Metres to what it has seen ahead while it came nearer.
+    /// Metres to the object ahead, measured while the robot approached it.
     fn room(&self, odometer: f64) -> Option<f64> {
         let room = self.approach.arrival()? - odometer;
         (room > LEAST_ROOM).then_some(room)
     }
 
-    /// When it came to what was close before it, if its tracks have made that way: then the lens would be there, and
-    /// it is behind the front of the robot.
+    /// When the robot reached the near object, if its tracks have covered that distance. The
+    /// distance is measured from the lens, which is behind the front of the robot, so by then the
+    /// front must have arrived.
     fn arrived(&self, going: Going) -> Option<Instant> {
         let straight = going.drive.turn.abs() < STRAIGHT;
         let close = self.close.filter(|close| close.floor == 0)?;
@@ -297,7 +311,8 @@ impl Blockage {
         let ahead = if straight {
             Some(close.room)
         } else {
-            // No floor was seen ahead all along the curve, and its foot tells nothing there.
+            // No floor was seen ahead during the whole curve, and the measurement from the foot
+            // does not hold there.
             ((seconds(way) * going.drive.turn).abs() < BEND).then_some(close.farthest)
         };
         let grown = close.arrival.map(|arrival| arrival - close.odometer);
@@ -312,14 +327,15 @@ impl Blockage {
         (way > room).then(|| close.at + after())
     }
 
-    /// Since when it would be in the wall that it saw before it came close, if that is still all that it sees.
+    /// Since when the robot would be inside the wall that it saw before it came close, unless the
+    /// pictures show that it moves.
     fn in_wall(&self, at: Instant, drive: Drive, verdict: Verdict) -> Option<Instant> {
         self.close.filter(|close| close.floor == 0)?;
         let pushed = self.wall.pushed_for(drive)?;
         (verdict != Verdict::Moves).then(|| at - pushed)
     }
 
-    /// The oldest picture that is neither too old nor too new to be compared.
+    /// The oldest picture that is neither too old nor too recent for a comparison.
     fn before(&self, at: Instant, most: Duration) -> Option<&View> {
         let apart = |view: &&View| {
             let apart = at.saturating_duration_since(view.at);
@@ -348,7 +364,7 @@ impl Blockage {
     }
 }
 
-/// By how many half-size pixels to the right such a turn moves what is far.
+/// By how many half-size pixels to the right this turn shifts distant objects.
 fn turned(now: &View, camera: Camera, drive: Drive, apart: Duration) -> f64 {
     camera.focal_length(now.outline.width()) * drive.turn * apart.as_secs_f64()
 }

@@ -1,19 +1,21 @@
 //! How long a script may run without waiting.
 //!
-//! One *slice* is the time from a task's resumption to its next wait. A watcher thread, one a
-//! process, looks every 10 ms at the slice of each thread and sets a byte when it has become too
-//! long; the VM's [interrupt](super::interrupt) reads that byte at every safepoint, judges, and
-//! raises from then on at every one (a latch), so that no `pcall` can go on.
+//! One *slice* is the time from a task's resumption to its next wait. A watcher thread, one per
+//! process, checks every 10 ms the slice of each thread and sets a flag byte when the slice has
+//! reached its limit. The VM's [interrupt](super::interrupt) reads that byte at every safepoint and
+//! decides whether the slice is over. If so, the flag is latched: the interrupt raises an error at
+//! every further safepoint, so that a `pcall` cannot let the script continue.
 //!
-//! This is the one place with the system's clock instead of the runtime's: a budget is real time,
-//! also when the time of a simulation is virtual. And a slice that the machine did not give a
-//! processor to has not run: it is over when it took the budget by the wall clock *and* half of it
-//! by the thread's processor clock, or many times the budget by the wall clock alone. Where only a
-//! simulated robot waits, that is many more times: a busy machine must not change what happens.
+//! This is the only module that uses the system's clock instead of the runtime's: a budget is real
+//! time, even when the time of a simulation is virtual. A slice must not be blamed for time in
+//! which the machine did not run it. It is therefore over when it took the budget by the wall clock
+//! *and* half of it by the thread's CPU clock, or many times the budget by the wall clock alone.
+//! That multiple is much larger where only a simulated robot waits, because a busy machine must not
+//! change the result of a simulation.
 //!
-//! What passes no safepoint, within one call of the library in C, cannot be interrupted. In a host the
-//! agent ends the process. Where a script runs in a command's own process, [`when_stuck`] tells which
-//! one it is, so that the command can end.
+//! Code that passes no safepoint, within one call of a C library function, cannot be interrupted.
+//! In a host process, the agent ends the process. Where a script runs in a command's own process,
+//! [`when_stuck`] reports which script it is, so that the command can end.
 
 use std::cell::{Cell, RefCell};
 use std::ffi::CStr;
@@ -25,26 +27,26 @@ use rustix::time::{ClockId, clock_gettime};
 
 use super::failure::SourceLocation;
 
-/// How often the watcher looks.
+/// Interval of the watcher's checks.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 
-/// So many budgets by the wall clock end a slice whatever the processor's clock says.
+/// A slice that took this many budgets by the wall clock is over, whatever the CPU clock says.
 const WALL_FACTOR: u32 = 5;
 /// The same where only a simulated robot waits.
 const SIMULATED_WALL_FACTOR: u32 = 100;
 
-/// Nothing is the matter.
+/// The slice is within its budget.
 const CALM: u8 = 0;
-/// Set by the watcher: time to look at the clocks.
+/// Set by the watcher: the interrupt must check the clocks.
 const LOOK: u8 = 1;
-/// The running task was cancelled and waits again: it is not let on.
+/// The running task was cancelled and tried to wait again: it must not continue.
 const CANCELLED: u8 = 2;
 /// Over the budget.
 const OVER: u8 = 3;
-/// The script asked for its own end.
+/// The script has called `script.stop`.
 const STOPPED: u8 = 4;
 
-/// What a script's `pcall` sees of each.
+/// The error texts that a script's `pcall` returns.
 const OVER_TEXT: &CStr = c"ran too long without waiting";
 const CANCELLED_TEXT: &CStr = c"cancelled";
 const STOPPED_TEXT: &CStr = c"the script has stopped itself";
@@ -52,27 +54,27 @@ const STOPPED_TEXT: &CStr = c"the script has stopped itself";
 /// Shared between the thread of a VM and the watcher.
 #[derive(Default)]
 struct Slot {
-    /// When to look, in nanoseconds since the watcher's start; 0: no slice is running.
+    /// When to check, in nanoseconds since the watcher's start; 0 if no slice is running.
     look_at: AtomicU64,
     flag: AtomicU8,
-    /// So many times in a row the watcher found that the VM had not answered.
+    /// How many checks in a row found the flag unanswered by the VM.
     unanswered: AtomicU32,
     /// The file of the script whose slice is running.
     script: Mutex<String>,
 }
 
 impl Slot {
-    /// The watcher's look.
+    /// One check by the watcher.
     fn look(&self, now: u64) {
         let look_at = self.look_at.load(Ordering::Acquire);
         if look_at == 0 || now < look_at {
             return self.unanswered.store(0, Ordering::Relaxed);
         }
-        // A latch that is set already stays.
+        // A flag that is already latched stays.
         let _ = self
             .flag
             .compare_exchange(CALM, LOOK, Ordering::AcqRel, Ordering::Relaxed);
-        // Counted, not timed: while the whole process is stopped, nothing is its fault.
+        // Counted, not timed: time in which the whole process is stopped must not count.
         let count = self.unanswered.load(Ordering::Relaxed).saturating_add(1);
         self.unanswered.store(count, Ordering::Relaxed);
     }
@@ -91,8 +93,8 @@ struct Watcher {
     slots: Mutex<Slots>,
 }
 
-/// Slots live as long as the process, so that the interrupt can read them without counting
-/// references; a thread gives its slot back when it ends.
+/// All slots. A slot lives as long as the process, so that the interrupt can read it without
+/// reference counting; a thread returns its slot when it ends.
 #[derive(Default)]
 struct Slots {
     all: Vec<&'static Slot>,
@@ -100,8 +102,8 @@ struct Slots {
 }
 
 impl Watcher {
-    /// The process's watcher, started at the first call. If the system refuses the thread, slices
-    /// are only judged when they end.
+    /// The process's watcher, started at the first call. If the system refuses to start the thread,
+    /// slices are only checked when they end.
     fn get() -> &'static Watcher {
         static WATCHER: OnceLock<&'static Watcher> = OnceLock::new();
         WATCHER.get_or_init(|| {
@@ -154,7 +156,7 @@ impl Watcher {
     }
 }
 
-/// What is done about a script that passes no safepoint.
+/// How to report a script that passes no safepoint.
 struct Stuck {
     looks: u32,
     tell: Box<dyn Fn(&str) + Send + Sync>,
@@ -162,8 +164,8 @@ struct Stuck {
 
 static STUCK: OnceLock<Stuck> = OnceLock::new();
 
-/// From now on `tell` is called, on the watcher's thread, with the file of a script that runs on for so
-/// long after its budget and cannot be interrupted. The first call counts.
+/// Calls `tell`, on the watcher's thread, with the file of a script that runs for `after` beyond
+/// its budget and cannot be interrupted. Only the first call of this function has an effect.
 pub(crate) fn when_stuck(after: Duration, tell: impl Fn(&str) + Send + Sync + 'static) {
     let looks = after.as_millis() / LOOK_EVERY.as_millis();
     let stuck = Stuck {
@@ -173,19 +175,19 @@ pub(crate) fn when_stuck(after: Duration, tell: impl Fn(&str) + Send + Sync + 's
     let _ = STUCK.set(stuck);
 }
 
-/// What to say of a script that is stuck.
+/// The message about a script that is stuck.
 pub(crate) fn stuck(file: &str) -> String {
-    format!("{file}: it keeps running within one call that cannot be interrupted; split its work")
+    format!("{file}: the script is stuck in one call that cannot be interrupted; split its work")
 }
 
-/// The files of the scripts that run just now, on all threads.
+/// The files of the scripts that are running a slice now, on all threads.
 pub(crate) fn running() -> Vec<String> {
     let slots = Watcher::get().slots().all.clone();
     let running = slots.iter().filter(|slot| slot.is_running());
     running.map(|slot| slot.script().clone()).collect()
 }
 
-/// A thread's own slot.
+/// Holds a thread's slot; returns it when the thread ends.
 struct Seat(&'static Slot);
 
 impl Drop for Seat {
@@ -197,7 +199,7 @@ impl Drop for Seat {
 
 thread_local! {
     static SEAT: Seat = Seat(Watcher::get().enrol());
-    /// The seat's slot while a slice runs; without destructor, so that reading it costs nothing.
+    /// The seat's slot while a slice runs; it has no destructor, so that reading it is cheap.
     static SLOT: Cell<Option<&'static Slot>> = const { Cell::new(None) };
     static WALL_TIME_FACTOR: Cell<u32> = const { Cell::new(WALL_FACTOR) };
     static RUNNING: RefCell<Option<Running>> = const { RefCell::new(None) };
@@ -223,7 +225,7 @@ impl Running {
 
     fn is_over(&self) -> bool {
         let wall = self.began.elapsed();
-        // In this order: asking for the processor's clock costs a system call.
+        // In this order, because reading the CPU clock costs a system call.
         wall >= self.limit && {
             let processor = processor_time().saturating_sub(self.processor);
             is_too_long(wall, processor, self.limit, WALL_TIME_FACTOR.get())
@@ -231,17 +233,17 @@ impl Running {
     }
 }
 
-/// Of a slice that took its budget by the wall clock.
+/// Whether a slice that took its budget by the wall clock is over.
 fn is_too_long(wall: Duration, processor: Duration, limit: Duration, wall_factor: u32) -> bool {
     wall >= limit * wall_factor || processor >= limit / 2
 }
 
-/// From now on no real robot waits for the scripts of this thread.
+/// Declares that the scripts of this thread drive only a simulated robot from now on.
 pub(crate) fn only_simulated() {
     WALL_TIME_FACTOR.set(SIMULATED_WALL_FACTOR);
 }
 
-/// What this thread has computed so far.
+/// The CPU time that this thread has used so far.
 fn processor_time() -> Duration {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     Duration::new(
@@ -250,14 +252,14 @@ fn processor_time() -> Duration {
     )
 }
 
-/// What a slice has cost.
+/// The cost of a slice.
 #[derive(Debug, Default)]
 pub(super) struct Spent {
     /// By the wall clock.
     pub(super) wall: Duration,
     /// Over the budget.
     pub(super) over: bool,
-    /// Where it was found so.
+    /// Where the slice was when it was found over its budget.
     pub(super) place: Option<SourceLocation>,
 }
 
@@ -295,12 +297,12 @@ pub(super) fn end() -> Spent {
     })
 }
 
-/// The running task was cancelled and still waits: it is not let on until it is dead.
+/// The running task was cancelled and still tries to wait: it must not continue until it has ended.
 pub(super) fn latch_cancelled() {
     latch(CANCELLED);
 }
 
-/// The script has asked for its own end: nothing of this slice goes on.
+/// The script has called `script.stop`: the rest of this slice must not run.
 pub(super) fn latch_stopped() {
     latch(STOPPED);
 }
@@ -311,18 +313,18 @@ fn latch(flag: u8) {
     }
 }
 
-/// Whether the interrupt has anything to ask.
+/// Whether the interrupt has to call [`verdict`].
 #[inline]
 pub(super) fn is_flagged() -> bool {
     SLOT.get()
         .is_some_and(|slot| slot.flag.load(Ordering::Relaxed) != CALM)
 }
 
-/// What the interrupt is to do.
+/// What the interrupt must do.
 pub(super) enum BudgetVerdict {
     GoOn,
     Raise(&'static CStr),
-    /// Raise, and remember where.
+    /// Raise, and record where.
     RaiseFirst(&'static CStr),
 }
 
@@ -354,7 +356,7 @@ fn is_over() -> bool {
     RUNNING.with_borrow(|running| running.as_ref().is_some_and(Running::is_over))
 }
 
-/// Where the slice was when it was found too long.
+/// Records where the slice was when it was found over its budget.
 pub(super) fn remember(file: String, line: u32) {
     RUNNING.with_borrow_mut(|running| {
         if let Some(running) = running {

@@ -1,18 +1,18 @@
-//! Failures of the script, as the log tells them: explained the first time, then ever more rarely for
+//! How often failures of the script are logged: explained the first time, then ever more rarely for
 //! the same place.
 
 use std::collections::BTreeMap;
 
 use super::events::is_round;
 
-/// Places whose complaints are counted; those of further places are logged each time.
+/// Number of places whose failures are counted; failures of further places are logged each time.
 const MAX_PLACES: usize = 256;
 
-/// Puts the VM's text of a failure, such as `a.lua:3: attempt to index nil`, into words: the text,
-/// the file, its source. `None` if it is not of this file, or has nothing to add.
+/// Explains the VM's text of a failure, such as `a.lua:3: attempt to index nil`, in plain words.
+/// Returns `None` if the failure is not in the file `chunk`, or if there is nothing to add.
 pub type Explain = fn(text: &str, chunk: &str, source: &str) -> Option<String>;
 
-/// See the module.
+/// See the module documentation.
 #[derive(Default)]
 pub(super) struct Complaints {
     pub(super) explain: Option<Explain>,
@@ -23,18 +23,18 @@ pub(super) struct Complaints {
 
 /// How a failure is logged.
 pub(super) enum Telling {
-    /// It is the first of its place.
+    /// With its explanation: it is the first at its place.
     Explained,
-    /// As it is.
+    /// Without an explanation or a count.
     Plain,
-    /// With how often it has happened.
+    /// With the number of times that it has happened.
     Counted(u64),
     /// Not at all.
     Silent,
 }
 
 impl Complaints {
-    /// Counts a failure by the place that its text begins with.
+    /// Counts a failure at the place that its text begins with, and returns how to log it.
     pub(super) fn count(&mut self, text: &str) -> Telling {
         let place = text.split(": ").next().unwrap_or(text);
         let known = self.counts.contains_key(place);

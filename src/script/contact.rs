@@ -1,5 +1,6 @@
-//! Where the robot was held last. One that has only turned on the spot since then begins its next motion against
-//! the same thing; if that is plain, the pictures show nothing that could change, held or not.
+//! Where the robot was last blocked. If it has only turned on the spot since then, its next motion
+//! begins against the same obstacle. If that obstacle has a plain surface, the pictures do not
+//! change, whether the robot moves or not, so the pictures alone could not show the blockage.
 
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -11,55 +12,56 @@ use super::going::Going;
 use crate::robot::MotionId;
 use crate::vision::Verdict;
 
-/// What held the robot may have gone away after this.
+/// After this time the obstacle may be gone.
 const LONGEST: Duration = Duration::from_secs(6);
-/// A robot whose tracks have made more way since, in metres, stands elsewhere.
+/// A robot whose tracks have covered more than this distance since, in metres, is elsewhere.
 const AWAY: f64 = 0.03;
-/// It must have pushed for so long, in at least so many pictures; who has driven for longer is elsewhere.
+/// The robot must have pushed for at least this long, in at least this many pictures; one that has
+/// driven for longer is elsewhere.
 const PUSHED: Range<Duration> = Duration::from_millis(700)..Duration::from_millis(1500);
 const PICTURES: u32 = 3;
-/// The share of its way that leads towards what held it, at least: where no floor is seen ahead, and elsewhere if it
-/// drives straight.
+/// Least share of the motion that leads towards the obstacle: where no floor is seen ahead, and
+/// where floor is seen (then only for straight motions).
 const TOWARDS_CLOSE: f64 = 0.0;
 const TOWARDS_ANY: f64 = 0.9;
-/// In so many pictures floor may be seen by mistake.
+/// Number of pictures in which floor may be seen by mistake.
 const FLICKER: u32 = 1;
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct Contact {
     last: Option<Held>,
-    /// The motion that is on may be held, so far.
+    /// Set while the current motion may be blocked.
     perhaps: Option<Held>,
-    /// Of the motion that is on.
+    /// The evidence of the current motion.
     shown: SoFar,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Held {
     at: Instant,
-    /// The last motion of which pictures came.
+    /// The last motion for which there were pictures.
     motion: MotionId,
-    /// Where the odometer stood, metres.
+    /// The odometer then, in metres.
     odometer: f64,
-    /// Where its tracks pushed, radians to the left.
+    /// The direction in which its tracks pushed, in radians to the left.
     towards: f64,
 }
 
-/// What pictures have shown since a motion began.
+/// What the pictures have shown since a motion began.
 #[derive(Debug, Default)]
 struct SoFar {
     pictures: u32,
-    /// The share of its way that leads towards what held it before, when it began.
+    /// The share of the motion that leads towards the last obstacle, when the motion began.
     towards: f64,
-    /// Of these, how many may show floor ahead.
+    /// How many of the pictures may show floor ahead.
     floor: u32,
     moves: bool,
 }
 
 impl Contact {
-    /// The last pictures say that the robot is held in this motion, or they do not. A turn on the spot tells of no
-    /// place that holds it.
+    /// Records whether the last pictures say that the robot is blocked in this motion. A turn on
+    /// the spot is ignored, since it does not show where the obstacle is.
     pub(super) fn note(&mut self, held: bool, at: Instant, going: Going) {
         let drives = going.drive.forward != 0.0;
         self.perhaps = (held && drives).then(|| Held {
@@ -70,7 +72,8 @@ impl Contact {
         });
     }
 
-    /// A motion begins. After one without pictures the robot may be anywhere.
+    /// Records that a motion begins. The last obstacle is forgotten if a motion without pictures
+    /// was in between, since the robot may then be anywhere.
     pub(super) fn begin(&mut self, at: Instant, going: Going) {
         let seconds = at.saturating_duration_since(going.since).as_secs_f64();
         let began = going.odometer - going.drive.forward * seconds;
@@ -89,13 +92,13 @@ impl Contact {
         };
     }
 
-    /// What held it is no longer known.
+    /// Forgets the last obstacle.
     pub(super) fn forget(&mut self) {
         (self.last, self.perhaps) = (None, None);
     }
 
-    /// Two pictures say this; no floor is seen ahead if it is `close`. Since when the robot has been held, if it
-    /// is held by what held it before.
+    /// Records the verdict of a comparison of two pictures; `close` means that no floor is seen
+    /// ahead. Returns since when the robot has been blocked, if the last obstacle blocks it again.
     pub(super) fn look(
         &mut self,
         at: Instant,
@@ -119,7 +122,7 @@ impl Contact {
     }
 }
 
-/// Where the tracks push.
+/// The direction in which the tracks push.
 fn towards(going: Going) -> f64 {
     let backwards = going.drive.forward < 0.0;
     going.heading + if backwards { PI } else { 0.0 }
@@ -132,8 +135,9 @@ mod tests {
 
     const EVERY: Duration = Duration::from_millis(66);
 
-    /// Held ahead at first, it then drives so fast, turned by so many radians, `driven` metres from there, and sees
-    /// this for a second. After how many seconds it is told.
+    /// A robot is blocked while driving ahead, then drives at `forward` m/s, turned by `turned`
+    /// radians and `driven` metres from there, and `seen` is what its pictures show for a second.
+    /// Returns after how many seconds the blockage is reported.
     fn told(forward: f64, turned: f64, driven: f64, seen: (Verdict, bool)) -> Option<f64> {
         let (mut contact, start) = (Contact::default(), Instant::now());
         let going = |motion, since, forward, heading, odometer| Going {
@@ -162,7 +166,7 @@ mod tests {
     const FLOOR: (Verdict, bool) = (Verdict::Unknown, false);
 
     #[test]
-    fn who_pushes_again_against_the_same_thing_is_told_within_a_second() {
+    fn a_robot_that_pushes_against_the_same_obstacle_again_is_noticed_within_a_second() {
         for (forward, turned) in [(0.2, 0.0), (0.1, 1.0), (0.3, -1.2), (-0.2, PI)] {
             let seconds = told(forward, turned, 0.0, PLAIN).unwrap();
             assert!((0.6..0.9).contains(&seconds), "{seconds}");
@@ -171,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn who_drives_elsewhere_or_moves_is_not() {
+    fn a_robot_that_drives_elsewhere_or_moves_is_not_blocked() {
         for (forward, turned) in [(0.2, PI), (0.2, 1.7), (-0.2, 0.0), (0.0, 0.0)] {
             assert_eq!(told(forward, turned, 0.0, PLAIN), None);
         }
@@ -181,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_that_is_held_tells_of_no_place() {
+    fn a_blocked_turn_on_the_spot_is_not_recorded() {
         let (mut contact, start) = (Contact::default(), Instant::now());
         let turning = Going {
             motion: MotionId(1),
@@ -198,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_without_pictures_and_time_make_it_forget() {
+    fn a_motion_without_pictures_or_enough_time_clears_the_obstacle() {
         let (mut contact, start) = (Contact::default(), Instant::now());
         let going = |motion| Going {
             motion: MotionId(motion),

@@ -1,4 +1,4 @@
-//! What a script declares of its parameters, and what of the values given to it is right.
+//! The parameters that a script declares, and the check of the values given for them.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use crate::robot::Knob;
 
 use super::params::{GivenParam, ParamOrigin, ParamValue};
 
-/// What contradicts itself in a declaration.
+/// A contradiction in a declaration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(crate) enum DeclarationError {
     #[error("min and max are for numbers only")]
@@ -21,7 +21,7 @@ pub(crate) enum DeclarationError {
     Default(String),
 }
 
-/// What is wrong with a value that was given to a parameter; `written` is the value with its place.
+/// Why a value given for a parameter is refused; `written` is the value with its place.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum ParamError {
     #[error("{written}: the script has no parameter '{name}'{near} (declared: {known})")]
@@ -43,22 +43,22 @@ pub(crate) enum ParamError {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Declaration {
     pub(crate) default: ParamValue,
-    /// Of a number.
+    /// For numbers only.
     pub(crate) min: Option<f64>,
-    /// Of a number.
+    /// For numbers only.
     pub(crate) max: Option<f64>,
-    /// Behind a number, such as `%`.
+    /// The unit of a number, such as `%`.
     pub(crate) unit: Option<String>,
-    /// Of a text; empty: any.
+    /// The allowed texts; any text if empty.
     pub(crate) choices: Vec<String>,
-    /// It may be changed while the script runs.
+    /// Whether it may be changed while the script runs.
     pub(crate) live: bool,
-    /// What it is for.
+    /// Its purpose, for people.
     pub(crate) doc: String,
 }
 
 impl Declaration {
-    /// As people who look on see it.
+    /// The parameter with its value, as it is shown to people.
     pub(super) fn knob(&self, name: &str, value: ParamValue) -> Knob {
         Knob {
             name: name.to_owned(),
@@ -72,12 +72,13 @@ impl Declaration {
         }
     }
 
-    /// What a value must be, in words.
+    /// Describes the allowed values, for messages.
     pub(crate) fn expected(&self) -> String {
         self.knob("", self.default.clone()).expected()
     }
 
-    /// What is said must make sense for the default's type, and hold for the default itself.
+    /// Checks that the restrictions fit the type of the default and that the default satisfies
+    /// them.
     pub(crate) fn check(&self) -> Result<(), DeclarationError> {
         let is_number = matches!(self.default, ParamValue::Number(_));
         let is_text = matches!(self.default, ParamValue::Text(_));
@@ -103,7 +104,8 @@ impl Declaration {
         self.knob("", self.default.clone()).allows(value)
     }
 
-    /// The value that was given. On a command line everything is text.
+    /// Converts the given value, since everything on a command line is text. Returns `None` if the
+    /// value is not allowed.
     fn read(&self, given: &GivenParam) -> Option<ParamValue> {
         let value = match (&given.origin, &given.value, &self.default) {
             (ParamOrigin::CommandLine, ParamValue::Text(text), ParamValue::Boolean(_)) => {
@@ -118,10 +120,11 @@ impl Declaration {
     }
 }
 
-/// The value of each declared parameter.
+/// Returns the value of each declared parameter.
 ///
 /// # Errors
-/// What is wrong with the values that were given.
+///
+/// If a value was given for an undeclared parameter, or a value is not allowed.
 pub(crate) fn param_values(
     declared: &BTreeMap<String, Declaration>,
     given: &BTreeMap<String, GivenParam>,
@@ -160,7 +163,7 @@ fn unknown(name: &str, param: &GivenParam, declared: &BTreeMap<String, Declarati
     }
 }
 
-/// What is wrong when a script takes no parameters at all.
+/// The error message if values are given to a script that declares no parameters.
 pub(super) fn undeclared(given: &BTreeMap<String, GivenParam>) -> Option<String> {
     let (name, param) = given.first_key_value()?;
     Some(format!(
@@ -169,7 +172,7 @@ pub(super) fn undeclared(given: &BTreeMap<String, GivenParam>) -> Option<String>
     ))
 }
 
-/// A value as it was written, with its place.
+/// A given value as it was written, with its place.
 fn written(name: &str, param: &GivenParam) -> String {
     let value = match &param.value {
         ParamValue::Boolean(value) => value.to_string(),
@@ -211,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_text_of_the_command_line_is_read_as_what_was_declared() {
+    fn a_text_from_the_command_line_is_converted_to_the_declared_type() {
         assert_eq!(
             given_value("speed", given("55")),
             Ok(ParamValue::Number(55.0))
@@ -219,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wrong_value_is_told_with_its_place_and_what_is_right() {
+    fn a_wrong_value_is_reported_with_its_place_and_the_allowed_values() {
         for wrong in ["500", "fast", "nan", ""] {
             let text = given_value("speed", given(wrong)).unwrap_err().to_string();
             let place = format!("--param speed={wrong}: ");
@@ -240,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn an_unknown_name_is_told_with_the_nearest() {
+    fn an_unknown_name_is_reported_with_the_nearest() {
         let text = given_value("sped", given("50")).unwrap_err().to_string();
         assert!(text.contains("did you mean 'speed'?"), "{text}");
     }

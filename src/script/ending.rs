@@ -1,5 +1,6 @@
-//! How a script's life ends. There are two ways: asked to stop, it is cancelled, may clean up and
-//! say farewell; killed, no line of it runs again and nothing that it did in its last slice leaves.
+//! How a script ends. There are two ways. A script that is asked to stop has its tasks cancelled;
+//! they may clean up, and its `script.on_stop` functions run. A script that is killed runs no
+//! further line, and the intents of its last slice are discarded.
 
 use std::time::Duration;
 
@@ -10,10 +11,10 @@ use super::state::State;
 use super::task::Wait;
 use crate::robot::{EndReason, Intent, MotionId};
 
-/// How long cleaning up and `script.on_stop` may take together.
+/// Time limit for clean-up and `script.on_stop` together.
 const STOP_TIME: Duration = Duration::from_millis(500);
 
-/// What must be taken back if the slice that now begins is the last.
+/// The state before a slice, to undo the slice if the script is killed in it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Before {
     mark: Mark,
@@ -29,7 +30,7 @@ impl State {
         matches!(self.life, Life::Ended(_))
     }
 
-    /// Before a slice.
+    /// Records the state before a slice.
     pub(super) fn before(&self) -> Before {
         Before {
             mark: self.output.mark(),
@@ -37,7 +38,7 @@ impl State {
         }
     }
 
-    /// Asks the script to stop: its motion ends now, every task is cancelled, nothing new begins.
+    /// Asks the script to stop: its motion ends now and every task is cancelled.
     pub(super) fn begin_stop(&mut self, reason: EndReason, message: Option<String>) {
         if !self.is_running() {
             return;
@@ -50,7 +51,7 @@ impl State {
         self.halt();
     }
 
-    /// Its motion ends now, every task is cancelled and every subscription is off.
+    /// Ends the motion now, cancels every task and removes every subscription.
     pub(super) fn halt(&mut self) {
         if let Some(motion) = self.motion.release_any() {
             self.output.send(Intent::Release { motion });
@@ -64,14 +65,14 @@ impl State {
         }
     }
 
-    /// Counts the real time of a slice while stopping.
+    /// Counts the real time of a slice while the script is stopping.
     pub(super) fn spend(&mut self, time: Duration) {
         if let Life::Stopping(stopping) = &mut self.life {
             stopping.spent += time;
         }
     }
 
-    /// Whether the last half second is over.
+    /// Whether the time limit for stopping has passed.
     pub(super) fn is_out_of_time(&self) -> bool {
         match &self.life {
             Life::Stopping(stopping) => {
@@ -81,7 +82,7 @@ impl State {
         }
     }
 
-    /// The end of a script that was asked to stop.
+    /// Ends a script that was asked to stop.
     pub(super) fn end_stopped(&mut self) {
         if let Life::Stopping(stopping) = &self.life {
             let ending = stopping.ending.clone();
@@ -90,8 +91,8 @@ impl State {
         }
     }
 
-    /// Kills the script: what it did since `before` never happened. A script that was stopping
-    /// keeps the reason for that.
+    /// Kills the script and undoes what it did since `before`. A script that was already stopping
+    /// keeps its original reason.
     pub(super) fn kill(&mut self, reason: EndReason, message: Option<String>, before: Before) {
         let ending = match &self.life {
             Life::Running => Ending { reason, message },

@@ -1,7 +1,7 @@
-//! Lines that a person types, run one at a time in a VM that lives on between them.
+//! Evaluates lines that a person types, in a VM that is kept between them.
 //!
-//! Each line is a task like any other, under the same limits. Its setpoint belongs to all lines
-//! together, so that the robot moves on while the person types the next one.
+//! Each line is a task like any other, under the same limits. All lines share the ownership of
+//! their setpoint, so that the robot keeps moving while the person types the next one.
 
 use mlua::prelude::{Lua, LuaError, LuaFunction, LuaMultiValue, LuaTable, LuaValue};
 use tokio::time::Instant;
@@ -15,15 +15,15 @@ use super::scheduler::Outcome;
 use super::state::State;
 use super::task::{Answer, TaskKind};
 
-/// Entries of a table that are shown.
+/// Largest number of entries shown of a table.
 const MAX_ENTRIES: usize = 16;
-/// Values of one line that are shown.
+/// Largest number of values shown of one line.
 const MAX_VALUES: usize = 16;
-/// Characters of a text that are shown.
+/// Largest number of characters shown of a text.
 const MAX_TEXT: usize = 200;
 
 impl State {
-    /// What became of the line that was typed last.
+    /// Converts the outcome of an evaluated line to text.
     pub(super) fn evaluated(&self, outcome: Outcome) -> Evaluated {
         match outcome {
             Outcome::Done(values) => Evaluated::Values(shown(&values)),
@@ -32,7 +32,7 @@ impl State {
         }
     }
 
-    /// Each input has a name of its own, so that no line is looked for in the wrong one.
+    /// Gives each input its own chunk name, so that messages refer to lines of the right input.
     fn next_input(&mut self, text: &str) -> String {
         self.inputs += 1;
         self.options.chunk = format!("input{}", self.inputs);
@@ -43,8 +43,8 @@ impl State {
 
 impl Script {
     /// Runs what a person typed: an expression, or statements. The answer is
-    /// [`Output::Evaluated`](super::Output::Evaluated), at once or when the line has waited for what
-    /// it waits for. Nothing happens once the script is ending.
+    /// [`Output::Evaluated`](super::Output::Evaluated), sent when the line has finished, which may
+    /// involve waiting. Does nothing if the script is ending.
     ///
     /// `more` allows the answer [`Evaluated::Incomplete`].
     pub fn evaluate(&mut self, text: &str, more: bool, now: Instant) {
@@ -70,8 +70,8 @@ impl Script {
         }
     }
 
-    /// Everything that the lines have begun comes to rest: motion now, tasks as soon as they have
-    /// cleaned up, handlers are off. Variables and functions stay.
+    /// Stops everything that the lines have started: the motion ends now, tasks end as soon as they
+    /// have cleaned up, handlers are removed. Variables and functions stay.
     pub fn interrupt(&mut self, now: Instant) {
         {
             let mut state = self.state.borrow_mut();
@@ -86,7 +86,7 @@ impl Script {
     }
 }
 
-/// As an expression if it is one, else as statements.
+/// Compiles the text as an expression if it is one, else as statements.
 fn compile(lua: &Lua, text: &str, chunk: &str, more: bool) -> Result<LuaFunction, Evaluated> {
     let text = sandbox::check_source(text.as_bytes(), chunk)
         .map_err(|failure| Evaluated::Failed(failure.to_string()))?;
@@ -98,7 +98,7 @@ fn compile(lua: &Lua, text: &str, chunk: &str, more: bool) -> Result<LuaFunction
         Ok(statements) => return Ok(statements),
         Err(error) => error,
     };
-    // `1 +` is a poor statement, but the beginning of an expression.
+    // `1 +` is not a valid statement, but it is the beginning of an expression.
     let begins_one = lacks_more(&first);
     if more && (begins_one || lacks_more(&second)) {
         return Err(Evaluated::Incomplete);
@@ -123,7 +123,7 @@ fn refused(error: &LuaError) -> Evaluated {
     })
 }
 
-/// Values for people: shallow, bounded, and without a line of the script's own.
+/// Formats values for people: shallow, bounded, and without running code of the script.
 fn shown(values: &LuaMultiValue) -> Vec<String> {
     let mut texts: Vec<String> = values.iter().take(MAX_VALUES).map(show).collect();
     if values.len() > MAX_VALUES {
@@ -139,7 +139,7 @@ fn show(value: &LuaValue) -> String {
     }
 }
 
-/// A value inside a table: tables are not opened.
+/// Formats a value inside a table; nested tables are not expanded.
 fn show_inner(value: &LuaValue) -> String {
     match value {
         LuaValue::Nil => "nil".to_owned(),
@@ -151,7 +151,7 @@ fn show_inner(value: &LuaValue) -> String {
     }
 }
 
-/// Only the beginning is converted, however long it is.
+/// Quotes a string. Only the beginning is converted, however long it is.
 fn quote(bytes: &[u8]) -> String {
     let start = &bytes[..bytes.len().min(4 * MAX_TEXT)];
     let text = printable(&String::from_utf8_lossy(start), MAX_TEXT);
@@ -179,7 +179,7 @@ fn show_table(table: &LuaTable) -> String {
     format!("{{{}}}", entries.join(", "))
 }
 
-/// A key that can be written without brackets.
+/// The key as a name, if it can be written without brackets.
 fn name(key: &LuaValue) -> Option<String> {
     let text = key.as_string()?.to_str().ok()?.to_owned();
     let word = |c: char| c.is_ascii_alphanumeric() || c == '_';

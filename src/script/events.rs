@@ -1,4 +1,4 @@
-//! What a script can listen to: names, payloads, and subscriptions.
+//! The events that a script can listen to: names, payloads and subscriptions.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::rc::Rc;
@@ -13,14 +13,15 @@ use super::way_back::Waypoint;
 pub(super) use crate::api::EventName;
 use crate::robot::{Event, Percent};
 
-/// Subscriptions that may exist at once.
+/// Largest number of subscriptions at once.
 pub(super) const MAX_SUBSCRIPTIONS: usize = 64;
 
-/// Events that may wait for one subscription.
+/// Largest number of events queued for one subscription.
 const MAX_QUEUE: usize = 64;
 
 impl EventName {
-    /// The name of an event that comes from outside; `None` for the answers to waiting calls.
+    /// The script's name of an event; `None` for events that scripts cannot subscribe to, such as
+    /// the answers to waiting calls.
     pub(super) fn of(event: &Event) -> Option<EventName> {
         Some(match event {
             Event::Connected { .. } => EventName::Connected,
@@ -48,13 +49,14 @@ impl EventName {
         })
     }
 
-    /// Frames and sound come faster than they are handled, and only the newest matters.
+    /// Whether only the newest event is kept by default: frames and sound may arrive faster than
+    /// they are handled, and old ones are useless.
     pub(super) fn keeps_latest(self) -> bool {
         matches!(self, EventName::Frame | EventName::Audio | EventName::Noise)
     }
 }
 
-/// What an event carries.
+/// The payload of an event.
 #[derive(Clone)]
 pub(super) enum Payload {
     Event(Rc<Event>),
@@ -63,7 +65,7 @@ pub(super) enum Payload {
     Loan(Rc<Loan>),
 }
 
-/// The tracks are lent, for so long and with so much power.
+/// The tracks are lent to the script, for this time and with this much power.
 pub(super) struct Loan {
     pub(super) seconds: Duration,
     pub(super) power: Percent,
@@ -76,15 +78,15 @@ pub(super) struct Subscription {
     pub(super) event: EventName,
     pub(super) function: LuaFunction,
     pub(super) once: bool,
-    /// Only the newest event waits.
+    /// Only the newest event is kept in the queue.
     pub(super) latest: bool,
-    /// The least time between two runs.
+    /// The least time between the starts of two runs.
     pub(super) interval: Option<Duration>,
     queue: VecDeque<Payload>,
     next_run: Option<Instant>,
-    /// A run is queued or under way, or a timer will queue it.
+    /// Whether a run is queued or in progress, or a timer will queue it.
     pub(super) busy: Busy,
-    /// Failed runs since the last good one.
+    /// Failed runs since the last successful one.
     pub(super) failures: u32,
     dropped: u64,
 }
@@ -114,8 +116,8 @@ impl Subscription {
         }
     }
 
-    /// Keeps an event until its turn; the number of events dropped so far if that number is one
-    /// to log (1, 10, 100, ...).
+    /// Queues an event. Returns the number of events dropped so far if that number is worth a log
+    /// line (1, 10, 100, ...).
     pub(super) fn push(&mut self, payload: Payload) -> Option<u64> {
         if self.latest {
             self.queue.clear();
@@ -134,7 +136,7 @@ impl Subscription {
         !self.queue.is_empty()
     }
 
-    /// The next event, and the time of the run after that.
+    /// Takes the next event from the queue, and sets the earliest time of the run after it.
     pub(super) fn pop(&mut self, now: Instant) -> Option<Payload> {
         let payload = self.queue.pop_front()?;
         self.next_run = self.interval.map(|interval| now + interval);
@@ -147,12 +149,12 @@ impl Subscription {
     }
 }
 
-/// 1, 10, 100, ...: how often a repeated complaint is worth a line.
+/// Whether a repeated failure is logged at this count: 1, 10, 100, ...
 pub(super) fn is_round(count: u64) -> bool {
     count > 0 && 10_u64.pow(count.ilog10()) == count
 }
 
-/// All subscriptions, in the order of their making.
+/// All subscriptions, in the order of their creation.
 pub(super) type Subscriptions = BTreeMap<SubscriptionId, Subscription>;
 
 #[cfg(test)]
@@ -160,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn complaints_are_logged_at_powers_of_ten() {
+    fn repeated_failures_are_logged_at_powers_of_ten() {
         let logged: Vec<u64> = (0..=1000).filter(|&count| is_round(count)).collect();
         assert_eq!(logged, [1, 10, 100, 1000]);
     }

@@ -1,4 +1,4 @@
-//! How a script's errors become words for people: where, what, and what to do.
+//! Converts a script's errors to messages for people: where, what, and what to do.
 
 use std::fmt;
 
@@ -8,18 +8,19 @@ use serde::{Deserialize, Serialize};
 use super::address::without_addresses;
 use crate::robot::EndReason;
 
-/// The longest error text that is passed on, in characters.
+/// The longest error text, in characters.
 const LONGEST: usize = 1000;
 
-/// A script that has taken a task's coroutine from `coroutine.running()`.
+/// The message for a script that has misused a task's coroutine, obtained from
+/// `coroutine.running()`.
 const RESUMED_BY_OTHERS: &str = "a task's coroutine was resumed or closed by the script; \
     end a task with task:cancel(), and resume only what coroutine.create has made";
 
 /// The prelude's name in stack frames.
 pub(super) const PRELUDE: &str = "spykee";
 
-/// Whether a stack frame is not the script's own: the prelude's, of the VM's binding, or of a module
-/// that comes with the runtime.
+/// Whether a stack frame does not belong to the script: it is in the prelude, in the VM's binding,
+/// or in a built-in module.
 pub(super) fn is_ours(source: &str) -> bool {
     source == PRELUDE || source.starts_with("__mlua") || source.starts_with("@spykee/")
 }
@@ -27,7 +28,7 @@ pub(super) fn is_ours(source: &str) -> bool {
 /// Why a file cannot be run at all.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
 pub enum Failure {
-    /// Beyond [`super::MAX_SOURCE`].
+    /// The file is larger than [`super::MAX_SOURCE`].
     #[error("{chunk}: the file has {bytes} bytes; a script may have 262144 (256 KiB)")]
     TooLarge {
         /// The file.
@@ -35,7 +36,7 @@ pub enum Failure {
         /// Its size.
         bytes: usize,
     },
-    /// Not a text.
+    /// The file is not UTF-8 text.
     #[error("{chunk}:{line}: this is not UTF-8 text; save the file as UTF-8")]
     NotUtf8 {
         /// The file.
@@ -43,7 +44,7 @@ pub enum Failure {
         /// The line of the first wrong byte.
         line: usize,
     },
-    /// A control character: compiled code, or a damaged file.
+    /// The file contains a control character: it is compiled code, or damaged.
     #[error(
         "{chunk}:{line}: control character {byte:#04x}; a script is plain text, compiled code is not accepted"
     )]
@@ -55,15 +56,15 @@ pub enum Failure {
         /// The character.
         byte: u8,
     },
-    /// The compiler's complaint, with file and line.
+    /// The compiler's error message, with file and line.
     #[error("{0}")]
     Syntax(String),
-    /// The VM cannot be made.
+    /// The VM cannot be created.
     #[error("{chunk}: the script cannot be started: {reason}")]
     Machine {
         /// The file.
         chunk: String,
-        /// In the VM's words.
+        /// The VM's error message.
         reason: String,
     },
 }
@@ -71,7 +72,7 @@ pub enum Failure {
 /// How a script has ended.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ending {
-    /// Why.
+    /// The reason.
     pub reason: EndReason,
     /// For people: file, line, what happened and what to do; or the text of `script.stop`.
     pub message: Option<String>,
@@ -80,9 +81,9 @@ pub struct Ending {
 /// A line of a script.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct SourceLocation {
-    /// As messages show it.
+    /// The file, as messages show it.
     pub file: String,
-    /// From 1.
+    /// The line number, from 1.
     pub line: u32,
 }
 
@@ -95,15 +96,15 @@ impl fmt::Display for SourceLocation {
 /// What ended a coroutine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum VmError {
-    /// More memory than the script may have.
+    /// The script exceeded its memory limit.
     Memory,
-    /// An error, flattened to one short text.
+    /// An error, converted to one short text.
     Text(String),
 }
 
 impl VmError {
-    /// Flattens what the VM reports. Error objects of the VM are chains that can be of any depth:
-    /// they are walked, never displayed.
+    /// Converts an error of the VM. The VM's error objects can be chains of any depth: they are
+    /// walked with a limit and never formatted with `Display`.
     pub(super) fn of(error: &LuaError) -> VmError {
         let mut error = error;
         for _ in 0..32 {
@@ -119,12 +120,12 @@ impl VmError {
                 _ => break,
             }
         }
-        VmError::Text("an error that the machine cannot put into words".to_owned())
+        VmError::Text("an error of the VM without a message".to_owned())
     }
 }
 
-/// The first lines of an error with a stack trace behind it. An error raised inside the prelude
-/// shows the line of the script that called it instead.
+/// Extracts the message of an error that has a stack trace. For an error raised inside the prelude,
+/// the place is replaced by the line of the script that called it.
 fn from_traceback(text: &str) -> String {
     let (message, trace) = text
         .split_once("\nstack traceback:\n")
@@ -160,9 +161,9 @@ fn has_place(message: &str) -> bool {
     line.is_some_and(|line| line.parse::<u32>().is_ok())
 }
 
-/// At most `longest` characters, without control characters other than line feed and tab, so that
-/// a script cannot write to the terminal what it likes, and without addresses, so that the same run
-/// says the same.
+/// Returns at most `longest` characters of the text. Removes control characters other than line
+/// feed and tab, so that a script cannot control the terminal, and addresses, so that equal runs
+/// have equal output.
 pub(crate) fn printable(text: &str, longest: usize) -> String {
     let text = without_addresses(text);
     let safe = |c: &char| !c.is_control() || matches!(c, '\n' | '\t');
@@ -179,7 +180,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_place_in_the_prelude_becomes_the_scripts_own() {
+    fn a_place_in_the_prelude_is_replaced_by_the_line_of_the_script() {
         let text = "spykee:12: attempt to compare nil < number\nstack traceback:\n\tspykee:12: in function 'less'\n\t[C]: in function 'sort'\n\tspykee:40\n\ta.lua:3: in function 'main'";
         assert_eq!(
             from_traceback(text),
@@ -188,13 +189,13 @@ mod tests {
     }
 
     #[test]
-    fn texts_cannot_steer_the_terminal() {
+    fn texts_cannot_control_the_terminal() {
         assert_eq!(printable("a\x1b[31mb\u{9b}c\n\td", 20), "a[31mbc\n\td");
         assert_eq!(printable("abcdef", 3), "abc…");
     }
 
     #[test]
-    fn error_chains_are_walked_and_never_displayed() {
+    fn error_chains_are_walked_to_their_cause() {
         let mut error = LuaError::MemoryError("x".to_owned());
         for _ in 0..10 {
             #[expect(clippy::arc_with_non_send_sync, reason = "the library's own type")]

@@ -1,66 +1,69 @@
-//! A turn on the spot until the camera sees the same again: then it was a full one, whatever tracks slip and
-//! however near what the camera sees is.
+//! Detects full turns on the spot: when the camera sees the same view again, the turn was a full
+//! one, however much the tracks slip and however near the objects in view are.
 
 use std::f64::consts::TAU;
 
 use crate::vision::Skyline;
 
-/// Metres of way after which it is another place.
+/// After this distance, in metres, the robot is at another place.
 const SAME_PLACE: f64 = 0.04;
-/// How far from a full turn two pictures still share enough, radians; and how far off it is looked for.
+/// How far from a full turn two pictures still overlap enough, and how far off the match is
+/// searched for; both in radians.
 const OVERLAP: f64 = 0.3;
 const REACH: f64 = 0.3;
-/// Radians that the heading may be off after a full turn, beside what it was off before.
+/// Error of the heading that a full turn adds to the error before it, in radians.
 const SAME_VIEW: f64 = 0.02;
-/// The share of the turn, at most, that the camera may have missed: one that is held sees the same, too.
+/// The largest share of the turn that the camera may have missed: a robot that is blocked sees the
+/// same view, too.
 const UNSEEN: f64 = 0.5;
 
-/// What was done from one picture to the next.
+/// The motion from one picture to the next.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step {
-    /// Radians to the left, as tracks and camera tell.
+    /// Radians to the left, estimated from tracks and camera.
     pub(super) turn: f64,
-    /// Radians to the left that the tracks were told.
+    /// Radians to the left that the tracks were commanded to turn.
     pub(super) told: f64,
     /// Metres, either way.
     pub(super) way: f64,
-    /// The camera saw it turn.
+    /// Whether the camera saw the turn.
     pub(super) seen: bool,
 }
 
-/// A full turn, or two.
+/// One or more full turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Closed {
-    /// Radians to the left that it was, and that it was taken for.
+    /// Radians to the left: the real turn, and the turn estimated so far.
     pub(super) turned: f64,
     pub(super) believed: f64,
-    /// Radians to the left that the tracks were told.
+    /// Radians to the left that the tracks were commanded to turn.
     pub(super) told: f64,
-    /// Radians that the heading may be off after it.
+    /// Error of the heading after it, in radians.
     pub(super) error: f64,
 }
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct FullTurn {
-    /// What it saw when it began.
+    /// The view at the beginning.
     begin: Option<Skyline>,
-    /// Radians that the heading was off then.
+    /// Error of the heading then, in radians.
     error: f64,
     turn: f64,
     told: f64,
     way: f64,
-    /// Radians that the camera has not seen.
+    /// Radians of the turn that the camera has not seen.
     unseen: f64,
 }
 
 impl FullTurn {
-    /// It may be anywhere.
+    /// Forgets the turn in progress: the robot may be anywhere.
     pub(super) fn forget(&mut self) {
         *self = FullTurn::default();
     }
 
-    /// The camera sees this after that; the heading is off by so many radians.
+    /// Processes the view after a step; `error` is the error of the heading, in radians. Returns
+    /// the turn if it is now a full one.
     pub(super) fn look(&mut self, skyline: &Skyline, step: Step, error: f64) -> Option<Closed> {
         self.turn += step.turn;
         self.told += step.told;
@@ -104,7 +107,7 @@ pub(super) mod tests {
     use crate::vision::{Camera, Image};
     use image::{Rgb, RgbImage};
 
-    /// What a camera sees that is turned to the left by so many radians, in a round room.
+    /// The view of a camera in a round room that is turned to the left by this many radians.
     pub(in crate::script) fn room(turned: f64) -> Skyline {
         let camera = Camera::default();
         let size = crate::vision::Size {
@@ -122,7 +125,8 @@ pub(super) mod tests {
         Skyline::of(&Image::from_rgb(&picture), camera)
     }
 
-    /// Turns by so many radians, of which it takes each for `believed`, and drives so far with each step.
+    /// Turns by `whole` radians in 60 steps, estimates each radian as `believed` radians, and
+    /// drives `way` metres with each step.
     fn closed(whole: f64, believed: f64, way: f64, seen: bool) -> Option<Closed> {
         let mut full = FullTurn::default();
         let steps = 60;
@@ -139,7 +143,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_full_turn_is_known_however_much_it_was_taken_for() {
+    fn a_full_turn_is_detected_in_spite_of_a_wrong_estimate() {
         for (whole, believed) in [(6.4, 1.0), (-6.4, 1.04), (6.5, 0.96)] {
             let Some(found) = closed(whole, believed, 0.0, true) else {
                 panic!("{whole} {believed}");
@@ -151,7 +155,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_part_of_a_turn_and_one_elsewhere_or_unseen_tell_nothing() {
+    fn a_partial_turn_and_one_elsewhere_or_unseen_are_not_full_turns() {
         assert_eq!(closed(5.0, 1.0, 0.0, true), None);
         assert_eq!(closed(6.4, 1.0, 0.002, true), None);
         assert_eq!(closed(6.4, 1.0, 0.0, false), None);

@@ -1,33 +1,35 @@
-//! How far the tracks can be trusted in turns. On an unknown floor they turn the robot less or more than they are
-//! told, always so much or now so and now so. A full turn on the spot, after which the camera sees the same again,
-//! tells the first; how far camera and tracks differ from picture to picture tells the second.
+//! How far the tracks can be trusted in turns. On an unknown floor they turn the robot less or more
+//! than commanded, by a constant share and by a share that varies from moment to moment. A full
+//! turn on the spot, after which the camera sees the same view again, measures the constant share;
+//! the differences between camera and tracks from picture to picture measure the varying one.
 
-/// Of an unknown floor, as standard deviations: radians for each radian that was told.
+/// Uncertainty on an unknown floor, as a standard deviation in radians per commanded radian.
 pub(super) const UNKNOWN: f64 = 0.11;
-/// How unsure a full turn leaves it.
+/// Uncertainty that remains after a full turn.
 const KNOWN: f64 = 0.01;
-/// If camera and tracks differ by more than this for long, another floor has come.
+/// If camera and tracks differ by more than this for long, the floor has changed.
 const OTHERWISE: f64 = 0.08;
-/// More than this is no slip.
+/// A larger difference is not slip.
 const MOST: f64 = 0.4;
-/// The spread is never less, nor more; and what is expected of an unknown floor.
+/// The least and the largest spread; and the spread expected on an unknown floor.
 const SPREAD: (f64, f64) = (0.03, 0.12);
 const EXPECTED: f64 = 0.05;
-/// What the camera sees more or less from picture to picture is no slip: a share of the turn.
+/// Error of the camera from picture to picture, which is not slip, as a share of the turn.
 const SEEN: f64 = 0.05;
-/// What earlier pictures told counts so much less with each.
+/// With each picture the weight of the earlier ones decreases by this share.
 const FADING: f64 = 0.05;
-/// The floor may be another one: after so many radians it is as unknown as at first.
+/// The floor may change: after this many radians it is as unknown as at first.
 const DOUBT: f64 = 60.0;
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Grip {
-    /// Radians of turn for each radian that was told.
+    /// Radians of real turn per commanded radian.
     share: f64,
-    /// The standard deviation of that.
+    /// The standard deviation of `share`.
     unsure: f64,
-    /// The mean of what camera and tracks differ by, as a share of the turn, and of its square.
+    /// The mean of the difference between camera and tracks, as a share of the turn, and the mean
+    /// of its square.
     mean: f64,
     square: f64,
 }
@@ -44,7 +46,7 @@ impl Default for Grip {
 }
 
 impl Grip {
-    /// Radians that the robot turns for each that it is told.
+    /// Radians that the robot turns per commanded radian.
     pub(super) fn share(&self) -> f64 {
         self.share
     }
@@ -55,26 +57,27 @@ impl Grip {
         self.unsure.hypot(self.spread()) + otherwise
     }
 
-    /// The part of it that is another from one moment to the next.
+    /// The part of the deviation that varies from moment to moment.
     fn spread(&self) -> f64 {
         let variance = (self.square - self.mean * self.mean - SEEN * SEEN).max(0.0);
         variance.sqrt().clamp(SPREAD.0, SPREAD.1)
     }
 
-    /// So many radians were turned, either way.
+    /// Increases the uncertainty after a turn of this many radians, to either side.
     pub(super) fn fade(&mut self, turned: f64) {
         let variance = self.unsure * self.unsure + UNKNOWN * UNKNOWN * turned / DOUBT;
         self.unsure = variance.sqrt().min(UNKNOWN);
     }
 
-    /// Between two pictures the camera saw this part of the turn more than the tracks made.
+    /// Records by what share of the turn the camera saw more than the tracks made, between two
+    /// pictures.
     pub(super) fn differ(&mut self, part: f64) {
         let part = part.clamp(-MOST, MOST);
         self.mean += FADING * (part - self.mean);
         self.square += FADING * (part * part - self.square);
     }
 
-    /// A turn that is known, since the camera sees the same again, and what was told; radians.
+    /// Learns from a full turn: the commanded turn and the real one, in radians.
     pub(super) fn learn(&mut self, told: f64, turned: f64) {
         let share = turned / told;
         if !(1.0 - MOST..=1.0 + MOST).contains(&share) {
@@ -92,7 +95,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     #[test]
-    fn a_full_turn_tells_how_much_turns_come_out_smaller_until_the_floor_may_be_another() {
+    fn a_full_turn_measures_the_share_until_the_floor_may_have_changed() {
         let mut grip = Grip::default();
         let unknown = grip.deviation();
         grip.learn(-TAU / 0.9, -TAU);
@@ -107,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_floor_that_is_another_is_noticed() {
+    fn a_changed_floor_is_noticed() {
         let mut grip = Grip::default();
         grip.learn(TAU, TAU);
         for _ in 0..200 {
@@ -121,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_turn_of_the_tracks_teaches_nothing() {
+    fn impossible_shares_are_ignored() {
         let mut grip = Grip::default();
         for (told, turned) in [(TAU, 0.1), (0.0, TAU), (TAU, -TAU), (TAU, f64::NAN)] {
             grip.learn(told, turned);

@@ -1,21 +1,22 @@
-//! `task.all`, `task.race`, `task.timeout`: tasks that live no longer than the call that made them.
+//! `task.all`, `task.race`, `task.timeout`: tasks that end with the call that created them.
 
 use mlua::prelude::{LuaMultiValue, LuaValue};
 
 use super::ids::TaskId;
 
-/// When a group is over, and what its caller gets.
+/// When a group ends, and what its caller gets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Rule {
-    /// When all are done: the first result of each.
+    /// Ends when all tasks are done; returns the first result of each.
     All,
-    /// When the first is done: its results.
+    /// Ends when the first task is done; returns its results.
     Race,
-    /// When the one is done: `true` and its results; or `false, "timeout"`.
+    /// Ends when its only task is done, and returns `true` and the results. At the timeout it ends
+    /// with `false, "timeout"`.
     Timeout,
 }
 
-/// One such call under way.
+/// One such call in progress.
 pub(super) struct Group {
     pub(super) parent: TaskId,
     pub(super) rule: Rule,
@@ -36,7 +37,7 @@ impl Group {
         }
     }
 
-    /// A child is done; what the parent gets, if that ends the group.
+    /// Records that a child is done. Returns the parent's results if that ends the group.
     pub(super) fn child_done(
         &mut self,
         index: usize,

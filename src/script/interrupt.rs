@@ -1,10 +1,10 @@
-//! The VM's interrupt, set through the C interface: the one file with `unsafe` code.
+//! The VM's interrupt, set through the C interface. This is the only file with `unsafe` code.
 //!
 //! Luau calls the interrupt at every safepoint (loop back edges, calls, returns, each step of a
-//! string pattern). Measured on an empty loop and a recursion, the safe wrapper around it makes
-//! them 2.5 times slower, this one 1.4 times: it reads one byte. Only when that byte is set does
-//! it ask [`budget`], and raises if the slice is over. It raises at *every* safepoint from then
-//! on, so that no `pcall` can go on for long.
+//! string pattern). Measured on an empty loop and on a recursion, an interrupt set through the safe
+//! wrapper makes them 2.5 times slower, this one 1.4 times, because it only reads one byte. Only
+//! when that byte is set does it ask [`budget`], and raises an error if the slice is over. From
+//! then on it raises at *every* safepoint, so that a `pcall` cannot continue for long.
 //!
 //! Why this is sound: the function is only ever called by the VM, on the thread that runs it, with
 //! the running coroutine; it has the calling convention that lets the VM's exceptions pass; and no
@@ -20,10 +20,10 @@ use mlua::prelude::{Lua, LuaResult};
 
 use super::budget::{self, BudgetVerdict};
 
-/// The deepest stack that is searched for the script's own line.
+/// Number of stack frames that are searched for a line of the script.
 const DEEPEST: c_int = 64;
 
-/// Makes `lua` ask at every safepoint whether it may go on.
+/// Makes `lua` check at every safepoint whether it may continue.
 pub(super) fn install(lua: &Lua) -> LuaResult<()> {
     // SAFETY: the state is the one of `lua`, alive for the whole call; the callbacks' structure
     // belongs to it and no other code sets its interrupt.
@@ -48,7 +48,7 @@ unsafe extern "C-unwind" fn interrupt(state: *mut ffi::lua_State, gc: c_int) {
     }
 }
 
-/// Whether to raise, and with which words. The first over-run remembers where it was.
+/// The message to raise, if any. The first overrun records where it was.
 unsafe fn message_of(state: *mut ffi::lua_State) -> Option<&'static CStr> {
     match budget::verdict() {
         BudgetVerdict::GoOn => None,
@@ -87,7 +87,7 @@ unsafe fn where_is(state: *mut ffi::lua_State) -> Option<(String, u32)> {
 
 /// Raises `message` as a plain string.
 unsafe fn raise(state: *mut ffi::lua_State, message: &'static CStr) {
-    // SAFETY: one slot is made sure of, one is pushed; `lua_error` does not return.
+    // SAFETY: one stack slot is reserved and one value is pushed; `lua_error` does not return.
     unsafe {
         ffi::luaL_checkstack(state, 1, c"interrupt".as_ptr());
         ffi::lua_pushstring(state, message.as_ptr());

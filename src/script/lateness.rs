@@ -1,18 +1,21 @@
-//! How late pictures show what the tracks were told. The radio link, the motors and the camera take their time,
-//! and nobody says how much; so it is found out from the turns that begin and end in the pictures.
+//! Estimates the delay between a command to the tracks and the pictures that show its effect. The
+//! radio link, the motors and the camera all add to it, and none of them reports its share, so it
+//! is estimated from the turns that begin and end in the pictures.
 
 use std::time::Duration;
 
-/// How many delays are tried, and how far apart they are: from none to 0.4 seconds.
+/// The number of delays that are compared, and the step between them: from 0 to 0.4 seconds.
 pub(super) const TRIED: usize = 9;
 const STEP: Duration = Duration::from_millis(50);
-/// Radians between the turns that two delays expect, from which on a picture tells something.
+/// A picture is used if the turns that the delays predict differ by at least this, in radians.
 const TELLS: f64 = 0.01;
-/// Squared radians that one picture counts at most: a mistake must not count for ever.
+/// Largest squared error of one picture that counts, in radians squared, so that an outlier does
+/// not dominate for long.
 const MOST: f64 = 0.05;
-/// What earlier pictures told counts so much less with each that tells something.
+/// The weight of earlier pictures is multiplied by this with each picture that is used.
 const FADING: f64 = 0.995;
-/// Another delay must fit so much better than the one that is believed.
+/// Another delay replaces the current one only if its misfit is less than this share of the current
+/// misfit.
 const BETTER: f64 = 0.9;
 
 /// How well each delay fits the pictures so far.
@@ -23,17 +26,17 @@ pub(super) struct Lateness {
 }
 
 impl Lateness {
-    /// The delays that are tried, the shortest first.
+    /// The delays that are compared, the shortest first.
     pub(super) fn tried() -> [Duration; TRIED] {
         std::array::from_fn(|step| STEP * step as u32)
     }
 
-    /// Which of them is believed.
+    /// The index of the delay that is used.
     pub(super) fn believed(&self) -> usize {
         self.believed
     }
 
-    /// Two frames show a turn, and that is what each of the delays expects; all in radians.
+    /// Records the turn that two frames show and the turn that each delay predicts; all in radians.
     pub(super) fn note(&mut self, seen: f64, expected: &[f64; TRIED]) {
         let largest = expected.iter().copied().fold(f64::MIN, f64::max);
         let smallest = expected.iter().copied().fold(f64::MAX, f64::min);
@@ -57,7 +60,8 @@ impl Lateness {
 mod tests {
     use super::*;
 
-    /// Radians that a robot has turned by then, which turns for a second, stands for one, and so on.
+    /// Radians that a robot has turned by `time` if it alternately turns for a second and stands
+    /// for a second.
     fn turned(time: f64) -> f64 {
         let time = time.max(0.0);
         (time / 2.0).floor() + (time % 2.0).min(1.0)
@@ -78,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_that_stands_or_turns_evenly_tells_nothing() {
+    fn constant_predictions_are_not_used() {
         let mut lateness = Lateness::default();
         for seen in [0.3, -0.2, 0.0] {
             lateness.note(seen, &[0.1; TRIED]);

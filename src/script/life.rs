@@ -1,4 +1,4 @@
-//! Where in its life a script is.
+//! The phases of a script's life.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use super::failure::Ending;
 use crate::robot::EndReason;
 
-/// Where in its life a script is.
+/// The phase of a script's life.
 #[derive(Debug)]
 pub(super) enum Life {
     Running,
@@ -18,27 +18,28 @@ pub(super) enum Life {
     Ended(Ending),
 }
 
-/// The last half second.
+/// The last half second, in which a stopping script may clean up.
 #[derive(Debug)]
 pub(super) struct Stopping {
     pub(super) ending: Ending,
     pub(super) deadline: Instant,
-    /// Real time that its slices took: the deadline's own time may stand still.
+    /// Real time that its slices took; needed since the clock of the deadline may be virtual and
+    /// stand still.
     pub(super) spent: Duration,
 }
 
-/// What the script has asked for its end.
+/// How the script is to end.
 #[derive(Default)]
 pub(super) struct Exit {
-    /// Functions of `script.on_stop`.
+    /// Functions given to `script.on_stop`.
     pub(super) farewells: VecDeque<LuaFunction>,
-    /// The running task has called `script.stop`.
+    /// Set when the running task has called `script.stop`; holds its message.
     pub(super) asked: Option<Option<String>>,
-    /// A native has panicked: nothing of the script can be trusted any more.
+    /// A native function has panicked: the state of the script can no longer be trusted.
     pub(super) broken: bool,
 }
 
-/// Whether a script that ends for this reason runs no further line.
+/// Whether a script that ends for this reason must not run another line.
 pub(super) fn is_kill(reason: EndReason) -> bool {
     matches!(
         reason,

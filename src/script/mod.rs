@@ -1,16 +1,17 @@
-//! The VM of one behaviour: sandbox, budget, tasks and the Lua API (`API.md`).
+//! The VM of one behaviour: sandbox, budget, tasks and the Lua API (see `behaviours/README.md`).
 //!
-//! Synchronous and single-threaded: [`Script`] takes events and the time, runs what is ready, and
-//! returns its output. It has no socket and no clock of its own, and needs no runtime. The host
-//! around it reads and writes.
+//! The module is synchronous and single-threaded: [`Script`] takes events and the current time,
+//! runs the tasks that are ready, and returns their output. It has no socket and no clock, and
+//! needs no async runtime. All I/O is done by the host.
 //!
-//! A script that hangs, floods or is garbage is ended with a reason, its motion with it, and the
-//! output of its last slice is discarded. A hang *inside* one library call is left to the process
-//! around it.
+//! A script that runs too long without waiting or uses too much memory is killed with a reason: its
+//! motion ends and the intents of its last slice are discarded. A hang *inside* one library call
+//! cannot be interrupted here; the surrounding process has to handle it.
 //!
-//! The parts: `sandbox` makes a VM that holds; `budget` and `interrupt` end what runs too long;
-//! `task`, `queue` and `scheduler` decide who runs next; `slice` runs; `ending` ends; `api/` has
-//! the natives of each Lua namespace; `stdlib/` what is written in Lua.
+//! The parts: `sandbox` creates a restricted VM; `budget` and `interrupt` end slices that run too
+//! long; `task`, `queue` and `scheduler` decide which task runs next; `slice` runs it; `ending`
+//! ends the script; `api/` contains the native functions of each Lua namespace; `stdlib/` contains
+//! the part of the library that is written in Lua.
 
 mod address;
 mod api;
@@ -97,17 +98,17 @@ pub use stage::{Stage, StageAnswer, StageCall, StageError};
 pub use state::Usage;
 pub use stdlib::RESCUE;
 
-/// A script with its VM. Stays on the thread that made it.
+/// A script with its VM. It stays on the thread that created it.
 ///
-/// Each call gets the time; it must not run backwards. The cycle of a host: deliver what came in;
-/// call [`run_ready`](Script::run_ready) while [`is_ready`](Script::is_ready), taking the output
-/// after each call; sleep until [`next_deadline`](Script::next_deadline) or the next event; stop
-/// when [`ended`](Script::ended) says how it ended.
+/// Each call gets the current time, which must not run backwards. The loop of a host: deliver
+/// pending events; call [`run_ready`](Script::run_ready) while [`is_ready`](Script::is_ready) is
+/// true, taking the output after each call; sleep until [`next_deadline`](Script::next_deadline) or
+/// the next event; stop when [`ended`](Script::ended) returns `Some`.
 pub struct Script {
-    // Dropped first: values of the VM in the state are weak.
+    // Dropped first: the state holds only weak references to values of the VM.
     lua: Lua,
     state: Shared,
-    /// Bytes in use when all garbage was collected last.
+    /// Bytes in use after the last complete garbage collection.
     tidied: usize,
 }
 
@@ -116,17 +117,18 @@ impl Script {
     ///
     /// # Errors
     ///
-    /// A source over 256 KiB, not UTF-8, with control characters (so also compiled code), or that
-    /// does not compile; the message has file and line.
+    /// If the source is larger than 256 KiB, is not UTF-8, contains control characters (as compiled
+    /// code does) or does not compile. The message names file and line.
     pub fn load(source: &[u8], options: Options, now: Instant) -> Result<Script, Failure> {
         Script::load_with(source, options, api::ApiSet::Robot, now)
     }
 
-    /// Loads a script that has `scenario`, `expect` and `sim`, and of the usual names `task`,
-    /// `log`, `script`, `print` and `require`.
+    /// Loads a scenario script: it has `scenario`, `expect` and `sim`, and of the usual names only
+    /// `task`, `log`, `script`, `print` and `require`.
     ///
     /// # Errors
-    /// As of [`Script::load`].
+    ///
+    /// As [`Script::load`].
     pub fn on_stage(
         source: &[u8],
         options: Options,
@@ -136,7 +138,7 @@ impl Script {
         Script::load_with(source, options, api::ApiSet::Stage(stage), now)
     }
 
-    /// Such a script with no source and no stage behind it.
+    /// Loads a scenario script with an empty source and a stage that refuses every call.
     pub(crate) fn on_empty_stage(options: Options, now: Instant) -> Result<Script, Failure> {
         Script::on_stage(b"", options, Rc::new(Empty), now)
     }
@@ -186,12 +188,14 @@ impl Script {
         Ok(Script { lua, state, tidied })
     }
 
-    /// Has failures explained in words for people, wherever they are logged or told.
+    /// Sets the function that explains failures in plain words wherever they are logged or
+    /// reported.
     pub fn explain_with(&mut self, explain: Explain) {
         self.state.borrow_mut().complaints.explain = Some(explain);
     }
 
-    /// A person gives one of its parameters another value; a refusal is said in its log.
+    /// Changes the value of a parameter while the script runs, on behalf of a person. A refusal is
+    /// logged.
     pub fn turn_param(&mut self, name: &str, value: ParamValue, now: Instant) {
         let mut state = self.state.borrow_mut();
         state.tick(now);
@@ -205,7 +209,7 @@ impl Script {
         }
     }
 
-    /// Collects a part of the garbage, if enough has gathered, so that slices need not.
+    /// Runs one garbage collection step if enough garbage has accumulated, so that slices need not.
     pub fn tidy(&mut self) {
         let used = self.lua.used_memory();
         if used > self.tidied + self.tidied / 20 && self.lua.gc_step().unwrap_or(true) {
@@ -213,8 +217,8 @@ impl Script {
         }
     }
 
-    /// Runs the next task that is ready or due, until it waits: one slice, so that the host can
-    /// give a sign of life in between. Nothing happens when nothing is ready.
+    /// Runs the next task that is ready or due until it waits. It runs only one slice, so that the
+    /// host can send a sign of life in between. Does nothing if no task is ready.
     pub fn run_ready(&mut self, now: Instant) {
         {
             let mut state = self.state.borrow_mut();
@@ -230,13 +234,14 @@ impl Script {
         self.state.borrow_mut().drop_unused_streams();
     }
 
-    /// Whether [`run_ready`](Script::run_ready) has something to do at the time of the last call.
+    /// Whether [`run_ready`](Script::run_ready) has something to do, as of the time of the last
+    /// call.
     pub fn is_ready(&self) -> bool {
         self.state.borrow().is_ready()
     }
 
-    /// When [`run_ready`](Script::run_ready) should be called next; in the past when something is
-    /// ready. `None`: only an event brings it on.
+    /// When [`run_ready`](Script::run_ready) should be called next; not in the future if something
+    /// is ready. `None` if only an event can make the script continue.
     pub fn next_deadline(&self) -> Option<Instant> {
         let state = self.state.borrow();
         if state.is_ready() {
@@ -245,40 +250,43 @@ impl Script {
         state.next_deadline()
     }
 
-    /// Whether a setpoint of this script is on, as far as it knows, be it one of standing still: it
-    /// too needs signs of life.
+    /// Whether a setpoint of this script is active, as far as the script knows. A setpoint to stand
+    /// still counts, since it needs signs of life too.
     pub fn has_motion(&self) -> bool {
         self.state.borrow().motion.current().is_some()
     }
 
-    /// Takes up what an earlier run of the script kept in its store.
+    /// Restores the store that an earlier run of the script saved.
     ///
     /// # Errors
-    /// If that is not the content of a store, which stays as it was then.
+    ///
+    /// If `file` is not the content of a store; the store is then unchanged.
     pub fn restore(&mut self, file: &[u8]) -> Result<(), serde_json::Error> {
         self.state.borrow_mut().store.restore(file)
     }
 
-    /// Whether the store holds something else than when its file was last taken.
+    /// Whether the store has changed since its file was last taken.
     pub fn has_store_changed(&self) -> bool {
         self.state.borrow().store.has_changed()
     }
 
-    /// The content of the store's file, at most 1 MiB, if it has changed since it was last taken.
+    /// Returns the content of the store's file, at most 1 MiB, if it has changed since it was last
+    /// taken.
     pub fn take_store(&mut self) -> Option<Vec<u8>> {
         self.state.borrow_mut().store.take_file()
     }
 
-    /// A frame that the script has looked at and what was found in it, at most two a second, once
-    /// nothing more is about to be asked of it. Only with [`Options::annotate_dir`].
+    /// Returns a frame that the script has examined and what was found in it, as soon as no ready
+    /// task can still examine that frame: at most ten frames a second with [`Options::findings`],
+    /// at most two with only [`Options::annotate_dir`], and none without either.
     pub fn take_sighting(&mut self) -> Option<Sighting> {
         self.state.borrow_mut().take_sighting()
     }
 
     /// Ends the script. Its motion ends now. For `cpu`, `memory` and `safety` no further line of it
-    /// runs. For every other reason its tasks are cancelled and may clean up, and the functions of
-    /// `script.on_stop` run, within 0.5 s and without moving; while they wait, go on calling
-    /// [`run_ready`](Script::run_ready) until [`ended`](Script::ended) answers.
+    /// runs. For every other reason its tasks are cancelled and may clean up, and the functions
+    /// given to `script.on_stop` run, within 0.5 s and without moving; while they wait, keep
+    /// calling [`run_ready`](Script::run_ready) until [`ended`](Script::ended) returns `Some`.
     pub fn stop(&mut self, reason: EndReason, now: Instant) {
         {
             let mut state = self.state.borrow_mut();
@@ -295,7 +303,7 @@ impl Script {
         }
     }
 
-    /// How the script ended; `None` while it lives.
+    /// How the script ended; `None` while it is running or stopping.
     pub fn ended(&self) -> Option<Ending> {
         match &self.state.borrow().life {
             Life::Ended(ending) => Some(ending.clone()),
@@ -303,12 +311,13 @@ impl Script {
         }
     }
 
-    /// Every path that its VM knows: globals such as `print`, and fields such as `robot.move`.
+    /// Returns every name that the VM defines: globals such as `print`, and fields such as
+    /// `robot.move`.
     pub(crate) fn known_names(&self) -> std::collections::BTreeSet<String> {
         api::every_path(&self.lua)
     }
 
-    /// What the script has used so far.
+    /// The resources that the script has used so far.
     pub fn usage(&self) -> Usage {
         let mut usage = self.state.borrow().usage;
         usage.memory_bytes = self.lua.used_memory() as u64;
@@ -316,7 +325,7 @@ impl Script {
     }
 }
 
-/// Answers nothing: for those who only want to know which names there are.
+/// A stage that refuses every call; enough to list the names that scripts can use.
 struct Empty;
 
 impl Stage for Empty {
@@ -326,7 +335,7 @@ impl Stage for Empty {
 }
 
 impl std::fmt::Debug for Script {
-    /// The name only: values of the VM are never printed.
+    /// Prints the name only: values of the VM are never printed.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let state = self.state.borrow();
         f.debug_tuple("Script").field(&state.options.name).finish()

@@ -1,5 +1,5 @@
-//! What `require` has loaded and is loading: names, states, and who waits for whom. Reads no file:
-//! the agent does, and only in the folder of the behaviour.
+//! The modules that `require` has loaded or is loading: names, states, and which module waits for
+//! which. This module reads no files: the agent does, and only in the folder of the behaviour.
 
 use mlua::prelude::LuaFunction;
 use serde::{Deserialize, Serialize};
@@ -8,28 +8,28 @@ use super::ids::{ModuleId, TaskId};
 use super::nearest::suggestion;
 use super::stdlib;
 
-/// Bytes of a module's name.
+/// Largest length of a module's name, in bytes.
 const LONGEST: usize = 200;
-/// Modules of one script, whether they were found or not.
+/// Largest number of modules of one script, whether they were found or not.
 const MAX_MODULES: usize = 128;
-/// Bytes of all modules' sources together.
+/// Largest total size of the modules' sources, in bytes.
 const MAX_BYTES: usize = 1 << 20;
-/// The modules that come with the runtime.
+/// Prefix of the built-in modules.
 const LIBRARY: &str = "@spykee/";
 
-/// A module's file within the behaviour's folder, without its ending, such as `lib/pid`. Cannot
-/// name anything outside the folder.
+/// The path of a module's file within the behaviour's folder, without its extension, such as
+/// `lib/pid`. It cannot name anything outside the folder.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub struct ModuleName(String);
 
 impl ModuleName {
-    /// The names of folders, and of the file.
+    /// The names of the folders and of the file.
     pub fn segments(&self) -> impl DoubleEndedIterator<Item = &str> {
         self.0.split('/')
     }
 
-    /// All of it.
+    /// The whole path.
     pub fn as_str(&self) -> &str {
         &self.0
     }
@@ -56,28 +56,28 @@ impl TryFrom<String> for ModuleName {
     }
 }
 
-/// Why a module cannot be had, in words for the script's author.
+/// Why a module cannot be loaded, as a message for the script's author.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error, Serialize, Deserialize)]
 #[error("{0}")]
 pub struct NoModule(pub String);
 
-/// A module as its file holds it.
+/// The file of a module.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ModuleFile {
-    /// With its ending, such as `lib/pid.lua`.
+    /// The path with its extension, such as `lib/pid.lua`.
     pub file: String,
-    /// Not checked yet.
+    /// The content, not checked yet.
     pub source: Vec<u8>,
 }
 
-/// What a path leads to.
+/// The module that a path names.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Target {
     Library(&'static str, &'static str),
     File(ModuleName),
 }
 
-/// Why `require` refuses a path or a module; in words for the script's author.
+/// Why `require` refuses a path or a module, as a message for the script's author.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum RequireError {
     #[error("the path is too long: at most {LONGEST} bytes")]
@@ -99,16 +99,16 @@ pub(crate) enum RequireError {
     #[error("a script may load at most {MAX_MODULES} modules")]
     TooMany,
     #[error(
-        "{0}: the modules of a script may have {MAX_BYTES} bytes (1 MiB) together, and have more"
+        "{0}: the modules of a script may have {MAX_BYTES} bytes (1 MiB) in total; these have more"
     )]
     TooLarge(String),
-    #[error("{0}: modules that need each other: take what both need into a third")]
+    #[error("{0}: modules require each other; move what both need into a third module")]
     Circle(String),
     #[error("{0} is the behaviour itself, and not a module")]
     Main(String),
 }
 
-/// Finds out what a path means in a file of this folder, which is relative to the behaviour's.
+/// Resolves a path in a file of this folder, which is relative to the behaviour's folder.
 pub(crate) fn resolve(folder: &str, path: &str) -> Result<Target, RequireError> {
     if path.len() > LONGEST {
         return Err(RequireError::TooLong);
@@ -159,34 +159,34 @@ fn library(path: &str) -> Result<Target, RequireError> {
         })
 }
 
-/// How far a module is.
+/// The loading state of a module.
 #[derive(Debug, Clone)]
 pub(super) enum Progress {
     /// The file is being read.
     Asked,
     /// Compiled.
     Ready(LuaFunction),
-    /// Run by this task.
+    /// Being run by this task.
     Running(TaskId, LuaFunction),
     /// The VM has its value.
     Loaded,
     /// There is no such file.
     Missing(String),
-    /// Does not compile, or failed: with its place.
+    /// It does not compile, or it failed; with the place.
     Failed(String),
 }
 
 struct Module {
     /// Unique: `lib/pid` or `@spykee/pid`.
     key: String,
-    /// What messages call it.
+    /// Its name in messages.
     chunk: String,
     progress: Progress,
-    /// To show its lines in messages; empty until the file is there.
+    /// The source, to show its lines in messages; empty until the file has arrived.
     source: String,
 }
 
-/// The first module requires the second.
+/// The module `from` requires the module `to`.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Want {
     from: ModuleId,
@@ -194,12 +194,12 @@ struct Want {
     task: TaskId,
 }
 
-/// See the module. The behaviour's own file is the first.
+/// See the module documentation. The behaviour's own file is the first.
 pub(super) struct Modules {
     all: Vec<Module>,
     wants: Vec<Want>,
     bytes: usize,
-    /// What stands before file names in messages: `behaviours/`.
+    /// Prefix of file names in messages, such as `behaviours/`.
     shown: String,
 }
 
@@ -207,7 +207,7 @@ pub(super) struct Modules {
 pub(super) const MAIN: ModuleId = ModuleId(0);
 
 impl Modules {
-    /// For the behaviour that messages call `chunk`.
+    /// Creates the state for the behaviour that messages call `chunk`.
     pub(super) fn new(chunk: &str) -> Modules {
         let (shown, file) = match chunk.rfind('/') {
             Some(at) => chunk.split_at(at + 1),
@@ -228,13 +228,13 @@ impl Modules {
         }
     }
 
-    /// The module with this file; the behaviour itself if there is none.
+    /// The module with this file; the behaviour itself if no module has it.
     pub(super) fn of_chunk(&self, chunk: &str) -> ModuleId {
         let at = self.all.iter().position(|module| module.chunk == chunk);
         at.map_or(MAIN, ModuleId)
     }
 
-    /// The folder of a module, relative to the behaviour's.
+    /// The folder of a module, relative to the behaviour's folder.
     pub(super) fn folder(&self, id: ModuleId) -> &str {
         self.key(id)
             .rsplit_once('/')
@@ -252,7 +252,7 @@ impl Modules {
             .map(ModuleId)
     }
 
-    /// A module of this name, not loaded yet.
+    /// Adds a module of this name, which is not loaded yet.
     pub(super) fn add(&mut self, key: &str, progress: Progress) -> Result<ModuleId, RequireError> {
         if self.all.len() > MAX_MODULES {
             return Err(RequireError::TooMany);
@@ -277,7 +277,7 @@ impl Modules {
         files.map(|module| (module.chunk.as_str(), module.source.as_str()))
     }
 
-    /// Takes note of a file's name and size; what messages will call it.
+    /// Records a module's file; returns its name in messages.
     pub(super) fn arrived(
         &mut self,
         id: ModuleId,
@@ -307,8 +307,8 @@ impl Modules {
         }
     }
 
-    /// Takes note that a task in `from` wants `to`; `lives` tells whether a task does. If that can
-    /// never come to an end: the chain, in words.
+    /// Records that a task in `from` requires `to`; `lives` says whether a task still exists. If
+    /// the modules wait for each other in a circle, the error names the chain.
     pub(super) fn want(
         &mut self,
         from: ModuleId,
@@ -335,7 +335,7 @@ impl Modules {
         Ok(())
     }
 
-    /// What was wanted is there, or will never be.
+    /// Records that a required module is loaded, or will never be.
     pub(super) fn served(&mut self, from: ModuleId, to: ModuleId, task: TaskId) {
         self.wants.retain(|want| *want != Want { from, to, task });
     }
@@ -344,7 +344,8 @@ impl Modules {
         self.all.get(id.0).map_or("", |module| &module.chunk)
     }
 
-    /// From one to the other along what is wanted and not there yet.
+    /// The chain from one module to the other along the modules that are required and not loaded
+    /// yet.
     fn chain(
         &self,
         from: ModuleId,

@@ -1,4 +1,4 @@
-//! The one setpoint that a script has on, as far as it knows, and to whom it belongs.
+//! The script's current setpoint, as far as the script knows, and its owner.
 
 use tokio::time::Instant;
 
@@ -6,13 +6,13 @@ use crate::robot::{MotionId, Setpoint};
 
 use super::ids::{SubscriptionId, TaskId};
 
-/// Who made a setpoint; it ends with its owner. A handler's setpoints outlive the single run: they
-/// belong to its subscription.
+/// The owner of a setpoint; a setpoint ends with its owner. A handler's setpoint belongs to its
+/// subscription, so it outlives the single run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Owner {
     Task(TaskId),
     Subscription(SubscriptionId),
-    /// The lines that a person types: a setpoint holds from one to the next.
+    /// All lines that a person types: a setpoint lasts from one line to the next.
     Lines,
 }
 
@@ -25,7 +25,7 @@ struct Current {
     since: Instant,
 }
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct Motion {
     last: u64,
@@ -33,7 +33,7 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// A new setpoint takes the place of the one before.
+    /// Sets a new setpoint, which replaces the last one.
     pub(super) fn set(
         &mut self,
         owner: Owner,
@@ -53,49 +53,51 @@ impl Motion {
         motion
     }
 
-    /// Whether this very setpoint is on already, without an end, and by the same owner.
+    /// Whether exactly this setpoint is already active, without a time limit and with the same
+    /// owner.
     pub(super) fn is_set(&self, owner: Owner, setpoint: Setpoint) -> bool {
         self.current.is_some_and(|current| {
             current.owner == owner && current.setpoint == setpoint && !current.timed
         })
     }
 
-    /// An owner is gone: the setpoint to release, if it was the current one.
+    /// Removes the setpoint of an owner that has ended; returns the motion to release, if it was
+    /// the current one.
     pub(super) fn release(&mut self, owner: Owner) -> Option<MotionId> {
         let current = self.current.filter(|current| current.owner == owner)?;
         self.current = None;
         Some(current.motion)
     }
 
-    /// The script is gone: the setpoint to release.
+    /// Removes the current setpoint, whoever owns it; returns the motion to release.
     pub(super) fn release_any(&mut self) -> Option<MotionId> {
         self.current.take().map(|current| current.motion)
     }
 
-    /// A setpoint has ended out there.
+    /// Records that the robot side has ended a motion.
     pub(super) fn ended(&mut self, motion: MotionId) {
         if self.current() == Some(motion) {
             self.current = None;
         }
     }
 
-    /// The current setpoint.
+    /// The current motion.
     pub(super) fn current(&self) -> Option<MotionId> {
         self.current.map(|current| current.motion)
     }
 
-    /// What the tracks should do now.
+    /// The setpoint of the current motion.
     pub(super) fn setpoint(&self) -> Option<Setpoint> {
         self.current.map(|current| current.setpoint)
     }
 
-    /// The motion with a time that is on, and since when.
+    /// The current motion if it has a time limit, and since when it is active.
     pub(super) fn timed(&self) -> Option<(MotionId, Setpoint, Instant)> {
         let current = self.current.filter(|current| current.timed)?;
         Some((current.motion, current.setpoint, current.since))
     }
 
-    /// Whether a track turns.
+    /// Whether the current setpoint turns a track.
     pub(super) fn is_on(&self) -> bool {
         self.current
             .is_some_and(|current| !current.setpoint.is_stop())

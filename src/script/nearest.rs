@@ -1,14 +1,14 @@
-//! "Did you mean": the known name that is nearest to an unknown one.
+//! "Did you mean": finds the known name that is nearest to an unknown one.
 
-/// `; did you mean 'x'?`, or nothing when no name is near.
+/// Returns `; did you mean 'x'?`, or an empty text if no name is near.
 pub fn suggestion<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     nearest(wrong, known).map_or_else(String::new, |name| format!("; did you mean '{name}'?"))
 }
 
-/// The nearest of `known`, if a person could have meant it: one edit, or one in three letters, and
-/// letter case does not count.
+/// The nearest of `known`, if a person could have meant it: it may differ by one edit, or by one
+/// edit per three letters; letter case does not count.
 fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    // Names are short; a script can ask for one of any length.
+    // Known names are short, but a script can ask for a name of any length.
     if wrong.chars().count() > 40 {
         return None;
     }

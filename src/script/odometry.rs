@@ -1,10 +1,11 @@
-//! Where the robot is since the script last asked to begin at zero: dead reckoning from the setpoints of
-//! the script, corrected by the turns that the camera sees, and how far off that may be.
+//! The pose of the robot since the script last reset it, and its error: dead reckoning from the
+//! setpoints of the script, corrected by the turns that the camera sees.
 //!
-//! The tracks gain speed as `ramp` has it, and a picture shows what they did as long ago as `lateness` has found
-//! out. What tracks and camera say then differs by the slip of the tracks and by mistakes of the camera: the
-//! heading follows each as far as it can be trusted, which is the gain of a Kalman filter. A full turn on the spot sets
-//! the heading right, and tells how far the tracks can be trusted.
+//! The tracks accelerate as modelled in `ramp`, and a picture shows what they did earlier, by the
+//! delay estimated in `lateness`. The remaining difference between tracks and camera comes from
+//! slip of the tracks and from errors of the camera: the heading follows each as far as it can be
+//! trusted, with the gain of a Kalman filter. A full turn on the spot corrects the heading, and
+//! measures how far the tracks can be trusted.
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;
@@ -22,17 +23,18 @@ use super::travel::Travel;
 use crate::robot::Setpoint;
 use crate::vision::{Drive, Skyline};
 
-/// What tracks slip on an unknown floor: metres for each metre.
+/// Slip of the tracks on an unknown floor, in metres per metre.
 const SLIP_OF_WAY: f64 = 0.1;
-/// Radians per second that something else may turn the robot by.
+/// Turn rate in radians per second that is assumed while something else drives the robot.
 const OTHERS_TURN: f64 = 2.0;
-/// What others do counts from so much after the script's own motion: the news of its end is as late.
+/// Motion that is not the script's counts only from this long after the script's own motion,
+/// because the report that its own motion has ended arrives as late as this.
 const GRACE: Duration = Duration::from_millis(300);
-/// Frames whose poses are kept, and for how long.
+/// Largest number of frames whose poses are kept, and for how long.
 const MOST_MARKS: usize = 128;
 const OLDEST: Duration = Duration::from_secs(4);
 
-/// A place in the plane and how sure it is. It began at zero, looking along x.
+/// A place in the plane and its uncertainty. It starts at zero, facing along x.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Pose {
     /// Metres.
@@ -40,28 +42,28 @@ pub(super) struct Pose {
     pub(super) y: f64,
     /// Radians to the left, not wrapped.
     pub(super) heading: f64,
-    /// Metres that the place may be off.
+    /// Error of the place, in metres.
     pub(super) error: f64,
-    /// Radians that the heading may be off, at most half a turn.
+    /// Error of the heading in radians, at most half a turn.
     pub(super) heading_error: f64,
 }
 
-/// What drives the robot now.
+/// The source of the robot's motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Driver {
     Nobody,
     Script(Drive),
-    /// Another behaviour, the watchdog, the robot's own search.
+    /// Another behaviour, the watchdog, or the robot's own search for its station.
     Other,
 }
 
-/// No movement.
+/// Standing still.
 const STILL: Drive = Drive {
     forward: 0.0,
     turn: 0.0,
 };
 
-/// The movement that belongs to a setpoint.
+/// Converts a setpoint to the motion that it should cause.
 pub(super) fn drive_of(setpoint: Setpoint, calibration: Calibration) -> Drive {
     let speed = |power: i8| f64::from(power) / FULL_POWER * calibration.full_speed;
     let (left, right) = (speed(setpoint.left.get()), speed(setpoint.right.get()));
@@ -71,31 +73,33 @@ pub(super) fn drive_of(setpoint: Setpoint, calibration: Calibration) -> Drive {
     }
 }
 
-/// The power that belongs to full speed (`PROTOCOL.md`, MOVE).
+/// The power of a track at full speed, in the units of the robot's MOVE command.
 const FULL_POWER: f64 = 90.0;
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug)]
 pub(super) struct Odometry {
     pose: Pose,
     at: Instant,
     drove: Option<Instant>,
-    /// Metres of all the script's ways so far, backwards ones taken off.
+    /// Metres that the tracks have covered for the script so far; backward motion counts as
+    /// negative.
     odometer: f64,
     calibration: Calibration,
     ramp: Ramp,
     travel: Travel,
     lateness: Lateness,
     grip: Grip,
-    /// Of the last frame that was looked at while the robot turned, and when that came.
+    /// The skyline of the last frame that was examined while the robot turned, and when that frame
+    /// arrived.
     skyline: Option<(Instant, Skyline)>,
     full_turn: FullTurn,
-    /// The poses when frames were taken, the oldest first.
+    /// The poses at the times when frames arrived, the oldest first.
     marks: VecDeque<(Instant, Pose)>,
 }
 
 impl Odometry {
-    /// At zero.
+    /// Creates the odometry with the pose at zero.
     pub(super) fn new(now: Instant, calibration: Calibration) -> Odometry {
         Odometry {
             pose: Pose::default(),
@@ -113,24 +117,25 @@ impl Odometry {
         }
     }
 
-    /// Begins anew at zero.
+    /// Resets the pose to zero.
     pub(super) fn reset(&mut self) {
         self.pose = Pose::default();
         self.marks.clear();
         self.full_turn.forget();
     }
 
-    /// Where it is, as of the last [`advance`](Odometry::advance).
+    /// The pose as of the last [`advance`](Odometry::advance).
     pub(super) fn pose(&self) -> Pose {
         self.pose
     }
 
-    /// Metres that the script's tracks have made, backwards ones taken off.
+    /// Metres that the tracks have covered for the script; backward motion counts as negative.
     pub(super) fn odometer(&self) -> f64 {
         self.odometer
     }
 
-    /// Until `now` this has driven. Whether that was someone else than the script.
+    /// Advances the pose to `now`, driven by `driver` since the last call. Returns whether
+    /// something other than the script has driven the robot.
     pub(super) fn advance(&mut self, now: Instant, driver: Driver) -> bool {
         let time = now.saturating_duration_since(self.at);
         let end = self.at.max(now);
@@ -156,7 +161,7 @@ impl Odometry {
         matches!(driver, Driver::Other) && !echo
     }
 
-    /// The tracks follow this command for a time.
+    /// Lets the tracks follow this command for `time`.
     fn drive(&mut self, command: Drive, time: Duration) {
         let (whole, mut past) = (time.as_secs_f64(), 0.0);
         loop {
@@ -177,7 +182,7 @@ impl Odometry {
         }
     }
 
-    /// Remembers where a frame was taken.
+    /// Records the pose at the time of a frame.
     pub(super) fn mark(&mut self, at: Instant) {
         while self
             .marks
@@ -197,14 +202,14 @@ impl Odometry {
         self.shown(before, now)
     }
 
-    /// What the tracks did between the moments that two frames show, which came at these times; `None` if that
-    /// is too long ago.
+    /// What the tracks did between the moments that two frames show, for frames that arrived at
+    /// these times; `None` if that is too long ago.
     fn shown(&self, before: Instant, now: Instant) -> Option<Shown> {
         let slip = self.grip.deviation();
         Shown::between(&self.travel, &self.lateness, slip, before, now)
     }
 
-    /// A frame that came `at` shows this; `None` if it was not looked at.
+    /// Processes the skyline of a frame that arrived `at`; `None` if the frame was not examined.
     pub(super) fn look(&mut self, at: Instant, skyline: Option<Skyline>) {
         let before = std::mem::replace(&mut self.skyline, skyline.map(|skyline| (at, skyline)));
         let (Some((then, before)), Some((_, skyline))) = (before, &self.skyline) else {
@@ -230,7 +235,7 @@ impl Odometry {
         }
     }
 
-    /// The camera has seen more or less of a turn than the tracks made.
+    /// Corrects the heading if the camera has seen more or less of a turn than the tracks made.
     fn correct_turn(&mut self, correction: Correction) {
         self.pose.heading += correction.turn;
         self.pose.heading_error = (self.pose.heading_error - correction.better).max(0.0);
@@ -239,7 +244,8 @@ impl Odometry {
         }
     }
 
-    /// It has stood since then, whatever its tracks did.
+    /// Takes back the motion since `since`, because the robot has stood since then although its
+    /// tracks turned. The heading is kept.
     pub(super) fn rewind(&mut self, since: Instant) {
         let before = self.marks.iter().rev().find(|(at, _)| *at <= since);
         if let Some((_, stood)) = before {
@@ -251,7 +257,7 @@ impl Odometry {
 }
 
 impl Pose {
-    /// After a line, an arc, or a turn on the spot.
+    /// The pose after a line, an arc, or a turn on the spot.
     fn after(mut self, way: f64, turn: f64) -> Pose {
         // The chord of the arc.
         let chord = if turn.abs() < 1e-6 {

@@ -1,4 +1,4 @@
-//! What a script is started with.
+//! The options that a script is started with.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -22,29 +22,32 @@ pub struct Options {
     pub chunk: String,
     /// Seeds `math.random`.
     pub seed: u64,
-    /// What it may use.
+    /// The resources that it may use.
     pub limits: Limits,
-    /// How percent of power become metres per second.
+    /// How percent of power is converted to metres per second.
     pub calibration: Calibration,
-    /// How columns of a frame become directions.
+    /// How columns of a frame are converted to directions.
     pub camera: Camera,
-    /// Colours of the config, by name.
+    /// The colours of the config, by name.
     pub colours: BTreeMap<String, Colour>,
     /// When the robot's streams are on.
     pub streams: Streams,
-    /// Whose time of day `clock.date()` tells, such as `Europe/Rome`.
+    /// The time zone of `clock.date()`, such as `Europe/Rome`.
     pub time_zone: String,
-    /// How far the time of day is ahead of the computer's, in milliseconds.
+    /// How far the script's time of day is ahead of the computer's, in milliseconds.
     pub clock: i64,
-    /// Values for what the script declares with `params.declare`, by name.
+    /// Values for the parameters that the script declares with `params.declare`, by name.
     pub params: BTreeMap<String, GivenParam>,
-    /// Where `frame:save` writes; `None`: nowhere, it answers `io`.
+    /// The folder where `frame:save` writes. If `None`, it saves nothing and returns `io`.
     pub data_dir: Option<PathBuf>,
-    /// Lives on when nothing is left to do: a person types what comes next.
+    /// Whether the script keeps running when nothing is left to do, because a person types what
+    /// comes next.
     pub interactive: bool,
-    /// Where the host keeps marked copies of the frames that the script looked at; `None`: nowhere.
+    /// The folder where the host saves marked copies of the frames that the script examined; `None`
+    /// to save none.
     pub annotate_dir: Option<PathBuf>,
-    /// People look on: what is found in frames is told, ten times a second at most.
+    /// Whether people are watching: then findings in frames are reported, at most ten times a
+    /// second.
     pub findings: bool,
 }
 
@@ -70,7 +73,7 @@ impl Options {
         }
     }
 
-    /// The folders that its host writes to, and the only ones that it can open.
+    /// The folders that the script's host writes to; it can open no others.
     pub fn folders(&self) -> Vec<&Path> {
         let folders = [&self.data_dir, &self.annotate_dir];
         folders
@@ -81,44 +84,45 @@ impl Options {
     }
 }
 
-/// What one script may use.
+/// The resources that one script may use.
 #[derive(Serialize, Deserialize, Clone, Debug, PartialEq, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "ScriptLimits")]
 pub struct Limits {
-    /// The VM's own memory, in bytes: 8 MiB.
+    /// The memory of the VM, in bytes: 8 MiB.
     #[serde(deserialize_with = "ranges::memory_bytes")]
     pub memory_bytes: u64,
     /// The longest run without waiting, in milliseconds, at least 10: 100.
     #[serde(deserialize_with = "ranges::callback_budget_ms")]
     pub callback_budget_ms: u64,
-    /// JPEG bytes of frames that the script holds on to, in bytes: 8 MiB.
+    /// The total size of the JPEG frames that the script keeps, in bytes: 8 MiB.
     #[serde(deserialize_with = "ranges::frame_bytes")]
     pub frame_bytes: u64,
-    /// Sound above this level is a `noise`, in dBFS: -30.
+    /// The level above which sound causes a `noise` event, in dBFS: -30.
     #[serde(deserialize_with = "ranges::noise_dbfs")]
     pub noise_dbfs: f64,
-    /// The largest size of its data folder, in bytes; beyond that the oldest pictures are deleted:
-    /// 64 MiB.
+    /// The largest size of the script's data folder, in bytes; beyond that the oldest pictures are
+    /// deleted: 64 MiB.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub picture_bytes: u64,
-    /// The most bytes per day of saved pictures, of which a 24th at once: 256 MiB. A run with
-    /// `--annotate` has as much again for its copies.
+    /// The most bytes of pictures that it may save per day, of which a 24th at once: 256 MiB. A run
+    /// with `--annotate` may save as much again for its marked copies.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub picture_bytes_a_day: u64,
-    /// The most bytes per day that its store writes; beyond that it writes once a minute: 256 MiB.
+    /// The most bytes that its store may write per day; beyond that it is written once a minute:
+    /// 256 MiB.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub store_bytes_a_day: u64,
-    /// The most bytes per day that it logs: 64 MiB. Dropped lines are counted.
+    /// The most bytes that it may log per day: 64 MiB. Dropped lines are counted.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub log_bytes_a_day: u64,
-    /// The most bytes per day that `journal.add` adds, with the pictures' names: 4 MiB.
+    /// The most bytes that `journal.add` may add per day, including the names of pictures: 4 MiB.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub journal_bytes_a_day: u64,
-    /// The most messages per day of `notify.send`, of which a 24th at once: 120.
+    /// The most messages that `notify.send` may send per day, of which a 24th at once: 120.
     #[serde(deserialize_with = "ranges::notices_a_day")]
     pub notices_a_day: u64,
-    /// The bytes of the disk that stay free; with less, nothing of a script is written: 64 MiB.
+    /// The bytes of the disk that must stay free; with less, scripts write nothing: 64 MiB.
     #[serde(deserialize_with = "ranges::disk_bytes")]
     pub free_bytes: u64,
 }
@@ -148,7 +152,7 @@ impl Limits {
     }
 }
 
-/// What a config may say; a limit of nothing would be no limit for the VM.
+/// The values that a config may set; the VM would take a limit of 0 for no limit.
 mod ranges {
     use serde::Deserializer;
 
@@ -201,11 +205,12 @@ mod ranges {
     }
 }
 
-/// Converts percent of track power to metres per second: open loop, so it depends on the floor.
+/// Converts percent of track power to metres per second. There is no feedback from the tracks, so
+/// the real speed depends on the floor.
 #[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Calibration {
-    /// Distance between the middles of the tracks, in metres: 0.24.
+    /// Distance between the centre lines of the tracks, in metres: 0.24.
     #[serde(deserialize_with = "ranges::track_width")]
     pub track_width: f64,
     /// Speed of a track at 100 % of power, in metres per second: 0.45.

@@ -1,4 +1,4 @@
-//! What a script sends out: intents and log lines, both bounded.
+//! The output of a script: intents and log lines, both bounded.
 
 use std::time::Duration;
 
@@ -10,48 +10,49 @@ use super::failure::printable;
 use super::modules::ModuleName;
 use crate::robot::{Intent, Knob, Remark};
 
-/// Intents that may wait to be taken.
+/// Largest number of intents in the queue.
 const MAX_INTENTS: usize = 256;
-/// Bytes of `Intent::Say` that may wait to be taken.
+/// Largest number of bytes of `Intent::Say` in the queue.
 const MAX_SPEECH: usize = 256 * 1024;
-/// Log lines of one [`WINDOW`]; further ones are counted.
+/// Largest number of log lines in one [`WINDOW`]; further ones are dropped and counted.
 const MAX_LINES: u32 = 100;
-/// See [`MAX_LINES`].
+/// The period of [`MAX_LINES`].
 const WINDOW: Duration = Duration::from_secs(1);
 /// The longest log text, in characters.
 const LONGEST_TEXT: usize = 1024;
 
-/// What a script sends out.
+/// One item of a script's output.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Output {
-    /// Something that the robot is to do.
+    /// A command for the robot.
     Intent(Intent),
     /// A line for the log.
     Log(LogLine),
-    /// What it has done or wants that is not the robot's.
+    /// Something that the script has done or wants and that does not concern the robot.
     Remark(Remark),
-    /// Its parameters as they are now.
+    /// The current parameters.
     Params(Vec<Knob>),
-    /// What became of the line that a person typed.
+    /// The result of a line that a person typed.
     Evaluated(Evaluated),
-    /// The file of this module is wanted: see [`Script::deliver_module`](super::Script::deliver_module).
+    /// A request for the file of this module: see
+    /// [`Script::deliver_module`](super::Script::deliver_module).
     Module(ModuleName),
 }
 
-/// What became of a line that a person typed.
+/// The result of a line that a person typed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Evaluated {
-    /// It ran; its values in the order of Lua, as text for people. None for a statement.
+    /// It ran; its values in their order in Lua, as text for people. Empty for a statement.
     Values(Vec<String>),
-    /// It is the beginning of something: the next line belongs to it.
+    /// It is incomplete: the next line continues it.
     Incomplete,
-    /// It is wrong, or it failed; in words.
+    /// It does not compile, or it failed; with the message.
     Failed(String),
     /// It was interrupted.
     Cancelled,
 }
 
-/// How much a log line matters.
+/// The level of a log line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Level {
     /// `log.debug`
@@ -64,17 +65,17 @@ pub enum Level {
     Error,
 }
 
-/// A line for the log. Its texts have no control characters but line feed and tab, and at most a
+/// A line for the log. Its texts have no control characters except line feed and tab, and at most a
 /// few kilobytes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogLine {
-    /// How much it matters.
+    /// The level.
     pub level: Level,
-    /// What it says.
+    /// The message.
     pub text: String,
     /// Further values, by name.
     pub fields: Vec<(String, String)>,
-    /// The script's line that wrote it.
+    /// The line of the script that wrote it.
     pub line: Option<u32>,
 }
 
@@ -90,14 +91,14 @@ impl LogLine {
 }
 
 impl Script {
-    /// What the script wants said and done since the last call, in order. Bounded: a script that
-    /// floods gets errors, and its log lines are folded.
+    /// Returns the script's output since the last call, in order. It is bounded: a script that
+    /// sends too much gets errors, and excess log lines are replaced by their number.
     pub fn take_output(&mut self) -> Vec<Output> {
         self.state.borrow_mut().output.take()
     }
 }
 
-/// What waits to be taken.
+/// The queue of output.
 #[derive(Debug)]
 pub(super) struct OutputQueue {
     waiting: Vec<Output>,
@@ -108,7 +109,7 @@ pub(super) struct OutputQueue {
     folded: u32,
 }
 
-/// So much had been sent when a slice began.
+/// The length of the queue when a slice began.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Mark(usize);
 
@@ -129,7 +130,7 @@ impl OutputQueue {
         self.intents < MAX_INTENTS && self.speech + speech <= MAX_SPEECH
     }
 
-    /// Sends, also where there is no room: for what the runtime itself has to say.
+    /// Queues an intent even if the queue is full: for intents of the runtime itself.
     pub(super) fn send(&mut self, intent: Intent) {
         self.intents += 1;
         if let Intent::Say(samples) = &intent {
@@ -138,19 +139,19 @@ impl OutputQueue {
         self.waiting.push(Output::Intent(intent));
     }
 
-    /// Sends a stop, however many intents wait; one directly behind another says nothing new.
+    /// Queues a stop, even if the queue is full; a second stop directly after another is dropped.
     pub(super) fn send_stop(&mut self) {
         if self.waiting.last() != Some(&Output::Intent(Intent::Stop)) {
             self.send(Intent::Stop);
         }
     }
 
-    /// Asks for a module; of those there are few.
+    /// Requests a module; not bounded, since there are only a few.
     pub(super) fn ask(&mut self, name: ModuleName) {
         self.waiting.push(Output::Module(name));
     }
 
-    /// Logs, or counts if there were too many lines this second.
+    /// Queues a log line, or counts it if there were too many lines this second.
     pub(super) fn log(&mut self, line: LogLine, now: Instant) {
         self.unfold(now);
         if self.lines < MAX_LINES {
@@ -161,24 +162,25 @@ impl OutputQueue {
         }
     }
 
-    /// For those who want to know; the caller has bounded it.
+    /// Queues a remark; the caller bounds their number.
     pub(super) fn remark(&mut self, remark: Remark) {
         self.waiting.push(Output::Remark(remark));
     }
 
-    /// For those who want to know; only the newest counts.
+    /// Queues the parameters, in place of older ones that are still in the queue.
     pub(super) fn params(&mut self, knobs: Vec<Knob>) {
         self.waiting
             .retain(|output| !matches!(output, Output::Params(_)));
         self.waiting.push(Output::Params(knobs));
     }
 
-    /// Tells what became of a person's line.
+    /// Queues the result of a line that a person typed.
     pub(super) fn answer(&mut self, evaluated: Evaluated) {
         self.waiting.push(Output::Evaluated(evaluated));
     }
 
-    /// Says how many lines were left out, once their second is over.
+    /// Starts a new period once the last one is over, and reports how many lines were dropped in
+    /// it.
     pub(super) fn unfold(&mut self, now: Instant) {
         if now.saturating_duration_since(self.window) >= WINDOW {
             self.window = now;
@@ -187,12 +189,12 @@ impl OutputQueue {
         }
     }
 
-    /// When [`OutputQueue::unfold`] has something to say.
+    /// When [`OutputQueue::unfold`] has something to report.
     pub(super) fn unfolds_at(&self) -> Option<Instant> {
         (self.folded > 0).then(|| self.window + WINDOW)
     }
 
-    /// Says how many lines were left out.
+    /// Reports how many lines were dropped.
     pub(super) fn say_folded(&mut self) {
         if self.folded > 0 {
             let text = format!("... and {} more lines", self.folded);
@@ -206,7 +208,8 @@ impl OutputQueue {
         Mark(self.waiting.len())
     }
 
-    /// Takes back the intents sent since `mark`.
+    /// Removes the output since `mark`, except log lines, parameters and saved pictures: those have
+    /// already happened.
     pub(super) fn withdraw_since(&mut self, mark: Mark) {
         let mut index = 0;
         self.waiting.retain(|output| {

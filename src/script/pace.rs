@@ -1,4 +1,4 @@
-//! How fast tasks may go on without time passing.
+//! How often tasks may be resumed without time passing.
 
 use std::time::Duration;
 
@@ -7,10 +7,10 @@ use tokio::time::Instant;
 /// The shortest wait: shorter ones would let a script spin without time passing.
 pub(super) const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 
-/// So often may one task be resumed within [`SHORTEST_WAIT`] before it is made to wait.
+/// How often one task may be resumed within [`SHORTEST_WAIT`] before it must wait.
 const FASTEST: u32 = 64;
 
-/// How often a task was resumed lately.
+/// How often a task was resumed within the current [`SHORTEST_WAIT`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Pace {
     since: Instant,

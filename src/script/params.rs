@@ -1,5 +1,5 @@
-//! Parameters: values that a person gives to a script from outside, on the command line or in the
-//! config, as they travel to the script that declares them.
+//! Parameter values that a person gives to a script, on the command line or in the config, before
+//! they are checked against the script's declarations.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,9 +8,9 @@ pub use crate::robot::ParamValue;
 /// Where a value was written.
 #[derive(Serialize, Deserialize, Clone, Debug, PartialEq, Eq)]
 pub enum ParamOrigin {
-    /// `--param NAME=VALUE`: always a text, read as what the script has declared.
+    /// `--param NAME=VALUE`: always a text, converted to the type that the script has declared.
     CommandLine,
-    /// The config of this name, such as `spykee.yaml`, with the line if it is known.
+    /// The config file of this name, such as `spykee.yaml`, with the line if it is known.
     Config(String),
 }
 

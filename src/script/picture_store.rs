@@ -1,5 +1,6 @@
-//! The data folder: pictures that a script saves. Names cannot leave the folder, links in it are not
-//! followed, and what it holds is bounded: the oldest pictures make room for new ones.
+//! The data folder with the pictures that a script saves. Names cannot refer to files outside the
+//! folder, symbolic links in it are not followed, and its size is bounded: the oldest pictures are
+//! deleted to make room for new ones.
 
 use std::collections::VecDeque;
 use std::io;
@@ -12,17 +13,18 @@ use super::options::Limits;
 use crate::budget::{Budget, Repeats};
 use crate::files::{Folder, Item};
 
-/// What a file counts as at least, in bytes: folders full of tiny files are full too.
+/// The size that every file counts as at least, in bytes, so that the number of tiny files is
+/// limited too.
 const LEAST: u64 = 4096;
-/// How often is said what was not kept.
+/// How often deleted and refused pictures are reported.
 const SAID_EVERY: Duration = Duration::from_secs(3600);
 
 /// Why a picture was not saved.
 #[derive(Debug)]
 pub(super) enum NotSaved {
-    /// It may not be; in words, once an hour.
+    /// A limit is reached; the message, once an hour.
     Quota(Option<String>),
-    /// The system's reason.
+    /// The error of the operating system.
     Io(io::Error),
 }
 
@@ -36,11 +38,11 @@ impl From<io::Error> for NotSaved {
 #[derive(Debug)]
 pub(super) struct Saved {
     pub(super) path: PathBuf,
-    /// What had to go for it, in words, once an hour.
+    /// A message about the pictures that were deleted for it, once an hour.
     pub(super) gone: Option<String>,
 }
 
-/// What is said once an hour.
+/// The kinds of messages, each reported once an hour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Complaint {
     Removed,
@@ -49,24 +51,24 @@ enum Complaint {
     TooLarge,
 }
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug)]
 pub(super) struct PictureStore {
     folder: Option<PathBuf>,
     quota: u64,
     free: u64,
     day: Budget,
-    /// What the folder holds, once that was looked at.
+    /// The content of the folder, once it was read.
     held: Option<Held>,
     said: Repeats<Complaint>,
 }
 
-/// Files of a folder.
+/// The content of the folder.
 #[derive(Debug, Default)]
 struct Held {
     /// Oldest first.
     pictures: VecDeque<Item>,
-    /// Weight of the pictures and of all else.
+    /// The total weight of the pictures and of all other files.
     weight: u64,
 }
 
@@ -90,7 +92,7 @@ impl Held {
 }
 
 impl PictureStore {
-    /// `None`: nothing can be saved.
+    /// Creates the store. With no folder, nothing can be saved.
     pub(super) fn new(folder: Option<PathBuf>, limits: &Limits) -> PictureStore {
         PictureStore {
             folder,
@@ -102,7 +104,7 @@ impl PictureStore {
         }
     }
 
-    /// Writes a file, in the place of one of the same name; the oldest pictures make room for it.
+    /// Saves a picture, replacing one of the same name; deletes the oldest pictures if needed.
     pub(super) fn save(
         &mut self,
         name: &str,
@@ -116,7 +118,7 @@ impl PictureStore {
         let heavy = weight(bytes.len() as u64);
         if heavy > self.quota {
             let why = format!(
-                "it is larger than all pictures may be, {} bytes",
+                "it is larger than the limit of {} bytes for all pictures",
                 self.quota
             );
             return Err(self.refuse(Complaint::TooLarge, &why, now));
@@ -125,11 +127,14 @@ impl PictureStore {
             .free()
             .is_ok_and(|free| free < self.free.saturating_add(heavy))
         {
-            let why = format!("the disk has less than {} bytes left", self.free);
+            let why = format!("the disk has less than {} bytes free", self.free);
             return Err(self.refuse(Complaint::Disk, &why, now));
         }
         if !self.day.take(heavy, now) {
-            let why = format!("{} bytes of pictures a day are used up", self.day.per_day());
+            let why = format!(
+                "the limit of {} bytes of pictures a day is used up",
+                self.day.per_day()
+            );
             return Err(self.refuse(Complaint::Day, &why, now));
         }
         let gone = self.make_room(&folder, name, heavy)?;
@@ -144,7 +149,7 @@ impl PictureStore {
         })
     }
 
-    /// Removes the oldest until there is room; how many.
+    /// Deletes the oldest pictures until there is room; returns how many.
     fn make_room(&mut self, folder: &Folder, name: &str, heavy: u64) -> io::Result<u64> {
         let mut held = match self.held.take() {
             Some(held) => held,
@@ -177,8 +182,8 @@ impl PictureStore {
 
     fn refuse(&mut self, kind: Complaint, why: &str, now: Instant) -> NotSaved {
         let words = self.said.note(kind, now).map(|before| match before {
-            0 => format!("a picture is not kept: {why}"),
-            before => format!("a picture is not kept, nor were {before} before it: {why}"),
+            0 => format!("a picture was not saved: {why}"),
+            before => format!("a picture was not saved, nor were {before} before it: {why}"),
         });
         NotSaved::Quota(words)
     }
@@ -187,8 +192,8 @@ impl PictureStore {
         let before = self.said.note(kind, now)?;
         let quota = self.quota;
         Some(format!(
-            "the pictures have reached {quota} bytes: the oldest make room, {} so far since the last \
-             such line",
+            "the pictures have reached {quota} bytes: {} of the oldest deleted since the last such \
+             message",
             before + gone
         ))
     }
@@ -198,12 +203,12 @@ fn is_picture(name: &str) -> bool {
     !name.starts_with('.') && name.to_ascii_lowercase().ends_with(".jpg")
 }
 
-/// What names of pictures look like.
+/// The rule for names of pictures, as a message.
 pub(crate) const NAMES: &str =
-    "the name may have letters, digits, '-', '_' and '.', and not begin with '.'";
+    "the name may have letters, digits, '-', '_' and '.', and must not begin with '.' or '-'";
 
-/// The file's name, `.jpg` behind it unless it has an ending; `None` if it could leave the folder or
-/// trouble a shell.
+/// Returns the name of the file, with `.jpg` appended unless it ends so already. `None` if the name
+/// could refer to a file outside the folder, or could cause trouble in a shell.
 pub(crate) fn file_name(name: &str) -> Option<String> {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     if name.is_empty() || name.starts_with(['.', '-']) || !name.chars().all(plain) {
@@ -247,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn names_stay_in_the_folder() {
+    fn names_cannot_leave_the_folder() {
         assert_eq!(file_name("ball").as_deref(), Some("ball.jpg"));
         assert_eq!(file_name("ball-1.JPG").as_deref(), Some("ball-1.JPG"));
         for name in [
@@ -258,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn the_oldest_pictures_make_room_and_the_folder_is_private() {
+    fn the_oldest_pictures_are_deleted_and_the_folder_is_private() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("data");
         let (mut store, now) = (
@@ -269,10 +274,10 @@ mod tests {
             assert!(store.save(name, &[1, 2, 3], now).unwrap().gone.is_none());
         }
         let told = store.save("d.jpg", &[1], now).unwrap().gone.unwrap();
-        assert!(told.contains("the oldest make room, 1 so far"), "{told}");
+        assert!(told.contains("1 of the oldest deleted"), "{told}");
         assert_eq!(names(&folder), ["a.jpg", "c.jpg", "d.jpg"]);
         assert!(store.save("e.jpg", &[1], now).unwrap().gone.is_none());
-        // What is no picture stays, and counts.
+        // Files that are not pictures stay, and count.
         fs::write(folder.join("store.json"), "{}").unwrap();
         let mut again = PictureStore::new(Some(folder.clone()), &limits(3));
         let path = again.save("f.jpg", &[9], now).unwrap().path;
@@ -283,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn a_day_has_its_bytes_and_the_disk_its_floor() {
+    fn the_limits_of_the_day_the_disk_and_the_folder_are_kept() {
         let root = tempfile::tempdir().unwrap();
         let folder = Some(root.path().to_owned());
         let mut now = Instant::now();

@@ -1,6 +1,6 @@
-//! A script's plain data as JSON text and back: booleans, numbers, texts, lists and maps of them.
-//! Bounded in depth, in number and in length whatever the value refers to: a table may contain
-//! itself. Tables are read raw: no metamethod runs.
+//! Converts a script's plain data to JSON text and back: booleans, numbers, strings, lists and maps
+//! of them. Depth, number of values and length are bounded, even for a table that contains itself.
+//! Tables are read raw: no metamethod runs.
 
 use std::collections::BTreeMap;
 
@@ -8,12 +8,12 @@ use mlua::prelude::{Lua, LuaError, LuaResult, LuaTable, LuaValue};
 
 use super::arguments::describe;
 
-/// Tables within tables.
+/// Largest nesting depth of tables.
 const MAX_DEPTH: u32 = 16;
-/// Values within one value.
+/// Largest number of values within one value.
 const MAX_NODES: usize = 20_000;
 
-/// Why a value is no plain data.
+/// Why a value cannot be converted.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum NotPlain {
     #[error("{0} cannot be stored; only true, false, numbers, strings and tables of them can")]
@@ -32,7 +32,7 @@ pub(super) enum NotPlain {
     Keys,
 }
 
-/// The value as JSON, at most `longest` bytes.
+/// Converts a value to JSON of at most `longest` bytes.
 pub(super) fn to_json(value: &LuaValue, longest: usize) -> Result<String, NotPlain> {
     let mut writer = Writer {
         out: String::new(),
@@ -61,7 +61,7 @@ impl Writer {
             LuaValue::Number(number) => self.number(*number),
             LuaValue::String(text) => {
                 let bytes = text.as_bytes();
-                // Before anything is copied.
+                // Check before anything is copied.
                 self.make_room(bytes.len())?;
                 let text = std::str::from_utf8(&bytes).map_err(|_| NotPlain::NotUtf8)?;
                 self.text(text)
@@ -137,7 +137,7 @@ impl Writer {
         self.push("}")
     }
 
-    /// All that is in a table, as far as there is room for so many.
+    /// Visits all entries of a table; fails if there are too many.
     fn visit(
         &self,
         table: &LuaTable,
@@ -175,7 +175,7 @@ impl Writer {
     }
 }
 
-/// JSON as a value of the VM; `null` is nil.
+/// Converts JSON to a value of the VM; `null` becomes nil.
 pub(super) fn to_lua(lua: &Lua, value: &serde_json::Value) -> LuaResult<LuaValue> {
     use serde_json::Value;
     Ok(match value {

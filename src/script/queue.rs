@@ -1,4 +1,4 @@
-//! Which task runs next: the queue of those that can run, and the timers.
+//! Which task runs next: the queue of tasks that are ready, and the timers.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
@@ -14,34 +14,34 @@ use super::task::{Answer, Cancel, Handle, Status, Task, TaskKind, TaskPhase, Wai
 /// What a timer is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Due {
-    /// The wait of a task is over.
+    /// The wait of a task has timed out.
     Wait(TaskId),
-    /// A task that was ready too often may run now.
+    /// A task that was delayed, or resumed too often, may run now.
     Run(TaskId),
     /// A subscription with a rate may handle its next event.
     Handle(SubscriptionId),
 }
 
-/// What can run now.
+/// An entry of the queue: something that can run now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Ready {
     Task(TaskId),
     Handler(SubscriptionId),
 }
 
-/// All tasks, the queue of those that can run, and the timers.
+/// All tasks, the queue of those that are ready, and the timers.
 #[derive(Default)]
 pub(super) struct Tasks {
     all: BTreeMap<TaskId, Task>,
     ready: VecDeque<Ready>,
     timers: BTreeMap<Timer, Due>,
     last_id: u64,
-    /// The one that is running.
+    /// The task that is running.
     pub(super) current: Option<TaskId>,
 }
 
 impl Tasks {
-    /// The next of the numbers that name things.
+    /// Returns the next unused id.
     pub(super) fn next_id(&mut self) -> u64 {
         self.last_id += 1;
         self.last_id
@@ -67,12 +67,12 @@ impl Tasks {
         self.all.keys().copied().collect()
     }
 
-    /// The task that is running; there is none while the host speaks.
+    /// The task that is running; `None` while the host calls.
     pub(super) fn running(&mut self) -> Option<&mut Task> {
         self.all.get_mut(&self.current?)
     }
 
-    /// Adds a task that runs at `start`, or as soon as it is its turn.
+    /// Adds a task that runs at `start`, or as soon as possible.
     pub(super) fn add(
         &mut self,
         thread: LuaThread,
@@ -103,7 +103,8 @@ impl Tasks {
             status: Cell::new(Status::Running),
             missed: Cell::new(0),
         });
-        // A task inherits its maker's pace: chains of tasks that make tasks are slowed as well.
+        // A task inherits the pace of its creator, so that chains of tasks that create tasks are
+        // slowed as well.
         let pace = self.running().map_or(Pace::new(now), |maker| maker.pace);
         let task = Task {
             thread,
@@ -120,7 +121,7 @@ impl Tasks {
         handle
     }
 
-    /// Adds a task whose turn it is.
+    /// Adds a task that is run at once, without passing through the queue.
     pub(super) fn add_running(
         &mut self,
         thread: LuaThread,
@@ -140,7 +141,7 @@ impl Tasks {
         Some(task)
     }
 
-    /// A task begins to wait, at most until `deadline`.
+    /// Makes a task wait, at most until `deadline`.
     pub(super) fn wait(&mut self, id: TaskId, wait: Wait, deadline: Option<Instant>) {
         if let Some(task) = self.all.get_mut(&id) {
             task.phase = TaskPhase::Waiting(wait);
@@ -150,7 +151,7 @@ impl Tasks {
         }
     }
 
-    /// A task's wait is over: it runs when it is its turn.
+    /// Ends a task's wait and puts the task into the queue.
     pub(super) fn wake(&mut self, id: TaskId, answer: Answer, now: Instant) {
         let Some(task) = self.all.get_mut(&id) else {
             return;
@@ -192,12 +193,12 @@ impl Tasks {
         self.timers.remove(&timer);
     }
 
-    /// A subscription's function can run.
+    /// Puts the next run of a subscription's function into the queue.
     pub(super) fn call_handler(&mut self, id: SubscriptionId) {
         self.ready.push_back(Ready::Handler(id));
     }
 
-    /// A paced or delayed task may run now.
+    /// Puts a paced or delayed task into the queue.
     pub(super) fn run(&mut self, id: TaskId) {
         if let Some(task) = self.all.get_mut(&id) {
             task.timer = None;
@@ -205,7 +206,7 @@ impl Tasks {
         }
     }
 
-    /// The next timer that has rung at `now`.
+    /// Takes the next timer that is due at `now`.
     pub(super) fn next_due(&mut self, now: Instant) -> Option<Due> {
         let first = self.timers.first_entry()?;
         (first.key().0 <= now).then(|| first.remove())
@@ -223,7 +224,7 @@ impl Tasks {
         !self.ready.is_empty()
     }
 
-    /// The tasks that wait for what `wanted` says, in the order of their making.
+    /// The tasks whose wait satisfies `wanted`, in the order of their creation.
     pub(super) fn waiting_for(&self, wanted: impl Fn(&Wait) -> bool) -> Vec<TaskId> {
         let waits = |task: &Task| matches!(&task.phase, TaskPhase::Waiting(wait) if wanted(wait));
         self.all

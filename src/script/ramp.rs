@@ -1,11 +1,11 @@
-//! Tracks that gain and lose speed: what the robot does after a command, from moment to moment.
+//! A model of tracks that accelerate and brake: the motion of the robot after a command.
 
 use crate::vision::Drive;
 
-/// How fast a track changes its speed, metres a second squared. Small motors with a gear take some tenths of
-/// a second to full speed; one that takes half or twice as long changes `robot.pose()` little.
+/// Acceleration of a track, in metres per second squared. Small geared motors take some tenths of a
+/// second to reach full speed; if they take half or twice as long, `robot.pose()` changes little.
 const ACCELERATION: f64 = 1.5;
-/// While a track changes its speed, the motion is summed up in steps of so many seconds.
+/// While a track changes its speed, the motion is integrated in steps of this length, in seconds.
 const STEP: f64 = 0.02;
 
 /// The speeds of the tracks, in metres a second.
@@ -16,8 +16,8 @@ pub(super) struct Ramp {
 }
 
 impl Ramp {
-    /// Lets at most `seconds` pass with this command: the mean motion in them, and how many seconds
-    /// that was, more than zero unless `seconds` is zero.
+    /// Advances the model by at most `seconds` with this command. Returns the mean motion and the
+    /// seconds advanced, which are more than zero unless `seconds` is zero.
     pub(super) fn step(&mut self, command: Drive, track_width: f64, seconds: f64) -> (Drive, f64) {
         let apart = command.turn * track_width / 2.0;
         let (left, right) = (command.forward - apart, command.forward + apart);
@@ -33,7 +33,7 @@ impl Ramp {
     }
 }
 
-/// Brings a speed nearer to the one that is wanted; its mean meanwhile.
+/// Brings a speed nearer to the wanted one; returns its mean during that time.
 fn change(speed: &mut f64, wanted: f64, seconds: f64) -> f64 {
     let before = *speed;
     let needed = (wanted - before).abs() / ACCELERATION;
@@ -56,7 +56,7 @@ mod tests {
         turn: 0.0,
     };
 
-    /// The way and the turn in so many seconds of a command.
+    /// The distance and the turn in so many seconds of a command.
     fn driven(ramp: &mut Ramp, command: Drive, seconds: f64) -> (f64, f64) {
         let (mut left, mut way, mut turn) = (seconds, 0.0, 0.0);
         while left > 0.0 {
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_track_is_late_at_the_beginning_it_makes_up_at_the_end() {
+    fn distance_lost_while_accelerating_is_regained_while_braking() {
         let mut ramp = Ramp::default();
         let command = Drive {
             forward: 0.3,
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn after_a_straight_way_a_turn_begins_late_and_goes_on_when_the_next_way_has_begun() {
+    fn between_straight_motions_a_turn_begins_late_and_ends_late() {
         let (mut ramp, straight) = (Ramp::default(), |forward| Drive { forward, turn: 0.0 });
         driven(&mut ramp, straight(0.2), 1.0);
         let turning = Drive {

@@ -1,7 +1,8 @@
-//! A VM that holds what it is given: allowed globals only, bounded memory, no library call that
-//! runs for long without a safepoint, and names that are checked.
+//! A VM with restrictions: allowed globals only, bounded memory, no library call that runs for long
+//! without a safepoint, and an error for unknown names.
 //!
-//! What Luau's own sandbox leaves open is closed here; each item has a test in `tests/hostile.rs`.
+//! This module closes what Luau's own sandbox leaves open; each item has a test in
+//! `tests/hostile.rs`.
 
 use std::sync::Once;
 
@@ -16,13 +17,14 @@ use super::{interrupt, nearest};
 /// The largest source, in bytes: the compiler's time and memory are outside the VM's limits.
 pub const MAX_SOURCE: usize = 256 * 1024;
 
-/// The most work of one pattern search: length of the text times length of the pattern.
+/// The largest work of one pattern search: length of the text times length of the pattern.
 const MOST_WORK: u32 = 1 << 24;
 
-/// What a script has at least for itself, in bytes, however small its limit.
+/// The memory that a script always has beyond what the runtime uses in its VM, in bytes, however
+/// small its limit.
 const LEAST_MEMORY: usize = 256 * 1024;
 
-/// Globals of the standard libraries that no script gets.
+/// Globals of the standard libraries that are removed.
 const REMOVED: [&str; 7] = [
     "loadstring",
     "require",
@@ -33,7 +35,8 @@ const REMOVED: [&str; 7] = [
     "print",
 ];
 
-/// Checks what can be checked of a source without compiling it; without its byte order mark.
+/// Checks a source as far as possible without compiling it; returns the text without its byte order
+/// mark.
 pub(crate) fn check_source<'a>(source: &'a [u8], chunk: &str) -> Result<&'a str, Failure> {
     let chunk = || chunk.to_owned();
     if source.len() > MAX_SOURCE {
@@ -61,7 +64,7 @@ fn is_control(byte: &u8) -> bool {
     byte.is_ascii_control() && !matches!(byte, b'\t' | b'\n' | b'\r')
 }
 
-/// Compiles a source that was checked; does not run it.
+/// Compiles a checked source; does not run it.
 pub(super) fn compile(lua: &Lua, source: &str, chunk: &str) -> LuaResult<LuaFunction> {
     lua.load(source)
         .set_name(format!("={chunk}"))
@@ -70,7 +73,7 @@ pub(super) fn compile(lua: &Lua, source: &str, chunk: &str) -> LuaResult<LuaFunc
         .into_function()
 }
 
-/// The compiler's complaint about a source that was checked, if it has one.
+/// The compiler's error message for a checked source, if it does not compile.
 pub(crate) fn compile_error(source: &str, chunk: &str) -> Option<String> {
     let compiled = open().and_then(|lua| compile(&lua, source, chunk).map(drop));
     compiled.err().map(|error| match VmError::of(&error) {
@@ -79,7 +82,7 @@ pub(crate) fn compile_error(source: &str, chunk: &str) -> Option<String> {
     })
 }
 
-/// The same for a module, with globals of its own.
+/// Compiles a checked source as a module with its own globals.
 pub(super) fn compile_module(
     lua: &Lua,
     source: &str,
@@ -94,12 +97,12 @@ pub(super) fn compile_module(
         .into_function()
 }
 
-/// No inlining, so that every frame has its line.
+/// The compiler's options: no inlining, so that every stack frame has its line.
 fn compiler() -> Compiler {
     Compiler::new().set_optimization_level(1).set_debug_level(1)
 }
 
-/// What the scheduler and the prelude say to each other; no script can make this value.
+/// A marker that the scheduler and the prelude exchange; scripts cannot create this value.
 pub(super) fn mark() -> LuaValue {
     static MARK: u8 = 0;
     LuaValue::LightUserData(LuaLightUserData(
@@ -107,7 +110,7 @@ pub(super) fn mark() -> LuaValue {
     ))
 }
 
-/// A VM with the libraries a script may use, not yet closed.
+/// Creates a VM with the libraries that a script may use, not yet closed.
 pub(super) fn open() -> LuaResult<Lua> {
     set_flags();
     let libraries = StdLib::COROUTINE
@@ -136,9 +139,10 @@ pub(super) fn seed(lua: &Lua, seed: u64) -> LuaResult<()> {
         .call(f64::from(i32::from_ne_bytes(folded.to_ne_bytes())))
 }
 
-/// The collector works in large steps and begins early. With Luau's own figures garbage outruns it
-/// and fills the limit: a script that holds 2 MiB and makes short-lived texts of 50 KB was out of
-/// its 8 MiB. With these, one may hold 6 MiB, at the same speed.
+/// The garbage collector works in large steps and begins early. With Luau's default values garbage
+/// accumulates faster than it is collected and reaches the limit: a script that held 2 MiB and
+/// created short-lived texts of 50 KB ran out of its 8 MiB. With these values a script may hold 6
+/// MiB, at the same speed.
 fn collector() -> GcIncParams {
     GcIncParams::default()
         .goal(110)
@@ -146,12 +150,12 @@ fn collector() -> GcIncParams {
         .step_size(256)
 }
 
-/// Flags of the whole process, which must be set before its first VM.
+/// Sets flags of the whole process, which must be done before its first VM is created.
 fn set_flags() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
-        // Without it `table.move` over two thousand million places runs for many seconds. A
-        // version of Luau without the flag has the fix for good; a test holds it.
+        // Without it `table.move` over 2·10⁹ places runs for many seconds. Versions of Luau without
+        // the flag always have the fix; a test checks it.
         let _ = Lua::set_fflag("LuauTableMoveTimeoutFix", true);
     });
 }
@@ -160,7 +164,7 @@ fn set_flags() {
 pub(super) struct Prelude(LuaTable);
 
 impl Prelude {
-    /// Runs the prelude, and puts its replacements of library functions in place.
+    /// Runs the prelude, and installs its replacements of library functions.
     pub(super) fn run(lua: &Lua, place: LuaFunction) -> LuaResult<Prelude> {
         let chunk = lua
             .load(include_str!("stdlib/prelude.luau"))
@@ -186,8 +190,8 @@ fn replace(lua: &Lua, library: &str, functions: &LuaTable) -> LuaResult<()> {
     functions.for_each(|name: LuaValue, function: LuaValue| library.raw_set(name, function))
 }
 
-/// Closes the VM: libraries and globals become read-only, unknown globals are errors, memory is
-/// bounded from here on.
+/// Closes the VM: libraries and globals become read-only, unknown globals are errors, and memory is
+/// limited from now on.
 pub(super) fn close(lua: &Lua, strict: LuaFunction, memory: usize) -> LuaResult<()> {
     let guard = lua.create_table()?;
     guard.raw_set("__index", strict)?;

@@ -1,8 +1,9 @@
-//! The scheduler's rules: who runs next, how a task is cancelled, what its end brings about. All
-//! that can be decided without running a line of the script.
+//! The scheduler's rules: which task runs next, how a task is cancelled, and what follows from its
+//! end. Everything here works without running a line of the script.
 //!
-//! The order is the same in every run: tasks become ready in a queue, timers ring by time and then
-//! by age, and tasks that wait for the same thing wake in the order of their creation.
+//! The order is the same in every run: ready tasks are queued, timers fire by time and then in the
+//! order in which they were set, and tasks that wait for the same event wake in the order of their
+//! creation.
 
 use mlua::prelude::LuaMultiValue;
 
@@ -16,10 +17,10 @@ use super::state::State;
 use super::task::{Answer, Cancel, Status, SubscriptionId, TaskId, TaskKind, TaskPhase, Wait};
 use crate::robot::{EndReason, Intent};
 
-/// What a cancelled task's wait raises.
+/// The error that the wait of a cancelled task raises.
 pub(super) const CANCELLED: &str = "cancelled";
 
-/// So many failures of a subscription's function in a row end the script.
+/// This many failures of a subscription's function in a row end the script.
 const MAX_FAILURES: u32 = 5;
 
 /// How a coroutine ended.
@@ -47,7 +48,7 @@ impl Outcome {
 }
 
 impl State {
-    /// Lets every timer ring that is due.
+    /// Fires every timer that is due.
     pub(super) fn ring(&mut self) {
         while let Some(due) = self.tasks.next_due(self.now) {
             match due {
@@ -63,7 +64,7 @@ impl State {
         }
     }
 
-    /// The time of a wait is over.
+    /// Ends a wait whose time is over.
     fn time_out(&mut self, id: TaskId) {
         let Some(TaskPhase::Waiting(wait)) = self.tasks.get(id).map(|task| &task.phase) else {
             return;
@@ -84,8 +85,8 @@ impl State {
         self.tasks.wake(id, answer, self.now);
     }
 
-    /// Cancels a task: its motion ends now; its wait fails; what it waits for is given up. A task
-    /// that has not begun never begins.
+    /// Cancels a task: its motion ends now, its wait fails, and what it waits for is cancelled too.
+    /// A task that has not started never starts.
     pub(super) fn cancel(&mut self, id: TaskId) {
         self.release(Owner::Task(id));
         let Some(task) = self.tasks.get_mut(id) else {
@@ -107,7 +108,7 @@ impl State {
         }
     }
 
-    /// No task waits for this any more.
+    /// Cancels what a task was waiting for.
     fn give_up(&mut self, wait: Wait) {
         match wait {
             Wait::Motion(motion) if self.motion.current() == Some(motion) => {
@@ -120,7 +121,7 @@ impl State {
         }
     }
 
-    /// A task has ended: its motion with it, and those who wait for it hear of it.
+    /// Handles the end of a task: ends its motion and wakes the tasks that wait for it.
     pub(super) fn finish(&mut self, id: TaskId, outcome: Outcome) {
         let Some(task) = self.tasks.remove(id) else {
             return;
@@ -145,13 +146,13 @@ impl State {
         }
     }
 
-    /// One run of a subscription's function is over.
+    /// Handles the end of one run of a subscription's function.
     fn handled(&mut self, id: SubscriptionId, outcome: &Outcome) {
         if let Outcome::Failed(text) = outcome {
             self.complain(text);
         }
         let Some(subscription) = self.subscriptions.get_mut(&id) else {
-            // Switched off meanwhile, or meant for one event only.
+            // The subscription was removed meanwhile, or was for one event only.
             return self.release(Owner::Subscription(id));
         };
         subscription.busy = Busy::No;
@@ -172,7 +173,8 @@ impl State {
         self.schedule(id);
     }
 
-    /// Queues a subscription's next run, if there is an event for it and its time has come.
+    /// Queues a subscription's next run if an event is waiting, or sets a timer if it is too early
+    /// for the run.
     pub(super) fn schedule(&mut self, id: SubscriptionId) {
         let Some(subscription) = self.subscriptions.get_mut(&id) else {
             return;
@@ -189,7 +191,7 @@ impl State {
         };
     }
 
-    /// Ends a subscription. A run under way goes on, and its motion with it.
+    /// Ends a subscription. A run in progress continues, and so does its motion.
     pub(super) fn unsubscribe(&mut self, id: SubscriptionId) {
         let Some(subscription) = self.subscriptions.remove(&id) else {
             return;
@@ -204,20 +206,20 @@ impl State {
         }
     }
 
-    /// The script as a whole has failed.
+    /// Ends the script because its main task has failed.
     fn fail(&mut self, text: String) {
         let text = self.explained(&text);
         self.begin_stop(EndReason::Error, Some(text));
     }
 
-    /// A cancelled task has ended in an error: worth a line if it is not the cancellation's own.
+    /// Logs the error of a cancelled task, unless it is the cancellation's own error.
     pub(super) fn clean_up_failed(&mut self, text: &str) {
         if !text.ends_with(CANCELLED) {
             self.log(Level::Warn, &format!("while cleaning up: {text}"));
         }
     }
 
-    /// Whether nothing is left that could ever run.
+    /// Whether nothing is left that could run: no tasks and no subscriptions.
     pub(super) fn is_finished(&self) -> bool {
         matches!(self.life, Life::Running)
             && !self.options.interactive
@@ -227,7 +229,7 @@ impl State {
 }
 
 impl State {
-    /// A child of a group has ended.
+    /// Handles the end of a child of a group.
     pub(super) fn child_ended(&mut self, id: GroupId, index: usize, outcome: Outcome) {
         let Some(group) = self.groups.get_mut(&id) else {
             return;
@@ -244,8 +246,8 @@ impl State {
         }
     }
 
-    /// Ends a group: children that still live are cancelled, and run their clean-up before their
-    /// parent goes on.
+    /// Ends a group: children that have not ended are cancelled, and run their clean-up before
+    /// their parent continues.
     pub(super) fn dissolve(&mut self, id: GroupId) {
         if let Some(group) = self.groups.remove(&id) {
             for child in group.children {

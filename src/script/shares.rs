@@ -1,21 +1,21 @@
-//! What a script may tell people beside its log: entries for the journal, messages, pictures. Its own
-//! shares of the day; the agent holds it to the same.
+//! The script's daily limits for what it sends to people besides its log: journal entries with the
+//! names of pictures, and messages. The agent enforces the same limits.
 
 use tokio::time::Instant;
 
 use super::options::Limits;
 use crate::budget::Budget;
 
-/// The longest kind of an entry, in bytes.
+/// The longest `kind` of an entry, in bytes.
 pub(crate) const MAX_KIND: usize = 40;
 /// The longest entry, in bytes of JSON.
 pub(crate) const MAX_ENTRY: usize = 4096;
 /// The longest message, in bytes.
 pub(crate) const MAX_NOTICE: usize = 1000;
-/// What the journal has of an entry besides its texts.
+/// Bytes of a journal entry besides its texts.
 const OVERHEAD: usize = 100;
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug)]
 pub(super) struct Shares {
     bytes: Budget,
@@ -30,12 +30,13 @@ impl Shares {
         }
     }
 
-    /// Whether the journal has room for texts of so many bytes today.
+    /// Takes the share of a journal entry with texts of this many bytes; `false` if too little is
+    /// left today.
     pub(super) fn takes_entry(&mut self, length: usize, now: Instant) -> bool {
         self.bytes.take((OVERHEAD + length) as u64, now)
     }
 
-    /// Whether one more message may go out.
+    /// Takes the share of one message; `false` if none is left.
     pub(super) fn takes_notice(&mut self, now: Instant) -> bool {
         self.notices.take(1, now)
     }

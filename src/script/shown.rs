@@ -1,5 +1,5 @@
-//! What the tracks did between the moments that two pictures show, and how far the camera is believed that saw
-//! another turn.
+//! What the tracks did between the moments that two pictures show, and how far the camera is
+//! trusted if it saw a different turn.
 
 use std::time::Duration;
 
@@ -10,51 +10,54 @@ use super::grip::UNKNOWN;
 use super::lateness::{Lateness, TRIED};
 use super::travel::{Totals, Travel};
 
-/// Radians that tracks veer with each metre.
+/// Radians by which the tracks veer per metre.
 pub(super) const VEER: f64 = 0.08;
-/// What the camera is off: radians for each radian, and for each metre, since what the robot comes past moves
-/// through the picture too, and between any two pictures.
+/// Error of the camera: radians per radian of turn; radians per metre of way, since objects that
+/// the robot passes move through the picture too; and radians between any two pictures.
 const SEEN_TURN: f64 = 0.07;
 const PASSING: f64 = 0.3;
 const NOISE: f64 = 0.003;
-/// A turn that differs by more than so many standard errors from what the tracks did is none: somebody walks by.
+/// A turn that differs by more than this many standard errors from what the tracks did is rejected:
+/// somebody may have walked by.
 const OUTLIER: f64 = 3.0;
-/// The camera stands this share of the distance to what it sees before the middle of the robot, which makes
-/// turns look larger: 0.1 m before it, and 1.25 m to what stands around in a room.
+/// Factor by which turns look larger to the camera, because it is 0.1 m in front of the robot's
+/// centre; the value holds for objects 2 m away.
 const PARALLAX: f64 = 1.05;
-/// A turn is looked for so far from what is expected, at least; radians, and as a share of it.
+/// How far from the expected turn the real one is searched for: at least this many radians, and
+/// this share of the expected turn.
 const LEAST_REACH: f64 = 0.15;
 const REACH: f64 = 0.6;
-/// Radians of a turn from which on it tells how far camera and tracks differ.
+/// Least turn, in radians, from which the difference between camera and tracks is measured.
 const TELLS: f64 = 0.05;
 
 /// What the tracks did between the moments that two frames show.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Shown {
     totals: Totals,
-    /// The turn for each delay of the pictures that is possible, radians.
+    /// The turn for each possible delay of the pictures, in radians.
     turns: [f64; TRIED],
-    /// Radians that it may be off because the delay is not known better.
+    /// Error of the turn due to the uncertain delay, in radians.
     unsure: f64,
-    /// As a share of the turn, what the tracks may have made more or less of it.
+    /// Error of the turn due to slip of the tracks, as a share of the turn.
     slip: f64,
 }
 
-/// What a turn that the camera has seen changes.
+/// The correction by a turn that the camera has seen.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Correction {
-    /// Radians that the robot has turned more than the tracks say, as far as the camera is believed.
+    /// Radians that the robot has turned more than the tracks say, as far as the camera is trusted.
     pub(super) turn: f64,
-    /// Radians that the heading is less unsure.
+    /// Radians by which the error of the heading decreases.
     pub(super) better: f64,
-    /// The share of the turn by which the camera saw more, if it saw one that tells.
+    /// The share of the turn by which the camera saw more than the tracks made, if the turn was
+    /// large enough to measure it.
     pub(super) differs: Option<f64>,
-    /// The camera saw a turn that can be.
+    /// Whether the camera saw a plausible turn.
     pub(super) seen: bool,
 }
 
 impl Correction {
-    /// Of a camera that tells nothing.
+    /// No correction: the camera showed no plausible turn.
     pub(super) const NONE: Correction = Correction {
         turn: 0.0,
         better: 0.0,
@@ -64,7 +67,8 @@ impl Correction {
 }
 
 impl Shown {
-    /// Of two frames that came at these times; `None` if that is too long ago.
+    /// What the tracks did between two frames that arrived at these times; `None` if that is too
+    /// long ago.
     pub(super) fn between(
         travel: &Travel,
         lateness: &Lateness,
@@ -89,7 +93,8 @@ impl Shown {
         })
     }
 
-    /// The turn that the camera should see, and how far from that it is looked for; radians.
+    /// The turn that the camera should see, and how far from that the real one is searched for;
+    /// radians.
     pub(super) fn expected(&self) -> (f64, f64) {
         let turn = self.totals.turn;
         let late = |reach: f64, other: &f64| reach.max((other - turn).abs());
@@ -97,19 +102,19 @@ impl Shown {
         (turn, least.max(REACH * turn.abs()))
     }
 
-    /// Radians that it has turned at most, to either side, however late the pictures are.
+    /// The largest turn for any delay of the pictures, to either side, in radians.
     pub(super) fn most_turn(&self) -> f64 {
         self.turns
             .iter()
             .fold(0.0, |most, turn| turn.abs().max(most))
     }
 
-    /// The turn for each delay that is possible, radians.
+    /// The turn for each possible delay, in radians.
     pub(super) fn turns(&self) -> &[f64; TRIED] {
         &self.turns
     }
 
-    /// What was done, with the correction.
+    /// The motion with the correction applied.
     pub(super) fn step(&self, correction: Correction) -> Step {
         Step {
             turn: self.totals.turn + correction.turn,
@@ -119,13 +124,13 @@ impl Shown {
         }
     }
 
-    /// The turn of the robot that belongs to one of the camera; radians.
+    /// Converts a turn that the camera saw to the turn of the robot; radians.
     pub(super) fn of_camera(seen: f64) -> f64 {
         seen / PARALLAX
     }
 
-    /// What it changes that the camera has seen this turn of the robot, in radians: nothing if that cannot be, all if
-    /// the tracks tell nothing.
+    /// The correction if the camera has seen this turn of the robot, in radians: none if that is
+    /// implausible, and the larger the less the tracks can be trusted.
     pub(super) fn correction(&self, seen: f64) -> Correction {
         let Totals { turned, way, .. } = self.totals;
         let noise = NOISE * NOISE;

@@ -1,4 +1,4 @@
-//! What the script sees: the newest frame, what decodes it, and what looks from frame to frame.
+//! What the script sees: the newest frame, its decoder, and what compares frames.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -11,7 +11,7 @@ use super::sighting::Witness;
 use crate::robot::Frame;
 use crate::vision::{Damage, Eyes, Size};
 
-/// A frame as it came, counted while anyone holds it.
+/// A received frame; its bytes are counted while it is referenced.
 pub(super) struct HeldFrame {
     pub(super) frame: Frame,
     pub(super) size: Size,
@@ -19,7 +19,8 @@ pub(super) struct HeldFrame {
 }
 
 impl HeldFrame {
-    /// `size` is what its markers say. Adds its bytes to `held` for as long as it lives.
+    /// Creates a held frame; `size` is from the markers of the JPEG. Its bytes count in `held`
+    /// until it is dropped.
     pub(super) fn new(frame: Frame, size: Size, held: &Rc<Cell<u64>>) -> HeldFrame {
         held.set(held.get() + frame.jpeg.len() as u64);
         HeldFrame {
@@ -37,30 +38,31 @@ impl Drop for HeldFrame {
     }
 }
 
-/// See the module.
+/// See the module documentation.
 pub(super) struct Sight {
     pub(super) newest: Option<Rc<HeldFrame>>,
-    /// JPEG bytes of all frames that anyone holds.
+    /// JPEG bytes of all frames that are still referenced.
     pub(super) held_bytes: Rc<Cell<u64>>,
     pub(super) eyes: Eyes,
-    /// Trackers and motion detectors that live.
+    /// Number of trackers and motion detectors that exist.
     pub(super) watchers: Rc<Cell<u32>>,
-    /// A frame that is still to be looked at for the robot's own movement.
+    /// A frame that is still to be examined for the robot's own motion.
     pub(super) look: Option<Look>,
-    /// When the last frame came during which the tracks turned the robot.
+    /// When the last frame arrived during which the tracks turned the robot.
     pub(super) turned: Option<Instant>,
-    /// Frames that were no pictures.
+    /// Frames that were not valid pictures.
     pub(super) damage: Damage,
-    /// Only where someone wants to see what the script sees.
+    /// Set only if somebody wants to see what the script sees.
     pub(super) witness: Option<Witness>,
 }
 
-/// What is to be found out from a frame about the robot's own movement, as things stood when it came.
+/// How to examine a frame for the robot's own motion, with the state at the time when the frame
+/// arrived.
 pub(super) struct Look {
     pub(super) held: Rc<HeldFrame>,
-    /// The timed motion that was on.
+    /// The timed motion that was active.
     pub(super) going: Option<Going>,
-    /// It may show a turn.
+    /// Whether the frame may show a turn.
     pub(super) turns: bool,
 }
 

@@ -1,5 +1,5 @@
-//! What a script looked at and found there, put aside for a person to see. Drawing and keeping it is
-//! the host's business; here it costs a copy of the blobs, now and then.
+//! Frames that a script has examined and what it found in them, kept for a person to see. The host
+//! draws and saves them; this module only copies the blobs now and then, which is cheap.
 
 use std::time::Duration;
 
@@ -9,19 +9,19 @@ use super::options::Options;
 use crate::robot::Frame;
 use crate::vision::Blob;
 
-/// From one frame that is put aside to the next, at least.
+/// Least time between two kept frames.
 const PERIOD: Duration = Duration::from_millis(500);
-/// The same where people look on.
+/// The same while people are watching.
 const LIVE_PERIOD: Duration = Duration::from_millis(100);
-/// Most marks of one frame.
+/// Largest number of marks of one frame.
 const MAX_MARKS: usize = 64;
 
-/// A frame that a script has looked at, and what it was told.
+/// A frame that a script has examined, and what was found in it.
 #[derive(Debug, Clone)]
 pub struct Sighting {
-    /// The frame as it came.
+    /// The frame as it arrived.
     pub frame: Frame,
-    /// What was found, in the order of asking; at most 64.
+    /// What was found, in the order of the script's calls; at most 64.
     pub marks: Vec<Seen>,
 }
 
@@ -30,11 +30,11 @@ pub struct Sighting {
 pub struct Seen {
     /// Where.
     pub blob: Blob,
-    /// What: the colour's name, the track's id.
+    /// The label: the colour's name or the track's id.
     pub text: String,
 }
 
-/// Puts a frame aside, so often at most.
+/// Keeps a frame now and then, at most one per `period`.
 #[derive(Debug)]
 pub(super) struct Witness {
     period: Duration,
@@ -54,7 +54,7 @@ impl Default for Witness {
 }
 
 impl Witness {
-    /// Only where someone wants to see what the script sees.
+    /// Creates a witness if the options say that somebody wants to see what the script sees.
     pub(super) fn of(options: &Options) -> Option<Witness> {
         let (live, kept) = (options.findings, options.annotate_dir.is_some());
         let period = if live { LIVE_PERIOD } else { PERIOD };
@@ -64,7 +64,7 @@ impl Witness {
         })
     }
 
-    /// Takes note of what was found in a frame. All that is asked of one frame goes together.
+    /// Records what was found in a frame. All findings in one frame are kept together.
     pub(super) fn note(
         &mut self,
         frame: &Frame,
@@ -87,7 +87,7 @@ impl Witness {
         }
     }
 
-    /// The frame that was put aside, if it is complete.
+    /// Takes the kept frame, if it is complete.
     pub(super) fn take_if(&mut self, complete: impl FnOnce(&Sighting) -> bool) -> Option<Sighting> {
         self.kept.take_if(|kept| complete(kept))
     }
@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_found_in_one_frame_goes_together() {
+    fn findings_in_one_frame_are_kept_together() {
         let (mut witness, now) = (Witness::default(), Instant::now());
         for (seq, count) in [(1, 2), (1, 1), (2, 5), (1, 100)] {
             witness.note(&frame(seq, now), now, seen(count));
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn at_most_two_a_second_are_put_aside() {
+    fn at_most_two_frames_a_second_are_kept() {
         let (mut witness, start) = (Witness::default(), Instant::now());
         let shown = (0..300).filter(|&seq| {
             let now = start + Duration::from_millis(10) * seq;

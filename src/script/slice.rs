@@ -1,4 +1,4 @@
-//! Runs tasks, one slice at a time: from a resumption to the next wait, under the budget.
+//! Runs tasks one slice at a time, from a resumption to the next wait, within the budget.
 
 use mlua::prelude::{LuaMultiValue, LuaResult, LuaThread};
 use mlua::thread::ThreadStatus;
@@ -26,7 +26,7 @@ enum Slice {
 }
 
 impl Script {
-    /// Runs one slice of what is ready.
+    /// Runs one slice of a task or handler that is ready.
     pub(super) fn run(&mut self, next: Ready) {
         let before = self.state.borrow().before();
         let result = match next {
@@ -42,7 +42,7 @@ impl Script {
         }
     }
 
-    /// Makes the task for a subscription's next event.
+    /// Creates the task for a subscription's next event.
     fn begin_handler(&mut self, id: SubscriptionId) -> LuaResult<Option<TaskId>> {
         let mut state = self.state.borrow_mut();
         let now = state.now;
@@ -126,7 +126,8 @@ impl Script {
             && thread.status() == ThreadStatus::Resumable
             && yielded.front() != Some(&sandbox::mark())
         {
-            // A yield that no scheduler awaits: an error at its line.
+            // The script has yielded by itself, not through a waiting call: raise an error at that
+            // line.
             result = thread.resume::<LuaMultiValue>(sandbox::mark());
         }
         let spent = budget::end();
@@ -169,7 +170,8 @@ impl Script {
         state.spend(spent.wall);
     }
 
-    /// Whether the slice has called `script.stop`: how it ended after that does not count.
+    /// Begins to stop the script if the slice has called `script.stop`; how the slice ended does
+    /// not matter then.
     fn stop_if_asked(&self) -> bool {
         let mut state = self.state.borrow_mut();
         let Some(reason) = state.exit.asked.take() else {
@@ -179,8 +181,8 @@ impl Script {
         true
     }
 
-    /// Values were given to the script that it cannot take: told before anything of its first slice
-    /// leaves.
+    /// The message if values were given for parameters that the script refuses or does not declare.
+    /// Checked before any output of the first slice is sent.
     fn refused_params(&self, id: TaskId, slice: &Slice) -> Option<String> {
         let mut state = self.state.borrow_mut();
         if let Some(words) = state.params.refused.take() {
@@ -225,7 +227,7 @@ impl Script {
         state.kill(EndReason::Memory, Some(text), before);
     }
 
-    /// The VM failed outside the script's own lines.
+    /// Kills the script because the VM failed outside the script's own lines.
     fn machine_failed(&self, error: &mlua::Error, before: Before) {
         match VmError::of(error) {
             VmError::Memory => self.out_of_memory(before),
@@ -236,8 +238,8 @@ impl Script {
         }
     }
 
-    /// Frames live outside the VM's memory: too many held, even after collecting garbage, end the
-    /// script as too much memory does.
+    /// Kills the script if it holds too many frames even after a garbage collection, as for too
+    /// much memory: frames are outside the VM's memory.
     fn check_frames(&self, before: Before) -> LuaResult<()> {
         let (held, limit) = {
             let state = self.state.borrow();
@@ -260,8 +262,8 @@ impl Script {
         Ok(())
     }
 
-    /// After a slice: a script whose last task has ended begins to stop, runs its next farewell, or has
-    /// ended.
+    /// Advances the end of the script after a slice: a script whose last task has ended begins to
+    /// stop, runs its next `script.on_stop` function, or ends.
     pub(super) fn advance_ending(&mut self) {
         let mut state = self.state.borrow_mut();
         if state.is_finished() {

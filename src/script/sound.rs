@@ -1,11 +1,11 @@
-//! Loudness of the microphone's chunks.
+//! Loudness of the microphone's audio.
 
 use mlua::prelude::{Lua, LuaResult, LuaTable};
 
-/// Samples a second, of the microphone and the speaker (`PROTOCOL.md`, AUDIO).
+/// Samples per second of the microphone and the speaker, as the robot's AUDIO message has them.
 pub(super) const RATE: u32 = 16_000;
 
-/// What silence counts as, in dBFS: below what 16 bits can hold.
+/// The level of silence, in dBFS: lower than 16 bits can represent.
 const SILENCE: f64 = -100.0;
 
 /// Loudness of a chunk of s16 little-endian samples; 1.0 is full scale.
@@ -16,7 +16,7 @@ pub(super) struct Loudness {
 }
 
 impl Loudness {
-    /// An odd last byte is left out.
+    /// Measures a chunk of samples; an odd last byte is ignored.
     pub(super) fn of(samples: &[u8]) -> Loudness {
         let (mut squares, mut peak, mut count) = (0.0, 0.0_f64, 0_u32);
         for pair in samples.chunks_exact(2) {
@@ -37,7 +37,7 @@ impl Loudness {
     }
 }
 
-/// What an `audio` event carries: `{rate, rms, peak, dbfs, samples}`.
+/// The payload of an `audio` event: `{rate, rms, peak, dbfs, samples}`.
 pub(super) fn to_lua(lua: &Lua, samples: &[u8]) -> LuaResult<LuaTable> {
     let loudness = Loudness::of(samples);
     let table = lua.create_table_with_capacity(0, 5)?;

@@ -1,14 +1,14 @@
-//! Scripts that drive no robot but try behaviours: in place of `robot` they have a stage that they
-//! ask. Same VM, same walls, same clock.
+//! The interface of scenario scripts, which do not drive a robot but test behaviours: in place of
+//! `robot` they call a stage. VM, sandbox and clock are the same.
 
 use serde_json::Value;
 
 use super::failure::SourceLocation;
 
-/// What is wrong with a call, for the script's author.
+/// An error in a call, for the script's author.
 pub type StageError = Box<dyn std::error::Error>;
 
-/// What a stage answers, as plain data.
+/// A stage's answer, as plain data.
 pub type StageAnswer = Result<Value, StageError>;
 
 /// One call of the script.
@@ -18,15 +18,17 @@ pub struct StageCall<'a> {
     pub name: &'a str,
     /// As plain data.
     pub arguments: &'a [Value],
-    /// The script's line.
+    /// The line of the script.
     pub place: Option<&'a SourceLocation>,
 }
 
-/// What a scenario's script asks, by way of `scenario`, `expect` and `sim`.
+/// What a scenario script calls through `scenario`, `expect` and `sim`.
 pub trait Stage {
     /// Answers one call at once.
     ///
     /// # Errors
-    /// What is wrong with the call, for the script's author; it becomes an error of that line.
+    ///
+    /// If the call is wrong, with a message for the script's author; it is raised as an error at
+    /// that line.
     fn answer(&self, call: StageCall<'_>) -> StageAnswer;
 }

@@ -1,4 +1,4 @@
-//! Everything that a script's natives and its scheduler share.
+//! The state that a script's native functions and its scheduler share.
 
 mod delivery;
 mod known;
@@ -36,12 +36,13 @@ use super::task::{Answer, GroupId, TaskKind, Wait};
 use crate::robot::{Intent, MotionEnd, MotionId};
 use crate::vision::Skyline;
 
-/// A turn from one frame to the next that is looked for in the pictures, radians.
+/// Least turn between two frames, in radians, that is searched for in the pictures.
 const LEAST_TURN: f64 = 0.02;
-/// Tracks and pictures are late, and so is the end of a turn in them.
+/// How long after the tracks have stopped the pictures may still show a turn, because tracks and
+/// pictures are late.
 const ROLLING_OUT: Duration = Duration::from_millis(500);
 
-/// What a script has used.
+/// The resources that a script has used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Usage {
     /// Time spent running, by the wall clock.
@@ -52,22 +53,22 @@ pub struct Usage {
     pub memory_bytes: u64,
 }
 
-/// What the script has declared with `params.declare`.
+/// The parameters that the script has declared with `params.declare`.
 #[derive(Default)]
 pub(super) struct Declared {
-    /// The names, once it was called.
+    /// The names; `None` before `params.declare` was called.
     pub(super) names: Option<Vec<String>>,
     /// All of them with their values.
     pub(super) all: BTreeMap<String, (Declaration, ParamValue)>,
-    /// What is wrong with the values that were given to it.
+    /// The error message if the given values were refused.
     pub(super) refused: Option<String>,
 }
 
-/// Everything that natives and scheduler share.
+/// The state that native functions and the scheduler share.
 pub(super) struct State {
     pub(super) options: Options,
     pub(super) complaints: Complaints,
-    /// Typed lines so far.
+    /// Number of lines typed so far.
     pub(super) inputs: u64,
     pub(super) start: Instant,
     pub(super) now: Instant,
@@ -84,28 +85,28 @@ pub(super) struct State {
     pub(super) store: Store,
     pub(super) shares: Shares,
     pub(super) modules: Modules,
-    /// Whom a script asks that drives no robot.
+    /// The stage of a scenario script.
     pub(super) stage: Option<Rc<dyn Stage>>,
     pub(super) params: Declared,
     pub(super) output: OutputQueue,
     pub(super) life: Life,
     pub(super) exit: Exit,
-    /// No coroutine of the running task stands where it cannot yield.
+    /// Whether the running task can yield; `false` inside a coroutine or callback that cannot.
     pub(super) can_wait: bool,
     pub(super) usage: Usage,
     pub(super) last_call: u64,
-    /// When the robot last moved, for any reason.
+    /// When the robot last moved, whatever the cause.
     moved: Option<Instant>,
-    /// When it was last loud.
+    /// When there was last a loud sound.
     loud: Option<Instant>,
     /// When the robot was last told to make a sound.
     sounded: Option<Instant>,
-    /// Events that the script listens to and that the config keeps from coming; said once each.
+    /// Events that the script listens to although the config prevents them; each is logged once.
     pub(super) missed: BTreeSet<EventName>,
 }
 
 impl State {
-    /// For people who look on.
+    /// Sends the parameters to the people who are watching.
     pub(super) fn show_params(&mut self) {
         let all = self.params.all.iter();
         let knobs = all.map(|(name, (declaration, value))| declaration.knob(name, value.clone()));
@@ -152,7 +153,7 @@ impl State {
         }
     }
 
-    /// The time never runs backwards.
+    /// Advances the time, which never runs backwards.
     pub(super) fn tick(&mut self, now: Instant) {
         self.now = self.now.max(now);
         if self.odometry.advance(self.now, self.driver()) {
@@ -165,18 +166,18 @@ impl State {
         self.output.unfold(self.now);
     }
 
-    /// Whether the robot has moved within the last `time`, for any reason.
+    /// Whether the robot has moved within the last `time`, whatever the cause.
     pub(super) fn has_moved_within(&self, time: Duration) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < time;
         self.motion.is_on() || self.known.moving || self.moved.is_some_and(lately)
     }
 
-    /// Whether a task can run, or a frame is to be looked at for the robot's own movement.
+    /// Whether a task can run, or a frame must be examined for the robot's own motion.
     pub(super) fn is_ready(&self) -> bool {
         !self.has_ended() && (self.tasks.is_ready() || self.sight.look.is_some())
     }
 
-    /// What drives the robot, as far as the script knows.
+    /// The source of the robot's motion, as far as the script knows.
     fn driver(&self) -> Driver {
         match self.motion.setpoint() {
             Some(setpoint) if !setpoint.is_stop() => {
@@ -187,8 +188,8 @@ impl State {
         }
     }
 
-    /// While the script drives for a time, its pictures tell whether the robot turns, and whether it moves:
-    /// after the script's own handlers, whose answer does not wait for that.
+    /// Plans to examine a frame for the robot's own motion: for turns, and during a timed motion
+    /// for a blockage. This happens after the script's own handlers, so that they are not delayed.
     fn plan_look(&mut self, held: &Rc<HeldFrame>) {
         let at = held.frame.at;
         self.odometry.mark(at);
@@ -213,7 +214,7 @@ impl State {
         self.sight.look = Some(Look { held, going, turns });
     }
 
-    /// Looks at the last frame as planned, once.
+    /// Examines the last frame as planned, once.
     pub(super) fn look_where_it_goes(&mut self) {
         let Some(Look { held, going, turns }) = self.sight.look.take() else {
             return;
@@ -235,7 +236,7 @@ impl State {
         }
     }
 
-    /// A motion leads nowhere: the tracks rest, and the waiting call returns the reason.
+    /// Ends a blocked motion: the tracks stop, and the waiting call returns the reason.
     fn end_blocked(&mut self, motion: MotionId, since: Instant) {
         self.odometry.rewind(since);
         self.motion.ended(motion);
@@ -243,7 +244,7 @@ impl State {
         self.answer(Wait::Motion(motion), || Answer::Motion(MotionEnd::Blocked));
     }
 
-    /// Takes note of what the script was told about a frame.
+    /// Records what the script has found in a frame.
     pub(super) fn saw(&mut self, held: &HeldFrame, found: impl IntoIterator<Item = Seen>) {
         if let Some(witness) = &mut self.sight.witness {
             witness.note(&held.frame, self.now, found);
@@ -258,12 +259,12 @@ impl State {
         witness.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
     }
 
-    /// Writes a line of the runtime's own into the script's log.
+    /// Writes a message of the runtime to the script's log.
     pub(super) fn log(&mut self, level: Level, text: &str) {
         self.output.log(LogLine::new(level, text), self.now);
     }
 
-    /// Logs a failure, the first time and then ever more rarely for the same place.
+    /// Logs a failure: the first time, and then ever more rarely for the same place.
     pub(super) fn complain(&mut self, text: &str) {
         let text = match self.complaints.count(text) {
             Telling::Explained => self.explained(text),
@@ -274,7 +275,7 @@ impl State {
         self.log(Level::Error, &text);
     }
 
-    /// A failure in words for people, with the line where it happened.
+    /// Explains a failure in plain words, with the line where it happened.
     pub(super) fn explained(&self, text: &str) -> String {
         let main = (self.options.chunk.as_str(), self.complaints.source.as_str());
         let mut files = std::iter::once(main).chain(self.modules.sources());
@@ -284,7 +285,7 @@ impl State {
         explained.unwrap_or_else(|| text.to_owned())
     }
 
-    /// To whom the setpoints of the running task belong.
+    /// The owner of setpoints that the running task sets.
     pub(super) fn owner(&mut self) -> Option<Owner> {
         let task = self.tasks.running()?;
         Some(match task.kind {
@@ -294,20 +295,20 @@ impl State {
         })
     }
 
-    /// An owner is gone, and its setpoint with it.
+    /// Releases the setpoint of an owner that has ended.
     pub(super) fn release(&mut self, owner: Owner) {
         if let Some(motion) = self.motion.release(owner) {
             self.output.send(Intent::Release { motion });
         }
     }
 
-    /// A number for a docking or undocking.
+    /// Returns an id for a docking or undocking.
     pub(super) fn next_call(&mut self) -> crate::robot::CallId {
         self.last_call += 1;
         crate::robot::CallId(self.last_call)
     }
 
-    /// When something is due.
+    /// When the next timer is due.
     pub(super) fn next_deadline(&self) -> Option<Instant> {
         let ending = match &self.life {
             Life::Stopping(stopping) => Some(stopping.deadline),

@@ -1,18 +1,18 @@
-//! What a script keeps from run to run: JSON texts by key, at most 1 MiB of them. In memory only;
-//! the host reads and writes the file.
+//! The values that a script keeps between runs: JSON texts by key, at most 1 MiB in total. This
+//! module works in memory only; the host reads and writes the file.
 
 use std::collections::BTreeMap;
 
 use serde_json::value::RawValue;
 
-/// The most that one script may keep, in bytes of its file.
+/// The largest size of one script's file, in bytes.
 pub(super) const QUOTA: usize = 1 << 20;
-/// What a key and a value cost in the file besides themselves: quotes, colon, comma, line feed.
+/// Bytes of an entry in the file besides key and value: quotes, colon, comma, line feed.
 const AROUND: usize = 6;
-/// What the file has besides: braces and line feeds.
+/// Bytes of the file besides its entries: braces and line feeds.
 const FRAME: usize = 4;
 
-/// Beyond the quota.
+/// The value would exceed the quota.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the store is full: it may hold 1 MiB (1048576 bytes), and would hold {wanted}; delete what is not needed any more"
@@ -21,7 +21,7 @@ pub(super) struct Full {
     wanted: usize,
 }
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct Store {
     values: BTreeMap<String, Box<RawValue>>,
@@ -30,7 +30,7 @@ pub(super) struct Store {
 }
 
 impl Store {
-    /// Takes up what an earlier run kept.
+    /// Restores the values of an earlier run.
     pub(super) fn restore(&mut self, file: &[u8]) -> Result<(), serde_json::Error> {
         let values: BTreeMap<String, Box<RawValue>> = serde_json::from_slice(file)?;
         self.bytes = values
@@ -45,7 +45,7 @@ impl Store {
         self.values.get(key).map(|value| value.get())
     }
 
-    /// Keeps a JSON text.
+    /// Stores a JSON text.
     pub(super) fn set(&mut self, key: String, json: String) -> Result<(), Full> {
         let before = self.values.get(&key);
         if before.is_some_and(|before| before.get() == json) {
@@ -66,7 +66,7 @@ impl Store {
         Ok(())
     }
 
-    /// Whether there was such a key.
+    /// Deletes a key; returns whether it existed.
     pub(super) fn delete(&mut self, key: &str) -> bool {
         let Some(value) = self.values.remove(key) else {
             return false;
@@ -84,7 +84,7 @@ impl Store {
         self.changed
     }
 
-    /// The file's new content, if it is not the old one.
+    /// Returns the new content of the file, if it has changed since the last call.
     pub(super) fn take_file(&mut self) -> Option<Vec<u8>> {
         if !std::mem::take(&mut self.changed) {
             return None;
@@ -122,7 +122,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_full_store_keeps_what_it_has_and_its_file_is_within_the_quota() {
+    fn a_full_store_keeps_its_values_and_its_file_is_within_the_quota() {
         let mut store = Store::default();
         let value = format!("\"{}\"", "x".repeat(1000));
         let full = (0..2000).find_map(|n| store.set(format!("k{n}"), value.clone()).err());
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_set_anew_as_it_was_is_no_change() {
+    fn setting_the_same_value_again_is_not_a_change() {
         let mut store = Store::default();
         store.set("a".into(), "1".into()).unwrap();
         assert!(store.take_file().is_some());
@@ -149,7 +149,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_was_kept_comes_back(values in prop::collection::btree_map(".{0,20}", -1e9..1e9, 0..20)) {
+        fn stored_values_are_restored(values in prop::collection::btree_map(".{0,20}", -1e9..1e9, 0..20)) {
             let mut store = Store::default();
             for (key, value) in &values {
                 store.set(key.clone(), format!("{value}")).unwrap();

@@ -1,6 +1,7 @@
-//! Which of the robot's streams a script has on, and for how long. A stream is on as long as the
-//! script has asked for it by `robot.stream`, or listens to it or waits for it; and for [`LINGER`]
-//! after, so that a loop of `robot.wait_frame` does not switch the camera at each turn.
+//! Which of the robot's streams a script has switched on, and for how long. A stream is on as long
+//! as the script has asked for it with `robot.stream`, listens to it or waits for it. Without
+//! `robot.stream` it stays on for [`LINGER`] longer, so that a loop with `robot.wait_frame` does
+//! not switch the camera on and off each time.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -9,10 +10,10 @@ use tokio::time::Instant;
 
 use crate::wire::Stream;
 
-/// A stream that nothing uses any more goes off after so long.
+/// How long after its last use a stream is switched off.
 pub(super) const LINGER: Duration = Duration::from_secs(2);
 
-/// Who wants a stream.
+/// Why a stream is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Demand {
     /// `robot.stream(name, true)`: until it is switched off by the same call.
@@ -21,21 +22,21 @@ pub(super) enum Demand {
     Used,
 }
 
-/// See the module.
+/// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct WantedStreams {
     asked: BTreeSet<Stream>,
-    /// All that are on, and when each was last used.
+    /// All streams that are on, and when each was last used.
     on: BTreeMap<Stream, Instant>,
 }
 
 impl WantedStreams {
-    /// Whether it is on.
+    /// Whether a stream is on.
     pub(super) fn is_on(&self, stream: Stream) -> bool {
         self.on.contains_key(&stream)
     }
 
-    /// Wants a stream; `true` if it was off.
+    /// Records that a stream is needed; `true` if it was off.
     pub(super) fn want(&mut self, stream: Stream, by: Demand, now: Instant) -> bool {
         if by == Demand::Asked {
             self.asked.insert(stream);
@@ -43,31 +44,31 @@ impl WantedStreams {
         self.on.insert(stream, now).is_none()
     }
 
-    /// `robot.stream(name, false)`; `true` if it was on.
+    /// Switches a stream off, for `robot.stream(name, false)`; `true` if it was on.
     pub(super) fn switch_off(&mut self, stream: Stream) -> bool {
         self.asked.remove(&stream);
         self.on.remove(&stream).is_some()
     }
 
-    /// Those that are on only while something uses them.
+    /// The streams that are on only while something uses them.
     pub(super) fn lent(&self) -> Vec<Stream> {
         let on = self.on.keys().copied();
         on.filter(|stream| !self.asked.contains(stream)).collect()
     }
 
-    /// It is in use now.
+    /// Records that a stream is in use now.
     pub(super) fn note_use(&mut self, stream: Stream, now: Instant) {
         if let Some(used) = self.on.get_mut(&stream) {
             *used = now;
         }
     }
 
-    /// When one that nothing uses goes off.
+    /// When a stream is switched off if nothing uses it.
     pub(super) fn end_of(&self, stream: Stream) -> Option<Instant> {
         self.on.get(&stream).map(|used| *used + LINGER)
     }
 
-    /// Forgets one that nothing uses if its time is over; `true` if so.
+    /// Removes an unused stream if its time is over; `true` if it was removed.
     pub(super) fn drop_if_unused(&mut self, stream: Stream, now: Instant) -> bool {
         self.end_of(stream).is_some_and(|end| end <= now) && self.on.remove(&stream).is_some()
     }

@@ -1,4 +1,4 @@
-//! The tasks of a script: what each is, what it waits for, and what it is resumed with.
+//! The tasks of a script: their kinds, what they wait for, and what they are resumed with.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -14,10 +14,10 @@ use super::pace::Pace;
 pub(super) use super::pace::SHORTEST_WAIT;
 use crate::robot::{CallId, DockEnd, MotionEnd, MotionId};
 
-/// The most tasks that may live at once, timers and running handlers included.
+/// Largest number of tasks at once, including timers and running handlers.
 pub(super) const MAX_TASKS: usize = 256;
 
-/// What the script reads as `task.status`.
+/// The value of `task.status` in scripts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Status {
     Running,
@@ -42,14 +42,14 @@ impl Status {
 pub(super) struct Handle {
     pub(super) id: TaskId,
     pub(super) status: Cell<Status>,
-    /// Beats of `task.every` that came too late, in all.
+    /// Total number of beats of `task.every` that were missed.
     pub(super) missed: Cell<u64>,
 }
 
-/// What a task is for.
+/// The kind of a task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TaskKind {
-    /// The file itself.
+    /// The main chunk of the script's file.
     Main,
     /// `task.spawn`, `task.delay`, `task.every`, `robot.blink`.
     Spawned,
@@ -59,17 +59,17 @@ pub(super) enum TaskKind {
     Child(GroupId, usize),
     /// A function of `script.on_stop`.
     Farewell,
-    /// What a person typed.
+    /// A line that a person typed.
     Line,
 }
 
-/// How far a cancellation has come.
+/// The progress of a cancellation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Cancel {
     No,
     /// The next wait fails.
     Asked,
-    /// A wait has failed; the next one is the end.
+    /// A wait has failed; the next wait ends the task.
     Told,
 }
 
@@ -88,7 +88,7 @@ pub(super) enum Wait {
     Undock(CallId),
     Join(TaskId),
     Group(GroupId),
-    /// For a module's file, or for the task that runs it.
+    /// Waits for a module's file, or for the task that runs the module.
     Module(ModuleId),
 }
 
@@ -114,21 +114,21 @@ pub(super) enum Answer {
     Undock(DockEnd),
     Joined(Status, Option<String>),
     Values(LuaMultiValue),
-    /// What was waited for has changed: look again.
+    /// The state has changed: the prelude must check again.
     Again,
     /// An error to raise in the task, with its place.
     Failed(String),
     Cancelled,
 }
 
-/// Waits, or will run.
+/// Whether a task is ready, waiting or running.
 pub(super) enum TaskPhase {
     Ready(Answer),
     Waiting(Wait),
     Running,
 }
 
-/// One coroutine of the script that the scheduler knows.
+/// A coroutine of the script that the scheduler manages.
 pub(super) struct Task {
     pub(super) thread: LuaThread,
     pub(super) kind: TaskKind,
@@ -137,7 +137,7 @@ pub(super) struct Task {
     pub(super) cancel: Cancel,
     pub(super) timer: Option<Timer>,
     pub(super) handle: Rc<Handle>,
-    /// When `task.every` beats next.
+    /// When the next beat of `task.every` is due.
     pub(super) beat: Option<Instant>,
     pub(super) pace: Pace,
 }

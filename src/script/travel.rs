@@ -1,4 +1,5 @@
-//! What the tracks have done so far, by time: a picture shows what they did when it was taken.
+//! The history of the tracks' motion: needed because a picture shows what the tracks did when it
+//! was taken.
 
 use std::collections::VecDeque;
 use std::ops::Sub;
@@ -6,25 +7,25 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// How long ago it is known.
+/// How far back the history goes.
 const KEPT: Duration = Duration::from_secs(3);
-/// Times that are kept are so far apart, two by two: so there are few.
+/// Least time between an entry and the next but one, which bounds the number of entries.
 const APART: Duration = Duration::from_millis(10);
 
-/// Sums of what the tracks have done.
+/// Sums of the tracks' motion.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Totals {
-    /// Radians, those to the right taken off.
+    /// Radians to the left; turns to the right count as negative.
     pub(super) turn: f64,
-    /// Radians, to either side.
+    /// Radians to either side.
     pub(super) turned: f64,
-    /// Radians that they were told, those to the right taken off.
+    /// Commanded radians to the left; turns to the right count as negative.
     pub(super) told: f64,
     /// Metres, forwards or backwards.
     pub(super) way: f64,
 }
 
-/// The sums, by time.
+/// The sums over time.
 #[derive(Debug)]
 pub(super) struct Travel {
     /// The oldest first; never empty.
@@ -32,15 +33,15 @@ pub(super) struct Travel {
 }
 
 impl Travel {
-    /// Nothing until now.
+    /// Creates a history that begins now.
     pub(super) fn new(now: Instant) -> Travel {
         Travel {
             totals: VecDeque::from([(now, Totals::default())]),
         }
     }
 
-    /// From the last time on until `now` its tracks were told this turn, in radians, have evenly made so many of
-    /// them, and come so many metres.
+    /// Adds the motion since the last entry, at a constant rate until `now`: the commanded turn and
+    /// the turn made, in radians, and the distance in metres.
     pub(super) fn add(&mut self, now: Instant, told: f64, turn: f64, way: f64) {
         let last = self.totals.back().map(|(_, totals)| *totals);
         let last = last.unwrap_or_default();
@@ -61,7 +62,7 @@ impl Travel {
         }
     }
 
-    /// What it has done between two times; `None` if the first is too long ago.
+    /// The motion between two times; `None` if the first is too long ago.
     pub(super) fn between(&self, from: Instant, to: Instant) -> Option<Totals> {
         Some(self.until(to)? - self.until(from)?)
     }
@@ -104,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_done_between_two_times_is_known_for_a_while_and_in_little_memory() {
+    fn the_motion_between_two_times_is_known_for_a_while_in_little_memory() {
         let start = Instant::now();
         let mut travel = Travel::new(start);
         for millis in 1..=10_000 {

@@ -1,34 +1,35 @@
-//! Whether the tracks have brought the robot to the wall that it saw before it came too close to see
-//! its foot: the robot's place by what the tracks have made, and the wall's by its foot.
+//! Whether the tracks have brought the robot to the wall whose foot it saw before it came too
+//! close. The position of the robot follows from its tracks, that of the wall from its foot.
 
 use std::time::Duration;
 
 use crate::vision::{Camera, Drive, Feet, Glance, Stand, Wall};
 
-/// From the middle of the robot to its edge, metres.
+/// From the centre of the robot to its edge, in metres.
 const RADIUS: f64 = 0.15;
-/// Tracks that have brought it so far into a wall have not moved it to the end, metres.
+/// If the tracks have brought the robot this far into a wall, in metres, it must have been blocked.
 const INSIDE: f64 = 0.05;
-/// The robot must drive towards the wall: at least this share of its way.
+/// The robot must drive towards the wall with at least this share of its motion.
 const TOWARDS: f64 = 0.3;
-/// A wall so much farther than the robot's edge, in metres, does not hold it; one beyond the last is not ahead.
+/// Distances between the robot's edge and a wall, in metres, at which the wall is ahead and does
+/// not block the robot yet; farther walls do not count as ahead.
 const AWAY: std::ops::Range<f64> = 0.07..1.85;
-/// It is not told to have been held for longer.
+/// The longest time of pushing that is reported.
 const LONGEST: Duration = Duration::from_secs(2);
 
-/// See the module. Of one motion.
+/// The state of one motion; see the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct WallAhead {
     odometer: Option<f64>,
     stand: Stand,
     feet: Feet,
     wall: Option<Wall>,
-    /// Feet were seen since the wall was last looked for.
+    /// Whether feet were seen since the wall was last computed.
     news: bool,
 }
 
 impl WallAhead {
-    /// The odometer stands there now, metres.
+    /// Advances the robot's position to this odometer reading, in metres.
     pub(super) fn drive_on(&mut self, odometer: f64, drive: Drive) {
         let way = odometer - self.odometer.unwrap_or(odometer);
         self.odometer = Some(odometer);
@@ -37,7 +38,8 @@ impl WallAhead {
         }
     }
 
-    /// A look from there. A wall is looked for only where the robot may be close to one.
+    /// Processes a picture taken from the current position. The wall is only computed where the
+    /// robot may be close to one.
     pub(super) fn look(&mut self, glance: &Glance, camera: Camera, close: bool) {
         self.news |= self.feet.note(glance, camera, self.stand);
         if close && self.news {
@@ -46,7 +48,7 @@ impl WallAhead {
         }
     }
 
-    /// Whether there is still way to go to the wall.
+    /// Whether the robot has not reached the wall yet.
     pub(super) fn is_away(&self) -> bool {
         let over = self.over();
         over.is_some_and(|over| AWAY.contains(&-over))
@@ -61,7 +63,7 @@ impl WallAhead {
         (drive.forward > 0.0 && ahead > TOWARDS).then(|| time.min(LONGEST))
     }
 
-    /// Metres by which the robot would be in the wall.
+    /// Metres by which the robot would be inside the wall.
     fn over(&self) -> Option<f64> {
         Some(RADIUS - self.wall?.distance(self.stand)?)
     }

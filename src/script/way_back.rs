@@ -1,14 +1,16 @@
-//! The way back: places that a robot has passed, from what its tracks did, seen from where it stands now.
+//! The way back: the places that a robot has passed, computed from the motion of its tracks,
+//! relative to where it stands now.
 
 use crate::robot::Stroke;
 
 use super::options::Calibration;
 
-/// From one place of a way to the next, metres, at least. No multiple of a step, and so no matter of rounding.
+/// Least distance between two places of a way, in metres. It is not a multiple of [`STEP`], so that
+/// the result does not depend on rounding.
 const SPACING: f64 = 0.14;
-/// A way that comes so near to itself, in metres, is cut short there.
+/// If a way comes this near to itself, in metres, the loop is cut off there.
 const CROSSING: f64 = 0.19;
-/// A curve is walked along in steps of so many metres of the busier track.
+/// Curves are computed in steps of this length of the faster track, in metres.
 const STEP: f64 = 0.05;
 
 /// Metres: `x` ahead of the robot, `y` to its left.
@@ -31,8 +33,8 @@ struct Pose {
     heading: f64,
 }
 
-/// The places from where the robot stands to where the strokes began, the nearest first; loops are left
-/// out. Without a stroke that leads anywhere: none.
+/// Returns the places from where the robot stands to where the strokes began, the nearest first,
+/// without loops. Empty if the strokes lead nowhere else.
 pub(super) fn way_back(strokes: &[Stroke], calibration: Calibration) -> Vec<Waypoint> {
     let poses = walk(strokes, calibration);
     let Some(&now) = poses.last() else {
@@ -51,11 +53,11 @@ pub(super) fn way_back(strokes: &[Stroke], calibration: Calibration) -> Vec<Wayp
             way.push(place);
         }
     }
-    // The first is where it stands.
+    // The first place is where the robot stands.
     way.split_off(1)
 }
 
-/// All poses on the way, the oldest first.
+/// All poses of the strokes, the oldest first.
 fn walk(strokes: &[Stroke], calibration: Calibration) -> Vec<Pose> {
     let mut pose = Pose {
         at: Waypoint { x: 0.0, y: 0.0 },
@@ -125,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn who_drove_ahead_came_from_behind() {
+    fn after_driving_ahead_the_way_back_is_behind() {
         assert_eq!(
             way(&[ahead(0.45)]),
             [(-0.15, 0.0), (-0.3, 0.0), (-0.45, 0.0)]
@@ -133,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn who_turned_to_the_left_came_from_the_right() {
+    fn after_a_turn_to_the_left_the_way_back_is_on_the_left() {
         let places = way(&[ahead(0.3), turn(PI / 2.0)]);
         assert_eq!(places, [(0.0, 0.15), (0.0, 0.3)]);
         let places = way(&[ahead(0.3), turn(-PI / 2.0)]);
@@ -141,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_curve_is_one() {
+    fn a_curve_stays_a_curve() {
         // A quarter of a circle of one metre to the left.
         let (inner, outer) = (PI / 2.0 * 0.88, PI / 2.0 * 1.12);
         let stroke = Stroke {
@@ -171,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn who_has_not_moved_has_no_way() {
+    fn without_motion_there_is_no_way() {
         assert_eq!(way(&[]), []);
         assert_eq!(way(&[turn(3.0)]), []);
         assert_eq!(way(&[ahead(1.0), turn(PI), ahead(1.0)]), []);
@@ -179,7 +181,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_way_ends_near_where_it_began_and_no_two_places_are_near(
+        fn the_way_ends_near_its_beginning_and_no_two_places_are_near(
             strokes in prop::collection::vec((-2.0..2.0f32, -2.0..2.0f32), 0..60),
         ) {
             let strokes: Vec<Stroke> =

@@ -1,4 +1,4 @@
-//! What a task is resumed with, in Lua values.
+//! Converts the answer that a task is resumed with to Lua values.
 
 use mlua::prelude::{IntoLuaMulti, Lua, LuaMultiValue, LuaResult, LuaValue};
 
@@ -7,8 +7,8 @@ use super::super::task::{Answer, Status};
 use super::{of_row, payload};
 use crate::robot::{DockEnd, MotionEnd};
 
-/// The values for `Thread::resume`: plain arguments at the start, and behind a yield `true` and
-/// what the waiting call returns, or `false` and the error to raise.
+/// The values for `Thread::resume`: plain arguments at the start; after a yield `true` and the
+/// return values of the waiting call, or `false` and the error to raise.
 pub(in super::super) fn resume_values(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
     match answer {
         Answer::Start(values) => Ok(values),
@@ -24,7 +24,7 @@ pub(in super::super) fn resume_values(lua: &Lua, answer: Answer) -> LuaResult<Lu
     }
 }
 
-/// What the waiting call returns.
+/// The return values of the waiting call.
 fn returned(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
     match answer {
         Answer::Slept(time) => time.as_secs_f64().into_lua_multi(lua),
@@ -57,12 +57,12 @@ fn returned(lua: &Lua, answer: Answer) -> LuaResult<LuaMultiValue> {
     }
 }
 
-/// The robot is where the script wanted it.
+/// Whether the robot is where the script wanted it to be.
 fn is_docked(end: DockEnd) -> bool {
     matches!(end, DockEnd::Done | DockEnd::AlreadyDocked)
 }
 
-/// The robot is where the script wanted it.
+/// Whether the robot is where the script wanted it to be.
 fn is_undocked(end: DockEnd) -> bool {
     matches!(end, DockEnd::Done | DockEnd::NotDocked)
 }

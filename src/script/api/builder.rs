@@ -1,5 +1,5 @@
-//! Rows of the API table and their natives to Lua tables: each native under its shim, unknown names
-//! as errors.
+//! Builds Lua tables from the rows of the API table and their native functions: each function is
+//! wrapped in its shim, and unknown names are errors.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -18,7 +18,7 @@ use super::super::scheduler::CANCELLED;
 use super::{Answered, Call, Native, Natives, Reply, Shared, convert};
 use crate::api::{self, Function};
 
-/// Makes Lua tables of rows and natives.
+/// Builds Lua tables from rows and native functions.
 pub(super) struct Builder<'a> {
     pub(super) lua: &'a Lua,
     pub(super) shared: &'a Shared,
@@ -35,7 +35,7 @@ impl Builder<'_> {
         self.prelude.function("use_can_wait")?.call(can_wait)
     }
 
-    /// A table with a function for each row of a namespace.
+    /// Builds a table with a function for each row of a namespace.
     pub(super) fn namespace(
         &self,
         name: &'static str,
@@ -49,8 +49,8 @@ impl Builder<'_> {
         Ok(table)
     }
 
-    /// The type behind the script's objects of a kind: its methods, its fields, and errors for other
-    /// names.
+    /// Registers the type of a kind of script objects: its methods, its fields, and errors for
+    /// other names.
     pub(super) fn object<T: 'static>(
         &self,
         name: &'static str,
@@ -77,7 +77,7 @@ impl Builder<'_> {
         })
     }
 
-    /// The function that the script sees.
+    /// Builds the function that the script sees.
     pub(super) fn function(
         &self,
         row: &'static Function,
@@ -92,7 +92,7 @@ impl Builder<'_> {
         self.under(shim, row, native)
     }
 
-    /// The same under another shim: for what the prelude and the modules call.
+    /// Builds a function with the given shim: for functions that the prelude and the modules call.
     pub(super) fn under(
         &self,
         shim: &str,
@@ -108,7 +108,8 @@ impl Builder<'_> {
         }
     }
 
-    /// The native under its shim: `true, values...`, or `false, message`, or nothing.
+    /// Builds the function that the shim calls. It returns `true, values...`, or `false, message`,
+    /// or nothing if the call waits.
     fn native(
         &self,
         function: &'static Function,
@@ -138,7 +139,8 @@ impl Builder<'_> {
             })
     }
 
-    /// An error with the nearest name for fields of a namespace that do not exist; "" for globals.
+    /// Builds the error, with the nearest name, for fields of a namespace that do not exist; "" is
+    /// for globals.
     pub(super) fn strict(&self, owner: &'static str) -> LuaResult<LuaFunction> {
         self.strict_with(owner, known_names)
     }
@@ -159,7 +161,7 @@ impl Builder<'_> {
         self.prelude.function("strict")?.call((unknown, owner))
     }
 
-    /// Makes a namespace strict and read-only, and gives it to scripts.
+    /// Makes a namespace strict and read-only, and adds it to the globals.
     pub(super) fn close(&self, name: &'static str, table: LuaTable) -> LuaResult<()> {
         let meta = self.lua.create_table()?;
         meta.raw_set("__index", self.strict(name)?)?;
@@ -174,10 +176,11 @@ impl Builder<'_> {
     }
 }
 
-/// Each row with its native.
+/// Pairs each row with its native function.
 ///
 /// # Errors
-/// A row without a native, or a native without a row.
+///
+/// If a row has no native function, or a native function has no row.
 fn paired(
     owner: &str,
     rows: &'static [Function],
@@ -198,12 +201,12 @@ fn paired(
 
 fn unpaired(owner: &str) -> LuaError {
     LuaError::runtime(format!(
-        "the natives of '{owner}' are not the rows of the API table"
+        "the native functions of '{owner}' do not match the rows of the API table"
     ))
 }
 
-/// A table that a call or an event gives, which has the fields of its row: held in builds with debug
-/// assertions.
+/// Checks, in builds with debug assertions, that a table from a call or an event has the fields of
+/// its row.
 pub(super) fn of_row(object: &'static str, table: LuaTable) -> LuaTable {
     debug_assert!(has_fields(object, &table), "a {object} has other fields");
     table
@@ -225,7 +228,7 @@ fn has_fields(object: &str, table: &LuaTable) -> bool {
     visited.is_ok() && known && object.fields.iter().all(has)
 }
 
-/// A native's answer in the form that its shim understands.
+/// Converts the answer of a native function to the form that its shim understands.
 fn to_shim(lua: &Lua, answered: Answered) -> LuaResult<LuaMultiValue> {
     match answered {
         Ok(Reply::Values(mut values)) => {
@@ -243,7 +246,7 @@ fn failed(lua: &Lua, words: &str) -> LuaResult<LuaMultiValue> {
     (false, words).into_lua_multi(lua)
 }
 
-/// Every path that can be read: globals, and the fields of those that are tables.
+/// Every name that can be read: globals, and the fields of those that are tables.
 pub(in super::super) fn every_path(lua: &Lua) -> BTreeSet<String> {
     let mut paths = BTreeSet::new();
     for owner in known_names(lua, "") {

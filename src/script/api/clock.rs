@@ -11,7 +11,7 @@ use crate::clock::{Clock, Zone};
 pub(super) const CALLS: &Natives = &[("clock.now", now), ("clock.date", date)];
 
 thread_local! {
-    /// The zone that was asked for last: finding it takes longer than using it.
+    /// The last zone, cached because finding it takes longer than using it.
     static ZONE: RefCell<Option<Zone>> = const { RefCell::new(None) };
 }
 
@@ -25,7 +25,7 @@ fn now(call: &mut Call<'_>) -> Answered {
 fn date(call: &mut Call<'_>) -> Answered {
     let given: Option<f64> = call.args.get(0)?;
     let instant = match given {
-        // Within the years that a date may have: the row's bounds.
+        // The bounds of the row keep it within the supported years.
         Some(seconds) => Timestamp::from_millisecond((seconds * 1e3).floor() as i64)
             .unwrap_or(Timestamp::UNIX_EPOCH),
         None => instant(call),
@@ -50,7 +50,7 @@ fn instant(call: &Call<'_>) -> Timestamp {
     Clock::ahead(call.state.options.clock).now()
 }
 
-/// Of this name; universal time if there is none.
+/// The zone of this name; UTC if there is none.
 fn zone(name: &str) -> Zone {
     ZONE.with_borrow_mut(|last| match last {
         Some(zone) if zone.name() == name => zone.clone(),

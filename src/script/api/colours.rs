@@ -1,5 +1,5 @@
-//! Colours as scripts write them: names, `vision.lab`, `vision.hsv`, what `vision.learn` gives, and
-//! lists of these.
+//! Colours as scripts write them: names, `vision.lab`, `vision.hsv`, the results of `vision.learn`,
+//! and lists of these.
 
 use mlua::UserDataMethods as _;
 use mlua::prelude::{LuaResult, LuaTable, LuaValue};
@@ -9,7 +9,7 @@ use super::super::nearest::suggestion;
 use super::{Answered, Builder, Call};
 use crate::vision::{Blob, Colour, MAX_COLOURS};
 
-/// What the script holds of a colour without a name.
+/// The script's object for a colour without a name.
 pub(super) struct ColourObject(pub(super) Colour);
 
 /// The colours of one search, with the names under which their blobs are reported.
@@ -26,7 +26,7 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
 }
 
 impl Colours {
-    /// A colour or a list of colours.
+    /// Reads a colour or a list of colours.
     pub(super) fn of(call: &Call<'_>, value: &LuaValue) -> Result<Colours, Refusal> {
         let mut colours = Colours::default();
         match value {
@@ -36,7 +36,7 @@ impl Colours {
         Ok(colours)
     }
 
-    /// What a blob of these colours is called; nothing, if its colour has no name.
+    /// The colour name of a blob; empty if its colour has no name.
     pub(super) fn name_of(&self, blob: &Blob) -> &str {
         let name = self.names.get(blob.colour).and_then(Option::as_deref);
         name.unwrap_or_default()
@@ -69,7 +69,7 @@ impl Colours {
     }
 }
 
-/// A colour of the config or one that everybody knows.
+/// Finds a colour of the config or a built-in one.
 fn named(call: &Call<'_>, name: &str) -> Result<Colour, Refusal> {
     let own = &call.state.options.colours;
     let found = own.get(name).copied().or_else(|| Colour::named(name));

@@ -1,19 +1,19 @@
-//! Values of a script in short texts, for the fields of log lines. Bounded in depth, in number and
-//! in length whatever the value refers to: a table may contain itself.
+//! Converts values of a script to short texts, for the fields of log lines. Depth, number of values
+//! and length are bounded, even for a table that contains itself.
 
 use mlua::prelude::{LuaError, LuaTable, LuaValue};
 
 use super::super::failure::printable;
 
-/// Tables within tables.
+/// Largest nesting depth of tables.
 const MAX_DEPTH: u32 = 3;
-/// Values of one text.
+/// Largest number of values in one text.
 const MAX_NODES: u32 = 64;
-/// Characters of one string.
+/// Largest number of characters of one string.
 const MAX_STRING: usize = 200;
-/// Bytes of one text; reached only between values.
+/// Largest number of bytes of one text; checked only between values.
 const MAX_BYTES: usize = 1000;
-/// Fields of one log line.
+/// Largest number of fields of one log line.
 const MAX_FIELDS: usize = 32;
 
 /// The fields of a log line, by name.
@@ -30,7 +30,7 @@ pub(super) fn fields(table: &LuaTable) -> Vec<(String, String)> {
     fields
 }
 
-/// A value in a short text.
+/// Converts a value to a short text.
 pub(super) fn text(value: &LuaValue) -> String {
     let mut writer = Writer {
         out: String::new(),
@@ -89,7 +89,7 @@ impl Writer {
     }
 }
 
-/// Whether the key is a place in a list.
+/// Whether the key is a position in a list.
 fn is_position(key: &LuaValue, length: usize) -> bool {
     match key {
         LuaValue::Integer(at) => usize::try_from(*at).is_ok_and(|at| (1..=length).contains(&at)),

@@ -19,7 +19,7 @@ pub(super) const CALLS: &Natives = &[
 
 const METHODS: &Natives = &[("Subscription:off", off)];
 
-/// What the script holds of a subscription.
+/// The script's object for a subscription.
 struct SubscriptionObject(SubscriptionId);
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
@@ -71,7 +71,7 @@ fn wait_for(call: &mut Call<'_>) -> Answered {
     wait_for_event(call, event, time)
 }
 
-/// Waits for an event. For ever only if it can come.
+/// Waits for an event. Waiting without a timeout is an error if the config prevents the event.
 pub(super) fn wait_for_event(
     call: &mut Call<'_>,
     event: EventName,
@@ -86,8 +86,9 @@ pub(super) fn wait_for_event(
     call.wait(Wait::Event(event), time)
 }
 
-/// Frames and sound come only when their stream is on. Where the config keeps it off they never
-/// come: the script can do without, and its log says so once.
+/// Switches on the stream that an event needs, since frames and sound arrive only while their
+/// stream is on. If the config keeps the stream off, the event never comes: the script may still
+/// run, and this is logged once.
 pub(super) fn listen(call: &mut Call<'_>, event: EventName) {
     let Some(stream) = event.stream() else {
         return;

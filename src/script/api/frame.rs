@@ -1,5 +1,5 @@
-//! `robot.frame`, `robot.wait_frame` and the Frame object: its data, and `frame:save`. What is seen
-//! in it is asked in [`looking`](super::looking).
+//! `robot.frame`, `robot.wait_frame` and the Frame object: its data, and `frame:save`. The methods
+//! that examine the picture are in [`looking`](super::looking).
 
 use std::rc::Rc;
 use std::time::Duration;
@@ -19,16 +19,16 @@ pub(super) const CALLS: &Natives = &[("robot.frame", newest), ("robot.wait_frame
 
 pub(super) const METHODS: &Natives = &[("Frame:save", save)];
 
-/// Older frames are not the newest any more: the stream has stopped.
+/// `robot.frame` does not return older frames, since the stream has stopped then.
 const STALE: Duration = Duration::from_secs(1);
 
-/// The Frame object of a frame.
+/// Creates the Frame object of a frame.
 pub(super) fn to_lua(lua: &Lua, held: &Rc<HeldFrame>) -> LuaResult<LuaValue> {
     let object = lua.create_any_userdata(Rc::clone(held))?;
     Ok(LuaValue::UserData(object))
 }
 
-/// The frame that is a script's value.
+/// The frame of a script's Frame object.
 pub(super) fn of_value(value: &LuaValue) -> Option<Rc<HeldFrame>> {
     let object = value.as_userdata()?.borrow::<Rc<HeldFrame>>().ok()?;
     Some(Rc::clone(&object))
@@ -45,7 +45,7 @@ impl Argument for Rc<HeldFrame> {
     }
 }
 
-/// With these methods.
+/// Registers the Frame object with these methods.
 pub(super) fn register(builder: &Builder<'_>, natives: &[&Natives]) -> LuaResult<()> {
     let shared = Rc::clone(builder.shared);
     builder.object::<Rc<HeldFrame>>("Frame", natives, |registry| {
@@ -75,7 +75,7 @@ fn newest(call: &mut Call<'_>) -> Answered {
     }
 }
 
-/// `robot.wait_frame(timeout)`: the next frame, or `nil, "timeout"`. A frame cut short counts as none,
+/// `robot.wait_frame(timeout)`: the next frame, or `nil, "timeout"`. A truncated frame is ignored,
 /// here and for `frame` handlers.
 fn wait_frame(call: &mut Call<'_>) -> Answered {
     let time = call.args.get(0)?;
@@ -106,7 +106,7 @@ fn save(call: &mut Call<'_>) -> Answered {
         }
         Err(NotSaved::Io(reason)) => {
             call.state
-                .log(Level::Warn, &format!("{name} is not saved: {reason}"));
+                .log(Level::Warn, &format!("{name} was not saved: {reason}"));
             call.reply((LuaValue::Nil, "io"))
         }
     }

@@ -1,4 +1,4 @@
-//! From places of a picture to directions and back: `frame:direction` and `frame:pixel_at`.
+//! Conversion between points of a picture and directions: `frame:direction` and `frame:pixel_at`.
 
 use mlua::prelude::LuaValue;
 
@@ -19,7 +19,8 @@ fn direction(call: &mut Call<'_>) -> Answered {
     call.reply((seen.bearing, seen.elevation))
 }
 
-/// `frame:pixel_at(bearing, elevation)`: `x, y`, or nil for what is not before the camera.
+/// `frame:pixel_at(bearing, elevation)`: `x, y`, or nil for a direction that is not in front of the
+/// camera.
 fn pixel_at(call: &mut Call<'_>) -> Answered {
     let (bearing, elevation) = (call.args.get(0)?, call.args.get(1)?);
     let Some(size) = size(call)? else {

@@ -14,10 +14,10 @@ pub(super) const CALLS: &Natives = &[
 
 pub(super) const PRINT: &Natives = &[("print", |call| write(call, Level::Info))];
 
-/// So many bytes of a text are looked at; the log keeps fewer.
+/// Number of bytes of a text that are read; the log keeps fewer.
 const LOOK_AT: usize = 8 * 1024;
 
-/// `log.info(text, fields)`: the text has been through `tostring`.
+/// `log.info(text, fields)`: the shim has already converted the text with `tostring`.
 fn write(call: &mut Call<'_>, level: Level) -> Answered {
     let LuaValue::String(text) = call.args.value(0) else {
         return Err(call.args.misuse("the text is missing"));

@@ -1,9 +1,9 @@
-//! What is seen in one frame: `frame:find_blobs` and its like. Each frame is decoded at the first
-//! question, into one buffer for all frames.
+//! The methods that examine one frame: `frame:find_blobs` and similar ones. Each frame is decoded
+//! at the first such call, into one buffer for all frames.
 //!
-//! Most damaged frames never get this far (`State::deliver_frame`). One whose damage shows only in
-//! decoding shows nothing: no blobs, no line, no brightness. They are counted, and the log says so
-//! once in a while.
+//! Most damaged frames are rejected earlier (`State::deliver_frame`). A frame whose damage is found
+//! only in decoding has no results: no blobs, no line, no brightness. Such frames are counted, and
+//! this is logged now and then.
 
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
@@ -26,8 +26,9 @@ pub(super) const METHODS: &Natives = &[
     ("Frame:get_pixel", pixel),
 ];
 
-/// From a line's column to the sides of its box, in pixels.
+/// Distance from a line's column to the sides of its box, in pixels.
 const LINE_MARGIN: f64 = 4.0;
+
 impl State {
     /// The picture of a frame; `None` for a damaged one, which is counted.
     pub(super) fn look(&mut self, held: &HeldFrame) -> Option<&Image> {
@@ -35,7 +36,7 @@ impl State {
             self.note_damage(held.frame.seq, &error);
             return None;
         }
-        // Decoded already: this only borrows it again.
+        // The frame is decoded already: this only borrows it again.
         self.sight.eyes.look(held.frame.seq, &held.frame.jpeg).ok()
     }
 
@@ -95,7 +96,7 @@ fn blobs(call: &mut Call<'_>) -> Answered {
     call.reply(list)
 }
 
-/// What a person is shown of a blob.
+/// The mark of a blob, for people who see the frame.
 pub(super) fn mark(blob: &Blob, text: &str) -> Seen {
     Seen {
         blob: *blob,
@@ -116,7 +117,7 @@ fn blob_options(call: &Call<'_>) -> Result<BlobOptions, Refusal> {
     })
 }
 
-/// `{x, y, w, h}`, or anything with these names, such as a blob.
+/// `{x, y, w, h}`, or any table with fields of these names, such as a blob.
 impl Argument for Roi {
     fn read(given: Given<'_>) -> Result<Self, Refusal> {
         let LuaValue::Table(table) = &given.value else {
@@ -135,7 +136,7 @@ impl Argument for Roi {
     }
 }
 
-/// What sticks out to the left or above does not count.
+/// Cuts off the part of a rectangle that is left of or above the picture.
 fn clipped([x, y, w, h]: [f64; 4]) -> Roi {
     let side = |start: f64, length: f64| {
         let end = (start + length).max(0.0);
@@ -146,7 +147,7 @@ fn clipped([x, y, w, h]: [f64; 4]) -> Roi {
     Roi { x, y, w, h }
 }
 
-/// A blob as scripts read it (`API.md`, *Vision*).
+/// Creates the script's table of a blob.
 pub(super) fn blob_table(lua: &Lua, blob: &Blob, names: &[Option<String>]) -> LuaResult<LuaTable> {
     let table = lua.create_table_with_capacity(0, 24)?;
     let whole = [
@@ -203,8 +204,8 @@ fn line(call: &mut Call<'_>) -> Answered {
     call.reply(of_row("Line", table))
 }
 
-/// What a person is shown of a line: a narrow box around the column that `offset` tells, as high
-/// as the part looked at.
+/// The mark of a line, for people who see the frame: a narrow box around the column given by
+/// `offset`, as high as the examined part.
 fn line_mark((line, part): (Line, Roi)) -> Seen {
     let column = f64::from(part.x) + (line.offset + 1.0) / 2.0 * f64::from(part.w) - 0.5;
     let blob = Blob {
@@ -271,7 +272,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_that_stick_out_are_cut() {
+    fn parts_outside_the_picture_are_cut_off() {
         let roi = |numbers| {
             let Roi { x, y, w, h } = clipped(numbers);
             [x, y, w, h]

@@ -1,8 +1,9 @@
-//! The natives behind the API table ([`crate::api`]): one file for each Lua namespace. The table has
-//! their names, arguments and defaults; a native without a row in it does not load.
+//! The native functions behind the API table ([`crate::api`]): one file for each Lua namespace. The
+//! table has their names, arguments and defaults; a native function without a row in it does not
+//! load.
 //!
-//! A native gets a [`Call`] and answers with a [`Reply`]; it never raises. Waiting is registered
-//! with the scheduler and answered later ([`answer`]).
+//! A native function gets a [`Call`] and returns a [`Reply`] or a [`Refusal`]; it never raises a
+//! Lua error. A wait is registered with the scheduler and answered later ([`answer`]).
 
 mod answer;
 mod builder;
@@ -53,28 +54,29 @@ pub(super) use answer::resume_values;
 pub(super) use builder::every_path;
 use builder::of_row;
 
-/// State that natives and the scheduler share. Borrowed only while no line of the script runs.
+/// The state that native functions and the scheduler share. It is borrowed only while no line of
+/// the script runs.
 pub(super) type Shared = Rc<RefCell<State>>;
 
-/// One call of a native.
+/// One call of a native function.
 pub(super) struct Call<'a> {
     lua: &'a Lua,
     state: &'a mut State,
     args: Args,
-    /// The calling coroutine stands where it can yield.
+    /// Whether the calling coroutine can yield here.
     yieldable: bool,
 }
 
-/// What a native answers.
+/// The answer of a native function.
 enum Reply {
     Values(LuaMultiValue),
-    /// The scheduler will answer.
+    /// The scheduler will answer later.
     Wait,
 }
 
 type Answered = Result<Reply, Refusal>;
 type Native = fn(&mut Call<'_>) -> Answered;
-/// Natives by the paths of their rows.
+/// Native functions by the paths of their rows.
 type Natives = [(&'static str, Native)];
 
 impl Call<'_> {
@@ -83,8 +85,9 @@ impl Call<'_> {
         Ok(Reply::Values(values.into_lua_multi(self.lua)?))
     }
 
-    /// Every waiting call asks this before it does anything: waiting must be possible here, and a
-    /// cancelled task is told so; a second time it is not let on.
+    /// Every waiting call checks this before it does anything else: waiting must be possible here,
+    /// and the task must not be cancelled. A cancelled task gets an error; the second time it is
+    /// also prevented from continuing.
     fn may_wait(&mut self) -> Result<(), Refusal> {
         if !self.yieldable || !self.state.can_wait {
             return Err(self.args.misuse(
@@ -123,14 +126,14 @@ impl Call<'_> {
         object.ok_or_else(|| self.no_subject())
     }
 
-    /// The same, to change it.
+    /// The object that a method was called on, mutably.
     fn subject_mut<T: 'static>(&self) -> Result<LuaUserDataRefMut<T>, Refusal> {
         let object = self.args.subject().as_userdata();
         let object = object.and_then(|object| object.borrow_mut().ok());
         object.ok_or_else(|| self.no_subject())
     }
 
-    /// The error of a method that was not called on its object.
+    /// The error for a method that was not called on its object.
     fn no_subject(&self) -> Refusal {
         let function = self.args.function;
         let (what, key) = (function.owner().to_lowercase(), function.key());
@@ -138,7 +141,7 @@ impl Call<'_> {
         self.args.misuse(&words)
     }
 
-    /// Nothing new begins once the script is ending.
+    /// Refuses to start anything new once the script is ending.
     fn must_be_running(&self) -> Result<(), Refusal> {
         if self.state.is_running() {
             return Ok(());
@@ -148,14 +151,14 @@ impl Call<'_> {
             .misuse("the script is ending, nothing new can begin"))
     }
 
-    /// Sends an intent, unless too many wait already.
+    /// Sends an intent, unless the queue is full.
     fn send(&mut self, intent: crate::robot::Intent) -> Result<(), Refusal> {
         self.make_room(0)?;
         self.state.output.send(intent);
         Ok(())
     }
 
-    /// Switches a stream on, unless it is, until the script switches it off.
+    /// Switches a stream on, if it is off, until the script switches it off.
     fn switch_on(&mut self, stream: Stream) -> Result<(), Refusal> {
         let wanted = self.state.want(stream, Demand::Asked);
         wanted.map_err(|why| self.args.misuse(&why.to_string()))
@@ -171,11 +174,11 @@ impl Call<'_> {
     }
 }
 
-/// What a script is surrounded by.
+/// The API that a script gets.
 pub(super) enum ApiSet {
-    /// A robot to drive.
+    /// The API of behaviours, with a robot to drive.
     Robot,
-    /// Someone to ask who tries behaviours.
+    /// The API of scenario scripts, with a stage.
     Stage(Rc<dyn Stage>),
 }
 
@@ -255,7 +258,7 @@ fn place(lua: &Lua) -> Option<SourceLocation> {
         .next()
 }
 
-/// `place()` of the prelude: `file:line: `, or nothing.
+/// Creates the prelude's function `place()`, which returns `file:line: ` or an empty text.
 fn place_function(lua: &Lua) -> LuaResult<LuaFunction> {
     lua.create_function(|lua, ()| Ok(place(lua).map_or_else(String::new, |at| format!("{at}: "))))
 }

@@ -13,10 +13,10 @@ use super::super::task::{Answer, Cancel, TaskId, Wait};
 use super::{Answered, Builder, Call, Natives};
 use crate::api::{self, Function, Namespace};
 
-/// The first half of `require`; the rest of it is the prelude's.
+/// The first half of `require`; the other half is in the prelude.
 pub(super) const REQUIRE: &Natives = &[("require", open)];
 
-/// Puts the prelude's half around the native in the table of globals.
+/// Wraps the native function, in the table of globals, in the prelude's half.
 pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
     let row = api::function("require").ok_or_else(|| LuaError::runtime("no require"))?;
     let open: LuaFunction = globals.raw_get("require")?;
@@ -47,7 +47,7 @@ pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
     globals.raw_set("require", require)
 }
 
-/// The texts among a table's keys, in order.
+/// The string keys of a table, sorted.
 fn names(table: &LuaTable) -> LuaResult<Vec<String>> {
     let mut names = Vec::new();
     table.for_each(|key: LuaValue, _: LuaValue| {
@@ -58,8 +58,8 @@ fn names(table: &LuaTable) -> LuaResult<Vec<String>> {
     Ok(names)
 }
 
-/// What is wrong if a module of the runtime, or an object that it makes, has other functions than
-/// its row in the API table. One without a row is none of the API.
+/// The error message if a built-in module, or an object that it creates, has other functions than
+/// its row in the API table. Modules and objects without a row are not part of the API.
 fn mismatch(owner: &str, names: &[String]) -> LuaResult<Option<String>> {
     let module = api::module(owner).map(Namespace::members);
     let mut objects = api::objects().filter(|object| object.name.eq_ignore_ascii_case(owner));
@@ -82,7 +82,7 @@ fn place(function: &LuaFunction) -> (Option<String>, Option<usize>) {
     (name.map(|name| printable(&name, 40)), about.line_defined)
 }
 
-/// The chunk of the innermost line that is the script's own.
+/// The chunk of the innermost line that belongs to the script.
 fn importer(lua: &Lua) -> Option<String> {
     let source = |level| {
         lua.inspect_stack(level, |frame| {
@@ -99,7 +99,7 @@ fn from(call: &Call<'_>) -> ModuleId {
     call.state.modules.of_chunk(&chunk)
 }
 
-/// The first half of `require(path)`. Answers `"loaded", key`; `"run", key, function`; `"failed",
+/// The first half of `require(path)`. Returns `"loaded", key`; `"run", key, function`; `"failed",
 /// text`; or `"again"` after a wait.
 fn open(call: &mut Call<'_>) -> Answered {
     let LuaValue::String(path) = call.args.value(0) else {
@@ -145,7 +145,7 @@ fn want(call: &mut Call<'_>, from: ModuleId, to: ModuleId, task: TaskId) -> Resu
     wanted.map_err(|why| call.args.misuse(&why.to_string()))
 }
 
-/// A module that is required for the first time.
+/// Adds a module that is required for the first time.
 fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
     let added = match target {
         Target::Library(name, source) => {
@@ -165,7 +165,7 @@ fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
     added.map_err(|why| call.args.misuse(&why.to_string()))
 }
 
-/// What the prelude does next.
+/// Tells the prelude what to do next.
 fn go_on(call: &mut Call<'_>, id: ModuleId, task: TaskId) -> Answered {
     let key = call.state.modules.key(id).to_owned();
     match call.state.modules.progress(id) {
@@ -177,7 +177,7 @@ fn go_on(call: &mut Call<'_>, id: ModuleId, task: TaskId) -> Answered {
             "'{key}' is still being loaded by this very task; its file must not wait in coroutine.yield"
         ))),
         Progress::Running(by, function) if call.state.tasks.get(by).is_none() => {
-            // The task that ran it was ended in the middle.
+            // The task that ran it ended before the module had run to its end.
             run(call, id, key, task, function)
         }
         Progress::Asked | Progress::Running(..) => {
@@ -216,7 +216,7 @@ fn done(call: &mut Call<'_>) -> Answered {
     let cancelled = call.state.tasks.running().is_some_and(is_cancelled);
     let progress = match (failed, call.state.modules.progress(id)) {
         (None, _) => Progress::Loaded,
-        // The next who wants it begins anew.
+        // The next task that requires it runs it again.
         (Some(_), Progress::Running(_, function)) if cancelled => Progress::Ready(function),
         (Some(text), _) => Progress::Failed(text),
     };
@@ -233,7 +233,7 @@ fn wake(state: &mut super::super::state::State, id: ModuleId) {
     state.answer(Wait::Module(id), || Answer::Again);
 }
 
-/// Globals of its own, above those that all have.
+/// Creates a module's own globals, with the shared ones behind them.
 fn environment(lua: &Lua) -> LuaResult<LuaTable> {
     let (own, meta) = (lua.create_table()?, lua.create_table()?);
     let builtins: Option<LuaTable> = match lua.globals().metatable() {
@@ -248,7 +248,7 @@ fn environment(lua: &Lua) -> LuaResult<LuaTable> {
 }
 
 impl Script {
-    /// Gives the script a module that it has asked for, or says why it cannot have it.
+    /// Delivers a module that the script has requested, or the reason why it cannot be loaded.
     pub fn deliver_module(
         &mut self,
         name: &ModuleName,

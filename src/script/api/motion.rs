@@ -1,5 +1,5 @@
-//! `robot.move`, `robot.drive`, `robot.forward`, `robot.turn`, `robot.stop`; where that leads:
-//! `robot.pose`, `robot.reset_pose`.
+//! `robot.move`, `robot.drive`, `robot.forward`, `robot.turn`, `robot.stop`; and the resulting
+//! pose: `robot.pose`, `robot.reset_pose`.
 
 use std::time::Duration;
 
@@ -23,7 +23,7 @@ pub(super) const CALLS: &Natives = &[
     }),
 ];
 
-/// Speed of `forward` and `turn` unless they say, as a part of full speed.
+/// Default speed of `forward` and `turn`, as a share of full speed.
 const USUAL: f64 = 0.5;
 
 /// Speeds of the tracks, in metres per second.
@@ -43,8 +43,8 @@ impl Tracks {
         }
     }
 
-    /// Percent of power, and the factor by which both tracks were slowed so that none exceeds
-    /// full power: the curve stays the same.
+    /// The setpoint in percent of power, and the factor by which both tracks were slowed so that
+    /// neither exceeds full power; the curve stays the same.
     fn setpoint(self, calibration: Calibration) -> (Option<Setpoint>, f64) {
         let fastest = self.left.abs().max(self.right.abs());
         let slowed = (calibration.full_speed / fastest).min(1.0);
@@ -107,7 +107,7 @@ fn travel(call: &mut Call<'_>, way: f64, tracks: Tracks, speed: f64) -> Answered
     go(call, setpoint, Some(Duration::from_secs_f64(seconds)))
 }
 
-/// Sets the tracks; waits for the end if there is a time.
+/// Sets the setpoint of the tracks; waits for the end if there is a time.
 fn go(call: &mut Call<'_>, setpoint: Option<Setpoint>, time: Option<Duration>) -> Answered {
     let Some(setpoint) = setpoint else {
         return Err(call.args.misuse("the speeds are not numbers"));
@@ -140,13 +140,14 @@ fn go(call: &mut Call<'_>, setpoint: Option<Setpoint>, time: Option<Duration>) -
     }
 }
 
-/// A script that ends and a task that was cancelled do not move the robot any more.
+/// Whether the task may move the robot: not if the script is ending or the task was cancelled.
 pub(super) fn may_move(call: &mut Call<'_>) -> bool {
     let cancelled = |task: &mut super::super::task::Task| task.cancel != Cancel::No;
     call.state.is_running() && !call.state.tasks.running().is_none_or(cancelled)
 }
 
-/// `false, "cancelled"`; in a cancelled task a call that would wait is a wait like any other.
+/// Returns `false, "cancelled"`. A call that would wait raises the cancellation in a cancelled
+/// task, as other waits do.
 pub(super) fn refused(call: &mut Call<'_>, waits: bool) -> Answered {
     if waits && call.state.is_running() {
         call.may_wait()?;
@@ -196,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn too_fast_is_slowed_and_the_curve_kept() {
+    fn too_fast_motions_are_slowed_and_keep_their_curve() {
         assert_eq!(percent(1.0, 0.0), (90, 90));
         assert_eq!(percent(1.0, 5.0), (30, 90));
         assert_eq!(percent(1000.0, -1000.0), (90, 74));

@@ -1,4 +1,4 @@
-//! `params.*`: what a person may set from outside.
+//! `params.*`: parameters that a person may set from outside.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -17,13 +17,13 @@ use crate::api::Type;
 
 const CALLS: &Natives = &[("params.declare", declare)];
 
-/// Parameters of one script, and choices of one parameter.
+/// Largest number of parameters of one script, and of choices of one parameter.
 const MAX_PARAMS: usize = 64;
-/// Bytes of a text.
+/// Largest length of a text, in bytes.
 const LONGEST: usize = 1000;
-/// Where the error for unknown names is kept.
+/// Registry key of the function for unknown names.
 const STRICT: &str = "spykee.params";
-/// Where the table of values is kept.
+/// Registry key of the table of values.
 const VALUES: &str = "spykee.params.values";
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
@@ -34,7 +34,8 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     builder.namespace("params", &[CALLS])
 }
 
-/// `params.declare{ speed = {default=40, min=10, max=100, unit="%", doc="..."} }` returns the values.
+/// `params.declare{ speed = {default=40, min=10, max=100, unit="%", doc="..."} }` returns the
+/// values.
 fn declare(call: &mut Call<'_>) -> Answered {
     if call.state.params.names.is_some() {
         let words = "it was called before; declare all parameters in one call";
@@ -75,12 +76,12 @@ fn set(table: &LuaTable, name: &str, value: &ParamValue) -> LuaResult<()> {
     }
 }
 
-/// Why a parameter keeps its value.
+/// Why a parameter was not changed.
 #[derive(Debug, thiserror::Error)]
 pub(in crate::script) enum TurnError {
-    #[error("it declares no parameter '{0}'")]
+    #[error("the script declares no parameter '{0}'")]
     Undeclared(String),
-    #[error("{0} cannot be changed while it runs")]
+    #[error("{0} cannot be changed while the script runs")]
     Fixed(String),
     #[error("{name} must be {expected}")]
     Refused { name: String, expected: String },
@@ -88,7 +89,7 @@ pub(in crate::script) enum TurnError {
     Machine { name: String, source: LuaError },
 }
 
-/// A person changes a parameter: the script's table has the new value from now on.
+/// Changes a parameter for a person: the script's table has the new value from now on.
 ///
 /// # Errors
 /// See [`TurnError`].
@@ -125,7 +126,7 @@ pub(in crate::script) fn turn(
     Ok(())
 }
 
-/// A read-only table that knows its names.
+/// Creates the read-only table of values, with an error for unknown names.
 fn to_lua(lua: &Lua, values: &BTreeMap<String, ParamValue>) -> LuaResult<LuaTable> {
     let table = lua.create_table()?;
     for (name, value) in values {
@@ -140,7 +141,7 @@ fn to_lua(lua: &Lua, values: &BTreeMap<String, ParamValue>) -> LuaResult<LuaTabl
     Ok(table)
 }
 
-/// Tables are read raw: no metamethod of the script runs here.
+/// Reads the declarations. Tables are read raw: no metamethod of the script runs here.
 fn declarations(
     call: &Call<'_>,
     table: &LuaTable,
@@ -167,7 +168,7 @@ fn declarations(
     Ok(declared)
 }
 
-/// All that is in a table, at most [`MAX_PARAMS`].
+/// All entries of a table, at most [`MAX_PARAMS`].
 fn pairs(
     call: &Call<'_>,
     table: &LuaTable,
@@ -193,7 +194,7 @@ fn is_name(text: &str) -> bool {
     text.starts_with(is_start) && text.chars().all(|c| is_start(c) || c.is_ascii_digit())
 }
 
-/// One parameter's own table.
+/// The table of one parameter, while it is read.
 struct One<'a> {
     call: &'a Call<'a>,
     name: &'a str,
@@ -229,7 +230,7 @@ impl One<'_> {
         Ok(declaration)
     }
 
-    /// What can be said of one parameter.
+    /// The keys that the table of a parameter may have.
     fn keys(&self) -> Vec<&'static str> {
         let row = self.call.args.function.parameters.first();
         match row.map(|row| row.kind) {

@@ -1,4 +1,4 @@
-//! What events carry, as Lua values.
+//! Converts the payloads of events to Lua values.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use super::{frame, of_row};
 use crate::api;
 use crate::robot::{Battery, Event};
 
-/// What handlers get: an empty table where the event carries nothing.
+/// The argument of handlers: an empty table if the event has no payload.
 pub(super) fn to_lua(payload: &Payload, lua: &Lua) -> LuaResult<LuaValue> {
     let event = match payload {
         Payload::Frame(held) => return frame::to_lua(lua, held),
@@ -72,7 +72,7 @@ fn loan_table(lua: &Lua, loan: &Loan) -> LuaResult<LuaTable> {
     Ok(of_row("Loan", table))
 }
 
-/// What `robot.battery()` answers.
+/// The table that `robot.battery()` returns.
 pub(super) fn battery_table(lua: &Lua, battery: Battery, age: Duration) -> LuaResult<LuaTable> {
     let table = lua.create_table_with_capacity(0, 4)?;
     table.raw_set("percent", battery.percent.get())?;

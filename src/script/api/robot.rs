@@ -27,10 +27,10 @@ const CALLS: &Natives = &[
     ("robot.info", info),
 ];
 
-/// The longest speech of one call, in bytes: what one message of the wire holds.
+/// The longest speech of one call, in bytes: the largest payload of one message to the robot.
 const MAX_SPEECH: usize = crate::wire::MAX_PAYLOAD_LEN;
 
-/// Where the prelude's loop of `robot.blink` is kept.
+/// Registry key of the prelude's loop for `robot.blink`.
 const BLINKER: &str = "spykee.blinker";
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
@@ -48,7 +48,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     Ok(table)
 }
 
-/// The lights of a name.
+/// The lights that a name stands for.
 impl Argument for &'static [Led] {
     fn read(given: Given<'_>) -> Result<Self, Refusal> {
         given.named(|name| match name {
@@ -101,7 +101,7 @@ fn stop_sound(call: &mut Call<'_>) -> Answered {
 /// `robot.volume(percent)`
 fn volume(call: &mut Call<'_>) -> Answered {
     let percent: f64 = call.args.get(0)?;
-    // Inside 0..=100 by its row.
+    // The bounds of the row keep it within 0..=100.
     if let Some(percent) = Percent::new(percent.round() as u8) {
         call.send(Intent::Volume(percent))?;
     }

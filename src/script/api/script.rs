@@ -1,4 +1,4 @@
-//! `script.*`: the script's own life.
+//! `script.*`: the end and the usage of the script itself.
 
 use mlua::prelude::{LuaResult, LuaTable};
 
@@ -12,7 +12,7 @@ const CALLS: &Natives = &[
     ("script.usage", usage),
 ];
 
-/// Functions that `script.on_stop` keeps.
+/// Largest number of functions for `script.on_stop`.
 const MAX_FAREWELLS: usize = 16;
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
@@ -26,7 +26,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     Ok(table)
 }
 
-/// `script.stop(reason)`: the calling task does not go on.
+/// `script.stop(reason)`: the calling task does not continue.
 fn stop(call: &mut Call<'_>) -> Answered {
     let reason: Option<String> = call.args.get(0)?;
     let reason = reason.map(|reason| printable(&reason, 1000));

@@ -1,4 +1,4 @@
-//! `scenario`, `expect` and `sim`: what scenarios have in place of `robot`.
+//! `scenario`, `expect` and `sim`, which scenarios have in place of `robot`.
 
 use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 use serde_json::Value as Json;
@@ -11,7 +11,7 @@ use super::tasks::wait_function;
 use super::{Answered, Builder, Call, of_row, place};
 use crate::api::{self, Function, Literal, Type};
 
-/// Bytes of all that is said in one call.
+/// Largest size of one argument of a call, in bytes of JSON.
 const LONGEST: usize = 64 * 1024;
 
 /// Adds the globals.
@@ -33,7 +33,7 @@ pub(super) fn install(builder: &Builder<'_>) -> LuaResult<()> {
     builder.close("sim", made.raw_get("sim")?)
 }
 
-/// The call's name, its row if it has one, and its arguments.
+/// Checks a call; returns its name, its row if it has one, and its arguments.
 fn checked(call: &Call<'_>) -> Result<(String, Option<&'static Function>, Args), Refusal> {
     let mut values = call.args.values.clone();
     let name = values.pop_front();
@@ -41,7 +41,7 @@ fn checked(call: &Call<'_>) -> Result<(String, Option<&'static Function>, Args),
     let name = name.unwrap_or_default();
     let row = api::function(&name);
     if row.is_some_and(Function::is_method) {
-        // In the place of `sim`.
+        // A placeholder for the object `sim`.
         values.push_front(LuaValue::Nil);
     }
     let args = Args {
@@ -54,7 +54,7 @@ fn checked(call: &Call<'_>) -> Result<(String, Option<&'static Function>, Args),
     Ok((name, row, args))
 }
 
-/// `ask(call, ...)`: what the stage answers.
+/// `ask(call, ...)`: returns the answer of the stage.
 fn ask(call: &mut Call<'_>) -> Answered {
     let (name, row, args) = checked(call)?;
     let wrong = |why: StageError| Refusal::Misuse(format!("{name}: {why}"));
@@ -80,7 +80,7 @@ fn ask(call: &mut Call<'_>) -> Answered {
 }
 
 fn as_json(value: &LuaValue) -> Result<Json, StageError> {
-    // Functions stay here.
+    // Functions cannot be sent to the stage.
     if value.is_nil() || value.is_function() {
         return Ok(Json::Null);
     }
@@ -93,7 +93,7 @@ fn takes_options(row: &Function, index: usize) -> bool {
     parameter.is_some_and(|parameter| matches!(parameter.kind, Type::Options(_)))
 }
 
-/// A table of options with the defaults of those that are left out.
+/// Adds the defaults of the options that are left out.
 fn completed(args: &Args, index: usize, given: Json) -> Result<Json, Refusal> {
     let mut map = match given {
         Json::Object(map) => map,

@@ -1,4 +1,4 @@
-//! `store.*`: what a script keeps from run to run.
+//! `store.*`: values that a script keeps between runs.
 
 use mlua::prelude::LuaValue;
 
@@ -52,7 +52,7 @@ fn set(call: &mut Call<'_>) -> Answered {
     call.reply(())
 }
 
-/// `store.delete(key)` returns whether there was one.
+/// `store.delete(key)` returns whether the key existed.
 fn delete(call: &mut Call<'_>) -> Answered {
     let key = key(call)?;
     let was_there = call.state.store.delete(&key);

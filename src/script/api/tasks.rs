@@ -32,7 +32,7 @@ const EVERY: &str = "task.every";
 
 const METHODS: &Natives = &[("Task:cancel", cancel), ("Task:join", join)];
 
-/// What the script holds of a task.
+/// The script's object for a task.
 pub(super) struct TaskObject(Rc<Handle>);
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
@@ -45,13 +45,13 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     Ok(table)
 }
 
-/// `task.wait`, for what other namespaces build upon.
+/// `task.wait`, for functions of other namespaces that use it.
 pub(super) fn wait_function(builder: &Builder<'_>) -> LuaResult<LuaFunction> {
     let row = api::function(WAIT).ok_or_else(|| LuaError::runtime(WAIT))?;
     builder.function(row, wait)
 }
 
-/// Where the prelude's loop of `task.every` is kept.
+/// Registry key of the prelude's loop for `task.every`.
 const BEATS: &str = "spykee.beats";
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
@@ -97,7 +97,7 @@ fn every(call: &mut Call<'_>) -> Answered {
     begin(call, &beats, values.into_iter().collect(), None)
 }
 
-/// The wait between two beats. Beats that are over already are counted and left out.
+/// The wait between two beats. Beats whose time has already passed are counted and skipped.
 fn beat(call: &mut Call<'_>) -> Answered {
     let period = call.args.get::<Duration>(0)?.max(SHORTEST_WAIT);
     call.may_wait()?;
@@ -114,13 +114,13 @@ fn beat(call: &mut Call<'_>) -> Answered {
     call.wait(Wait::Beat { missed }, Some(time))
 }
 
-/// How many beats from `due` on were over before `now`.
+/// The number of beats from `due` on whose time passed before `now`.
 fn missed_beats(due: Instant, period: Duration, now: Instant) -> u64 {
     let late = now.saturating_duration_since(due);
     (late.as_secs_f64() / period.as_secs_f64()).ceil() as u64
 }
 
-/// Begins a task of its own and returns its Task.
+/// Starts a separate task and returns its Task object.
 pub(super) fn begin(
     call: &mut Call<'_>,
     function: &LuaFunction,
@@ -200,7 +200,7 @@ fn run_group(
         match add(call, &function, TaskKind::Child(id, index), values, None) {
             Ok(handle) => children.push(handle.id),
             Err(refusal) => {
-                // Those that were made before must not stay behind.
+                // Cancel the children that were already created.
                 for child in children {
                     call.state.cancel(child);
                 }

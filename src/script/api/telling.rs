@@ -14,7 +14,7 @@ pub(super) const JOURNAL: &Natives = &[("journal.add", add)];
 
 pub(super) const NOTIFY: &Natives = &[("notify.send", send)];
 
-/// `journal.add(kind, fields)`: whether there was room.
+/// `journal.add(kind, fields)`: returns whether there was room.
 fn add(call: &mut Call<'_>) -> Answered {
     let kind = call.args.get::<String>(0)?;
     let plain_word = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
@@ -39,7 +39,7 @@ fn add(call: &mut Call<'_>) -> Answered {
     call.reply(kept)
 }
 
-/// `notify.send(text, {picture=})`: whether it may go out.
+/// `notify.send(text, {picture=})`: returns whether the message is within the daily limit.
 fn send(call: &mut Call<'_>) -> Answered {
     let text = call.args.get::<String>(0)?;
     if text.trim().is_empty() {
@@ -58,7 +58,7 @@ fn send(call: &mut Call<'_>) -> Answered {
     call.reply(sent)
 }
 
-/// The name of a file in the script's own folder.
+/// The name of a picture in the script's data folder.
 fn own_picture(call: &Call<'_>, path: &str) -> Result<String, super::Refusal> {
     let path = Path::new(path);
     let folder = path
@@ -68,8 +68,8 @@ fn own_picture(call: &Call<'_>, path: &str) -> Result<String, super::Refusal> {
     let name = path.file_name().and_then(|name| name.to_str());
     match name.and_then(picture_store::file_name) {
         Some(name) if own => Ok(name),
-        _ => Err(call
-            .args
-            .misuse("picture must be what frame:save gave: a picture that this script has saved")),
+        _ => Err(call.args.misuse(
+            "picture must be a path that frame:save returned: a picture that this script has saved",
+        )),
     }
 }

@@ -1,4 +1,4 @@
-//! `vision.*`: colours, and what looks at one frame after the other.
+//! `vision.*`: colours, and objects that examine one frame after the other.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -33,16 +33,15 @@ const TRACKER: &Natives = &[
 
 const DETECTOR: &Natives = &[("Detector:update", detect)];
 
-/// Trackers and detectors that a script may hold at once: their buffers are outside the VM's
-/// memory.
+/// Largest number of trackers and detectors at once: their buffers are outside the VM's memory.
 const MAX_WATCHERS: u32 = 16;
-/// Frames of one `vision.learn`: each is decoded into memory of its own.
+/// Largest number of frames of one `vision.learn`: each is decoded into its own buffer.
 const MAX_LESSONS: usize = 16;
-/// A frame that comes within this time after the robot has moved may show it moving: the picture is
-/// late, and the robot rolls out and rocks.
+/// A frame that arrives within this time after the robot has moved may still show motion: pictures
+/// are late, and the robot coasts and rocks.
 const SETTLING: Duration = Duration::from_secs(1);
 
-/// Counts a thing while it lives.
+/// Counts an object until it is dropped.
 struct Counted(Rc<Cell<u32>>);
 
 impl Drop for Counted {
@@ -68,7 +67,7 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
     builder.object::<DetectorObject>("Detector", &[DETECTOR], |_| {})
 }
 
-/// Room for one more tracker or detector, after collecting garbage if need be.
+/// Counts one more tracker or detector; collects garbage first if there are too many.
 fn count(call: &Call<'_>) -> Result<Counted, Refusal> {
     let watchers = &call.state.sight.watchers;
     if watchers.get() >= MAX_WATCHERS {
@@ -101,7 +100,7 @@ fn tracker(call: &mut Call<'_>) -> Answered {
     call.reply(object)
 }
 
-/// Does something with the tracker that a method was called on.
+/// Runs `work` with the tracker that a method was called on.
 fn with_tracker<R>(
     call: &mut Call<'_>,
     work: impl FnOnce(&mut Call<'_>, &mut TrackerObject) -> Result<R, Refusal>,
@@ -117,7 +116,7 @@ fn track(call: &mut Call<'_>) -> Answered {
         let blobs = call
             .state
             .find(&held, &object.colours, &BlobOptions::default());
-        // A damaged frame shows nothing, and does not count as one without the blobs.
+        // A damaged frame is skipped: it does not count as a frame in which the blobs are lost.
         let size = call.state.look(&held).map(Image::size);
         let at = held.frame.at.saturating_duration_since(call.state.start);
         let tracks = match size {
@@ -136,7 +135,8 @@ fn track(call: &mut Call<'_>) -> Answered {
     })
 }
 
-/// What a person is shown of a track: its id, and where it is thought to be while it is lost.
+/// The mark of a track, for people who see the frame: its id, and its assumed place while it is
+/// lost.
 fn track_mark(track: &Track, colours: &Colours) -> Seen {
     let (name, id) = (colours.name_of(&track.blob), track.id);
     let lost = if track.lost > 0 { " lost" } else { "" };
@@ -176,7 +176,7 @@ fn reset(call: &mut Call<'_>) -> Answered {
 fn detector(call: &mut Call<'_>) -> Answered {
     let table = call.args.options(0)?;
     let options = MotionOptions {
-        // At most 255 by its row.
+        // The bounds of the row keep it at most 255.
         threshold: u8::try_from(table.get::<u32>("threshold")?).unwrap_or(u8::MAX),
         min_pixels: table.get("min_pixels")?,
     };
@@ -227,7 +227,7 @@ fn motion_table(
     Ok(of_row("Motion", table))
 }
 
-/// `vision.learn(frames, roi)`: a colour and `{quality}`; or nil and why not.
+/// `vision.learn(frames, roi)`: a colour and `{quality}`; or nil and the reason.
 fn learn_colour(call: &mut Call<'_>) -> Answered {
     let frames = lessons(call)?;
     let part = call.args.get(1)?;
@@ -247,7 +247,7 @@ fn learn_colour(call: &mut Call<'_>) -> Answered {
     }
 }
 
-/// A frame or a list of frames.
+/// Reads a frame or a list of frames.
 fn lessons(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
     let wrong = || {
         call.args.misuse(&format!(

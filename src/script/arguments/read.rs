@@ -1,4 +1,4 @@
-//! What arguments are read as: numbers, times, names, functions, ranges.
+//! The types that arguments are converted to: numbers, times, names, functions, ranges.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What is told without pictures, by way and number.
+//! Tests of the decisions that need no pictures, only distances and counts.
 
 use super::*;
 
@@ -18,7 +18,7 @@ fn going(drive: Drive, since: Instant, odometer: f64) -> Going {
 }
 
 #[test]
-fn in_a_gentle_curve_what_was_close_is_reached_at_last() {
+fn in_a_gentle_curve_a_near_object_is_reached_in_the_end() {
     let start = Instant::now();
     let mut blockage = Blockage::default();
     blockage.note_close(Some(0.6), start, going(CURVE, start, 1.0));
@@ -32,7 +32,7 @@ fn in_a_gentle_curve_what_was_close_is_reached_at_last() {
 }
 
 #[test]
-fn so_many_pictures_must_tell_and_fewer_when_a_motion_has_just_begun() {
+fn enough_pictures_must_agree_and_fewer_at_the_beginning_of_a_motion() {
     let start = Instant::now();
     for (began, fewest) in [
         (start, PICTURES_AT_FIRST),

@@ -1,7 +1,7 @@
 use super::*;
 
 #[test]
-fn what_the_machine_did_not_run_is_over_late_and_in_a_simulation_later() {
+fn a_slice_without_cpu_time_is_over_late_and_in_a_simulation_later() {
     let limit = Duration::from_millis(100);
     let is_over = |wall: u64, processor: u64, wall_factor| {
         let [wall, processor] = [wall, processor].map(Duration::from_millis);
@@ -17,7 +17,7 @@ fn what_the_machine_did_not_run_is_over_late_and_in_a_simulation_later() {
 }
 
 #[test]
-fn what_passes_no_safepoint_is_told_with_its_file_and_what_does_is_not() {
+fn checks_without_an_answer_are_counted_until_the_vm_answers() {
     let slot = Slot::default();
     slot.script().push_str("stuck.lua");
     let looks = |count: u64, from: u64| (from..from + count).for_each(|now| slot.look(now));
@@ -40,7 +40,7 @@ fn what_passes_no_safepoint_is_told_with_its_file_and_what_does_is_not() {
 }
 
 #[test]
-fn a_slice_that_is_stuck_is_told_once_with_its_file() {
+fn a_stuck_slice_is_reported_with_its_file() {
     let (told, tell) = std::sync::mpsc::channel();
     when_stuck(Duration::from_millis(100), move |file| {
         let _ = told.send((file.to_owned(), running()));
@@ -53,7 +53,7 @@ fn a_slice_that_is_stuck_is_told_once_with_its_file() {
 }
 
 #[test]
-fn a_thread_of_simulations_is_as_patient_as_that() {
+fn a_thread_of_simulations_uses_the_larger_factor() {
     assert_eq!(WALL_TIME_FACTOR.get(), WALL_FACTOR);
     only_simulated();
     assert_eq!(WALL_TIME_FACTOR.get(), SIMULATED_WALL_FACTOR);

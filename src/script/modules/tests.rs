@@ -10,7 +10,7 @@ fn file(folder: &str, path: &str) -> Result<String, String> {
 }
 
 #[test]
-fn paths_are_relative_to_the_file_that_requires() {
+fn paths_are_relative_to_the_requiring_file() {
     assert_eq!(file("", "./lib/pid").unwrap(), "lib/pid");
     assert_eq!(file("lib", "./pid.lua").unwrap(), "lib/pid");
     assert_eq!(file("lib/a", "../../b.luau").unwrap(), "b");
@@ -46,7 +46,7 @@ fn no_path_leaves_the_folder() {
 
 proptest! {
     #[test]
-    fn whatever_is_resolved_stays_inside(folder in "([a-z]{1,3}/){0,3}", path in "[./a-z@\\\\]{0,30}") {
+    fn resolved_paths_stay_inside_the_folder(folder in "([a-z]{1,3}/){0,3}", path in "[./a-z@\\\\]{0,30}") {
         if let Ok(Target::File(name)) = resolve(&folder, &path) {
             for segment in name.segments() {
                 prop_assert!(!segment.is_empty() && !segment.starts_with('.'));

@@ -20,7 +20,7 @@ fn near(one: f64, other: f64) -> bool {
     (one - other).abs() < 1e-6
 }
 
-/// Until `now`, in steps of a hundredth of a second.
+/// Advances time in steps of a hundredth of a second.
 fn drive(odometry: &mut Odometry, now: &mut Instant, driver: Driver, seconds: u32) {
     for _ in 0..seconds * 100 {
         *now += Duration::from_millis(10);
@@ -29,7 +29,7 @@ fn drive(odometry: &mut Odometry, now: &mut Instant, driver: Driver, seconds: u3
 }
 
 #[test]
-fn a_line_a_turn_and_an_arc_lead_where_geometry_says() {
+fn a_line_a_turn_and_an_arc_end_where_geometry_says() {
     let (mut odometry, mut now) = odometry();
     let arc = Driver::Script(Drive {
         forward: FRAC_PI_2 / 10.0,
@@ -42,7 +42,7 @@ fn a_line_a_turn_and_an_arc_lead_where_geometry_says() {
         (arc, 10, -0.8, 1.2),
     ] {
         drive(&mut odometry, &mut now, driver, seconds);
-        // It rolls out.
+        // The robot coasts to a stop.
         drive(&mut odometry, &mut now, Driver::Nobody, 1);
         let pose = odometry.pose();
         assert!((pose.x - x).hypot(pose.y - y) < 0.02, "{pose:?}");
@@ -53,7 +53,7 @@ fn a_line_a_turn_and_an_arc_lead_where_geometry_says() {
 }
 
 #[test]
-fn the_error_grows_with_the_way_and_less_where_the_camera_saw_the_turn() {
+fn the_error_grows_with_the_distance_and_less_if_the_camera_saw_the_turn() {
     let (mut odometry, start) = odometry();
     odometry.advance(start + Duration::from_secs(1), AHEAD);
     let straight = odometry.pose();
@@ -108,7 +108,7 @@ fn turns_that_pictures_show_late_are_neither_lost_nor_counted_twice() {
 }
 
 #[test]
-fn a_full_turn_sets_the_heading_right_and_teaches_how_much_the_tracks_slip() {
+fn a_full_turn_corrects_the_heading_and_measures_the_slip_of_the_tracks() {
     let (mut odometry, mut now) = odometry();
     let (mut looks, share) = (0.0, 0.9);
     let mut turn = |odometry: &mut Odometry, turn: f64, steps: u32| {
@@ -130,7 +130,7 @@ fn a_full_turn_sets_the_heading_right_and_teaches_how_much_the_tracks_slip() {
 }
 
 #[test]
-fn who_walks_by_is_no_turn() {
+fn a_person_walking_by_is_not_taken_for_a_turn() {
     let (mut odometry, mut now) = odometry();
     for _ in 0..2 {
         drive(&mut odometry, &mut now, AHEAD, 1);
@@ -142,7 +142,7 @@ fn who_walks_by_is_no_turn() {
 }
 
 #[test]
-fn what_others_drive_makes_the_place_unsure_but_not_the_echo_of_its_own_motion() {
+fn motion_by_others_makes_the_place_uncertain_but_late_reports_of_own_motion_do_not() {
     let (mut odometry, start) = odometry();
     odometry.advance(start + Duration::from_secs(1), AHEAD);
     let own = odometry.pose();
@@ -159,7 +159,7 @@ fn what_others_drive_makes_the_place_unsure_but_not_the_echo_of_its_own_motion()
 }
 
 #[test]
-fn a_robot_that_was_held_has_not_come_on() {
+fn a_blocked_robot_has_not_advanced() {
     let (mut odometry, mut now) = odometry();
     let start = now;
     for _ in 0..3 {

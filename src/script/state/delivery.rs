@@ -1,4 +1,5 @@
-//! How events and frames reach a script: calls that wait for them are answered, and listeners get their payload.
+//! Delivers events and frames to a script: calls that wait for them return, and listeners get the
+//! payload.
 
 use std::rc::Rc;
 use std::time::Duration;
@@ -18,15 +19,15 @@ use crate::script::way_back::way_back;
 use crate::vision::{FrameError, validate_markers};
 use crate::wire::Stream;
 
-/// After so long without a loud sound the next one is another noise.
+/// After this long without a loud sound the next one is a new noise.
 const QUIET: Duration = Duration::from_secs(1);
-/// The motors may be heard for so long after the robot has moved.
+/// The motors may be heard for this long after the robot has moved.
 const MOTOR: Duration = Duration::from_secs(1);
-/// A sound may be heard for so long after it has begun.
+/// A sound of the robot may be heard for this long after it has begun.
 const SOUND: Duration = Duration::from_secs(5);
 
 impl Script {
-    /// Tells the script what happened.
+    /// Delivers an event to the script.
     pub fn deliver(&mut self, event: Event, now: Instant) {
         let mut state = self.state.borrow_mut();
         state.tick(now);
@@ -35,21 +36,22 @@ impl Script {
         }
     }
 
-    /// Gives the script a frame; it replaces one that no handler has taken. `false`: its markers give
-    /// it away as no picture, and the script is not told of it.
+    /// Delivers a frame to the script; it replaces one that no handler has taken. Returns `false`
+    /// if its markers show that it is not a valid picture; the script then does not get it.
     pub fn deliver_frame(&mut self, frame: Frame, now: Instant) -> bool {
         let mut state = self.state.borrow_mut();
         state.tick(now);
         state.has_ended() || state.deliver_frame(frame)
     }
 
-    /// Decodes what has come of the next frame, so that it is looked at sooner.
+    /// Decodes the part of the next frame that has arrived, so that the script's look at it takes
+    /// less time.
     pub fn look_ahead(&mut self, beginning: &[u8]) {
         self.state.borrow_mut().sight.eyes.look_ahead(beginning);
     }
 
-    /// Looks at the newest frame as the script did, so that the next one is looked at sooner; does
-    /// nothing if the script let it pass.
+    /// Repeats what the script did with the newest frame, to warm up caches for the next one; does
+    /// nothing if the script has not examined that frame.
     pub fn rehearse(&mut self) {
         let mut state = self.state.borrow_mut();
         let sight = &mut state.sight;
@@ -60,15 +62,15 @@ impl Script {
         }
     }
 
-    /// Whether the script has looked at the newest frame, rather than let it pass or save it.
+    /// Whether the script has examined the newest frame, rather than ignored or only saved it.
     pub fn looks_at_frames(&self) -> bool {
         let state = self.state.borrow();
         let newest = state.sight.newest.as_ref().map(|held| held.frame.seq);
         newest.is_some() && newest == state.sight.eyes.seen()
     }
 
-    /// Whether a frame would be looked at: something listens or waits, or the script has switched
-    /// the video on.
+    /// Whether the script needs frames: something listens to them or waits for one, or the script
+    /// has switched the video on.
     pub fn wants_frames(&self) -> bool {
         let state = self.state.borrow();
         !state.has_ended()
@@ -77,7 +79,7 @@ impl Script {
 }
 
 impl State {
-    /// Takes note of an event and hands it on.
+    /// Records an event and passes it on.
     fn deliver(&mut self, event: Event) {
         self.known.note(&event, self.now);
         if shows_motion(&event) {
@@ -131,10 +133,10 @@ impl State {
         }
     }
 
-    /// The newest frame replaces those that no handler has taken. One that its markers already give
-    /// away as no picture is counted and goes no further: `false`.
+    /// Delivers a frame; it replaces those that no handler has taken. A frame whose markers show
+    /// that it is not a valid picture is only counted: `false`.
     fn deliver_frame(&mut self, frame: Frame) -> bool {
-        // A script that is always busy: the last frame before its memory is taken.
+        // For a script that is always busy: examine the last frame before its buffers are reused.
         self.look_where_it_goes();
         let size = match validate_markers(&frame.jpeg) {
             Ok(size) => size,
@@ -150,7 +152,7 @@ impl State {
         true
     }
 
-    /// Counts a frame that is no picture; the log says so once in a while.
+    /// Counts a frame that is not a valid picture; this is logged now and then.
     pub(in crate::script) fn note_damage(&mut self, seq: u64, error: &FrameError) {
         if let Some(text) = self.sight.damage.note(seq, &error.to_string(), self.now) {
             self.log(Level::Warn, &text);
@@ -167,20 +169,20 @@ impl State {
         }
     }
 
-    /// It is loud now; whether it was quiet before. A bell is one noise, however long it rings, and so are
-    /// the motors that a script starts because of it.
+    /// Records a loud sound; returns whether it was quiet before. So a bell is one noise, however
+    /// long it rings, together with the motors that a script starts because of it.
     pub(super) fn becomes_loud(&mut self) -> bool {
         let before = self.loud.replace(self.now);
         before.is_none_or(|at| self.now.saturating_duration_since(at) >= QUIET)
     }
 
-    /// Whether what is heard may be the robot's own motors or loudspeaker.
+    /// Whether a sound may come from the robot's own motors or loudspeaker.
     pub(super) fn may_hear_itself(&self) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < SOUND;
         self.has_moved_within(MOTOR) || self.sounded.is_some_and(lately)
     }
 
-    /// Whether anyone listens to this event or waits for it.
+    /// Whether a handler listens to this event or a task waits for it.
     pub(in crate::script) fn is_heard(&self, name: EventName) -> bool {
         let listens = self.subscriptions.values().any(|one| one.event == name);
         listens
@@ -190,7 +192,7 @@ impl State {
                 .is_empty()
     }
 
-    /// Wakes those who wait for exactly this.
+    /// Wakes the tasks that wait for exactly this.
     pub(in crate::script) fn answer(&mut self, awaited: Wait, answer: impl Fn() -> Answer) {
         for id in self.tasks.waiting_for(|wait| *wait == awaited) {
             self.tasks.wake(id, answer(), self.now);

@@ -1,17 +1,17 @@
-//! What a script knows of the robot.
+//! What a script knows about the robot.
 
 use tokio::time::Instant;
 
 use crate::robot::{Battery, Event, RobotInfo};
 
-/// What the script knows of the robot, from the events it was told.
+/// The state of the robot as known from the events that the script has received.
 #[derive(Debug, Default)]
 pub(in crate::script) struct Known {
     pub(in crate::script) info: Option<RobotInfo>,
     pub(in crate::script) connected: bool,
     pub(in crate::script) docked: bool,
     pub(in crate::script) battery: Option<(Battery, Instant)>,
-    /// Something moves the robot, be it this script or not.
+    /// Whether something moves the robot, this script or something else.
     pub(in crate::script) moving: bool,
 }
 
@@ -37,7 +37,7 @@ impl Known {
     }
 }
 
-/// Whether an event says that the robot has moved by itself.
+/// Whether an event shows that the robot moves or may have moved.
 pub(in crate::script) fn shows_motion(event: &Event) -> bool {
     matches!(
         event,

@@ -1,4 +1,5 @@
-//! The streams that a script has on: from its first use of one until nothing has used it for a while.
+//! The streams that a script has switched on: from the first use of a stream until nothing has used
+//! it for a while.
 
 use tokio::time::Instant;
 
@@ -9,10 +10,11 @@ use crate::script::streams::Demand;
 use crate::wire::Stream;
 
 impl State {
-    /// Switches a stream on unless it is.
+    /// Switches a stream on unless it is on already.
     ///
     /// # Errors
-    /// The config keeps it off.
+    ///
+    /// If the config keeps the stream off.
     pub(in crate::script) fn want(&mut self, stream: Stream, by: Demand) -> Result<(), StreamOff> {
         self.options.streams.allow(stream)?;
         if self.streams.want(stream, by, self.now) {
@@ -21,13 +23,14 @@ impl State {
         Ok(())
     }
 
-    /// Whether anything listens to a stream or waits for it.
+    /// Whether a handler listens to a stream or a task waits for it.
     pub(super) fn is_used(&self, stream: Stream) -> bool {
         let mut events = EventName::ALL.iter().copied();
         events.any(|event| event.stream() == Some(stream) && self.is_heard(event))
     }
 
-    /// Before anything happens: what listens to a stream now still uses it.
+    /// Records the use of each stream that is listened to. Called when time advances, before
+    /// anything else happens.
     pub(super) fn note_used_streams(&mut self) {
         for stream in self.streams.lent() {
             if self.is_used(stream) {

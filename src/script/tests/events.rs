@@ -10,11 +10,11 @@ fn battery(percent: u8, charging: bool) -> Battery {
     }
 }
 
-/// Size, a scan and an end: all that a frame needs until someone looks at it.
+/// Size, a scan and an end marker: enough for a frame that is not decoded.
 const MARKERS: &[u8] = b"\xFF\xD8\xFF\xC0\0\x0B\x08\0\xF0\x01\x40\x01\x01\x11\0\
                          \xFF\xDA\0\x08\x01\x01\0\0\x3F\0\x55\xFF\xD9";
 
-/// A frame of so many bytes, most of them padding.
+/// A frame of `size` bytes, most of them padding.
 fn frame(rig: &Rig, seq: u64, size: usize) -> Frame {
     let mut jpeg = MARKERS.to_vec();
     jpeg.resize(size, 0);
@@ -93,7 +93,7 @@ fn an_unknown_event_is_an_error_with_the_nearest_and_all_names() {
 }
 
 #[test]
-fn wait_for_gives_the_payload_or_a_timeout() {
+fn wait_for_returns_the_payload_or_a_timeout() {
     let mut rig = Rig::new(
         "print(robot.wait_for('engine', 1)) print(robot.wait_for('engine', 5).code) print(type(robot.wait_for('docked')))",
     );
@@ -171,7 +171,7 @@ fn a_rate_spaces_the_runs() {
 }
 
 #[test]
-fn a_failing_handler_is_logged_once_and_stays() {
+fn a_failing_handler_is_logged_rarely_and_stays() {
     let mut rig = Rig::new(
         "local n = 0
          robot.on('engine', function(e)
@@ -224,7 +224,7 @@ fn the_newest_frame_wins() {
 }
 
 #[test]
-fn frames_that_are_kept_are_bounded() {
+fn the_size_of_kept_frames_is_bounded() {
     let mut rig = Rig::with(
         "keep = {} robot.on('frame', function(f) if f.seq > 100 then table.insert(keep, f) end end)",
         |options| options.limits.frame_bytes = 100_000,
@@ -285,7 +285,7 @@ fn at_most_64_subscriptions() {
 }
 
 #[test]
-fn a_loan_tells_the_way_back_in_metres_as_the_robot_is_calibrated() {
+fn a_loan_has_the_way_back_in_metres_by_the_calibration() {
     let mut rig = Rig::with(
         "robot.on('loan', function(loan)
              print(loan.seconds, loan.power, loan.low_for, loan.way_back and #loan.way_back)

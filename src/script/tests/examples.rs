@@ -1,4 +1,4 @@
-//! The examples of the API table, run, and its objects, read.
+//! Runs the examples of the API table, and reads the fields of its objects.
 
 use super::vision::{RED, picture, show};
 use super::{Rig, connected};
@@ -6,7 +6,7 @@ use crate::api;
 use crate::robot::EndReason;
 use crate::script::Level;
 
-/// Runs an example before a robot that shows a red thing.
+/// Runs an example on a robot whose camera sees a red object.
 #[track_caller]
 fn runs(path: &str, source: &str) {
     let mut rig = Rig::new(source);

@@ -1,4 +1,4 @@
-//! Frames as they come: kept, damaged, of any size.
+//! Frames: saved, damaged, and of any size.
 
 use bytes::Bytes;
 use image::{Rgb, RgbImage};
@@ -7,7 +7,7 @@ use super::vision::{RED, looking, picture, seen, show};
 use super::*;
 
 #[test]
-fn frames_are_saved_as_they_came() {
+fn frames_are_saved_as_received() {
     let folder = tempfile::tempdir().unwrap();
     let jpeg = picture(&[]);
     let mut rig = looking(
@@ -32,7 +32,7 @@ fn frames_are_saved_as_they_came() {
     });
     show(&mut rig, 1, &jpeg);
     let texts = rig.texts();
-    assert!(texts[0].contains("larger than all pictures"), "{texts:?}");
+    assert!(texts[0].contains("larger than the limit"), "{texts:?}");
     assert_eq!(texts[1], "nil quota");
 
     let texts = seen("print(f:save('x'))", &jpeg);
@@ -40,14 +40,14 @@ fn frames_are_saved_as_they_came() {
     assert_eq!(texts[1], "nil io");
 }
 
-/// Without a part of its data, which its markers do not show.
+/// Removes a part of the data, which the markers do not reveal.
 fn torn(jpeg: &Bytes) -> Bytes {
     let (middle, end) = (jpeg.len() - 400, jpeg.len() - 100);
     [&jpeg[..middle], &jpeg[end..]].concat().into()
 }
 
 #[test]
-fn a_frame_cut_short_never_reaches_a_script() {
+fn a_truncated_frame_never_reaches_a_script() {
     let jpeg = picture(&[((100, 50, 40, 20), RED)]);
     let mut rig = Rig::new(
         "robot.on('frame', function(f) print(f.seq, robot.frame().seq) end)
@@ -63,7 +63,7 @@ fn a_frame_cut_short_never_reaches_a_script() {
 }
 
 #[test]
-fn a_damaged_frame_shows_nothing_and_is_counted_once() {
+fn a_damaged_frame_has_no_results_and_is_counted_once() {
     let jpeg = picture(&[((100, 50, 40, 20), RED)]);
     let mut rig = looking(
         "local t = vision.tracker{colour = 'red'} local d = vision.motion()
@@ -100,7 +100,7 @@ fn a_damaged_frame_shows_no_free_floor() {
 }
 
 #[test]
-fn a_frame_is_decoded_once_for_many_questions() {
+fn a_frame_is_decoded_once_for_many_calls() {
     let jpeg = picture(&[]);
     let mut rig = looking(
         "for _ = 1, 5 do f:find_blobs('red') f:brightness() f:get_pixel(1, 1) end",
@@ -112,7 +112,7 @@ fn a_frame_is_decoded_once_for_many_questions() {
     assert_eq!(rig.script.state.borrow().sight.eyes.decoded(), 3);
 }
 
-/// A floor under a wall, and something red that stands on it, in a picture of any size.
+/// A picture of any size with a floor, a wall, and a red object on the floor.
 fn room(width: u32, height: u32) -> Bytes {
     let pixels = RgbImage::from_fn(width, height, |x, y| {
         let red = (width * 9 / 20..width * 11 / 20).contains(&x)
@@ -130,7 +130,7 @@ fn room(width: u32, height: u32) -> Bytes {
     Bytes::from(jpeg)
 }
 
-/// What a behaviour that comes along does when it is shown three frames of this size.
+/// Runs one of the supplied behaviours with three frames of this size.
 fn shown(behaviour: &str, width: u32, height: u32) -> Rig {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("behaviours")
@@ -140,7 +140,7 @@ fn shown(behaviour: &str, width: u32, height: u32) -> Rig {
         options.limits.callback_budget_ms = 5_000;
     });
     rig.deliver(connected(false));
-    // It stands off its station: there is nothing to leave.
+    // The robot is not docked: there is no station to leave.
     if let Some(Intent::Undock { call, .. }) = rig.take_intents().last() {
         let (call, end) = (*call, crate::robot::DockEnd::NotDocked);
         rig.deliver(Event::UndockEnded { call, end });
@@ -154,7 +154,7 @@ fn shown(behaviour: &str, width: u32, height: u32) -> Rig {
 }
 
 #[test]
-fn behaviours_that_see_the_floor_work_with_frames_of_any_size_or_say_that_they_cannot() {
+fn behaviours_that_see_the_floor_work_with_frames_of_any_size_or_report_that_they_cannot() {
     for behaviour in ["explore.lua", "find_and_return.lua"] {
         for (width, height) in [
             (64, 48),

@@ -1,5 +1,5 @@
-//! Scripts that want to run for ever, take all memory, or drive on after their end. The time
-//! bounds are generous: what they would have to beat is for ever.
+//! Scripts that try to run forever, to use all memory, or to drive after their end. The time bounds
+//! are generous, since without the guards the scripts would not end at all.
 
 use std::time::Instant as RealTime;
 
@@ -8,7 +8,7 @@ use super::*;
 /// Each must end within a few seconds on a busy machine; without the guards all run over 10 s.
 const BOUND: Duration = Duration::from_secs(5);
 
-/// Runs hostile code behind `robot.move` and gives the rig, once it has ended.
+/// Runs hostile code until the script has ended; returns the rig.
 #[track_caller]
 fn ends(source: &str) -> Rig {
     let began = RealTime::now();
@@ -19,7 +19,7 @@ fn ends(source: &str) -> Rig {
     let took = began.elapsed();
     assert!(took < BOUND, "took {took:?}: {source}");
     assert!(rig.script.ended().is_some(), "still alive: {source}");
-    // Whatever comes now, nothing leaves.
+    // Whatever is delivered now, no intent is sent.
     let intents = rig.intents.len();
     rig.deliver(Event::Docked);
     rig.pass(10.0);
@@ -47,7 +47,7 @@ fn a_loop_that_never_waits_is_ended_with_its_line() {
         message.starts_with("test.lua:3") || message.starts_with("test.lua:4"),
         "{message}"
     );
-    // The setpoint of the killed slice has never left.
+    // The setpoint of the killed slice was never sent.
     assert!(
         !rig.intents
             .iter()
@@ -86,7 +86,7 @@ fn pcall_cannot_end_a_kill() {
 }
 
 #[test]
-fn a_cancelled_task_cannot_run_on() {
+fn a_cancelled_task_cannot_continue() {
     let rig = ends(
         "local t = task.spawn(function()
              while true do pcall(function() while true do pcall(task.wait) robot.move(9, 9) end end) end
@@ -283,22 +283,22 @@ fn rethrown_errors_stay_flat() {
 
 #[test]
 fn table_move_has_its_timeout_fix() {
-    // The flag is a switch of Luau that may go away: then the call above must be quick without.
+    // The flag may disappear in a later Luau: then this call must be quick without it.
     let began = RealTime::now();
     ends("pcall(table.move, {}, 1, 2e9, -2e9, {})");
     assert!(began.elapsed() < Duration::from_secs(2));
 }
 
 #[test]
-fn chatter_is_bounded() {
+fn log_output_is_bounded() {
     let rig = ends("while true do print(('x'):rep(1000)) end");
     assert_eq!(rig.ending().reason, EndReason::Cpu);
     assert!(rig.log.len() < 110);
 }
 
 #[test]
-fn a_stalled_machine_ends_nobody() {
-    // No processor time passes in this sleep, so the slice has not run.
+fn waiting_does_not_count_against_the_budget() {
+    // The task waits longer than its budget, but it does not run meanwhile.
     let mut rig = Rig::loaded("print('a') task.wait(1) print('b')", |options| {
         options.limits.callback_budget_ms = 30;
     });

@@ -8,7 +8,7 @@ fn refused(source: &[u8]) -> Failure {
 }
 
 #[test]
-fn what_a_script_never_gets_is_not_there() {
+fn removed_globals_do_not_exist() {
     for name in [
         "io",
         "os",
@@ -60,7 +60,7 @@ fn libraries_and_the_api_are_read_only() {
 }
 
 #[test]
-fn beginners_mistakes_name_line_and_remedy() {
+fn errors_of_beginners_name_the_line_and_the_remedy() {
     for (source, words) in [
         (
             "\nrobto.move(1, 2)",
@@ -210,7 +210,7 @@ fn split_and_sort_do_what_luau_does() {
 }
 
 #[test]
-fn a_printed_table_shows_what_is_in_it_and_no_address() {
+fn a_printed_table_shows_its_content_and_no_address() {
     let text = printed(
         "print({1, 2, {x = 'y'}}, 'and', {})
          local t = {} t.t = t print(t)

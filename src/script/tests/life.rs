@@ -20,7 +20,7 @@ fn a_handler_keeps_the_script_alive() {
 }
 
 #[test]
-fn script_stop_ends_all_with_its_text() {
+fn script_stop_ends_everything_with_its_text() {
     let rig = Rig::new(
         "task.spawn(function() while true do task.wait(1) end end)
          robot.on('docked', print)
@@ -94,7 +94,7 @@ fn on_stop_has_half_a_second() {
 }
 
 #[test]
-fn an_on_stop_that_hangs_keeps_the_reason() {
+fn an_on_stop_that_hangs_does_not_change_the_reason() {
     let mut rig = Rig::with(
         "script.on_stop(function() while true do end end) task.wait(9)",
         |options| options.limits.callback_budget_ms = 50,
@@ -136,7 +136,7 @@ fn the_main_tasks_failure_ends_the_script() {
 }
 
 #[test]
-fn a_fault_of_ours_ends_the_script_and_no_pcall_hides_it() {
+fn an_internal_fault_ends_the_script_and_no_pcall_hides_it() {
     let mut rig = Rig::new(
         "robot.move(10, 10) task.wait(1)
          pcall(script.fault) robot.move(90, 90) while true do task.wait(1) robot.move(90, 90) end",
@@ -149,7 +149,7 @@ fn a_fault_of_ours_ends_the_script_and_no_pcall_hides_it() {
 }
 
 #[test]
-fn usage_is_told() {
+fn usage_is_reported() {
     let rig = Rig::new(
         "local u = script.usage()
          print(u.cpu_ms >= 0, u.worst_callback_ms >= 0, u.memory_bytes > 100000)",
@@ -187,7 +187,7 @@ fn logs_carry_level_fields_and_line() {
 }
 
 #[test]
-fn floods_of_log_lines_are_folded_with_a_count() {
+fn floods_of_log_lines_are_dropped_and_counted() {
     let mut rig = Rig::new("for i = 1, 412 do print(i) end task.wait(5) print('end')");
     assert_eq!(rig.log.len(), 100);
     rig.pass(10.0);
@@ -195,7 +195,7 @@ fn floods_of_log_lines_are_folded_with_a_count() {
 }
 
 #[test]
-fn long_texts_are_cut_and_cannot_steer_the_terminal() {
+fn long_texts_are_cut_and_cannot_control_the_terminal() {
     let rig = Rig::new(
         "local t = {} t.t = t for i = 1, 1000 do t[i] = t end
          print(('x'):rep(1e6)) log.info('\\27[2Ja\\nb', {k = ('y'):rep(1e6), t = t})",
@@ -223,7 +223,7 @@ fn garbage_does_not_use_up_the_memory() {
 }
 
 #[test]
-fn options_survive_the_way_to_another_process() {
+fn options_survive_serialization_to_another_process() {
     let mut options = Options::new("a", "b.lua");
     let ball = crate::vision::Colour::lab([10.0, 20.0], [0.0, 5.0], [1.0, 2.0]).unwrap();
     options.colours.insert("ball".to_owned(), ball);

@@ -1,4 +1,5 @@
-//! Scripts in a test rig: it passes the time, collects the output, and plays the robot's answers.
+//! A test rig for scripts: it advances the time, collects the output, and delivers the robot's
+//! answers.
 
 mod events;
 mod examples;
@@ -31,24 +32,25 @@ use super::{
 };
 use crate::robot::{EndReason, Event, Intent, Knob, MotionEnd, Remark, RobotInfo};
 
-/// A script and what it has sent.
+/// A script and its output.
 struct Rig {
     script: Script,
     now: Instant,
     intents: Vec<Intent>,
     log: Vec<LogLine>,
-    /// Modules that the script has asked for.
+    /// Modules that the script has requested.
     modules: Vec<ModuleName>,
-    /// What became of typed lines.
+    /// The results of typed lines.
     answers: Vec<Evaluated>,
-    /// What it told that is not the robot's.
+    /// Remarks: output that does not concern the robot.
     remarks: Vec<Remark>,
-    /// Its parameters as it told them last.
+    /// The parameters as last sent.
     knobs: Vec<Knob>,
 }
 
 impl Rig {
-    /// Loads and runs until all wait. Budgets are generous, so that a stalled machine ends nobody.
+    /// Loads a script and runs it until all tasks wait. Budgets are generous, so that a stalled
+    /// machine does not end the script.
     fn new(source: &str) -> Rig {
         Rig::with(source, |options| {
             options.limits.callback_budget_ms = 2_000;
@@ -101,7 +103,7 @@ impl Rig {
         }
     }
 
-    /// Lets time pass, stopping at every deadline on the way.
+    /// Advances the time, with a stop at every deadline on the way.
     fn pass(&mut self, seconds: f64) {
         let end = self.now + Duration::from_secs_f64(seconds);
         while let Some(at) = self.script.next_deadline().filter(|at| *at <= end) {
@@ -112,7 +114,7 @@ impl Rig {
         self.run();
     }
 
-    /// Answers what was required so far, from these files, until nothing more is asked for.
+    /// Delivers the requested modules from these files, until no more are requested.
     fn serve(&mut self, files: &[(&str, &str)]) {
         while !self.modules.is_empty() {
             let name = self.modules.remove(0);
@@ -136,7 +138,7 @@ impl Rig {
         self.run();
     }
 
-    /// What was printed and logged above debug, one text a line.
+    /// The texts of the log lines above debug level.
     fn texts(&self) -> Vec<&str> {
         let lines = self.log.iter().filter(|line| line.level != Level::Debug);
         lines.map(|line| line.text.as_str()).collect()
@@ -164,7 +166,7 @@ impl Rig {
     }
 }
 
-/// Runs a script to its end and gives what it printed.
+/// Runs a script to its end; returns what it printed.
 fn printed(source: &str) -> String {
     let rig = Rig::new(source);
     assert_eq!(rig.ending().message, None);
@@ -179,7 +181,7 @@ fn failure(source: &str) -> String {
     ending.message.unwrap_or_default()
 }
 
-/// The message with which a script fails on a robot that sees nothing, explained.
+/// The explained message with which a script fails on a robot whose camera sees a plain picture.
 pub(crate) fn failure_with(source: &str, explain: Explain) -> String {
     let mut rig = Rig::loaded(source, |options| {
         options.limits.callback_budget_ms = 2_000;

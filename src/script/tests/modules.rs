@@ -7,7 +7,7 @@ fn run(source: &str, files: &[(&str, &str)]) -> Rig {
 }
 
 #[test]
-fn a_module_runs_once_and_gives_its_value() {
+fn a_module_runs_once_and_returns_its_value() {
     let rig = run(
         "local a = require('./lib/a') local b = require('./lib/a.lua') print(a == b, a.x)
          local path = './' .. 'b' print(require(path), (function() return require('./b') end)())",
@@ -28,7 +28,7 @@ fn a_module_runs_once_and_gives_its_value() {
 }
 
 #[test]
-fn globals_of_a_module_are_its_own_and_the_shared_ones_are_closed() {
+fn a_module_has_its_own_globals_and_cannot_change_shared_ones() {
     let rig = run(
         "x = 1 print(require('./a'), x, y == nil)",
         &[(
@@ -95,7 +95,7 @@ fn a_cycle_names_its_chain() {
 }
 
 #[test]
-fn two_tasks_that_want_each_others_modules_do_not_wait_for_ever() {
+fn two_tasks_that_require_each_others_modules_do_not_wait_forever() {
     let mut rig = run(
         "task.spawn(function() print(pcall(require, './a')) end)
          task.spawn(function() print(pcall(require, './b')) end)",
@@ -127,7 +127,7 @@ fn a_module_that_is_being_loaded_is_waited_for() {
 }
 
 #[test]
-fn a_load_that_was_cancelled_begins_anew() {
+fn a_cancelled_load_is_started_again() {
     let files = [("slow.lua", "print('runs') task.wait(5) return 'slow'")];
     let mut rig = run(
         "local t = task.spawn(function() require('./slow') end)
@@ -140,7 +140,7 @@ fn a_load_that_was_cancelled_begins_anew() {
 }
 
 #[test]
-fn what_is_no_path_is_told() {
+fn invalid_paths_are_reported() {
     for (source, words) in [
         ("require('pid')", "a path begins with ./ or ../"),
         ("require('../x')", "leaves the behaviour's folder"),
@@ -175,7 +175,7 @@ fn modules_are_bounded_in_number_and_size() {
     let files: Vec<String> = (1..9).map(|at| format!("m{at}.lua")).collect();
     let files: Vec<(&str, &str)> = files.iter().map(|file| (&**file, &*big)).collect();
     rig.serve(&files);
-    rig.assert_ended(EndReason::Error, "(1 MiB) together");
+    rig.assert_ended(EndReason::Error, "(1 MiB) in total");
 }
 
 #[test]
@@ -190,7 +190,7 @@ fn a_module_that_never_ends_loading_ends_the_script() {
 }
 
 #[test]
-fn a_module_that_yields_to_nobody_gets_an_error_and_one_left_in_the_middle_is_told() {
+fn a_module_that_yields_gets_an_error_and_one_suspended_while_loading_is_reported() {
     let rig = run(
         "print(pcall(require, './y'))",
         &[("y.lua", "coroutine.yield(1) return 1")],

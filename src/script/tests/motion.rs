@@ -6,7 +6,7 @@ fn setpoint(left: f64, right: f64) -> Setpoint {
 }
 
 #[test]
-fn move_sets_a_setpoint_that_holds_until_its_task_ends() {
+fn move_sets_a_setpoint_that_lasts_until_its_task_ends() {
     let mut rig = Rig::new("robot.move(50, -50) task.wait(1)");
     assert_eq!(
         rig.take_intents(),
@@ -28,7 +28,7 @@ fn move_sets_a_setpoint_that_holds_until_its_task_ends() {
 }
 
 #[test]
-fn a_setpoint_of_standing_still_needs_signs_of_life_too() {
+fn a_setpoint_to_stand_still_needs_signs_of_life_too() {
     let mut rig = Rig::new("robot.move(0, 0) task.wait(1)");
     assert!(rig.script.has_motion());
     rig.pass(2.0);
@@ -60,7 +60,7 @@ fn an_unchanged_setpoint_is_sent_once() {
     rig.pass(1.0);
     let intents = rig.take_intents();
     assert_eq!(intents.len(), 2);
-    // Ended out there: the same wish is a new one.
+    // The setpoint was ended by the robot side, so the same setpoint is sent again.
     rig.deliver(motion_ended(&intents[1], MotionEnd::Preempted));
     assert!(!rig.script.has_motion());
     rig.pass(1.0);
@@ -166,7 +166,7 @@ fn stop_always_works() {
 }
 
 #[test]
-fn wrong_numbers_are_refused_in_words() {
+fn wrong_numbers_are_refused_with_a_message() {
     for (call, words) in [
         (
             "robot.move(140, 0)",
@@ -225,7 +225,7 @@ fn wrong_numbers_are_refused_in_words() {
 }
 
 #[test]
-fn dock_waits_for_its_answer_and_tells_it() {
+fn dock_waits_for_its_answer_and_returns_it() {
     let mut rig = Rig::new(
         "local ok, code, info = robot.dock{timeout = 60, retries = 1}
          print(ok, code, info.attempts, info.seconds)
@@ -263,7 +263,7 @@ fn dock_waits_for_its_answer_and_tells_it() {
 }
 
 #[test]
-fn a_cancelled_docking_is_given_up() {
+fn a_timed_out_docking_is_cancelled() {
     let mut rig = Rig::new("task.timeout(10, robot.dock) robot.cancel_dock()");
     assert!(matches!(rig.take_intents()[..], [Intent::Dock { plan, .. }] if plan.retries == 2));
     rig.pass(11.0);
@@ -271,7 +271,7 @@ fn a_cancelled_docking_is_given_up() {
 }
 
 #[test]
-fn ending_gives_up_a_docking() {
+fn the_end_of_the_script_cancels_a_docking() {
     let mut rig = Rig::new("robot.dock()");
     rig.script.stop(EndReason::Shutdown, rig.now);
     rig.collect();
@@ -280,7 +280,7 @@ fn ending_gives_up_a_docking() {
 }
 
 #[test]
-fn commands_without_a_wait_are_bounded_but_stop_gets_through() {
+fn commands_without_a_wait_are_bounded_but_stop_is_always_sent() {
     let rig = Rig::new("for i = 1, 10000 do robot.move(i % 100, 0) end");
     rig.assert_ended(EndReason::Error, "too many commands at once");
     assert!(rig.intents.len() < 300);

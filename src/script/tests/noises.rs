@@ -1,16 +1,16 @@
-//! What the microphone hears.
+//! Events from the microphone.
 
 use bytes::Bytes;
 
 use super::*;
 
-/// A chunk of the microphone, all samples alike.
+/// A chunk of audio in which all samples are equal.
 fn audio(sample: i16) -> Event {
     Event::Audio(Bytes::from(sample.to_le_bytes().repeat(160)))
 }
 
 #[test]
-fn audio_tells_its_loudness_and_noise_is_what_is_loud() {
+fn audio_events_have_their_loudness_and_loud_ones_cause_a_noise() {
     let mut rig = Rig::new(
         "robot.on('audio', function(a)
              print(a.rate, a.rms, a.peak, a.dbfs < 0, buffer.readi16(a.samples, 0), buffer.len(a.samples))
@@ -27,7 +27,7 @@ fn audio_tells_its_loudness_and_noise_is_what_is_loud() {
 }
 
 #[test]
-fn a_noise_that_may_be_the_robots_own_says_so() {
+fn a_noise_that_may_be_the_robots_own_is_marked() {
     let mut rig = Rig::new("robot.on('noise', function(n) print(n.own) end)");
     let mut heard = |event: Option<Event>, seconds: f64| {
         if let Some(event) = event {
@@ -47,7 +47,7 @@ fn a_noise_that_may_be_the_robots_own_says_so() {
 }
 
 #[test]
-fn a_noise_is_one_however_long_it_lasts() {
+fn a_long_noise_is_one_event() {
     let mut rig = Rig::new("robot.on('noise', function() print('noise') task.wait(2) end)");
     for (chunks, count) in [(20, 1), (60, 1), (1, 1)] {
         for _ in 0..chunks {

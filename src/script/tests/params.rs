@@ -17,7 +17,7 @@ fn with(source: &str, given: &[(&str, &str)]) -> Rig {
 }
 
 #[test]
-fn values_from_outside_take_the_place_of_defaults() {
+fn given_values_replace_the_defaults() {
     let source = format!("{SPEED} print(p.speed, p.mode, p.loud)");
     assert_eq!(with(&source, &[]).texts(), ["40 calm false"]);
     let given = [("speed", "55.5"), ("mode", "wild"), ("loud", "true")];
@@ -25,7 +25,7 @@ fn values_from_outside_take_the_place_of_defaults() {
 }
 
 #[test]
-fn a_bad_value_ends_the_script_before_anything_moves_whatever_it_catches() {
+fn a_bad_value_ends_the_script_before_anything_moves_even_inside_pcall() {
     for (name, value, words) in [
         (
             "speed",
@@ -61,7 +61,7 @@ fn values_for_a_script_that_declares_nothing_are_refused() {
 }
 
 #[test]
-fn mistakes_of_a_declaration_are_named() {
+fn mistakes_in_a_declaration_are_reported() {
     for (source, words) in [
         ("params.declare()", "it needs a table"),
         ("params.declare{ speed = 40 }", "speed must be a table"),
@@ -145,12 +145,12 @@ fn a_parameter_that_is_declared_live_changes_within_its_bounds_while_the_script_
         (
             "mode",
             ParamValue::Text("wild".into()),
-            "mode cannot be changed while it runs",
+            "mode cannot be changed while the script runs",
         ),
         (
             "sped",
             ParamValue::Number(20.0),
-            "it declares no parameter 'sped'",
+            "the script declares no parameter 'sped'",
         ),
     ] {
         rig.script.turn_param(name, value, rig.now);

@@ -15,7 +15,7 @@ fn run(source: &[u8]) {
     }
 }
 
-/// Words of the language and the API, in any order.
+/// Words of the language and of the API, in any order.
 fn words() -> impl Strategy<Value = String> {
     let word = prop::sample::select(vec![
         "robot",

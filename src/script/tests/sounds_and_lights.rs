@@ -58,7 +58,7 @@ fn unknown_names_are_errors_with_the_nearest() {
 }
 
 #[test]
-fn blink_switches_on_and_off_and_ends_dark() {
+fn blink_switches_on_and_off_and_ends_with_the_light_off() {
     let mut rig = Rig::new("robot.blink('left', {on = 0.1, off = 0.1, count = 2})");
     rig.pass(1.0);
     let on: Vec<bool> = rig
@@ -116,7 +116,7 @@ fn say_needs_its_stream_and_bounded_samples() {
 }
 
 #[test]
-fn a_stream_that_the_config_keeps_off_never_goes_on_and_who_can_do_without_lives_on() {
+fn a_stream_that_the_config_keeps_off_stays_off_and_scripts_that_do_not_depend_on_it_continue() {
     let off = |options: &mut Options| {
         options.limits.callback_budget_ms = 2_000;
         options.streams = Streams {
@@ -160,7 +160,7 @@ fn a_stream_that_the_config_keeps_off_never_goes_on_and_who_can_do_without_lives
 }
 
 #[test]
-fn a_stream_that_is_on_from_the_start_needs_no_switching() {
+fn a_stream_that_is_always_on_is_not_switched() {
     let rig = Rig::with("robot.say(buffer.create(4))", |options| {
         options.streams.audio_out = Use::On;
     });

@@ -1,4 +1,4 @@
-//! Scripts on a stage: what they can say is documented, and is all they can say.
+//! The functions of scenario scripts: the guide documents all of them and no others.
 
 use tokio::time::Instant;
 

@@ -1,6 +1,6 @@
 use super::*;
 
-/// Runs for so long, answering every motion as done after its time.
+/// Runs a script for this long.
 fn lasting(seconds: f64, source: &str) -> Rig {
     let mut rig = Rig::new(source);
     rig.pass(seconds);
@@ -8,7 +8,7 @@ fn lasting(seconds: f64, source: &str) -> Rig {
 }
 
 #[test]
-fn every_module_loads_and_opens_with_its_description() {
+fn every_module_loads_and_begins_with_its_description() {
     for (name, source) in crate::script::stdlib::modules() {
         assert!(source.starts_with(&format!("-- {name}: ")), "{name}");
         assert_eq!(printed(&format!("print(type(require('{name}')))")), "table");
@@ -44,7 +44,7 @@ fn pid_follows_its_formula_and_does_not_wind_up() {
 }
 
 #[test]
-fn fsm_enters_works_exits_and_hears_events_and_timeouts() {
+fn fsm_states_enter_work_exit_and_react_to_events_and_timeouts() {
     let mut rig = Rig::new(
         "local fsm = require('@spykee/fsm')
          local function noisy(name, more)
@@ -137,7 +137,7 @@ fn fsm_names_states_that_do_not_exist() {
 }
 
 #[test]
-fn trees_answer_as_their_nodes_do() {
+fn trees_return_the_results_of_their_nodes() {
     let text = lasting(
         100.0,
         "local bt = require('@spykee/bt')
@@ -181,7 +181,7 @@ fn trees_answer_as_their_nodes_do() {
 }
 
 #[test]
-fn machines_and_trees_log_what_leads_on() {
+fn machines_and_trees_log_their_transitions() {
     let mut rig = Rig::new(
         "local fsm = require('@spykee/fsm')
          fsm.new{ initial = 'a', states = {
@@ -280,7 +280,7 @@ fn a_guard_halts_a_node_whose_condition_does_not_hold_any_more() {
 }
 
 #[test]
-fn halting_is_awaited_however_deep() {
+fn nested_halts_are_awaited() {
     let rig = lasting(
         10.0,
         "local bt = require('@spykee/bt')
@@ -333,7 +333,7 @@ fn easy_is_tolerant_and_its_errors_are_for_beginners() {
     }
 }
 
-/// Pictures in which nothing changes, ten a second: whoever watches them stands still.
+/// Unchanging pictures, ten a second: a robot that sees them stands still.
 const STILL: &str = "local whereabouts = require('@spykee/whereabouts')
      local still = {
          width = 320, height = 240,

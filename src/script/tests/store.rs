@@ -1,7 +1,7 @@
 use super::*;
 
 #[test]
-fn plain_data_comes_back_as_it_was() {
+fn plain_data_is_restored_unchanged() {
     let source = "store.set('a', {list = {1, 2.5, -0.1}, text = 'ä\"\\n', on = true, deep = {{{}}}}) store.set('n', 0.1 + 0.2)
                   print(store.get('b', 'none'), table.concat(store.keys(), ','))";
     let mut rig = Rig::new(source);
@@ -22,7 +22,7 @@ fn plain_data_comes_back_as_it_was() {
 }
 
 #[test]
-fn what_is_no_plain_data_is_refused_in_words() {
+fn other_values_than_plain_data_are_refused_with_a_message() {
     for (value, words) in [
         ("print", "a function cannot be stored"),
         ("0/0", "must be finite"),
@@ -49,7 +49,7 @@ fn what_is_no_plain_data_is_refused_in_words() {
 }
 
 #[test]
-fn a_full_store_is_a_clear_error_and_what_is_there_stays() {
+fn a_full_store_is_a_clear_error_and_keeps_its_values() {
     let rig = Rig::new(
         "local ok, e
          for i = 1, 100 do ok, e = pcall(store.set, 'k' .. i, ('x'):rep(50000)) if not ok then print(i, e) break end end

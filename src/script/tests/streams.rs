@@ -27,7 +27,7 @@ fn handlers_and_waits_switch_their_streams_on() {
     assert_eq!(on.collect::<Vec<_>>(), [true, false, true]);
 }
 
-/// When the rig's script has switched which stream.
+/// The streams that the script has switched since the last call.
 fn switches(rig: &mut Rig) -> Vec<(Stream, bool)> {
     let intents = rig.take_intents().into_iter();
     let switch = |intent| match intent {
@@ -38,7 +38,7 @@ fn switches(rig: &mut Rig) -> Vec<(Stream, bool)> {
 }
 
 #[test]
-fn a_stream_goes_off_some_time_after_its_last_use() {
+fn a_stream_is_switched_off_some_time_after_its_last_use() {
     for source in [
         "robot.wait_frame(5)",
         "robot.frame() task.wait(5)",
@@ -58,7 +58,7 @@ fn a_stream_goes_off_some_time_after_its_last_use() {
 }
 
 #[test]
-fn a_stream_stays_on_while_a_script_asks_again_and_again_or_switched_it_on() {
+fn a_stream_stays_on_while_a_script_uses_it_repeatedly_or_has_switched_it_on() {
     for source in [
         "robot.stream('video', true) task.wait(60)",
         "robot.stream('video', true) robot.wait_frame(1) task.wait(60)",

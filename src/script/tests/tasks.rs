@@ -12,7 +12,7 @@ fn wait_returns_the_seconds_that_passed() {
 }
 
 #[test]
-fn spawned_tasks_run_in_the_order_of_their_making_after_the_spawner() {
+fn spawned_tasks_run_in_the_order_of_their_creation_after_the_spawner() {
     let text = printed(
         "for i = 1, 3 do task.spawn(function(a, b) print(i, a, b) end, i * 10, nil) end print('main')",
     );
@@ -20,7 +20,7 @@ fn spawned_tasks_run_in_the_order_of_their_making_after_the_spawner() {
 }
 
 #[test]
-fn timers_of_one_time_ring_in_the_order_in_which_they_were_set() {
+fn timers_of_equal_time_fire_in_the_order_in_which_they_were_set() {
     let mut rig = Rig::new(
         "for i = 1, 5 do task.delay(1, print, i) end task.delay(0.5, print, 'first') task.wait(1) print('main')",
     );
@@ -45,7 +45,7 @@ fn every_keeps_its_beat_and_counts_the_beats_it_missed() {
 }
 
 #[test]
-fn a_task_says_how_it_stands() {
+fn a_task_has_a_status() {
     let mut rig = Rig::new(
         "good = task.spawn(function() task.wait(1) end)
          bad = task.spawn(function() error('no') end)
@@ -103,7 +103,7 @@ fn pcall_cannot_end_a_cancellation() {
 }
 
 #[test]
-fn a_task_that_cancels_itself_goes_on_until_it_waits() {
+fn a_task_that_cancels_itself_continues_until_it_waits() {
     let rig = Rig::new(
         "local t
          t = task.spawn(function()
@@ -126,7 +126,7 @@ fn a_task_cancelled_before_it_begins_never_begins() {
 }
 
 #[test]
-fn all_gives_the_first_result_of_each() {
+fn all_returns_the_first_result_of_each() {
     let mut rig = Rig::new(
         "print(task.all(
              function() task.wait(2) return 'a', 'x' end,
@@ -171,7 +171,7 @@ fn race_cancels_the_losers_and_their_motion() {
 }
 
 #[test]
-fn timeout_tells_results_from_being_too_late() {
+fn timeout_returns_the_results_or_false_if_it_is_too_late() {
     let mut rig = Rig::new(
         "print(task.timeout(1, function(a) return a, 'b' end, 'a'))
          print(task.timeout(1, function() robot.move(50, 50) task.wait(9) end))
@@ -281,14 +281,14 @@ fn waiting_where_nothing_can_wait_is_an_error_with_its_place() {
 }
 
 #[test]
-fn yielding_to_nobody_is_an_error_with_advice() {
+fn yielding_outside_a_coroutine_is_an_error_with_advice() {
     let text = failure("\ncoroutine.yield(1)");
     assert!(text.starts_with("test.lua:2: coroutine.yield: "), "{text}");
     assert!(text.contains("task.wait"));
 }
 
 #[test]
-fn a_failed_task_is_logged_and_the_script_goes_on() {
+fn a_failed_task_is_logged_and_the_script_continues() {
     let mut rig = Rig::new(
         "for _ = 1, 10 do task.spawn(function() local t = nil; t.x = 1 end) end task.wait(1) print('on')",
     );

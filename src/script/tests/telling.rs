@@ -3,7 +3,7 @@ use std::time::Duration;
 use super::*;
 
 #[test]
-fn entries_and_messages_leave_as_they_were_said() {
+fn entries_and_messages_are_sent_unchanged() {
     let rig = Rig::new(
         "print(journal.add('moved', {energy = 3.5, where = 'door'}), journal.add('seen'))
          print(notify.send('hello'), notify.send('look', {picture = 'a.jpg'}))",
@@ -27,7 +27,7 @@ fn entries_and_messages_leave_as_they_were_said() {
 }
 
 #[test]
-fn what_makes_no_entry_or_message_is_refused_in_words() {
+fn invalid_entries_and_messages_are_refused_with_a_message() {
     for (call, words) in [
         ("journal.add('')", "one word"),
         ("journal.add('two words')", "one word"),
@@ -44,11 +44,11 @@ fn what_makes_no_entry_or_message_is_refused_in_words() {
         ("notify.send(('x'):rep(1001))", "1000"),
         (
             "notify.send('x', {picture = '/etc/passwd'})",
-            "what frame:save gave",
+            "a path that frame:save returned",
         ),
         (
             "notify.send('x', {picture = '../b/1.jpg'})",
-            "what frame:save gave",
+            "a path that frame:save returned",
         ),
         ("notify.send('x', {image = '1.jpg'})", "image"),
     ] {
@@ -63,7 +63,7 @@ fn what_makes_no_entry_or_message_is_refused_in_words() {
 }
 
 #[test]
-fn the_days_share_comes_evenly_and_false_says_that_it_is_used_up() {
+fn the_daily_limit_refills_evenly_and_false_means_that_it_is_used_up() {
     let source = "local function burst() local n = 0 while notify.send('x') do n += 1 end return n end
                   print(burst()) task.wait(3600) print(burst())
                   local kept = 0 while journal.add('k', {t = ('x'):rep(4000)}) do kept += 1 end print(kept)";

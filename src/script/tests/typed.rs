@@ -9,7 +9,7 @@ fn session() -> Rig {
 }
 
 impl Rig {
-    /// Types a line that further ones may follow.
+    /// Types a line that the next line may continue.
     fn types(&mut self, text: &str) {
         self.script.evaluate(text, true, self.now);
         self.run();
@@ -26,7 +26,7 @@ fn values(texts: &[&str]) -> Evaluated {
 }
 
 #[test]
-fn a_session_lives_on_between_lines() {
+fn a_session_persists_between_lines() {
     let mut rig = session();
     assert_eq!(rig.answer("x = 20"), values(&[]));
     rig.pass(1000.0);
@@ -35,7 +35,7 @@ fn a_session_lives_on_between_lines() {
 }
 
 #[test]
-fn the_beginning_of_something_asks_for_more_and_nonsense_does_not() {
+fn an_incomplete_line_is_reported_as_such_and_a_wrong_one_is_not() {
     let mut rig = session();
     for begun in ["if true then", "function f()", "1 +", "x = {", "print("] {
         assert_eq!(rig.answer(begun), Evaluated::Incomplete, "{begun}");
@@ -52,7 +52,7 @@ fn the_beginning_of_something_asks_for_more_and_nonsense_does_not() {
 }
 
 #[test]
-fn a_line_that_waits_is_answered_when_it_is_done() {
+fn a_line_that_waits_has_its_result_when_it_is_done() {
     let mut rig = session();
     rig.types("task.wait(2) return 'late'");
     assert_eq!(rig.answers, []);
@@ -92,7 +92,7 @@ fn an_interruption_ends_the_line_the_tasks_and_the_handlers_and_keeps_the_variab
 }
 
 #[test]
-fn what_is_shown_is_bounded_and_runs_no_line_of_the_script() {
+fn shown_values_are_bounded_and_run_no_line_of_the_script() {
     let mut rig = session();
     let Evaluated::Values(shown) = rig.answer(
         "(function() local t = setmetatable({}, {

@@ -6,7 +6,7 @@ use image::{Rgb, RgbImage};
 
 const GREY: Rgb<u8> = Rgb([128, 128, 128]);
 
-/// A rectangle, x, y, w, h, and what fills it.
+/// A rectangle (x, y, w, h) and its colour.
 pub(super) type Part = ((u32, u32, u32, u32), [u8; 3]);
 
 /// A grey picture of 320x240 with rectangles.
@@ -27,7 +27,7 @@ pub(super) fn picture(parts: &[Part]) -> Bytes {
 pub(super) const RED: [u8; 3] = [220, 20, 20];
 const BLUE: [u8; 3] = [20, 20, 220];
 
-/// A script whose `look(frame)` is called with each frame.
+/// A script whose handler runs `body` with each frame `f`.
 pub(super) fn looking(body: &str, adjust: impl FnOnce(&mut Options)) -> Rig {
     let source = format!("robot.on('frame', function(f)\n{body}\nend)");
     Rig::with(&source, |options| {
@@ -47,7 +47,7 @@ pub(super) fn show(rig: &mut Rig, seq: u64, jpeg: &Bytes) {
 }
 
 #[test]
-fn a_handler_answers_a_frame_before_it_is_looked_at_for_the_robots_own_movement() {
+fn a_handler_runs_before_the_frame_is_examined_for_the_robots_own_motion() {
     let source = "robot.on('frame', function() robot.led('left', true) end)
         robot.turn(math.pi)";
     let mut rig = Rig::new(source);
@@ -74,7 +74,7 @@ fn decoded(rig: &Rig) -> u64 {
     rig.script.state.borrow().sight.eyes.decoded()
 }
 
-/// What a script prints about one frame.
+/// What a handler with this body logs about one frame.
 pub(super) fn seen(body: &str, jpeg: &Bytes) -> Vec<String> {
     let mut rig = looking(body, |_| {});
     show(&mut rig, 1, jpeg);
@@ -82,7 +82,7 @@ pub(super) fn seen(body: &str, jpeg: &Bytes) -> Vec<String> {
 }
 
 #[test]
-fn a_frame_tells_its_data_and_its_blobs() {
+fn a_frame_has_its_data_and_its_blobs() {
     let jpeg = picture(&[((100, 50, 40, 20), RED), ((0, 200, 20, 20), BLUE)]);
     let texts = seen(
         "print(f.seq, f.width, f.height, f.bytes > 1000, f.age, typeof(f))
@@ -133,7 +133,7 @@ fn colours_come_from_names_the_config_and_ranges() {
 }
 
 #[test]
-fn mistakes_are_answered_in_words() {
+fn mistakes_are_reported_with_a_message() {
     let jpeg = picture(&[]);
     for (call, words) in [
         (
@@ -209,7 +209,7 @@ fn mistakes_are_answered_in_words() {
 }
 
 #[test]
-fn figures_and_pixels() {
+fn brightness_sharpness_and_pixels_are_measured() {
     let jpeg = picture(&[((100, 50, 40, 20), RED)]);
     let texts = seen(
         "print(math.abs(f:brightness({0, 0, 50, 50}) - 0.5) < 0.02, f:brightness({-9, -9, 5, 5}))
@@ -267,7 +267,7 @@ fn a_tracker_follows_and_forgets() {
 }
 
 #[test]
-fn motion_is_seen_only_by_a_robot_that_stands() {
+fn motion_is_detected_only_while_the_robot_stands() {
     let mut rig = looking(
         "d = rawget(_G, 'd') or vision.motion()
          local m, why = d:update(f)
@@ -304,7 +304,7 @@ fn motion_is_seen_only_by_a_robot_that_stands() {
 }
 
 #[test]
-fn no_motion_is_seen_while_somebody_else_moves_the_robot_and_for_a_second_after() {
+fn no_motion_is_detected_while_somebody_else_moves_the_robot_and_for_a_second_after() {
     let mut rig = looking(
         "d = rawget(_G, 'd') or vision.motion()
          local m, why = d:update(f)
