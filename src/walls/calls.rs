@@ -1,5 +1,5 @@
 //! The seccomp allow-list of a confined process: every other system call fails with an error. The
-//! list was measured with every script in `tests/hostile`, every built-in behaviour, scenarios and
+//! list was measured with every script in `tests/hostile`, every shipped behaviour, scenarios and
 //! checks. Landlock, not this list, decides which files can be opened.
 
 use std::collections::BTreeMap;

@@ -38,7 +38,7 @@ pub struct Worker {
 /// Why there is no answer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum WorkerError {
-/// It was killed at this time limit.
+    /// It was killed at this time limit.
     #[error("it did not finish within {} s and was stopped", .0.as_secs_f64())]
     Late(Duration),
     /// The caller no longer wants the answer.
