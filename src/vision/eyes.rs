@@ -72,7 +72,7 @@ impl Eyes {
         }
     }
 
-    /// The number of the newest frame that was decoded or tried.
+    /// The number of the last frame that was decoded, successfully or not.
     pub fn seen(&self) -> Option<u64> {
         self.seen.as_ref().map(|(key, _)| *key)
     }
@@ -81,7 +81,7 @@ impl Eyes {
     /// valid until the next call.
     ///
     /// # Errors
-    /// As [`Eyes::look`].
+    /// See [`Eyes::look`].
     pub fn find_blobs(
         &mut self,
         key: u64,
@@ -103,7 +103,7 @@ impl Eyes {
     /// if there is none.
     ///
     /// # Errors
-    /// As [`Eyes::look`].
+    /// See [`Eyes::look`].
     pub fn find_line(
         &mut self,
         key: u64,

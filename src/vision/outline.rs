@@ -39,7 +39,8 @@ const FEWEST: u32 = 12;
 const FEWEST_ASIDE: u32 = 4;
 /// Least distance driven for a result, metres.
 const LEAST_WAY: f64 = 0.01;
-/// The camera stood still if at least this share of the witnesses did, and moved if at most this share did.
+/// The camera stood still if at least the first share of the witnesses did, and moved if at most
+/// the second share did.
 const STANDS: f64 = 0.75;
 const MOVES: f64 = 0.4;
 /// Least number and share of witnesses when driving backwards, where nothing shows that a wall is

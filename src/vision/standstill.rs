@@ -38,7 +38,8 @@ const FEWEST_FAR_ASIDE: u32 = 16;
 /// Least number of quarters of the picture (vertical strips, side by side) with witnesses: a ball
 /// that the robot pushes ahead is not enough.
 const FEWEST_QUARTERS: usize = 2;
-/// The camera stood still if at least this share of the witnesses did, and moved if at most this share did.
+/// The camera stood still if at least the first share of the witnesses did, and moved if at most
+/// the second share did.
 const STANDS: f64 = 0.7;
 const MOVES: f64 = 0.4;
 /// Sideways shifts of the half-size picture that still count as standing still, pixels.
@@ -65,7 +66,7 @@ pub enum Verdict {
     Stands,
     /// It moved.
     Moves,
-    /// The pictures do not show it.
+    /// The pictures are inconclusive.
     Unknown,
 }
 

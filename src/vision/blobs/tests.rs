@@ -38,7 +38,7 @@ fn a_box_has_the_values_of_a_box() {
     let mut pixels = grey();
     boxed(&mut pixels, 40, 100, 30, 10, RED);
     let [blob] = find(pixels, &["red"], BlobOptions::default())[..] else {
-        panic!("not one blob")
+        panic!("expected one blob")
     };
     assert_eq!((blob.x, blob.y, blob.w, blob.h), (40, 100, 30, 10));
     assert_eq!((blob.pixels, blob.area, blob.density), (300, 300, 1.0));

@@ -24,8 +24,8 @@ const MOST_BENT: f64 = 2.0;
 /// picture's width.
 const WORST: f64 = 0.01;
 
-/// The corners of a board in a picture, row by row, in pixels; the centre of the first pixel is 0,
-/// 0.
+/// The corners of a board in a picture, row by row, in pixels; the centre of the first pixel is the
+/// origin.
 pub type Sighting = Vec<[f64; 2]>;
 
 /// The result of a calibration.
@@ -39,7 +39,7 @@ pub struct Calibrated {
     pub errors: Vec<f64>,
 }
 
-/// Why pictures do not determine the camera.
+/// Why the pictures are not sufficient for a calibration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
     /// Too few or too many pictures.

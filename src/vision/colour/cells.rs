@@ -67,7 +67,7 @@ impl Cell {
 }
 
 impl Cells {
-    /// Whether it is settled if a cell is live.
+    /// Whether it is known if this cell is live.
     pub(super) fn is_settled(&self, cell: Cell) -> bool {
         self.settled[usize::from(cell.cb)] >> cell.cr & 1 != 0
     }
@@ -127,8 +127,7 @@ mod tests {
     }
 
     proptest! {
-        /// A group is skipped only if each of its cells is settled as not live, and all such groups
-        /// are.
+        /// Exactly the groups whose cells are all settled as not live are skipped.
         #[test]
         fn exactly_the_groups_without_live_cells_are_skipped(
             settled in proptest::collection::vec((72u8..184, 72u8..184, any::<bool>()), 0..300),

@@ -158,8 +158,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Rows are labelled pixel by pixel, whatever the subsampling, the first column and the
-        /// instruction set.
+        /// A row gets the same labels as pixel by pixel, whatever the subsampling, the first column
+        /// and the instruction set.
         #[test]
         fn rows_are_labelled_alike_in_every_layout(
             across in 0u32..=2, down in 0u32..=2, x in 0u32..7, width in 7u32..130, grey in any::<bool>(),
