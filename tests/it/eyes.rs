@@ -259,7 +259,7 @@ fn a_bad_picture_is_named_with_its_reason_and_the_others_go_on() {
     assert_eq!(found[0]["file"], "ahead.jpg");
     let reasons = [
         ("half.jpg", "cut short"),
-        ("text.jpg", "no JPEG"),
+        ("text.jpg", "not a JPEG"),
         ("none.jpg", "No such file"),
         (" .: ", "folder"),
     ];
@@ -466,7 +466,7 @@ fn learning_goes_on_without_the_pictures_that_cannot_be_used() {
         "{yaml}"
     );
     assert!(
-        error.contains("text.jpg") && error.contains("no JPEG"),
+        error.contains("text.jpg") && error.contains("not a JPEG"),
         "{error}"
     );
     let error = desk.refused("learn ahead.jpg --roi 320,0,10,10");

@@ -92,9 +92,9 @@ impl Cells {
         pausing
     }
 
-    /// The groups of a row that contain live cells, if each Cb and Cr applies to `N` pixels, 1 or
-    /// 2. Returns all groups without vector instructions, because checking would then take as long
-    /// as looking up each pixel.
+    /// The groups of a row that contain live cells, if each Cb and Cr applies to `N` (1 or 2)
+    /// pixels. Returns all groups without vector instructions, because checking would then take as
+    /// long as looking up each pixel.
     pub(super) fn spans<const N: usize>(&self, vectors: Vectors, cbs: &[u8], crs: &[u8]) -> Spans {
         match vectors {
             Vectors::Plain => Spans::ALL,
