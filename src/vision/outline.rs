@@ -382,7 +382,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_picture_and_any_drive_is_answered(
+        fn any_picture_and_any_drive_give_a_verdict(
             pixels in proptest::collection::vec(any::<u8>(), 50 * 40), w in 1u32..50, h in 1u32..40,
             forward in -1e9f64..1e9, turn in -1e9f64..1e9, ahead in -1e9f64..1e9,
         ) {
