@@ -1,13 +1,14 @@
-//! Makes text from a robot, a script, a file or the network harmless for what shows or reads it: a
-//! terminal, a text log, XML, JSON. Everything that leaves the program goes through here.
+//! Sanitises text from a robot, a script, a file or the network for its destination: a terminal, a
+//! text log, XML or JSON. All text output passes through here.
 //!
-//! Terminal control sequences are removed; characters that are invisible or reverse the order of
-//! text are shown as `\u202e`, which in JSON is the very same character.
+//! Terminal control sequences are removed; characters that are invisible or reverse the direction
+//! of text are shown as escapes such as `\u202e`, which in JSON stand for the same character.
 
 use std::fmt::Write as _;
 
-/// Text for a terminal or a file in its place. Line breaks and tabs stay, and with `colour` the
-/// sequences that set colours; other escape sequences lose their first character and so all effect.
+/// Sanitises text for a terminal or for a file that replaces it. Keeps line breaks and tabs and,
+/// with `colour`, the sequences that set colours; other escape sequences lose their escape
+/// character and thus their effect.
 pub fn text(text: &str, colour: bool) -> String {
     let mut cleaned = String::with_capacity(text.len());
     let mut rest = text;
@@ -25,12 +26,12 @@ pub fn text(text: &str, colour: bool) -> String {
     cleaned
 }
 
-/// As [`text`], without colours and on one line.
+/// Like [`text`], but without colours and on one line.
 pub fn line(line: &str) -> String {
     text(line, false).replace(['\n', '\t'], " ")
 }
 
-/// Text that XML 1.0 may hold; what it may not is shown as an escape too.
+/// Sanitises text for XML 1.0; characters that XML does not allow are shown as escapes too.
 pub fn xml(xml: &str) -> String {
     let mut cleaned = String::with_capacity(xml.len());
     for c in xml.chars() {
@@ -43,8 +44,8 @@ pub fn xml(xml: &str) -> String {
     cleaned
 }
 
-/// A value behind `name=` in a text log: as it is if it is one plain word, else in quotes, so that
-/// nothing in it can pass for a field of its own.
+/// Formats a value after `name=` in a text log: unchanged if it is one plain word, otherwise in
+/// quotes, so that no part of it can be mistaken for another field.
 pub fn value(value: &str) -> String {
     let plain = |c: char| {
         c.is_alphanumeric()
@@ -60,8 +61,8 @@ pub fn value(value: &str) -> String {
     }
 }
 
-/// A message in a text log in front of these fields: in quotes if something in it looks like one of
-/// them.
+/// Formats a message that precedes these fields in a text log: in quotes if part of it looks like
+/// one of them.
 pub fn message<'a>(message: &str, fields: impl IntoIterator<Item = &'a str>) -> String {
     let mut names = fields.into_iter();
     if names.any(|name| names_field(message, name)) {
@@ -71,7 +72,7 @@ pub fn message<'a>(message: &str, fields: impl IntoIterator<Item = &'a str>) -> 
     }
 }
 
-/// Whether `name=` stands anywhere as a word.
+/// Whether `name=` occurs in the text as a word.
 fn names_field(text: &str, name: &str) -> bool {
     text.match_indices(name).any(|(at, _)| {
         let before = text[..at].chars().next_back();
@@ -87,21 +88,20 @@ fn quoted(text: &str) -> String {
 fn push(c: char, to: &mut String) {
     match c {
         '\n' | '\t' => to.push(c),
-        // Single bytes that a terminal obeys.
+        // Single bytes that control a terminal.
         '\0'..='\u{1F}' => {}
         c if c.is_control() || hides(c) => escape(c, to),
         c => to.push(c),
     }
 }
 
-/// All of these have four hexadecimal digits.
+/// Escapes a character; all characters passed here have four hexadecimal digits.
 fn escape(c: char, to: &mut String) {
-    // Writing into a string does not fail.
+    // Writing to a string cannot fail.
     let _ = write!(to, "\\u{:04x}", u32::from(c));
 }
 
-/// Characters that make a text read in another order than it stands, or break a line where nobody
-/// sees it.
+/// Whether a character changes the reading direction of text or invisibly breaks a line.
 fn hides(c: char) -> bool {
     matches!(
         c,
@@ -125,7 +125,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn colours_pass_on_a_terminal_and_nothing_else_that_it_obeys() {
+    fn colours_pass_to_a_terminal_and_no_other_control_sequence_does() {
         let dirty = "\x1b[1;31mred\x1b[0m \x1b]0;title\x07 \x1b[2J \u{9b}2J \rover \u{202e}txt";
         let clean = "\x1b[1;31mred\x1b[0m ]0;title [2J \\u009b2J over \\u202etxt";
         assert_eq!(text(dirty, true), clean);
@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn json_means_the_same_afterwards() {
+    fn sanitised_json_has_the_same_value() {
         let value = serde_json::json!({ "a\u{202e}": "\u{9b}\u{2028}\u{7f}\x1b[2J\n\"" });
         let shown = text(&value.to_string(), false);
         assert!(shown.is_ascii(), "{shown}");
@@ -152,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_cannot_pass_for_fields() {
+    fn a_message_cannot_forge_fields() {
         let fields = ["behaviour", "line"];
         for forged in [
             "hi behaviour=\"x\" line=1",
@@ -178,7 +178,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn nothing_is_left_that_a_terminal_obeys(dirty in "\\PC*|[\\x00-\\xff\u{1b}\u{202e}\\[m0-9;]{0,60}") {
+        fn no_terminal_control_sequence_is_left(dirty in "\\PC*|[\\x00-\\xff\u{1b}\u{202e}\\[m0-9;]{0,60}") {
             let plain = text(&dirty, false);
             prop_assert!(!plain.chars().any(|c| hides(c) || c.is_control() && !matches!(c, '\n' | '\t')), "{plain:?}");
             let coloured = text(&dirty, true);

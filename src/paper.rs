@@ -1,4 +1,4 @@
-//! A white canvas in pixels: areas, lines, and letters from a built-in font.
+//! A white canvas in pixels with filled areas, lines and text in a built-in font.
 
 use image::RgbImage;
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
@@ -7,10 +7,10 @@ use tiny_skia::{
     Transform,
 };
 
-/// Red, green, blue and how opaque it is.
+/// Red, green, blue and opacity.
 pub type Ink = [u8; 4];
 
-/// How a text is written.
+/// The style of a text.
 #[derive(Debug, Clone, Copy)]
 pub struct Script {
     /// Its colour.
@@ -22,7 +22,7 @@ pub struct Script {
 }
 
 impl Script {
-    /// Small letters of a colour.
+    /// Small regular text in a colour.
     pub const fn small(ink: Ink) -> Script {
         Script {
             ink,
@@ -47,7 +47,7 @@ impl Script {
         }
     }
 
-    /// Pixels from left to right and from top to bottom.
+    /// Width and height of a text in this style, pixels.
     pub fn size(self, text: &str) -> (f32, f32) {
         let letter = get_raster_width(self.weight(), self.height());
         (
@@ -57,13 +57,13 @@ impl Script {
     }
 }
 
-/// The paper.
+/// A white canvas.
 pub struct Paper {
     pixels: Pixmap,
 }
 
 impl Paper {
-    /// Of a size in pixels; `None` if there is no such paper.
+    /// A canvas of this size in pixels; `None` if the size is not possible.
     pub fn new(width: u32, height: u32) -> Option<Paper> {
         let mut pixels = Pixmap::new(width, height)?;
         pixels.fill(Color::WHITE);
@@ -75,35 +75,36 @@ impl Paper {
         (self.pixels.width() as f32, self.pixels.height() as f32)
     }
 
-    /// Fills the area within corners.
+    /// Fills the polygon with these corners.
     pub fn fill(&mut self, corners: &[(f32, f32)], ink: Ink) {
         if let Some(path) = through(corners, true) {
             self.fill_path(&path, ink);
         }
     }
 
-    /// A line through places, so many pixels wide, dashed by so many pixels if at all.
+    /// Draws a line through these points, `width` pixels wide; with `dash`, dashes and gaps of that
+    /// many pixels.
     pub fn line(&mut self, places: &[(f32, f32)], width: f32, dash: Option<f32>, ink: Ink) {
         if let Some(path) = through(places, false) {
             self.stroke(&path, width, dash, ink, Transform::identity());
         }
     }
 
-    /// A filled circle.
+    /// Draws a filled circle.
     pub fn dot(&mut self, (x, y): (f32, f32), radius: f32, ink: Ink) {
         if let Some(path) = PathBuilder::from_circle(x, y, radius.max(0.5)) {
             self.fill_path(&path, ink);
         }
     }
 
-    /// A circle line.
+    /// Draws the outline of a circle.
     pub fn ring(&mut self, (x, y): (f32, f32), radius: f32, width: f32, ink: Ink) {
         if let Some(path) = PathBuilder::from_circle(x, y, radius.max(0.5)) {
             self.stroke(&path, width, None, ink, Transform::identity());
         }
     }
 
-    /// A text with its left upper corner at a pixel.
+    /// Writes a text with its upper left corner at this position.
     pub fn write(&mut self, (x, y): (f32, f32), text: &str, script: Script) {
         let mut left = x.round() as i32;
         for letter in text.chars() {
@@ -121,12 +122,13 @@ impl Paper {
         }
     }
 
-    /// The picture.
+    /// Returns the finished image.
     pub fn finish(self) -> RgbImage {
         let (width, height) = (self.pixels.width(), self.pixels.height());
         let pixels = self.pixels.pixels().iter();
         let bytes = pixels.flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]);
-        // The paper is opaque, so nothing was multiplied away; the size fits by construction.
+        // The canvas is opaque, so premultiplied and plain colours are the same; the buffer always
+        // has the right size.
         RgbImage::from_raw(width, height, bytes.collect()).unwrap_or_default()
     }
 
@@ -147,7 +149,7 @@ impl Paper {
         self.pixels.fill_path(path, &paint(ink), rule, still, None);
     }
 
-    /// A path in units of its own, which `transform` brings onto the paper.
+    /// Strokes a path given in its own units; `transform` maps it to pixels.
     pub(crate) fn stroke(
         &mut self,
         path: &Path,

@@ -1,28 +1,29 @@
-//! How far the reader of QR codes would look for the small square inside of a code, given three squares
-//! at its corners. It goes outward from where that square ought to be, and the worse three squares fit
-//! together, the farther: seconds long, with some that lie aslant. So those are left out beforehand.
+//! Estimates how far the QR code reader would search for the alignment pattern of a code, given
+//! three finder patterns. It searches outward from the expected position, and the worse the three
+//! patterns fit together, the farther: with some skewed patterns this takes seconds. Such patterns
+//! are therefore removed beforehand.
 
-/// A place in a picture.
+/// A position in a picture.
 pub(super) type Place = (f64, f64);
 
-/// A square of 7 modules that may lie aslant: its corners in turn.
+/// A finder pattern, 7 modules wide and possibly skewed: its corners in order.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Square {
     corners: [Place; 4],
 }
 
-/// Steps for what is done with every three squares that fit roughly.
+/// Steps of the fixed work for every triple of patterns that roughly fits.
 const FIXED: f64 = 20_000.0;
-/// Two distances are alike that differ by less than this share.
+/// Two distances count as alike if they differ by less than this share.
 const ALIKE: f64 = 0.25;
 
 impl Square {
-    /// Of the corners in turn.
+    /// A pattern with these corners, in order.
     pub(super) fn new(corners: [Place; 4]) -> Square {
         Square { corners }
     }
 
-    /// The same, beginning with the corner that lies the farthest to one side of a line.
+    /// The same pattern, starting with the corner that is farthest to one side of a line.
     fn turned_to_side(self, through: Place, along: Place) -> Square {
         let side = |(x, y): Place| (y - through.1) * along.0 - (x - through.0) * along.1;
         let mut corners = self.corners;
@@ -32,7 +33,7 @@ impl Square {
         Square { corners }
     }
 
-    /// From modules to places and, with the second matrix, back.
+    /// The projective transforms from modules to positions and back.
     fn view(&self) -> View {
         let [(x0, y0), (x1, y1), (x2, y2), (x3, y3)] = self.corners;
         let (dx1, dx2, sx) = (x1 - x2, x3 - x2, x0 - x1 + x2 - x3);
@@ -80,7 +81,7 @@ impl View {
     }
 }
 
-/// Steps of each three that would be tried, and which three.
+/// Each triple of patterns that the reader would try, with its estimated steps.
 pub(super) fn tries(squares: &[Square]) -> Vec<([usize; 3], f64)> {
     let views: Vec<View> = squares.iter().map(Square::view).collect();
     let mut tries = Vec::new();
@@ -89,7 +90,7 @@ pub(super) fn tries(squares: &[Square]) -> Vec<([usize; 3], f64)> {
         for other in (0..squares.len()).filter(|other| *other != middle) {
             let (u, v) = view.modules(views[other].middle());
             let (u, v) = ((u - 3.5).abs(), (v - 3.5).abs());
-            // What is no number is taken for both: it is left out below.
+            // NaN counts as both: such patterns are removed later as the most expensive ones.
             if u < 0.2 * v || u.is_nan() {
                 along.push((other, v));
             }
@@ -110,7 +111,8 @@ pub(super) fn tries(squares: &[Square]) -> Vec<([usize; 3], f64)> {
     tries
 }
 
-/// For how far is looked with these three, the second between the others.
+/// Estimated steps of the search with this triple; the second pattern is the corner between the
+/// others.
 fn steps([one, middle, other]: [usize; 3], squares: &[Square], views: &[View]) -> f64 {
     let (mut first, mut last) = (one, other);
     let origin = views[first].middle();
@@ -158,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_view_there_and_back_is_the_same_place() {
+    fn a_position_survives_the_round_trip_through_a_view() {
         let aslant = Square::new([(10.0, 10.0), (50.0, 14.0), (46.0, 52.0), (8.0, 40.0)]);
         let view = aslant.view();
         assert!(view.place((7.0, 7.0)).0 - 46.0 < 1e-9);
@@ -167,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn three_corners_of_a_code_cost_little_and_no_square_breaks_the_sum() {
+    fn three_corners_of_a_code_cost_little_and_no_square_makes_the_sum_invalid() {
         let [one, two, three] =
             [(0.0, 0.0), (200.0, 0.0), (0.0, 200.0)].map(|(x, y)| square(x, y, 21.0));
         let cheap: f64 = tries(&[one, two, three])
@@ -175,7 +177,7 @@ mod tests {
             .map(|(_, steps)| steps)
             .sum();
         assert!((FIXED..4.0 * FIXED).contains(&cheap), "{cheap}");
-        // Flat ones and points: no number, or none at all, but no panic and no negative sum.
+        // Degenerate patterns give NaN or no triple at all, but no panic and no negative sum.
         let flat = Square::new([(60.0, 0.0); 4]);
         let line = Square::new([(0.0, 60.0), (9.0, 60.0), (12.0, 60.0), (20.0, 60.0)]);
         for squares in [[one, flat, three], [one, two, line], [flat, line, flat]] {

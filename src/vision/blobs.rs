@@ -1,4 +1,5 @@
-//! Blobs: connected pixels of one colour, with the names, defaults and meanings of OpenMV's `find_blobs`.
+//! Blobs: connected pixels of one colour. Names, defaults and meanings follow OpenMV's
+//! `find_blobs`.
 
 mod moments;
 mod regions;
@@ -14,28 +15,28 @@ use crate::vision::picture::image::{Image, Roi};
 use crate::vision::picture::size::Size;
 use crate::vision::picture::spans::Spans;
 
-/// Most blobs that are merged with each other: merging compares each with each.
+/// Most blobs that are merged: merging compares each with every other.
 const MAX_MERGED: usize = 512;
-/// Most rounds of merging: a picture that is made to need more keeps blobs that overlap.
+/// Most rounds of merging; in a picture that would need more, overlapping blobs remain.
 const MAX_ROUNDS: u32 = 32;
 
-/// What to look for, and where.
+/// What to look for and where.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BlobOptions {
-    /// Where to look; nothing for the whole picture.
+    /// The part of the picture to search; `None` for the whole picture.
     pub roi: Option<Roi>,
-    /// Look for the pixels that are *not* of the colour.
+    /// Finds the pixels that are *not* of the colour.
     pub invert: bool,
-    /// Smallest box, in pixels of area.
+    /// Least area of the bounding box, pixels.
     pub area_threshold: u32,
-    /// Smallest number of pixels.
+    /// Least number of pixels.
     pub pixels_threshold: u32,
-    /// Make one blob of those whose boxes overlap.
+    /// Merges blobs whose bounding boxes overlap.
     pub merge: bool,
-    /// By how many pixels the boxes may miss each other and still be merged.
+    /// Largest gap, in pixels, between bounding boxes that are still merged.
     pub margin: u32,
-    /// Most blobs to return; the largest stay.
+    /// Most blobs to return; the largest are kept.
     pub max_blobs: usize,
 }
 
@@ -58,48 +59,50 @@ impl Default for BlobOptions {
     }
 }
 
-/// A patch of one colour, or of several when merged.
+/// A region of one colour, or of several after merging.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Blob {
-    /// Left column of its box.
+    /// Left column of the bounding box.
     pub x: u32,
-    /// Top row of its box.
+    /// Top row of the bounding box.
     pub y: u32,
-    /// Columns of its box.
+    /// Width of the bounding box.
     pub w: u32,
-    /// Rows of its box.
+    /// Height of the bounding box.
     pub h: u32,
-    /// Column of its centroid, sub-pixel.
+    /// Column of the centroid, sub-pixel.
     pub cx: f64,
-    /// Row of its centroid, sub-pixel.
+    /// Row of the centroid, sub-pixel.
     pub cy: f64,
-    /// How many pixels have the colour.
+    /// Number of pixels of the colour.
     pub pixels: u32,
-    /// Pixels of its box, `w * h`.
+    /// Area of the bounding box, `w * h`.
     pub area: u32,
     /// `pixels / area`, 0..1.
     pub density: f64,
-    /// Direction of its long axis in radians, 0..pi: 0 lies flat, growing clockwise as seen in the picture.
+    /// Direction of the major axis in radians, 0..pi: 0 is horizontal, increasing clockwise as seen
+    /// in the picture.
     pub rotation: f64,
     /// 0 for a disc, towards 1 for a line: `1 - roundness`.
     pub elongation: f64,
-    /// Second moment across its long axis divided by that along it: 1 for a disc or a square, 0 for a line.
+    /// Second moment along the minor axis divided by that along the major axis: 1 for a disc or a
+    /// square, 0 for a line.
     pub roundness: f64,
-    /// Its border pixels: those of which one of the four neighbours is not of the blob.
+    /// Number of border pixels: those with at least one of their four neighbours outside the blob.
     pub perimeter: u32,
-    /// One bit for each colour of the list that it has: bit 0 is the first.
+    /// One bit for each colour of the list that the blob contains: bit 0 is the first colour.
     pub code: u32,
-    /// How many blobs were merged into it; 1 without merging.
+    /// Number of blobs that were merged into this one; 1 without merging.
     pub count: u32,
-    /// Index of the first colour of the list that it has.
+    /// Index of the first colour of the list that the blob contains.
     pub colour: usize,
-    /// Direction of its centroid in radians, left positive.
+    /// Horizontal direction of the centroid in radians, left positive.
     pub bearing: f64,
-    /// Whether it touches the border of the picture, and may go on outside.
+    /// Whether the blob touches the border of the picture and may continue outside.
     pub edge: bool,
 }
 
-/// Finds blobs, one picture after the other, in the same buffers.
+/// Finds blobs in one picture after another, reusing its buffers.
 #[derive(Debug, Default)]
 pub struct BlobFinder {
     regions: Regions,
@@ -107,7 +110,7 @@ pub struct BlobFinder {
     blobs: Vec<Blob>,
 }
 
-/// A blob before its derived figures are worked out.
+/// A blob before its derived values are computed.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
     region: u32,
@@ -122,7 +125,7 @@ struct Candidate {
 }
 
 impl BlobFinder {
-    /// The blobs of a picture, largest first; the list lives until the next call.
+    /// Finds the blobs of a picture, largest first. The list is valid until the next call.
     ///
     /// The palette must have been compiled with the options' `invert`.
     pub fn find(
@@ -137,8 +140,8 @@ impl BlobFinder {
         self.find_labelled(image.size(), label_row, options, camera)
     }
 
-    /// As [`BlobFinder::find`], of whatever labels `label_row(y, x, row)` writes for columns `x..`; 0 is background,
-    /// and so is all that lies outside the spans that it returns.
+    /// Like [`BlobFinder::find`], but for the labels that `label_row(y, x, row)` writes for columns
+    /// `x..`. Label 0 is background, and so is everything outside the returned spans.
     pub(crate) fn find_labelled(
         &mut self,
         size: Size,
@@ -167,7 +170,8 @@ impl BlobFinder {
         &self.blobs
     }
 
-    /// Keeps the regions that are large enough, largest first, and not more than can matter.
+    /// Keeps the regions that are large enough, largest first, and no more than can be merged or
+    /// returned.
     fn keep(&mut self, options: &BlobOptions) {
         let large_enough = |region: &Region| {
             region.moments.pixels >= u64::from(options.pixels_threshold)
@@ -204,7 +208,7 @@ impl BlobFinder {
     }
 }
 
-/// Largest first; among equals the one that comes first in reading order.
+/// Largest first; equal ones in reading order.
 fn order(candidate: &Candidate) -> (std::cmp::Reverse<u64>, u32, u32, u32) {
     (
         std::cmp::Reverse(candidate.moments.pixels),
@@ -214,8 +218,8 @@ fn order(candidate: &Candidate) -> (std::cmp::Reverse<u64>, u32, u32, u32) {
     )
 }
 
-/// Makes one of those whose boxes, widened by the margin, overlap, until none do or it was tried often
-/// enough.
+/// Merges blobs whose bounding boxes, extended by the margin, overlap, until none do or the limit
+/// of rounds is reached.
 fn merge(blobs: &mut Vec<Candidate>, margin: u32) {
     for _ in 0..MAX_ROUNDS {
         let mut merged = false;
@@ -275,7 +279,7 @@ impl Candidate {
 
     fn blob(&self, size: Size, camera: Camera) -> Blob {
         let (w, h) = (self.right - self.left + 1, self.bottom - self.top + 1);
-        // Bounded by the picture's pixels.
+        // Bounded by the number of pixels of the picture.
         let (pixels, area) = (self.moments.pixels as u32, w * h);
         let (cx, cy) = self.moments.centroid();
         let axes = self.moments.axes();

@@ -1,17 +1,17 @@
-//! What turns places of the picture into directions and back: the field of view and how the lens
-//! bends the picture. Radial distortion as Brown and Conrady have it: a place that a lens without
-//! distortion would show at the distance r from the middle, in focal lengths, is shown at r (1 + k1
-//! r² + k2 r⁴).
+//! The camera model: converts between positions in the picture and directions, given the field of
+//! view and the distortion of the lens. Radial distortion follows Brown and Conrady: a point that a
+//! lens without distortion would show at the distance r from the centre, in focal lengths, is shown
+//! at r (1 + k1 r² + k2 r⁴).
 
 use serde::{Deserialize, Serialize};
 
 use super::Size;
 
-/// Farther from the middle than this, in focal lengths, no lens shows anything.
+/// Largest distance from the centre that any lens shows, in focal lengths.
 const FARTHEST: f64 = 100.0;
-/// Steps towards the place that a lens bends to another: four are usual.
+/// Most Newton steps when the distortion is inverted; four are usual.
 const MOST_STEPS: usize = 12;
-/// Such a step, in focal lengths, is the last.
+/// Newton's method stops after a step smaller than this, in focal lengths.
 const CLOSE: f64 = 1e-9;
 const HALVINGS: usize = 60;
 
@@ -19,26 +19,26 @@ const HALVINGS: usize = 60;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Camera {
-    /// Horizontal field of view in radians, without distortion: twice the arc tangent
-    /// of half the picture's width over the focal length, both in pixels.
+    /// Horizontal field of view without distortion, in radians: twice the arc tangent of half the
+    /// picture's width over the focal length, both in pixels.
     pub hfov: f64,
-    /// `[k1, k2]`; `[0, 0]` is a lens without distortion. With values below 0 straight lines bulge
+    /// `[k1, k2]`; `[0, 0]` is a lens without distortion. Negative values make straight lines bulge
     /// outwards.
     pub distortion: [f64; 2],
 }
 
-/// Where something is seen.
+/// The direction in which something is seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Direction {
-    /// Radians in the plane, left positive, 0 straight ahead.
+    /// Horizontal angle in radians, left positive, 0 straight ahead.
     pub bearing: f64,
-    /// Radians above the horizon, below it negative.
+    /// Radians above the horizon, negative below it.
     pub elevation: f64,
 }
 
 impl Default for Camera {
-    /// The robot's: a focal length of 381 pixels was measured; the distortion is usual for such
-    /// lenses.
+    /// The robot's camera: the focal length of 381 pixels was measured; the distortion is typical
+    /// of such lenses.
     fn default() -> Self {
         Camera {
             hfov: 45.6_f64.to_radians(),
@@ -48,7 +48,7 @@ impl Default for Camera {
 }
 
 impl Camera {
-    /// Without distortion.
+    /// A camera without distortion.
     pub fn pinhole(hfov: f64) -> Camera {
         Camera {
             hfov,
@@ -56,13 +56,13 @@ impl Camera {
         }
     }
 
-    /// Focal length in pixels of a picture of some width.
+    /// Focal length in pixels for a picture of this width.
     pub fn focal_length(&self, width: u32) -> f64 {
         f64::from(width) / 2.0 / (self.hfov / 2.0).tan()
     }
 
-    /// Whether each place of a picture of the shape 4:3 shows another direction. Strong distortion
-    /// folds the picture: then there is no telling.
+    /// Whether each position in a 4:3 picture has a different direction. Strong distortion folds
+    /// the picture, and then directions are ambiguous.
     pub fn is_one_to_one(&self) -> bool {
         let half = (self.hfov / 2.0).tan();
         let corner = half.hypot(half * 0.75);
@@ -70,7 +70,7 @@ impl Camera {
         limit > 0.0 && self.bent(limit) > corner
     }
 
-    /// Direction of the column `x` and the row `y`, which may be fractions, in a picture.
+    /// Direction of column `x` and row `y`, which may be fractional.
     pub fn direction(&self, x: f64, y: f64, size: Size) -> Direction {
         let (right, down) = self.slopes(x, y, size);
         Direction {
@@ -79,13 +79,13 @@ impl Camera {
         }
     }
 
-    /// Direction of a place in radians, left positive, 0 straight ahead.
+    /// Horizontal direction of a position in radians, left positive, 0 straight ahead.
     pub fn bearing(&self, x: f64, y: f64, size: Size) -> f64 {
         self.direction(x, y, size).bearing
     }
 
-    /// Column and row where a direction is seen, possibly outside of the picture; `None` for what
-    /// is beside or behind the camera.
+    /// Column and row where a direction is seen, possibly outside the picture; `None` if it is to
+    /// the side of or behind the camera.
     pub fn pixel(&self, direction: Direction, size: Size) -> Option<(f64, f64)> {
         let Direction { bearing, elevation } = direction;
         if bearing.cos() <= 0.0 || elevation.cos() <= 0.0 {
@@ -107,7 +107,7 @@ impl Camera {
         ))
     }
 
-    /// To the right and down for each length ahead, without distortion.
+    /// Slopes to the right and down per unit of length ahead, with the distortion removed.
     fn slopes(&self, x: f64, y: f64, size: Size) -> (f64, f64) {
         let focal = self.focal_length(size.width);
         let (middle_x, middle_y) = middle(size);
@@ -125,12 +125,14 @@ impl Camera {
         1.0 + r * r * (k1 + k2 * r * r)
     }
 
-    /// Where the lens shows what is `r` from the middle, both in focal lengths.
+    /// The distance from the centre at which the lens shows a point at the undistorted distance
+    /// `r`, both in focal lengths.
     fn bent(&self, r: f64) -> f64 {
         r * self.stretch(r)
     }
 
-    /// What the lens shows at `bent`; where it folds the picture, the farthest before that.
+    /// The inverse of [`Camera::bent`]; where the lens folds the picture, the largest distance
+    /// before that.
     fn straight(&self, bent: f64) -> f64 {
         let limit = self.limit();
         if self.bent(limit) <= bent {
@@ -147,7 +149,7 @@ impl Camera {
         self.halved(bent, limit)
     }
 
-    /// The same for what Newton's steps do not find.
+    /// The same by bisection, if Newton's method does not converge.
     fn halved(&self, bent: f64, limit: f64) -> f64 {
         let (mut near, mut far) = (0.0, limit);
         for _ in 0..HALVINGS {
@@ -166,7 +168,7 @@ impl Camera {
         1.0 + r * r * (3.0 * k1 + 5.0 * k2 * r * r)
     }
 
-    /// How far from the middle the lens does not fold the picture yet: up to where its slope
+    /// The distance from the centre up to which the lens does not fold the picture: where the slope
     /// 1 + 3 k1 r² + 5 k2 r⁴ becomes 0.
     fn limit(&self) -> f64 {
         let [k1, k2] = self.distortion;
@@ -190,7 +192,7 @@ impl Camera {
     }
 }
 
-/// The middle of a picture; the first pixel's own middle is 0, 0.
+/// The centre of a picture; the centre of the first pixel is 0, 0.
 fn middle(size: Size) -> (f64, f64) {
     let half = |length: u32| f64::from(length) / 2.0 - 0.5;
     (half(size.width), half(size.height))
@@ -207,13 +209,13 @@ mod tests {
     };
 
     #[test]
-    fn without_distortion_bearings_fit_the_field_of_view() {
+    fn without_distortion_bearings_match_the_field_of_view() {
         let camera = Camera::pinhole(1.0);
         for (x, bearing) in [(159.5, 0.0), (-0.5, 0.5), (319.5, -0.5)] {
             let found = camera.direction(x, 119.5, SIZE);
             assert!((found.bearing - bearing).abs() < 1e-12 && found.elevation == 0.0);
         }
-        // Upright things are in one direction from head to foot.
+        // A vertical object has the same bearing from top to bottom.
         let (head, foot) = (
             camera.bearing(20.0, 10.0, SIZE),
             camera.bearing(20.0, 200.0, SIZE),
@@ -222,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn the_edge_of_a_bulging_picture_is_farther_aside() {
+    fn the_edge_of_a_bulging_picture_has_a_larger_bearing() {
         let straight = Camera::pinhole(Camera::default().hfov);
         let (bent, plain) = [Camera::default(), straight]
             .map(|camera| camera.bearing(-0.5, 119.5, SIZE).to_degrees())
@@ -234,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn lenses_that_fold_the_picture_are_known() {
+    fn lenses_that_fold_the_picture_are_detected() {
         assert!(Camera::default().is_one_to_one());
         assert!(Camera::pinhole(3.0).is_one_to_one());
         for distortion in [[-2.0, 0.0], [0.0, -9.0], [-2.0, 0.5]] {
@@ -249,7 +251,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_place_and_its_direction_lead_to_each_other(
+        fn a_position_survives_the_round_trip_through_its_direction(
             x in 0.0..320.0, y in 0.0..240.0, k1 in -0.4..0.4, k2 in 0.0..0.3,
         ) {
             let camera = Camera { distortion: [k1, k2], ..Camera::default() };
@@ -259,7 +261,7 @@ mod tests {
         }
 
         #[test]
-        fn any_numbers_give_numbers(
+        fn any_numbers_are_accepted_without_panic(
             x in any::<f64>(), y in any::<f64>(), k1 in any::<f64>(), k2 in any::<f64>(),
         ) {
             let camera = Camera { distortion: [k1, k2], ..Camera::default() };

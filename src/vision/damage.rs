@@ -1,13 +1,13 @@
-//! Counts frames that are no pictures, and says so once in a while.
+//! Counts damaged frames and reports them at intervals.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// From one line about damaged frames to the next, at least.
+/// Least time between two log lines about damaged frames.
 const PAUSE: Duration = Duration::from_secs(10);
 
-/// What has come that is no picture.
+/// The damaged frames so far.
 #[derive(Debug, Default)]
 pub struct Damage {
     count: u64,
@@ -18,8 +18,8 @@ pub struct Damage {
 }
 
 impl Damage {
-    /// Counts frame number `seq`, once however often it is looked at. What the log should say, if it
-    /// is time.
+    /// Counts frame number `seq`, once even if it is noted repeatedly. Returns a log message if one
+    /// is due.
     pub fn note(&mut self, seq: u64, why: &str, now: Instant) -> Option<String> {
         if self.newest == Some(seq) {
             return None;
@@ -35,7 +35,7 @@ impl Damage {
         self.rest()
     }
 
-    /// What has not been said yet.
+    /// Returns a log message if there are unreported damaged frames.
     pub fn rest(&mut self) -> Option<String> {
         if self.said == self.count {
             return None;
@@ -53,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn says_the_first_at_once_and_further_ones_together() {
+    fn the_first_is_reported_at_once_and_further_ones_together() {
         let (mut damage, start) = (Damage::default(), Instant::now());
         let first = damage.note(1, "cut short", start);
         assert_eq!(first.as_deref(), Some("a damaged frame: cut short"));
@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_a_frame_once_however_often_it_is_looked_at() {
+    fn a_frame_is_counted_once_even_if_noted_repeatedly() {
         let (mut damage, start) = (Damage::default(), Instant::now());
         for seq in [7, 7, 7, 9, 9] {
             damage.note(seq, "torn", start);

@@ -1,4 +1,4 @@
-//! Everything that is asked of one frame, with the frame decoded once.
+//! Answers all queries about one frame and decodes the frame only once.
 
 use super::blobs::{Blob, BlobFinder, BlobOptions};
 use super::camera::Camera;
@@ -9,26 +9,26 @@ use crate::vision::jpeg::decoder::Decoder;
 use crate::vision::jpeg::frame::FrameError;
 use crate::vision::picture::image::{Image, Roi};
 
-/// Palettes that are kept; a behaviour rarely looks for more sets of colours.
+/// Most palettes that are kept; a behaviour rarely looks for more sets of colours.
 const MAX_PALETTES: usize = 8;
 
-/// Looks at frames: decodes on demand and once, keeps compiled colours and all buffers.
+/// Analyses frames: decodes each on demand and once; keeps compiled palettes and all buffers.
 #[derive(Debug, Default)]
 pub struct Eyes {
     camera: Camera,
     decoder: Decoder,
-    /// The frame that the decoder holds, and how its decoding went.
+    /// The frame that the decoder holds and the result of its decoding.
     seen: Option<(u64, Result<(), FrameError>)>,
-    /// Newest use last.
+    /// The most recently used palette is last.
     palettes: Vec<Palette>,
     finder: BlobFinder,
-    /// What was asked last, with the newest palette.
+    /// The options of the last search, which used the newest palette.
     asked: Option<BlobOptions>,
     decoded: u64,
 }
 
 impl Eyes {
-    /// Eyes behind this camera.
+    /// Creates an analyser for this camera.
     pub fn new(camera: Camera) -> Eyes {
         Eyes {
             camera,
@@ -36,10 +36,10 @@ impl Eyes {
         }
     }
 
-    /// The picture of frame number `key`. Asking again for the same key decodes nothing.
+    /// Returns the picture of frame number `key`. Further calls with the same key decode nothing.
     ///
     /// # Errors
-    /// Says what is wrong with the frame; asking again for the same key says it again.
+    /// The reason why the frame cannot be decoded; further calls with the same key return it again.
     pub fn look(&mut self, key: u64, jpeg: &[u8]) -> Result<&Image, FrameError> {
         if self.seen.as_ref().is_none_or(|(seen, _)| *seen != key) {
             self.decoded += 1;
@@ -51,14 +51,14 @@ impl Eyes {
         }
     }
 
-    /// Decodes what has come of the next frame; see [`Decoder::look_ahead`].
+    /// Decodes the part of the next frame that has been received; see [`Decoder::look_ahead`].
     pub fn look_ahead(&mut self, beginning: &[u8]) {
         self.decoder.look_ahead(beginning);
     }
 
-    /// Decodes the frame that was looked at last once more, unless the beginning of the next one is
-    /// decoded already, and finds its blobs once more. What is found is the same: the use of it is
-    /// that code and buffers are in the processor's caches when the next frame comes.
+    /// Decodes the last frame again, unless part of the next one is already decoded, and finds its
+    /// blobs again. The results stay the same; the purpose is to keep code and buffers in the
+    /// processor's caches for the next frame.
     pub fn rehearse(&mut self, jpeg: &[u8]) {
         let Some((_, Ok(()))) = self.seen else {
             return;
@@ -72,15 +72,16 @@ impl Eyes {
         }
     }
 
-    /// The newest frame that was looked at.
+    /// The number of the last frame that was decoded, successfully or not.
     pub fn seen(&self) -> Option<u64> {
         self.seen.as_ref().map(|(key, _)| *key)
     }
 
-    /// The blobs of frame number `key` in any of the colours, largest first; the list lives until the next call.
+    /// Finds the blobs of frame number `key` in any of the colours, largest first. The list is
+    /// valid until the next call.
     ///
     /// # Errors
-    /// As [`Eyes::look`].
+    /// See [`Eyes::look`].
     pub fn find_blobs(
         &mut self,
         key: u64,
@@ -98,10 +99,11 @@ impl Eyes {
             .find(self.decoder.image(), palette, options, self.camera))
     }
 
-    /// The line of frame number `key` in any of the colours, in a part of it; nothing when there is none.
+    /// Finds the line of frame number `key` in any of the colours, in a part of the picture; `None`
+    /// if there is none.
     ///
     /// # Errors
-    /// As [`Eyes::look`].
+    /// See [`Eyes::look`].
     pub fn find_line(
         &mut self,
         key: u64,
@@ -119,13 +121,13 @@ impl Eyes {
         ))
     }
 
-    /// How many frames were decoded so far.
+    /// The number of frames decoded so far.
     pub fn decoded(&self) -> u64 {
         self.decoded
     }
 }
 
-/// The palette of these colours, compiled if it is not among those kept.
+/// Returns the palette of these colours; compiles it if it is not cached.
 fn newest<'a>(palettes: &'a mut Vec<Palette>, colours: &[Colour], invert: bool) -> &'a mut Palette {
     match palettes
         .iter()
@@ -151,7 +153,7 @@ mod tests {
     const SECOND: &[u8] = include_bytes!("../../tests/fixtures/ball-444.jpg");
 
     #[test]
-    fn a_rehearsal_changes_nothing_that_is_seen_before_or_after_it() {
+    fn a_rehearsal_changes_no_result() {
         let colours = [Colour::named("red").unwrap()];
         let options = BlobOptions::default();
         let find = |eyes: &mut Eyes, key, jpeg| {
@@ -168,7 +170,7 @@ mod tests {
         assert_eq!(find(&mut eyes, 1, FIRST), expected[0]);
         eyes.look_ahead(&SECOND[..SECOND.len() / 2]);
         eyes.rehearse(FIRST);
-        assert!(eyes.decoder.is_ahead(), "what has come stays decoded");
+        assert!(eyes.decoder.is_ahead(), "the received part stays decoded");
         assert_eq!(find(&mut eyes, 2, SECOND), expected[1]);
         assert_eq!(eyes.decoded(), 2);
     }

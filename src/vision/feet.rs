@@ -1,9 +1,10 @@
-//! Where a wall stands before the robot, by its foot: the line where it meets the floor, seen while the robot
-//! drives straight on, aslant or in a curve.
+//! Locates a wall ahead of the robot by its foot, the line where it meets the floor, seen while the
+//! robot drives straight, at an angle to the wall or in a curve.
 //!
-//! The farthest edge below the horizon is the foot of what stands there, or a skirting board's upper edge, which is as
-//! straight and at nearly the same place. How far such an edge is below the lens follows from how it comes
-//! down in the picture while the robot drives; as long as that says little, the wall is taken to be as far as it may be.
+//! The farthest edge below the horizon is the foot of what stands there, or the upper edge of a
+//! skirting board, which is equally straight and nearly at the same position. How far such an edge
+//! is below the lens follows from how it moves down in the picture while the robot drives; while
+//! that is still uncertain, the greatest plausible distance of the wall is used.
 
 use std::collections::VecDeque;
 
@@ -11,55 +12,59 @@ use super::camera::Camera;
 use super::standstill::{Glance, LENS_AHEAD, LENS_HEIGHT};
 use crate::vision::picture::size::Size;
 
-/// Groups of columns in which a foot is looked for, and how wide each is, half-size pixels.
+/// Number of column groups in which a foot is searched for, and the width of each, half-size
+/// pixels.
 const PROBES: usize = 9;
 const WIDE: usize = 8;
-/// Rows on each side of an edge that are compared, and by how much the brightness must step there, of 255.
+/// Rows compared on each side of an edge, and the least step of brightness there, of 255.
 const REACH: usize = 3;
 const EDGE: f64 = 2.5;
-/// Edges nearer to the horizon than this, as a slope, are too far to be measured.
+/// Edges with a smaller slope below the horizon are too far away to be measured.
 const FARTHEST: f64 = 0.03;
-/// Looks that are kept; a wall is looked for by the last few of them first.
+/// Number of pictures that are kept; a wall is first fitted to the last few of them.
 const MOST_SEEN: usize = 24;
 const LAST: [usize; 4] = [4, 8, 16, MOST_SEEN];
-/// How often a wall is fitted again, each time to all feet that fit to it.
+/// How often a wall is fitted, each time to all feet that match the previous fit.
 const ROUNDS: usize = 4;
-/// Fewer feet are no wall, nor is less than this share of all.
+/// Least number of feet of a wall, and their least share of all feet.
 const FEWEST: usize = 12;
 const SHARE: f64 = 0.6;
-/// A look with fewer shows none.
+/// Least number of feet for a picture to count.
 const FEWEST_AT_ONCE: usize = 3;
-/// Of the feet of so many last looks half must belong to it.
+/// Half of the feet in this many last pictures must belong to the wall.
 const NEWEST: usize = 5;
-/// A foot that is seen this many times as far as it is below the lens belongs to a wall from which it is so far, in
-/// metres; what is seen farther away is measured worse.
+/// A foot belongs to a wall within the tolerance [`FITS`], in metres, if its distance is less than
+/// [`NEAR`] times the height of the lens above it; more distant feet are measured less accurately
+/// and have a larger tolerance.
 const NEAR: f64 = 3.0;
 const FITS: f64 = 0.016;
-/// How straight a wall must be, metres.
+/// Greatest deviation of a wall's feet from a straight line, metres.
 const STRAIGHT: f64 = 0.01;
-/// Distances of the edge below the lens that are tried, metres; what is higher than the last is no foot.
+/// The candidate heights of the lens above the edge, metres: the least, how many, and the least for
+/// which the edge is a foot.
 const LEAST_BELOW: f64 = 0.07;
 const TRIED: usize = 14;
 const HIGHEST_FOOT: f64 = 0.095;
-/// One that fits so much worse than the best, as a factor and squared, is as likely.
+/// A height is still plausible if its squared error is at most this many times the least one, plus
+/// [`NOISE`].
 const WORSE: f64 = 1.05;
 const NOISE: f64 = 1e-5;
-/// A wall goes on so far beyond what was seen of it, metres.
+/// A wall is extended by this much beyond its seen parts, metres.
 const BEYOND: f64 = 0.2;
 
-/// Where the middle of the robot is and where it looks, by what its tracks have made.
+/// Position of the robot's centre and its heading, from odometry.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Stand {
     /// Metres.
     pub x: f64,
     /// Metres.
     pub y: f64,
-    /// Radians to the left.
+    /// Radians, left positive.
     pub heading: f64,
 }
 
 impl Stand {
-    /// After a way, in metres, on which it turned by so many radians.
+    /// The pose after driving `way` metres while turning by `turned` radians.
     pub fn after(self, way: f64, turned: f64) -> Stand {
         let middle = self.heading + turned / 2.0;
         Stand {
@@ -73,32 +78,32 @@ impl Stand {
 /// A straight wall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wall {
-    /// Towards the wall, at right angles to it.
+    /// The unit vector perpendicular to the wall, pointing towards it.
     normal: (f64, f64),
-    /// How far it is in that direction.
+    /// Distance of the wall from the origin in that direction, metres.
     far: f64,
-    /// From where to where it was seen, to its left.
+    /// The extent along the wall that was seen, metres; positive is to the left.
     seen: (f64, f64),
-    /// Metres by which its feet are off, most often.
+    /// Root mean square of the weighted distances of its feet, metres.
     off: f64,
-    /// Metres from the lens down to the edge.
+    /// Height of the lens above the edge, metres.
     below: f64,
 }
 
 impl Wall {
-    /// Metres from the middle of the robot to the wall; `None` where no wall was seen.
+    /// Distance from the robot's centre to the wall, metres; `None` where no wall was seen.
     pub fn distance(&self, stand: Stand) -> Option<f64> {
         let along = stand.y * self.normal.0 - stand.x * self.normal.1;
         let here = self.seen.0 - BEYOND <= along && along <= self.seen.1 + BEYOND;
         here.then_some(self.far - self.normal.0 * stand.x - self.normal.1 * stand.y)
     }
 
-    /// The share of a way ahead that leads to the wall, -1 to 1.
+    /// The share of a movement straight ahead that leads towards the wall, -1 to 1.
     pub fn ahead(&self, stand: Stand) -> f64 {
         self.normal.0 * stand.heading.cos() + self.normal.1 * stand.heading.sin()
     }
 
-    /// How far a foot is from it.
+    /// Distance of a foot from the wall, metres.
     fn off(&self, foot: &Foot) -> f64 {
         let (x, y) = foot.place(self.below);
         (self.normal.0 * x + self.normal.1 * y - self.far).abs()
@@ -109,12 +114,13 @@ impl Wall {
     }
 }
 
-/// Where the lens was, and the way from there to the foot for each metre that the foot is below it.
+/// A foot: the position of the lens, and the vector from there to the foot per metre of height of
+/// the lens above it.
 #[derive(Debug, Clone, Copy)]
 struct Foot {
     lens: (f64, f64),
     way: (f64, f64),
-    /// How well it is measured, at most 1.
+    /// The accuracy of the measurement, at most 1.
     weight: f64,
 }
 
@@ -125,14 +131,14 @@ impl Foot {
     }
 }
 
-/// The feet that were seen while the robot drove.
+/// The feet seen while the robot drove.
 #[derive(Debug, Clone, Default)]
 pub struct Feet {
     seen: VecDeque<[Option<Foot>; PROBES]>,
 }
 
 impl Feet {
-    /// A look from there. Whether feet are seen.
+    /// Adds the feet of a picture taken at this pose. Returns whether feet were seen.
     pub fn note(&mut self, glance: &Glance, camera: Camera, stand: Stand) -> bool {
         let (w, h) = glance.size();
         if w < PROBES * WIDE || h < 8 * REACH {
@@ -166,7 +172,7 @@ impl Feet {
         any
     }
 
-    /// The wall to which what was seen last belongs, if all of it fits to one.
+    /// The wall to which the feet seen last belong; `None` if they do not fit one wall.
     pub fn wall(&self) -> Option<Wall> {
         let all: Vec<Foot> = self.last(MOST_SEEN).collect();
         let fits = LAST
@@ -179,7 +185,7 @@ impl Feet {
         (sure && wall.off < STRAIGHT && wall.below >= HIGHEST_FOOT).then_some(wall)
     }
 
-    /// The feet of so many last looks.
+    /// The feet of the last pictures.
     fn last(&self, looks: usize) -> impl Iterator<Item = Foot> {
         self.seen
             .iter()
@@ -191,7 +197,8 @@ impl Feet {
     }
 }
 
-/// The wall that fits to these feet, then to all that fit to that wall, and so on; and how many do.
+/// Fits a wall to these feet, then repeatedly to all feet that match the previous fit. Returns the
+/// number of feet and the wall.
 fn agreed(mut feet: Vec<Foot>, all: &[Foot]) -> Option<(usize, Wall)> {
     let mut wall = fit(&feet)?;
     for _ in 1..ROUNDS {
@@ -202,7 +209,8 @@ fn agreed(mut feet: Vec<Foot>, all: &[Foot]) -> Option<(usize, Wall)> {
     Some((feet.len(), wall))
 }
 
-/// The straight line that is nearest to the feet, with the edge as far below the lens as they allow.
+/// The straight line with the least distance to the feet, with the greatest plausible height of the
+/// lens above the edge.
 fn fit(feet: &[Foot]) -> Option<Wall> {
     if feet.len() < FEWEST {
         return None;
@@ -221,7 +229,7 @@ fn fit(feet: &[Foot]) -> Option<Wall> {
     means.iter_mut().for_each(|mean| *mean /= weight);
     let moment =
         |one: usize, other: usize| moments[one][other] / weight - means[one] * means[other];
-    // How far off the feet are from the nearest line, squared, and what is at right angles to that.
+    // The mean squared distance of the feet from the best line, and the line's normal.
     let nearest = |below: f64| {
         let moment = |one: usize, other: usize| {
             let mixed = moment(one, other + 2) + moment(one + 2, other);
@@ -235,7 +243,7 @@ fn fit(feet: &[Foot]) -> Option<Wall> {
     let below =
         |step: usize| LEAST_BELOW + (LENS_HEIGHT - LEAST_BELOW) * step as f64 / (TRIED - 1) as f64;
     let lines: Vec<_> = (0..TRIED).map(|step| nearest(below(step))).collect();
-    // What is measured is a share of the distance below the lens, and so is how far off it is.
+    // The measured quantity scales with the height above the edge, and so does its error.
     let unlike = |step: usize| lines[step].0 / below(step).powi(2);
     let least = (0..TRIED).map(unlike).fold(f64::INFINITY, f64::min);
     let step = (0..TRIED).rfind(|step| unlike(*step) <= WORSE * least + NOISE)?;
@@ -281,7 +289,7 @@ fn farthest_edge(glance: &Glance, left: usize) -> Option<f64> {
         .map(|rows| (sum(&rows[..REACH]) - sum(&rows[REACH + 1..])).abs())
         .collect();
     let first = steps.iter().position(|step| *step >= EDGE)?;
-    // The step is seen from REACH rows above the edge on, and is largest there.
+    // The step is visible from REACH rows above the edge on and is largest at the edge.
     let near = steps.get(first..=first + 2 * REACH)?;
     let weighted = near
         .iter()
@@ -298,8 +306,8 @@ mod tests {
     use super::*;
     use crate::vision::Image;
 
-    /// What the lens sees of a bright wall so far ahead of the first place, turned to the left by so many radians, with
-    /// a skirting board of this height.
+    /// The view from this pose of a bright wall `far` metres from the origin, turned to the left by
+    /// `turned` radians, with a skirting board of this height.
     fn seen(stand: Stand, far: f64, turned: f64, board: f64) -> Glance {
         let camera = Camera::default();
         let size = Size {
@@ -324,7 +332,7 @@ mod tests {
         glance
     }
 
-    /// Drives towards such a wall and tells how far it seems at the end.
+    /// Drives towards such a wall and returns its measured and its true distance at the end.
     fn driven(turn: f64, turned: f64, board: f64) -> Option<(f64, f64)> {
         let (mut feet, mut stand) = (Feet::default(), Stand::default());
         while stand.x < 0.5 {
@@ -336,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_is_found_straight_ahead_aslant_and_in_curves_with_and_without_skirting_board() {
+    fn a_wall_is_found_straight_ahead_at_an_angle_and_in_curves_with_and_without_skirting_board() {
         for (turn, turned) in [(0.0, 0.0), (0.0, 0.5), (0.0, -0.6), (0.6, 0.2), (-0.8, 0.0)] {
             for board in [0.0, 0.08] {
                 let (seen, truly) = driven(turn, turned, board).unwrap();
@@ -349,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_is_no_nearer_than_it_may_be_as_long_as_the_robot_stands() {
+    fn a_wall_is_not_placed_too_near_while_the_robot_stands_still() {
         let (mut feet, stand) = (Feet::default(), Stand::default());
         for _ in 0..10 {
             feet.note(&seen(stand, 1.1, 0.0, 0.08), Camera::default(), stand);
@@ -358,7 +366,7 @@ mod tests {
     }
 
     #[test]
-    fn where_no_wall_was_seen_none_is_told() {
+    fn no_wall_is_reported_where_none_was_seen() {
         assert_eq!(Feet::default().wall(), None);
         let (mut feet, stand) = (Feet::default(), Stand::default());
         for side in [1, 2, 9, 33, 160] {

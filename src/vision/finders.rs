@@ -1,47 +1,48 @@
-//! Keeps the search for QR codes within bounds. The crate that reads them tries every three squares
-//! that look like a corner of a code, and fills the areas around them again and again: a sheet of
-//! paper with seventy such squares took longer than a script may. So the squares are counted as it
-//! counts them, in the same black and white, and what is too much is painted over: fewer codes are
-//! read then.
+//! Bounds the work of the search for QR codes. The crate that reads them tries every triple of
+//! squares that look like a finder pattern and repeatedly flood-fills the areas around them: a
+//! sheet of paper with seventy such squares took longer than a script may run. This module counts
+//! the squares in the same way, on the same binarised picture, and erases those beyond the limits;
+//! then fewer codes are read.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::aslant::{Square, tries};
 
-/// Most squares that are looked at: those of four codes. The work grows with their third power.
+/// Most finder patterns that are searched: those of four codes. The work grows with their third
+/// power.
 pub const MAX_FINDERS: usize = 12;
-/// Most pixels that are filled in search of squares.
+/// Most pixels that are flood-filled in the search for finder patterns.
 pub const MAX_FILLED: u64 = 8_000_000;
-/// Most steps in search of the small squares inside of codes.
+/// Most steps in the search for alignment patterns.
 pub const MAX_STEPS: u64 = 4_000_000;
-/// Areas that the crate remembers.
+/// Number of areas that the crate caches.
 const REMEMBERED: usize = 250;
-/// How often squares are painted over before the picture is given up.
+/// How often patterns are erased before the picture is rejected.
 const MAX_ROUNDS: u32 = 8;
-/// Runs of the pattern of a square's middle row: dark, light, dark, light, dark.
+/// Run lengths, in modules, across the centre of a finder pattern: dark, light, dark, light, dark.
 const PATTERN: [usize; 5] = [1, 1, 3, 1, 1];
 
-/// A picture in black and white.
+/// A binarised picture.
 #[derive(Debug, Clone)]
 pub(super) struct Bitmap {
     width: usize,
     black: Vec<bool>,
 }
 
-/// What the search will have to do at most.
+/// Upper bounds for the work of a search.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct QrWork {
-    /// Squares that may be corners of codes.
+    /// Squares that may be finder patterns.
     pub finders: usize,
-    /// Pixels that are filled.
+    /// Pixels that are flood-filled.
     pub filled: u64,
-    /// Steps in search of the small squares inside of codes.
+    /// Steps in the search for alignment patterns.
     pub steps: u64,
     /// Codes that were decoded.
     pub decoded: usize,
 }
 
-/// Neighbouring black pixels of a row.
+/// A run of black pixels in a row.
 #[derive(Debug, Clone, Copy)]
 struct Run {
     start: usize,
@@ -55,21 +56,21 @@ impl Run {
     }
 }
 
-/// The runs of a picture and the areas that they belong to.
+/// The runs of a picture and the connected components (areas) that they belong to.
 struct Areas {
     runs: Vec<Run>,
-    /// Where the runs of each row begin, and one more.
+    /// Index of the first run of each row, followed by the total number of runs.
     rows: Vec<usize>,
-    /// Pixels of each area, by its number.
+    /// Number of pixels of each area, indexed by the area's number.
     pixels: Vec<u64>,
 }
 
-/// A square: the area of its ring and that of its stone.
+/// A finder pattern: the areas of its outer ring and of its inner square.
 #[derive(Debug, Clone, Copy)]
 struct Finder {
     ring: usize,
     stone: usize,
-    /// A pixel of the ring: where it was noticed.
+    /// The pixel of the ring where it was found.
     at: (usize, usize),
 }
 
@@ -86,7 +87,8 @@ impl Bitmap {
         self.black[y * self.width + x]
     }
 
-    /// Paints over what is too much; what is left to do, or nothing if that is too much all the same.
+    /// Erases surplus patterns. Returns the remaining work, or `None` if even that exceeds the
+    /// limits.
     pub(super) fn tame(&mut self) -> Option<QrWork> {
         for _ in 0..MAX_ROUNDS {
             let areas = self.areas();
@@ -94,7 +96,7 @@ impl Bitmap {
             if filled > MAX_FILLED {
                 return None;
             }
-            // The largest stay: they are the nearest.
+            // The largest patterns are kept: they are the nearest.
             finders.sort_by_key(|finder| std::cmp::Reverse(areas.pixels[finder.ring]));
             let mut surplus = finders.split_off(finders.len().min(MAX_FINDERS));
             let (steps, misfits) = areas.part_misfits(&mut finders);
@@ -121,7 +123,7 @@ impl Bitmap {
         }
     }
 
-    /// Neighbours are left, right, above and below.
+    /// Labels the connected components, with 4-connectivity.
     fn areas(&self) -> Areas {
         let (mut runs, mut rows, mut parents) = (Vec::<Run>::new(), vec![0], Vec::<usize>::new());
         let mut above = 0..0;
@@ -181,7 +183,7 @@ impl Areas {
             .map(|pair| &self.runs[pair[0]..pair[1]])
     }
 
-    /// Its squares, and how many pixels are filled to find them.
+    /// Finds the patterns and counts the pixels that are flood-filled for this.
     fn survey(&self) -> (Vec<Finder>, u64) {
         let (mut found, mut filled) = (BTreeMap::new(), 0);
         let (mut asked, mut last) = (0_usize, BTreeMap::new());
@@ -191,8 +193,8 @@ impl Areas {
                 for area in [ring, stone] {
                     asked += 1;
                     let before = last.insert(area, asked);
-                    // Forgotten at the earliest when so many others were asked for; then it is wiped
-                    // and filled anew.
+                    // The cache drops an area at the earliest after this many requests for others;
+                    // the area is then cleared and filled again.
                     if before.is_none_or(|before| asked - before > REMEMBERED) {
                         filled += 2 * self.pixels[area];
                     }
@@ -207,7 +209,8 @@ impl Areas {
         (found.into_values().collect(), filled)
     }
 
-    /// Takes out squares until those that are left are searched within bounds: the steps, and which.
+    /// Removes patterns until the estimated search is within the limit. Returns its steps and the
+    /// removed patterns.
     fn part_misfits(&self, finders: &mut Vec<Finder>) -> (u64, Vec<Finder>) {
         let mut squares: Vec<Square> = finders.iter().map(|finder| self.square(finder)).collect();
         let mut misfits = Vec::new();
@@ -219,7 +222,7 @@ impl Areas {
             }
             let share = |index: usize| -> f64 {
                 let of_it = tries.iter().filter(|(three, _)| three.contains(&index));
-                // What is no number is the worst.
+                // NaN and infinity are the worst.
                 of_it
                     .map(|(_, steps)| {
                         if steps.is_finite() {
@@ -239,7 +242,7 @@ impl Areas {
         }
     }
 
-    /// The corners of a ring: the pixel that is the farthest from where it was noticed, and the extremes
+    /// The corners of a ring: the pixel farthest from where the ring was found, and the extremes
     /// along and across the line to it.
     fn square(&self, finder: &Finder) -> Square {
         let ends: Vec<(f64, f64)> = self
@@ -277,8 +280,8 @@ impl Areas {
         ])
     }
 
-    /// Whether the outer two belong together, and the middle is not of them and has about the right
-    /// size.
+    /// Whether the outer runs belong to one area, and the middle run belongs to another one of
+    /// about the right size.
     fn is_square(&self, three: &[Run]) -> bool {
         let (ring, stone) = (three[0].area, three[1].area);
         let share = self.pixels[stone] * 100 / self.pixels[ring].max(1);
@@ -286,7 +289,8 @@ impl Areas {
     }
 }
 
-/// Whether three neighbouring runs and what is between them are as long as in a square's middle rows.
+/// Whether three neighbouring runs and the gaps between them have the proportions of a finder
+/// pattern.
 fn looks_like_a_square(three: &[Run]) -> bool {
     let [left, stone, right] = three else {
         return false;
@@ -305,7 +309,8 @@ fn looks_like_a_square(three: &[Run]) -> bool {
 mod tests {
     use super::*;
 
-    /// Squares of 7 modules of so many pixels, at these corners, on a sheet.
+    /// A sheet with finder patterns of 7 modules at these corners; a module is `module` pixels
+    /// wide.
     fn sheet(width: usize, height: usize, module: usize, corners: &[(usize, usize)]) -> Bitmap {
         let black = |x: usize, y: usize| {
             corners.iter().any(|&(left, top)| {
@@ -327,13 +332,13 @@ mod tests {
     }
 
     #[test]
-    fn squares_are_counted_and_the_surplus_is_painted_over() {
+    fn patterns_are_counted_and_the_surplus_is_erased() {
         let mut few = sheet(320, 240, 3, &lattice(3, 2, 40));
         let before = few.black.clone();
         let work = few.tame().unwrap();
         assert_eq!(work.finders, 6);
         assert!((1..MAX_FILLED).contains(&work.filled));
-        assert_eq!(few.black, before, "nothing is painted over");
+        assert_eq!(few.black, before, "nothing is erased");
         let mut many = sheet(320, 240, 3, &lattice(10, 7, 30));
         assert_eq!(many.areas().survey().0.len(), 70);
         assert_eq!(many.tame().unwrap().finders, MAX_FINDERS);

@@ -1,22 +1,25 @@
-//! Finds the line on the floor that a robot follows.
+//! Finds the line on the floor that a robot should follow.
 
 use super::blobs::{BlobFinder, BlobOptions};
 use super::camera::Camera;
 use crate::vision::colour::palette::Palette;
 use crate::vision::picture::image::{Image, Roi};
 
-/// A line, as a robot needs it to steer.
+/// A line, as needed for steering.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
-    /// Where the middle of the line is, -1 at the left border of the part looked at, 1 at the right one.
+    /// Position of the line's centre: -1 at the left border of the searched part, 1 at the right
+    /// border.
     pub offset: f64,
-    /// Direction of the line in radians, -pi/2..=pi/2: 0 straight ahead, positive when it leads to the left.
+    /// Direction of the line in radians, -pi/2..=pi/2: 0 is straight ahead, positive leads to the
+    /// left.
     pub angle: f64,
-    /// 0..1: how much it looks like a line that runs through the part looked at.
+    /// How much it resembles a line across the whole searched part, 0..1.
     pub strength: f64,
 }
 
-/// The line made of the largest blob of the palette's colours in a part of the picture; nothing when there is none.
+/// Returns the line formed by the largest blob of the palette's colours in a part of the picture;
+/// `None` if there is none.
 pub fn find_line(
     finder: &mut BlobFinder,
     image: &Image,
@@ -49,7 +52,7 @@ mod tests {
     use imageproc::drawing::draw_polygon_mut;
     use imageproc::point::Point;
 
-    /// A black tape 16 pixels wide from the bottom up, through these columns.
+    /// A black tape 16 pixels wide, from this column at the bottom to this one at the top.
     fn tape(bottom: i32, top: i32) -> Image {
         let mut picture = RgbImage::from_pixel(320, 240, Rgb([180, 175, 170]));
         let corners = [
@@ -91,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn its_offset_is_that_in_the_part_looked_at() {
+    fn the_offset_is_relative_to_the_searched_part() {
         assert!(line(&tape(300, 300), None).unwrap().offset > 0.8);
         let part = Roi {
             x: 240,

@@ -1,38 +1,44 @@
-//! How far it is to what stands ahead, by how fast it grows in the picture while the robot drives towards it.
+//! Measures the distance to what is ahead from how fast it grows in the picture while the robot
+//! drives towards it.
 //!
-//! What is seen at the height of the lens is upright. Its columns keep their order and their brightness, and move away
-//! from the middle as it comes nearer: so the last stripe or edge that is seen of a wall tells where the wall is, also
-//! when the wall then fills the picture and looks plain. All is measured in what the tracks have made, so that it
-//! does not matter how well they are calibrated, nor how high the lens is.
+//! What is seen at the height of the lens is upright. Its columns keep their order and brightness
+//! and move away from the centre as it comes nearer. The last stripe or edge that is seen of a wall
+//! therefore gives the wall's position, even if the wall then fills the picture and looks plain.
+//! All distances are in metres of the odometer, so neither its calibration nor the height of the
+//! lens matters.
 
 use std::collections::VecDeque;
 
 use super::standstill::LENS_AHEAD;
 
-/// Shorter ways between two pictures show too little growth, metres.
+/// Least distance driven between two pictures; a shorter one shows too little growth, metres.
 const SHORTEST: f64 = 0.025;
-/// Distances that are tried, metres, each this much farther than the one before.
+/// The candidate distances: the nearest in metres, the factor between neighbours and their number.
 const NEAREST: f64 = 0.03;
 const STEP: f64 = 1.12;
 const STEPS: usize = 34;
-/// By how many half-size pixels the robot may have swayed meanwhile.
+/// The sway that is allowed between the pictures, half-size pixels.
 const SWAY: i32 = 2;
-/// So far the squared differences must exceed the camera's grain if nothing had grown.
+/// Least mean squared difference without growth for a measurement; it must exceed the camera's
+/// noise.
 const TELLS: f64 = 1.0;
-/// The best distance must leave at most this share of them.
+/// The best distance must leave at most this share of that difference.
 const FITS: f64 = 0.2;
-/// Distances that fit nearly as well may be so much farther, as a factor.
+/// Greatest ratio between the farthest and the nearest distance that fit nearly as well as the
+/// best.
 const SHARP: f64 = 1.45;
-/// Every so many columns are compared.
+/// Only every nth column is compared.
 const EVERY: usize = 2;
-/// Of an approach so many distances are kept, and so many must agree within this, in metres.
+/// Most measurements that are kept of an approach, how many of the last must agree, and how
+/// closely, metres.
 const MOST_SEEN: usize = 7;
 const FEWEST_SEEN: usize = 2;
 const AGREE: f64 = 0.05;
 
-/// Metres from the lens to what is ahead now, if the way between these two pictures shows it. They are rows of
-/// brightness at the height of the lens; `turned` is by how many of their pixels the robot has turned meanwhile, to
-/// the left, as its tracks should have made it.
+/// Measures the distance in metres from the lens to what is ahead now, from the growth between two
+/// pictures that are `way` metres apart; `None` if it does not show. The pictures are rows of
+/// brightness at the height of the lens; `turned` is how many of their pixels the robot should have
+/// turned to the left meanwhile, according to its tracks.
 pub fn distance(before: &[f32], now: &[f32], way: f64, turned: f64) -> Option<f64> {
     if before.len() != now.len() || now.len() < 16 || way < SHORTEST {
         return None;
@@ -68,8 +74,8 @@ pub fn distance(before: &[f32], now: &[f32], way: f64, turned: f64) -> Option<f6
     (inside && sharp && cost <= FITS * still).then(|| far(best))
 }
 
-/// The mean squared difference if all has grown by so much and moved to the right by so many pixels; a change of the
-/// light of all does not count.
+/// The mean squared difference if the picture has grown by this factor and shifted to the right by
+/// `sway` pixels; ignores a uniform change of brightness.
 fn unlike(before: &[f32], now: &[f32], growth: f64, sway: f64) -> f64 {
     let middle = now.len() as f64 / 2.0 - 0.5;
     let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
@@ -91,14 +97,14 @@ fn unlike(before: &[f32], now: &[f32], growth: f64, sway: f64) -> f64 {
     squares / count - mean * mean
 }
 
-/// Where what is ahead will be reached, by several looks.
+/// Combines several measurements into the odometer reading at which the robot arrives.
 #[derive(Debug, Clone, Default)]
 pub struct Looming {
     seen: VecDeque<f64>,
 }
 
 impl Looming {
-    /// The odometer stands there, metres, and it is so far.
+    /// Adds a distance measured at this odometer reading, both in metres.
     pub fn note(&mut self, odometer: f64, distance: f64) {
         if self.seen.len() == MOST_SEEN {
             self.seen.pop_front();
@@ -106,7 +112,8 @@ impl Looming {
         self.seen.push_back(odometer + distance);
     }
 
-    /// Where the odometer stands when the lens arrives, metres: the last looks, if they agree.
+    /// The odometer reading at which the lens arrives, metres; `None` unless the last measurements
+    /// agree.
     pub fn arrival(&self) -> Option<f64> {
         let mut last: Vec<f64> = self.seen.iter().rev().take(FEWEST_SEEN).copied().collect();
         last.sort_by(f64::total_cmp);
@@ -121,8 +128,8 @@ mod tests {
 
     use super::*;
 
-    /// Edges at these places of a wall, metres to the right, seen from so far by a lens that has turned to the left by
-    /// so many pixels; with a little noise.
+    /// A row of brightness of a wall `far` metres ahead with edges at these positions, in metres to
+    /// the right. The lens has turned to the left by `turned` pixels; the noise depends on `noise`.
     fn wall(far: f64, edges: &[f64], turned: f64, noise: u32) -> Vec<f32> {
         let focal = 190.0;
         let column = |column: u32| {
@@ -140,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn stripes_that_move_apart_tell_how_far_a_wall_is() {
+    fn stripes_that_move_apart_give_the_distance_of_a_wall() {
         for (edges, far) in [
             (&[-0.12, 0.06][..], 0.4),
             (&[-0.07, 0.1], 0.3),
@@ -153,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plain_wall_and_one_that_comes_no_nearer_tell_nothing() {
+    fn a_plain_wall_and_one_that_comes_no_nearer_give_no_distance() {
         let plain = (wall(0.4, &[], 0.0, 1), wall(0.3, &[], 0.0, 2));
         assert_eq!(distance(&plain.0, &plain.1, 0.1, 0.0), None);
         let held = (wall(0.3, &[0.05], 0.0, 1), wall(0.3, &[0.05], 0.0, 2));
@@ -162,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn looks_that_disagree_tell_no_arrival() {
+    fn measurements_that_disagree_give_no_arrival() {
         let mut looming = Looming::default();
         looming.note(1.0, 0.4);
         assert_eq!(looming.arrival(), None);
@@ -174,7 +181,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_rows_are_answered(
+        fn any_rows_give_no_distance_or_a_positive_one(
             rows in proptest::collection::vec(any::<u8>(), 100), way in -1e3f64..1e3, turned in -1e2f64..1e2,
         ) {
             let rows: Vec<f32> = rows.into_iter().map(f32::from).collect();

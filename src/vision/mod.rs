@@ -1,14 +1,14 @@
-//! What a behaviour sees: the bytes of a JPEG to pixels, and pixels to blobs. Knows no robot and
-//! imports nothing of this crate.
+//! Computer vision for behaviours: decodes JPEG frames to pixels and finds blobs in them.
+//! Independent of the robot; imports nothing else of this crate.
 //!
-//! [`validate_markers`] checks a frame's markers before it is decoded, [`Decoder`] makes an
-//! [`Image`] of it, [`Colour`]s say what to look for, a [`Palette`] is their fast form, and
-//! [`BlobFinder`] makes [`Blob`]s of the pixels that match. [`Eyes`] does all of it, frame by
-//! frame; it decodes each once and reuses its buffers.
+//! [`validate_markers`] checks a frame's markers before it is decoded, [`Decoder`] decodes it to an
+//! [`Image`], [`Colour`]s describe what to look for, a [`Palette`] is their compiled form, and
+//! [`BlobFinder`] groups matching pixels into [`Blob`]s. [`Eyes`] does all of this frame by frame;
+//! it decodes each frame once and reuses its buffers.
 //!
-//! Most of the time goes into decoding (`scripts/bench-vision`), so whatever is asked of
-//! a frame beyond that is cheap: brightness, sharpness and motion read the decoded luma as it
-//! is, and colours are looked up without ever making red, green and blue.
+//! Most of the time is spent on decoding (`scripts/bench-vision`), so every other operation on a
+//! frame is kept cheap: brightness, sharpness and motion use the decoded luma directly, and colours
+//! are looked up without a conversion to RGB.
 
 mod aslant;
 mod blobs;

@@ -1,8 +1,9 @@
-//! Sees that something moves while the camera stands still.
+//! Detects motion in the view while the camera stands still.
 //!
-//! A lamp makes everything around brighter by much the same factor; a thing that moves does not. So each
-//! pixel is compared with what it was before, times how its surroundings have changed; what then is
-//! left over has moved. Works on a picture of half the width and height, which is less noisy.
+//! A lamp brightens everything in an area by nearly the same factor; a moving thing does not. So
+//! each pixel is compared with its previous value scaled by the change of its surroundings; what
+//! remains different has moved. Works on a picture of half the width and height, which is less
+//! noisy.
 
 mod edges;
 mod sums;
@@ -16,15 +17,17 @@ use crate::vision::picture::image::Image;
 use crate::vision::picture::size::Size;
 use crate::vision::picture::spans::Spans;
 
-/// Where a pixel is clipped it tells nothing about light.
+/// Brightness limits beyond which a pixel is clipped and says nothing about the light.
 const CLIPPED: (i32, i32) = (4, 250);
-/// When more than this share of the picture changes at once, it was the light or the camera.
+/// If more than this share of the picture changes at once, the cause was the light or the camera.
 const MOST_MOVING: f64 = 0.5;
-/// How many of nine neighbours must have changed as well.
+/// A change counts only if more than this many of the 3 by 3 pixels around it, itself included,
+/// have changed.
 const SUPPORT: u8 = 3;
-/// When more than this share of the tiles with edges has changed, it was the camera.
+/// If more than this share of the tiles with edges has changed, the camera has moved.
 const MOST_TILES: f64 = 0.5;
-/// Or more than this share of those, and of the tiles that have edges now this share.
+/// The same applies to more than this share, if also more than [`MOST_NEW_TILES`] of the tiles that
+/// have edges now have changed.
 const MANY_TILES: f64 = 0.4;
 const MOST_NEW_TILES: f64 = 0.6;
 
@@ -34,7 +37,7 @@ const MOST_NEW_TILES: f64 = 0.6;
 pub struct MotionOptions {
     /// Least change of a pixel's brightness, of 255.
     pub threshold: u8,
-    /// Fewest changed pixels.
+    /// Least number of changed pixels.
     pub min_pixels: u32,
 }
 
@@ -52,18 +55,18 @@ impl Default for MotionOptions {
     }
 }
 
-/// What has moved since the frame before.
+/// The motion since the previous frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion<'a> {
-    /// Share of the picture that has changed, 0..1; 0 when it is fewer than `min_pixels`.
+    /// Share of the picture that has changed, 0..1; 0 if fewer than `min_pixels` have.
     pub score: f64,
-    /// Pixels that have changed; 0 when they are fewer than `min_pixels`.
+    /// Number of changed pixels; 0 if fewer than `min_pixels`.
     pub pixels: u32,
-    /// Where, largest first.
+    /// The changed areas, largest first.
     pub blobs: &'a [Blob],
 }
 
-/// Compares every frame with the one before it.
+/// Compares each frame with the previous one.
 #[derive(Debug, Default)]
 pub struct MotionDetector {
     options: MotionOptions,
@@ -71,7 +74,7 @@ pub struct MotionDetector {
     half: Size2,
     now: Vec<u8>,
     before: Vec<u8>,
-    /// Sums over the surroundings of every pixel, now and before.
+    /// Sums over the surroundings of every pixel in the current and the previous frame.
     around_now: BoxSums,
     around_before: BoxSums,
     changed: Vec<u8>,
@@ -80,7 +83,7 @@ pub struct MotionDetector {
 }
 
 impl MotionDetector {
-    /// A detector that has seen nothing.
+    /// A detector without a previous frame.
     pub fn new(options: MotionOptions, camera: Camera) -> MotionDetector {
         MotionDetector {
             options,
@@ -89,12 +92,13 @@ impl MotionDetector {
         }
     }
 
-    /// Forgets the frame before: call it while the camera moves.
+    /// Forgets the previous frame; to be called while the camera moves.
     pub fn reset(&mut self) {
         self.half = Size2::default();
     }
 
-    /// What has moved between the frame before and this one; nothing for the first one, and after a change of size.
+    /// Detects what has moved since the previous frame. Finds nothing in the first frame and after
+    /// a change of size.
     pub fn update(&mut self, image: &Image) -> Motion<'_> {
         let size = image.size();
         let half = Size2 {
@@ -125,16 +129,17 @@ impl MotionDetector {
         }
     }
 
-    /// Marks what has moved and counts it.
+    /// Marks the pixels that have moved and counts them.
     fn compare(&mut self) -> u32 {
         self.mark_changes();
         self.drop_lonely_ones();
         self.moved.iter().map(|moved| u32::from(*moved)).sum()
     }
 
-    /// Whether most of the upright edges are not where they were: somebody has pushed or carried the
-    /// robot. What moves through the view covers few of them. When it is about half of them, those that
-    /// are new tell: who comes into view close by brings many, but then the old ones have stayed.
+    /// Whether most vertical edges are no longer where they were, because the robot was pushed or
+    /// carried. A thing that moves through the view covers few of them. If about half of them are
+    /// affected, the new edges decide: someone who comes into view close by brings many, but then
+    /// the old edges have stayed.
     fn has_camera_moved(&self) -> bool {
         let share =
             |picture| edges::share_of_changed(picture, &self.moved, self.half).unwrap_or(0.0);
@@ -150,7 +155,8 @@ impl MotionDetector {
         let sums = self.around_now.sums.iter().zip(&self.around_before.sums);
         self.changed.extend(pairs.zip(sums).map(
             |((&now, &before), (&around_now, &around_before))| {
-                // now - before * around_now / around_before, without the division; all below 255^2 times 15^2.
+                // now - before * around_now / around_before without the division; all products are
+                // below 255^2 times 15^2.
                 let (around_now, around_before) = (around_now as i32 + 1, around_before as i32 + 1);
                 let rest = i32::from(now) * around_before - i32::from(before) * around_now;
                 let both_clipped = clipped(now) && clipped(before);
@@ -159,7 +165,7 @@ impl MotionDetector {
         ));
     }
 
-    /// Keeps a change only where its neighbours changed too.
+    /// Keeps a change only if enough of its neighbours changed too.
     fn drop_lonely_ones(&mut self) {
         let Size2 { w, h } = self.half;
         self.moved.clear();

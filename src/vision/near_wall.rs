@@ -1,29 +1,32 @@
-//! Sees that the robot stands close before something plain: so close that the camera sees no floor.
+//! Detects that the robot stands so close to something plain that the camera sees no floor.
 
 use std::collections::VecDeque;
 
 use super::camera::Camera;
 use super::standstill::{Glance, LENS_HEIGHT};
 
-/// The columns ahead of the robot, and the rows from above the horizon to the bottom: shares of the picture.
+/// The columns ahead of the robot and the top row, as shares of the picture; rows are used from
+/// there to the bottom.
 const COLUMNS: (f64, f64) = (0.42, 0.58);
 const TOP: f64 = 0.36;
-/// Strips of columns that are looked at one by one.
+/// Strips of columns that are evaluated separately.
 const STRIPS: usize = 3;
-/// Rows on each side of an edge that are compared.
+/// Rows compared on each side of an edge.
 const REACH: usize = 3;
-/// An edge is a step of the brightness by so much, of 255.
+/// Least step of brightness at an edge, of 255.
 const EDGE: f64 = 2.5;
-/// Of an approach so many pictures are kept; fewer, or a shorter way in metres, tell nothing.
+/// Most pictures of an approach that are kept, and the least number and least distance driven (in
+/// metres) for a result.
 const MOST_SEEN: usize = 24;
 const FEWEST_SEEN: usize = 5;
 const SHORTEST: f64 = 0.08;
-/// Darker or brighter pictures show no edges, even if there are some.
+/// Brightness within which edges can be seen; darker or brighter pictures may hide them.
 const SHOWS: std::ops::RangeInclusive<f64> = 20.0..=240.0;
 
-/// How far the lens is, at most, from what fills the picture ahead, in metres. What the camera sees at the
-/// height of its lens is upright; if there is no edge from there down to the bottom of the picture, it hides
-/// all of the floor. `None` if floor may be seen, or if the picture does not tell.
+/// The greatest possible distance, in metres, from the lens to what fills the picture ahead. What
+/// the camera sees at the height of its lens is upright; if there is no edge from there down to the
+/// bottom of the picture, it hides all of the floor. `None` if floor may be visible or the picture
+/// is inconclusive.
 pub fn nearer_than(glance: &Glance, camera: Camera) -> Option<f64> {
     let (w, h) = glance.size();
     let part = |share: f64, of: usize| (share * of as f64) as usize;
@@ -43,8 +46,9 @@ pub fn nearer_than(glance: &Glance, camera: Camera) -> Option<f64> {
     plain.then(|| focal * LENS_HEIGHT / (h as f64 / 2.0))
 }
 
-/// How far below the horizon the edge is that will be the last to leave the picture at its bottom when the robot
-/// drives on: most often the foot of what stands ahead. Half-size pixels, for [`Approach`].
+/// How far below the horizon the edge is that will be the last to leave the picture at the bottom
+/// when the robot drives forward, usually the foot of what stands ahead. In half-size pixels, for
+/// [`Approach`].
 pub fn foot_ahead(glance: &Glance) -> Option<f64> {
     let (w, h) = glance.size();
     let part = |share: f64| (share * w as f64) as usize;
@@ -60,7 +64,7 @@ pub fn foot_ahead(glance: &Glance) -> Option<f64> {
         .map(|rows| step(rows).abs())
         .collect();
     let first = steps.iter().position(|step| *step >= EDGE)?;
-    // The step is seen from REACH rows above the edge on, and is largest there.
+    // The step is visible from REACH rows above the edge on and is largest at the edge.
     let near = &steps[first..steps.len().min(first + 2 * REACH + 1)];
     let (sum, weighted) = near
         .iter()
@@ -71,19 +75,20 @@ pub fn foot_ahead(glance: &Glance) -> Option<f64> {
     Some((first + REACH) as f64 + 0.5 + weighted / sum)
 }
 
-/// How far it is to what is seen ahead, by how fast its foot comes down in the picture while the robot drives
-/// towards it: so it does not matter how high the lens is, nor whether the foot is a skirting board.
+/// Measures the distance to what is ahead from how fast its foot moves down in the picture while
+/// the robot drives towards it. Depends neither on the height of the lens nor on whether the foot
+/// is that of the wall or the edge of a skirting board.
 #[derive(Debug, Clone, Default)]
 pub struct Approach {
-    /// Where the odometer stood, metres, and one through the rows below the horizon.
+    /// Odometer readings in metres, each with the inverse of the rows below the horizon.
     seen: VecDeque<(f64, f64)>,
 }
 
 impl Approach {
-    /// A foot was seen so many rows below the horizon when the odometer stood there.
+    /// Adds a foot seen this many rows below the horizon at this odometer reading.
     pub fn note(&mut self, odometer: f64, rows: f64) {
         let inverse = 1.0 / rows.max(1.0);
-        // Another foot than before.
+        // Starts again if this is a different foot than before.
         let goes_on = |(_, last): &(f64, f64)| inverse <= last * 1.05 && inverse >= last * 0.7;
         if !self.seen.back().is_some_and(goes_on) {
             self.seen.clear();
@@ -94,7 +99,7 @@ impl Approach {
         self.seen.push_back((odometer, inverse));
     }
 
-    /// Where the odometer stands when the lens is at the foot, metres. `None` as long as that is not sure.
+    /// The odometer reading at which the lens is at the foot, metres; `None` while it is uncertain.
     pub fn arrival(&self) -> Option<f64> {
         let count = self.seen.len() as f64;
         let (first, last) = (self.seen.front()?, self.seen.back()?);
@@ -109,7 +114,7 @@ impl Approach {
             let (dx, dy) = (one - x, other - y);
             (xx, xy, yy) = (xx + dx * dx, xy + dx * dy, yy + dy * dy);
         }
-        // A line that falls, and fits well.
+        // The line must fall and fit well.
         let straight = xy < 0.0 && xy * xy > 0.95 * xx * yy;
         straight.then(|| x - y * xx / xy)
     }
@@ -120,13 +125,13 @@ fn mean(values: &[u8]) -> f64 {
     f64::from(sum) / values.len() as f64
 }
 
-/// Whether the brightness has no step from row to row.
+/// Whether the brightness has no step between neighbouring rows.
 fn is_plain(rows: &[f64]) -> bool {
     let mut steps = rows.windows(2 * REACH + 1).map(step);
     rows.iter().all(|row| SHOWS.contains(row)) && steps.all(|step| step.abs() < EDGE)
 }
 
-/// From the rows above the middle one to those below it.
+/// The difference between the rows above the middle one and those below it.
 fn step(rows: &[f64]) -> f64 {
     let sum = |rows: &[f64]| rows.iter().sum::<f64>() / REACH as f64;
     sum(&rows[..REACH]) - sum(&rows[REACH + 1..])
@@ -150,13 +155,13 @@ mod tests {
     fn a_plain_wall_that_hides_the_floor_is_close() {
         let close = seen(|x, y| 150 + ((x * 7 + y * 13) % 5) as u8).unwrap();
         assert!((close - 0.63).abs() < 0.01, "{close}");
-        // A corner of two walls, and a picture on the wall above the lens.
+        // A corner between two walls, and a picture on the wall above the lens.
         assert!(seen(|x, _| if x < 170 { 150 } else { 130 }).is_some());
         assert!(seen(|_, y| if y < 70 { 90 } else { 130 }).is_some());
     }
 
     #[test]
-    fn floor_ahead_darkness_and_glare_are_no_wall() {
+    fn floor_ahead_darkness_and_glare_are_not_a_wall() {
         assert_eq!(seen(|_, y| if y < 225 { 150 } else { 140 }), None);
         assert_eq!(seen(|_, y| if y < 130 { 150 } else { 154 }), None);
         assert_eq!(seen(|_, _| 5), None);
@@ -164,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn the_foot_of_a_wall_tells_how_far_it_is() {
+    fn the_foot_of_a_wall_gives_its_distance() {
         let mut approach = Approach::default();
         for step in 0..12 {
             let driven = 0.02 * f64::from(step);
@@ -187,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn tiny_pictures_tell_nothing() {
+    fn tiny_pictures_give_no_result() {
         for side in 0..16 {
             let mut glance = Glance::default();
             glance.take(&Image::from_rgb(&RgbImage::from_pixel(

@@ -1,10 +1,11 @@
-//! Tells by the outlines in two pictures whether the camera stood still although its robot should have moved.
+//! Decides from brightness profiles of two pictures whether the camera stood still although its
+//! robot should have moved.
 //!
-//! Close before a wall the picture shows little: the edge of a door, stripes of a wallpaper, a skirting board.
-//! Summed up over many pixels, along the columns and along the rows, also pale ones are seen. What is seen below the
-//! height of the lens is on the floor or nearer, so there is a least shift that the movement must make of each; a sample
-//! of such a sum that would look different after that shift is a *witness*, and nearly all of them must look the same
-//! before it is said that the camera stood still.
+//! Close to a wall the picture shows little: the edge of a door, stripes of a wallpaper, a skirting
+//! board. Averaging many pixels along columns and rows reveals even faint ones. Everything seen
+//! below the height of the lens is on the floor or nearer, so the expected movement shifts it by a
+//! known minimum. A sample of a profile that would look different after that shift is a *witness*;
+//! only if nearly all witnesses look unchanged has the camera stood still.
 
 use std::time::Duration;
 
@@ -12,51 +13,54 @@ use super::camera::Camera;
 use super::standstill::{Drive, Glance, LENS_HEIGHT, Verdict};
 use super::votes::Votes;
 
-/// The rows over which columns are summed up: shares of the height below the horizon. What is above it counts only
-/// where all is near.
+/// The bands of rows over which columns are averaged, as shares of the height below the horizon.
+/// Those above the horizon count only in strips that show no floor.
 const BANDS: [(f64, f64); 4] = [(-0.7, -0.35), (-0.35, 0.0), (0.25, 0.62), (0.62, 0.98)];
-/// Upright strips of the picture over which rows are summed up.
+/// Vertical strips of the picture over which rows are averaged.
 const STRIPS: usize = 8;
-/// A strip whose brightness steps by less than this from row to row, of 255, shows one thing from above the height
-/// of the lens down to the lower edge of the picture.
+/// If the brightness of a strip changes by less than this between neighbouring rows, of 255, the
+/// strip shows a single object from above the height of the lens to the bottom of the picture.
 const STEP: f32 = 1.8;
-/// Rows on each side of such a step.
+/// Rows compared on each side of such a step.
 const REACH: usize = 3;
-/// From here on down, as a share of the height.
+/// Strips begin here, as a share of the height.
 const TOP: f64 = 0.36;
-/// Darker or brighter strips show no steps, even if there are some.
+/// Brightness within which steps can be seen; darker or brighter strips may hide them.
 const SHOWS: std::ops::RangeInclusive<f32> = 20.0..=240.0;
-/// Shifts of fewer half-size pixels are not looked for.
+/// Smallest shift that is evaluated, half-size pixels.
 const LEAST_SHIFT: f64 = 1.5;
-/// A sample is a witness if the shift changes it by so much, of 255.
+/// A sample is a witness if the shift changes it by at least this much, of 255.
 const WITNESS: f64 = 2.0;
-/// A witness stands still if it has changed by less than this share of what was expected.
+/// A witness votes for standing still if it has changed by less than this share of the expected
+/// change.
 const STILL: f64 = 0.4;
-/// Fewer witnesses than this prove nothing, and fewer on one side say nothing of a sway.
+/// Least number of witnesses for any result, and on each side for a result with a sway.
 const FEWEST: u32 = 12;
 const FEWEST_ASIDE: u32 = 4;
-/// Metres: shorter ways show nothing.
+/// Least distance driven for a result, metres.
 const LEAST_WAY: f64 = 0.01;
-/// The camera stood still if at least this share of the witnesses did, and moved if at most this share did.
+/// The camera stood still if at least the first share of the witnesses did, and moved if at most
+/// the second share did.
 const STANDS: f64 = 0.75;
 const MOVES: f64 = 0.4;
-/// Backwards, where nothing tells that a wall is still away, witnesses and share must be more.
+/// Least number and share of witnesses when driving backwards, where nothing shows that a wall is
+/// still distant: both are higher.
 const BACKWARDS: (u32, f64) = (24, 0.82);
-/// Shifts of the picture to the side that still count as standing, half-size pixels.
+/// Sideways shifts of the picture that still count as standing still, half-size pixels.
 const SWAY: i32 = 2;
 
-/// Sums of a picture's brightness along its columns and its rows below the horizon.
+/// Mean brightness of a picture along its columns and its rows, in bands and strips.
 #[derive(Debug, Clone, Default)]
 pub struct Outline {
     size: (usize, usize),
     pub(super) bands: [Vec<f32>; BANDS.len()],
     strips: [Vec<f32>; STRIPS],
-    /// Strips in which no floor is seen.
+    /// Strips that show no floor.
     near: [bool; STRIPS],
 }
 
 impl Outline {
-    /// Columns.
+    /// Number of columns.
     pub fn width(&self) -> u32 {
         self.size.0 as u32
     }
@@ -66,7 +70,7 @@ impl Outline {
         &self.bands[1]
     }
 
-    /// Of a picture; reuses the memory of `self`.
+    /// Computes the profiles of a picture; reuses the memory of `self`.
     pub fn take(&mut self, glance: &Glance) {
         let (w, h) = glance.size();
         self.size = (w, h);
@@ -96,7 +100,8 @@ impl Outline {
     }
 }
 
-/// Whether the brightness has no step from row to row.
+/// Whether the brightness has no step between neighbouring rows, so that the strip shows a single
+/// object.
 fn is_one_thing(rows: &[f32]) -> bool {
     let step = |rows: &[f32]| {
         let sum = |rows: &[f32]| rows.iter().sum::<f32>() / REACH as f32;
@@ -116,8 +121,9 @@ fn rows_of_bands(height: usize) -> [(usize, usize); BANDS.len()] {
     BANDS.map(|(top, bottom)| (row(top), row(bottom)))
 }
 
-/// Whether the camera stood still between two pictures taken `apart` from each other, while the robot should have made
-/// this movement. What fills the picture is at most `ahead` metres away, if that is known.
+/// Decides whether the camera stood still between two pictures taken `apart` from each other, while
+/// the robot should have made this movement. `ahead` is the greatest possible distance, in metres,
+/// of whatever fills the picture, if known.
 pub fn compare(
     before: &Outline,
     now: &Outline,
@@ -133,7 +139,7 @@ pub fn compare(
         return Verdict::Unknown;
     }
     let focal = camera.focal_length(w as u32);
-    // Who turns sees all shift, held or not.
+    // While the robot turns, everything shifts, whether it is held or not.
     if (focal * drive.turn * seconds).abs() >= LEAST_SHIFT {
         return Verdict::Unknown;
     }
@@ -155,8 +161,8 @@ pub fn compare(
         if votes.count() < fewest {
             continue;
         }
-        // Driving on, what is on the left moves to the left and what is on the right to the right: if the camera is
-        // to have swayed, both sides must say the same.
+        // When driving forward, things on the left move to the left and things on the right move to
+        // the right: for a sway, both sides must agree.
         let share = if sway == 0 {
             Some(votes.share())
         } else {
@@ -173,18 +179,18 @@ pub fn compare(
     }
 }
 
-/// One place of a sum.
+/// One sample of a profile.
 struct Sample {
     before: f64,
     now: f64,
-    /// What it would be if the camera had stood, and swayed.
+    /// The expected value if the camera stood still or swayed.
     stood: f64,
-    /// What it would be after the movement.
+    /// The expected value after the movement.
     moved: f64,
 }
 
 impl Sample {
-    /// Votes if it is a witness on this side.
+    /// Adds a vote if the sample is a witness.
     fn ask(&self, right: bool, votes: &mut Votes) {
         let change = (self.moved - self.before).abs();
         if change >= WITNESS {
@@ -197,13 +203,13 @@ impl Sample {
     }
 }
 
-/// What should have happened between the pictures.
+/// The expected movement between the pictures.
 struct Moved {
-    /// Metres ahead.
+    /// Metres driven forward.
     way: f64,
-    /// Depth times rows below the horizon of what is on the floor.
+    /// For a point on the floor: depth times rows below the horizon.
     reach: f64,
-    /// Nothing in strips without floor is farther, metres.
+    /// Strips without floor: everything in them is at most `farthest` metres away.
     near: [bool; STRIPS],
     farthest: f64,
 }
@@ -224,7 +230,7 @@ impl Moved {
         votes
     }
 
-    /// By how much what is seen so many rows below the horizon grows, at least.
+    /// The least magnification of what is seen this many rows below the horizon.
     fn growth(&self, rows: f64, near: bool) -> f64 {
         let floor = self.reach / rows.max(0.1);
         let depth = if near {
@@ -278,7 +284,7 @@ impl Moved {
     }
 }
 
-/// The value at a place between two samples.
+/// The linearly interpolated value at a position.
 fn at(values: &[f32], place: f64) -> Option<f64> {
     if place < 0.0 {
         return None;
@@ -307,8 +313,9 @@ mod tests {
     };
     const APART: Duration = Duration::from_millis(400);
 
-    /// What a camera sees so far before a wall with pale stripes, 4 % darker, which begin at these places to the right
-    /// of its middle, in metres, and are 0.09 m wide; in each picture other noise.
+    /// The view of a wall `far` metres ahead with pale stripes, 4 % darker and 0.09 m wide. They
+    /// begin at these distances to the right of the wall's centre, in metres; each picture has
+    /// different noise.
     fn wall(far: f64, aside: f64, stripes: &[f64], noise: u32) -> Outline {
         let focal = Camera::default().focal_length(320);
         let picture = RgbImage::from_fn(320, 240, |column, row| {
@@ -334,7 +341,7 @@ mod tests {
     const BOTH_SIDES: [f64; 3] = [-0.25, -0.07, 0.11];
 
     #[test]
-    fn pale_stripes_close_ahead_tell_who_is_held_and_who_is_not() {
+    fn pale_stripes_close_ahead_show_whether_the_robot_is_held() {
         let before = wall(0.4, 0.0, &BOTH_SIDES, 1);
         let held = wall(0.4, 0.0, &BOTH_SIDES, 2);
         assert_eq!(verdict(&before, &held, AHEAD), Verdict::Stands);
@@ -345,7 +352,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_that_sways_on_one_side_alone_is_no_stand() {
+    fn an_edge_that_sways_on_one_side_alone_is_not_a_standstill() {
         let before = wall(0.4, 0.0, &[0.05], 1);
         for (far, aside) in [(0.4, -0.008), (0.38, 0.0), (0.34, 0.005)] {
             let now = wall(far, aside, &[0.05], 2);
@@ -354,7 +361,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plain_wall_a_turn_a_curve_and_other_sizes_say_nothing() {
+    fn a_plain_wall_a_turn_a_curve_and_other_sizes_give_no_result() {
         let plain = wall(0.4, 0.0, &[], 1);
         let noisy = wall(0.4, 0.0, &[], 2);
         assert_eq!(verdict(&plain, &noisy, AHEAD), Verdict::Unknown);
@@ -375,7 +382,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_picture_and_any_drive_is_answered(
+        fn any_picture_and_any_drive_give_a_verdict(
             pixels in proptest::collection::vec(any::<u8>(), 50 * 40), w in 1u32..50, h in 1u32..40,
             forward in -1e9f64..1e9, turn in -1e9f64..1e9, ahead in -1e9f64..1e9,
         ) {

@@ -8,36 +8,38 @@ use image::{GrayImage, Luma};
 use super::finders::{Bitmap, QrWork};
 use crate::vision::picture::image::Image;
 
-/// Most codes of one picture that are read.
+/// Most codes that are read in one picture.
 pub const MAX_CODES: usize = 8;
 
-/// Wider pictures are not enlarged.
+/// Greatest width of a picture that is enlarged.
 const WIDEST_ENLARGED: u32 = 400;
 
-/// A QR code that could be read.
+/// A QR code that was read.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct QrCode {
-    /// What it says; bytes that are no UTF-8 become replacement characters. At most 7,089 characters, by its format.
+    /// The content; bytes that are not UTF-8 become replacement characters. At most 7,089
+    /// characters, the limit of the format.
     pub text: String,
-    /// Its corners as column and row, from the one between the code's two top squares clockwise as printed:
-    /// top left, top right, bottom right, bottom left.
+    /// The corners as column and row, clockwise as printed: top left (at the finder pattern between
+    /// the other two), top right, bottom right, bottom left.
     pub corners: [[i32; 2]; 4],
 }
 
-/// The QR codes of a picture that can be read. The work is bounded for any picture: in one that is made
-/// to be hard fewer codes are found, or none.
+/// Finds the readable QR codes of a picture. The work is bounded for every picture: in one that is
+/// designed to be hard, fewer codes are found, or none.
 pub fn find_qrcodes(image: &Image) -> Vec<QrCode> {
     find_qrcodes_counting(image).0
 }
 
-/// As [`find_qrcodes`], and how much there was to do.
+/// Like [`find_qrcodes`]; also returns the amount of work.
 pub fn find_qrcodes_counting(image: &Image) -> (Vec<QrCode>, QrWork) {
-    // The crate relies on arithmetic that some pictures make overflow: then nothing is found in them.
+    // The crate relies on arithmetic that overflows on some pictures: no codes are found in them.
     let read = catch_unwind(AssertUnwindSafe(|| search(image)));
     read.ok().flatten().unwrap_or_default()
 }
 
-/// Once as it is; and once more twice as large if there are squares of a code, but too small to be read.
+/// Searches the picture as it is, and again at twice the size if it has finder patterns but no
+/// readable code.
 fn search(image: &Image) -> Option<(Vec<QrCode>, QrWork)> {
     let size = image.size();
     if size.width == 0 || size.height == 0 {

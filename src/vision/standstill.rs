@@ -1,10 +1,11 @@
-//! Tells by two pictures whether the camera stood still although its robot should have moved.
+//! Decides from two pictures whether the camera stood still although its robot should have moved.
 //!
-//! Driving on, the floor and what stands on it must come nearer; turning, all must move sideways. So a
-//! tile of the picture is a *witness* if it would look different after the expected movement. If nearly
-//! all witnesses look the same, the camera stood still; people who walk through the view hide some of
-//! them. Without enough witnesses (a plain wall, the dark) nothing is said. A shift to the side of all
-//! tiles alike is allowed while it drives: a robot that is held may turn.
+//! When the robot drives forward, the floor and what stands on it come nearer; when it turns,
+//! everything shifts sideways. A tile of the picture that would look different after the expected
+//! movement is a *witness*. If nearly all witnesses look unchanged, the camera stood still; people
+//! who walk through the view hide some of them. Without enough witnesses (a plain wall, darkness)
+//! the result is unknown. A common sideways shift of all tiles is allowed while the robot drives:
+//! one that is held may turn.
 
 use std::time::Duration;
 
@@ -13,38 +14,43 @@ use super::votes::Votes;
 use crate::vision::picture::image::Image;
 use crate::vision::picture::size::Size;
 
-/// Side of a tile of the half-size picture.
+/// Side of a tile of the half-size picture, pixels.
 const TILE: usize = 8;
-/// The lens above the floor, metres.
+/// Height of the lens above the floor, metres.
 pub(super) const LENS_HEIGHT: f64 = 0.2;
-/// The lens before the middle of the robot, metres.
+/// Distance of the lens ahead of the robot's centre, metres.
 pub(super) const LENS_AHEAD: f64 = 0.1;
-/// A tile is asked only if the expected movement shifts it by so many half-size pixels at least.
+/// A tile is evaluated only if the expected movement shifts it by at least this many half-size
+/// pixels.
 const LEAST_SHIFT: f64 = 2.0;
-/// A tile is a witness if the expected movement changes its pixels by so much on average, of 255.
+/// A tile is a witness if the expected movement changes its pixels by at least this much on
+/// average, of 255.
 const WITNESS: f64 = 8.0;
-/// A witness stands still if it has changed by less than this share of what was expected.
+/// A witness votes for standing still if it has changed by less than this share of the expected
+/// change.
 const STILL: f64 = 0.45;
-/// Fewer witnesses than this prove nothing.
+/// Least number of witnesses for any result.
 const FEWEST_WITNESSES: u32 = 8;
-/// Fewer on one side of the picture say nothing of a sway.
+/// Least number on each side of the picture if both sides must agree.
 const FEWEST_ASIDE: u32 = 3;
-/// Nor fewer than this, driving straight, of a larger one than usual.
+/// Least number for a larger sway than [`SWAYS`] while driving straight.
 const FEWEST_FAR_ASIDE: u32 = 16;
-/// They must be in so many quarters of the picture, side by side: a ball that the robot pushes before it is not all
-/// that there is.
+/// Least number of quarters of the picture (vertical strips, side by side) with witnesses: a ball
+/// that the robot pushes ahead is not enough.
 const FEWEST_QUARTERS: usize = 2;
-/// The camera stood still if at least this share of the witnesses did, and moved if at most this share did.
+/// The camera stood still if at least the first share of the witnesses did, and moved if at most
+/// the second share did.
 const STANDS: f64 = 0.7;
 const MOVES: f64 = 0.4;
-/// Shifts of the whole half-size picture to the side that still count as standing, pixels.
+/// Sideways shifts of the half-size picture that still count as standing still, pixels.
 const SWAYS: [isize; 5] = [0, 1, -1, 2, -2];
-/// By how many half-size pixels a sway might deceive.
+/// Sideways shifts within which an edge might be mistaken for a sway, half-size pixels.
 const SLIDES: isize = 10;
-/// A turn is looked for only if it is expected to shift the picture by more than this, half-size pixels.
+/// A turn is evaluated only if it is expected to shift the picture by more than this, half-size
+/// pixels.
 const LEAST_TURN: f64 = 8.0;
 
-/// The movement that the tracks should make.
+/// The movement that the tracks should produce.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Drive {
     /// Metres per second, negative backwards.
@@ -53,14 +59,14 @@ pub struct Drive {
     pub turn: f64,
 }
 
-/// What two pictures say.
+/// The result of a comparison.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// The camera stood still.
     Stands,
     /// It moved.
     Moves,
-    /// The pictures do not tell.
+    /// The pictures are inconclusive.
     Unknown,
 }
 
@@ -73,30 +79,30 @@ pub struct Glance {
 }
 
 impl Glance {
-    /// Of a picture; reuses the memory of `self`.
+    /// Takes the luma of a picture; reuses the memory of `self`.
     pub fn take(&mut self, image: &Image) {
         let Size { width, height } = image.size();
         (self.w, self.h) = (width as usize / 2, height as usize / 2);
         image.halve_luma(&mut self.luma);
     }
 
-    /// Columns and rows.
+    /// Number of columns and rows.
     pub(super) fn size(&self) -> (usize, usize) {
         (self.w, self.h)
     }
 
-    /// The pixels of a row within the picture.
+    /// The pixels of a row, which must be within the picture.
     pub(super) fn row(&self, y: usize) -> &[u8] {
         &self.luma[y * self.w..][..self.w]
     }
 
-    /// Pixels of a tile, rows first; only for tiles within the picture.
+    /// Pixels of a tile, row by row; the tile must be within the picture.
     fn tile(&self, left: usize, top: usize) -> impl Iterator<Item = i32> + Clone {
         let rows = (top..top + TILE).map(move |y| &self.luma[y * self.w + left..][..TILE]);
         rows.flatten().map(|value| i32::from(*value))
     }
 
-    /// The tile that is shifted by so many pixels, if all of it is in the picture.
+    /// The tile shifted by this many pixels; `None` unless it is completely within the picture.
     fn shifted(
         &self,
         (left, top): (usize, usize),
@@ -108,9 +114,10 @@ impl Glance {
     }
 }
 
-/// Whether the camera stood still between two pictures taken `apart` from each other, while the robot
-/// should have made this movement. One that is held may still turn: `swayed` is by how many half-size pixels the
-/// picture has most likely moved to the right if that is all that it did.
+/// Decides whether the camera stood still between two pictures taken `apart` from each other, while
+/// the robot should have made this movement. A robot that is held may still turn: `swayed` is the
+/// most likely shift of the picture to the right in half-size pixels, assuming that it only
+/// shifted.
 pub fn compare(
     before: &Glance,
     now: &Glance,
@@ -158,16 +165,17 @@ pub fn compare(
         if all.share() < STANDS {
             continue;
         }
-        // Driving on, what is on the left moves to the left and what is on the right to the right. One side alone might
-        // as well have swayed, or show an edge along the way, a line or a skirting board, which looks the same all
-        // along; unless it shows that nothing came down either.
+        // When driving forward, things on the left move to the left and things on the right move to
+        // the right. One side alone might therefore have swayed, or show an edge along the
+        // direction of travel, such as a line or a skirting board, which looks the same all along.
+        // It counts only if it also shows that nothing moved downwards.
         let drives = drive.forward != 0.0;
-        // In a curve the edge of a thing that is passed may look like one that only turned.
+        // In a curve, the edge of an object that is passed may look as if the robot only turned.
         let both = || {
             all.least_share(FEWEST_ASIDE)
                 .is_some_and(|share| share >= STANDS)
         };
-        // Few that look as if the robot had turned by much may be mistaken for others like them.
+        // A few witnesses that suggest a large turn may be chance matches.
         let far_aside = !curve && drives && !SWAYS.contains(&sway);
         if far_aside && all.count() < FEWEST_FAR_ASIDE {
             continue;
@@ -185,12 +193,12 @@ pub fn compare(
     } else if most <= MOVES && !curve {
         Verdict::Moves
     } else {
-        // Also one that is held in a curve may turn.
+        // A robot that is held in a curve may turn, too.
         Verdict::Unknown
     }
 }
 
-/// In how many of four upright strips of the picture at least two witnesses are.
+/// In how many of four vertical strips of the picture there are at least two witnesses.
 fn quarters(witnesses: &[Witness], width: usize) -> usize {
     let mut counts = [0; 4];
     for witness in witnesses {
@@ -202,14 +210,15 @@ fn quarters(witnesses: &[Witness], width: usize) -> usize {
 /// A tile that would look different after the expected movement.
 struct Witness {
     place: (usize, usize),
-    /// Where that comes from, half-size pixels to the left and up.
+    /// The expected shift to the right and down, half-size pixels.
     shift: (isize, isize),
-    /// By how much, on average.
+    /// The expected mean change of its pixels, of 255.
     change: f64,
 }
 
 impl Witness {
-    /// What is here now was elsewhere before, between four tiles: edges along the way there do not count.
+    /// Evaluates the tile at this place. The expected shift is compared at the four whole-pixel
+    /// shifts around it: an edge along the direction of movement is not a witness.
     fn at(before: &Glance, place: (usize, usize), shift: (f64, f64)) -> Option<Witness> {
         let shift = (shift.0.floor() as isize, shift.1.floor() as isize);
         let there = || before.tile(place.0, place.1);
@@ -222,8 +231,8 @@ impl Witness {
         (change >= WITNESS).then_some(witness)
     }
 
-    /// Whether no sway looks like the movement here: an edge that runs straight through the tile does not show how far
-    /// it has moved along itself.
+    /// Whether no sway looks like the movement here. A straight edge through the tile does not show
+    /// how far it has moved along itself.
     fn is_unlike_any_sway(&self, before: &Glance, slides: isize) -> bool {
         let (right, down) = self.shift;
         let here = || before.tile(self.place.0, self.place.1);
@@ -234,8 +243,8 @@ impl Witness {
         })
     }
 
-    /// Whether it looks so far to the right as it did here, and not rather as after the movement; `None` if that is not in
-    /// the picture.
+    /// Whether the tile is found `sway` pixels to the right of its place and looks less like the
+    /// tile after the movement; `None` if that place is not in the picture.
     fn stands(&self, before: &Glance, now: &Glance, sway: isize) -> Option<bool> {
         let there = now.shifted(self.place, (sway, 0))?;
         let off = difference(there.clone(), before.tile(self.place.0, self.place.1));
@@ -247,8 +256,8 @@ impl Witness {
     }
 }
 
-/// How unlike a tile is to those from which the movement brings it here, at best; it need not be exact once it is below
-/// `enough`. `None` where they are not in the picture.
+/// The least difference of a tile from those that the movement brings here. The search stops once
+/// it is below `enough`. `None` if they are not in the picture.
 fn unlike_moved<I: Iterator<Item = i32> + Clone>(
     before: &Glance,
     place: (usize, usize),
@@ -267,7 +276,7 @@ fn unlike_moved<I: Iterator<Item = i32> + Clone>(
     Some(least)
 }
 
-/// The mean difference of two tiles, whatever their brightness.
+/// The mean absolute difference of two tiles, corrected for their mean brightness.
 fn difference(
     one: impl Iterator<Item = i32> + Clone,
     other: impl Iterator<Item = i32> + Clone,
@@ -279,15 +288,15 @@ fn difference(
     f64::from(sum) / f64::from(PIXELS)
 }
 
-/// Where things move in the picture if the robot does what it should.
+/// Where things move in the picture if the robot moves as commanded.
 struct Expected {
     centre: (f64, f64),
     focal: f64,
-    /// Metres ahead.
+    /// Metres driven forward.
     way: f64,
-    /// Radians to the left.
+    /// Radians turned to the left.
     turn: f64,
-    /// Whether the robot also drives on or back.
+    /// Whether the robot also drives forward or backward.
     drives: bool,
 }
 
@@ -300,7 +309,7 @@ impl Expected {
             centre,
             focal,
             way: drive.forward * seconds,
-            // A small turn is no better than a sway.
+            // A small turn cannot be told from a sway.
             turn: if (turn * focal).abs() > LEAST_TURN {
                 turn
             } else {
@@ -310,34 +319,37 @@ impl Expected {
         }
     }
 
-    /// By how many half-size pixels a turn, in whatever measure it came about, may move the picture.
+    /// How far the turn may shift the picture, in half-size pixels, with a margin for an inaccurate
+    /// turn.
     fn turned_pixels(&self) -> f64 {
         (self.turn * self.focal * 1.4).abs().min(60.0)
     }
 
-    /// What is near moves farther when the robot turns: the lens is before the middle of the robot.
+    /// Shifts near things farther, because the lens is ahead of the robot's centre when it turns.
     fn sway_at(&self, (_, top): (usize, usize), sway: isize) -> isize {
         let y = (top + TILE / 2) as f64 - self.centre.1;
         let near = LENS_AHEAD / LENS_HEIGHT * y.max(0.0) / self.focal;
         (sway as f64 * (1.0 + near)).round() as isize
     }
 
-    /// Half-size pixels to the right and down; `None` where they are too few to be seen.
+    /// The expected shift to the right and down in half-size pixels; `None` if it is too small to
+    /// be seen.
     fn shift(&self, (left, top): (usize, usize)) -> Option<(f64, f64)> {
         let x = (left + TILE / 2) as f64 - self.centre.0;
         let y = (top + TILE / 2) as f64 - self.centre.1;
-        // What is seen below the height of the lens is on the floor or nearer; above it may be far away.
+        // Everything seen below the height of the lens is on the floor or nearer; things above it
+        // may be far away.
         let ahead = if y > 1.0 {
             let depth = self.focal * LENS_HEIGHT / y;
             self.way / (depth - self.way).max(0.05)
         } else {
             0.0
         };
-        // Who is held in a curve may turn or not: only the way ahead tells.
+        // A robot held in a curve may or may not turn: only the movement forward is evaluated.
         let turn = if self.drives { 0.0 } else { self.turn };
         let aside = self.focal * turn * (1.0 + (x / self.focal).powi(2));
         let (right, down) = (x * ahead + aside, y * ahead);
-        // What is further is out of the picture anyway.
+        // Larger shifts are outside the picture anyway.
         let pixels = |shift: f64| shift.clamp(-1e6, 1e6);
         (right.hypot(down) >= LEAST_SHIFT).then(|| (pixels(right), pixels(down)))
     }

@@ -1,9 +1,9 @@
-//! How far a picture has moved to the side, if that is all that it did.
+//! Measures how far a picture has shifted sideways, assuming that it changed in no other way.
 
 use super::outline::Outline;
 
-/// By how many half-size pixels the picture has moved to the right, if all that the camera did was to turn by not more
-/// than `least..=most`.
+/// The shift of the picture to the right in half-size pixels, searched within `least..=most` and
+/// assuming that the camera only turned.
 pub fn swayed(before: &Outline, now: &Outline, least: isize, most: isize) -> isize {
     let unlike = |by: isize| {
         let bands = before.bands.iter().zip(&now.bands);
@@ -17,7 +17,7 @@ pub fn swayed(before: &Outline, now: &Outline, least: isize, most: isize) -> isi
     best.map_or(0, |(by, _)| by)
 }
 
-/// The mean difference of two rows of which one has moved to the right.
+/// The mean absolute difference of two rows, the second of which is shifted to the right.
 fn unlike_aside(before: &[f32], now: &[f32], by: isize) -> f32 {
     let (before, now) = match usize::try_from(by) {
         Ok(by) => (before, now.get(by..).unwrap_or_default()),

@@ -1,8 +1,9 @@
-//! Gives blobs an identity: which one of this frame is which one of the frame before.
+//! Tracks blobs from frame to frame and gives them identities.
 //!
-//! Every track predicts where its blob will be (steady velocity) and takes the blob nearest to
-//! that; all pairs are settled together. When two blobs become one, because one passes in front of the
-//! other, both tracks go on inside it on their own course until it parts again.
+//! Each track predicts where its blob will be, assuming a constant velocity, and takes the blob
+//! nearest to that position; all pairs are assigned together. When two blobs merge because one
+//! passes in front of the other, both tracks continue inside the merged blob on their own courses
+//! until it splits again.
 
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
@@ -11,26 +12,28 @@ use super::blobs::Blob;
 use super::camera::Camera;
 use crate::vision::picture::size::Size;
 
-/// Most blobs of a frame, and most tracks, that are considered.
+/// Most blobs per frame, and most tracks, that are processed.
 const MAX_TRACKS: usize = 64;
-/// How many times `max_lost` a track may stay hidden in another's blob.
+/// How many times `max_lost` a track may stay hidden in another track's blob.
 const HIDDEN_PATIENCE: u32 = 6;
-/// Least share of a surprise that goes into the position, and into the velocity.
+/// Least gain of the filter: the share of the prediction error that corrects the position, and the
+/// velocity.
 const GAIN: (f64, f64) = (0.5, 0.15);
-/// The same while blobs are one: their common outline says little, and nothing about velocity.
+/// The gain for the position while blobs are merged: their common outline says little, and nothing
+/// about the velocity.
 const SHARED_GAIN: f64 = 0.3;
-/// Frames are never thought to be nearer or farther apart in time than this, in seconds.
+/// Bounds of the assumed time between two frames, seconds.
 const STEP: (f64, f64) = (0.001, 1.0);
 
-/// When a track begins, and when it ends.
+/// When a track begins and when it ends.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrackerOptions {
-    /// In how many frames a blob must have been seen before it is reported.
+    /// In how many frames a blob must have been seen before its track is reported.
     pub min_age: u32,
-    /// For how many frames it may be gone.
+    /// For how many frames a blob may be missing.
     pub max_lost: u32,
-    /// How far, in pixels, it may be from where it was expected.
+    /// Largest distance of a blob from its predicted position, pixels.
     pub max_jump: f64,
 }
 
@@ -52,21 +55,22 @@ impl Default for TrackerOptions {
 /// A blob with an identity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Track {
-    /// Never given twice by one tracker; from 1.
+    /// Counts from 1; one tracker never gives an id twice.
     pub id: u64,
-    /// In how many frames it was seen.
+    /// In how many frames the blob was seen.
     pub age: u32,
-    /// For how many frames it has been gone, or hidden in another's blob; 0 when seen.
+    /// For how many frames the blob has been missing or hidden in another track's blob; 0 if it is
+    /// seen.
     pub lost: u32,
     /// Velocity to the right, pixels per second.
     pub vx: f64,
     /// Velocity downwards, pixels per second.
     pub vy: f64,
-    /// The blob as seen now; when lost, the last one seen, moved to where it is thought to be.
+    /// The blob as seen now; if it is lost, the last one seen, moved to the predicted position.
     pub blob: Blob,
     x: f64,
     y: f64,
-    /// For how many frames it has shared a blob.
+    /// For how many frames the track has shared a blob.
     hidden: u32,
 }
 
@@ -78,19 +82,19 @@ pub struct Tracker {
     newest: Option<Duration>,
     given: u64,
     followed: Vec<Track>,
-    /// Those seen often enough, as handed out.
+    /// The tracks seen often enough, as reported.
     tracks: Vec<Track>,
     pairs: Vec<(f64, usize, usize)>,
-    /// For every track, the blob it takes.
+    /// The blob assigned to each track.
     owned: Vec<Option<usize>>,
-    /// For every track without one, the other's blob in which it hides.
+    /// For each track without a blob, the other track's blob that hides it.
     hosts: Vec<Option<usize>>,
-    /// For every blob, how many tracks are in it.
+    /// The number of tracks in each blob.
     crowd: Vec<u32>,
 }
 
 impl Tracker {
-    /// A tracker that has seen nothing.
+    /// A tracker without tracks.
     pub fn new(options: TrackerOptions, camera: Camera) -> Tracker {
         Tracker {
             options,
@@ -106,8 +110,9 @@ impl Tracker {
         }
     }
 
-    /// Takes the blobs of a frame of this size, seen at this time. Returns the tracks that were seen in at least
-    /// `min_age` frames, oldest first, those lost for a while included.
+    /// Processes the blobs of a frame of this size, taken at this time. Returns the tracks that
+    /// were seen in at least `min_age` frames, oldest first, including those that are temporarily
+    /// lost.
     pub fn update(&mut self, at: Duration, size: Size, blobs: &[Blob]) -> &[Track] {
         let blobs = &blobs[..blobs.len().min(MAX_TRACKS)];
         let passed = self
@@ -126,26 +131,26 @@ impl Tracker {
         self.show(size)
     }
 
-    /// The tracks of the newest update.
+    /// The tracks of the last update.
     pub fn tracks(&self) -> &[Track] {
         &self.tracks
     }
 
-    /// The one to follow: seen most recently; among those the largest, then the oldest.
+    /// The track to follow: the one seen most recently; among several the largest, then the oldest.
     pub fn best(&self) -> Option<&Track> {
         self.tracks
             .iter()
             .min_by_key(|track| (track.lost, std::cmp::Reverse(track.blob.pixels), track.id))
     }
 
-    /// Forgets every track; ids go on counting.
+    /// Forgets all tracks; ids continue to count.
     pub fn reset(&mut self) {
         self.followed.clear();
         self.tracks.clear();
         self.newest = None;
     }
 
-    /// Gives tracks their blobs: nearest pairs first, then swaps while that makes the whole better.
+    /// Assigns blobs to tracks: nearest pairs first, then swaps while that reduces the total cost.
     fn pair(&mut self, blobs: &[Blob]) {
         let reach = self.options.max_jump.powi(2);
         self.pairs.clear();
@@ -171,8 +176,8 @@ impl Tracker {
         self.swap_while_better(blobs);
     }
 
-    /// Swaps the blobs of two tracks while that shortens their way. Each swap makes the sum smaller, and the
-    /// number of rounds is bounded.
+    /// Swaps the blobs of two tracks while that shortens their total distance. Each swap reduces
+    /// the sum, and the number of rounds is bounded.
     fn swap_while_better(&mut self, blobs: &[Blob]) {
         for _ in 0..MAX_TRACKS {
             let mut swapped = false;
@@ -194,7 +199,8 @@ impl Tracker {
         }
     }
 
-    /// A known track without a blob that is expected inside another's blob hides there.
+    /// A confirmed track without a blob whose predicted position is inside another track's blob
+    /// hides there.
     fn hide(&mut self, blobs: &[Blob]) {
         self.hosts.clear();
         for (track, owned) in self.followed.iter().zip(&self.owned) {
@@ -261,12 +267,13 @@ impl Track {
         self.y += self.vy * step;
     }
 
-    /// Squared distance from where it is expected.
+    /// Squared distance of a blob from the predicted position.
     fn cost(&self, blob: &Blob) -> f64 {
         (blob.cx - self.x).powi(2) + (blob.cy - self.y).powi(2)
     }
 
-    /// Whether it is expected in the blob's box, or a quarter of its own size beside it.
+    /// Whether the predicted position is within the blob's box, extended by a quarter of this
+    /// track's own size.
     fn is_within(&self, blob: &Blob) -> bool {
         let near = |value: f64, low: u32, span: u32, own: u32| {
             let slack = f64::from(own) / 4.0;
@@ -275,7 +282,7 @@ impl Track {
         near(self.x, blob.x, blob.w, self.blob.w) && near(self.y, blob.y, blob.h, self.blob.h)
     }
 
-    /// Seen alone: corrects position and velocity, at first by much, then by less.
+    /// Updates the track with a blob of its own; the gains decrease with its age.
     fn see(&mut self, blob: &Blob, step: f64) {
         let seen = f64::from(self.age.min(1000)) + 1.0;
         let place = (2.0 * (2.0 * seen - 1.0) / (seen * (seen + 1.0))).clamp(GAIN.0, 1.0);
@@ -290,7 +297,8 @@ impl Track {
         self.blob = *blob;
     }
 
-    /// One of several in a blob: stays on course, but inside the common outline.
+    /// Updates a track that shares a blob: it keeps its course, but stays inside the common
+    /// outline.
     fn share(&mut self, blob: &Blob, owner: bool) {
         let corrected = |value: f64, low: u32, span: u32, own: u32| {
             let room = f64::from(span.saturating_sub(own)) / 2.0;
@@ -313,7 +321,7 @@ impl Track {
         self.lost <= options.max_lost.saturating_mul(patience)
     }
 
-    /// As handed out: a lost blob stands where it is thought to be.
+    /// The track as reported: a lost blob is moved to its predicted position.
     fn placed(&self, size: Size, camera: Camera) -> Track {
         let mut track = *self;
         if track.lost > 0 || track.hidden > 0 {

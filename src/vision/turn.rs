@@ -1,27 +1,28 @@
-//! How far the camera has turned between two pictures, by what stands on the horizon.
+//! Measures how far the camera has turned between two pictures, from the brightness along the
+//! horizon.
 
 use super::camera::Camera;
 use crate::vision::picture::image::Image;
 
-/// Angle between two neighbouring places of a skyline, radians.
+/// Angle between two neighbouring samples of a skyline, radians.
 const STEP: f64 = std::f64::consts::PI / 720.0;
-/// The band of rows that is looked at, as shares of the height: above the horizon, where the floor is not.
+/// The rows that are used, as shares of the height: above the horizon, where no floor is seen.
 const BAND: (f64, f64) = (0.36, 0.5);
-/// Places that two skylines must share, as a share of all.
+/// Least overlap of two skylines, as a share of their length.
 const OVERLAP: f64 = 0.4;
-/// The brightness along the horizon must vary by so much, of 255, to tell anything.
+/// Least standard deviation of the brightness along the horizon, of 255, for a measurement.
 const TEXTURE: f64 = 6.0;
-/// The best fit must be so much better than the mean of all.
+/// The difference at the best fit must be at most this share of the mean over all shifts.
 const DISTINCT: f64 = 0.4;
 
-/// The brightness along the horizon, from the left to the right, at equal angles.
+/// The brightness along the horizon, from left to right, sampled at equal angles.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Skyline {
     places: Vec<f64>,
 }
 
 impl Skyline {
-    /// Of a picture.
+    /// The skyline of a picture.
     pub fn of(image: &Image, camera: Camera) -> Skyline {
         let size = image.size();
         let rows = |share: f64| (f64::from(size.height) * share) as u32;
@@ -59,8 +60,8 @@ impl Skyline {
         Skyline { places }
     }
 
-    /// How far the camera has turned since `before`, in radians, left positive, if the skylines tell;
-    /// looked for within `reach` of what is expected.
+    /// Measures how far the camera has turned since `before`, in radians, left positive. Searches
+    /// within `reach` of the expected angle; `None` if no angle fits clearly.
     pub fn turned_since(&self, before: &Skyline, expected: f64, reach: f64) -> Option<f64> {
         let count = self.places.len();
         if count != before.places.len() || deviation(&self.places) < TEXTURE {
@@ -76,7 +77,8 @@ impl Skyline {
             .enumerate()
             .min_by(|one, other| one.1.total_cmp(&other.1))?;
         let mean = costs.iter().sum::<f64>() / costs.len() as f64;
-        // Near the best fit the square of the difference is a parabola. At the border of what was looked at the best fit may be beyond.
+        // Near the best fit the squared difference is a parabola. At the border of the searched
+        // range the best fit may lie outside.
         let square = |index: usize| costs.get(index).map(|cost| cost * cost);
         let (left, right) = (square(best.checked_sub(1)?)?, square(best + 1)?);
         let bend = left + right - 2.0 * least * least;
@@ -87,8 +89,8 @@ impl Skyline {
         Some((first as f64 + best as f64 + part) * STEP)
     }
 
-    /// How unlike the skylines are if the camera has turned to the left by so many places: then everything
-    /// is so many places further to the right.
+    /// The difference of the skylines for a turn to the left by `by` samples, which moves
+    /// everything that many samples to the right.
     fn unlike(&self, before: &Skyline, by: isize) -> f64 {
         let count = self.places.len() as isize;
         let (from, to) = (by.max(0), count + by.min(0));
@@ -102,7 +104,7 @@ fn deviation(values: &[f64]) -> f64 {
     deviation_of(values.iter().copied())
 }
 
-/// The standard deviation: a change of the light of all does not count.
+/// The standard deviation: ignores a uniform change of brightness.
 fn deviation_of(values: impl Iterator<Item = f64>) -> f64 {
     let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
     for value in values {
@@ -127,7 +129,7 @@ mod tests {
         height: 240,
     };
 
-    /// What a camera sees that is turned to the left by so many radians, in a round room.
+    /// The view of a camera in a round room, turned to the left by `turned` radians.
     fn room(turned: f64, light: f64) -> Skyline {
         let camera = Camera::pinhole(60.0_f64.to_radians());
         let picture = RgbImage::from_fn(320, 240, |x, _| {
@@ -142,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn turns_are_seen_to_a_fifth_of_a_degree() {
+    fn turns_are_measured_to_a_fifth_of_a_degree() {
         for turned in [-0.3, -0.1, -0.01, 0.0, 0.02, 0.15, 0.35] {
             let seen = room(1.0 + turned, 0.9).turned_since(&room(1.0, 1.0), turned * 0.7, 0.25);
             let seen = seen.unwrap();
@@ -154,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_reach_or_plain_is_not_told() {
+    fn turns_out_of_reach_and_plain_pictures_give_no_result() {
         assert_eq!(
             room(1.3, 1.0).turned_since(&room(1.0, 1.0), 0.0, 0.05),
             None

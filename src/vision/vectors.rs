@@ -1,19 +1,19 @@
-//! Which vector instructions are used: asked of the processor when the program runs.
+//! Selects the vector instructions at run time, by asking the processor.
 //!
-//! What is compiled for several of them gives the same results, bit by bit, in each form.
+//! Code that is compiled for several instruction sets gives bit-identical results with each.
 
-/// The instructions that this processor has.
+/// The instruction set to use.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Vectors {
-    /// Those that every processor of its kind has; the compiler makes the best of them.
+    /// The baseline of the architecture; vectorisation is left to the compiler.
     Plain,
-    /// AVX2 and what came with it.
+    /// AVX2 and the extensions that came with it.
     #[cfg(target_arch = "x86_64")]
     Avx2(pulp::x86::V3),
 }
 
 impl Default for Vectors {
-    /// The best that this processor has.
+    /// The best instruction set that this processor supports.
     fn default() -> Self {
         #[cfg(target_arch = "x86_64")]
         if let Some(v3) = pulp::x86::V3::try_new() {

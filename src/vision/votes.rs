@@ -1,7 +1,7 @@
-//! What the witnesses of a comparison say: on each side of the picture, how many were asked, and how many of them
-//! found that the camera stood still.
+//! Counts the votes of the witnesses of a comparison: on each side of the picture, how many were
+//! asked and how many found that the camera stood still.
 
-/// See the module.
+/// The votes; see the module.
 #[derive(Debug, Default)]
 pub(super) struct Votes {
     asked: [u32; 2],
@@ -18,13 +18,14 @@ impl Votes {
         self.asked[0] + self.asked[1]
     }
 
-    /// Of all.
+    /// The share of all witnesses that found the camera still.
     pub(super) fn share(&self) -> f64 {
         let still = self.still[0] + self.still[1];
         f64::from(still) / f64::from(self.count().max(1))
     }
 
-    /// Of the side where fewer stood still; `None` if there are fewer than so many on a side.
+    /// The share on the side where it is smaller; `None` if a side has fewer than `fewest`
+    /// witnesses.
     pub(super) fn least_share(&self, fewest: u32) -> Option<f64> {
         let share = |side: usize| {
             let (still, asked) = (self.still[side], self.asked[side]);

@@ -1,6 +1,6 @@
-//! The system calls that a confined process keeps: an allow-list, everything else is refused with an
-//! error. Measured over every script in `tests/hostile`, every behaviour that comes along, scenarios
-//! and checks; which files a name can open is landlock's business.
+//! The seccomp allow-list of a confined process: every other system call fails with an error. The
+//! list was measured with every script in `tests/hostile`, every shipped behaviour, scenarios and
+//! checks. Landlock, not this list, decides which files can be opened.
 
 use std::collections::BTreeMap;
 
@@ -12,15 +12,15 @@ use seccompiler::{
 
 type Rules = BTreeMap<sys::c_long, Vec<SeccompRule>>;
 
-/// Allowed whatever their arguments.
+/// Allowed with any arguments.
 #[cfg(target_pointer_width = "64")]
 const ALLOWED: &[sys::c_long] = &[
-    // Memory; what maps it has conditions.
+    // Memory; the calls that map it have conditions.
     sys::SYS_brk,
     sys::SYS_munmap,
     sys::SYS_mremap,
     sys::SYS_madvise,
-    // Time, and waiting for it.
+    // Clocks, timers and polling.
     sys::SYS_clock_gettime,
     sys::SYS_clock_getres,
     sys::SYS_clock_nanosleep,
@@ -32,7 +32,7 @@ const ALLOWED: &[sys::c_long] = &[
     sys::SYS_epoll_pwait,
     sys::SYS_eventfd2,
     sys::SYS_ppoll,
-    // Threads of its own, their signals and their ends.
+    // The process's own threads, their signals and their exit.
     sys::SYS_futex,
     sys::SYS_set_robust_list,
     sys::SYS_rseq,
@@ -53,7 +53,7 @@ const ALLOWED: &[sys::c_long] = &[
     sys::SYS_exit,
     sys::SYS_exit_group,
     sys::SYS_getrandom,
-    // The pipe, and files that are open.
+    // The pipe and files that are already open.
     sys::SYS_read,
     sys::SYS_write,
     sys::SYS_readv,
@@ -72,7 +72,7 @@ const ALLOWED: &[sys::c_long] = &[
     sys::SYS_fdatasync,
     sys::SYS_ftruncate,
     sys::SYS_getdents64,
-    // Names of files: only where landlock lets them.
+    // Calls that take file names: landlock restricts them.
     sys::SYS_openat,
     sys::SYS_newfstatat,
     sys::SYS_statx,
@@ -85,14 +85,14 @@ const ALLOWED: &[sys::c_long] = &[
     sys::SYS_renameat2,
     sys::SYS_readlinkat,
     sys::SYS_getcwd,
-    // Refused by the other filter, in the way that C libraries expect.
+    // Refused by the other filter with the error that C libraries expect.
     sys::SYS_clone3,
 ];
 #[cfg(not(target_pointer_width = "64"))]
 const ALLOWED: &[sys::c_long] = &[];
 
-/// Older forms of the same, which other processors do not have. The x32 table has numbers of its own,
-/// so none of it is allowed.
+/// Older forms of the same calls, which other architectures do not have. The x32 system call table
+/// has separate numbers, so none of it is allowed.
 #[cfg(target_arch = "x86_64")]
 const ALLOWED_HERE: &[sys::c_long] = &[
     sys::SYS_epoll_wait,
@@ -110,7 +110,7 @@ const ALLOWED_HERE: &[sys::c_long] = &[
 #[cfg(not(target_arch = "x86_64"))]
 const ALLOWED_HERE: &[sys::c_long] = &[];
 
-/// How the C library of GNU makes a thread.
+/// The `clone` flags with which glibc creates a thread.
 const GNU_THREAD: i32 = sys::CLONE_VM
     | sys::CLONE_FS
     | sys::CLONE_FILES
@@ -120,9 +120,9 @@ const GNU_THREAD: i32 = sys::CLONE_VM
     | sys::CLONE_SETTLS
     | sys::CLONE_PARENT_SETTID
     | sys::CLONE_CHILD_CLEARTID;
-/// How musl does.
+/// The flags that musl uses.
 const MUSL_THREAD: i32 = GNU_THREAD | sys::CLONE_DETACHED;
-/// What `fcntl` may be asked; not who gets a file's signals, nor leases.
+/// The allowed `fcntl` commands; those that set a file's signal recipient or a lease are refused.
 const FCNTL: &[i32] = &[
     sys::F_DUPFD_CLOEXEC,
     sys::F_GETFD,
@@ -130,17 +130,18 @@ const FCNTL: &[i32] = &[
     sys::F_GETFL,
     sys::F_SETFL,
 ];
-/// What `prctl` may be asked: the names of threads, and where the kernel's own functions are, without
-/// which every look at the clock would be a system call.
+/// The allowed `prctl` operations: naming threads, and finding the vDSO, without which every clock
+/// read would be a system call.
 const PRCTL: &[i32] = &[sys::PR_SET_NAME, PR_GET_AUXV];
 const PR_GET_AUXV: i32 = 0x4155_5856;
 
-/// Whether there are filters for this kind of processor.
+/// Whether a filter exists for this processor architecture.
 pub(super) fn are_known() -> bool {
     !ALLOWED.is_empty() && architecture().is_some()
 }
 
-/// Leaves only those to this thread and all that it starts; whether the kernel does.
+/// Restricts this thread and everything it starts to the allow-list. Returns whether the kernel has
+/// applied it.
 pub(super) fn restrict() -> bool {
     let Some((missing, allowed)) = programs() else {
         return false;
@@ -154,8 +155,8 @@ fn architecture() -> Option<TargetArch> {
     TargetArch::try_from(std::env::consts::ARCH).ok()
 }
 
-/// The first answers "there is no such call" where C libraries then use another one; the second "not
-/// permitted" for whatever is not allowed.
+/// Builds two filters. The first returns `ENOSYS` for a call that C libraries can replace with
+/// another one; the second returns `EPERM` for every call that is not allowed.
 fn programs() -> Option<(BpfProgram, BpfProgram)> {
     if !are_known() {
         return None;
@@ -168,7 +169,8 @@ fn programs() -> Option<(BpfProgram, BpfProgram)> {
     rules.extend(conditional()?);
     let refused = |errno: i32| SeccompAction::Errno(errno.unsigned_abs());
     let allowed = filter(rules, refused(sys::EPERM), SeccompAction::Allow)?;
-    // Its arguments cannot be seen by a filter. Told that it is missing, C libraries use `clone`.
+    // A filter cannot inspect the arguments of `clone3`. On `ENOSYS`, C libraries fall back to
+    // `clone`.
     let missing = BTreeMap::from([(sys::SYS_clone3, vec![])]);
     let missing = filter(missing, SeccompAction::Allow, refused(sys::ENOSYS))?;
     Some((missing, allowed))
@@ -179,11 +181,11 @@ fn filter(rules: Rules, otherwise: SeccompAction, then: SeccompAction) -> Option
     filter.ok()?.try_into().ok()
 }
 
-/// Allowed with some arguments.
+/// The system calls that are allowed only with certain arguments.
 #[cfg(target_pointer_width = "64")]
 fn conditional() -> Option<Rules> {
     let itself = i32::try_from(std::process::id()).ok()?;
-    // Nothing that is mapped after the start can be run: no code comes in, by whatever door.
+    // Nothing that is mapped after the start can be executable: no new code can be loaded.
     let not_executable = || {
         only(
             2,
@@ -203,9 +205,10 @@ fn conditional() -> Option<Rules> {
             vec![only(1, SeccompCmpOp::Eq, sys::FIONBIO)?],
         ),
         (sys::SYS_socketpair, one_of(0, &[sys::AF_UNIX])?),
-        // To the other end only, and without descriptors.
+        // Only to the connected peer: no destination address. Unlike `sendmsg`, it cannot pass
+        // descriptors.
         (sys::SYS_sendto, vec![nothing(4)?]),
-        // Asks, and sets nothing.
+        // Reads a limit; setting one is refused.
         (sys::SYS_prlimit64, vec![nothing(2)?]),
     ]))
 }
@@ -218,7 +221,7 @@ fn bits(flags: i32) -> u32 {
     u32::from_ne_bytes(flags.to_ne_bytes())
 }
 
-/// If this argument is one of these.
+/// Matches if this argument has one of these values.
 fn one_of(argument: u8, values: &[i32]) -> Option<Vec<SeccompRule>> {
     let rules = values
         .iter()
@@ -226,12 +229,12 @@ fn one_of(argument: u8, values: &[i32]) -> Option<Vec<SeccompRule>> {
     rules.collect()
 }
 
-/// If the lower half of this argument is so.
+/// Matches if the lower 32 bits of this argument satisfy the comparison.
 fn only(argument: u8, compare: SeccompCmpOp, value: u64) -> Option<SeccompRule> {
     rule(argument, SeccompCmpArgLen::Dword, compare, value)
 }
 
-/// If this pointer is none.
+/// Matches if this pointer is null.
 fn nothing(argument: u8) -> Option<SeccompRule> {
     rule(argument, SeccompCmpArgLen::Qword, SeccompCmpOp::Eq, 0)
 }
@@ -251,7 +254,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_is_allowed_twice_and_the_filters_fit_into_the_kernel() {
+    fn no_call_is_listed_twice_and_the_filters_fit_into_the_kernel() {
         let all: Vec<_> = ALLOWED.iter().chain(ALLOWED_HERE).collect();
         let conditional = conditional().unwrap();
         for (at, call) in all.iter().enumerate() {

@@ -9,12 +9,13 @@ use std::process::{Command, Stdio};
 
 use super::{Room, Walls};
 
-/// The command that starts `executable` with its hidden arguments, so that it confines itself to the room; and
-/// our end of the socket that is its standard input. It has an empty environment and nothing else open. What
-/// the kernel lacks for the walls is said, once.
+/// Returns the command that starts `executable` with its hidden arguments, so that it confines
+/// itself to the room, and our end of the socket that is its standard input. The process has an
+/// empty environment (except for one setting of the C library) and inherits no other descriptors.
+/// Logs once per process which restrictions the kernel does not support.
 ///
 /// # Errors
-/// If the system gives no socket.
+/// If the system cannot create the socket pair.
 pub fn command(
     executable: &Path,
     hidden: &[&str],
@@ -27,12 +28,12 @@ pub fn command(
         .args(hidden)
         .args(room.arguments())
         .env_clear()
-        // Every thread of glibc reserves 64 MiB of address space for its own heap otherwise.
+        // Otherwise glibc reserves 64 MiB of address space for a separate heap for every thread.
         .env("MALLOC_ARENA_MAX", "1")
         .stdin(Stdio::from(OwnedFd::from(theirs)))
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
-        // Ctrl-C in a terminal is for the parent, which ends it in order.
+        // Ctrl-C in a terminal is meant for the parent, which stops the child in an orderly way.
         .process_group(0);
     Ok((command, ours))
 }

@@ -1,7 +1,9 @@
-//! What the kernel holds a confined process to: it dies with its parent, may not grow, has no rights of
-//! its user beyond files, and reaches nothing but its pipe, its standard error and its room.
+//! The restrictions that the kernel enforces on a confined process: it dies with its parent, its
+//! resources are limited, it has no capabilities, and it reaches only its pipe, its standard error
+//! and its room.
 //!
-//! Limits must hold, or no script is run. Landlock and seccomp are taken where the kernel has them.
+//! The resource limits are mandatory: without them no script runs. Landlock and seccomp are used
+//! where the kernel supports them.
 
 use std::ffi::OsString;
 use std::io;
@@ -19,39 +21,40 @@ use rustix::thread::{CapabilitySet, CapabilitySets};
 
 use super::calls;
 
-/// Address space: the program, its libraries and stacks, and all a script may make it allocate.
+/// Address space: the program, its libraries and stacks, and everything a script makes it allocate.
 const ADDRESS_SPACE: u64 = 1 << 30;
-/// Open files: the pipe, stderr, the runtime's own, and one that is being saved.
+/// Open files: the pipe, stderr, those of the runtime, and one that is being saved.
 const OPEN_FILES: u64 = 32;
 /// The largest file a script can save.
 const FILE_SIZE: u64 = 16 << 20;
-/// Of -1000 (never) to 1000 (always first); the agent has 0.
+/// From -1000 (never killed) to 1000 (killed first); the agent has 0.
 const OOM_SCORE_ADJ: &str = "500";
-/// Behind the agent and everything else that is in a hurry.
+/// Niceness: a lower priority than that of the agent and other time-critical processes.
 const NICE: i32 = 5;
-/// Threads beyond those that the whole machine has when it starts. The kernel counts those of the user,
-/// which are fewer, so an honest process never meets this limit.
+/// Threads allowed in addition to those of the whole machine at the start. The kernel counts only
+/// the user's threads, which are fewer, so a well-behaved process never reaches this limit.
 const MORE_THREADS: u64 = 256;
-/// Processor time of a behaviour, which may run for months: a hundred days of it.
+/// CPU time of a behaviour, which may run for months: a hundred days.
 const LIFELONG: u64 = 100 * 86_400;
-/// The newest landlock whose meaning is known here; on an older kernel as much as it has.
+/// The newest landlock version that this program knows; older kernels apply the part that they
+/// support.
 const LANDLOCK: ABI = ABI::V6;
-/// What a kernel with filters for system calls says of them.
+/// This file exists on a kernel with seccomp filters.
 const SECCOMP_ACTIONS: &str = "/proc/sys/kernel/seccomp/actions_avail";
 
-/// What a confined process may reach and use. Goes over its command line.
+/// What a confined process may access and use. Passed on its command line.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Room {
-    /// Folders, or files, that it can read.
+    /// Folders or files that it may read.
     pub read: Vec<PathBuf>,
-    /// Folders in which it can also write.
+    /// Folders in which it may also write.
     pub write: Vec<PathBuf>,
-    /// Seconds of processor time; 0: as much as a behaviour.
+    /// Limit of CPU time in seconds; 0 for that of a behaviour.
     pub processor: u64,
 }
 
 impl Room {
-    /// For [`Room::of_arguments`], the parent's number first.
+    /// The arguments for [`Room::of_arguments`]: the parent's process id first.
     pub(super) fn arguments(&self) -> Vec<OsString> {
         let numbers = [u64::from(std::process::id()), self.processor];
         let numbers = numbers.map(|number| OsString::from(number.to_string()));
@@ -66,7 +69,8 @@ impl Room {
             .collect()
     }
 
-    /// The parent that is to be its own, and the room. `None` if that is no room.
+    /// Parses the process id of the expected parent and the room. `None` if the arguments are
+    /// invalid.
     pub fn of_arguments(arguments: impl Iterator<Item = OsString>) -> Option<(u32, Room)> {
         let mut arguments = arguments;
         let mut number = || arguments.next()?.to_str()?.parse::<u64>().ok();
@@ -83,28 +87,29 @@ impl Room {
     }
 }
 
-/// Which of the walls that not every kernel has are there.
+/// Which of the optional restrictions are available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Walls {
-    /// Landlock: files outside the room, and the network, are out of reach.
+    /// Landlock: files outside the room and the network cannot be accessed.
     pub files: bool,
-    /// Seccomp: no sockets, no programs, no processes, no signals to others.
+    /// Seccomp: no sockets, programs, processes or signals to other processes.
     pub calls: bool,
 }
 
-/// What the kernel says of its landlock.
+/// The kernel's support for landlock.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Landlock {
-    /// On, with this version of its interface.
+    /// Enabled, with this version of its interface.
     Version(i32),
-    /// Built in and switched off.
+    /// Built in but disabled.
     Off,
     /// Not built in.
     Missing,
 }
 
 impl Landlock {
-    /// Asks the kernel. Takes a thread for a moment: the answer comes with a restriction.
+    /// Queries the kernel. Runs on a temporary thread, because the query restricts the calling
+    /// thread.
     pub fn of_this_kernel() -> Landlock {
         let asking = std::thread::spawn(|| {
             let ruleset = Ruleset::default().handle_access(AccessFs::from_all(LANDLOCK));
@@ -123,7 +128,7 @@ impl Landlock {
 }
 
 impl Walls {
-    /// What this kernel offers.
+    /// The restrictions that this kernel supports.
     pub fn offered() -> Walls {
         let required = Ruleset::default()
             .set_compatibility(CompatLevel::HardRequirement)
@@ -135,7 +140,7 @@ impl Walls {
         }
     }
 
-    /// Says once in a process's life what this kernel does not offer.
+    /// Logs once per process which restrictions this kernel does not support.
     pub(super) fn say_what_is_missing() {
         static ONCE: Once = Once::new();
         ONCE.call_once(|| {
@@ -143,30 +148,30 @@ impl Walls {
             if !walls.files {
                 tracing::warn!(
                     "this kernel has no landlock: code that breaks out of a script's sandbox could open \
-                     your files (spykee doctor says more)"
+                     your files (run `spykee doctor` for details)"
                 );
             }
             if !walls.calls {
                 tracing::warn!(
                     "this kernel has no seccomp filters: code that breaks out of a script's sandbox \
-                     could open sockets (spykee doctor says more)"
+                     could open sockets (run `spykee doctor` for details)"
                 );
             }
         });
     }
 }
 
-/// No program that this one starts inherits a descriptor that this one got from its parent,
-/// beyond its standard ones. To be called first of all in `main`.
+/// Prevents programs that this process starts from inheriting the file descriptors it got from its
+/// own parent, except the standard ones. Must be called first in `main`.
 pub fn keep_descriptors() {
     close_fds::set_fds_cloexec(3, &[]);
 }
 
-/// Limits this thread and all that it starts, for good. To be called first of all in a process, before
-/// its second thread.
+/// Permanently restricts this thread and everything it starts. Must be called at the start of a
+/// process, before it starts a second thread.
 ///
 /// # Errors
-/// If the kernel refuses a limit: then no script must be run. Also if the parent is gone already.
+/// If the kernel refuses a limit: then no script may run. Also if the parent has already exited.
 pub fn confine(parent: u32, room: &Room) -> io::Result<Walls> {
     die_first();
     rustix::thread::set_no_new_privs(true)?;
@@ -174,14 +179,14 @@ pub fn confine(parent: u32, room: &Room) -> io::Result<Walls> {
     rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
     let is_parent = |pid: Pid| u32::try_from(pid.as_raw_nonzero().get()) == Ok(parent);
     if !rustix::process::getppid().is_some_and(is_parent) {
-        return Err(io::Error::other("the agent is gone"));
+        return Err(io::Error::other("the agent has exited"));
     }
-    // What is saved is the user's alone.
+    // Only the user may read saved files.
     rustix::process::umask(Mode::RWXG | Mode::RWXO);
-    // A machine that does not let it be nice runs it all the same.
+    // If the system refuses the lower priority, the process runs without it.
     let _ = rustix::process::nice(NICE);
     limit(room.processor)?;
-    // Nothing of the same user can look into it, and it leaves nothing behind.
+    // Other processes of the same user cannot trace it, and it leaves no core dump.
     rustix::process::set_dumpable_behavior(DumpableBehavior::NotDumpable)?;
     Ok(Walls {
         files: restrict_files(room).unwrap_or(false),
@@ -189,16 +194,17 @@ pub fn confine(parent: u32, room: &Room) -> io::Result<Walls> {
     })
 }
 
-/// When memory is short a host is killed before the agent. Where the system does not keep such a
-/// number it chooses by size.
+/// Makes the kernel kill a host before the agent when memory runs out. Where the system has no such
+/// score, it chooses by size.
 fn die_first() {
     let _ = std::fs::write("/proc/self/oom_score_adj", OOM_SCORE_ADJ);
 }
 
-/// Of all users, root included.
+/// Drops all capabilities, also those of root.
 fn drop_capabilities() -> io::Result<()> {
     for capability in CapabilitySet::all().iter() {
-        // Only who has rights can give up those of its children; it has none without.
+        // Only a process with capabilities can limit those of its children; without any, this call
+        // fails.
         let _ = rustix::thread::remove_capability_from_bounding_set(capability);
     }
     let _ = rustix::thread::clear_ambient_capability_set();
@@ -240,14 +246,14 @@ fn limit(processor: u64) -> io::Result<()> {
     Ok(())
 }
 
-/// Of all users together: the fourth word of `0.20 0.18 0.12 1/80 11206`.
+/// Threads of all users: the total in the fourth field of `0.20 0.18 0.12 1/80 11206`.
 fn threads() -> Option<u64> {
     let load = std::fs::read_to_string("/proc/loadavg").ok()?;
     let (_, all) = load.split_whitespace().nth(3)?.split_once('/')?;
     all.parse().ok()
 }
 
-/// Whether the kernel holds it.
+/// Returns whether the kernel enforces the rules.
 fn restrict_files(room: &Room) -> Result<bool, RulesetError> {
     let ruleset = Ruleset::default()
         .handle_access(AccessFs::from_all(LANDLOCK))?
@@ -263,7 +269,7 @@ fn restrict_files(room: &Room) -> Result<bool, RulesetError> {
     Ok(status != RulesetStatus::NotEnforced)
 }
 
-/// A folder that is not there cannot be allowed: then nothing can be saved.
+/// Adds a rule for each folder. One that does not exist gets none: then nothing can be saved in it.
 fn allow(
     ruleset: RulesetCreated,
     folders: &[PathBuf],

@@ -1,9 +1,10 @@
-//! The kernel's walls round a process that handles other people's scripts: a behaviour's host, a
-//! check, a scenario. Code that breaks out of the VM is still confined by these walls.
+//! The kernel-enforced sandbox of a process that runs untrusted scripts: a behaviour's host, a
+//! check, a scenario. Code that breaks out of the VM is still confined by it.
 //!
-//! No capabilities, no descriptors but the pipe and standard error, no files but those of its room,
-//! no network, a short list of system calls, no new code in memory, and resource limits. On a
-//! kernel without landlock or seccomp these two are missing, which is logged once; the rest holds.
+//! A confined process has no capabilities, no file descriptors except the pipe and standard error,
+//! no files except those of its room, no network, a short allow-list of system calls, no new
+//! executable memory, and resource limits. On a kernel without landlock or seccomp these two
+//! restrictions are missing, which is logged once; all others still apply.
 
 mod calls;
 mod command;

@@ -1,7 +1,8 @@
-//! One question to a confined process of this program, and its answer. Each question has a process of
-//! its own: whatever it does to itself, it is no other's answer.
+//! Asks a confined process of this program one question and returns its answer. Each question gets
+//! its own process, so that whatever a process does to itself cannot affect another answer.
 //!
-//! What if it hangs, crashes or floods? It is ended after its time, and that is the answer.
+//! A process that hangs is killed at its deadline, and one that crashes or sends too much gives an
+//! error.
 
 use std::ffi::OsString;
 use std::io::{self, ErrorKind, Read, Write};
@@ -16,15 +17,15 @@ use std::time::{Duration, Instant};
 use super::command::command;
 use super::confine::{Room, confine};
 
-/// The hidden argument by which the executable knows that it is to answer one question.
+/// The hidden argument that makes the executable answer one question.
 pub const WORKER_ARGUMENT: &str = "__worker";
-/// How long it waits until it looks whether it is still wanted.
+/// How often a blocked read or write checks whether the answer is still wanted.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// How long it may take to exit once it has answered.
+/// How long the process may take to exit after its answer.
 const EXIT_TIME: Duration = Duration::from_secs(1);
-/// No answer is longer.
+/// Longest answer or question, bytes.
 const LONGEST: usize = 32 << 20;
-/// The most of its last words that is kept.
+/// How much of its standard error is kept, bytes.
 const LAST_WORDS: u64 = 4096;
 
 /// Starts processes that answer questions of one kind.
@@ -37,18 +38,18 @@ pub struct Worker {
 /// Why there is no answer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum WorkerError {
-    /// It was ended after this time.
-    #[error("it was not over within {} s and was ended", .0.as_secs_f64())]
+    /// It was killed at this time limit.
+    #[error("it did not finish within {} s and was stopped", .0.as_secs_f64())]
     Late(Duration),
-    /// The caller does not want the answer any more.
+    /// The caller no longer wants the answer.
     #[error("interrupted")]
     Unwanted,
-    /// It ended by itself, or could not be started: in words.
+    /// It ended unexpectedly or could not be started; holds the reason as text.
     #[error("{0}")]
     Broken(String),
 }
 
-/// When to give up.
+/// When to stop waiting for the answer.
 struct Deadline<'a> {
     until: Instant,
     limit: Duration,
@@ -67,33 +68,33 @@ impl Deadline<'_> {
     }
 }
 
-/// Ended with its question.
+/// A child process that is killed when this is dropped.
 struct Process(Child);
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // It may have exited already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
 }
 
 impl Worker {
-    /// Of the running executable.
+    /// A worker that starts the running executable.
     ///
     /// # Errors
-    /// If the system does not tell where it is.
+    /// If the system does not report the executable's path.
     pub fn of_this_executable(kind: &'static str) -> io::Result<Worker> {
         let executable = std::env::current_exe()?;
         Ok(Worker { executable, kind })
     }
 
-    /// Of this executable, which must be `spykee`.
+    /// A worker that starts this executable, which must be `spykee`.
     pub fn new(executable: PathBuf, kind: &'static str) -> Worker {
         Worker { executable, kind }
     }
 
-    /// Waits for the answer, for as long as it is wanted, and no longer than the limit.
+    /// Waits for the answer while `wanted` returns true, at most for `limit`.
     ///
     /// # Errors
     /// See [`WorkerError`].
@@ -109,7 +110,7 @@ impl Worker {
             limit,
             wanted,
         };
-        let broke = |error: io::Error| WorkerError::Broken(format!("its process: {error}"));
+        let broke = |error: io::Error| WorkerError::Broken(format!("its process failed: {error}"));
         let (mut process, mut stream) = self.start(room).map_err(broke)?;
         let talked = talk(&mut stream, question, &deadline);
         match talked {
@@ -162,7 +163,7 @@ fn talk(
     }
 }
 
-/// Whether trying again may help.
+/// Whether a retry may succeed.
 fn is_passing(error: &io::Error) -> bool {
     matches!(
         error.kind(),
@@ -171,7 +172,7 @@ fn is_passing(error: &io::Error) -> bool {
 }
 
 impl Process {
-    /// Whether it has ended well; `None` if it does not end.
+    /// Whether it exited successfully; `None` if it does not exit in time.
     fn ended(&mut self) -> Option<bool> {
         let until = Instant::now() + EXIT_TIME;
         loop {
@@ -183,7 +184,7 @@ impl Process {
         }
     }
 
-    /// What it wrote to its standard error, or else how it ended.
+    /// Its standard error, or if that is empty its exit status.
     fn last_words(&mut self) -> String {
         if self.ended().is_none() {
             let _ = self.0.kill();
@@ -197,16 +198,16 @@ impl Process {
         match (words.is_empty(), status) {
             (false, _) => words,
             (true, Ok(status)) => format!("its process ended unexpectedly ({status})"),
-            (true, Err(error)) => format!("its process: {error}"),
+            (true, Err(error)) => format!("its process failed: {error}"),
         }
     }
 }
 
-/// Bytes for the one who asked.
+/// The bytes of an answer.
 pub type Answer = Vec<u8>;
 
-/// The life of such a process: confines itself, reads its question, answers it. `work` has a thread
-/// with so much stack.
+/// The main function of a worker process: confines itself, reads the question and sends the answer.
+/// `work` runs on a thread with a stack of `stack` bytes.
 pub fn answer(
     arguments: impl Iterator<Item = OsString>,
     stack: usize,
@@ -225,7 +226,7 @@ pub fn answer(
     match answered {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("its process: {error}");
+            eprintln!("its process failed: {error}");
             ExitCode::FAILURE
         }
     }

@@ -1,19 +1,20 @@
-//! Messages to the robot (`PROTOCOL.md`, *TCP messages*). The agent emits them, the simulator
-//! parses them.
+//! Messages to the robot (`PROTOCOL.md`, *TCP messages*). The agent encodes them, the simulator
+//! decodes them.
 
 use bytes::{Bytes, BytesMut};
 
 use super::text::{emit_prefixed, parse_prefixed};
 use super::{Led, Packet, Sound, Stream, kind, packet};
 
-/// A message to the robot. Each variant names its message, which is its section of `PROTOCOL.md`.
+/// A message to the robot. Each variant's doc begins with the message's name, which is also the
+/// name of its section of `PROTOCOL.md`.
 #[derive(Clone, PartialEq, Eq)]
 pub enum Command {
-    /// NONE: nothing.
+    /// NONE: no content.
     None,
-    /// AUDIO: samples for the speaker, heard when stream `audio_out` is on.
+    /// AUDIO: samples for the speaker, played while stream `audio_out` is on.
     Audio(Bytes),
-    /// POWER, empty: asks for the battery level (one client does so).
+    /// POWER, empty: requests the battery level (one known client does this).
     PowerQuery,
     /// LED: switches a light.
     Led {
@@ -22,8 +23,8 @@ pub enum Command {
         /// On or off; on the wire 1 or 0.
         on: bool,
     },
-    /// MOVE: power of the two tracks. We send -90..=90; clients in the wild send up to 127, and
-    /// bytes after the second are ignored.
+    /// MOVE: power of the two tracks. The agent sends -90..=90; other clients send up to 127. Bytes
+    /// after the second are ignored.
     Move {
         /// Left track, negative is backwards.
         left: i8,
@@ -40,13 +41,13 @@ pub enum Command {
     Volume(u8),
     /// AUTH_REQUEST: logs in.
     Login(Login),
-    /// MUTE: meaning unknown, the payload as it came.
+    /// MUTE: meaning unknown; the payload as received.
     Mute(Bytes),
-    /// CONFIG, empty: asks for the configuration.
+    /// CONFIG, empty: requests the configuration.
     ConfigQuery,
-    /// CONFIG: `key=value&...` to set.
+    /// CONFIG: settings to change, as `key=value&...`.
     ConfigSet(Bytes),
-    /// WIRELESS_NETWORKS: asks for a scan.
+    /// WIRELESS_NETWORKS: requests a scan.
     NetworksQuery,
     /// STREAMCTL: switches a stream.
     Stream {
@@ -57,16 +58,16 @@ pub enum Command {
     },
     /// ENGINE: docking and undocking.
     Engine(Engage),
-    /// LOG: asks for the robot's log.
+    /// LOG: requests the robot's log.
     LogQuery,
     /// MOTOR_SPEED: stored in the robot's memory, meaning unknown.
     MotorSpeed(Bytes),
-    /// A type or a length that the protocol does not know.
+    /// A type or length that the protocol does not define.
     Unknown(Packet),
 }
 
 impl Command {
-    /// Both tracks at rest.
+    /// Stops both tracks.
     pub const STOP: Command = Command::Move { left: 0, right: 0 };
 
     /// Appends the message to `out`.
@@ -104,15 +105,15 @@ impl Command {
         }
     }
 
-    /// The message's bytes alone.
+    /// The encoded message.
     pub fn to_bytes(&self) -> Bytes {
         let mut out = BytesMut::new();
         self.emit(&mut out);
         out.freeze()
     }
 
-    /// Gives a packet its meaning. Payloads too short for their type are [`Command::Unknown`];
-    /// bytes beyond what a type needs are ignored.
+    /// Decodes a packet. A payload too short for its type gives [`Command::Unknown`]; bytes beyond
+    /// what a type needs are ignored.
     pub fn parse(packet: Packet) -> Command {
         let payload = &packet.payload;
         match (packet.kind, &payload[..]) {
@@ -154,21 +155,21 @@ impl Command {
     }
 }
 
-/// What ENGINE asks of the robot (`PROTOCOL.md`, ENGINE).
+/// The request in an ENGINE message (`PROTOCOL.md`, ENGINE).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Engage {
     /// 5 CHARGE_STOP: leave the station.
     Undock,
-    /// 6 BASE_FIND: search the station and drive onto it.
+    /// 6 BASE_FIND: search for the station and drive onto it.
     Dock,
     /// 7 BASE_FIND_CANCEL: stop searching.
     CancelDock,
-    /// Not listed.
+    /// A byte that the protocol does not list.
     Unknown(u8),
 }
 
 impl Engage {
-    /// What stands on the wire.
+    /// The byte on the wire.
     pub fn to_byte(self) -> u8 {
         match self {
             Engage::Undock => 5,
@@ -190,7 +191,7 @@ impl From<u8> for Engage {
     }
 }
 
-/// One chunk of an upload (`PROTOCOL.md`, FILE). Can only be made for sounds: a firmware image
+/// One chunk of an upload (`PROTOCOL.md`, FILE). Can only be created for sounds: a firmware image
 /// (file 66) is never sent.
 #[derive(Clone, PartialEq, Eq)]
 pub struct FileChunk {
@@ -205,7 +206,7 @@ impl FileChunk {
     /// Flag of a file's last chunk; a single chunk has both.
     pub const LAST: u8 = 2;
 
-    /// A chunk of an uploaded sound; `None` unless `slot` is one the user may fill: `user0`,
+    /// A chunk of an uploaded sound; `None` unless `slot` is one that the user may write: `user0`,
     /// `user1` or `music`.
     pub fn of_sound(slot: Sound, flags: u8, content: Bytes) -> Option<FileChunk> {
         let free = matches!(slot, Sound::User0 | Sound::User1 | Sound::Music);
@@ -249,7 +250,7 @@ pub struct Login {
 }
 
 impl Login {
-    /// Of a user and a password.
+    /// A login with this user and password.
     pub fn new(user: impl Into<String>, password: impl Into<String>) -> Login {
         Login {
             user: user.into(),
@@ -271,17 +272,17 @@ impl Login {
     }
 }
 
-/// A text that no log, error or `Debug` output ever shows.
+/// Text that never appears in a log, an error or `Debug` output.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Secret(String);
 
 impl Secret {
-    /// Hides a text.
+    /// Wraps a secret text.
     pub fn new(text: impl Into<String>) -> Secret {
         Secret(text.into())
     }
 
-    /// The text itself, for the one place that puts it on the wire.
+    /// The text itself, for the code that encodes it.
     pub fn reveal(&self) -> &str {
         &self.0
     }

@@ -1,8 +1,8 @@
-//! The datagrams by which robots are found (`PROTOCOL.md`, *Discovery datagrams*).
+//! The datagrams that discover robots (`PROTOCOL.md`, *Discovery datagrams*).
 
 use super::text::from_latin1;
 
-/// "DSCV", 1: who is there? (`PROTOCOL.md`, *Discovery datagrams*)
+/// The discovery request: "DSCV", 1 (`PROTOCOL.md`, *Discovery datagrams*).
 pub const REQUEST: [u8; 5] = *b"DSCV\x01";
 /// Clients read at most this many bytes of a reply (`PROTOCOL.md`, *Discovery datagrams*).
 pub const MAX_REPLY_LEN: usize = 64;
@@ -10,17 +10,17 @@ pub const MAX_REPLY_LEN: usize = 64;
 const REPLY_HEADER: [u8; 5] = *b"DSCV\x02";
 const HEADER_LEN: usize = REPLY_HEADER.len() + 1;
 
-/// A robot's answer.
+/// A robot's reply.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
 pub struct Reply {
     /// The robot's id, such as `SPYKEE0001`.
     pub uid: String,
-    /// Who is connected, if someone is.
+    /// The connected user, if any.
     pub connected_user: Option<String>,
 }
 
 impl Reply {
-    /// The datagram, at most [`MAX_REPLY_LEN`] bytes: a longer text is cut.
+    /// Encodes the datagram, at most [`MAX_REPLY_LEN`] bytes: longer text is cut off.
     pub fn emit(&self) -> Vec<u8> {
         let mut text = format!("uid={}", self.uid);
         if let Some(user) = &self.connected_user {
@@ -37,8 +37,9 @@ impl Reply {
         datagram
     }
 
-    /// Reads a datagram; `None` if it is no reply, as the broadcaster's own request is not. A
-    /// length byte that says more than arrived is overlooked; fields without a known name too.
+    /// Decodes a datagram; `None` if it is not a reply, for example the broadcaster's own request.
+    /// A length byte that announces more than was received is tolerated; unknown fields are
+    /// ignored.
     pub fn parse(datagram: &[u8]) -> Option<Reply> {
         let rest = datagram.strip_prefix(&REPLY_HEADER[..])?;
         let (&length, payload) = rest.split_first()?;
@@ -57,7 +58,7 @@ impl Reply {
     }
 }
 
-/// Whether a datagram asks who is there.
+/// Whether a datagram is a discovery request.
 pub fn is_request(datagram: &[u8]) -> bool {
     datagram.starts_with(&REQUEST)
 }
@@ -68,13 +69,13 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn the_request_is_golden() {
+    fn the_request_has_its_golden_bytes() {
         assert_eq!(REQUEST, [0x44, 0x53, 0x43, 0x56, 0x01]);
         assert!(is_request(&[0x44, 0x53, 0x43, 0x56, 0x01]));
     }
 
     #[test]
-    fn a_free_robot_names_only_itself() {
+    fn a_free_robot_sends_only_its_id() {
         let bytes = b"DSCV\x02\x0Euid=SPYKEE0001";
         let reply = Reply {
             uid: "SPYKEE0001".into(),
@@ -85,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_busy_robot_names_its_user() {
+    fn a_busy_robot_sends_its_user() {
         let bytes = b"DSCV\x02\x22uid=SPYKEE0001,connected-user=anna";
         let reply = Reply::parse(bytes).unwrap();
         assert_eq!(reply.connected_user.as_deref(), Some("anna"));
@@ -93,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn a_text_that_is_too_long_is_cut_and_no_user_is_nobody() {
+    fn a_long_text_is_cut_off_and_an_empty_user_is_none() {
         let reply = Reply {
             uid: "SPYKEE0001".into(),
             connected_user: Some("a".repeat(80)),
@@ -106,25 +107,25 @@ mod tests {
     }
 
     #[test]
-    fn only_a_question_is_a_request() {
+    fn only_the_request_datagram_is_a_request() {
         assert!(!is_request(b"DSCV"));
         assert!(!is_request(b"DSCV\x02\x05uid=S"));
     }
 
     #[test]
-    fn the_own_request_is_no_reply() {
+    fn the_own_request_is_not_a_reply() {
         assert_eq!(Reply::parse(&REQUEST), None);
     }
 
     proptest! {
         #[test]
-        fn any_datagram_is_read_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..80)) {
+        fn any_datagram_is_parsed_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..80)) {
             let _ = Reply::parse(&bytes);
             let _ = Reply::parse(&[&REPLY_HEADER[..], &bytes].concat());
         }
 
         #[test]
-        fn replies_stay_within_what_clients_read(uid in ".{0,90}", user in ".{0,90}") {
+        fn replies_fit_into_what_clients_read(uid in ".{0,90}", user in ".{0,90}") {
             let reply = Reply { uid, connected_user: Some(user) };
             prop_assert!(reply.emit().len() <= MAX_REPLY_LEN);
         }

@@ -1,7 +1,7 @@
-//! The texts that CONFIG and WIRELESS_NETWORKS carry (`PROTOCOL.md`, CONFIG, and `PROTOCOL.md`,
-//! WIRELESS_NETWORKS): settings as
-//! `key=value&key=value`, networks as `essid:encryption:strength;...`. Nothing is known of escapes:
-//! what cannot be told apart is taken as it stands.
+//! The text formats of CONFIG and WIRELESS_NETWORKS (`PROTOCOL.md`, CONFIG, and `PROTOCOL.md`,
+//! WIRELESS_NETWORKS): settings as `key=value&key=value`, networks as
+//! `essid:encryption:strength;...`. No escape sequences are known: separators are always taken
+//! literally.
 
 use bytes::{Bytes, BytesMut};
 
@@ -19,20 +19,20 @@ pub struct Setting {
 /// One wireless network that the robot sees.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Network {
-    /// Its name; may be empty, and may hold colons.
+    /// Its name; may be empty or contain colons.
     pub essid: String,
-    /// In the robot's words; which there are is not known.
+    /// As the robot names it; the possible values are unknown.
     pub encryption: String,
-    /// Its strength in the robot's unit, which is not known; `None` if it is no number.
+    /// Signal strength in an unknown unit of the robot; `None` if it is not a number.
     pub strength: Option<i32>,
 }
 
-/// The text of a payload; every byte is a character of ISO-8859-1.
+/// Decodes a payload as ISO-8859-1; every byte is a character.
 pub fn latin1(payload: &[u8]) -> String {
     from_latin1(payload)
 }
 
-/// The settings of a CONFIG text, several messages put together. Parts without a key are left out.
+/// Parses the joined text of CONFIG messages. Parts without a key are skipped.
 pub fn parse_settings(payload: &[u8]) -> Vec<Setting> {
     let text = from_latin1(payload);
     let parts = text.trim_end_matches(['\0', '\r', '\n']).split('&');
@@ -44,9 +44,9 @@ pub fn parse_settings(payload: &[u8]) -> Vec<Setting> {
     parts.filter_map(setting).collect()
 }
 
-/// The CONFIG text of several messages. Where a robot cuts it is not known: between two pairs, with or
-/// without the `&`, or within one. What looks like a pair on both sides of a
-/// cut was cut there.
+/// Joins the text of several CONFIG messages. Where the robot splits the text is unknown: between
+/// two pairs, with or without the `&`, or within one. If the parts on both sides of a split look
+/// like pairs, the split is between pairs and an `&` is inserted.
 pub fn join_settings(messages: &[Bytes]) -> Bytes {
     let mut text = BytesMut::new();
     for message in messages {
@@ -64,8 +64,7 @@ fn is_pair(part: &[u8]) -> bool {
     part.contains(&b'=')
 }
 
-/// The networks of a WIRELESS_NETWORKS text, several messages put together. Parts without both
-/// colons are left out.
+/// Parses the joined text of WIRELESS_NETWORKS messages. Parts without both colons are skipped.
 pub fn parse_networks(payload: &[u8]) -> Vec<Network> {
     let text = from_latin1(payload);
     let network = |part: &str| {
@@ -96,10 +95,9 @@ mod tests {
         }
     }
 
-    /// As `PROTOCOL.md`, *TCP messages*, says, byte by byte: "PK", type, length big-endian,
-    /// payload.
+    /// Encoded as in `PROTOCOL.md`, *TCP messages*: "PK", type, big-endian length, payload.
     #[test]
-    fn asking_setting_and_uploading_are_these_bytes() {
+    fn queries_settings_and_uploads_have_these_bytes() {
         let set = Command::ConfigSet(Bytes::from_static(b"a=1&b=2"));
         assert_eq!(
             set.to_bytes()[..],
@@ -131,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_are_read_from_these_bytes() {
+    fn replies_are_parsed_from_these_bytes() {
         let packet = |kind, text: &'static [u8]| Report::parse(Packet::new(kind, text.to_vec()));
         let Report::Config(text) = packet(kind::CONFIG, b"name=Sp\xFCkee&volume=80&flag&=x&")
         else {
@@ -158,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_are_whole_wherever_the_robot_cuts_them() {
+    fn split_settings_are_joined_wherever_the_robot_splits_them() {
         const TEXT: &[u8] = b"name=Spykee&volume=80&wifi-mode=adhoc";
         for cut in 0..=TEXT.len() {
             let (first, second) = TEXT.split_at(cut);
@@ -171,7 +169,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_bytes_are_read_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        fn any_bytes_are_parsed_without_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
             prop_assert!(parse_settings(&bytes).iter().all(|setting| !setting.key.is_empty()));
             let _ = parse_networks(&bytes);
             prop_assert_eq!(latin1(&bytes).chars().count(), bytes.len());

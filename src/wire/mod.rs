@@ -1,9 +1,9 @@
-//! What the robot speaks: messages to bytes and back, in both directions, and the discovery
-//! datagrams. Knows no socket and no clock; every fact cites its section of `PROTOCOL.md`: it
-//! follows below.
+//! The robot's wire protocol: encodes and decodes messages in both directions, and the discovery
+//! datagrams. Uses no socket and no clock. Every fact cites its section of `PROTOCOL.md`, which is
+//! included below.
 //!
-//! [`Decoder`] cuts a byte stream into [`Packet`]s; [`Report`] and [`Command`] give a packet its
-//! meaning. Whatever the protocol does not know is a value (`Unknown`), never a failure.
+//! [`Decoder`] splits a byte stream into [`Packet`]s; [`Report`] and [`Command`] interpret a
+//! packet. Anything that the protocol does not define becomes a value (`Unknown`), never an error.
 #![doc = ""]
 #![doc = include_str!("PROTOCOL.md")]
 
@@ -29,7 +29,7 @@ pub const PORT: u16 = 9000;
 
 /// The message types (`PROTOCOL.md`, *TCP messages*).
 pub mod kind {
-    /// Carries nothing.
+    /// No content.
     pub const NONE: u8 = 0;
     /// Samples of microphone or speaker.
     pub const AUDIO: u8 = 1;
@@ -45,13 +45,13 @@ pub mod kind {
     pub const FILE: u8 = 6;
     /// Play a sound.
     pub const PLAY: u8 = 7;
-    /// Stop the music, or: the music has ended.
+    /// Stop the music, or the music has ended.
     pub const STOP: u8 = 8;
     /// Speaker volume.
     pub const VOLUME: u8 = 9;
     /// Log in.
     pub const AUTH_REQUEST: u8 = 10;
-    /// The answer to a login.
+    /// The reply to a login.
     pub const AUTH_REPLY: u8 = 11;
     /// Meaning unknown.
     pub const MUTE: u8 = 12;

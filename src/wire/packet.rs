@@ -1,5 +1,5 @@
-//! One message as it stands on the wire: a 5-byte header and a payload (`PROTOCOL.md`, *TCP
-//! messages*), and the decoder that cuts a byte stream into such messages.
+//! One message on the wire: a 5-byte header and a payload (`PROTOCOL.md`, *TCP messages*), and the
+//! decoder that splits a byte stream into such messages.
 
 use bytes::{Bytes, BytesMut};
 
@@ -11,20 +11,20 @@ const LENGTH_OFFSET: usize = 3;
 pub const HEADER_LEN: usize = 5;
 /// The longest payload that the 16-bit length field can announce (`PROTOCOL.md`, *TCP messages*).
 pub const MAX_PAYLOAD_LEN: usize = u16::MAX as usize;
-/// The longest message, and the most that a [`Decoder`] ever holds.
+/// The longest message, and the most bytes that a [`Decoder`] ever buffers.
 pub const MAX_PACKET_LEN: usize = HEADER_LEN + MAX_PAYLOAD_LEN;
 
-/// A message whose meaning has not been looked at yet.
+/// A message whose payload has not been decoded yet.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Packet {
     /// The type byte; see [`super::kind`].
     pub kind: u8,
-    /// 0 to [`MAX_PAYLOAD_LEN`] bytes; what is longer is cut by [`Packet::emit`].
+    /// 0 to [`MAX_PAYLOAD_LEN`] bytes; [`Packet::emit`] cuts off the rest.
     pub payload: Bytes,
 }
 
 impl Packet {
-    /// A packet of a type and a payload.
+    /// A packet with this type and payload.
     pub fn new(kind: u8, payload: impl Into<Bytes>) -> Packet {
         Packet {
             kind,
@@ -50,8 +50,8 @@ impl std::fmt::Debug for Packet {
     }
 }
 
-/// Appends one message to `out`. A payload over [`MAX_PAYLOAD_LEN`] is cut there: the length field
-/// cannot say more, and a lie would put the peer out of step.
+/// Appends one message to `out`. A payload over [`MAX_PAYLOAD_LEN`] is cut off there: the length
+/// field cannot express more, and a wrong length would desynchronise the peer.
 pub(super) fn emit(kind: u8, payload: &[u8], out: &mut BytesMut) {
     let payload = &payload[..payload.len().min(MAX_PAYLOAD_LEN)];
     out.extend_from_slice(&MAGIC);
@@ -60,8 +60,8 @@ pub(super) fn emit(kind: u8, payload: &[u8], out: &mut BytesMut) {
     out.extend_from_slice(payload);
 }
 
-/// The stream has no "PK" where a header must stand: it is out of step and cannot be trusted any
-/// more. Close the connection and begin anew.
+/// The stream has no "PK" where a header must begin: it is out of sync and cannot be trusted any
+/// more. The connection must be closed and opened again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("expected a message header ({:02X} {:02X}), found {:02X} {:02X}", MAGIC[0], MAGIC[1], found[0], found[1])]
 pub struct FramingError {
@@ -69,10 +69,10 @@ pub struct FramingError {
     pub found: [u8; 2],
 }
 
-/// Cuts a byte stream, in slices of any size, into [`Packet`]s.
+/// Splits a byte stream, received in slices of any size, into [`Packet`]s.
 ///
-/// Holds at most one message that is not whole yet, so at most [`MAX_PACKET_LEN`] bytes whatever
-/// the headers claim; memory grows with what has arrived, not with what was announced.
+/// Buffers at most one incomplete message, so at most [`MAX_PACKET_LEN`] bytes whatever the headers
+/// claim; memory grows with the bytes received, not with the announced length.
 #[derive(Debug, Default)]
 pub struct Decoder {
     partial: BytesMut,
@@ -85,12 +85,12 @@ impl Decoder {
         Decoder::default()
     }
 
-    /// Takes bytes off the front of `input` until a packet is whole or `input` is empty.
+    /// Takes bytes from the front of `input` until a packet is complete or `input` is empty.
     ///
-    /// `Ok(None)` means: not enough bytes yet, and `input` is used up.
+    /// `Ok(None)` means that `input` is used up and the packet is still incomplete.
     ///
     /// # Errors
-    /// [`FramingError`] as soon as a byte cannot belong to a header; from then on always.
+    /// [`FramingError`] as soon as a byte cannot belong to a header, and for every later call.
     pub fn decode(&mut self, input: &mut &[u8]) -> Result<Option<Packet>, FramingError> {
         if let Some(error) = self.failed {
             return Err(error);
@@ -111,18 +111,18 @@ impl Decoder {
         }))
     }
 
-    /// The part of a VIDEO message's payload that has arrived, if it is not whole yet.
+    /// The received part of an incomplete VIDEO message's payload.
     pub fn coming_frame(&self) -> Option<&[u8]> {
         let payload = self.partial.get(HEADER_LEN..)?;
         (self.partial[KIND_OFFSET] == super::kind::VIDEO).then_some(payload)
     }
 
-    /// Bytes held of a message that is not whole yet.
+    /// Buffered bytes of an incomplete message.
     pub fn buffered(&self) -> usize {
         self.partial.len()
     }
 
-    /// Moves bytes from `input` until `upto` bytes are held.
+    /// Moves bytes from `input` until `upto` bytes are buffered.
     fn take(&mut self, input: &mut &[u8], upto: usize) {
         let missing = upto.saturating_sub(self.partial.len()).min(input.len());
         let (head, rest) = input.split_at(missing);
@@ -167,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn a_golden_stop_is_cut_out_of_a_stream() {
+    fn golden_move_and_stop_are_split_out_of_a_stream() {
         let bytes = [
             0x50, 0x4B, 0x05, 0x00, 0x02, 0x00, 0x00, 0x50, 0x4B, 0x08, 0x00, 0x00,
         ];
@@ -180,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn only_of_a_frame_the_part_that_has_come_is_shown() {
+    fn only_a_frame_is_shown_before_it_is_complete() {
         let frame: &[u8] = &[0x50, 0x4B, super::super::kind::VIDEO, 0, 3, 7, 8];
         let mut decoder = Decoder::new();
         assert_eq!(decoder.decode(&mut &frame[..4]), Ok(None));
@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_without_pk_ends_the_stream_for_good() {
+    fn a_header_without_pk_ends_the_stream_permanently() {
         let mut decoder = Decoder::new();
         let mut input: &[u8] = b"PX";
         let error = decoder.decode(&mut input).unwrap_err();
@@ -219,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn emit_cuts_what_the_length_field_cannot_say() {
+    fn emit_cuts_off_what_the_length_field_cannot_express() {
         let mut out = BytesMut::new();
         Packet::new(1, vec![0xA5; MAX_PAYLOAD_LEN + 9]).emit(&mut out);
         assert_eq!(out.len(), MAX_PACKET_LEN);
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_packet_shows_its_type_and_length_but_not_what_it_carries() {
+    fn debug_output_shows_type_and_length_but_not_the_payload() {
         let shown = format!("{:?}", Packet::new(10, &b"hunter2"[..]));
         assert_eq!(shown, "Packet { kind: 10, 7 bytes }");
     }

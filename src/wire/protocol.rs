@@ -1,10 +1,10 @@
-//! Holds `PROTOCOL.md` and the code against each other.
+//! Checks `PROTOCOL.md` and the code against each other.
 
 use super::{Command, Decoder, Report};
 
 const PAGE: &str = include_str!("PROTOCOL.md");
 
-/// The rows of *Byte vectors*: what they mean and their bytes.
+/// The rows of *Byte vectors*: their meanings and bytes.
 fn vectors() -> Vec<(&'static str, Vec<u8>)> {
     let (_, section) = PAGE.split_once("\n## Byte vectors\n").unwrap();
     let (section, _) = section.split_once("\n## ").unwrap();
@@ -23,7 +23,7 @@ fn every_byte_vector_of_the_page_is_one_known_message() {
     assert_eq!(vectors.len(), 20);
     for (meaning, bytes) in vectors {
         let packet = Decoder::new().decode(&mut &bytes[..]).unwrap();
-        let packet = packet.unwrap_or_else(|| panic!("{meaning}: the message is not whole"));
+        let packet = packet.unwrap_or_else(|| panic!("{meaning}: the message is incomplete"));
         let report = Report::parse(packet.clone());
         let command = Command::parse(packet);
         let known = [

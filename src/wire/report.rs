@@ -1,17 +1,18 @@
-//! Messages from the robot (`PROTOCOL.md`, *TCP messages*). The agent parses them, the simulator
-//! emits them.
+//! Messages from the robot (`PROTOCOL.md`, *TCP messages*). The agent decodes them, the simulator
+//! encodes them.
 
 use bytes::{Bytes, BytesMut};
 
 use super::text::{emit_prefixed, parse_prefixed};
 use super::{Packet, kind, packet};
 
-/// A message from the robot. Each variant names its message, which is its section of `PROTOCOL.md`.
+/// A message from the robot. Each variant's doc begins with the message's name, which is also the
+/// name of its section of `PROTOCOL.md`.
 #[derive(Clone, PartialEq, Eq)]
 pub enum Report {
     /// AUDIO: microphone, s16 little-endian, 16 kHz, mono. An odd last byte is possible.
     Audio(Bytes),
-    /// VIDEO: one JPEG frame, as it came.
+    /// VIDEO: one JPEG frame, as received.
     Video(Bytes),
     /// POWER: the battery.
     Power(Power),
@@ -19,7 +20,7 @@ pub enum Report {
     SoundFinished,
     /// AUTH_REPLY: accepted.
     Accepted(Accepted),
-    /// AUTH_REPLY: refused; the robot closes after it.
+    /// AUTH_REPLY: refused; the robot closes the connection after it.
     Refused(Refusal),
     /// CONFIG: `key=value&...`, possibly one of several messages.
     Config(Bytes),
@@ -29,7 +30,7 @@ pub enum Report {
     Engine(EngineReport),
     /// LOG: text of the robot's log.
     Log(Bytes),
-    /// A type, a length or a battery level that the protocol does not know; MUTE and NONE included.
+    /// A type, a length or a battery level that the protocol does not define; also MUTE and NONE.
     Unknown(Packet),
 }
 
@@ -53,15 +54,15 @@ impl Report {
         }
     }
 
-    /// The message's bytes alone.
+    /// The encoded message.
     pub fn to_bytes(&self) -> Bytes {
         let mut out = BytesMut::new();
         self.emit(&mut out);
         out.freeze()
     }
 
-    /// Gives a packet its meaning. Payloads too short for their type and battery levels beyond
-    /// 100 % are [`Report::Unknown`]; bytes beyond what a type needs are ignored.
+    /// Decodes a packet. A payload too short for its type and a battery level beyond 100 % give
+    /// [`Report::Unknown`]; bytes beyond what a type needs are ignored.
     pub fn parse(packet: Packet) -> Report {
         let payload = &packet.payload;
         match (packet.kind, &payload[..]) {
@@ -87,12 +88,12 @@ impl Report {
 pub struct Power {
     /// 0..=100 percent.
     pub percent: u8,
-    /// Charging. A level of 0 cannot say so on the wire.
+    /// Charging. At a level of 0 the wire format cannot express this.
     pub charging: bool,
 }
 
 impl Power {
-    /// Reads the byte; `None` for levels beyond 100, which mean nothing.
+    /// Decodes the byte; `None` for undefined levels beyond 100.
     pub fn from_byte(byte: u8) -> Option<Power> {
         let level = i8::from_be_bytes([byte]);
         let percent = level.unsigned_abs();
@@ -120,19 +121,19 @@ pub struct Accepted {
     pub uid: String,
     /// The robot's name.
     pub name: String,
-    /// A third name; its meaning is not known.
+    /// A third name of unknown meaning.
     pub place: String,
-    /// Such as `1.0.22`.
+    /// The firmware version, such as `1.0.22`.
     pub firmware: String,
     /// The robot stands on its charging station.
     pub docked: bool,
-    /// Bytes after that, of unknown meaning; a recorded reply has [`Accepted::RECORDED_TAIL`].
+    /// Further bytes of unknown meaning; a recorded reply has [`Accepted::RECORDED_TAIL`].
     pub tail: Bytes,
 }
 
 impl Accepted {
     const DOCKED: u8 = 0;
-    /// How the recorded reply of a real robot ends.
+    /// The last bytes of a recorded reply of a real robot.
     pub const RECORDED_TAIL: &[u8] = &[1, 2];
 
     fn emit(&self, out: &mut BytesMut) {
@@ -168,9 +169,9 @@ impl Accepted {
 pub enum Refusal {
     /// 1: wrong user or password.
     WrongPassword,
-    /// 3: someone else is connected.
+    /// 3: another user is connected.
     InUse,
-    /// Not listed.
+    /// A reason that the protocol does not list.
     Unknown(u8),
 }
 
@@ -193,23 +194,23 @@ impl Refusal {
     }
 }
 
-/// What ENGINE tells (`PROTOCOL.md`, ENGINE).
+/// The event in an ENGINE message (`PROTOCOL.md`, ENGINE).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum EngineReport {
-    /// 1 ACTIVATE: has left the charging station.
+    /// 1 ACTIVATE: the robot has left the charging station.
     Undocked,
-    /// 2 DEACTIVATE: is on the charging station.
+    /// 2 DEACTIVATE: the robot is on the charging station.
     Docked,
     /// 3 BATTERY_CHARGED: the battery is full.
     Charged,
     /// 8 BASE_NOT_FOUND: the search failed.
     BaseNotFound,
-    /// Not listed.
+    /// A byte that the protocol does not list.
     Unknown(u8),
 }
 
 impl EngineReport {
-    /// What stands on the wire.
+    /// The byte on the wire.
     pub fn to_byte(self) -> u8 {
         match self {
             EngineReport::Undocked => 1,

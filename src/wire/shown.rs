@@ -1,11 +1,11 @@
-//! How messages look in logs and tests: payloads that may hold secrets, such as the keys of a Wi-Fi, or
-//! are long, such as sounds, are a number of bytes only.
+//! `Debug` output of messages for logs and tests. Payloads that may contain secrets, such as Wi-Fi
+//! keys, or that are long, such as sounds, are shown only as a number of bytes.
 
 use std::fmt;
 
 use super::{Command, FileChunk, Report, Setting};
 
-/// In place of a payload.
+/// Shown instead of a payload.
 struct Length(usize);
 
 impl fmt::Debug for Length {
@@ -100,10 +100,10 @@ mod tests {
     use crate::wire::{Login, Packet, Sound, kind};
 
     #[test]
-    fn no_payload_shows() {
+    fn debug_output_never_contains_a_payload() {
         let secret = "hunter2";
         let chunk = FileChunk::of_sound(Sound::User0, 3, secret.into()).unwrap();
-        // A login that is cut short is no login, but has the password in it all the same.
+        // A truncated login is not parsed as one, but still contains the password.
         let mut login = Command::Login(Login::new("anna", secret)).to_bytes();
         login.truncate(login.len() - 1);
         let torn = Packet::new(kind::AUTH_REQUEST, login.slice(5..));

@@ -1,7 +1,8 @@
-//! The small numbers of the protocol and the names that people use for them (`PROTOCOL.md`,
-//! STREAMCTL, `PROTOCOL.md`, LED, and `PROTOCOL.md`, PLAY).
+//! The enumerated byte values of the protocol and their names in scripts (`PROTOCOL.md`, STREAMCTL,
+//! `PROTOCOL.md`, LED, and `PROTOCOL.md`, PLAY).
 
-/// Declares an enum of one wire byte with its names in one table, and `Unknown` for all others.
+/// Declares an enum of one wire byte, with the names of its values in one table and `Unknown` for
+/// all other bytes.
 macro_rules! wire_byte {
     ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $byte:literal, $text:literal;)+ }) => {
         $(#[$doc])*
@@ -16,7 +17,7 @@ macro_rules! wire_byte {
             /// Every value that the protocol's table lists, in the table's order.
             pub const ALL: &'static [$name] = &[$($name::$variant,)+];
 
-            /// What stands on the wire.
+            /// The byte on the wire.
             pub fn to_byte(self) -> u8 {
                 match self {
                     $($name::$variant => $byte,)+
@@ -24,7 +25,7 @@ macro_rules! wire_byte {
                 }
             }
 
-            /// The name that scripts and people use; `unknown` for what the table does not list.
+            /// The name that scripts and users use; `unknown` for a byte that is not in the table.
             pub fn name(self) -> &'static str {
                 match self {
                     $($name::$variant => $text,)+
@@ -32,7 +33,7 @@ macro_rules! wire_byte {
                 }
             }
 
-            /// The value of a name of the table.
+            /// The value with this name in the table.
             pub fn from_name(name: &str) -> Option<$name> {
                 $name::ALL.iter().copied().find(|value| value.name() == name)
             }
@@ -52,11 +53,11 @@ macro_rules! wire_byte {
 wire_byte! {
     /// A stream that STREAMCTL switches (`PROTOCOL.md`, STREAMCTL).
     Stream {
-        /// Camera to us.
+        /// From the camera to the agent.
         Video = 1, "video";
-        /// Microphone to us.
+        /// From the microphone to the agent.
         AudioIn = 2, "audio_in";
-        /// Us to the speaker.
+        /// From the agent to the speaker.
         AudioOut = 3, "audio_out";
     }
 }
@@ -66,9 +67,9 @@ wire_byte! {
     Led {
         /// The headlight in the centre.
         Flash = 0, "flash";
-        /// On the left.
+        /// The left light.
         Left = 1, "left";
-        /// On the right.
+        /// The right light.
         Right = 2, "right";
     }
 }
@@ -112,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_byte_survives_the_way_there_and_back() {
+    fn every_byte_survives_the_round_trip() {
         for byte in 0..=u8::MAX {
             assert_eq!(Stream::from(byte).to_byte(), byte);
             assert_eq!(Led::from(byte).to_byte(), byte);
@@ -121,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn names_lead_back_to_their_values() {
+    fn names_map_back_to_their_values() {
         for &sound in Sound::ALL {
             assert_eq!(Sound::from_name(sound.name()), Some(sound));
         }

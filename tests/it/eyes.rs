@@ -260,7 +260,7 @@ fn an_unreadable_picture_is_named_with_its_reason_and_the_others_are_processed()
     assert_eq!(found[0]["file"], "ahead.jpg");
     let reasons = [
         ("half.jpg", "cut short"),
-        ("text.jpg", "no JPEG"),
+        ("text.jpg", "not a JPEG"),
         ("none.jpg", "No such file"),
         (" .: ", "folder"),
     ];
@@ -467,7 +467,7 @@ fn learning_continues_without_unusable_pictures() {
         "{yaml}"
     );
     assert!(
-        error.contains("text.jpg") && error.contains("no JPEG"),
+        error.contains("text.jpg") && error.contains("not a JPEG"),
         "{error}"
     );
     let error = desk.refused("learn ahead.jpg --roi 320,0,10,10");

@@ -1,4 +1,4 @@
-//! Sums over the pixels of a shape: how many, where, and which way it lies.
+//! Image moments of a shape: its area, centroid and orientation.
 
 /// Exact sums of coordinates and of their products.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -11,12 +11,12 @@ pub(crate) struct Moments {
     sum_xy: u64,
 }
 
-/// How a shape lies.
+/// The orientation and roundness of a shape.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Axes {
-    /// Of the long axis in radians, 0..pi, from x towards y.
+    /// Direction of the major axis in radians, 0..pi, from x towards y.
     pub(crate) rotation: f64,
-    /// Smaller second moment by the larger one, 0..1; 0 for a line and for a single pixel.
+    /// Smaller second moment divided by the larger one, 0..1; 0 for a line and for a single pixel.
     pub(crate) roundness: f64,
 }
 
@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn a_run_counts_like_its_pixels() {
+    fn a_run_equals_its_single_pixels() {
         let mut run = Moments::default();
         run.add_run(3, 9, 7);
         assert_eq!(run, of(&[(3, 7), (4, 7), (5, 7), (6, 7), (7, 7), (8, 7)]));

@@ -1,22 +1,22 @@
-//! Connected regions of a labelled picture, in one pass.
+//! Labels the connected components of a picture in one pass.
 //!
-//! Every row is cut into runs of one label; a run that touches runs of the same label in the row
-//! above (eight neighbours, as OpenCV's default) joins their region by union-find. Pixels, box and
-//! moments are summed on the way, so no label image is ever written. Buffers are kept: once warm,
-//! nothing is allocated.
+//! Each row is split into runs of one label; a run that touches runs of the same label in the row
+//! above (8-connectivity, as by default in OpenCV) joins their region by union-find. Pixel counts,
+//! boxes and moments are summed up on the way, so no label image is written. Buffers are reused:
+//! after the first pictures nothing is allocated.
 
 use super::moments::Moments;
 use crate::vision::picture::image::Roi;
 use crate::vision::picture::spans::Spans;
 
-/// Pixels of one label that touch each other, and their sums.
+/// A connected region of one label, with its sums.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Region {
-    /// Itself for the root of a region; otherwise a region that it joined.
+    /// The region itself if it is a root; otherwise a region that it joined.
     parent: u32,
     pub(crate) label: u8,
     pub(crate) moments: Moments,
-    /// Border pixels; filled by [`Regions::measure_perimeters`].
+    /// Number of border pixels; computed by [`Regions::measure_perimeters`].
     pub(crate) perimeter: u64,
     pub(crate) left: u32,
     pub(crate) right: u32,
@@ -24,7 +24,7 @@ pub(crate) struct Region {
     pub(crate) bottom: u32,
 }
 
-/// Neighbours of one label in one row, from `start` up to and without `end`.
+/// Neighbouring pixels of one label in one row, from `start` to before `end`.
 #[derive(Debug, Clone, Copy)]
 struct Run {
     start: u32,
@@ -33,19 +33,20 @@ struct Run {
     label: u8,
 }
 
-/// Finds regions and keeps its buffers.
+/// Finds regions; reuses its buffers.
 #[derive(Debug, Default)]
 pub(crate) struct Regions {
     row: Vec<u8>,
     runs: Vec<Run>,
-    /// Where each row's runs begin, and one more at the end.
+    /// Index of the first run of each row, followed by the total number of runs.
     rows: Vec<usize>,
     regions: Vec<Region>,
 }
 
 impl Regions {
-    /// Goes over the window row by row. `label_row(y, row)` fills the labels of row `y` and tells where there
-    /// may be any; 0 is background, and so is the rest.
+    /// Scans the window row by row. `label_row(y, row)` writes the labels of row `y` and returns
+    /// the spans that may contain any; label 0 is background, and so is everything outside the
+    /// spans.
     pub(crate) fn scan(&mut self, window: Roi, mut label_row: impl FnMut(u32, &mut [u8]) -> Spans) {
         self.runs.clear();
         self.rows.clear();
@@ -66,7 +67,7 @@ impl Regions {
         }
     }
 
-    /// The regions found, in the order of their first pixel.
+    /// The regions in the order of their first pixel.
     pub(crate) fn found(&self) -> impl Iterator<Item = (u32, &Region)> {
         (0..)
             .zip(&self.regions)
@@ -77,7 +78,7 @@ impl Regions {
         &self.regions[index as usize]
     }
 
-    /// Gives every run of the newest row (from `first`) its region, by the runs above it.
+    /// Assigns a region to each run of the newest row (from `first` on), using the runs above it.
     fn join(&mut self, above: usize, first: usize, y: u32) {
         let (before, newest) = self.runs.split_at_mut(first);
         let mut above = &before[above..];
@@ -106,8 +107,8 @@ impl Regions {
         }
     }
 
-    /// Counts the border pixels of the regions for which `wanted` says yes: pixels of which one of the four
-    /// neighbours is not of the region.
+    /// Counts the border pixels of the regions for which `wanted` returns true: pixels with at
+    /// least one of their four neighbours outside the region.
     pub(crate) fn measure_perimeters(&mut self, wanted: impl Fn(&Region) -> bool) {
         for row in 0..self.rows.len() - 1 {
             let of = |row: usize| self.rows[row]..self.rows[row + 1];
@@ -143,7 +144,7 @@ impl Region {
         }
     }
 
-    /// Pixels of its box.
+    /// Area of the bounding box, pixels.
     pub(crate) fn area(&self) -> u64 {
         u64::from(self.right - self.left + 1) * u64::from(self.bottom - self.top + 1)
     }
@@ -165,7 +166,7 @@ impl Region {
     }
 }
 
-/// Root of a region, halving the way to it.
+/// Finds the root of a region, with path halving.
 fn find(regions: &mut [Region], mut index: u32) -> u32 {
     while regions[index as usize].parent != index {
         let grandparent = regions[regions[index as usize].parent as usize].parent;
@@ -175,7 +176,7 @@ fn find(regions: &mut [Region], mut index: u32) -> u32 {
     index
 }
 
-/// Makes two roots one and returns it: the older one, so that regions keep the order of their first pixel.
+/// Joins two roots and returns the older one, so that regions keep the order of their first pixel.
 fn unite(regions: &mut [Region], a: u32, b: u32) -> u32 {
     if a == b {
         return a;
@@ -187,7 +188,7 @@ fn unite(regions: &mut [Region], a: u32, b: u32) -> u32 {
     root
 }
 
-/// Appends the runs of a row whose first pixel stands in column `x`.
+/// Appends the runs of a row whose first pixel is in column `x`.
 fn cut(row: &[u8], x: u32, runs: &mut Vec<Run>) {
     let mut at = 0;
     while let Some(start) = first_other(row, at, 0) {
@@ -203,7 +204,8 @@ fn cut(row: &[u8], x: u32, runs: &mut Vec<Run>) {
     }
 }
 
-/// Where the first label other than `label` stands, from `at` on; eight labels at a time.
+/// The position of the first label other than `label`, from `at` on; compares eight labels at a
+/// time.
 fn first_other(row: &[u8], at: usize, label: u8) -> Option<usize> {
     let rest = &row[at..];
     let (words, _) = rest.as_chunks::<8>();
@@ -221,8 +223,8 @@ fn first_other(row: &[u8], at: usize, label: u8) -> Option<usize> {
         .map(|offset| tail + offset)
 }
 
-/// Pixels of a run, without its two ends, that have its label above and below. The slices are moved on to
-/// what can still matter to later runs of the row.
+/// Number of pixels of a run, without its two ends, that have its label above and below. Advances
+/// the slices to the runs that later runs of the row may need.
 fn enclosed<'a>(run: &Run, above: &mut &'a [Run], below: &mut &'a [Run]) -> u32 {
     for side in [&mut *above, &mut *below] {
         while let Some((passed, rest)) = side.split_first()
@@ -275,7 +277,7 @@ mod tests {
         });
     }
 
-    /// Label, pixels, perimeter and box, and the moments, of every region: slowly, by imageproc's labels.
+    /// Label, perimeter, box and moments of each region, computed slowly from imageproc's labels.
     type Facts = (u8, u64, [u32; 4], Moments);
 
     fn expected(mask: &GrayImage) -> Vec<Facts> {
@@ -284,8 +286,8 @@ mod tests {
         facts
     }
 
-    /// imageproc's forest is too small for more than two values or for one row, so it gets one label at a time,
-    /// with a frame around it.
+    /// imageproc's union-find is too small for more than two values or for a single row, so it gets
+    /// one label at a time, with a border around it.
     fn of_label(mask: &GrayImage, label: u8) -> Vec<Facts> {
         let alone = GrayImage::from_fn(mask.width() + 2, mask.height() + 2, |x, y| {
             let pixel = x
@@ -336,10 +338,10 @@ mod tests {
     }
 
     proptest! {
-        /// Count, pixels, boxes, centroids, second moments and perimeters, on noise of every density and
-        /// up to three labels, in sizes around the eight labels that are read at a time.
+        /// Counts, boxes, centroids, second moments and perimeters, on noise of every density with
+        /// up to three labels, in sizes around the eight labels that are compared at a time.
         #[test]
-        fn regions_are_those_of_plain_labelling(
+        fn regions_equal_those_of_plain_labelling(
             (width, height) in (1u32..40, 1u32..24),
             share in 1u8..=10,
             labels in 1u8..=3,

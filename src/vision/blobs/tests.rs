@@ -1,4 +1,4 @@
-//! Blobs of pictures whose figures are known.
+//! Blobs in pictures whose values are known.
 
 use super::*;
 use crate::vision::Colour;
@@ -34,11 +34,11 @@ fn boxed(pixels: &mut RgbImage, x: i32, y: i32, w: u32, h: u32, colour: Rgb<u8>)
 }
 
 #[test]
-fn a_box_has_the_figures_of_a_box() {
+fn a_box_has_the_values_of_a_box() {
     let mut pixels = grey();
     boxed(&mut pixels, 40, 100, 30, 10, RED);
     let [blob] = find(pixels, &["red"], BlobOptions::default())[..] else {
-        panic!("not one blob")
+        panic!("expected one blob")
     };
     assert_eq!((blob.x, blob.y, blob.w, blob.h), (40, 100, 30, 10));
     assert_eq!((blob.pixels, blob.area, blob.density), (300, 300, 1.0));
@@ -69,7 +69,7 @@ fn a_disc_is_round_and_a_bar_is_not() {
 }
 
 #[test]
-fn the_largest_come_first_and_no_more_than_asked_for() {
+fn the_largest_come_first_and_their_number_is_limited() {
     let mut pixels = grey();
     for (index, size) in [12, 30, 20, 25].into_iter().enumerate() {
         boxed(&mut pixels, 10 + 50 * index as i32, 10, size, size, RED);
@@ -91,7 +91,7 @@ fn the_largest_come_first_and_no_more_than_asked_for() {
 }
 
 #[test]
-fn small_ones_are_left_out() {
+fn small_blobs_are_left_out() {
     let mut pixels = grey();
     boxed(&mut pixels, 10, 10, 3, 3, RED);
     boxed(&mut pixels, 50, 10, 5, 2, RED);
@@ -120,7 +120,7 @@ fn small_ones_are_left_out() {
 }
 
 #[test]
-fn only_the_roi_counts() {
+fn only_the_roi_is_searched() {
     let mut pixels = grey();
     boxed(&mut pixels, 100, 100, 40, 40, RED);
     let options = BlobOptions {
@@ -147,7 +147,7 @@ fn only_the_roi_counts() {
 }
 
 #[test]
-fn blobs_of_several_colours_carry_the_bit_of_theirs() {
+fn blobs_of_several_colours_have_the_bit_of_their_colour() {
     let mut pixels = grey();
     boxed(&mut pixels, 10, 10, 40, 40, BLUE);
     boxed(&mut pixels, 50, 10, 30, 30, RED);
@@ -162,7 +162,7 @@ fn blobs_of_several_colours_carry_the_bit_of_theirs() {
 }
 
 #[test]
-fn merging_joins_boxes_that_are_near_and_their_codes() {
+fn merging_joins_nearby_boxes_and_their_codes() {
     let mut pixels = grey();
     boxed(&mut pixels, 10, 10, 20, 20, BLUE);
     boxed(&mut pixels, 34, 10, 20, 10, RED);
@@ -185,9 +185,9 @@ fn merging_joins_boxes_that_are_near_and_their_codes() {
 }
 
 #[test]
-fn a_merged_box_goes_on_merging() {
+fn a_merged_box_continues_to_merge() {
     let mut pixels = grey();
-    // The third lies within the box of the first two, though near neither of them.
+    // The third box lies within the bounding box of the first two, though near neither of them.
     boxed(&mut pixels, 10, 10, 60, 4, RED);
     boxed(&mut pixels, 72, 10, 4, 80, RED);
     boxed(&mut pixels, 20, 60, 6, 6, RED);
@@ -205,7 +205,7 @@ fn a_merged_box_goes_on_merging() {
 }
 
 #[test]
-fn invert_finds_what_is_not_of_the_colour() {
+fn invert_finds_pixels_not_of_the_colour() {
     let mut pixels = RgbImage::from_pixel(320, 240, RED);
     boxed(&mut pixels, 100, 50, 20, 20, BLUE);
     let blobs = find(
@@ -220,7 +220,7 @@ fn invert_finds_what_is_not_of_the_colour() {
 }
 
 #[test]
-fn what_touches_the_border_says_so() {
+fn a_blob_at_the_border_is_marked() {
     for (x, y) in [(0, 100), (300, 100), (100, 0), (100, 220)] {
         let mut pixels = grey();
         boxed(&mut pixels, x, y, 20, 20, RED);
@@ -229,7 +229,7 @@ fn what_touches_the_border_says_so() {
 }
 
 #[test]
-fn noise_of_the_worst_kind_is_bounded() {
+fn worst_case_noise_is_bounded() {
     let pixels = RgbImage::from_fn(320, 240, |x, y| if x % 2 + y % 2 == 0 { RED } else { BLUE });
     let options = BlobOptions {
         area_threshold: 0,

@@ -1,10 +1,10 @@
-//! Places where two dark and two bright fields meet.
+//! Finds chessboard corners: points where two dark and two bright fields meet.
 
 use image::GrayImage;
 
-/// Radius of the ring of pixels that is looked at round each place.
+/// Radius of the sampling ring around each pixel.
 const RING: i32 = 5;
-/// The ring's places, one every 22.5 degrees.
+/// The sampling points of the ring, one every 22.5 degrees.
 const PLACES: [(i32, i32); 16] = [
     (0, -5),
     (2, -5),
@@ -23,20 +23,20 @@ const PLACES: [(i32, i32); 16] = [
     (-4, -4),
     (-2, -5),
 ];
-/// Of two corners nearer than this only the clearer one counts, pixels.
+/// Least distance of two corners, pixels; of two closer ones only the stronger counts.
 const APART: i32 = 4;
-/// As clear as this share of the clearest, at least.
+/// Least strength of a corner as a share of the strongest one.
 const CLEAR: f32 = 0.15;
-/// So many at most: the clearest.
+/// Most corners; the strongest are kept.
 const MOST: usize = 600;
-/// Half the side of the square in which a corner's exact place is sought, pixels.
+/// Half the side of the window for the subpixel refinement, pixels.
 const REACH: i32 = 4;
 const MOST_STEPS: usize = 20;
 
-/// A place in a picture, in pixels; the middle of the first one is 0, 0.
+/// A position in a picture, in pixels; the centre of the first pixel is 0, 0.
 pub(super) type Place = [f64; 2];
 
-/// The corners of a picture, the clearest first.
+/// Finds the corners of a picture, strongest first.
 pub(super) fn corners(picture: &GrayImage) -> Vec<Place> {
     let smooth = Plane::smoothed(picture);
     let clearness = smooth.clearness();
@@ -52,7 +52,7 @@ pub(super) fn corners(picture: &GrayImage) -> Vec<Place> {
         .collect()
 }
 
-/// Grey levels.
+/// A picture of grey levels.
 struct Plane {
     width: i32,
     height: i32,
@@ -60,7 +60,7 @@ struct Plane {
 }
 
 impl Plane {
-    /// A picture, smoothed by the binomial 1 2 1.
+    /// The picture, smoothed by the binomial filter 1 2 1.
     fn smoothed(picture: &GrayImage) -> Plane {
         let (width, height) = (picture.width() as i32, picture.height() as i32);
         let levels = picture
@@ -89,13 +89,13 @@ impl Plane {
         }
     }
 
-    /// Beyond the edge, that of the edge.
+    /// The level of a pixel; outside the picture, that of the nearest border pixel.
     fn at(&self, x: i32, y: i32) -> f32 {
         let (x, y) = (x.clamp(0, self.width - 1), y.clamp(0, self.height - 1));
         self.levels[(y * self.width + x) as usize]
     }
 
-    /// Between pixels.
+    /// The bilinearly interpolated level between pixels.
     fn between(&self, x: f64, y: f64) -> f64 {
         let (left, top) = (x.floor(), y.floor());
         let (dx, dy) = (x - left, y - top);
@@ -106,8 +106,9 @@ impl Plane {
         upper * (1.0 - dy) + lower * dy
     }
 
-    /// How much each place is like a corner: on a ring round it opposite places are alike, and those
-    /// a quarter apart are not; its mean is that of the middle (Bennett and Lasenby, 2014).
+    /// The corner strength of each pixel: on a ring around a corner, opposite samples are similar,
+    /// samples a quarter turn apart differ, and the mean equals that of the centre (Bennett and
+    /// Lasenby, 2014).
     fn clearness(&self) -> Plane {
         self.mapped(|x, y| {
             let border = x.min(y).min(self.width - 1 - x).min(self.height - 1 - y);
@@ -127,8 +128,8 @@ impl Plane {
         })
     }
 
-    /// The exact place of a corner: where the slopes of all edges round it lead. `None` if that is
-    /// elsewhere.
+    /// The subpixel position of a corner, where the gradients of all surrounding edges point.
+    /// `None` if that is too far away.
     fn refined(&self, x: i32, y: i32) -> Option<Place> {
         let (start_x, start_y) = (f64::from(x), f64::from(y));
         let (mut at_x, mut at_y) = (start_x, start_y);
@@ -152,7 +153,7 @@ impl Plane {
         Some([at_x, at_y])
     }
 
-    /// The sums of slope times slope, and of that times the way from there, round a place.
+    /// The sums of the gradient products around a position, and of these products times the offset.
     fn slopes_round(&self, x: f64, y: f64) -> ([f64; 3], [f64; 2]) {
         let ([mut xx, mut xy, mut yy], [mut bx, mut by]) = ([0.0; 3], [0.0; 2]);
         for down in -REACH..=REACH {
@@ -175,7 +176,7 @@ impl Plane {
     }
 }
 
-/// Places that are clearer than all round them.
+/// Local maxima of the corner strength.
 fn peaks(clearness: &Plane) -> Vec<(f32, i32, i32)> {
     let mut found = Vec::new();
     for y in RING..clearness.height - RING {

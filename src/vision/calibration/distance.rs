@@ -1,55 +1,57 @@
-//! The field of view from pictures of one thing of known width, such as the charging station, each taken from a
-//! known distance straight before it. The distortion cannot be told so: it stays as it is said to be.
+//! Determines the field of view from pictures of one object of known width, such as the charging
+//! station, each taken from a known distance straight in front of it. The distortion cannot be
+//! determined this way: the given one is assumed.
 
 use crate::vision::{Camera, Size};
 
-/// Pictures at least.
+/// Least number of pictures.
 const FEWEST: usize = 2;
-/// Fields of view that lenses have, radians.
+/// Plausible fields of view of a lens, radians.
 const FIELDS_OF_VIEW: std::ops::RangeInclusive<f64> = 0.1..=3.0;
-/// The pictures may differ by this share of the field of view, in the mean.
+/// Largest standard deviation of the pictures' results, as a share of the field of view.
 const MOST_APART: f64 = 0.04;
 const HALVINGS: u32 = 60;
 
-/// A thing as it was seen.
+/// An object as seen in a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measure {
-    /// From the lens to its front, metres.
+    /// Distance from the lens to the object's front, metres.
     pub distance: f64,
-    /// Its left and its right edge, pixels; the middle of the first column is 0.
+    /// Columns of its left and right edge, pixels; the centre of the first column is 0.
     pub edges: [f64; 2],
-    /// The row at which they were measured, pixels.
+    /// The row of the measurement, pixels.
     pub row: f64,
 }
 
-/// Why the pictures do not tell the field of view.
+/// Why the pictures do not determine the field of view.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum DistanceError {
-    /// Too few of them.
-    #[error("it was found in {found} pictures; expected {FEWEST} or more")]
+    /// Too few pictures.
+    #[error("the object was found in {found} pictures; expected {FEWEST} or more")]
     Number {
-        /// In which it was found.
+        /// The number of pictures in which it was found.
         found: usize,
     },
-    /// No camera sees it as wide from there.
-    #[error("nothing {width:.2} m wide looks like that from {distance} m")]
+    /// No camera sees the object as wide from that distance.
+    #[error("an object {width:.2} m wide cannot look like that from {distance} m")]
     Impossible {
-        /// As it was said to be.
+        /// The given width, metres.
         width: f64,
-        /// As it was said to be.
+        /// The given distance, metres.
         distance: f64,
     },
-    /// Each picture tells another field of view.
-    #[error("the pictures tell fields of view from {least:.1} to {most:.1} degrees")]
+    /// The pictures give different fields of view.
+    #[error("the pictures give different fields of view, from {least:.1} to {most:.1} degrees")]
     Apart {
-        /// In degrees.
+        /// The smallest, in degrees.
         least: f64,
-        /// In degrees.
+        /// The largest, in degrees.
         most: f64,
     },
 }
 
-/// The field of view in radians, its standard deviation, and what each picture alone tells. `width` is the thing's, in metres.
+/// Returns the field of view in radians, its standard deviation, and the result of each picture.
+/// `width` is the object's, in metres.
 ///
 /// # Errors
 /// See [`DistanceError`].
@@ -89,7 +91,7 @@ fn of_one(
     distortion: [f64; 2],
     size: Size,
 ) -> Result<f64, DistanceError> {
-    // The wider the field of view, the wider the thing would be.
+    // The object's width that this field of view implies; it grows with the field of view.
     let wide = |hfov: f64| {
         let camera = Camera { hfov, distortion };
         let [left, right] = measure
@@ -125,7 +127,7 @@ mod tests {
         height: 240,
     };
 
-    /// Something of that width, seen from straight before it.
+    /// An object of this width, seen from straight in front of it.
     fn seen(camera: Camera, width: f64, distance: f64) -> Measure {
         let column = |aside: f64| {
             let direction = Direction {
@@ -142,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn known_distances_tell_the_field_of_view() {
+    fn known_distances_give_the_field_of_view() {
         let camera = Camera::default();
         let measures = [0.8, 1.0, 1.5, 2.0].map(|distance| seen(camera, 0.36, distance));
         let (hfov, sure, each) = field_of_view(&measures, 0.36, camera.distortion, SIZE).unwrap();
@@ -174,7 +176,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_measures_are_answered(
+        fn any_measures_are_accepted_without_panic(
             distance in -1e3f64..1e3, left in -1e3f64..1e3, right in -1e3f64..1e3, width in -1.0f64..10.0,
         ) {
             let measure = Measure { distance, edges: [left, right], row: 100.0 };

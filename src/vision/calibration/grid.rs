@@ -1,4 +1,4 @@
-//! Corners in the order of a board.
+//! Arranges corners in the order of a board.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -6,24 +6,26 @@ use image::GrayImage;
 
 use super::corners::{Place, corners};
 
-/// Fields that a search for the board begins at.
+/// Most corners from which the search for the board starts.
 const MOST_SEEDS: usize = 40;
-/// A corner may be so far from where its neighbours lead, as a share of their distance.
+/// Largest distance of a corner from its position extrapolated from a neighbour, as a share of the
+/// spacing.
 const ASTRAY: f64 = 0.3;
-/// Two directions of a board differ by this at least: the sine of 25 degrees.
+/// Least difference between the two directions of a board: the sine of 25 degrees.
 const UNLIKE: f64 = 0.42;
 
-/// How many inner corners a chessboard has: one less than fields, each way.
+/// The number of inner corners of a chessboard: one less than its fields in each direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Board {
-    /// From side to side, at least 3.
+    /// Corners from left to right, at least 3.
     pub columns: usize,
-    /// From top to bottom, at least 3.
+    /// Corners from top to bottom, at least 3.
     pub rows: usize,
 }
 
-/// The corners of a board in a picture, row by row, in pixels; the middle of the first pixel is 0, 0.
-/// Which row is the first depends on the picture. `None` if the whole board is not seen.
+/// Finds the corners of a board in a picture, row by row, in pixels; the centre of the first pixel
+/// is 0, 0. Which row is the first depends on the picture. `None` if the board is not completely
+/// visible.
 pub fn find_chessboard(picture: &GrayImage, board: Board) -> Option<Vec<[f64; 2]>> {
     let places = corners(picture);
     let seeds = 0..places.len().min(MOST_SEEDS);
@@ -34,7 +36,7 @@ pub fn find_chessboard(picture: &GrayImage, board: Board) -> Option<Vec<[f64; 2]
     })
 }
 
-/// Column and row of a corner, from the one that the search began at.
+/// Column and row of a corner, relative to the one where the search started.
 type Cell = (i32, i32);
 
 struct Grid {
@@ -42,7 +44,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// From one corner to all that its neighbours, and theirs, lead to.
+    /// Grows a grid from one corner to all corners that can be reached from neighbour to neighbour.
     fn grown(places: &[Place], seed: usize) -> Option<Grid> {
         let [right, down] = first_steps(places, seed)?;
         let mut cells = BTreeMap::from([((0, 0), seed)]);
@@ -85,7 +87,7 @@ fn neighbour((column, row): Cell, axis: usize, sign: i32) -> Cell {
     }
 }
 
-/// The ways to two neighbours of a corner that do not lie in one line with it.
+/// The offsets to two neighbours of a corner that are not collinear with it.
 fn first_steps(places: &[Place], seed: usize) -> Option<[Place; 2]> {
     let here = places[seed];
     let mut others: Vec<Place> = places
@@ -108,7 +110,7 @@ fn nearest(places: &[Place], wanted: Place) -> Option<(usize, f64)> {
     all.min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
-/// The board's corners row by row, if the cells are this board and nothing else.
+/// The board's corners row by row; `None` unless the cells form exactly this board.
 fn in_order(cells: &BTreeMap<Cell, usize>, board: Board) -> Option<Vec<usize>> {
     let span = |pick: fn(&Cell) -> i32| {
         let (low, high) = (cells.keys().map(pick).min()?, cells.keys().map(pick).max()?);

@@ -1,6 +1,6 @@
-//! Small systems of linear equations.
+//! Solves small systems of linear equations.
 
-/// A symmetric positive matrix, row by row.
+/// A symmetric matrix, stored row by row.
 pub(super) struct Symmetric {
     pub(super) size: usize,
     pub(super) cells: Vec<f64>,
@@ -22,7 +22,8 @@ impl Symmetric {
         self.cells[row * self.size + column]
     }
 
-    /// What this matrix makes `right` of (Cholesky); `None` if it is not positive.
+    /// Solves the system with this matrix and the right-hand side `right` by Cholesky
+    /// decomposition; `None` if the matrix is not positive definite.
     pub(super) fn solve(&self, right: &[f64]) -> Option<Vec<f64>> {
         let size = self.size;
         let mut lower = vec![0.0; size * size];
@@ -62,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn solves_what_can_be_solved() {
+    fn a_positive_definite_system_is_solved_and_others_are_not() {
         let matrix = Symmetric {
             size: 2,
             cells: vec![4.0, 1.0, 1.0, 3.0],

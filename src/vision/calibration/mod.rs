@@ -1,7 +1,8 @@
 //! Measures the camera's field of view and distortion from pictures of a chessboard: finds its
 //! inner corners ([`find_chessboard`]) and fits the [`Camera`](super::Camera) to them
-//! ([`calibrate`]); or determines the field of view from an object of known width at known
-//! distances ([`field_of_view`]). Pure, and slow: for commands on the terminal.
+//! ([`calibrate`]). Alternatively determines the field of view from an object of known width at
+//! known distances ([`field_of_view`]). Without side effects, but slow: intended for terminal
+//! commands.
 
 mod corners;
 mod distance;

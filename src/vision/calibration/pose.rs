@@ -1,19 +1,20 @@
-//! Where a board is before the camera: a first guess from its homography, without distortion.
+//! Estimates the pose of a board relative to the camera from its homography, without distortion.
 
 use super::linear::Symmetric;
 
-/// Turn (an axis times an angle) and place of a board, in the camera's right, down and ahead.
+/// Rotation (axis times angle) and position of a board, in the camera's right, down and forward
+/// axes.
 pub(super) type Pose = [f64; 6];
 
-/// Place on the board, in fields, and place in the picture, in pixels from the middle.
+/// Position on the board, in fields, and position in the picture, in pixels from the centre.
 pub(super) type Pair = ([f64; 2], [f64; 2]);
 
-/// How a plane appears: `h[0..3]`, `h[3..6]` and `h[6..9]` are the rows.
+/// The mapping of a plane to the picture; `h[0..3]`, `h[3..6]` and `h[6..9]` are its rows.
 pub(super) type Homography = [f64; 9];
 
-/// The homography of least squares.
+/// The least-squares homography.
 pub(super) fn homography(pairs: &[Pair]) -> Option<Homography> {
-    // Numbers of about one size: the board's fields as they are, pixels in hundreds.
+    // Keeps the numbers at a similar magnitude: board positions in fields, pixels in hundreds.
     const SCALE: f64 = 0.01;
     let mut matrix = Symmetric::zero(8);
     let mut right = vec![0.0; 8];
@@ -47,8 +48,8 @@ pub(super) fn homography(pairs: &[Pair]) -> Option<Homography> {
     ])
 }
 
-/// The focal length that makes the sides of all boards perpendicular and equal; `None` if they do not
-/// tell.
+/// The focal length that makes the sides of all boards perpendicular and equally long; `None` if
+/// the boards do not determine it.
 pub(super) fn focal_length(homographies: &[Homography]) -> Option<f64> {
     let (mut squares, mut products) = (0.0, 0.0);
     for h in homographies {
@@ -68,7 +69,7 @@ pub(super) fn focal_length(homographies: &[Homography]) -> Option<f64> {
     (square > 0.0 && square.is_finite()).then(|| square.sqrt())
 }
 
-/// The pose of a board that a camera of this focal length shows so.
+/// The pose of a board with this homography, for a camera of this focal length.
 pub(super) fn pose(h: &Homography, focal: f64) -> Option<Pose> {
     let column = |i: usize| [h[i] / focal, h[i + 3] / focal, h[i + 6]];
     let (first, second, place) = (column(0), column(1), column(2));
@@ -84,7 +85,7 @@ pub(super) fn pose(h: &Homography, focal: f64) -> Option<Pose> {
     Some([turn[0], turn[1], turn[2], place[0], place[1], place[2]])
 }
 
-/// A place on the board in the camera's right, down and ahead.
+/// A position on the board in the camera's right, down and forward axes.
 pub(super) fn seen_from(pose: &Pose, [x, y]: [f64; 2]) -> [f64; 3] {
     let axis = [pose[0], pose[1], pose[2]];
     let angle = length(axis);
@@ -93,7 +94,7 @@ pub(super) fn seen_from(pose: &Pose, [x, y]: [f64; 2]) -> [f64; 3] {
         let off = cross(axis, point);
         [0, 1, 2].map(|i| point[i] + off[i])
     } else {
-        // Rodrigues.
+        // Rodrigues' rotation formula.
         let axis = axis.map(|part| part / angle);
         let (sin, cos) = angle.sin_cos();
         let (off, along) = (cross(axis, point), dot(axis, point) * (1.0 - cos));
@@ -102,7 +103,7 @@ pub(super) fn seen_from(pose: &Pose, [x, y]: [f64; 2]) -> [f64; 3] {
     [0, 1, 2].map(|i| turned[i] + pose[i + 3])
 }
 
-/// Of a rotation whose columns these are.
+/// The axis times the angle of the rotation with these columns.
 fn axis_angle([x, y, z]: [[f64; 3]; 3]) -> Option<[f64; 3]> {
     let cos = ((x[0] + y[1] + z[2] - 1.0) / 2.0).clamp(-1.0, 1.0);
     let angle = cos.acos();
@@ -114,7 +115,8 @@ fn axis_angle([x, y, z]: [[f64; 3]; 3]) -> Option<[f64; 3]> {
     if sine > 1e-6 {
         return Some(off.map(|part| part / (2.0 * sine) * angle));
     }
-    // Half a turn: the axis is the longest column of the rotation plus one.
+    // Rotation by 180 degrees: the axis is the longest column of the rotation matrix plus the
+    // identity.
     let columns = [
         [x[0] + 1.0, x[1], x[2]],
         [y[0], y[1] + 1.0, y[2]],

@@ -1,73 +1,73 @@
-//! The camera that shows boards where they were seen: least squares after Levenberg and Marquardt over
-//! focal length, distortion and the pose of each board. The middle of the picture counts as the
-//! lens's.
+//! Fits the camera to sightings of boards: Levenberg-Marquardt least squares over the focal length,
+//! the distortion and the pose of each board. The optical centre is assumed to be the picture's
+//! centre.
 
 use super::grid::Board;
 use super::linear::Symmetric;
 use super::pose::{Homography, Pair, Pose, focal_length, homography, pose, seen_from};
 use crate::vision::{Camera, Size};
 
-/// Pictures at least, and at most.
+/// Least number of pictures.
 const FEWEST: usize = 3;
-/// Beyond this the system of equations becomes too large to wait for.
+/// Most pictures; the system of equations grows too slow to solve beyond that.
 const MOST: usize = 60;
-/// Of focal length, k1 and k2.
+/// Number of shared parameters: focal length, k1 and k2.
 const SHARED: usize = 3;
 const POSE: usize = 6;
 const MOST_ROUNDS: usize = 100;
-/// The focal length must be this sure: its standard deviation as a share of it.
+/// Largest standard deviation of the focal length, as a share of it.
 const SURE: f64 = 0.02;
-/// What lenses are there for, radians, and how much they bend.
+/// Plausible fields of view of a lens in radians, and its largest distortion factor.
 const FIELDS_OF_VIEW: std::ops::RangeInclusive<f64> = 0.1..=3.0;
 const MOST_BENT: f64 = 2.0;
-/// Corners this far from where they ought to be, in the mean, are not those of one flat board: pixels
-/// for each pixel of width.
+/// Largest root mean square error of the corners of one flat board, in pixels per pixel of the
+/// picture's width.
 const WORST: f64 = 0.01;
 
-/// A board's corners as they were seen, row by row, in pixels; the middle of the first pixel is 0, 0.
+/// The corners of a board in a picture, row by row, in pixels; the centre of the first pixel is the
+/// origin.
 pub type Sighting = Vec<[f64; 2]>;
 
-/// What the pictures tell.
+/// The result of a calibration.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibrated {
     /// The camera.
     pub camera: Camera,
     /// Standard deviation of its field of view, radians.
     pub uncertainty: f64,
-    /// From where corners ought to be to where they were seen: root of the mean square, in pixels, of
-    /// each picture.
+    /// Root mean square error of the corners in pixels, for each picture.
     pub errors: Vec<f64>,
 }
 
-/// Why pictures do not tell what the camera is like.
+/// Why the pictures are not sufficient for a calibration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
-    /// Too few of them.
+    /// Too few or too many pictures.
     #[error("the board was found in {found} pictures; expected {FEWEST} to {MOST}")]
     Number {
-        /// In which the board was found.
+        /// The number of pictures in which the board was found.
         found: usize,
     },
-    /// The board was always held alike.
+    /// The board was always held in a similar way.
     #[error(
-        "the pictures are too much alike to tell: tilt the board, to another side in each picture"
+        "the pictures are too similar: tilt the board in a different direction in each picture"
     )]
     Alike,
-    /// Something else than a flat board was seen.
+    /// Something other than a flat board was seen.
     #[error(
-        "the corners are {pixels:.1} pixels off in the mean: is the board flat, and of {columns} by {rows} inner corners?"
+        "the corners are {pixels:.1} pixels off on average: is the board flat, and does it have {columns} by {rows} inner corners?"
     )]
     Bent {
-        /// How far.
+        /// The root mean square error, pixels.
         pixels: f64,
-        /// As it was said to have.
+        /// The board's columns as given.
         columns: usize,
-        /// As it was said to have.
+        /// The board's rows as given.
         rows: usize,
     },
 }
 
-/// Finds the camera that took pictures of this size.
+/// Determines the camera that took pictures of this size.
 ///
 /// # Errors
 /// See [`CalibrationError`].
@@ -124,7 +124,7 @@ pub fn calibrate(
     match sigma.filter(|_| possible) {
         Some(sigma) => Ok(Calibrated {
             camera,
-            // Of the logarithm of the focal length, to the angle.
+            // From the logarithm of the focal length to the angle.
             uncertainty: sigma * width * focal / (focal * focal + width * width / 4.0),
             errors,
         }),
@@ -132,7 +132,7 @@ pub fn calibrate(
     }
 }
 
-/// What is sought: the logarithm of the focal length, k1, k2, and the poses of the boards.
+/// The unknowns: the logarithm of the focal length, k1, k2, and the poses of the boards.
 #[derive(Clone)]
 struct State {
     shared: [f64; SHARED],
@@ -144,7 +144,7 @@ impl State {
         self.shared[0].exp()
     }
 
-    /// A step further.
+    /// The state after a step.
     fn moved(&self, step: &[f64]) -> State {
         let mut next = self.clone();
         for (value, step) in next.shared.iter_mut().zip(step) {
@@ -181,7 +181,7 @@ impl Problem {
         self.views.iter().map(Vec::len).sum()
     }
 
-    /// From a focal length to the best state, and the sum of its squares.
+    /// Starts from a focal length. Returns the best state and its sum of squared errors.
     fn solved(&self, focal: f64, homographies: &[Homography]) -> Option<(State, f64)> {
         let poses = homographies.iter().map(|h| pose(h, focal));
         let mut state = State {
@@ -204,7 +204,7 @@ impl Problem {
         cost.is_finite().then_some((state, cost))
     }
 
-    /// A state that fits better, with as little damping as that takes.
+    /// Finds a state with a smaller error, increasing the damping only as far as needed.
     fn improved(
         &self,
         state: &State,
@@ -258,7 +258,7 @@ impl Problem {
             .collect()
     }
 
-    /// The normal equations round a state: what each step does to the places of all corners.
+    /// The normal equations at a state, from the derivatives of all corner positions.
     fn equations(&self, state: &State) -> (Symmetric, Vec<f64>) {
         let size = SHARED + POSE * self.views.len();
         let (mut matrix, mut slope) = (Symmetric::zero(size), vec![0.0; size]);
@@ -284,7 +284,7 @@ impl Problem {
         (matrix, slope)
     }
 
-    /// How sure the logarithm of the focal length is.
+    /// The standard deviation of the logarithm of the focal length.
     fn deviation(&self, state: &State, cost: f64) -> Option<f64> {
         let (matrix, _) = self.equations(state);
         let mut one = vec![0.0; matrix.size];
@@ -297,7 +297,7 @@ impl Problem {
     }
 }
 
-/// How far from where it was seen a corner appears, in pixels.
+/// The difference between the projected and the observed position of a corner, pixels.
 fn residual([focal, k1, k2]: &[f64; SHARED], pose: &Pose, (place, seen): &Pair) -> [f64; 2] {
     let [right, down, ahead] = seen_from(pose, *place);
     if ahead <= 1e-6 {
@@ -309,7 +309,7 @@ fn residual([focal, k1, k2]: &[f64; SHARED], pose: &Pose, (place, seen): &Pair) 
     [x * scale - seen[0], y * scale - seen[1]]
 }
 
-/// How each number changes that, shared ones first.
+/// The derivatives of the residual with respect to each parameter, shared ones first.
 fn slopes(shared: &[f64; SHARED], pose: &Pose, pair: &Pair) -> [[f64; 2]; SHARED + POSE] {
     const STEP: f64 = 1e-6;
     std::array::from_fn(|i| {

@@ -1,4 +1,4 @@
-//! Looks thirty-two chroma samples at a time up in cells: see [`super::cells`].
+//! Looks up thirty-two chroma samples at a time in cells; see [`super::cells`].
 
 use pulp::cast;
 use pulp::x86::V3;
@@ -6,12 +6,12 @@ use std::arch::x86_64::{__m128i, __m256i};
 
 use crate::vision::picture::spans::Spans;
 
-/// The groups of a row in which there are live cells, when one Cb and Cr stands for `N` pixels.
+/// Finds the groups of a row that contain live cells, if each Cb and Cr applies to `N` pixels.
 pub(super) struct LiveSpans<'a, const N: usize> {
     pub(super) v3: V3,
-    /// Where the first cell ends, less its eight levels.
+    /// The end of the first cell, minus its eight levels.
     pub(super) lowest: u8,
-    /// By cell of Cb, one bit for each cell of Cr: the lower eight and the upper eight.
+    /// One bit per cell of Cr, indexed by the cell of Cb: the lower eight and the upper eight.
     pub(super) live: &'a [[u8; 16]; 2],
     pub(super) cbs: &'a [u8],
     pub(super) crs: &'a [u8],
@@ -26,7 +26,7 @@ impl<const N: usize> pulp::NullaryFnOnce for LiveSpans<'_, N> {
         let mut spans = Spans::NONE;
         let chunks = self.cbs.chunks(32).zip(self.crs.chunks(32));
         for (index, (cbs, crs)) in chunks.enumerate() {
-            // What is left over at a row's end counts as live.
+            // A remainder at the end of a row counts as live.
             let live = match (cbs.first_chunk(), crs.first_chunk()) {
                 (Some(cbs), Some(crs)) => eights(self.v3, self.lowest, tables, cbs, crs),
                 _ => 0b1111,
@@ -49,7 +49,7 @@ fn twice(v3: V3, half: [u8; 16]) -> __m256i {
         ._mm256_broadcastsi128_si256(cast::<[u8; 16], __m128i>(half))
 }
 
-/// For each eight Cb and Cr whether any of their cells is live, one bit each.
+/// For each eight pairs of Cb and Cr, one bit that is set if any of their cells is live.
 #[inline(always)]
 fn eights(v3: V3, lowest: u8, [lower, upper]: [__m256i; 2], cbs: &[u8; 32], crs: &[u8; 32]) -> u32 {
     let avx2 = v3.avx2;
@@ -62,7 +62,7 @@ fn eights(v3: V3, lowest: u8, [lower, upper]: [__m256i; 2], cbs: &[u8; 32], crs:
     let (cb, cr) = (index(cbs), index(crs));
     let lower = avx2._mm256_shuffle_epi8(lower, cb);
     let upper = avx2._mm256_shuffle_epi8(upper, cb);
-    // The fourth bit of the index says which half: it becomes a byte's highest.
+    // The fourth bit of the index selects the half: shifted to each byte's highest bit.
     let half = avx2._mm256_blendv_epi8(lower, upper, avx2._mm256_slli_epi16::<4>(cr));
     let bits: [u8; 8] = [1, 2, 4, 8, 16, 32, 64, 128];
     let bits = twice(v3, cast([bits; 2]));

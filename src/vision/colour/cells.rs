@@ -1,30 +1,32 @@
-//! Cells of the plane of Cb and Cr of which it is known that no pixel in them has a label, so that most pixels of
-//! a row are passed over thirty-two at a time.
+//! Cells of the Cb-Cr plane that are known to contain no labelled pixel, so that most pixels of a
+//! row can be skipped thirty-two at a time.
 //!
-//! There are 16 by 16 cells of 8 by 8 levels around grey; those at the border go on to the end of the plane. A
-//! cell counts as live until it is [`settled`](Cells::settle) that it is not.
+//! There are 16 by 16 cells of 8 by 8 levels around grey; those at the border extend to the end of
+//! the plane. A cell counts as live, which means that it may contain labelled pixels, until it is
+//! [`settled`](Cells::settle) that it does not.
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2::LiveSpans;
 use crate::vision::picture::spans::Spans;
 use crate::vision::vectors::Vectors;
 
-/// The lowest level of the cells that do not touch the border, less 8.
+/// The lowest level of the inner cells, minus 8.
 const LOWEST: u8 = 64;
-/// Levels of a cell; `LiveSpans` counts on it.
+/// Levels per cell in each direction; `LiveSpans` depends on this value.
 const LEVELS: u8 = 8;
 
-/// Searches to leave out after one in vain.
+/// Number of searches to skip after an unsuccessful one.
 const PAUSE: u8 = 15;
 
-/// Cells of one palette.
+/// The cells of one palette.
 #[derive(Debug, Clone)]
 pub(super) struct Cells {
-    /// By cell of Cb, one bit for each cell of Cr, the lower eight and the upper eight: whether it is live.
+    /// Whether each cell is live: indexed by the cell of Cb, one bit per cell of Cr, the lower
+    /// eight and the upper eight.
     live: [[u8; 16]; 2],
-    /// Likewise whether that is settled.
+    /// Whether that is settled, with one bit per cell in the same way.
     settled: [u16; 16],
-    /// Searches for unsettled cells that are left out.
+    /// Remaining searches for unsettled cells to skip.
     pause: u8,
 }
 
@@ -38,7 +40,7 @@ impl Default for Cells {
     }
 }
 
-/// One of the cells.
+/// The position of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Cell {
     cb: u8,
@@ -50,14 +52,14 @@ fn index(level: u8) -> u8 {
 }
 
 impl Cell {
-    /// The cell of a Cb and a Cr; nothing at the border, where cells are too large to be settled.
+    /// The cell of a Cb and a Cr; `None` at the border, where cells are too large to be settled.
     pub(super) fn of(cb: u8, cr: u8) -> Option<Cell> {
         let inner = |index: u8| (1..15).contains(&index);
         let (cb, cr) = (index(cb), index(cr));
         (inner(cb) && inner(cr)).then_some(Cell { cb, cr })
     }
 
-    /// All its levels of Cb and Cr.
+    /// All pairs of Cb and Cr in the cell.
     pub(super) fn levels(self) -> impl Iterator<Item = (u8, u8)> {
         let of = |index: u8| (0..LEVELS).map(move |level| LOWEST + index * LEVELS + level);
         of(self.cb).flat_map(move |cb| of(self.cr).map(move |cr| (cb, cr)))
@@ -65,12 +67,12 @@ impl Cell {
 }
 
 impl Cells {
-    /// Whether it is known of a cell if it is live.
+    /// Whether it is known if this cell is live.
     pub(super) fn is_settled(&self, cell: Cell) -> bool {
         self.settled[usize::from(cell.cb)] >> cell.cr & 1 != 0
     }
 
-    /// Takes it for known that a cell is live, or not.
+    /// Records whether a cell is live.
     pub(super) fn settle(&mut self, cell: Cell, live: bool) {
         self.settled[usize::from(cell.cb)] |= 1 << cell.cr;
         if !live {
@@ -78,20 +80,21 @@ impl Cells {
         }
     }
 
-    /// Says that a search for unsettled cells found none, which is likely to be so again.
+    /// Records that a search found no unsettled cell, so that the next ones are skipped.
     pub(super) fn pause(&mut self) {
         self.pause = PAUSE;
     }
 
-    /// Whether to leave a search out.
+    /// Whether to skip the next search; counts down.
     pub(super) fn is_pausing(&mut self) -> bool {
         let pausing = self.pause > 0;
         self.pause = self.pause.saturating_sub(1);
         pausing
     }
 
-    /// In which groups of a row there are live cells, when one Cb and Cr stands for `N` pixels, 1 or 2. Without
-    /// vector instructions this takes as long as asking each pixel: then it is all of them.
+    /// The groups of a row that contain live cells, if each Cb and Cr applies to `N` (1 or 2)
+    /// pixels. Returns all groups without vector instructions, because checking would then take as
+    /// long as looking up each pixel.
     pub(super) fn spans<const N: usize>(&self, vectors: Vectors, cbs: &[u8], crs: &[u8]) -> Spans {
         match vectors {
             Vectors::Plain => Spans::ALL,
@@ -113,7 +116,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_cells_levels_are_its_own_and_the_border_has_none() {
+    fn a_cells_levels_belong_to_it_and_the_border_has_none() {
         let cell = Cell::of(131, 100).unwrap();
         assert_eq!(cell.levels().count(), 64);
         assert!(cell.levels().all(|(cb, cr)| Cell::of(cb, cr) == Some(cell)));
@@ -124,9 +127,9 @@ mod tests {
     }
 
     proptest! {
-        /// A group is passed over only if each of its cells is settled as not live, and all such are.
+        /// Exactly the groups whose cells are all settled as not live are skipped.
         #[test]
-        fn exactly_the_groups_without_live_cells_are_passed_over(
+        fn exactly_the_groups_without_live_cells_are_skipped(
             settled in proptest::collection::vec((72u8..184, 72u8..184, any::<bool>()), 0..300),
             chroma in proptest::collection::vec((60u8..200, 60u8..200), 1..200),
         ) {

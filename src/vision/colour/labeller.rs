@@ -1,4 +1,5 @@
-//! Labels the rows of a picture by a palette, and passes over what has no colour of interest: most of it.
+//! Labels the rows of a picture with a palette and skips the parts without any of its colours,
+//! usually most of it.
 
 use super::cells::Cell;
 use super::palette::{NOTHING, Palette, level, pair_of};
@@ -6,22 +7,23 @@ use crate::vision::picture::image::Image;
 use crate::vision::picture::spans::Spans;
 use crate::vision::vectors::Vectors;
 
-/// Most cells that are settled for one picture: each may take as long as a tenth of a picture's decoding.
+/// Most cells that are settled per picture: each may take a tenth of a picture's decoding time.
 const MAX_SETTLED: u32 = 4;
 
-/// A palette on its way through one picture.
+/// Applies a palette to one picture.
 pub(crate) struct Labeller<'a> {
     palette: &'a mut Palette,
     image: &'a Image,
     vectors: Vectors,
-    /// Rows of Cb and of Cr and the first column of pixels for which `spans` holds: rows of pixels share them.
+    /// Rows of Cb and of Cr and the first pixel column for which `spans` is valid; rows of pixels
+    /// may share them.
     known: Option<(u32, u32, u32)>,
     spans: Spans,
     settled: u32,
 }
 
 impl<'a> Labeller<'a> {
-    /// Starts with a picture, with the best instructions that there are.
+    /// Starts with a picture; uses the best available instruction set.
     pub(crate) fn new(palette: &'a mut Palette, image: &'a Image) -> Labeller<'a> {
         Labeller {
             palette,
@@ -33,8 +35,8 @@ impl<'a> Labeller<'a> {
         }
     }
 
-    /// Labels the pixels of row `y` from column `x` on: 0, or 1 + the index of the first colour that has the pixel.
-    /// Outside the spans that it returns no pixel has a colour, and nothing is written.
+    /// Labels the pixels of row `y` from column `x` on: 0, or 1 + the index of the first matching
+    /// colour. Outside the returned spans no pixel has a colour, and nothing is written.
     pub(crate) fn label_row(&mut self, y: u32, x: u32, labels: &mut [u8]) -> Spans {
         let image = self.image;
         let luma = &image.luma_row(y)[x as usize..];
@@ -66,7 +68,7 @@ impl<'a> Labeller<'a> {
         }
     }
 
-    /// Labels pixels of which `N` share Cb and Cr; the last ones may be fewer.
+    /// Labels pixels of which `N` share Cb and Cr; the last group may be shorter.
     fn label<const N: usize>(
         &mut self,
         key: (u32, u32, u32),
@@ -96,7 +98,8 @@ impl<'a> Labeller<'a> {
         self.spans
     }
 
-    /// Where there may be labels: first by cells, then pair by pair, whose rows' numbers are kept.
+    /// Finds the spans that may have labels, first by cells, then by pairs; stores the row numbers
+    /// of the pairs.
     fn find_spans<const N: usize>(&mut self, cbs: &[u8], crs: &[u8]) -> Spans {
         let coarse = self.palette.cells.spans::<N>(self.vectors, cbs, crs);
         let (mut spans, group) = (Spans::NONE, Spans::GROUP / N);
@@ -120,7 +123,8 @@ impl<'a> Labeller<'a> {
         spans
     }
 
-    /// Settles the cell of one of these, which have no labels, so that it is passed over from now on.
+    /// Settles the cell of one of these pairs, which have no labels, so that it is skipped from now
+    /// on.
     #[cold]
     fn learn(&mut self, cbs: &[u8], crs: &[u8]) {
         if matches!(self.vectors, Vectors::Plain)
@@ -154,8 +158,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Whatever the sharing of Cb and Cr, the first column and the instructions, a row is labelled pixel by
-        /// pixel.
+        /// A row gets the same labels as pixel by pixel, whatever the subsampling, the first column
+        /// and the instruction set.
         #[test]
         fn rows_are_labelled_alike_in_every_layout(
             across in 0u32..=2, down in 0u32..=2, x in 0u32..7, width in 7u32..130, grey in any::<bool>(),
@@ -174,7 +178,7 @@ mod tests {
             for vectors in [Vectors::Plain, Vectors::default()] {
                 let mut palette = Palette::compile(&colours, false);
                 let mut plain = palette.clone();
-                // Again and again, until all cells are settled.
+                // Repeatedly, until all cells are settled.
                 for y in (0..32).map(|row| row % 4) {
                     let mut labeller = Labeller { vectors, ..Labeller::new(&mut palette, &image) };
                     let mut found = vec![9; (width - x) as usize];

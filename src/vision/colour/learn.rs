@@ -1,8 +1,8 @@
 //! Learns a colour from pictures of it.
 //!
-//! The result is a range of hues: how much light falls on a thing changes its value and a little its
-//! saturation, but hardly its hue. So pixels vote for a hue, and what the winners have in common
-//! is widened to what other light makes of it.
+//! The result is a range of hues: the amount of light on an object changes its value and slightly
+//! its saturation, but hardly its hue. So pixels vote for a hue, and the range of the agreeing ones
+//! is widened to cover other lighting.
 
 use thiserror::Error;
 
@@ -11,32 +11,33 @@ use crate::vision::picture::image::{Image, Roi};
 use crate::vision::picture::size::Size;
 use crate::vision::picture::space::hsv_of;
 
-/// Fewest saturated pixels, in percent of saturation and value, that have a hue worth speaking of.
+/// Least saturation and value, in percent, of a pixel with a usable hue.
 const LEAST_SATURATION: f64 = 22.0;
 const LEAST_VALUE: f64 = 12.0;
-/// Share of the pixels that must have a hue at all, and share of those that must agree on it.
+/// Least share of the pixels that must have a hue, and of those that must agree on it.
 const LEAST_COLOURED: f64 = 0.5;
 const LEAST_AGREEING: f64 = 0.6;
-/// Hues this far from the commonest one, in degrees, agree with it.
+/// Hues up to this far from the most common one, in degrees, agree with it.
 const AGREEMENT: f64 = 22.0;
-/// By how much the range is widened beyond what was seen: hue in degrees, saturation in percent; the
-/// value may fall to this share of the darkest seen.
+/// Widening beyond what was seen: hue in degrees, saturation in percent; the value may fall to this
+/// share of the darkest seen.
 const HUE_MARGIN: f64 = 9.0;
 const SATURATION_MARGIN: f64 = 14.0;
 const VALUE_SHARE: f64 = 0.4;
-/// Most pixels looked at in one picture.
+/// Most pixels that are sampled in one picture.
 const MAX_SAMPLES: u32 = 20_000;
 
-/// A colour learnt from pictures.
+/// A colour learned from pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Learned {
-    /// What to look for.
+    /// The learned colour.
     pub colour: Colour,
-    /// 0..1: the share of the part that has the colour, times the share of the surroundings that has not.
+    /// 0..1: the share of the part that has the colour, times the share of the surroundings that
+    /// does not.
     pub quality: f64,
 }
 
-/// Why nothing could be learnt.
+/// Why no colour could be learned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 pub enum LearnRefusal {
     /// Too few pixels have a hue: grey, white, black, or too dark.
@@ -45,12 +46,12 @@ pub enum LearnRefusal {
     )]
     TooGrey,
     /// The pixels do not agree on a hue.
-    #[error("too mixed: the part shows several colours; choose a smaller one inside the thing")]
+    #[error("too mixed: the part shows several colours; choose a smaller part inside the object")]
     TooMixed,
 }
 
 impl LearnRefusal {
-    /// The short form that scripts see: `too_grey` or `too_mixed`.
+    /// The code that scripts receive: `too_grey` or `too_mixed`.
     pub fn code(self) -> &'static str {
         match self {
             LearnRefusal::TooGrey => "too_grey",
@@ -59,11 +60,11 @@ impl LearnRefusal {
     }
 }
 
-/// Learns the colour that fills the part `roi` of all these pictures. Pictures under different lights make
-/// it surer; those without the part count for nothing.
+/// Learns the colour that fills the part `roi` of all these pictures. Pictures in different light
+/// make it more reliable; pictures without this part are ignored.
 ///
 /// # Errors
-/// Grey things and mixtures are refused with their reason.
+/// Refuses grey objects and mixtures of colours.
 pub fn learn(images: &[&Image], roi: Roi) -> Result<Learned, LearnRefusal> {
     let samples: Vec<[f64; 3]> = images
         .iter()
@@ -93,12 +94,12 @@ fn has_hue(hsv: &[f64; 3]) -> bool {
     hsv[1] >= LEAST_SATURATION && hsv[2] >= LEAST_VALUE
 }
 
-/// The shorter way from one hue to another, -180..180 degrees.
+/// The signed shortest angle from one hue to another, -180..180 degrees.
 fn turn(from: f64, to: f64) -> f64 {
     (to - from + 180.0).rem_euclid(360.0) - 180.0
 }
 
-/// HSV of the pixels of a part, thinned out evenly when there are many.
+/// HSV values of the pixels of a part, evenly subsampled if there are many.
 fn samples(image: &Image, roi: Roi) -> Vec<[f64; 3]> {
     grid(image.size(), roi)
         .filter_map(|(x, y)| image.pixel(x, y))
@@ -123,7 +124,7 @@ fn grid(size: Size, roi: Roi) -> impl Iterator<Item = (u32, u32)> {
         .flat_map(move |y| columns().map(move |x| (x, y)))
 }
 
-/// The middle of the 15 degrees with most pixels.
+/// The centre of the 15 degrees of hue with the most pixels.
 fn commonest_hue(samples: &[[f64; 3]]) -> f64 {
     const BINS: usize = 72;
     let mut counts = [0usize; BINS];
@@ -136,7 +137,7 @@ fn commonest_hue(samples: &[[f64; 3]]) -> f64 {
     best as f64 * 5.0 + 2.5
 }
 
-/// The range of what was seen, without its outliers, and what other light makes of it.
+/// The range of the samples without outliers, widened for other lighting.
 fn widened(hue: f64, samples: &[[f64; 3]]) -> Option<Colour> {
     let (low, high) = middle(samples.iter().map(|hsv| turn(hue, hsv[0])))?;
     let (saturation, _) = middle(samples.iter().map(|hsv| hsv[1]))?;
@@ -150,7 +151,7 @@ fn widened(hue: f64, samples: &[[f64; 3]]) -> Option<Colour> {
     Colour::hsv(hues, [least, 100.0], [darkest, 100.0]).ok()
 }
 
-/// What nineteen of twenty values lie between.
+/// The central 95 % of the values: the quantiles 0.025 and 0.975.
 fn middle(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     let mut values: Vec<f64> = values.collect();
     values.sort_unstable_by(f64::total_cmp);
@@ -159,7 +160,7 @@ fn middle(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     Some((at(0.025), at(0.975)))
 }
 
-/// How well the colour tells the part from what is not around it either.
+/// How well the colour separates the part from the picture beyond its neighbourhood.
 fn quality(colour: &Colour, images: &[&Image], roi: Roi) -> f64 {
     let near = Roi {
         x: roi.x.saturating_sub(roi.w),
@@ -211,7 +212,7 @@ mod tests {
     use image::{Rgb, RgbImage};
     use imageproc::drawing::draw_filled_circle_mut;
 
-    /// Red, green and blue of a lamp: daylight, a warm bulb, a dim room.
+    /// Colour of the light, as factors of red, green and blue: daylight, a warm bulb, a dim room.
     const LIGHTS: [[f64; 3]; 3] = [[1.0, 1.0, 1.0], [1.0, 0.86, 0.68], [0.5, 0.5, 0.55]];
     const PART: Roi = Roi {
         x: 90,
@@ -220,7 +221,8 @@ mod tests {
         h: 24,
     };
 
-    /// A shaded ball at (100, 100) in a room with wooden floor, under a lamp. Deterministic noise.
+    /// A shaded ball at (100, 100) in a room with a wooden floor, in this light, with deterministic
+    /// noise.
     fn scene(ball: [u8; 3], light: [f64; 3]) -> Image {
         let mut picture = RgbImage::from_fn(320, 240, |_, y| {
             Rgb(if y < 120 {
@@ -265,7 +267,7 @@ mod tests {
     ];
 
     #[test]
-    fn a_colour_learnt_under_three_lights_is_found_under_each() {
+    fn a_colour_learned_under_three_lights_is_found_under_each() {
         for ball in BALLS {
             let scenes = LIGHTS.map(|light| scene(ball, light));
             let learned = learn(&scenes.each_ref(), PART).unwrap();
@@ -281,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn a_colour_learnt_in_daylight_is_found_in_a_dim_room() {
+    fn a_colour_learned_in_daylight_is_found_in_a_dim_room() {
         for ball in BALLS {
             let learned = learn(&[&scene(ball, LIGHTS[0])], PART).unwrap();
             assert!(

@@ -1,6 +1,6 @@
-//! What a colour is: ranges in CIE Lab or in HSV, or one of nine names.
+//! Definition of a colour: ranges in CIE Lab or in HSV, or one of nine names.
 //!
-//! [`Colour::contains`] is the exact arithmetic; [`super::Palette`] is its fast form.
+//! [`Colour::contains`] computes exactly; [`super::Palette`] is the fast, tabulated form.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -17,7 +17,7 @@ use thiserror::Error;
 
 use crate::vision::picture::space::{hsv_of, lab_of};
 
-/// Lowest and highest value, both included.
+/// Lowest and highest value, both inclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Span(f64, f64);
 
@@ -26,7 +26,7 @@ impl Span {
         (self.0..=self.1).contains(&value)
     }
 
-    /// For angles: `340..20` goes through 0.
+    /// For angles: `340..20` wraps through 0.
     fn has_wrapped(self, value: f64) -> bool {
         if self.0 <= self.1 {
             self.has(value)
@@ -36,7 +36,7 @@ impl Span {
     }
 }
 
-/// A set of colours that count as one: what a blob is made of.
+/// A set of colours that are treated as one when blobs are found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Colour {
     /// Ranges in CIE Lab under D65.
@@ -59,22 +59,22 @@ pub enum Colour {
     },
 }
 
-/// Why three ranges are no colour.
+/// Why three ranges do not define a colour.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ColourError {
-    /// A bound is outside what its channel has, or is no number.
+    /// A bound is outside the channel's limits or is not a number.
     #[error("{channel} = {low}..{high} must lie within {least}..{most}")]
     OutOfRange {
         /// The channel's letter.
         channel: char,
-        /// The bounds as given.
+        /// The lower bound as given.
         low: f64,
-        /// The bounds as given.
+        /// The upper bound as given.
         high: f64,
-        /// What the channel has.
+        /// The channel's lower limit.
         least: f64,
-        /// What the channel has.
+        /// The channel's upper limit.
         most: f64,
     },
     /// The lower bound is above the upper one.
@@ -82,17 +82,17 @@ pub enum ColourError {
     Empty {
         /// The channel's letter.
         channel: char,
-        /// The bounds as given.
+        /// The lower bound as given.
         low: f64,
-        /// The bounds as given.
+        /// The upper bound as given.
         high: f64,
     },
-    /// Channels of both spaces, or of none.
+    /// Channels of both spaces, or of neither.
     #[error("a colour needs l, a, b or h, s, v, not both")]
     Mixed,
 }
 
-/// Lowest and highest value as a constant holds them.
+/// Lowest and highest value in a constant.
 type Range = [f64; 2];
 
 /// The named colours: hue range in degrees, saturation and value in percent.
@@ -109,7 +109,7 @@ const NAMED: [(&str, Range, Range, Range); 9] = [
 ];
 
 impl Colour {
-    /// The names that [`Colour::named`] knows.
+    /// The names that [`Colour::named`] accepts.
     pub const NAMES: [&'static str; NAMED.len()] = {
         let mut names = [""; NAMED.len()];
         let mut i = 0;
@@ -120,7 +120,7 @@ impl Colour {
         names
     };
 
-    /// One of [`Colour::NAMES`], or nothing.
+    /// The colour with one of [`Colour::NAMES`]; `None` for other names.
     pub fn named(name: &str) -> Option<Colour> {
         let &(_, h, s, v) = NAMED.iter().find(|named| named.0 == name)?;
         let span = |[low, high]: [f64; 2]| Span(low, high);
@@ -160,7 +160,7 @@ impl Colour {
         self.matches(rgb.map(f64::from))
     }
 
-    /// As [`Colour::contains`], for values between the whole numbers.
+    /// Like [`Colour::contains`], for fractional values.
     pub(crate) fn matches(&self, rgb: [f64; 3]) -> bool {
         match self {
             Colour::Lab { .. } => self.matches_lab(lab_of(rgb)),
@@ -168,12 +168,12 @@ impl Colour {
         }
     }
 
-    /// Whether a Lab value is inside; never for a colour in HSV.
+    /// Whether a Lab value is within the ranges; always false for a colour in HSV.
     pub(crate) fn matches_lab(&self, value: [f64; 3]) -> bool {
         matches!(self, Colour::Lab { l, a, b } if l.has(value[0]) && a.has(value[1]) && b.has(value[2]))
     }
 
-    /// Whether an HSV value is inside; never for a colour in Lab.
+    /// Whether an HSV value is within the ranges; always false for a colour in Lab.
     pub(crate) fn matches_hsv(&self, value: [f64; 3]) -> bool {
         matches!(self, Colour::Hsv { h, s, v } if h.has_wrapped(value[0]) && s.has(value[1]) && v.has(value[2]))
     }
@@ -218,7 +218,7 @@ fn rising(channel: char, range: [f64; 2], least: f64, most: f64) -> Result<Span,
     Ok(span)
 }
 
-/// As it is pasted into a config: `{ l: [30, 70], a: [20, 80], b: [10, 60] }`.
+/// Formats the colour for a config: `{ l: [30, 70], a: [20, 80], b: [10, 60] }`.
 impl fmt::Display for Colour {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [(c0, s0), (c1, s1), (c2, s2)] = self.channels();
@@ -230,7 +230,7 @@ impl fmt::Display for Colour {
     }
 }
 
-/// A colour as it stands in a file: channels by letter, those left out at their full range.
+/// The serialised form of a colour: channels by letter; omitted ones have their full range.
 #[derive(Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Written {

@@ -1,53 +1,54 @@
-//! Colours compiled into one table, so that a pixel's colour costs one look-up however many there are.
+//! Colours compiled into one table, so that classifying a pixel costs one look-up however many
+//! colours there are.
 //!
-//! The table is over luma, Cb and Cr, as JPEG has them: no pixel is ever turned into
-//! red, green and blue. For each pair of Cb and Cr it holds a row of 64 levels of
-//! brightness, filled by the exact arithmetic when a picture first has that pair. So compiling is quick,
-//! a picture touches few cache lines, and pairs that no colour has share one row.
+//! The table is indexed by luma, Cb and Cr, as in JPEG: pixels are never converted to RGB. For each
+//! pair of Cb and Cr it has a row of 64 brightness levels, computed exactly when the pair first
+//! occurs in a picture. So compiling is fast, a picture touches few cache lines, and all pairs
+//! without any colour share one row.
 
 use super::Colour;
 use super::cells::Cells;
 use crate::vision::picture::image::{Image, Plane};
 use crate::vision::picture::space::{hsv_of, lab_of_linear, linear, rgb_of_ycc};
 
-/// Bits of Cb and of Cr that are told apart.
+/// Number of bits of Cb and of Cr that are used.
 const CHROMA_BITS: u32 = 7;
 const PAIRS: usize = 1 << (2 * CHROMA_BITS);
-/// Levels of brightness.
+/// Number of brightness levels.
 const LEVELS: usize = 64;
 
 /// Most colours in one [`Palette`].
 pub const MAX_COLOURS: usize = 32;
 
-/// For each level of brightness 0, or 1 + the index of the first colour that has it.
+/// For each brightness level 0, or 1 + the index of the first matching colour.
 pub(super) type Row = [u8; LEVELS];
 
-/// The row of a pair that no picture had yet, and that of all pairs that no colour has.
+/// Marks a pair that has not occurred yet, and the row of all pairs without any colour.
 const UNKNOWN: u16 = 0;
 pub(super) const NOTHING: u16 = 1;
 
-/// A list of colours, ready for whole pictures.
+/// A compiled list of colours, ready to classify whole pictures.
 #[derive(Debug, Clone)]
 pub struct Palette {
     colours: Vec<Colour>,
     invert: bool,
     has_lab: bool,
-    /// Light of each sRGB value.
+    /// Linear light of each sRGB value.
     linear: Box<[f64; 256]>,
-    /// For each pair of Cb and Cr, which row is its own.
+    /// The row number of each pair of Cb and Cr.
     index: Box<[u16; PAIRS]>,
     rows: Vec<Row>,
-    /// Which parts of the plane of Cb and Cr are known to have no colour.
+    /// The parts of the Cb-Cr plane that are known to have no colour.
     pub(super) cells: Cells,
-    /// Numbers of rows, for a row of pixels.
+    /// Buffer for the row numbers of a row of pixels.
     pub(super) numbers: Vec<u16>,
 }
 
 impl Palette {
     /// Compiles the first [`MAX_COLOURS`] of `colours`.
     ///
-    /// A pixel belongs to the first colour that has it, as in OpenMV. With `invert`, to the
-    /// first colour that does *not* have it.
+    /// A pixel belongs to the first colour that matches it, as in OpenMV; with `invert`, to the
+    /// first colour that does *not* match it.
     pub fn compile(colours: &[Colour], invert: bool) -> Palette {
         let colours = first(colours).to_vec();
         let has_lab = colours
@@ -67,17 +68,18 @@ impl Palette {
         }
     }
 
-    /// The colours it was made of.
+    /// The compiled colours.
     pub fn colours(&self) -> &[Colour] {
         &self.colours
     }
 
-    /// Whether it was compiled from the same colours and the same `invert`.
+    /// Whether the palette was compiled from these colours and this `invert`.
     pub fn is_of(&self, colours: &[Colour], invert: bool) -> bool {
         self.invert == invert && self.colours == first(colours)
     }
 
-    /// Index of the first colour that has the pixel of column `x`, row `y`; nothing outside the picture.
+    /// Index of the first colour that matches the pixel in column `x`, row `y`; `None` also outside
+    /// the picture.
     pub fn colour_at(&mut self, image: &Image, x: u32, y: u32) -> Option<usize> {
         image.pixel(x, y)?;
         let at = |plane: &Plane| plane.row(y)[(x >> plane.across) as usize];
@@ -92,7 +94,7 @@ impl Palette {
         label.checked_sub(1).map(usize::from)
     }
 
-    /// Whether no pixel with this Cb and Cr has a label. Takes its time for a pair that was not met.
+    /// Whether no pixel with this Cb and Cr has a label. Slow for a pair that has not occurred yet.
     pub(super) fn settle(&mut self, pair: u16) -> bool {
         let index = usize::from(pair) % PAIRS;
         if self.index[index] == UNKNOWN {
@@ -104,7 +106,7 @@ impl Palette {
         self.index[index] == NOTHING
     }
 
-    /// Which row holds the labels of pixels with this Cb and Cr.
+    /// The number of the row with the labels for this Cb and Cr.
     #[inline(always)]
     pub(super) fn row_number(&mut self, pair: u16) -> u16 {
         match self.index[usize::from(pair) % PAIRS] {
@@ -113,13 +115,13 @@ impl Palette {
         }
     }
 
-    /// The labels of a row, by [`level`].
+    /// The labels of a row, indexed by [`level`].
     #[inline(always)]
     pub(super) fn row(&self, number: u16) -> &Row {
         &self.rows[usize::from(number)]
     }
 
-    /// Works out the row of a pair that is met for the first time.
+    /// Computes the row of a pair that occurs for the first time.
     #[cold]
     fn meet(&mut self, pair: usize) -> u16 {
         let labels: Row = std::array::from_fn(|level| self.label_of(pair, level));
@@ -127,21 +129,21 @@ impl Palette {
             NOTHING
         } else {
             self.rows.push(labels);
-            // There are fewer pairs than numbers.
+            // There are fewer pairs than `u16` values.
             self.rows.len() as u16 - 1
         };
         self.index[pair] = row;
         row
     }
 
-    /// The label of a pair at a level of brightness.
+    /// The label of a pair at a brightness level.
     fn label_of(&self, pair: usize, level: usize) -> u8 {
         let chroma = |value: usize| (value * 2) as f64 + 0.5;
         let (cb, cr) = (
             chroma(pair >> CHROMA_BITS),
             chroma(pair & ((1 << CHROMA_BITS) - 1)),
         );
-        // Spread over the whole range, so that black and white are met exactly.
+        // Levels cover the full range, so that black and white are exact.
         let luma = level as f64 * 255.0 / (LEVELS - 1) as f64;
         self.label(rgb_of_ycc([luma, cb, cr]))
     }
@@ -154,7 +156,7 @@ impl Palette {
         };
         let hsv = hsv_of(rgb);
         let has = |colour: &Colour| colour.matches_lab(lab) || colour.matches_hsv(hsv);
-        // At most 32 colours, so the number fits.
+        // There are at most 32 colours, so the number fits into a byte.
         self.colours
             .iter()
             .position(|colour| has(colour) != self.invert)
@@ -166,13 +168,13 @@ fn first(colours: &[Colour]) -> &[Colour] {
     &colours[..colours.len().min(MAX_COLOURS)]
 }
 
-/// The pair of a Cb and a Cr.
+/// The table index of a Cb and a Cr.
 #[inline(always)]
 pub(super) fn pair_of(cb: u8, cr: u8) -> u16 {
     u16::from(cb >> (8 - CHROMA_BITS)) << CHROMA_BITS | u16::from(cr >> (8 - CHROMA_BITS))
 }
 
-/// Which of a [`Row`]'s labels is that of a pixel.
+/// The index of a luma value in a [`Row`].
 #[inline(always)]
 pub(super) fn level(luma: u8) -> usize {
     usize::from(luma) * LEVELS / 256
@@ -192,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_belongs_to_the_first_colour_that_has_it() {
+    fn a_pixel_belongs_to_the_first_matching_colour() {
         let red = Colour::named("red").unwrap();
         let any = Colour::hsv([0.0, 360.0], [0.0, 100.0], [0.0, 100.0]).unwrap();
         let mut palette = Palette::compile(&[red, any], false);
@@ -213,7 +215,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
-        /// Over random pixels and ranges the table differs from the exact arithmetic only near borders.
+        /// For random pixels and ranges, the table differs from the exact computation only near
+        /// boundaries.
         #[test]
         fn the_table_agrees_with_exact_arithmetic(
             l in 20.0..60.0f64, a in -60.0..40.0f64, b in -60.0..40.0f64, seed in any::<u32>(),

@@ -1,4 +1,4 @@
-//! What colours are, and how they are written.
+//! Definition and serialisation of colours.
 
 use super::*;
 
@@ -92,7 +92,7 @@ fn a_config_holds_colours_by_channel() {
 }
 
 #[test]
-fn a_colour_survives_every_way_it_is_written() {
+fn a_colour_survives_every_serialisation() {
     for colour in [
         Colour::named("red").unwrap(),
         Colour::lab([0.5, 7.0], [-20.0, 8.0], [1.0, 6.0]).unwrap(),

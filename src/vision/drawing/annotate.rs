@@ -1,4 +1,4 @@
-//! Draws what was seen, so that a person can see it too.
+//! Draws detected blobs onto pictures for people to look at.
 
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
@@ -9,15 +9,16 @@ use super::font;
 use crate::vision::blobs::Blob;
 use crate::vision::picture::image::Image;
 
-/// Screen pixels of one dot of a letter, as the picture is and enlarged.
+/// Screen pixels per dot of a letter, in normal and in enlarged pictures.
 const DOT: i32 = 2;
 const LARGE_DOT: i32 = 3;
 /// Most letters of a mark's text that are drawn.
 const MAX_LETTERS: usize = 24;
-/// Arms of the cross at a centroid, in screen pixels.
+/// Length of the arms of the cross at a centroid, screen pixels.
 const ARM: i32 = 4;
 const PAPER: Rgb<u8> = Rgb([0, 0, 0]);
-/// Box colours, by the index of the blob's colour: none is one of the named colours, so that boxes stand out.
+/// Box colours, by the index of the blob's colour. None is one of the named colours, so that boxes
+/// stand out.
 const BOXES: [Rgb<u8>; 6] = [
     Rgb([120, 255, 40]),
     Rgb([255, 60, 200]),
@@ -27,22 +28,22 @@ const BOXES: [Rgb<u8>; 6] = [
     Rgb([255, 255, 255]),
 ];
 
-/// A blob and what is written above its box, such as its name and id.
+/// A blob and the text above its box, such as its name and id.
 #[derive(Debug, Clone, Copy)]
 pub struct Mark<'a> {
-    /// Where the box goes.
+    /// The blob that the box encloses.
     pub blob: &'a Blob,
-    /// What is written: letters, digits and `# - _ . +`.
+    /// The text; letters, digits and `# - _ . +` can be drawn.
     pub text: &'a str,
 }
 
-/// A copy of the picture with a box, a cross at the centroid and a text for every mark.
+/// Returns a copy of the picture with a box, a cross at the centroid and a text for each mark.
 pub fn annotate(image: &Image, marks: &[Mark<'_>]) -> RgbImage {
     annotate_enlarged(image, marks, 1)
 }
 
-/// As [`annotate`], on a copy enlarged so many times (0 counts as 1): letters
-/// hardly grow with it and hide less.
+/// Like [`annotate`], on a copy enlarged `times` times (0 counts as 1). Letters hardly grow with
+/// it, so they hide less.
 pub fn annotate_enlarged(image: &Image, marks: &[Mark<'_>], times: u32) -> RgbImage {
     let (times, small) = (times.max(1), image.to_rgb());
     if small.width() == 0 || small.height() == 0 {
@@ -54,15 +55,15 @@ pub fn annotate_enlarged(image: &Image, marks: &[Mark<'_>], times: u32) -> RgbIm
     for mark in marks {
         outline(&mut canvas, mark.blob, times as i32);
     }
-    // On top of all boxes, so that none crosses a text.
+    // Drawn after all boxes, so that no box crosses a text.
     for mark in marks {
         label(&mut canvas, mark, times as i32, &mut labels);
     }
     canvas
 }
 
-/// A box a pixel outside of the blob, so that the blob itself stays visible, between two dark
-/// ones that set it off from any ground. Drawing clips at the border.
+/// Draws a box one pixel outside the blob, so that the blob stays visible; in an enlarged picture,
+/// dark lines on both sides set the box off from any background. Drawing clips at the border.
 fn outline(canvas: &mut RgbImage, blob: &Blob, times: i32) {
     let colour = colour(blob);
     let inner = frame(blob, times);
@@ -89,7 +90,7 @@ fn colour(blob: &Blob) -> Rgb<u8> {
     BOXES[blob.colour % BOXES.len()]
 }
 
-/// The blob's box on the enlarged picture.
+/// The blob's box in the enlarged picture.
 fn frame(blob: &Blob, times: i32) -> Rect {
     let times_unsigned = times as u32;
     Rect::at(blob.x as i32 * times, blob.y as i32 * times).of_size(
@@ -103,7 +104,7 @@ fn grown(rect: Rect, by: i32) -> Rect {
     Rect::at(rect.left() - by, rect.top() - by).of_size(rect.width() + more, rect.height() + more)
 }
 
-/// Writes the mark's text where no other stands, if there is such a place.
+/// Draws the mark's text where no other text is, if there is such a place.
 fn label(canvas: &mut RgbImage, Mark { blob, text }: &Mark<'_>, times: i32, taken: &mut Vec<Rect>) {
     let letters = text.chars().count().min(MAX_LETTERS) as i32;
     if letters == 0 {
@@ -132,8 +133,8 @@ fn label(canvas: &mut RgbImage, Mark { blob, text }: &Mark<'_>, times: i32, take
     }
 }
 
-/// Above the box, below it, or inside it, moved into the picture: the first that is free and in
-/// the picture, else the first that is in the picture.
+/// Chooses a place above, below or inside the box, moved into the picture: the first candidate that
+/// is free and visible, otherwise the first that is visible.
 fn place(around: Rect, (w, h): (i32, i32), size: (u32, u32), taken: &[Rect]) -> Rect {
     let (width, height) = (size.0 as i32, size.1 as i32);
     let x = around.left().min(width - w).max(0);
@@ -153,7 +154,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn texts_of_neighbours_do_not_cover_each_other() {
+    fn texts_of_neighbours_do_not_overlap() {
         let around = Rect::at(100, 100).of_size(40, 40);
         let mut taken = Vec::new();
         for _ in 0..3 {

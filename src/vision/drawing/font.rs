@@ -1,6 +1,6 @@
-//! A font of three by five dots, enough for names and numbers on a picture.
+//! A font of three by five dots, sufficient for names and numbers in a picture.
 
-/// A letter's dots, row by row, the highest of 15 bits top left.
+/// The dots of each letter, row by row; the highest of 15 bits is the top left one.
 const GLYPHS: [(char, u16); 41] = [
     ('A', 0b010_101_111_101_101),
     ('B', 0b110_101_110_101_110),
@@ -45,12 +45,13 @@ const GLYPHS: [(char, u16); 41] = [
     ('+', 0b000_010_111_010_000),
 ];
 
-/// Columns of a letter, without the gap behind it.
+/// Columns of a letter, without the gap after it.
 pub(crate) const WIDTH: i32 = 3;
 /// Rows of a letter.
 pub(crate) const HEIGHT: i32 = 5;
 
-/// The dots of a letter as column and row; small letters look like large ones, unknown ones are empty.
+/// The dots of a letter as column and row. Lower-case letters look like upper-case ones; unknown
+/// letters are empty.
 pub(crate) fn dots(letter: char) -> impl Iterator<Item = (i32, i32)> {
     let letter = letter.to_ascii_uppercase();
     let bits = GLYPHS

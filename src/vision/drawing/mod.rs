@@ -1,4 +1,4 @@
-//! Draws what was seen onto pictures for people.
+//! Draws what was detected onto pictures for people.
 
 pub(crate) mod annotate;
 mod font;

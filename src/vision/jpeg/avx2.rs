@@ -1,4 +1,4 @@
-//! The inverse transform of two blocks at once, for processors with AVX2: see [`super::idct`].
+//! The inverse transform of two blocks at once with AVX2; see [`super::idct`].
 
 use pulp::cast;
 use pulp::x86::V3;
@@ -6,7 +6,7 @@ use std::arch::x86_64::{__m128i, __m256i};
 
 use super::idct::{Arithmetic, BIAS, SHIFT, butterfly};
 
-/// The first half of each register belongs to one block, the second half to the other.
+/// The lower half of each register belongs to one block, the upper half to the other.
 impl Arithmetic for V3 {
     type Lanes = __m256i;
 
@@ -27,8 +27,8 @@ impl Arithmetic for V3 {
     }
 }
 
-/// As [`super::idct::transform`] of both blocks, but returns their samples: for two rows each, the first
-/// block's eight and eight, then the second block's.
+/// Like [`super::idct::transform`] for both blocks, but returns their samples: for each pair of
+/// rows, the eight samples of each row of the first block, then those of the second block.
 #[inline(always)]
 pub(super) fn transform_two(v3: V3, blocks: [&[i16; 64]; 2]) -> [[[u8; 8]; 4]; 4] {
     let [first, second] = blocks.map(|block| block.as_chunks::<8>().0);
@@ -60,7 +60,7 @@ pub(super) fn transform_two(v3: V3, blocks: [&[i16; 64]; 2]) -> [[[u8; 8]; 4]; 4
     [two(0), two(2), two(4), two(6)]
 }
 
-/// Makes rows of the columns of both blocks.
+/// Transposes both blocks.
 #[inline(always)]
 fn turned(v3: V3, r: [__m256i; 8]) -> [__m256i; 8] {
     let avx2 = v3.avx2;
@@ -101,9 +101,9 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Of any coefficients, such as damaged data has, too.
+        /// For any coefficients, including those of damaged data.
         #[test]
-        fn two_blocks_at_once_have_the_samples_of_each_alone(
+        fn two_blocks_at_once_give_the_samples_of_each_alone(
             first in proptest::collection::vec(any::<i16>(), 64),
             second in proptest::collection::vec(-300i16..300, 64),
         ) {

@@ -1,9 +1,9 @@
-//! Decodes what cameras send, baseline JPEG in one scan, straight into planes that are reused.
+//! Decodes baseline JPEGs in one scan, as cameras send them, directly into reusable planes.
 //!
-//! Nothing is allocated once warm, luma and chroma stay apart as they are in the frame, and data
-//! that ends early, goes on too long or makes no sense is an error, where other decoders show half
-//! a picture. What cameras do not send (progressive, CMYK, several scans) is
-//! [`DecodeError::Unsupported`]: the decoder of the `image` crate takes it.
+//! After the first frames nothing is allocated, and luma and chroma stay in separate planes as in
+//! the frame. Data that ends early, is too long or is invalid gives an error, where other decoders
+//! return half a picture. Kinds of JPEG that cameras do not send (progressive, CMYK, several scans)
+//! are [`DecodeError::Unsupported`]: the `image` crate decodes them.
 
 use super::bits::Scan;
 use super::block::Waiting;
@@ -12,7 +12,7 @@ use super::mcu::{ComponentDecoder, decode_scan};
 use crate::vision::picture::image::{Image, Plane};
 use crate::vision::vectors::Vectors;
 
-/// Tables and buffers that live from frame to frame.
+/// Tables and buffers that are kept from frame to frame.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Baseline {
     pub(super) headers: Headers,
@@ -21,7 +21,8 @@ pub(super) struct Baseline {
 }
 
 impl Baseline {
-    /// Decodes a frame whose markers have been validated. On an error the image is whatever it is.
+    /// Decodes a frame whose markers have been validated. After an error, the content of the image
+    /// is unspecified.
     pub(super) fn decode(
         &mut self,
         jpeg: &[u8],
@@ -37,7 +38,7 @@ impl Baseline {
         decode_scan(self.vectors, &self.scan, interval, mcus, components)
     }
 
-    /// Reads all that stands before the data; returns where that begins.
+    /// Parses everything before the data. Returns where the data begins.
     pub(super) fn read_headers(
         &mut self,
         jpeg: &[u8],
@@ -47,8 +48,8 @@ impl Baseline {
         self.headers.read(jpeg, has_tables)
     }
 
-    /// Gives the image its shape; MCUs across and down, and what decodes the blocks that follow
-    /// those of `predictors`.
+    /// Sets the layout of the image. Returns the number of MCUs across and down, and the decoders
+    /// of the components, which continue from the DC predictors `predictors`.
     pub(super) fn shape<'a>(
         &'a self,
         image: &'a mut Image,
@@ -56,7 +57,7 @@ impl Baseline {
     ) -> Result<((usize, usize), [ComponentDecoder<'a>; 3]), DecodeError> {
         let (Some(size), Some(&finest)) = (self.headers.size, self.headers.components.first())
         else {
-            return Err(damaged("its size is missing before its data"));
+            return Err(damaged("no size header before the data"));
         };
         let across = size.width.div_ceil(8 * finest.h) as usize;
         let down = size.height.div_ceil(8 * finest.v) as usize;
@@ -76,7 +77,7 @@ impl Baseline {
         ))
     }
 
-    /// What decodes each component's blocks; surplus ones have no blocks in an MCU.
+    /// The decoder of each component; unused ones have no blocks in an MCU.
     fn component_decoders<'a>(
         &'a self,
         planes: &'a mut [Plane; 3],

@@ -1,27 +1,27 @@
-//! The data between a JPEG's markers as a stream of bits.
+//! Reads the entropy-coded data between a JPEG's markers as a bit stream.
 
 use super::frame::FrameError;
 
-/// Zeros behind the data, so that eight bytes can be read at once up to its end.
+/// Zero bytes appended to the data, so that eight bytes can be read at once up to its end.
 const PADDING: usize = 16;
 
-/// A scan's data without its stuffing, cut at the restart markers.
+/// A scan's data without byte stuffing, split at the restart markers.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Scan {
     bytes: Vec<u8>,
-    /// Where each interval ends.
+    /// End offset of each restart interval.
     ends: Vec<usize>,
 }
 
 impl Scan {
-    /// Forgets the scan before.
+    /// Discards the previous scan.
     pub(crate) fn clear(&mut self) {
         self.bytes.clear();
         self.ends.clear();
     }
 
-    /// Takes the bytes behind a scan's header, or the rest of them; returns the marker that ends
-    /// the scan.
+    /// Reads the bytes after a scan's header, or the rest of them. Returns the code of the marker
+    /// that ends the scan.
     pub(crate) fn load(&mut self, mut rest: &[u8]) -> Result<u8, FrameError> {
         loop {
             rest = &rest[self.take(rest)..];
@@ -43,7 +43,7 @@ impl Scan {
         }
     }
 
-    /// Takes bytes up to a marker or to where they end for now; returns how many.
+    /// Reads bytes up to a marker or to the end of the data received so far. Returns their number.
     pub(crate) fn take(&mut self, data: &[u8]) -> usize {
         let mut at = 0;
         loop {
@@ -61,12 +61,12 @@ impl Scan {
         }
     }
 
-    /// How many intervals there are.
+    /// The number of restart intervals.
     pub(crate) fn intervals(&self) -> usize {
         self.ends.len()
     }
 
-    /// The bits of an interval, which must exist.
+    /// The bits of a restart interval, which must exist.
     pub(crate) fn bits(&self, interval: usize) -> Bits<'_> {
         let start = if interval == 0 {
             0
@@ -80,7 +80,7 @@ impl Scan {
         }
     }
 
-    /// The bits of the first interval from a place on, as far as they are there.
+    /// The available bits of the first interval, from a position on.
     pub(crate) fn bits_from(&self, cursor: Cursor) -> Bits<'_> {
         Bits {
             bytes: &self.bytes,
@@ -90,13 +90,13 @@ impl Scan {
     }
 }
 
-/// Where the first 0xFF stands, or the length; eight bytes at a time.
+/// The position of the first 0xFF, or the length; compares eight bytes at a time.
 fn first_ff(bytes: &[u8]) -> usize {
     let (words, _) = bytes.as_chunks::<8>();
     for (index, word) in words.iter().enumerate() {
         let inverted = !u64::from_le_bytes(*word);
-        // The highest bit of a byte is set where the byte was 0xFF; above the lowest such byte it
-        // may lie.
+        // The highest bit of each byte that was 0xFF is set. Bytes above the lowest such byte may
+        // be set wrongly.
         let zeros =
             inverted.wrapping_sub(0x0101_0101_0101_0101) & !inverted & 0x8080_8080_8080_8080;
         if zeros != 0 {
@@ -110,7 +110,8 @@ fn first_ff(bytes: &[u8]) -> usize {
         .count()
 }
 
-/// Reads bits, the highest of a byte first. Behind the end come zeros; [`Bits::left`] tells.
+/// Reads bits, the highest bit of a byte first. Zeros follow after the end, which [`Bits::left`]
+/// reveals.
 #[derive(Clone, Copy)]
 pub(crate) struct Bits<'a> {
     bytes: &'a [u8],
@@ -118,18 +119,18 @@ pub(crate) struct Bits<'a> {
     cursor: Cursor,
 }
 
-/// How far bits have been read.
+/// A read position in a bit stream.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Cursor {
     at: usize,
-    /// The next bits, from the top.
+    /// The next bits, aligned to the top.
     buffer: u64,
-    /// How many of them count; below 64.
+    /// Number of valid bits in the buffer, below 64.
     count: u32,
 }
 
 impl Bits<'_> {
-    /// Makes sure that `LEAST` bits can be looked at, 56 at most.
+    /// Ensures that at least `LEAST` bits can be peeked, at most 56.
     #[inline(always)]
     pub(crate) fn refill<const LEAST: u32>(&mut self) {
         if self.cursor.count < LEAST {
@@ -137,38 +138,38 @@ impl Bits<'_> {
         }
     }
 
-    /// Makes sure that 56 bits can be looked at.
+    /// Ensures that 56 bits can be peeked.
     #[inline(always)]
     pub(crate) fn refill_always(&mut self) {
         let Cursor { at, buffer, count } = &mut self.cursor;
         let next = self.bytes.get(*at..).and_then(<[u8]>::first_chunk::<8>);
         let word = next.map_or(0, |bytes| u64::from_be_bytes(*bytes));
-        // Bits of a byte that was taken in part are there already, and the same.
+        // The bits of a partly consumed byte are already in the buffer with the same values.
         *buffer |= word >> *count;
         *at += (63 - *count) as usize / 8;
         *count |= 56;
     }
 
-    /// The next bits, 1 to 32, without taking them; [`Bits::refill`] must have come before.
+    /// The next 1 to 32 bits, without consuming them; requires a preceding [`Bits::refill`].
     #[inline(always)]
     pub(crate) fn peek(&self, bits: u32) -> usize {
         (self.cursor.buffer >> (64 - bits)) as usize
     }
 
-    /// Takes bits that were looked at.
+    /// Consumes bits.
     #[inline(always)]
     pub(crate) fn skip(&mut self, bits: u32) {
         self.cursor.buffer <<= bits;
         self.cursor.count = self.cursor.count.wrapping_sub(bits);
     }
 
-    /// How many bits are left; negative when more were read than there are.
+    /// The number of bits left; negative if more were consumed than there are.
     pub(crate) fn left(&self) -> i64 {
-        // Lengths of frames are bounded, so nothing is cut off.
+        // Frame lengths are bounded, so nothing is truncated.
         self.len as i64 * 8 - (self.cursor.at as i64 * 8 - i64::from(self.cursor.count))
     }
 
-    /// How far they have been read.
+    /// The current read position.
     pub(crate) fn cursor(&self) -> Cursor {
         self.cursor
     }
@@ -181,7 +182,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn stuffed_bytes_come_out_as_they_went_in(
+        fn stuffed_bytes_are_restored(
             parts in proptest::collection::vec(proptest::collection::vec(prop_oneof![Just(0xFF), any::<u8>()], 0..40), 1..12),
         ) {
             let mut stuffed = Vec::new();
@@ -208,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn reading_on_behind_the_end_is_told() {
+    fn reading_beyond_the_end_is_reported() {
         let mut scan = Scan::default();
         scan.load(&[0x12, 0xFF, 0xD9]).unwrap();
         let mut bits = scan.bits(0);
@@ -220,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_interval_is_noticed() {
+    fn a_missing_interval_is_an_error() {
         let mut scan = Scan::default();
         assert!(
             scan.load(&[1, 0xFF, 0xD0, 2, 0xFF, 0xD2, 3, 0xFF, 0xD9])

@@ -1,4 +1,5 @@
-//! Decodes single blocks: from bits to coefficients, and those of two blocks at a time to samples.
+//! Decodes single blocks: bits to coefficients, and the coefficients of two blocks at a time to
+//! samples.
 
 use super::bits::Bits;
 use super::huffman::Table;
@@ -7,8 +8,8 @@ use super::machine::{Coefficients, Machine};
 use super::steps::{AcTable, STEP_BITS, Step};
 use crate::vision::picture::image::Plane;
 
-/// Where to put the coefficient of each place in a frame's zigzag order. Places beyond the block, which a step
-/// names for values that it does not have, share one that is never read.
+/// The storage position of each coefficient in zigzag order. Positions beyond the block, which a
+/// step uses for values that it does not have, map to one that is never read.
 const PLACES: [u8; 128] = {
     let mut places = [64; 128];
     let mut index = 0;
@@ -19,12 +20,12 @@ const PLACES: [u8; 128] = {
     places
 };
 
-/// Blocks that wait for their transform, which takes two at a time.
+/// Blocks queued for the inverse transform, which processes two at a time.
 #[derive(Debug, Clone)]
 pub(super) struct Waiting {
-    /// Zeros, but for the blocks that wait and places that are never read.
+    /// All zeros, except for queued blocks and positions that are never read.
     blocks: [Coefficients; 2],
-    /// Where the first one belongs, if it waits.
+    /// The sample offset of the first block, if it is queued.
     first: Option<usize>,
 }
 
@@ -38,13 +39,13 @@ impl Default for Waiting {
 }
 
 impl Waiting {
-    /// Where the next block's coefficients go.
+    /// The buffer for the next block's coefficients.
     #[inline(always)]
     pub(super) fn next(&mut self) -> &mut Coefficients {
         &mut self.blocks[usize::from(self.first.is_some())]
     }
 
-    /// Makes samples of the [`next`](Waiting::next) block, now or later.
+    /// Transforms the [`next`](Waiting::next) block, immediately or together with the one after it.
     #[inline(always)]
     pub(super) fn put<M: Machine>(&mut self, machine: M, plane: &mut Plane, at: usize) {
         match self.first.take() {
@@ -57,19 +58,19 @@ impl Waiting {
         }
     }
 
-    /// Makes samples of a block that still waits.
+    /// Transforms a block that is still queued.
     #[inline(always)]
     pub(super) fn finish<M: Machine>(&mut self, machine: M, plane: &mut Plane) {
         if let Some(first) = self.first {
-            // Both into the same place: there is no second one.
+            // Both are written to the same place, because there is no second block.
             self.blocks[1] = self.blocks[0];
             self.put(machine, plane, first);
         }
     }
 }
 
-/// Reads a block's coefficients, multiplied by their quantisers, into zeros; whether there are AC
-/// coefficients. Nothing when the data makes no sense.
+/// Decodes and dequantises a block's coefficients into a zeroed buffer. Returns whether there are
+/// AC coefficients; `None` if the data is invalid.
 #[inline(always)]
 pub(super) fn decode_block(
     bits: &mut Bits<'_>,
@@ -78,7 +79,8 @@ pub(super) fn decode_block(
     predictor: &mut i32,
     Coefficients(coefficients): &mut Coefficients,
 ) -> Option<bool> {
-    // Most blocks have fewer bits than this brings, so the question below has nearly always the same answer.
+    // Most blocks need fewer bits than this loads, so the branch in the refill below is
+    // predictable.
     bits.refill_always();
     let (run, difference) = dc_table.next(bits)?;
     if run != 0 {
@@ -94,7 +96,7 @@ pub(super) fn decode_block(
     loop {
         bits.refill::<{ STEP_BITS + 2 }>();
         let step = ac_table.step(bits.peek(STEP_BITS));
-        // What goes beyond the block lands in padding that is never read, so this needs no check.
+        // A value beyond the block is written to padding that is never read, so no check is needed.
         put(step.first_place(index), step.first_value());
         put(step.second_place(index), step.second_value());
         let next = step.next(index);
@@ -123,7 +125,7 @@ pub(super) fn decode_block(
     }
 }
 
-/// Where a block ends that has no AC coefficients, for [`Step::ends`].
+/// The position after a block without AC coefficients, for [`Step::ends`].
 const FIRST_IS_END: usize = 129;
 
 #[cfg(test)]
@@ -133,7 +135,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The standard's tables of luma: DC, AC.
+    /// The standard's luma tables: DC, AC.
     fn tables() -> (Table, AcTable) {
         let (mut dc, mut ac) = (Table::default(), AcTable::default());
         let mut rest = &STANDARD_TABLES[4..];
@@ -151,7 +153,7 @@ mod tests {
         (dc, ac)
     }
 
-    /// Code by code, as the standard has it (T.81 F.2.2).
+    /// Decodes code by code as in the standard (T.81 F.2.2).
     fn one_by_one(
         bits: &mut Bits<'_>,
         (dc, ac): (&Table, &AcTable),
@@ -183,11 +185,12 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the bits: the same coefficients, the same errors, and as many bits taken.
+        /// For any bits, both decoders give the same coefficients, the same errors and the same
+        /// number of bits.
         #[test]
-        fn steps_of_several_codes_are_those_codes_one_by_one(
+        fn steps_of_several_codes_equal_single_codes(
             bytes in proptest::collection::vec(
-                // Small values have short codes, which go several to a step.
+                // Small values have short codes, several of which fit into a step.
                 prop_oneof![any::<u8>(), Just(0u8), Just(0b0010_0100), Just(0b1010_0101)], 1..200,
             ),
         ) {

@@ -1,4 +1,4 @@
-//! From the bytes of a JPEG to pixels, with bounds on every allocation.
+//! Decodes JPEGs to pixels, with bounds on every allocation.
 
 use image::ImageDecoder;
 use image::codecs::jpeg::JpegDecoder;
@@ -11,23 +11,23 @@ use super::scans;
 use crate::vision::picture::image::Image;
 use crate::vision::picture::size::Size;
 
-/// Decodes one frame after the other into the same buffers.
+/// Decodes one frame after another into the same buffers.
 #[derive(Debug, Clone, Default)]
 pub struct Decoder {
     image: Image,
-    /// The part of the next one that has arrived.
+    /// The partly decoded next frame.
     coming: Image,
     baseline: Incremental,
-    /// Pixels of a frame that the `image` crate has decoded.
+    /// Pixels of a frame decoded by the `image` crate.
     pixels: Vec<u8>,
 }
 
 impl Decoder {
-    /// Decodes a frame: baseline and progressive, colour, grey and CMYK, with Huffman tables or
-    /// without.
+    /// Decodes a frame: baseline or progressive, colour, grey or CMYK, with or without Huffman
+    /// tables.
     ///
     /// # Errors
-    /// Says what is wrong with the bytes.
+    /// The reason why the bytes cannot be decoded.
     pub fn decode(&mut self, jpeg: &[u8]) -> Result<&Image, FrameError> {
         let result = self.try_decode(jpeg);
         if result.is_err() {
@@ -39,8 +39,8 @@ impl Decoder {
         result.map(|()| &self.image)
     }
 
-    /// Decodes as much as there is of a frame that is still coming in, so that little is left to do
-    /// when it is whole and [`Decoder::decode`] gets all of it. The newest picture stays as it is.
+    /// Decodes as much as possible of a frame that is still being received, so that little work is
+    /// left when [`Decoder::decode`] gets the complete frame. The newest picture stays unchanged.
     pub fn look_ahead(&mut self, beginning: &[u8]) {
         if let Ok((markers, _)) = Markers::read_before_data(beginning)
             && markers.baseline
@@ -50,12 +50,12 @@ impl Decoder {
         }
     }
 
-    /// Whether the beginning of the next frame is decoded.
+    /// Whether part of the next frame has been decoded.
     pub fn is_ahead(&self) -> bool {
         self.baseline.is_ahead()
     }
 
-    /// The newest picture; 0x0 before the first and after a failure.
+    /// The newest picture; 0x0 before the first one and after an error.
     pub fn image(&self) -> &Image {
         &self.image
     }
@@ -81,19 +81,19 @@ impl Decoder {
         self.decode_unusual(jpeg, markers.size)
     }
 
-    /// Decodes what cameras do not send: progressive pictures, CMYK, several scans.
+    /// Decodes kinds of JPEG that cameras do not send: progressive pictures, CMYK, several scans.
     fn decode_unusual(&mut self, jpeg: &[u8], size: Size) -> Result<(), FrameError> {
         scans::check(jpeg)?;
         let decoder = JpegDecoder::new(Cursor::new(jpeg)).map_err(short)?;
         if decoder.dimensions() != (size.width, size.height) {
-            return Err(FrameError::damaged("it has two sizes"));
+            return Err(FrameError::damaged("its headers give two different sizes"));
         }
         let channels = match decoder.color_type() {
             image::ColorType::Rgb8 => 3,
             image::ColorType::L8 => 1,
             _ => return Err(FrameError::Unsupported("neither grey, colour nor CMYK")),
         };
-        // Cleared, because what ends early leaves the rest as it finds it.
+        // Cleared, because data that ends early leaves the remaining pixels unchanged.
         self.pixels.clear();
         self.pixels
             .resize(size.width as usize * size.height as usize * channels, 0);
@@ -106,7 +106,7 @@ impl Decoder {
     }
 }
 
-/// A decoder's error as one short line.
+/// A decoder's error, shortened to 120 characters.
 fn short(error: image::ImageError) -> FrameError {
     FrameError::Damaged(error.to_string().chars().take(120).collect())
 }
@@ -130,7 +130,7 @@ mod tests {
         include_bytes!("../../../tests/fixtures/ball-cmyk.jpg"),
     ];
 
-    /// Mean and largest difference of any channel of any pixel.
+    /// Mean and largest difference over all channels of all pixels.
     fn difference(ours: &RgbImage, theirs: &RgbImage) -> (f64, u8) {
         let differences = ours.iter().zip(theirs.iter()).map(|(a, b)| a.abs_diff(*b));
         let sum: u32 = differences.clone().map(u32::from).sum();
@@ -150,11 +150,11 @@ mod tests {
     }
 
     #[test]
-    fn no_frame_shines_through_from_one_before() {
+    fn no_frame_shows_pixels_of_the_previous_one() {
         let whole = include_bytes!("../../../tests/fixtures/ball-cmyk.jpg");
         let data = whole.windows(2).position(|pair| pair == [0xFF, 0xDA]);
         let (top, bottom) = whole.split_at(data.unwrap() + 300);
-        // Other data of the same length: the picture is another one from there on.
+        // Different data of the same length: the picture differs from there on.
         let other = [top, &[0x55; 40], &bottom[40..]].concat();
         let (mut warm, mut fresh) = (Decoder::default(), Decoder::default());
         warm.decode(whole).unwrap();
@@ -166,7 +166,7 @@ mod tests {
         decoder.decode(jpeg).map(Image::to_rgb)
     }
 
-    /// A decoder without the vector instructions of this processor.
+    /// A decoder that does not use this processor's vector instructions.
     fn plain() -> Decoder {
         let mut decoder = Decoder::default();
         decoder.baseline.use_vectors(Vectors::Plain);
@@ -174,10 +174,10 @@ mod tests {
     }
 
     proptest! {
-        /// However a frame is cut, damaged or followed by another one, looking ahead changes no result, and
-        /// neither do vector instructions.
+        /// However a frame is split, damaged or followed by another one, decoding ahead and vector
+        /// instructions change no result.
         #[test]
-        fn a_frame_looked_at_ahead_is_the_same_frame(
+        fn a_frame_decoded_ahead_is_the_same_frame(
             file in 0..FILES.len(),
             other in 0..FILES.len(),
             mut cuts in prop::collection::vec(0.0..1.0, 0..8),
@@ -203,9 +203,9 @@ mod tests {
         }
     }
 
-    /// With the last bytes there is next to nothing left to decode.
+    /// When the last bytes arrive, almost nothing is left to decode.
     #[test]
-    fn most_of_a_frame_is_decoded_before_its_end_has_come() {
+    fn most_of_a_frame_is_decoded_before_its_end_is_received() {
         let noise = RgbImage::from_fn(320, 240, |x, y| Rgb([(x * y % 251) as u8; 3]));
         let mut jpeg = Vec::new();
         JpegEncoder::new(&mut jpeg).encode_image(&noise).unwrap();
@@ -223,17 +223,17 @@ mod tests {
     }
 
     #[test]
-    fn pixels_are_those_of_the_image_crate() {
+    fn pixels_equal_those_of_the_image_crate() {
         let (mean, most) = both(include_bytes!("../../../tests/fixtures/ball-444.jpg"));
         assert!(mean < 1.0 && most <= 8, "{mean} {most}");
         let (mean, most) = both(include_bytes!("../../../tests/fixtures/ball-grey.jpg"));
         assert!(mean < 0.5 && most <= 2, "{mean} {most}");
     }
 
-    /// Shared Cb and Cr are smoothed there and not here, which shows at sharp borders
-    /// only.
+    /// The `image` crate smooths subsampled Cb and Cr and this decoder does not, which shows only
+    /// at sharp edges.
     #[test]
-    fn pixels_are_nearly_those_of_the_image_crate_where_colour_is_coarse() {
+    fn pixels_nearly_equal_those_of_the_image_crate_with_subsampled_chroma() {
         for jpeg in [
             include_bytes!("../../../tests/fixtures/ball-422.jpg").as_slice(),
             include_bytes!("../../../tests/fixtures/ball-420.jpg"),

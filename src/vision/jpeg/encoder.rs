@@ -1,7 +1,7 @@
-//! Encodes the simulator's frames as baseline JPEGs. The `jpeg_encoder` crate makes the head of a
-//! file, tables included; the pixels are coded here, in half of that crate's time: with pictures,
-//! an hour of virtual time is little else (`scripts/bench-fast`). Shares nothing with the decoder
-//! but the standard, so that a mistake of one does not hide in the other.
+//! Encodes the simulator's frames as baseline JPEGs. The `jpeg_encoder` crate writes the headers,
+//! including the tables; the pixels are encoded here in half of that crate's time, because encoding
+//! takes most of the time of a simulation with pictures (`scripts/bench-fast`). Shares no code with
+//! the decoder, so that an error in one is not hidden by the same error in the other.
 
 mod bit_writer;
 mod dct;
@@ -17,35 +17,35 @@ use self::dct::{Block, SIDE, transform, transposed};
 pub use self::subsampling::Subsampling;
 use self::tables::{Codes, ZIGZAG, codes, factors, head, nonzero_ac};
 
-/// Red, green, blue and a byte that does not count.
+/// Red, green, blue and an unused byte.
 pub(crate) type Pixel = [u8; 4];
 
 /// Encodes frames of one size.
 pub struct Encoder {
     width: usize,
     subsampling: Subsampling,
-    /// All that stands before the pixels.
+    /// The headers: everything before the pixel data.
     head: Vec<u8>,
     luma: Coder,
     chroma: Coder,
     planes: [Vec<f32>; 3],
 }
 
-/// How the blocks of a component are coded.
+/// The tables with which the blocks of a component are encoded.
 struct Coder {
-    /// What each coefficient is multiplied by, in the order of a block.
+    /// The factor of each coefficient, in the order of a block.
     factors: Block,
-    /// By the number of bits of a difference.
+    /// Indexed by the number of bits of a DC difference.
     dc_codes: Codes,
-    /// By the zeros before a value, times 16, and the number of its bits.
+    /// Indexed by 16 times the zeros before a value, plus the number of its bits.
     ac_codes: Codes,
 }
 
 impl Encoder {
-    /// `quality` from 1 to 100; width and height are multiples of 16.
+    /// `quality` is 1 to 100; width and height must be multiples of 16.
     pub fn new(quality: u8, subsampling: Subsampling, (width, height): (u16, u16)) -> Encoder {
         let head = head(quality, subsampling, (width, height)).unwrap_or_else(|error| {
-            // Into memory and with a size that is right, it does not fail.
+            // Writing to memory with a valid size does not fail.
             tracing::error!(target: "spykee::sim", %error, "cannot encode frames");
             Vec::new()
         });
@@ -65,7 +65,7 @@ impl Encoder {
         }
     }
 
-    /// A frame as a JPEG.
+    /// Encodes a frame as a JPEG.
     pub fn encode(&mut self, frame: &[Pixel]) -> Bytes {
         let mut bits = BitWriter::after(&self.head);
         let (across, down) = match self.subsampling {
@@ -98,7 +98,7 @@ impl Encoder {
         bits.end()
     }
 
-    /// Luma, Cb and Cr of some rows, all around 0 (JFIF 1.02, page 3).
+    /// Converts some rows to luma, Cb and Cr, all centred on 0 (JFIF 1.02, page 3).
     fn split(&mut self, rows: &[Pixel]) {
         let [luma, cb, cr] = &mut self.planes;
         for plane in [&mut *luma, &mut *cb, &mut *cr] {
@@ -114,7 +114,7 @@ impl Encoder {
     }
 }
 
-/// The block of a plane that begins there.
+/// The block of a plane that begins at this column and row.
 fn block(plane: &[f32], width: usize, column: usize, row: usize) -> Block {
     std::array::from_fn(|y| {
         let line = &plane[(row + y) * width + column..][..SIDE];
@@ -122,7 +122,8 @@ fn block(plane: &[f32], width: usize, column: usize, row: usize) -> Block {
     })
 }
 
-/// The block that begins in a column of a plane's first row, each value the mean of so many.
+/// The block that begins at this column of a plane's first row, each value the mean of `ACROSS` by
+/// `DOWN` values.
 fn mean<const ACROSS: usize, const DOWN: usize>(
     plane: &[f32],
     width: usize,
@@ -169,7 +170,8 @@ impl Coder {
     }
 
     fn rounded(&self, block: &Block) -> [i16; SIDE * SIDE] {
-        // In the sum's last bits stands the nearest whole number: much faster than to ask for it.
+        // Adding this constant rounds a value to the nearest integer, which is then in the lowest
+        // bits of the sum: much faster than a call.
         const NEAREST: f32 = 12_582_912.0;
         let (values, factors) = (block.as_flattened(), self.factors.as_flattened());
         std::array::from_fn(|i| (values[i] * factors[i] + NEAREST).to_bits() as i16)

@@ -1,21 +1,22 @@
 //! Validates the markers of a frame before its data is decoded.
 //!
-//! Cameras and links cut frames short, and decoders accept half a file without a word. So the
-//! markers are read here first: start, sizes, tables, first scan, end. Nothing is allocated, and
+//! Cameras and links truncate frames, and decoders accept half a file without an error. Therefore
+//! the markers are checked first: start, sizes, tables, first scan, end. Nothing is allocated, and
 //! the work is bounded by the length of the bytes.
 
 use thiserror::Error;
 
 use crate::vision::picture::size::{MAX_HEIGHT, MAX_WIDTH, Size};
 
-/// Longest JPEG that is looked at, in bytes.
+/// Longest JPEG that is accepted, in bytes.
 pub const MAX_JPEG_LEN: usize = 4 << 20;
-/// Most scans of a progressive picture: each costs a pass over the whole picture.
+/// Most scans of a progressive picture: each takes a pass over the whole picture.
 const MAX_SCANS: usize = 65;
-/// Most pixels that all scans of a progressive frame go over: ten of 640x480 are half of it.
+/// Most pixels that all scans of a progressive frame may process in total; ten scans of 640x480 are
+/// half of that.
 const MAX_SCANNED: usize = 6_500_000;
 
-/// Why the bytes of a frame are no picture.
+/// Why the bytes of a frame are not a picture.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum FrameError {
@@ -23,26 +24,26 @@ pub enum FrameError {
     #[error("the frame is cut short: its {0} bytes end inside a header")]
     TooShort(usize),
     /// More than [`MAX_JPEG_LEN`] bytes; holds their number.
-    #[error("the frame has {0} bytes, more than the {MAX_JPEG_LEN} that are looked at")]
+    #[error("the frame has {0} bytes; at most {MAX_JPEG_LEN} are accepted")]
     TooLong(usize),
     /// The bytes do not begin with JPEG's start marker.
-    #[error("the frame is no JPEG: it does not begin with FF D8")]
+    #[error("the frame is not a JPEG: it does not begin with FF D8")]
     NoStart,
-    /// JPEG's end marker is missing: the frame was cut short.
+    /// JPEG's end marker is missing: the frame was truncated.
     #[error("the frame is cut short: it has no end marker FF D9")]
     NoEnd,
-    /// More pixels than are decoded.
+    /// More pixels than the decoder accepts.
     #[error("the frame is {width}x{height}, larger than {MAX_WIDTH}x{MAX_HEIGHT}")]
     TooLarge {
-        /// Columns the header claims.
+        /// Number of columns in the header.
         width: u32,
-        /// Rows the header claims.
+        /// Number of rows in the header.
         height: u32,
     },
-    /// A kind of JPEG that no camera of ours makes, such as lossless or 12-bit.
-    #[error("the frame is a kind of JPEG that is not read: {0}")]
+    /// A kind of JPEG that supported cameras do not make, such as lossless or 12-bit.
+    #[error("the frame is an unsupported kind of JPEG: {0}")]
     Unsupported(&'static str),
-    /// The markers or the data contradict themselves.
+    /// The markers or the data are inconsistent.
     #[error("the frame is damaged: {0}")]
     Damaged(String),
 }
@@ -53,34 +54,34 @@ impl FrameError {
     }
 }
 
-/// Looks at start, markers, size and end of a JPEG without decoding it.
+/// Checks the start, markers, size and end of a JPEG without decoding it.
 ///
 /// # Errors
-/// Says what is wrong with the bytes; an `Ok` does not yet mean that the data between the markers
-/// is sound.
+/// The reason why the bytes are invalid; `Ok` does not guarantee that the data between the markers
+/// is valid.
 pub fn validate_markers(jpeg: &[u8]) -> Result<Size, FrameError> {
     Markers::read(jpeg).map(|markers| markers.size)
 }
 
-/// What the markers of a frame say.
+/// The information from a frame's markers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Markers {
     pub(crate) size: Size,
-    /// One scan, Huffman coded, eight bits: what cameras send.
+    /// One scan, Huffman coded, eight bits, as cameras send it.
     pub(crate) baseline: bool,
-    /// Whether Huffman tables stand before the first scan; MJPEG cameras leave them out.
+    /// Whether there are Huffman tables before the first scan; MJPEG cameras omit them.
     pub(crate) has_tables: bool,
 }
 
 impl Markers {
-    /// Reads the markers up to the first scan, then looks for the end.
+    /// Reads the markers up to the first scan, then checks for the end marker.
     pub(crate) fn read(jpeg: &[u8]) -> Result<Markers, FrameError> {
         let (markers, data) = Markers::read_before_data(jpeg)?;
         check_rest(&jpeg[data..], &markers)?;
         Ok(markers)
     }
 
-    /// Reads the markers up to the first scan; where its data begins.
+    /// Reads the markers up to the first scan. Also returns where its data begins.
     pub(crate) fn read_before_data(jpeg: &[u8]) -> Result<(Markers, usize), FrameError> {
         if jpeg.len() > MAX_JPEG_LEN {
             return Err(FrameError::TooLong(jpeg.len()));
@@ -100,13 +101,17 @@ impl Markers {
                     return Err(FrameError::Unsupported("lossless or hierarchical"));
                 }
                 0xC9..=0xCB => return Err(FrameError::Unsupported("arithmetic coding")),
-                0xD9 => return Err(FrameError::damaged("it ends before its picture")),
+                0xD9 => {
+                    return Err(FrameError::damaged(
+                        "the end marker comes before the picture",
+                    ));
+                }
                 0xDA => break,
                 _ => {}
             }
         }
         let (size, baseline) =
-            picture.ok_or_else(|| FrameError::damaged("its size is missing before its data"))?;
+            picture.ok_or_else(|| FrameError::damaged("no size header before the data"))?;
         let markers = Markers {
             size,
             baseline,
@@ -116,7 +121,7 @@ impl Markers {
     }
 }
 
-/// Size, and whether the picture is baseline, from a start-of-frame segment.
+/// Reads the size, and whether the picture is baseline, from a start-of-frame segment.
 fn read_size(segment: Segment<'_>) -> Result<(Size, bool), FrameError> {
     let &[bits, h1, h0, w1, w0, components, ..] = segment.body else {
         return Err(FrameError::damaged("its size header is too short"));
@@ -126,7 +131,7 @@ fn read_size(segment: Segment<'_>) -> Result<(Size, bool), FrameError> {
         u32::from(u16::from_be_bytes([h1, h0])),
     );
     if bits != 8 {
-        return Err(FrameError::Unsupported("not 8 bits a sample"));
+        return Err(FrameError::Unsupported("not 8 bits per sample"));
     }
     if !matches!(components, 1 | 3 | 4) {
         return Err(FrameError::Unsupported("neither grey, colour nor CMYK"));
@@ -140,7 +145,7 @@ fn read_size(segment: Segment<'_>) -> Result<(Size, bool), FrameError> {
     Ok((Size { width, height }, segment.marker != 0xC2))
 }
 
-/// The end marker must follow the data; padding after it is normal.
+/// Checks that the end marker follows the data; padding after it is normal.
 fn check_rest(data: &[u8], markers: &Markers) -> Result<(), FrameError> {
     if !data.windows(2).rev().any(|pair| pair == [0xFF, 0xD9]) {
         return Err(FrameError::NoEnd);
@@ -148,7 +153,7 @@ fn check_rest(data: &[u8], markers: &Markers) -> Result<(), FrameError> {
     if markers.baseline {
         return Ok(());
     }
-    // Each scan goes over the whole picture, however few bytes it has.
+    // Each scan takes a pass over the whole picture, however few bytes it has.
     let scans = 1 + data.windows(2).filter(|pair| *pair == [0xFF, 0xDA]).count();
     let pixels = markers.size.width as usize * markers.size.height as usize;
     if scans > MAX_SCANS || scans * pixels > MAX_SCANNED {
@@ -158,34 +163,34 @@ fn check_rest(data: &[u8], markers: &Markers) -> Result<(), FrameError> {
     }
 }
 
-/// One marker and what stands behind its length.
+/// A marker and the content after its length field.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Segment<'a> {
     pub(crate) marker: u8,
     pub(crate) body: &'a [u8],
 }
 
-/// Cuts the part of a JPEG before its data into segments.
+/// Splits the part of a JPEG before its data into segments.
 pub(crate) struct Segments<'a> {
     jpeg: &'a [u8],
-    /// Where the next segment begins.
+    /// Offset of the next segment.
     pub(crate) at: usize,
 }
 
 impl<'a> Segments<'a> {
-    /// Starts behind the start marker.
+    /// Starts after the start marker.
     pub(crate) fn of(jpeg: &'a [u8]) -> Self {
         Segments { jpeg, at: 2 }
     }
 
-    /// The next segment; the end marker comes with an empty body.
+    /// The next segment; the end marker has an empty body.
     pub(crate) fn next(&mut self) -> Result<Segment<'a>, FrameError> {
         let short = || FrameError::TooShort(self.jpeg.len());
         let rest = self.jpeg.get(self.at..).ok_or_else(short)?;
         let fill = rest.iter().take_while(|&&byte| byte == 0xFF).count();
         if fill == 0 && !rest.is_empty() {
             return Err(FrameError::damaged(
-                "a marker is missing where one must stand",
+                "a marker is missing where one is required",
             ));
         }
         let marker = *rest.get(fill).ok_or_else(short)?;
@@ -207,7 +212,7 @@ impl<'a> Segments<'a> {
 mod tests {
     use super::*;
 
-    /// A frame of markers only: quantisation, size, scan header, one byte of data, end.
+    /// A frame with markers only: size, scan header, one byte of data, end.
     fn skeleton(width: u16, height: u16, kind: u8) -> Vec<u8> {
         let mut bytes = vec![0xFF, 0xD8, 0xFF, kind, 0, 11, 8];
         bytes.extend(height.to_be_bytes());
@@ -219,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sound_skeleton_tells_its_size() {
+    fn a_valid_skeleton_gives_its_size() {
         assert_eq!(
             validate_markers(&skeleton(320, 240, 0xC0)),
             Ok(Size {
@@ -230,14 +235,14 @@ mod tests {
     }
 
     #[test]
-    fn padding_behind_the_end_is_normal() {
+    fn padding_after_the_end_is_accepted() {
         let mut bytes = skeleton(320, 240, 0xC0);
         bytes.extend([0; 700]);
         assert!(validate_markers(&bytes).is_ok());
     }
 
     #[test]
-    fn every_cut_is_refused() {
+    fn every_truncation_is_refused() {
         let bytes = skeleton(320, 240, 0xC0);
         for len in 0..bytes.len() {
             assert!(
@@ -264,7 +269,7 @@ mod tests {
     }
 
     #[test]
-    fn other_kinds_of_jpeg_are_named() {
+    fn other_kinds_of_jpeg_are_refused_as_unsupported() {
         for kind in [0xC3, 0xC5, 0xC9, 0xCB, 0xCF] {
             assert!(matches!(
                 validate_markers(&skeleton(320, 240, kind)),

@@ -1,4 +1,5 @@
-//! What stands before a baseline JPEG's data: its size, its tables, and which component uses which.
+//! Parses the headers of a baseline JPEG: its size, its tables, and which component uses which
+//! table.
 
 use super::frame::{FrameError, Segment, Segments};
 use super::huffman::{STANDARD_TABLES, Table};
@@ -6,12 +7,12 @@ use super::idct;
 use super::steps::AcTable;
 use crate::vision::picture::size::Size;
 
-/// Why a frame was not decoded here.
+/// Why a frame was not decoded by this decoder.
 #[derive(Debug)]
 pub(super) enum DecodeError {
-    /// A kind that is not decoded here, but may be sound.
+    /// A kind of JPEG that this decoder does not support, but that may be valid.
     Unsupported,
-    /// It is broken.
+    /// The frame is damaged.
     Damaged(FrameError),
 }
 
@@ -25,11 +26,11 @@ pub(super) fn damaged(what: &str) -> DecodeError {
     DecodeError::Damaged(FrameError::damaged(what))
 }
 
-/// Luma, Cb or Cr, as the frame's headers describe it.
+/// Luma, Cb or Cr, as described by the frame header.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Component {
     id: u8,
-    /// Sampling factors, across and down: blocks of it in an MCU (T.81: H and V).
+    /// Horizontal and vertical sampling factors: blocks of the component in an MCU (T.81: H and V).
     pub(super) h: u32,
     pub(super) v: u32,
     pub(super) quantiser: usize,
@@ -40,10 +41,10 @@ pub(super) struct Component {
 /// A quantisation table in its [`scaled`](idct::scaled) form.
 #[derive(Debug, Clone)]
 pub(super) struct Quantiser {
-    /// As it stood in the frame.
+    /// The values as given in the frame.
     source: [u16; 64],
     pub(super) scaled: [i32; 64],
-    /// Whether this frame has brought it.
+    /// Whether the current frame has defined this table.
     pub(super) present: bool,
 }
 
@@ -67,13 +68,13 @@ impl Quantiser {
     }
 }
 
-/// Tables live from frame to frame: a table that has not changed is not built again.
+/// The headers of a frame. Tables are kept from frame to frame: an unchanged table is not rebuilt.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Headers {
     pub(super) quantisers: [Quantiser; 4],
     pub(super) dc_tables: [Table; 4],
     pub(super) ac_tables: [AcTable; 4],
-    /// Which of the tables this frame has brought: DC, AC.
+    /// Which tables the current frame has defined: DC, AC.
     present: [[bool; 4]; 2],
     pub(super) components: Vec<Component>,
     pub(super) size: Option<Size>,
@@ -82,7 +83,7 @@ pub(super) struct Headers {
 }
 
 impl Headers {
-    /// Reads all that stands before the data; returns where that begins.
+    /// Parses everything before the data. Returns where the data begins.
     pub(super) fn read(&mut self, jpeg: &[u8], has_tables: bool) -> Result<usize, DecodeError> {
         self.forget();
         if !has_tables {
@@ -146,7 +147,7 @@ impl Headers {
         self.check_factors(count)
     }
 
-    /// Luma must have the finest sampling; alone, its MCUs are single blocks.
+    /// Checks that luma has the finest sampling. A single component has MCUs of one block.
     fn check_factors(&mut self, count: u8) -> Result<(), DecodeError> {
         let finest = self.components[0];
         if count == 1 {
@@ -195,7 +196,7 @@ impl Headers {
                 _ => self.ac_tables[index].load(counts, &rest[..len]),
             };
             if !makes_sense {
-                return Err(damaged("a Huffman table contradicts itself"));
+                return Err(damaged("a Huffman table is inconsistent"));
             }
             self.present[class][index] = true;
             body = &rest[len..];
@@ -211,7 +212,8 @@ impl Headers {
         Ok(())
     }
 
-    /// Which tables each component uses; all components must be in this one scan, in their order.
+    /// Reads which tables each component uses. This single scan must contain all components in
+    /// their order.
     fn read_scan(&mut self, segment: Segment<'_>) -> Result<(), DecodeError> {
         let Some((&count, rest)) = segment.body.split_first() else {
             return Err(damaged("its scan header is empty"));

@@ -1,28 +1,29 @@
-//! Huffman tables of JPEG: those that the standard suggests, and how codes become symbols.
+//! Huffman tables of JPEG: decoding of codes, and the tables that the standard suggests.
 
 use super::bits::Bits;
 
-/// Codes up to this length are found in one look-up.
+/// Codes up to this length are decoded with one look-up.
 const QUICK: u32 = 10;
 
-/// A table, ready for use. A symbol's high half is a run of zeros, its low half the size of the
-/// value that follows in plain bits.
+/// A table, prepared for decoding. The upper half of a symbol is a run of zeros, the lower half the
+/// number of bits of the value that follows.
 #[derive(Debug, Clone)]
 pub(crate) struct Table {
-    /// As it stood in the frame: 16 counts and the symbols; to see whether the next frame has the
-    /// same.
+    /// The definition in the frame, 16 counts and the symbols: used to detect that the next frame
+    /// has the same table.
     source: Vec<u8>,
-    /// For the next [`QUICK`] bits an [`Entry`].
+    /// An [`Entry`] for the next [`QUICK`] bits.
     quick: [Entry; 1 << QUICK],
-    /// For each length, the first code that is longer, in 16 bits from the top.
+    /// For each code length, the first longer code, as 16 bits aligned to the top.
     above: [u32; 17],
-    /// For each length, what to add to a code to get its symbol's place.
+    /// For each code length, the offset from a code to the index of its symbol.
     place: [i32; 17],
     symbols: [u8; 256],
 }
 
-/// What the next bits mean: bits 0..8 how many are taken, 8..16 run or symbol, 16..32 the value.
-/// With [`Entry::SYMBOL_ONLY`] the value still has to be read; 0 bits taken: the code is longer.
+/// The meaning of the next bits. Bits 0..8: number of bits consumed; 8..16: run or symbol; 16..32:
+/// value. With [`Entry::SYMBOL_ONLY`], the value must still be read; 0 bits consumed means that the
+/// code is longer.
 #[derive(Debug, Clone, Copy, Default)]
 struct Entry(u32);
 
@@ -33,7 +34,7 @@ impl Entry {
         Entry(taken | u32::from(middle) << 8 | (value as u32) << 16)
     }
 
-    /// Whether code and value are known.
+    /// Whether both code and value are known.
     #[inline(always)]
     fn is_whole(self) -> bool {
         self.0 & 0xFF != 0 && self.0 & Entry::SYMBOL_ONLY == 0
@@ -55,13 +56,13 @@ impl Entry {
     }
 }
 
-/// A code and the value that follows it.
+/// A decoded code and the value that follows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Coded {
-    /// Bits of both.
+    /// Number of bits of code and value.
     pub(crate) taken: u32,
     pub(crate) run: u8,
-    /// 0 if there is none.
+    /// 0 if there is no value.
     pub(crate) value: i32,
 }
 
@@ -78,14 +79,14 @@ impl Default for Table {
 }
 
 impl Table {
-    /// Whether this is the table that stands so in a frame.
+    /// Whether this table has this definition.
     pub(crate) fn is(&self, counts: &[u8; 16], symbols: &[u8]) -> bool {
         self.source.get(..16) == Some(counts) && &self.source[16..] == symbols
     }
 
-    /// Takes a table as it stands in a frame: 16 counts, one for each length, and the symbols in
-    /// the order of their codes. Says whether it makes sense. Does nothing when it is the table of
-    /// the frame before.
+    /// Builds the table from its definition in a frame: 16 counts, one for each code length, and
+    /// the symbols in the order of their codes. Returns whether it is valid. Does nothing if the
+    /// previous frame had the same table.
     pub(crate) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
         if self.is(counts, symbols) {
             return true;
@@ -104,7 +105,7 @@ impl Table {
         true
     }
 
-    /// Gives out the codes: shorter ones first, each length going on where the one before stopped.
+    /// Assigns the codes: shorter ones first, each length continuing after the previous one.
     fn number(&mut self, counts: &[u8; 16]) -> bool {
         let (mut code, mut place) = (0u32, 0i32);
         for (length, count) in (1..=16).zip(counts) {
@@ -132,8 +133,8 @@ impl Table {
         }
     }
 
-    /// What the top ones of 16 bits mean, of which only so many are known; nothing when that takes more
-    /// of them, or the code does not exist.
+    /// Decodes a code and its value from the top of 16 bits, of which only the first `known` are
+    /// valid; `None` if they need more bits or the code does not exist.
     pub(crate) fn coded(&self, bits: u32, known: u32) -> Option<Coded> {
         let (symbol, length) = self.code(bits, 1)?;
         let (run, size) = (symbol >> 4, u32::from(symbol & 15));
@@ -148,15 +149,15 @@ impl Table {
         Some(Coded { taken, run, value })
     }
 
-    /// Symbol and length of the code at the top of 16 bits, when it has at least `shortest` bits.
+    /// Symbol and length of the code at the top of 16 bits, searching from length `shortest` on.
     fn code(&self, bits: u32, shortest: usize) -> Option<(u8, u32)> {
         let length = (shortest..=16).find(|length| bits < self.above[*length])?;
         let place = (bits >> (16 - length)) as i32 + self.place[length];
         Some((self.symbols[place as usize & 0xFF], length as u32))
     }
 
-    /// The next run of zeros and the value behind it; a value of 0 has none. Nothing for a code
-    /// that does not exist.
+    /// The next run of zeros and the value after it; a value of 0 means that there is none. Returns
+    /// `None` for a code that does not exist.
     #[inline(always)]
     pub(crate) fn next(&self, bits: &mut Bits<'_>) -> Option<(u32, i32)> {
         bits.refill::<32>();
@@ -191,7 +192,7 @@ impl Table {
     }
 }
 
-/// Values whose first bit is 0 are negative.
+/// Converts the bits of a value: values whose first bit is 0 are negative.
 fn signed(plain: u32, size: u32) -> i32 {
     let value = plain as i32;
     if value < 1 << (size - 1) {
@@ -201,8 +202,8 @@ fn signed(plain: u32, size: u32) -> i32 {
     }
 }
 
-/// The tables that the standard suggests (T.81, annex K.3) as one segment, marker included.
-/// Motion-JPEG cameras use them and leave them out of every frame.
+/// The tables that the standard suggests (T.81, annex K.3) as one segment, including the marker.
+/// Motion JPEG cameras use them and omit them from every frame.
 #[rustfmt::skip]
 pub(crate) const STANDARD_TABLES: [u8; 420] = [
     0xFF, 0xC4, 0x01, 0xA2, 0x00, 0x00, 0x01, 0x05, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x01, 0x02,

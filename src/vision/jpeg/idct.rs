@@ -1,18 +1,19 @@
-//! The inverse discrete cosine transform: from a block's coefficients to its 64 samples.
+//! The inverse discrete cosine transform: converts a block's coefficients to its 64 samples.
 //!
-//! The transform of Arai, Agui and Nakajima: part of its factors go into the quantisation table,
-//! five multiplications a row are left. Eight columns are worked on at once in 16 bits, here in a form
-//! that compilers turn into vector instructions, in [`super::avx2`] sixteen of two blocks. Results are
-//! within two levels of exact ones, mostly within one. Sums wrap, so damaged data gives wrong samples
-//! and no panic.
+//! Uses the algorithm of Arai, Agui and Nakajima: some of its factors are folded into the
+//! quantisation table, which leaves five multiplications per row. Eight columns are processed at
+//! once in 16 bits, here in a form that compilers vectorise; [`super::avx2`] processes sixteen
+//! columns of two blocks. Results are within two levels of the exact ones, mostly within one. Sums
+//! wrap, so damaged data gives wrong samples and no panic.
 
-/// Bits behind the point while transforming.
+/// Fractional bits during the transform.
 const FRACTION: u32 = 3;
-/// More of them in the quantisation tables, whose smallest values would suffer otherwise.
+/// Additional fractional bits in the quantisation tables, whose smallest values would be inaccurate
+/// otherwise.
 const FINER: u32 = 8;
 
-/// Where the coefficients of a frame's zigzag order stand: columns of the block as rows here,
-/// because the first pass goes along them.
+/// The storage position of each coefficient in a frame's zigzag order. Blocks are stored
+/// transposed, because the first pass processes the block's columns.
 pub(crate) const ZIGZAG: [u8; 64] = {
     let mut places = [0; 64];
     let (mut row, mut column, mut index) = (0i32, 0i32, 0);
@@ -26,7 +27,8 @@ pub(crate) const ZIGZAG: [u8; 64] = {
             (row + 1, column - 1)
         };
         if next_row < 0 || next_row > 7 || next_column < 0 || next_column > 7 {
-            // At the border the zigzag turns: along it, away from the corner where it began.
+            // At the border the zigzag changes direction and moves along the border, away from its
+            // start.
             if upwards {
                 if next_column > 7 {
                     row += 1
@@ -59,7 +61,7 @@ const FACTORS: [f64; 8] = [
     0.275_899_379,
 ];
 
-/// A quantisation table (zigzag order) with the transform's factors in it.
+/// A quantisation table (in zigzag order), multiplied by the transform's factors.
 pub(crate) fn scaled(quantisers: &[u16; 64]) -> [i32; 64] {
     std::array::from_fn(|index| {
         let place = usize::from(ZIGZAG[index]);
@@ -69,7 +71,7 @@ pub(crate) fn scaled(quantisers: &[u16; 64]) -> [i32; 64] {
     })
 }
 
-/// A coefficient as it stands in the frame, times its entry of a [`scaled`] table.
+/// A coefficient of the frame multiplied by its entry of a [`scaled`] table.
 #[inline(always)]
 pub(crate) fn dequantised(coefficient: i32, quantiser: i32) -> i16 {
     (coefficient
@@ -78,31 +80,32 @@ pub(crate) fn dequantised(coefficient: i32, quantiser: i32) -> i16 {
         >> FINER) as i16
 }
 
-/// Half a level, and the 128 that JPEG takes off, at the scale of the first coefficient.
+/// Half a level plus the level shift of 128 that JPEG subtracts, at the scale of the first
+/// coefficient.
 pub(super) const BIAS: i16 = (128 << (FRACTION + 3)) + (1 << (FRACTION + 2));
-/// How far transformed values must be shifted to be samples.
+/// Right shift that converts transformed values to samples.
 pub(super) const SHIFT: u32 = FRACTION + 3;
 
-/// Eight rows of eight, one after the other.
+/// Eight rows of eight values.
 type Block = [i16; 64];
 
-/// What the transform computes with: a value of one column, or those of many columns at once. All of it
-/// wraps in 16 bits, so that every form gives the same samples, bit by bit.
+/// The arithmetic of the transform, for a value of one column or the values of many columns at
+/// once. Every implementation wraps in 16 bits, so all give bit-identical samples.
 pub(super) trait Arithmetic: Copy {
     type Lanes: Copy;
     fn plus(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes;
     fn minus(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes;
-    /// Times a fraction in 1/65536, below a half.
+    /// Multiplies by a fraction in units of 1/65536, below one half.
     fn times(self, value: Self::Lanes, fraction: i16) -> Self::Lanes;
 
-    /// Times the square root of two.
+    /// Multiplies by the square root of two.
     #[inline(always)]
     fn root(self, value: Self::Lanes) -> Self::Lanes {
         self.plus(value, self.times(value, 27_146))
     }
 }
 
-/// One column at a time, in a form that compilers turn into vector instructions.
+/// Processes one column at a time, in a form that compilers vectorise.
 #[derive(Debug, Clone, Copy)]
 struct Column;
 
@@ -125,7 +128,7 @@ impl Arithmetic for Column {
     }
 }
 
-/// Transforms columns: eight coefficients of each into eight values.
+/// Transforms columns: eight coefficients of each to eight values.
 #[inline(always)]
 pub(super) fn butterfly<A: Arithmetic>(a: A, i: [A::Lanes; 8]) -> [A::Lanes; 8] {
     // Even coefficients.
@@ -134,7 +137,7 @@ pub(super) fn butterfly<A: Arithmetic>(a: A, i: [A::Lanes; 8]) -> [A::Lanes; 8] 
     let inner = a.minus(a.root(a.minus(i[2], i[6])), outer);
     let (e0, e3) = (a.plus(sum, outer), a.minus(sum, outer));
     let (e1, e2) = (a.plus(difference, inner), a.minus(difference, inner));
-    // Odd ones, by 1.84776 = 2 - 0.15224, by 2.61313 = 3 - 0.38687 and by 1.08239.
+    // Odd coefficients, by 1.84776 = 2 - 0.15224, by 2.61313 = 3 - 0.38687 and by 1.08239.
     let (z13, z10) = (a.plus(i[5], i[3]), a.minus(i[5], i[3]));
     let (z11, z12) = (a.plus(i[1], i[7]), a.minus(i[1], i[7]));
     let o7 = a.plus(z11, z13);
@@ -156,12 +159,12 @@ pub(super) fn butterfly<A: Arithmetic>(a: A, i: [A::Lanes; 8]) -> [A::Lanes; 8] 
     ]
 }
 
-/// Transforms every column. Kept out of line: within a larger function the compiler takes it apart
-/// before it sees that the eight columns can go together.
+/// Transforms every column. Not inlined: within a larger function the compiler splits the loop
+/// before it recognises that the eight columns can be vectorised together.
 #[inline(never)]
 fn pass(block: &mut Block) {
     for column in 0..8 {
-        // One by one: a closure may stay a call of its own, and nothing goes together any more.
+        // Written out: a closure might not be inlined, which would prevent vectorisation.
         let (i0, i1) = (block[column], block[8 + column]);
         let (i2, i3) = (block[16 + column], block[24 + column]);
         let (i4, i5) = (block[32 + column], block[40 + column]);
@@ -178,7 +181,7 @@ fn pass(block: &mut Block) {
     }
 }
 
-/// Shuffles the halves of a block into each other; done three times, rows have become columns.
+/// Interleaves the halves of a block; three times in succession this transposes the block.
 #[inline(never)]
 fn weave(from: &Block, to: &mut Block) {
     for index in 0..32 {
@@ -194,8 +197,8 @@ fn levels(block: &Block, bytes: &mut [u8; 64]) {
     }
 }
 
-/// Samples of a block whose coefficients, [`dequantised`], stand at [`ZIGZAG`]. Writes eight
-/// samples into each of eight rows of the plane, which begin `stride` apart.
+/// Computes the samples of a block from its [`dequantised`] coefficients, stored as in [`ZIGZAG`].
+/// Writes eight samples to each of eight rows of the plane, which are `stride` apart.
 pub(crate) fn transform(coefficients: &mut Block, plane: &mut [u8], stride: usize) {
     coefficients[0] = coefficients[0].wrapping_add(BIAS);
     let mut turned = [0; 64];
@@ -211,7 +214,7 @@ pub(crate) fn transform(coefficients: &mut Block, plane: &mut [u8], stride: usiz
     }
 }
 
-/// As [`transform`] for a block that has its first coefficient only.
+/// Like [`transform`], for a block with only its first coefficient.
 #[inline(always)]
 pub(crate) fn fill(coefficient: i16, plane: &mut [u8], stride: usize) {
     let level = (coefficient.wrapping_add(BIAS) >> SHIFT).clamp(0, 255) as u8;
@@ -245,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn the_zigzag_is_that_of_the_standard() {
+    fn the_zigzag_equals_that_of_the_standard() {
         // Row and column of the first coefficients, T.81 figure A.6.
         let first = [
             (0, 0),
@@ -291,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn a_block_of_one_coefficient_is_even() {
+    fn a_block_of_one_coefficient_is_uniform() {
         let scaled = scaled(&[16; 64]);
         let (mut plane, mut filled) = ([0; 64], [0; 64]);
         for dc in [-64, -20, 0, 13, 63] {

@@ -1,4 +1,5 @@
-//! Decodes a frame while it still arrives, so that little is left to do when it is whole.
+//! Decodes a frame while it is still being received, so that little work is left when it is
+//! complete.
 
 use super::baseline::Baseline;
 use super::bits::Cursor;
@@ -6,40 +7,40 @@ use super::headers::{DecodeError, damaged};
 use super::mcu::{decode_ahead, decode_interval};
 use crate::vision::picture::image::Image;
 
-/// The decoder of baseline frames, with the frame whose end has not come yet.
+/// The decoder of baseline frames, with the state of a partly received frame.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Incremental {
     baseline: Baseline,
     progress: Option<Progress>,
-    /// All that has come of that frame.
+    /// All received bytes of that frame.
     beginning: Vec<u8>,
 }
 
-/// How far a frame is decoded.
+/// How far a frame has been decoded.
 #[derive(Debug, Clone, Copy, Default)]
 struct Progress {
-    /// Bytes of the frame that the scan has taken.
+    /// Number of bytes of the frame that the scan has consumed.
     taken: usize,
     cursor: Cursor,
-    /// The next MCU.
+    /// Index of the next MCU.
     mcu: usize,
-    /// The DC coefficients of the last blocks, by component.
+    /// The last DC coefficient of each component.
     predictors: [i32; 3],
 }
 
 impl Incremental {
-    /// Decodes with these instructions from now on.
+    /// Selects the instruction set for further frames.
     #[cfg(test)]
     pub(super) fn use_vectors(&mut self, vectors: crate::vision::vectors::Vectors) {
         self.baseline.vectors = vectors;
     }
 
-    /// Whether the beginning of the next frame is decoded.
+    /// Whether part of the next frame has been decoded.
     pub(super) fn is_ahead(&self) -> bool {
         self.progress.is_some()
     }
 
-    /// Decodes a whole frame of which nothing was decoded before; see [`Baseline::decode`].
+    /// Decodes a complete frame, ignoring any partly decoded one; see [`Baseline::decode`].
     pub(super) fn decode(
         &mut self,
         jpeg: &[u8],
@@ -50,8 +51,8 @@ impl Incremental {
         self.baseline.decode(jpeg, has_tables, image)
     }
 
-    /// Decodes as much as there is of a frame that still arrives, of which the markers before the
-    /// data have been validated. What cannot be decoded now is left for later.
+    /// Decodes as much as possible of a frame that is still being received and whose markers before
+    /// the data have been validated. The rest is left for later.
     pub(super) fn look_ahead(&mut self, jpeg: &[u8], has_tables: bool, image: &mut Image) {
         let before = self.progress.take();
         let known = before.filter(|_| jpeg.starts_with(&self.beginning));
@@ -92,8 +93,8 @@ impl Incremental {
         Ok(progress)
     }
 
-    /// Decodes the rest of a frame whose beginning was decoded, into the same image; `None` if this
-    /// is another frame.
+    /// Decodes the rest of a partly decoded frame into the same image; `None` if this is another
+    /// frame.
     pub(super) fn finish(
         &mut self,
         jpeg: &[u8],

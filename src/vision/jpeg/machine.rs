@@ -1,16 +1,17 @@
-//! Everything between a frame's bits and its samples is compiled once for each kind of vector instructions.
+//! Compiles everything between a frame's bits and its samples once for each vector instruction set.
 
 use super::idct;
 use crate::vision::vectors::Vectors;
 
-/// What is compiled for each machine. Its [`run`](Work::run) and all that this calls in earnest must be
-/// `#[inline(always)]`: a function that stays on its own is compiled without the machine's instructions.
+/// Code that is compiled for each machine. Its [`run`](Work::run) and all functions on its hot path
+/// must be `#[inline(always)]`: a function that is not inlined is compiled without the machine's
+/// instructions.
 pub(super) trait Work {
     type Output;
     fn run<M: Machine>(self, machine: M) -> Self::Output;
 }
 
-/// Runs the work as it was compiled for these instructions.
+/// Runs the version of the work that is compiled for this instruction set.
 pub(super) fn run<W: Work>(vectors: Vectors, work: W) -> W::Output {
     match vectors {
         Vectors::Plain => work.run(Plain),
@@ -19,7 +20,7 @@ pub(super) fn run<W: Work>(vectors: Vectors, work: W) -> W::Output {
     }
 }
 
-/// Work that is called where AVX2 is on. No closure: that may stay a function on its own.
+/// Runs work with AVX2 enabled. This is not a closure, because a closure might not be inlined.
 #[cfg(target_arch = "x86_64")]
 struct OnV3<W>(pulp::x86::V3, W);
 
@@ -33,7 +34,8 @@ impl<W: Work> pulp::NullaryFnOnce for OnV3<W> {
     }
 }
 
-/// Coefficients of a block, and places that are written to but never read: see [`super::block`].
+/// Coefficients of a block, followed by padding that is written but never read; see
+/// [`super::block`].
 #[derive(Debug, Clone, Copy)]
 #[repr(align(32))]
 pub(super) struct Coefficients(pub(super) [i16; 72]);
@@ -48,9 +50,10 @@ impl Coefficients {
     }
 }
 
-/// How two blocks are transformed.
+/// Transforms two blocks.
 pub(super) trait Machine: Copy {
-    /// Writes the samples of two blocks into eight rows of a plane each, from `at` on, `stride` apart.
+    /// Writes the samples of two blocks to a plane: eight rows of each, starting at `at`, `stride`
+    /// apart.
     fn transform_two(
         self,
         blocks: &[Coefficients; 2],
@@ -60,7 +63,7 @@ pub(super) trait Machine: Copy {
     );
 }
 
-/// [`Vectors::Plain`].
+/// The implementation for [`Vectors::Plain`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plain;
 

@@ -1,4 +1,4 @@
-//! Decodes MCUs (minimum coded units): the blocks of all components that share one place of the
+//! Decodes MCUs (minimum coded units): the blocks of all components that cover the same area of the
 //! picture.
 
 use std::ops::Range;
@@ -13,21 +13,21 @@ use super::steps::AcTable;
 use crate::vision::picture::image::Plane;
 use crate::vision::vectors::Vectors;
 
-/// Most bytes that may be left over when all blocks are decoded; some cameras pad.
+/// Most bytes that may be left after all blocks are decoded; some cameras pad.
 const MAX_LEFT_OVER: i64 = 16;
 
-/// Bits that a block cannot exceed: 64 values, a code of 16 and 11 of their own each.
+/// Upper limit of the bits of a block: 64 values with a code of 16 bits and 11 bits of value each.
 const MAX_BLOCK_BITS: i64 = 64 * (16 + 11);
 
-/// A component while its blocks are decoded.
+/// The state of a component while its blocks are decoded.
 pub(super) struct ComponentDecoder<'a> {
-    /// Blocks of it in an MCU, across and down (T.81: H and V).
+    /// Blocks of the component in an MCU, across and down (T.81: H and V).
     pub(super) h: usize,
     pub(super) v: usize,
     pub(super) quantiser: &'a [i32; 64],
     pub(super) dc_table: &'a Table,
     pub(super) ac_table: &'a AcTable,
-    /// The DC coefficient of the block before: the next one is coded as a difference to it.
+    /// The DC coefficient of the previous block; the next one is coded as a difference from it.
     pub(super) predictor: i32,
     pub(super) waiting: Waiting,
     pub(super) plane: &'a mut Plane,
@@ -60,8 +60,8 @@ pub(super) fn decode_scan(
     Ok(())
 }
 
-/// Decodes the MCUs that are left of a restart interval, which must end with them; `across` is how many
-/// there are in a row.
+/// Decodes the remaining MCUs of a restart interval, which must end with them; `across` is the
+/// number of MCUs per row.
 pub(super) fn decode_interval(
     vectors: Vectors,
     bits: Bits<'_>,
@@ -78,13 +78,13 @@ pub(super) fn decode_interval(
     };
     let (bits, _) = run(vectors, mcus)?;
     if bits.left() > MAX_LEFT_OVER * 8 {
-        return Err(damaged("its data continues after its end"));
+        return Err(damaged("its data continues after the last block"));
     }
     Ok(())
 }
 
-/// Decodes MCUs as long as the bits last that are there by now; how far the bits were read, and the next
-/// MCU.
+/// Decodes MCUs as long as enough bits have been received. Returns the read position and the index
+/// of the next MCU.
 pub(super) fn decode_ahead(
     vectors: Vectors,
     bits: Bits<'_>,
@@ -104,7 +104,7 @@ pub(super) fn decode_ahead(
     Ok((bits.cursor(), mcu))
 }
 
-/// MCUs that are to be decoded while more than so many bits are left.
+/// MCUs to decode while more than `reserve` bits are left.
 struct Mcus<'a, 'b, 'c> {
     bits: Bits<'a>,
     mcus: Range<usize>,
@@ -114,7 +114,7 @@ struct Mcus<'a, 'b, 'c> {
 }
 
 impl<'a> Work for Mcus<'a, '_, '_> {
-    /// The bits behind the MCUs that were decoded, and the next one.
+    /// The bits after the decoded MCUs, and the index of the next MCU.
     type Output = Result<(Bits<'a>, usize), DecodeError>;
 
     #[inline(always)]
@@ -124,7 +124,7 @@ impl<'a> Work for Mcus<'a, '_, '_> {
         while mcu < end && self.bits.left() > self.reserve {
             for component in &mut *self.components {
                 decode_blocks(machine, &mut self.bits, component, x, y)
-                    .ok_or_else(|| damaged("its data makes no sense"))?;
+                    .ok_or_else(|| damaged("its data is invalid"))?;
             }
             if self.bits.left() < 0 {
                 return Err(damaged("its data ends early"));

@@ -1,9 +1,9 @@
-//! From the bytes of a JPEG to planes of samples.
+//! Decodes JPEGs to planes of samples, and encodes them.
 //!
-//! Own code, because a decoder that gives the planes as they are, reuses its buffers and reports
-//! data that ends early is what a frame's time depends on: most of a frame's time goes into
-//! decoding (`scripts/bench-vision`), and the `image` crate, which is still used for what
-//! cameras do not send, shows half a picture without an error.
+//! This is a separate implementation because most of the time for a frame is spent on decoding
+//! (`scripts/bench-vision`). It returns the planes directly, reuses its buffers and reports data
+//! that ends early. The `image` crate, still used for kinds of JPEG that cameras do not send,
+//! returns half a picture without an error.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

@@ -1,23 +1,23 @@
-//! Checks all scans of a JPEG that is not baseline in one scan, from the first to the end marker.
-//! The `image` crate's decoder takes a marker inside the data for the data's end and returns half a
-//! picture without an error; here it is damage.
+//! Checks all scans of a JPEG that is not single-scan baseline, from the first one to the end
+//! marker. The `image` crate's decoder takes a marker inside the data as the data's end and returns
+//! half a picture without an error; this check reports it as damage.
 
 use super::frame::{FrameError, Segments};
 
-/// What stands before the data and counts behind it.
+/// What has been parsed so far and is needed later.
 #[derive(Default)]
 struct Walk {
     progressive: bool,
-    /// A restart interval was set: the data has restart markers.
+    /// Whether a restart interval is set: the data then has restart markers.
     restarts: bool,
-    /// Components whose only scan has been seen.
+    /// Components whose scan has been seen.
     seen: Vec<u8>,
 }
 
-/// Whether the data of every scan ends where it may.
+/// Checks that the data of each scan ends where it may.
 ///
 /// # Errors
-/// [`FrameError::Damaged`] if a marker cuts the data, or a header is cut short.
+/// [`FrameError::Damaged`] if a marker interrupts the data or a header is truncated.
 pub(crate) fn check(jpeg: &[u8]) -> Result<(), FrameError> {
     let (mut walk, mut segments) = (Walk::default(), Segments::of(jpeg));
     loop {
@@ -31,7 +31,7 @@ pub(crate) fn check(jpeg: &[u8]) -> Result<(), FrameError> {
             }
             0xD9 => return nothing_follows(&jpeg[segments.at..]),
             0x01..=0xBF | 0xD0..=0xD8 => {
-                return Err(FrameError::damaged("a marker is where none may be"));
+                return Err(FrameError::damaged("a marker is at an invalid position"));
             }
             _ => {}
         }
@@ -39,21 +39,21 @@ pub(crate) fn check(jpeg: &[u8]) -> Result<(), FrameError> {
 }
 
 impl Walk {
-    /// Unless progressive, each component comes once.
+    /// Checks a scan header. Unless the picture is progressive, each component may occur once.
     fn scan(&mut self, body: &[u8]) -> Result<(), FrameError> {
         let short = || FrameError::damaged("a scan's header is too short");
         let (&count, rest) = body.split_first().ok_or_else(short)?;
         let parts = rest.get(..2 * usize::from(count)).ok_or_else(short)?;
         for part in parts.chunks_exact(2) {
             if self.seen.contains(&part[0]) && !self.progressive {
-                return Err(FrameError::damaged("a part of it comes twice"));
+                return Err(FrameError::damaged("a component is coded twice"));
             }
             self.seen.push(part[0]);
         }
         Ok(())
     }
 
-    /// Length of a scan's data: up to a marker that is no restart.
+    /// Length of a scan's data, up to a marker that is not a restart marker.
     fn data(&self, data: &[u8]) -> Result<usize, FrameError> {
         let mut markers = data.windows(2).enumerate();
         let marker = markers.find_map(|(at, pair)| match *pair {
@@ -66,10 +66,10 @@ impl Walk {
     }
 }
 
-/// Padding may follow the end, but not a second one.
+/// Padding may follow the end marker, but not a second end marker.
 fn nothing_follows(rest: &[u8]) -> Result<(), FrameError> {
     if rest.windows(2).any(|pair| pair == [0xFF, 0xD9]) {
-        return Err(FrameError::damaged("it ends twice"));
+        return Err(FrameError::damaged("it has two end markers"));
     }
     Ok(())
 }
@@ -84,10 +84,10 @@ mod tests {
         include_bytes!("../../../tests/fixtures/ball-progressive.jpg"),
     ];
 
-    /// With bytes put into the data of its first scan.
+    /// A picture with bytes inserted into the data of its first scan.
     fn cut(whole: &[u8], at: usize, marker: &[u8]) -> Vec<u8> {
         let data = whole.windows(2).position(|pair| pair == [0xFF, 0xDA]);
-        // Not between a byte FF of the data and the 00 that belongs to it.
+        // Not between a data byte FF and the stuffed 00 that follows it.
         let mut at = data.unwrap() + 20 + at;
         while whole[at - 1] == 0xFF {
             at += 1;
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_ones_pass() {
+    fn undamaged_pictures_pass() {
         for whole in RARER {
             assert_eq!(check(whole), Ok(()));
             let padded = [whole, &[0; 700]].concat();
@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn data_that_a_marker_cuts_in_two_is_an_error() {
+    fn data_interrupted_by_a_marker_is_an_error() {
         let markers: [&[u8]; 8] = [
             b"\xFF\xC4\0\x02",
             b"\xFF\xDB\0\x02",

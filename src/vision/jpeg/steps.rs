@@ -1,22 +1,26 @@
-//! A table of codes for AC coefficients that knows up to two values and the block's end in one look-up.
+//! A Huffman table for AC coefficients that decodes up to two values and the end of the block in
+//! one look-up.
 
 use super::huffman::{Coded, Table};
 
-/// Bits that are looked up at once. More of them hold more values, and more of the nearest cache.
+/// Number of bits per look-up. A larger table decodes more values at once, but takes more of the
+/// first-level cache.
 pub(super) const STEP_BITS: u32 = 10;
 
-/// What a [`Step`] adds for what it does not have: such a place is beyond every block.
+/// The offset of a value that a [`Step`] does not have: such a position is beyond every block.
 const NOWHERE: u32 = 64;
-/// What a [`Step`] adds when the block ends with it.
+/// The advance of a [`Step`] that ends the block.
 const END: u32 = 128;
 
-/// What the next bits mean: bits 0..8 how many are taken; 8..16 and 16..24 how far behind the current place
-/// the two values stand, or [`NOWHERE`]; 24..32 how far to go on; 32..48 and 48..64 the values.
+/// The meaning of the next bits. Bits 0..8: number of bits consumed; 8..16 and 16..24: offsets of
+/// the two values from the current position, or [`NOWHERE`]; 24..32: advance of the position;
+/// 32..48 and 48..64: the values.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step(u64);
 
 impl Step {
-    /// One code alone, or the next bits are no values: see [`Step::goes_on`].
+    /// The next bits are not a value in the table and must be decoded code by code; see
+    /// [`Step::ends`].
     const UNKNOWN: Step = Step::new(0, [NOWHERE; 2], NOWHERE, [0; 2]);
 
     const fn new(taken: u32, ahead: [u32; 2], go_on: u32, values: [i32; 2]) -> Step {
@@ -30,13 +34,13 @@ impl Step {
         self.0 as u32 & 0xFF
     }
 
-    /// Where the first value stands, below 128; from 64 on, there is none.
+    /// The position of the first value, below 128; from 64 on there is none.
     #[inline(always)]
     pub(super) fn first_place(self, index: usize) -> usize {
         index + (self.0 as usize >> 8 & 0xFF)
     }
 
-    /// As [`Step::first_place`] of the second value.
+    /// Like [`Step::first_place`], for the second value.
     #[inline(always)]
     pub(super) fn second_place(self, index: usize) -> usize {
         index + (self.0 as usize >> 16 & 0xFF)
@@ -52,24 +56,24 @@ impl Step {
         (self.0 >> 48) as i16 as i32
     }
 
-    /// The next place if it is below 64; for [`Step::ends`] otherwise.
+    /// The next position if it is below 64; otherwise to be passed to [`Step::ends`].
     #[inline(always)]
     pub(super) fn next(self, index: usize) -> usize {
         index + (self.0 as u32 >> 24) as usize
     }
 
-    /// Whether the block ends there, with all that this step has. Everything else from 64 on must be read
-    /// code by code: it goes over the block's end, or is not in the table.
+    /// Whether the block ends with this step. Every other position from 64 on must be decoded code
+    /// by code: it is beyond the end of the block, or the code is not in the table.
     #[inline(always)]
     pub(super) fn ends(next: usize) -> bool {
         (END as usize..END as usize + 64).contains(&next)
     }
 }
 
-/// The codes of AC coefficients, ready for use.
+/// The Huffman codes of AC coefficients, prepared for decoding.
 #[derive(Debug, Clone)]
 pub(super) struct AcTable {
-    /// One by one.
+    /// For decoding code by code.
     pub(super) codes: Table,
     steps: Box<[Step; 1 << STEP_BITS]>,
 }
@@ -84,7 +88,7 @@ impl Default for AcTable {
 }
 
 impl AcTable {
-    /// As [`Table::load`].
+    /// See [`Table::load`].
     pub(super) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
         if self.codes.is(counts, symbols) {
             return true;
@@ -98,26 +102,26 @@ impl AcTable {
         makes_sense
     }
 
-    /// What the next [`STEP_BITS`] bits mean.
+    /// The meaning of the next [`STEP_BITS`] bits.
     #[inline(always)]
     pub(super) fn step(&self, bits: usize) -> Step {
         self.steps[bits % (1 << STEP_BITS)]
     }
 }
 
-/// What a code stands for.
+/// The meaning of a code.
 enum Meaning {
     Value(Coded),
     End(u32),
 }
 
-/// What the top [`STEP_BITS`] of 16 bits mean.
+/// Decodes the top [`STEP_BITS`] of 16 bits.
 fn step(codes: &Table, bits: u32) -> Step {
     let meaning = |taken: u32| {
         let coded = codes.coded(bits << taken & 0xFFFF, STEP_BITS - taken)?;
         match (coded.run, coded.value) {
             (0, 0) => Some(Meaning::End(coded.taken)),
-            // Sixteen zeros, or nothing that may be: rare, so left out.
+            // A run of sixteen zeros, or an invalid code: rare, so not in the table.
             (_, 0) => None,
             _ => Some(Meaning::Value(coded)),
         }

@@ -1,19 +1,20 @@
-//! Upright edges of a picture, in tiles: a camera that moves changes most of them.
+//! Finds tiles with vertical edges in a picture: a moving camera changes most of them.
 
 use super::sums::Size2;
 
-/// Side of a tile of the half-size picture, in which upright edges are looked for.
+/// Side of a tile of the half-size picture, pixels.
 const TILE: usize = 10;
-/// What moved is looked for so far beside a tile, too.
+/// Moved pixels are also counted this far to the left and right of a tile.
 const AROUND_A_TILE: usize = 3;
-/// An upright edge: so much brighter or darker within this many pixels to each side.
+/// A vertical edge: a brightness difference of more than this between the pixels this far to each
+/// side.
 const EDGE: (i32, usize) = (25, 2);
-/// A tile with so many pixels on edges, or with so many that moved, counts.
+/// Least number of edge pixels, or of moved pixels, for a tile to count.
 const IN_A_TILE: u32 = 4;
-/// In fewer tiles with edges than this it cannot be told whether the camera moved.
+/// Least number of tiles with edges needed to tell whether the camera moved.
 const FEWEST_TILES: u32 = 8;
 
-/// The share of the tiles with upright edges of this half-size picture in which a cell has moved;
+/// The share of the tiles with vertical edges of this half-size picture in which pixels have moved;
 /// `None` if too few tiles have edges.
 pub(super) fn share_of_changed(
     picture: &[u8],
@@ -31,7 +32,7 @@ pub(super) fn share_of_changed(
                     let step = i32::from(row[x + reach]) - i32::from(row[x - reach]);
                     edges += u32::from(step.abs() > contrast);
                 }
-                // An edge on the border of a tile may have moved into the next one.
+                // An edge on the border of a tile may have moved into the next tile.
                 let right = (left + TILE + AROUND_A_TILE).min(w);
                 let cells = &moved_cells[y * w..][left.saturating_sub(AROUND_A_TILE)..right];
                 moved += cells.iter().map(|cell| u32::from(*cell)).sum::<u32>();

@@ -1,16 +1,16 @@
-//! Sums over the surroundings of every pixel of the half-size picture.
+//! Box sums: sums over the surroundings of every pixel of the half-size picture.
 
-/// Surroundings of a half-size pixel: this many on each side.
+/// Half the side of a box: this many pixels on each side of the pixel.
 pub(super) const REACH: usize = 7;
 
-/// Columns and rows of the half-size picture.
+/// Number of columns and rows of the half-size picture.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Size2 {
     pub(super) w: usize,
     pub(super) h: usize,
 }
 
-/// Sums over a square around every pixel, cut off at the border.
+/// Sums over a square around every pixel; at the border the square is clipped.
 #[derive(Debug, Default)]
 pub(super) struct BoxSums {
     pub(super) sums: Vec<u32>,
@@ -18,7 +18,7 @@ pub(super) struct BoxSums {
 }
 
 impl BoxSums {
-    /// Two running sums: down every column, then along every row.
+    /// Computes the sums with two running sums: down every column, then along every row.
     pub(super) fn sum(&mut self, values: &[u8], Size2 { w, h }: Size2) {
         self.sums.clear();
         self.columns.clear();

@@ -4,7 +4,8 @@ use image::{Rgb, RgbImage};
 use imageproc::drawing::draw_filled_circle_mut;
 use proptest::prelude::*;
 
-/// A room with furniture under a light that may fall off from one side, with fresh noise each time.
+/// A room with furniture, lit with a brightness that may vary from left to right; the noise depends
+/// on `seed`.
 fn room(brightness: f64, slope: f64, ball: Option<(i32, i32)>, seed: u32) -> Image {
     let mut picture = RgbImage::from_fn(320, 240, |x, y| {
         let plank = if (x / 40 + y / 30).is_multiple_of(2) {
@@ -85,7 +86,7 @@ fn a_ball_is_seen_even_while_the_light_changes() {
     );
 }
 
-/// The room from a place where everything is so many pixels further to the right.
+/// The room shifted to the right by `by` pixels.
 fn shifted(by: u32, ball: Option<(i32, i32)>) -> Image {
     let mut picture = RgbImage::from_fn(320, 240, |x, y| {
         let x = x + 400 - by;
@@ -103,7 +104,7 @@ fn shifted(by: u32, ball: Option<(i32, i32)>) -> Image {
 }
 
 #[test]
-fn a_camera_that_is_turned_is_not_motion_and_a_ball_in_a_patterned_room_is() {
+fn a_turned_camera_is_not_motion_and_a_ball_in_a_patterned_room_is() {
     for by in [5, 9, 15, 30] {
         let mut detector = detector();
         detector.update(&shifted(0, None));
@@ -114,7 +115,8 @@ fn a_camera_that_is_turned_is_not_motion_and_a_ball_in_a_patterned_room_is() {
     }
 }
 
-/// A plain thing beside stripes, of which some stay when the camera is turned, and others come into view.
+/// A plain object beside stripes, some of which stay when the camera turns while others come into
+/// view.
 fn beside_a_plain_thing(turned: bool) -> Image {
     let picture = RgbImage::from_fn(320, 240, |x, _| {
         let striped = x < 130 || (turned && (160..260).contains(&x));
@@ -130,7 +132,7 @@ fn beside_a_plain_thing(turned: bool) -> Image {
 }
 
 #[test]
-fn a_camera_that_is_turned_from_a_plain_thing_is_not_motion() {
+fn a_camera_turned_away_from_a_plain_object_is_not_motion() {
     let mut detector = detector();
     detector.update(&beside_a_plain_thing(false));
     let motion = detector.update(&beside_a_plain_thing(true));
@@ -155,7 +157,7 @@ fn nothing_is_compared_after_a_reset_or_another_size() {
 
 proptest! {
     #[test]
-    fn sums_around_a_pixel_are_those_added_up_one_by_one(
+    fn box_sums_equal_those_added_pixel_by_pixel(
         (w, h) in (1usize..40, 1usize..30), values in proptest::collection::vec(any::<u8>(), 40 * 30),
     ) {
         let mut sums = BoxSums::default();

@@ -5,8 +5,8 @@ use image::{Rgb, RgbImage};
 use super::size::Size;
 use super::space::{rgb_of, ycc_of};
 
-/// A rectangle of pixels: origin top left, x right, y down. It may stick out of a picture; what
-/// sticks out does not count.
+/// A rectangle of pixels: origin top left, x right, y down. It may extend beyond a picture; the
+/// part outside is ignored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Roi {
@@ -14,14 +14,14 @@ pub struct Roi {
     pub x: u32,
     /// Top row.
     pub y: u32,
-    /// Columns.
+    /// Number of columns.
     pub w: u32,
-    /// Rows.
+    /// Number of rows.
     pub h: u32,
 }
 
 impl Roi {
-    /// The part inside a picture of this size; nothing when that is empty.
+    /// The part inside a picture of this size; `None` if it is empty.
     pub fn within(self, size: Size) -> Option<Roi> {
         let w = self
             .x
@@ -52,22 +52,22 @@ impl From<Size> for Roi {
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Plane {
     pub(crate) samples: Vec<u8>,
-    /// Samples from one row to the next; at least those of the picture, in whole blocks.
+    /// Samples from one row to the next; at least the picture's width, rounded up to whole blocks.
     pub(crate) stride: usize,
-    /// How many columns and rows of pixels share a sample, as a power of two.
+    /// How many columns and rows of pixels share a sample (subsampling), as a power of two.
     pub(crate) across: u32,
     pub(crate) down: u32,
 }
 
 impl Plane {
-    /// Makes room for so many columns and rows of samples.
+    /// Resizes the plane to this many columns and rows of samples.
     pub(crate) fn shape(&mut self, (columns, rows): (usize, usize), (across, down): (u32, u32)) {
         self.samples.resize(columns * rows, 128);
         self.stride = columns;
         (self.across, self.down) = (across, down);
     }
 
-    /// The samples that hold row `y` of pixels.
+    /// The samples that cover pixel row `y`.
     pub(crate) fn row(&self, y: u32) -> &[u8] {
         &self.samples[(y >> self.down) as usize * self.stride..][..self.stride]
     }
@@ -77,17 +77,17 @@ impl Plane {
     }
 }
 
-/// A decoded picture, kept as JPEG keeps it: luma, Cb and Cr in planes of their own.
+/// A decoded picture, stored like a JPEG: luma, Cb and Cr in separate planes.
 #[derive(Debug, Clone)]
 pub struct Image {
     pub(crate) size: Size,
     pub(crate) planes: [Plane; 3],
-    /// Only the first plane counts.
+    /// A greyscale picture: only the first plane is used.
     pub(crate) grey: bool,
 }
 
 impl Default for Image {
-    /// No pixels.
+    /// An empty picture.
     fn default() -> Self {
         Image {
             size: Size {
@@ -101,7 +101,7 @@ impl Default for Image {
 }
 
 impl Image {
-    /// A picture of these pixels, to within one level of each channel.
+    /// Converts these pixels, accurate to one level per channel.
     pub fn from_rgb(pixels: &RgbImage) -> Image {
         let mut image = Image::default();
         image.set_rgb(
@@ -114,7 +114,7 @@ impl Image {
         image
     }
 
-    /// Takes pixels row by row, three bytes each.
+    /// Sets the picture from rows of pixels with three bytes each.
     pub(crate) fn set_rgb(&mut self, size: Size, rgb: &[u8]) {
         (self.size, self.grey) = (size, false);
         for plane in &mut self.planes {
@@ -126,24 +126,24 @@ impl Image {
         }
     }
 
-    /// Takes grey pixels row by row.
+    /// Sets the picture from rows of grey pixels.
     pub(crate) fn set_luma(&mut self, size: Size, luma: &[u8]) {
         (self.size, self.grey) = (size, true);
         self.planes[0].shape((size.width as usize, size.height as usize), (0, 0));
         self.planes[0].samples.copy_from_slice(luma);
     }
 
-    /// Width and height.
+    /// Width and height in pixels.
     pub fn size(&self) -> Size {
         self.size
     }
 
-    /// Red, green and blue (0..255) of column `x`, row `y`; nothing outside the picture.
+    /// Red, green and blue (0..255) of column `x`, row `y`; `None` outside the picture.
     pub fn pixel(&self, x: u32, y: u32) -> Option<[u8; 3]> {
         (x < self.size.width && y < self.size.height).then(|| self.rgb_at(x, y))
     }
 
-    /// A copy that can be drawn on and saved.
+    /// Converts the picture to RGB, for drawing and saving.
     pub fn to_rgb(&self) -> RgbImage {
         RgbImage::from_fn(self.size.width, self.size.height, |x, y| {
             Rgb(self.rgb_at(x, y))
@@ -164,15 +164,15 @@ impl Image {
         &self.planes[0].row(y)[..self.size.width as usize]
     }
 
-    /// The brightness of half as many columns and rows: means of two by two pixels; an odd last one
-    /// is left out.
+    /// Computes the brightness at half the width and height as means of 2 by 2 pixels; an odd last
+    /// row or column is dropped.
     pub(crate) fn halve_luma(&self, halved: &mut Vec<u8>) {
         halved.clear();
         for y in 0..self.size.height / 2 {
             let upper = self.luma_row(2 * y).as_chunks::<2>().0;
             let lower = self.luma_row(2 * y + 1).as_chunks::<2>().0;
             let sum = |pair: &[u8; 2]| u16::from(pair[0]) + u16::from(pair[1]);
-            // The mean of four bytes is a byte.
+            // The mean of four bytes fits into a byte.
             halved.extend(
                 upper
                     .iter()

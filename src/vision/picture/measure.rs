@@ -1,4 +1,4 @@
-//! Single figures of a picture, or of a part of it.
+//! Statistics of a picture or of a part of it.
 
 use super::image::{Image, Roi};
 
@@ -12,9 +12,9 @@ pub fn brightness(image: &Image, roi: Option<Roi>) -> f64 {
     sum as f64 / (255.0 * f64::from(part.w) * f64::from(part.h))
 }
 
-/// How sharp a part of a picture is: the variance of its Laplacian, 0 for an even surface, tens for
-/// a blurred picture, hundreds and thousands for a sharp one. Compares pictures of the same scene.
-/// 0 for a part smaller than 3x3.
+/// The sharpness of a part of a picture: the variance of its Laplacian. It is 0 for an even
+/// surface, tens for a blurred picture, and hundreds to thousands for a sharp one. Only comparable
+/// between pictures of the same scene. 0 for a part smaller than 3x3.
 pub fn sharpness(image: &Image, roi: Option<Roi>) -> f64 {
     let Some(part) = roi.unwrap_or(image.size().into()).within(image.size()) else {
         return 0.0;
@@ -38,7 +38,7 @@ pub fn sharpness(image: &Image, roi: Option<Roi>) -> f64 {
 /// overflows.
 fn edges(above: &[u8], here: &[u8], below: &[u8]) -> (i32, i32) {
     let end = here.len() - 1;
-    // Slices of one length, known to be so, make the loop one of vector instructions.
+    // Slices of provably equal length let the compiler vectorise the loop.
     let (left, middle, right) = (&here[..end - 1], &here[1..end], &here[2..]);
     let (above, below) = (&above[1..end], &below[1..end]);
     let (mut sum, mut squares) = (0, 0);

@@ -1,5 +1,5 @@
-//! A decoded picture: its size, its samples in planes, colour spaces, parts of its rows, and single
-//! figures of it.
+//! A decoded picture: its size, its sample planes, colour spaces, spans of its rows, and
+//! statistics.
 
 pub(crate) mod image;
 pub(crate) mod measure;

@@ -1,4 +1,4 @@
-//! How large pictures are.
+//! Picture sizes.
 
 use serde::{Deserialize, Serialize};
 
@@ -10,8 +10,8 @@ pub const MAX_HEIGHT: u32 = 1024;
 /// Width and height in pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Size {
-    /// Columns, 1..=[`MAX_WIDTH`].
+    /// Number of columns, 1..=[`MAX_WIDTH`].
     pub width: u32,
-    /// Rows, 1..=[`MAX_HEIGHT`].
+    /// Number of rows, 1..=[`MAX_HEIGHT`].
     pub height: u32,
 }

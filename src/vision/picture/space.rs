@@ -1,4 +1,4 @@
-//! From sRGB to the spaces in which colours are described.
+//! Conversions between sRGB and other colour spaces.
 
 /// Hue in degrees 0..360, saturation and value in percent, of sRGB values 0..255. Greys have hue 0.
 pub(crate) fn hsv_of([r, g, b]: [f64; 3]) -> [f64; 3] {
@@ -22,7 +22,7 @@ pub(crate) fn lab_of(rgb: [f64; 3]) -> [f64; 3] {
     lab_of_linear(rgb.map(linear))
 }
 
-/// Light of an sRGB value 0..255, 0..1.
+/// Linear light of an sRGB value 0..255, in 0..1.
 pub(crate) fn linear(value: f64) -> f64 {
     let value = value / 255.0;
     if value <= 0.04045 {
@@ -50,7 +50,7 @@ fn lightness_curve(t: f64) -> f64 {
     }
 }
 
-/// Luma, Cb and Cr (0..255) of a pixel, as JPEG has them (JFIF, full range).
+/// Luma, Cb and Cr (0..255) of a pixel, as in JPEG (JFIF, full range).
 pub(crate) fn ycc_of(rgb: [u8; 3]) -> [u8; 3] {
     let [r, g, b] = rgb.map(i32::from);
     let luma = 19_595 * r + 38_470 * g + 7_471 * b;
@@ -59,7 +59,7 @@ pub(crate) fn ycc_of(rgb: [u8; 3]) -> [u8; 3] {
     [luma, cb, cr].map(|value| ((value + 32_768) >> 16).clamp(0, 255) as u8)
 }
 
-/// Red, green and blue, 0..=255, of luma, Cb and Cr.
+/// Red, green and blue (0..=255) of luma, Cb and Cr.
 pub(crate) fn rgb_of([luma, cb, cr]: [u8; 3]) -> [i32; 3] {
     let (luma, cb, cr) = (
         i32::from(luma) << 16,
@@ -74,7 +74,7 @@ pub(crate) fn rgb_of([luma, cb, cr]: [u8; 3]) -> [i32; 3] {
     .map(|value| ((value + 32_768) >> 16).clamp(0, 255))
 }
 
-/// As [`rgb_of`], for values between the whole numbers.
+/// Like [`rgb_of`], for fractional values.
 pub(crate) fn rgb_of_ycc([luma, cb, cr]: [f64; 3]) -> [f64; 3] {
     let (cb, cr) = (cb - 128.0, cr - 128.0);
     [
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_come_back_from_luma_cb_and_cr() {
+    fn colours_survive_the_round_trip_through_luma_cb_and_cr() {
         for step in 0..4096u32 {
             let rgb = [step >> 8, step >> 4 & 15, step & 15].map(|value| (value * 17) as u8);
             let back = rgb_of(ycc_of(rgb));

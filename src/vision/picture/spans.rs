@@ -1,35 +1,35 @@
-//! The parts of a row of pixels in which there is something.
+//! The spans of a row of pixels that contain something of interest.
 
 use std::ops::Range;
 
 use super::size::MAX_WIDTH;
 
-/// Groups of [`Spans::GROUP`] columns, one bit each, counted from where a row begins.
+/// A set of groups of [`Spans::GROUP`] columns, one bit each, counted from the start of a row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Spans(u128);
 
 impl Spans {
-    /// Columns of a group.
+    /// Columns per group.
     pub(crate) const GROUP: usize = 16;
     /// The whole row.
     pub(crate) const ALL: Spans = Spans(u128::MAX);
-    /// Nothing of it.
+    /// No group of the row.
     pub(crate) const NONE: Spans = Spans(0);
 
-    /// Adds a group. Those behind the widest picture have none.
+    /// Adds a group. Picture widths are limited so that every group has a bit.
     #[inline(always)]
     pub(crate) fn add(&mut self, group: usize) {
         const { assert!(MAX_WIDTH as usize <= 128 * Spans::GROUP) };
         self.0 |= 1 << (group % 128);
     }
 
-    /// Adds groups from `first` on, one bit each, the lowest first.
+    /// Adds groups from `first` on, one bit per group, the lowest bit first.
     #[inline(always)]
     pub(crate) fn add_bits(&mut self, first: usize, bits: u32) {
         self.0 |= u128::from(bits) << (first % 128);
     }
 
-    /// The groups of a row with so many of them, from left to right.
+    /// The groups in a row of `count` groups, from left to right.
     pub(crate) fn groups(self, count: usize) -> impl Iterator<Item = usize> {
         let mut left = self.0;
         std::iter::from_fn(move || {
@@ -39,7 +39,8 @@ impl Spans {
         })
     }
 
-    /// The columns of a row of this width, from left to right; neighbouring groups together.
+    /// The column ranges in a row of this width, from left to right; neighbouring groups are
+    /// joined.
     pub(crate) fn ranges(self, width: usize) -> impl Iterator<Item = Range<usize>> {
         let mut left = self.0;
         let groups = width.div_ceil(Spans::GROUP);
@@ -60,7 +61,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn neighbouring_groups_are_one_range_and_the_last_one_ends_with_the_row() {
+    fn neighbouring_groups_are_joined_and_the_last_range_ends_with_the_row() {
         let mut spans = Spans::NONE;
         spans.add_bits(0, 0b10011);
         spans.add(9);

@@ -1,4 +1,4 @@
-//! Pictures of a robot that stands, and of one that drives.
+//! Pictures of a robot that stands still and of one that drives.
 
 use image::{Rgb, RgbImage};
 use proptest::prelude::*;
@@ -15,14 +15,15 @@ const TURN: Drive = Drive {
 };
 const APART: Duration = Duration::from_millis(400);
 
-/// A value that looks like noise, the same for the same place.
+/// A pseudo-random value that is always the same for the same position.
 fn speckle(x: i64, y: i64) -> u8 {
     let mixed = (x.wrapping_mul(0x9E37_79B9) ^ y.wrapping_mul(0x85EB_CA6B)) as u64;
     let mixed = (mixed ^ (mixed >> 15)).wrapping_mul(0x2C1B_3C6D);
     (40 + (mixed >> 13) % 160) as u8
 }
 
-/// What a camera sees so far along a corridor with a speckled floor; `aside` turns it, in pixels.
+/// The view `way` metres along a corridor with a speckled floor; `aside` shifts it sideways, in
+/// pixels.
 fn corridor(way: f64, aside: i64, noise: i64, walker: Option<u32>) -> Glance {
     let focal = Camera::default().focal_length(320);
     let picture = RgbImage::from_fn(320, 240, |column, row| {
@@ -49,7 +50,7 @@ fn corridor(way: f64, aside: i64, noise: i64, walker: Option<u32>) -> Glance {
 }
 
 impl Glance {
-    /// All of it so many pixels further to the right, less than a tile.
+    /// The picture shifted to the right by `by` pixels, fewer than a tile.
     fn moved_right(mut self, by: usize) -> Glance {
         self.luma
             .chunks_mut(self.w)
@@ -94,7 +95,7 @@ fn a_robot_that_drives_moves_and_one_that_is_held_stands() {
 }
 
 #[test]
-fn a_plain_wall_and_the_dark_say_nothing() {
+fn a_plain_wall_and_the_dark_give_no_result() {
     for grey in [0, 90, 255] {
         let plain = glance(&RgbImage::from_pixel(320, 240, Rgb([grey; 3])));
         assert_eq!(verdict(&plain, &plain, DRIVE), Verdict::Unknown);
@@ -103,8 +104,8 @@ fn a_plain_wall_and_the_dark_say_nothing() {
 }
 
 #[test]
-fn a_line_along_the_way_is_no_standstill_and_things_on_both_sides_are() {
-    // Lines on the floor that end above the horizon at these columns, and at those in the lowest row.
+fn a_line_along_the_way_is_not_a_standstill_and_things_on_both_sides_are() {
+    // Lines on the floor; each pair gives a line's column at the horizon and in the lowest row.
     let lines = |ends: &[(f64, f64)]| {
         let ends = ends.to_vec();
         glance(&RgbImage::from_fn(320, 240, move |x, y| {
@@ -127,7 +128,7 @@ fn a_line_along_the_way_is_no_standstill_and_things_on_both_sides_are() {
 }
 
 #[test]
-fn a_walker_before_a_held_robot_is_no_movement_of_the_robot() {
+fn a_walker_before_a_held_robot_is_not_a_movement_of_the_robot() {
     let before = corridor(0.0, 0, 1, Some(40));
     assert_eq!(
         verdict(&before, &corridor(0.0, 0, 2, Some(70)), DRIVE),
@@ -136,7 +137,7 @@ fn a_walker_before_a_held_robot_is_no_movement_of_the_robot() {
 }
 
 #[test]
-fn a_robot_that_should_turn_and_does_not_stands() {
+fn a_robot_that_should_turn_but_does_not_stands_still() {
     let stripes = |by: u32| {
         glance(&RgbImage::from_fn(320, 240, |x, _| {
             Rgb([speckle(i64::from((x + 1000 - by) / 12), 3); 3])
@@ -149,7 +150,7 @@ fn a_robot_that_should_turn_and_does_not_stands() {
 }
 
 #[test]
-fn a_robot_that_is_held_in_a_curve_stands_though_it_turns() {
+fn a_robot_that_is_held_in_a_curve_stands_still_though_it_turns() {
     let curve = Drive {
         forward: 0.2,
         turn: 0.3,
@@ -176,7 +177,7 @@ fn pictures_of_other_sizes_are_not_compared() {
 
 proptest! {
     #[test]
-    fn any_picture_and_any_drive_is_answered(
+    fn any_picture_and_any_drive_give_a_verdict(
         pixels in proptest::collection::vec(any::<u8>(), 40 * 30), w in 1u32..40, h in 1u32..30,
         forward in -1e9f64..1e9, turn in -1e9f64..1e9, millis in 0u64..1_000_000, sway in -99isize..99,
     ) {

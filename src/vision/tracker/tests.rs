@@ -13,7 +13,7 @@ const SIZE: Size = Size {
 };
 const FRAME: Duration = Duration::from_millis(40);
 
-/// Real blobs of red balls drawn at these places.
+/// Finds real blobs of red balls drawn at given positions.
 struct Scene {
     finder: BlobFinder,
     palette: Palette,
@@ -63,8 +63,8 @@ fn nearest(tracks: &[Track], x: f64, y: f64) -> Option<u64> {
         .map(|t| t.id)
 }
 
-/// Two equal balls on straight courses that meet in the middle, with shaking hands and missed frames.
-/// Whether each still has its id when they are apart again.
+/// Two equal balls on straight courses cross in the middle, with jitter. Returns whether each still
+/// has its id when they have separated again.
 fn ids_survive_a_crossing(scene: &mut Scene, random: &mut StdRng) -> bool {
     let radius = random.random_range(8..18);
     let meeting = (
@@ -184,7 +184,7 @@ fn velocity_is_that_of_the_ball_and_carries_on_while_it_is_gone() {
 }
 
 #[test]
-fn a_jump_too_far_is_another_ball() {
+fn a_jump_too_far_starts_another_track() {
     let (mut scene, mut tracker) = (Scene::new(), tracker());
     for frame in 0..8 {
         let x = if frame < 4 { 50.0 } else { 250.0 };
@@ -199,7 +199,7 @@ fn a_jump_too_far_is_another_ball() {
 }
 
 #[test]
-fn a_ball_that_vanishes_beside_another_is_let_go() {
+fn a_ball_that_vanishes_beside_another_loses_its_track() {
     let (mut scene, mut tracker) = (Scene::new(), tracker());
     for frame in 0..60 {
         let both = [
@@ -218,7 +218,7 @@ fn a_ball_that_vanishes_beside_another_is_let_go() {
 }
 
 #[test]
-fn any_number_of_blobs_is_bounded() {
+fn the_number_of_tracks_is_bounded() {
     let (mut scene, mut tracker) = (Scene::new(), tracker());
     let blob = scene.blobs(&[(50.0, 50.0, 10)])[0];
     let blobs: Vec<Blob> = (0..500)

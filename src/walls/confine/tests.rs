@@ -6,7 +6,7 @@ use std::os::unix::net::{UnixDatagram, UnixListener, UnixStream};
 use std::os::unix::process::CommandExt;
 use std::process::Command;
 
-/// Set in the process that confines itself; its value is its folder.
+/// Set in the process that confines itself; the value is its folder.
 const INSIDE: &str = "SPYKEE_TEST_CONFINED_TO";
 const DONE: &str = "everything was tried";
 
@@ -21,14 +21,14 @@ fn refused<T>(what: &str, attempt: io::Result<T>) {
     );
 }
 
-/// What it cannot.
+/// File accesses that must be refused.
 fn try_files(folder: &Path) {
     let parent = folder.parent().unwrap();
     refused("reading a file", fs::read("/etc/passwd"));
     refused("reading itself", fs::read("/proc/self/exe"));
     refused("reading its environment", fs::read("/proc/self/environ"));
     refused(
-        "reading its agent's",
+        "reading its agent's environment",
         fs::read(format!("/proc/{}/environ", getppid().unwrap())),
     );
     refused("listing a folder", fs::read_dir("/"));
@@ -75,7 +75,7 @@ fn try_calls(folder: &Path) {
     );
 }
 
-/// What it must be able to do all the same.
+/// Operations that must still work.
 fn live(folder: &Path) {
     let (unfinished, picture) = (folder.join("picture.part"), folder.join("picture.jpg"));
     fs::create_dir_all(folder).unwrap();
@@ -106,7 +106,10 @@ fn inside(folder: &Path) {
     };
     let (offered, parent) = (Walls::offered(), getppid().unwrap());
     let elsewhere = confine(u32::MAX, &room);
-    assert!(elsewhere.is_err(), "somebody else's");
+    assert!(
+        elsewhere.is_err(),
+        "confined although the parent is another one"
+    );
     let walls = confine(parent.as_raw_nonzero().get().unsigned_abs(), &room).unwrap();
     assert_eq!(walls, offered);
     let rights = rustix::thread::capabilities(None);
@@ -121,7 +124,7 @@ fn inside(folder: &Path) {
 }
 
 #[test]
-fn a_room_crosses_a_command_line_whole() {
+fn a_room_survives_the_round_trip_over_a_command_line() {
     let paths = |names: &[&str]| names.iter().map(PathBuf::from).collect::<Vec<_>>();
     let room = Room {
         read: paths(&["a b", "--", ""]),
@@ -148,7 +151,9 @@ fn a_confined_process_reaches_its_own_folder_and_nothing_else() {
             calls: true,
         })
     {
-        eprintln!("this kernel does not offer all, the rest is checked: {outside:?}");
+        eprintln!(
+            "this kernel does not support all restrictions, the others are checked: {outside:?}"
+        );
     }
     let room = tempfile::tempdir().unwrap();
     let folder = room.path().join("own");

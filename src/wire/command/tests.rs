@@ -1,4 +1,4 @@
-//! Commands as bytes and back.
+//! Encoding and decoding of commands.
 
 use super::*;
 use crate::wire::Decoder;
@@ -8,7 +8,7 @@ fn parse_bytes(mut bytes: &[u8]) -> Command {
     Command::parse(Decoder::new().decode(&mut bytes).unwrap().unwrap())
 }
 
-/// `PROTOCOL.md`, *Byte vectors*, exactly as they stand there.
+/// The vectors of `PROTOCOL.md`, *Byte vectors*.
 fn golden() -> Vec<(Command, &'static [u8])> {
     vec![
         (
@@ -78,7 +78,7 @@ fn golden_vectors_hold_in_both_directions() {
 
 /// `PROTOCOL.md`, *TCP messages*, column *to robot*.
 #[test]
-fn every_type_of_the_table_has_its_meaning() {
+fn every_type_of_the_table_is_parsed_and_encoded() {
     let bytes = Bytes::from_static(b"\x06\x03mp3");
     let sound = FileChunk::of_sound(Sound::User0, 3, bytes.slice(2..)).unwrap();
     assert_eq!((sound.id(), sound.flags()), (6, 3));
@@ -114,7 +114,7 @@ fn every_type_of_the_table_has_its_meaning() {
 }
 
 #[test]
-fn emit_leaves_what_stands_in_the_buffer_alone() {
+fn emit_leaves_the_content_of_the_buffer_unchanged() {
     let mut out = BytesMut::from(&[0xA5, 0xA5][..]);
     Command::STOP.emit(&mut out);
     assert_eq!(out[..], [0xA5, 0xA5, 0x50, 0x4B, 5, 0, 2, 0, 0]);
@@ -169,14 +169,14 @@ fn only_sounds_can_be_uploaded() {
 }
 
 #[test]
-fn a_password_never_shows() {
+fn debug_output_never_shows_a_password() {
     let shown = format!("{:?}", Command::Login(Login::new("admin", "hunter2")));
     assert!(!shown.contains("hunter2"), "{shown}");
     assert!(shown.contains("password: ***"), "{shown}");
 }
 
 #[test]
-fn names_longer_than_the_prefix_can_say_are_cut() {
+fn names_longer_than_the_length_prefix_allows_are_cut_off() {
     let bytes = Command::Login(Login::new("u".repeat(300), "é€")).to_bytes();
     assert_eq!(bytes[5], 255);
     assert_eq!(bytes[6 + 255..], [2, 0xE9, b'?']);
@@ -184,7 +184,7 @@ fn names_longer_than_the_prefix_can_say_are_cut() {
 
 proptest! {
     #[test]
-    fn any_packet_parses_and_its_emission_parses_to_the_same(
+    fn any_packet_parses_and_its_encoding_parses_to_the_same(
         kind in any::<u8>(),
         payload in prop::collection::vec(any::<u8>(), 0..64),
     ) {

@@ -6,7 +6,7 @@ fn parse_bytes(mut bytes: &[u8]) -> Report {
     Report::parse(Decoder::new().decode(&mut bytes).unwrap().unwrap())
 }
 
-/// `PROTOCOL.md`, *Byte vectors*, exactly as they stand there.
+/// The vectors of `PROTOCOL.md`, *Byte vectors*.
 fn golden() -> Vec<(Report, &'static [u8])> {
     let accepted = Accepted {
         uid: "SPYKEE0001".into(),
@@ -81,7 +81,7 @@ fn golden_vectors_hold_in_both_directions() {
 
 /// `PROTOCOL.md`, *TCP messages*, column *from robot*.
 #[test]
-fn every_type_of_the_table_has_its_meaning() {
+fn every_type_of_the_table_is_parsed_and_encoded() {
     let bytes = Bytes::from_static(b"a=1&b=2");
     for (kind, payload, meaning) in [
         (1, bytes.clone(), Report::Audio(bytes.clone())),
@@ -110,7 +110,7 @@ fn every_type_of_the_table_has_its_meaning() {
 }
 
 #[test]
-fn levels_up_to_a_hundred_are_levels_and_what_is_beyond_is_unknown() {
+fn levels_up_to_a_hundred_are_parsed_and_levels_beyond_are_unknown() {
     for byte in 0..=u8::MAX {
         let level = i16::from(i8::from_be_bytes([byte]));
         let packet = Packet::new(kind::POWER, vec![byte]);
@@ -158,7 +158,7 @@ fn odd_lengths_and_unknown_types_are_values() {
 
 proptest! {
     #[test]
-    fn any_packet_parses_and_what_it_says_survives_emission(
+    fn any_packet_parses_and_its_encoding_parses_to_the_same(
         kind in any::<u8>(),
         payload in prop::collection::vec(any::<u8>(), 0..64),
     ) {

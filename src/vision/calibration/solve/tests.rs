@@ -9,7 +9,7 @@ const BOARD: Board = Board {
     rows: 6,
 };
 
-/// What a camera sees of a board in these poses, a little off as a corner finder is.
+/// The sightings of a board in these poses, with small errors like those of a corner finder.
 fn sightings(camera: [f64; SHARED], poses: &[Pose]) -> Vec<Sighting> {
     let shared = [camera[0].ln(), camera[1], camera[2]];
     let corner = |pose: &Pose, index: usize| {
@@ -56,7 +56,7 @@ fn finds_field_of_view_and_distortion() {
 }
 
 #[test]
-fn boards_that_are_held_alike_tell_nothing() {
+fn boards_in_similar_poses_are_refused() {
     let flat: Vec<Pose> = (0..4)
         .map(|i| [0.0, 0.0, 0.0, -4.0, -2.5, 13.0 + f64::from(i)])
         .collect();

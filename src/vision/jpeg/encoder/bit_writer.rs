@@ -1,4 +1,4 @@
-//! Writes codes bit by bit, with the stuffing that JPEG wants.
+//! Writes codes bit by bit, with JPEG's byte stuffing.
 
 use bytes::Bytes;
 
@@ -7,13 +7,13 @@ use super::tables::Codes;
 /// A file to which bits are appended.
 pub(super) struct BitWriter {
     file: Vec<u8>,
-    /// Those that are not in the file yet, as its last ones.
+    /// The lowest `count` bits are not in the file yet.
     waiting: u64,
     count: u32,
 }
 
 impl BitWriter {
-    /// Begins with `head`.
+    /// Starts a file with `head`.
     pub(super) fn after(head: &[u8]) -> BitWriter {
         let mut file = Vec::with_capacity(16 * 1024);
         file.extend_from_slice(head);
@@ -24,7 +24,7 @@ impl BitWriter {
         }
     }
 
-    /// A value: the code of `zeros` and of the value's length, and its bits (T.81, F.1.2).
+    /// Writes a value: the code of `zeros` and of the value's length, and its bits (T.81, F.1.2).
     pub(super) fn push_value(&mut self, codes: &Codes, zeros: u32, value: i32) {
         let len = 32 - value.unsigned_abs().leading_zeros();
         let (code, code_len) = codes[(zeros << 4 | len) as usize & 255];
@@ -33,13 +33,13 @@ impl BitWriter {
         self.push(code << len | bits, code_len + len);
     }
 
-    /// The code of a symbol.
+    /// Writes the code of a symbol.
     pub(super) fn push_code(&mut self, codes: &Codes, symbol: u8) {
         let (code, len) = codes[usize::from(symbol)];
         self.push(code, len);
     }
 
-    /// At most 32.
+    /// Writes at most 32 bits.
     fn push(&mut self, bits: u32, len: u32) {
         self.waiting = self.waiting << len | u64::from(bits);
         self.count += len;
@@ -61,7 +61,7 @@ impl BitWriter {
         }
     }
 
-    /// The whole file.
+    /// Completes the file.
     pub(super) fn end(mut self) -> Bytes {
         while self.count > 0 {
             let missing = 8u32.saturating_sub(self.count);

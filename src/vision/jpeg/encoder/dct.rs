@@ -1,13 +1,13 @@
 //! The forward discrete cosine transform.
 
-/// Rows and columns of a block.
+/// Number of rows and of columns of a block.
 pub(super) const SIDE: usize = 8;
 
-/// A block: rows of columns; once transformed, horizontal coefficients of vertical ones.
+/// A block as rows of columns; after the transform, horizontal coefficients of vertical ones.
 pub(super) type Block = [[f32; SIDE]; SIDE];
 
-/// The discrete cosine transform of every column at once, scaled by what [`scale`] says (Arai, Agui
-/// and Nakajima, 1988).
+/// Transforms every column at once; the results are scaled by [`scale`] (Arai, Agui and Nakajima,
+/// 1988).
 pub(super) fn transform(block: &mut Block) {
     const COS_2: f32 = 0.382_683_43;
     const COS_4: f32 = std::f32::consts::FRAC_1_SQRT_2;
@@ -44,12 +44,12 @@ pub(super) fn transform(block: &mut Block) {
     }
 }
 
-/// Rows as columns.
+/// The transposed block.
 pub(super) fn transposed(block: &Block) -> Block {
     std::array::from_fn(|i| std::array::from_fn(|j| block[j][i]))
 }
 
-/// How many times too large [`transform`] makes a coefficient.
+/// The factor by which [`transform`] makes a coefficient too large.
 pub(super) fn scale(coefficient: usize) -> f64 {
     let angle = coefficient as f64 * std::f64::consts::PI / 16.0;
     let scale = if coefficient == 0 {

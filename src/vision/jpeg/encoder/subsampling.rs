@@ -3,22 +3,22 @@
 use jpeg_encoder::SamplingFactor;
 use serde::Deserialize;
 
-/// How much of the colour is left out in a JPEG.
+/// How much of the chroma resolution a JPEG omits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 pub enum Subsampling {
-    /// Nothing.
+    /// Full chroma resolution.
     #[serde(rename = "4:4:4")]
     None,
-    /// Every other pixel of a row.
+    /// Half the columns.
     #[serde(rename = "4:2:2")]
     Half,
-    /// Every other pixel of a row, and every other row.
+    /// Half the columns and half the rows.
     #[default]
     #[serde(rename = "4:2:0")]
     Quarter,
 }
 
-/// As `jpeg_encoder` names it.
+/// The corresponding value of `jpeg_encoder`.
 pub(super) fn factor(subsampling: Subsampling) -> SamplingFactor {
     match subsampling {
         Subsampling::None => SamplingFactor::F_1_1,

@@ -1,4 +1,4 @@
-//! The head of a file as `jpeg_encoder` makes it, and the tables in it.
+//! The headers of a file as written by `jpeg_encoder`, and the tables in them.
 
 use std::ops::Range;
 
@@ -7,10 +7,10 @@ use jpeg_encoder::{ColorType, EncodingError};
 use super::dct::{Block, SIDE, scale};
 use super::subsampling::{Subsampling, factor};
 
-/// The code of each symbol and its length.
+/// The code of each symbol and its length in bits.
 pub(super) type Codes = [(u32, u32); 256];
 
-/// Where in a transformed block each of a file's coefficients is (T.81, figure A.6).
+/// The position in a transformed block of each coefficient in file order (T.81, figure A.6).
 pub(super) const ZIGZAG: [u8; SIDE * SIDE] = {
     let mut places = [0; SIDE * SIDE];
     let (mut u, mut v) = (0, 0);
@@ -31,7 +31,7 @@ pub(super) const ZIGZAG: [u8; SIDE * SIDE] = {
     places
 };
 
-/// The place in a file of each place in a block.
+/// The position in file order of each coefficient of a block.
 const ORDER: [u8; SIDE * SIDE] = {
     let mut order = [0; SIDE * SIDE];
     let mut index = 0;
@@ -42,7 +42,7 @@ const ORDER: [u8; SIDE * SIDE] = {
     order
 };
 
-/// A bit for each AC value that is not 0, in the order of a file. Most values are 0.
+/// A bit for each AC value that is not 0, in file order. Most values are 0.
 pub(super) fn nonzero_ac(values: &[i16; SIDE * SIDE]) -> u64 {
     let present: [u8; SIDE * SIDE] = std::array::from_fn(|i| u8::from(values[i] != 0));
     let mut bits = 0;
@@ -54,7 +54,7 @@ pub(super) fn nonzero_ac(values: &[i16; SIDE * SIDE]) -> u64 {
     bits & !1
 }
 
-/// A file up to its pixels.
+/// A file up to its pixel data.
 pub(super) fn head(
     quality: u8,
     subsampling: Subsampling,
@@ -71,7 +71,8 @@ pub(super) fn head(
     Ok(file)
 }
 
-/// Frames of robots name version 1.01 of JFIF, and their components 1, 2 and 3 (`PROTOCOL.md`, VIDEO).
+/// Sets version 1.01 of JFIF and the component ids 1, 2 and 3, as in the frames of robots
+/// (`PROTOCOL.md`, VIDEO).
 fn say_as_robots_do(file: &mut [u8]) {
     let places: Vec<Range<usize>> = segments(file).collect();
     for place in places {
@@ -101,7 +102,7 @@ const QUANTISERS: u8 = 0xDB;
 const CODES: u8 = 0xC4;
 const SCAN: u8 = 0xDA;
 
-/// Where the segments of a file are, markers included, as far as the one before its pixels.
+/// The ranges of a file's segments, including the markers, up to the scan header.
 fn segments(file: &[u8]) -> impl Iterator<Item = Range<usize>> {
     let mut next = Some(2);
     std::iter::from_fn(move || {
@@ -113,14 +114,14 @@ fn segments(file: &[u8]) -> impl Iterator<Item = Range<usize>> {
     })
 }
 
-/// The table of a kind and a number, without them.
+/// The content of the table with this marker and number, without both.
 fn table(file: &[u8], marker: u8, id: u8) -> &[u8] {
     let mut all = segments(file).filter_map(|segment| file.get(segment));
     let found = all.find(|segment| segment[1] == marker && segment[4] == id);
     found.map_or(&[], |segment| &segment[5..])
 }
 
-/// What the coefficients of a component are multiplied by, from the quantisers of a file's head.
+/// The factors of a component's coefficients, from the quantisers in a file's headers.
 pub(super) fn factors(head: &[u8], id: u8) -> Block {
     let quantisers = table(head, QUANTISERS, id);
     let mut factors = [0.0; SIDE * SIDE];
@@ -132,7 +133,7 @@ pub(super) fn factors(head: &[u8], id: u8) -> Block {
     std::array::from_fn(|u| std::array::from_fn(|v| factors[u * SIDE + v]))
 }
 
-/// From how many codes there are of each length, and their symbols (T.81, annex C).
+/// Builds the codes from the number of codes of each length and their symbols (T.81, annex C).
 pub(super) fn codes(head: &[u8], id: u8) -> Codes {
     let table = table(head, CODES, id);
     let mut codes = [(0, 0); 256];

@@ -1,4 +1,4 @@
-//! Files are compared with those of the `jpeg_encoder` crate.
+//! Compares files with those of the `jpeg_encoder` crate.
 
 use proptest::prelude::*;
 use rand::rngs::StdRng;
@@ -14,7 +14,7 @@ const SIZE: (u16, u16) = (WIDTH as u16, HEIGHT as u16);
 
 const ALL: [Subsampling; 3] = [Subsampling::None, Subsampling::Half, Subsampling::Quarter];
 
-/// A slope of grey and one of colour, with sharp edges and noise.
+/// A grey and a coloured gradient with sharp edges and noise.
 fn picture(seed: u64) -> Vec<Pixel> {
     let mut random = StdRng::seed_from_u64(seed);
     let mut pixel = |index: usize| {
@@ -44,7 +44,7 @@ fn of_the_crate(frame: &[Pixel], quality: u8, subsampling: Subsampling) -> Vec<u
     file
 }
 
-/// Root of the mean square of the differences.
+/// Root mean square of the differences.
 fn error(image: &[u8], frame: &[Pixel]) -> f64 {
     let channels = frame.iter().flat_map(|pixel| &pixel[..3]);
     let differences = image
@@ -56,7 +56,7 @@ fn error(image: &[u8], frame: &[Pixel]) -> f64 {
 }
 
 #[test]
-fn files_are_as_true_and_as_short_as_those_of_the_crate() {
+fn files_are_as_accurate_and_as_short_as_those_of_the_crate() {
     for (quality, subsampling) in [1, 30, 75, 95, 100]
         .into_iter()
         .flat_map(|quality| ALL.map(|kind| (quality, kind)))
@@ -81,7 +81,7 @@ fn files_are_as_true_and_as_short_as_those_of_the_crate() {
 }
 
 #[test]
-fn an_encoder_codes_one_frame_as_it_does_another() {
+fn an_encoder_keeps_no_state_between_frames() {
     let mut encoder = Encoder::new(75, Subsampling::Half, SIZE);
     let first = encoder.encode(&picture(1));
     assert_ne!(encoder.encode(&picture(2)), first);
@@ -90,9 +90,9 @@ fn an_encoder_codes_one_frame_as_it_does_another() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
-    /// The worst that pixels can be, at every quality: nothing overflows, every file is whole.
+    /// Extreme pixels at every quality: nothing overflows, and every file is complete.
     #[test]
-    fn any_pixels_are_a_file(seed: u64, quality in 1u8..=100, kind in 0usize..3, extremes: bool) {
+    fn any_pixels_give_a_valid_file(seed: u64, quality in 1u8..=100, kind in 0usize..3, extremes: bool) {
         let mut random = StdRng::seed_from_u64(seed);
         let frame: Vec<Pixel> = (0..WIDTH * HEIGHT)
             .map(|_| random.random::<Pixel>().map(|level| if extremes { level / 128 * 255 } else { level }))
