@@ -231,7 +231,7 @@ impl Handle {
 
     fn request(&self, request: Request) {
         if self.requests.try_send(request).is_err() {
-            tracing::warn!(target: "spykee::sim", "the simulator has ended or is overloaded");
+            tracing::warn!(target: "spykee::sim", "the simulator does not run or is overrun");
         }
     }
 }

@@ -185,7 +185,7 @@ impl Site {
             return;
         }
         let Some((client, reports, cut)) = self.clients.admit(Instant::now()) else {
-            tracing::warn!(target: "spykee::sim", "too many connections: rejected a new one");
+            tracing::warn!(target: "spykee::sim", "too many connections: one is turned away");
             return;
         };
         let line = Line {
@@ -208,7 +208,7 @@ impl Site {
 
     fn begin_fault(&mut self, fault: Fault) {
         let Some(troubles) = &mut self.troubles else {
-            tracing::warn!(target: "spykee::sim", "faults are disabled in this simulator");
+            tracing::warn!(target: "spykee::sim", "this simulator was started without faults");
             return;
         };
         let now = Instant::now();
@@ -221,7 +221,7 @@ impl Site {
     /// stream.
     fn turn(&mut self, turns: Vec<(Trouble, Turn)>) {
         for (trouble, turn) in turns {
-            tracing::info!(target: "spykee::sim", ?trouble, ?turn, "fault");
+            tracing::info!(target: "spykee::sim", ?trouble, ?turn, "a fault");
             let begins = turn == Turn::Begins;
             match trouble {
                 Trouble::Drop if begins => self.cut_all(),
@@ -281,7 +281,7 @@ impl Site {
         match command {
             Command::Login(login) => self.log_in(client, &login),
             Command::Move { .. } if !self.clients.is_user(client) || !opened => {
-                tracing::info!(target: "spykee::sim", client, "MOVE before login and POWER: disconnecting");
+                tracing::info!(target: "spykee::sim", client, "MOVE before login and POWER");
                 self.cut(client);
             }
             _ if !self.clients.is_user(client) => {}
@@ -346,7 +346,7 @@ impl Site {
             tracing::debug!(target: "spykee::sim::said", "{report:?}");
         }
         if !self.clients.tell(report) {
-            tracing::info!(target: "spykee::sim", "the user does not read its reports: disconnecting");
+            tracing::info!(target: "spykee::sim", "the client asks and never reads: cut off");
             self.clients
                 .user_id()
                 .into_iter()
