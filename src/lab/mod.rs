@@ -25,10 +25,12 @@
 //! because the VMs need a larger stack, and returns when the closure has returned. Within the
 //! closure `tokio::time` is virtual: use sleeps, timeouts and intervals as usual, and always set
 //! timeouts, because unlimited virtual time can pass in almost no real time. Never wait for
-//! anything outside the laboratory: virtual time would not stop meanwhile. A script's CPU budget is
-//! in real time, so that a script that never waits is ended as on a robot, while virtual time
-//! stands still. A host's confinement by the kernel is absent: only the VM confines scripts,
-//! without landlock, seccomp and resource limits. Run only scripts that you trust with that.
+//! anything outside the laboratory: virtual time would not stop meanwhile.
+//!
+//! A script's CPU budget is in real time, so that a script that never waits is ended as on a robot,
+//! while virtual time stands still. A host's confinement by the kernel is absent: only the VM
+//! confines scripts, without landlock, seccomp and resource limits. Run only scripts that you trust
+//! with that.
 
 mod event;
 mod options;

@@ -2,8 +2,10 @@
 //! separate process confined by the kernel. The process can read only the folders of the scenario
 //! and of the behaviour under test, and the current folder if it contains the scenario. It writes
 //! to a folder that is deleted afterwards, and its answer goes over a pipe that no script can
-//! access. If a script hangs in one call, crashes the process or takes too long, the process is
-//! ended and the scenario has failed.
+//! access.
+//!
+//! If a script hangs in one call, crashes the process or takes too long, the process is ended and
+//! the scenario has failed.
 
 use std::ffi::OsString;
 use std::io;

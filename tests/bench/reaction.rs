@@ -2,11 +2,14 @@
 //! answers it: of `spykee run` with `follow_colour.lua`, of the same beside a script that
 //! repeatedly uses half of its CPU budget (one that uses more is ended when the machine stalls),
 //! and of a plain Python and OpenCV client that does the same calculations. All clients get the
-//! same frames from one robot, in one run. Frames are written at once, as over a cable, and packet
-//! by packet, as Wi-Fi delivers them: then a client that decodes while receiving has nearly
-//! finished when the last byte arrives. `scripts/bench-reaction` sets up the Python environment and
-//! calls this. For `scripts/bench-live` it compares runs without and with open pages
-//! (`SPYKEE_BENCH_VIEWERS=10,30`), and measures the age of frames when they arrive at the pages.
+//! same frames from one robot, in one run.
+//!
+//! Frames are written at once, as over a cable, and packet by packet, as Wi-Fi delivers them: then
+//! a client that decodes while receiving has nearly finished when the last byte arrives.
+//!
+//! `scripts/bench-reaction` sets up the Python environment and calls this. For `scripts/bench-live`
+//! it compares runs without and with open pages (`SPYKEE_BENCH_VIEWERS=10,30`), and measures the
+//! age of frames when they arrive at the pages.
 
 #![allow(clippy::unwrap_used)]
 

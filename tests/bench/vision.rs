@@ -1,7 +1,8 @@
-//! Benchmarks of each stage of vision: `cargo bench --bench vision`. With the arguments `serve DIR`
-//! it is controlled by `scripts/bench-vision` instead: it reads commands line by line and answers
-//! each with one line of JSON, so that both implementations are timed alternately on the same
-//! frames.
+//! Benchmarks of each stage of vision: `cargo bench --bench vision`.
+//!
+//! With the arguments `serve DIR` it is controlled by `scripts/bench-vision` instead: it reads
+//! commands line by line and answers each with one line of JSON, so that both implementations are
+//! timed alternately on the same frames.
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
 
 use divan::{AllocProfiler, Bencher, black_box};

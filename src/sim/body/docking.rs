@@ -125,7 +125,7 @@ impl Docking {
         matches!(self.phase, DockingPhase::Leaving { .. })
     }
 
-    /// Lets `dt` pass and says what the tracks have to do.
+    /// Advances by `dt` and returns what the tracks must do.
     pub(crate) fn step(&mut self, dt: Duration, senses: &Senses<'_>) -> DockingStep {
         if self.searching() && self.given_up(dt, senses) {
             self.stop();

@@ -31,7 +31,7 @@ impl PowerReports {
         }
     }
 
-    /// A user has logged in; the first POWER follows after `delay`.
+    /// Starts the session of a user; the first POWER follows after `delay`.
     pub(super) fn begin_session(&mut self, delay: Duration) {
         (self.session, self.told, self.left) = (true, None, delay);
     }

@@ -74,7 +74,7 @@ pub struct State {
     pub searching: bool,
     /// The robot is backing out of the station.
     pub leaving: bool,
-    /// The last MOVE, unchanged; 0 while the robot executes one of its own manoeuvres.
+    /// The last MOVE as received; 0 if the tracks were stopped or a manoeuvre was started since.
     pub commanded: Tracks<i8>,
     /// The actual speeds of the tracks, metres per second.
     pub speeds: Tracks<f64>,

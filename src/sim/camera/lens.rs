@@ -177,7 +177,7 @@ mod tests {
         let (side, middle) = (upper(20), upper(WIDTH / 2));
         assert!(
             side > middle.map(|row| row + 3),
-            "{side:?} {middle:?}: it bulges"
+            "{side:?} {middle:?}: no distortion"
         );
     }
 

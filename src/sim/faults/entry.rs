@@ -9,7 +9,7 @@ use super::timing::Timing;
 use crate::sim::yaml::number;
 use crate::wire::Refusal;
 
-/// The names of troubles in YAML.
+/// The names of faults in YAML.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Name {

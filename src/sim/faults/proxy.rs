@@ -235,7 +235,7 @@ mod tests {
         };
         let first = spoilt(4).await;
         assert_eq!(first.len(), 56);
-        assert!(!first.ends_with(POWER_80), "the length is a lie");
+        assert!(!first.ends_with(POWER_80), "the length is unchanged");
         assert_eq!(first, spoilt(4).await);
         assert_ne!(first, spoilt(5).await);
     }

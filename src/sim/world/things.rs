@@ -150,7 +150,7 @@ impl Wall {
         in_rectangle(place, middle, length, self.thickness, heading)
     }
 
-    /// Its four sides, as they stand on the floor.
+    /// Returns its four sides as seen from above.
     pub(crate) fn sides(&self) -> [Segment; 4] {
         let (from, to) = (self.from.point(), self.to.point());
         let length = from.distance(to) + self.thickness;
@@ -170,7 +170,7 @@ impl Furniture {
         in_rectangle(place, middle, self.length, self.width, heading)
     }
 
-    /// Its four sides, as they stand on the floor.
+    /// Returns its four sides as seen from above.
     pub(crate) fn sides(&self) -> [Segment; 4] {
         rectangle(
             self.at.point(),
