@@ -1,5 +1,5 @@
-//! What happens in a run, one line each of an event log. Nothing in it depends on real time or on
-//! the machine.
+//! The events of a run, each one line of an event log. They do not depend on real time or on the
+//! machine.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -10,13 +10,13 @@ use serde_json::Value;
 use tracing::field::{Field, Visit};
 use tracing::{Level, Metadata};
 
-/// What kind of thing has happened.
+/// Kinds of events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EventKind {
-    /// The robot has heard a command; a setpoint that is only repeated is left out.
+    /// The robot received a command; repeated setpoints are omitted.
     Heard,
-    /// The robot has said something; pictures and sound are left out.
+    /// The robot sent a report; pictures and sound are omitted.
     Said,
     /// A behaviour wrote a line: `behaviour`, `line`.
     Log,
@@ -24,29 +24,30 @@ pub enum EventKind {
     Safety,
     /// A behaviour has ended: `behaviour`, `reason`.
     Ended,
-    /// Anything else that agent or simulator found worth a line.
+    /// Any other log message of agent or simulator.
     Note,
-    /// The end of all: `x`, `y`, `heading`, `battery`, `docked`, `distance` (metres driven), `collisions`.
+    /// The end of the run: `x`, `y`, `heading`, `battery`, `docked`, `distance` (metres driven),
+    /// `collisions`.
     End,
 }
 
 /// One line of an event log.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Event {
-    /// Since the start, in virtual time if there is any.
+    /// Time since the start, in virtual time if there is any.
     pub at: Duration,
-    /// What kind of thing.
+    /// The kind of event.
     pub kind: EventKind,
-    /// How bad it is, as in a log: `debug`, `info`, `warn` or `error`.
+    /// The log level: `debug`, `info`, `warn` or `error`.
     pub level: &'static str,
-    /// A sentence.
+    /// The message.
     pub text: String,
-    /// What else belongs to it; see [`EventKind`].
+    /// Additional data; see [`EventKind`].
     pub fields: BTreeMap<&'static str, Value>,
 }
 
 impl Event {
-    /// Whether a callsite of `tracing` is one whose events are recorded.
+    /// Whether events of this `tracing` callsite are recorded.
     pub(super) fn is_wanted(metadata: &Metadata<'_>) -> bool {
         let target = metadata.target();
         let heard_or_said = matches!(
@@ -69,13 +70,13 @@ impl Event {
         }
     }
 
-    /// The text of a field, or nothing.
+    /// Returns the text of a field, if it exists and is a string.
     pub fn field(&self, name: &str) -> Option<&str> {
         self.fields.get(name).and_then(Value::as_str)
     }
 }
 
-/// One flat JSON object: `t` in seconds, `kind`, `level`, the fields, `text`.
+/// Serializes as one flat JSON object: `t` in seconds, `kind`, `level`, the fields, `text`.
 impl Serialize for Event {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let mut map = serializer.serialize_map(None)?;
@@ -99,7 +100,7 @@ fn level(level: Level) -> &'static str {
     }
 }
 
-/// What an event of `tracing` holds.
+/// Collects the message and the fields of a `tracing` event.
 #[derive(Default)]
 struct Reading {
     text: String,
@@ -153,7 +154,7 @@ impl Visit for Reading {
         self.put(field, value.into());
     }
 
-    /// To a tenth of a thousandth: enough for a pose in metres.
+    /// Rounds to four decimals, which is enough for a pose in metres.
     fn record_f64(&mut self, field: &Field, value: f64) {
         self.put(field, ((value * 1e4).round() / 1e4).into());
     }

@@ -1,7 +1,8 @@
-//! A laboratory: a whole run in virtual time. Agent, behaviour hosts, watchdog and simulated robot
-//! live on one thread, on one runtime whose clock jumps when everything waits, over pipes in
-//! memory; codec, pilot, messages and script code are those of a run with a robot. The same world,
-//! behaviours, options and seed give the same run, event by event, in every build.
+//! A laboratory: a complete run in virtual time. Agent, behaviour hosts, watchdog and simulated
+//! robot share one thread and one runtime, whose clock jumps ahead when all tasks wait, and
+//! communicate over in-memory pipes. Codec, pilot, messages and script code are the same as in a
+//! run with a robot. The same world, behaviours, options and seed give the same run, event by
+//! event, in every build.
 //!
 //! ```no_run
 //! # fn main() -> std::io::Result<()> {
@@ -20,15 +21,16 @@
 //! # Ok(()) }
 //! ```
 //!
-//! [`run`] works on any thread, many at a time. It takes a thread of its own for the VMs' stack and
-//! returns when the closure has. Within the closure `tokio::time` is virtual: sleep, timeout and
-//! interval as you like, and always set limits, because virtual time can pass without end in no
-//! real time. Wait for nothing outside the laboratory: virtual time would not stand still in the
-//! meantime.
+//! [`run`] works on any thread, also several times in parallel. It starts a separate thread,
+//! because the VMs need a larger stack, and returns when the closure has returned. Within the
+//! closure `tokio::time` is virtual: use sleeps, timeouts and intervals as usual, and always set
+//! timeouts, because unlimited virtual time can pass in almost no real time. Never wait for
+//! anything outside the laboratory: virtual time would not stop meanwhile.
 //!
-//! A script's CPU budget is in real time, so that one that never waits is ended as on a robot,
-//! while virtual time stands still. A host's walls are absent: only the VM confines scripts, not
-//! landlock, seccomp and limits of the kernel; run only scripts that you trust with that.
+//! A script's CPU budget is in real time, so that a script that never waits is ended as on a robot,
+//! while virtual time stands still. A host's confinement by the kernel is absent: only the VM
+//! confines scripts, without landlock, seccomp and resource limits. Run only scripts that you trust
+//! with that.
 
 mod event;
 mod options;
@@ -62,10 +64,10 @@ pub struct Lab {
     options: Options,
 }
 
-/// Sets up a laboratory in this world and lets `work` work in it, in virtual time.
+/// Sets up a laboratory in this world and runs `work` in it, in virtual time.
 ///
 /// # Errors
-/// If the system gives no thread or no runtime.
+/// If the system cannot create a thread or a runtime.
 pub fn run<T: Send>(
     world: World,
     options: Options,
@@ -84,7 +86,8 @@ pub fn run<T: Send>(
     })
 }
 
-/// No I/O driver: nothing here waits for the world outside, and time jumps faster without.
+/// Runs the laboratory on this thread. The runtime has no I/O driver: nothing here waits for
+/// external I/O, and virtual time jumps faster without one.
 fn live<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) -> io::Result<T> {
     script::only_simulated();
     let runtime = Builder::new_current_thread()
@@ -117,30 +120,32 @@ fn live<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) ->
 }
 
 impl Lab {
-    /// The simulated robot: its state, what it has heard, and all trouble one can make for it.
+    /// Returns the handle of the simulated robot: its state, the commands that it received, and
+    /// fault injection.
     pub fn sim(&self) -> &sim::Handle {
         &self.sim
     }
 
-    /// Virtual time since the laboratory was set up.
+    /// Returns the virtual time since the laboratory was set up.
     pub fn now(&self) -> Duration {
         self.began.elapsed()
     }
 
-    /// The seed it was set up with.
+    /// Returns the laboratory's seed.
     pub fn seed(&self) -> u64 {
         self.options.seed
     }
 
-    /// Starts an agent with these behaviours, which ends when they have, after `limit`, by
-    /// [`Running::stop`] or [`Options::stop`]. It does not move before the next wait. There may be
-    /// one after the other: they find the robot as the last one left it.
+    /// Starts an agent with these behaviours. It ends when they have ended, after `limit`, or by
+    /// [`Running::stop`] or [`Options::stop`]. It does nothing before the caller's next wait.
+    /// Agents may run one after another; each finds the robot in the state in which the previous
+    /// one left it.
     pub fn start(&self, behaviours: Vec<Behaviour>, limit: Option<Duration>) -> Running {
         Running::start(self.sim.clone(), &self.options, behaviours, limit)
     }
 
-    /// What an agent on the robot of this laboratory needs, for who composes one by himself, such
-    /// as a service: it is run within the laboratory.
+    /// Returns the plan of an agent for this laboratory's robot, for callers that create the agent
+    /// themselves, such as a service. Run that agent within the laboratory.
     pub fn plan(&self, behaviours: Vec<Behaviour>) -> Plan {
         running::plan(self.sim.clone(), &self.options, behaviours)
     }

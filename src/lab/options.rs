@@ -1,4 +1,4 @@
-//! How a laboratory is set up.
+//! The options of a laboratory.
 
 use tokio_util::sync::CancellationToken;
 
@@ -9,29 +9,29 @@ use crate::robot::{Bus, Streams};
 use crate::safety::Limits;
 use crate::sim;
 
-/// How a laboratory is set up.
+/// Options of a laboratory.
 #[derive(Default)]
 pub struct Options {
-    /// Of the simulator's noise and the link's pauses; behaviours bring their own.
+    /// Seed of the simulator's noise and of the link's pauses; behaviours have their own seeds.
     pub seed: u64,
-    /// The simulated robot: its login, firmware, frames a second, faults. Its `seed`, `listen`,
-    /// `discovery` and `unacknowledged` are not used.
+    /// The simulated robot: its login, firmware, frames per second and faults. Its `seed`,
+    /// `listen`, `discovery` and `unacknowledged` are not used.
     pub sim: sim::Options,
-    /// The numbers of the safety rules.
+    /// The parameters of the safety rules.
     pub limits: Limits,
-    /// Times of the link.
+    /// Timing of the link.
     pub link: link::Options,
     /// When the robot's streams are on.
     pub streams: Streams,
-    /// Ends every run of this laboratory when cancelled, from whatever thread.
+    /// Ends every run of this laboratory when cancelled, from any thread.
     pub stop: CancellationToken,
-    /// What the clock on the wall shows at the beginning: 2026-01-01 09:00 in universal time unless given.
+    /// Wall-clock time at the start; 2026-01-01 09:00 UTC if `None`.
     pub date: Option<jiff::Timestamp>,
-    /// Is given all that happens.
+    /// Receives all events.
     pub events: Option<Recorder>,
-    /// Holds its clock for people who watch; a run that is watched goes on when its behaviours have
-    /// ended. Without it time jumps whenever everything waits.
+    /// Slows the virtual clock down for viewers. A run with a tempo continues after its behaviours
+    /// have ended. Without it, virtual time jumps ahead whenever all tasks wait.
     pub tempo: Option<Tempo>,
-    /// Where its agents say what happens.
+    /// The bus to which its agents publish.
     pub bus: Bus,
 }

@@ -1,4 +1,4 @@
-//! Takes down what the program's own log says on one thread, whatever of it is shown elsewhere.
+//! Records the program's log events of one thread, independent of the log level shown elsewhere.
 
 use std::cell::Cell;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,33 +17,34 @@ thread_local! {
     static BEGAN: Cell<Option<Instant>> = const { Cell::new(None) };
 }
 
-/// Virtual time on the thread of a laboratory; `None` on any other.
+/// Returns the virtual time on the thread of a laboratory; `None` on any other thread.
 pub fn now() -> Option<Duration> {
     BEGAN.get().map(|began| began.elapsed())
 }
 
-/// The time on this thread counts from now on.
+/// Starts this thread's virtual time at zero.
 pub(super) fn begin() -> Instant {
     let began = Instant::now();
     BEGAN.set(Some(began));
     began
 }
 
-/// Is given each event as it happens, on the laboratory's thread. Cheap to clone.
+/// Receives each event when it happens, on the laboratory's thread. Cheap to clone.
 #[derive(Clone)]
 pub struct Recorder {
     take: Arc<Mutex<dyn FnMut(Event) + Send>>,
 }
 
 impl Recorder {
-    /// Calls this with each event. It must not wait, nor write to the program's log.
+    /// Creates a recorder that calls `take` with each event. `take` must neither block nor write to
+    /// the program's log.
     pub fn new(take: impl FnMut(Event) + Send + 'static) -> Recorder {
         Recorder {
             take: Arc::new(Mutex::new(take)),
         }
     }
 
-    /// Keeps all events, to be read when the run is over.
+    /// Creates a recorder that keeps all events, for reading after the run.
     pub fn keeping() -> (Recorder, Arc<Mutex<Vec<Event>>>) {
         let kept = Arc::new(Mutex::new(Vec::new()));
         let keep = kept.clone();
@@ -61,7 +62,7 @@ impl Recorder {
     }
 }
 
-/// Runs `work` on this thread with its log going to `parent` and to a recorder.
+/// Runs `work` on this thread, with its log events going to `parent` and to the recorder.
 pub(super) fn under<T>(
     parent: Dispatch,
     recorder: Option<Recorder>,
@@ -74,7 +75,7 @@ pub(super) fn under<T>(
     tracing::dispatcher::with_default(&dispatch, work)
 }
 
-/// Both the log as it is, and the recorder.
+/// A subscriber that forwards events to the recorder and to the parent.
 struct Tee {
     recorder: Recorder,
     parent: Dispatch,
@@ -82,12 +83,12 @@ struct Tee {
 
 impl Subscriber for Tee {
     fn register_callsite(&self, _: &'static Metadata<'static>) -> Interest {
-        // What the parent wants may change.
+        // The parent's interest may change.
         Interest::sometimes()
     }
 
     fn max_level_hint(&self) -> Option<LevelFilter> {
-        // The parent's own is not known here, and is at most asked in vain.
+        // The parent's hint is not available here; a higher one only costs extra checks.
         Some(LevelFilter::TRACE)
     }
 

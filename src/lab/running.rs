@@ -1,4 +1,4 @@
-//! An agent at work in a laboratory.
+//! A running agent in a laboratory.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::time::Duration;
@@ -19,13 +19,13 @@ use crate::script;
 use crate::sim::Handle;
 use crate::wire::Login;
 
-/// What simulated robots have for an address.
+/// The nominal address of simulated robots.
 const ADDRESS: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 9000);
-/// Bytes that may wait between robot and agent, each way.
+/// Buffer size between robot and agent in each direction, bytes.
 const LINK_LEN: usize = 64 * 1024;
 
-/// An agent at work. Dropping it ends it at once: its hosts are gone, and the last word of its link
-/// is a stop.
+/// A running agent. Dropping it ends the agent immediately: its hosts end, and its link sends a
+/// stop as its last words.
 pub struct Running {
     stop: CancellationToken,
     status: watch::Receiver<Status>,
@@ -64,46 +64,46 @@ impl Running {
         }
     }
 
-    /// Asks it to end: scripts say their last words, the link is closed.
+    /// Requests an orderly end: scripts run their last words, then the link is closed.
     pub fn stop(&self) {
         self.stop.cancel();
     }
 
-    /// Does the same when it is cancelled.
+    /// Returns a token that has the same effect as [`Running::stop`] when cancelled.
     pub fn stopper(&self) -> CancellationToken {
         self.stop.clone()
     }
 
-    /// The newest status of robot and watchdog, as on the status line.
+    /// Returns a receiver of the latest status of robot and watchdog, as shown on the status line.
     pub fn status(&self) -> watch::Receiver<Status> {
         self.status.clone()
     }
 
-    /// Where its pilot is asked.
+    /// Returns a sender of requests to the pilot.
     pub fn requests(&self) -> mpsc::Sender<Request> {
         self.requests.clone()
     }
 
-    /// Where its behaviours are started and stopped.
+    /// Returns the roster, through which behaviours are started and stopped.
     pub fn roster(&self) -> Roster {
         self.roster.clone()
     }
 
-    /// What the camera shows.
+    /// Returns a receiver of the camera's pictures.
     pub fn pictures(&self) -> watch::Receiver<Pictures> {
         self.pictures.clone()
     }
 
-    /// How long it takes from a frame to a track command.
+    /// Returns the measured reaction times, from a frame to a track command.
     pub fn reactions(&self) -> Reactions {
         self.reactions.clone()
     }
 
-    /// Waits until it has ended. Without a limit, a call to [`Running::stop`] or a behaviour that
-    /// ends, that is never.
+    /// Waits until the agent has ended. Without a limit, a call to [`Running::stop`] or behaviours
+    /// that end, this never returns.
     ///
     /// # Errors
-    /// As of [`Agent::run`].
+    /// The errors of [`Agent::run`].
     pub async fn outcome(mut self) -> Result<Outcome, AgentError> {
         match (&mut self.agent).await {
             Ok(outcome) => outcome,
@@ -118,7 +118,7 @@ impl Drop for Running {
     }
 }
 
-/// An agent on this robot.
+/// Creates the plan of an agent for this robot.
 pub(super) fn plan(sim: Handle, options: &Options, behaviours: Vec<Behaviour>) -> Plan {
     Plan {
         behaviours,
@@ -141,7 +141,7 @@ pub(super) fn plan(sim: Handle, options: &Options, behaviours: Vec<Behaviour>) -
     }
 }
 
-/// The rescue behaviour; one whose file cannot be read is left out, and said so.
+/// Loads the rescue behaviour; logs an error and returns `None` if its file cannot be read.
 fn rescue(options: &Options) -> Option<Launch> {
     let choice = &options.limits.rescue;
     let script = script::Options {
@@ -154,7 +154,7 @@ fn rescue(options: &Options) -> Option<Launch> {
     })
 }
 
-/// A pipe to the simulator for each try to connect.
+/// Creates a dialler that opens a new pipe to the simulator for each connection attempt.
 fn dial(sim: Handle, login: Login, options: link::Options) -> Dial {
     Box::new(move |last_words| {
         let (sim, login, options) = (sim.clone(), login.clone(), options.clone());

@@ -1,10 +1,11 @@
-//! The clock of a laboratory that people watch: paused, stepped, or so many times as fast as the one
-//! on the wall. There is one clock for all of it, so agent, scripts, watchdog and simulator keep their
-//! times among each other, whatever the factor; only people and what they hold have another.
+//! Controls the virtual clock of a laboratory that people watch: paused, stepped, or a multiple of
+//! real time. Agent, scripts, watchdog and simulator share one clock, so their relative timing is
+//! the same for any factor; only viewers and their devices use real time.
 //!
-//! Without it the clock jumps whenever everything waits. With it a task of the laboratory is never
-//! quite waiting while the clock is ahead: it sleeps its thread for a moment, in real time, and lets
-//! everybody else have a turn, so that a person's STOP is heard also while the clock stands.
+//! Without a tempo the clock jumps ahead whenever all tasks wait. With it, while the clock is ahead
+//! of real time, one task of the laboratory stays ready: it blocks the thread for a moment of real
+//! time and then yields to all other tasks, so that a user's STOP is processed even while the clock
+//! is paused.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -13,65 +14,67 @@ use tokio::task::yield_now;
 use tokio::time::{Instant, sleep};
 use tokio_util::sync::CancellationToken;
 
-/// The longest that the thread sleeps at a time; whatever comes from outside waits so long.
+/// Maximum time for which the thread sleeps at once, which is also the maximum delay of external
+/// requests.
 const NAP: Duration = Duration::from_millis(4);
-/// What one step is.
+/// Length of one step in simulated time.
 const STEP: Duration = Duration::from_millis(100);
-/// How often the clock is held against the one on the wall, in real time if that is possible.
+/// Interval, in real time if possible, at which the virtual clock is compared with the real one.
 const BEAT: Duration = Duration::from_millis(4);
-/// A clock that is later than this cannot keep up; it does not hurry afterwards.
+/// A virtual clock that is late by more than this cannot keep up; it does not catch up afterwards.
 const LATE: Duration = Duration::from_millis(50);
 
-/// So many simulated seconds a second.
+/// Speed of the simulation: simulated seconds per second.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Factor(f64);
 
 impl Factor {
-    /// As on the wall.
+    /// Real time.
     pub const REAL: Factor = Factor(1.0);
-    /// The fastest.
+    /// The maximum factor.
     pub const MOST: f64 = 100.0;
 
-    /// 1..=100; nothing else is one.
+    /// Creates a factor; `None` if it is not in 1..=100.
     pub fn new(factor: f64) -> Option<Factor> {
         (1.0..=Factor::MOST)
             .contains(&factor)
             .then_some(Factor(factor))
     }
 
-    /// As a number.
+    /// Returns the factor as a number.
     pub fn get(self) -> f64 {
         self.0
     }
 }
 
-/// What the clock does.
+/// The mode of the clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Going {
-    /// It stands, but for steps.
+    /// The clock is paused, except for single steps.
     pub paused: bool,
-    /// How fast it goes unless it stands.
+    /// The speed unless paused.
     pub factor: Factor,
 }
 
-/// A hold on the clock, for any thread: see the module. Clones hold the same one.
+/// Controls the clock from any thread; see the module. Clones control the same clock.
 #[derive(Debug, Clone)]
 pub struct Tempo(Arc<Mutex<Course>>);
 
-/// Both clocks count from the beginning of the laboratory.
+/// The clock's state; all times count from the start of the laboratory.
 #[derive(Debug)]
 struct Course {
     going: Going,
-    /// Simulated and real time when they began to go beside each other; none yet: with the next beat.
+    /// Simulated and real time at which the two clocks were last aligned; `None`: at the next
+    /// comparison.
     mark: Option<(Duration, Duration)>,
-    /// Up to this simulated time goes a clock that is paused.
+    /// A paused clock runs up to this simulated time.
     allowed: Duration,
-    /// The newest simulated time.
+    /// The last known simulated time.
     now: Duration,
 }
 
 impl Course {
-    /// How long the clock has to wait now; `None`: it may go on.
+    /// Returns how long the clock must wait now; `None` if it may continue.
     fn wait(&mut self, simulated: Duration, real: Duration) -> Option<Duration> {
         self.now = simulated;
         if self.going.paused {
@@ -87,7 +90,7 @@ impl Course {
         due.checked_sub(real).filter(|wait| !wait.is_zero())
     }
 
-    /// How long it goes before it is held against the other again.
+    /// Returns the simulated time until the next comparison.
     fn beat(&self) -> Duration {
         if self.going.paused {
             STEP / 10
@@ -104,7 +107,7 @@ impl Course {
 }
 
 impl Default for Tempo {
-    /// As the clock on the wall.
+    /// Runs in real time.
     fn default() -> Tempo {
         let going = Going {
             paused: false,
@@ -120,17 +123,17 @@ impl Default for Tempo {
 }
 
 impl Tempo {
-    /// For as long as it takes to look something up.
+    /// Locks the state; hold the guard only briefly.
     fn course(&self) -> MutexGuard<'_, Course> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// What the clock does.
+    /// Returns the mode of the clock.
     pub fn going(&self) -> Going {
         self.course().going
     }
 
-    /// From now on it stands, or goes on.
+    /// Pauses or resumes the clock.
     pub fn pause(&self, paused: bool) {
         let mut course = self.course();
         let going = Going {
@@ -140,7 +143,7 @@ impl Tempo {
         course.change(going);
     }
 
-    /// From now on it goes so fast, unless it stands.
+    /// Sets the speed; a paused clock stays paused.
     pub fn hurry(&self, factor: Factor) {
         let mut course = self.course();
         let going = Going {
@@ -150,7 +153,7 @@ impl Tempo {
         course.change(going);
     }
 
-    /// It goes on for 0.1 s, and stands then.
+    /// Runs the clock for 0.1 s of simulated time, then pauses it.
     pub fn step(&self) {
         let mut course = self.course();
         let going = Going {
@@ -161,13 +164,13 @@ impl Tempo {
         course.allowed = course.now + STEP;
     }
 
-    /// Simulated time since the beginning, as of the last beat.
+    /// Returns the simulated time since the start, as of the last comparison.
     pub fn now(&self) -> Duration {
         self.course().now
     }
 
-    /// Holds the laboratory's clock until `stop` is cancelled: then there is no viewer any more, and the rest
-    /// takes no time.
+    /// Controls the laboratory's clock until `stop` is cancelled. After that there is no viewer,
+    /// and the rest of the run proceeds as fast as possible.
     pub(super) async fn keep(self, began: Instant, stop: CancellationToken) {
         let wall = std::time::Instant::now();
         while !stop.is_cancelled() {
@@ -178,7 +181,8 @@ impl Tempo {
             match wait {
                 None => sleep(beat).await,
                 Some(wait) => {
-                    // On purpose: as long as this task is ready, the clock does not jump.
+                    // Blocks the thread deliberately: while this task is ready, the clock does not
+                    // jump.
                     std::thread::sleep(wait.min(NAP));
                     yield_now().await;
                 }
@@ -200,19 +204,19 @@ mod tests {
     }
 
     #[test]
-    fn ten_times_as_fast_waits_a_tenth_and_who_is_late_does_not_hurry_afterwards() {
+    fn a_factor_of_ten_waits_a_tenth_and_a_late_clock_does_not_catch_up() {
         let tempo = Tempo::default();
         tempo.hurry(Factor::new(10.0).unwrap());
         assert_eq!(course(&tempo).wait(ms(0), ms(1000)), None);
         assert_eq!(course(&tempo).wait(ms(100), ms(1000)), Some(ms(10)));
         assert_eq!(course(&tempo).wait(ms(100), ms(1010)), None);
-        // A second late.
+        // One second late.
         assert_eq!(course(&tempo).wait(ms(200), ms(2020)), None);
         assert_eq!(course(&tempo).wait(ms(300), ms(2020)), Some(ms(10)));
     }
 
     #[test]
-    fn a_paused_clock_stands_and_a_step_is_a_tenth_of_a_second() {
+    fn a_paused_clock_stops_and_a_step_is_a_tenth_of_a_second() {
         let tempo = Tempo::default();
         tempo.pause(true);
         assert!(course(&tempo).wait(ms(0), ms(0)).is_some());
@@ -226,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn no_other_number_is_a_factor() {
+    fn numbers_out_of_range_are_not_factors() {
         for wrong in [0.0, -1.0, 0.99, 100.1, f64::NAN, f64::INFINITY] {
             assert_eq!(Factor::new(wrong), None, "{wrong}");
         }

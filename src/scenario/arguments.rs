@@ -1,5 +1,6 @@
-//! What a scenario's script hands over. The runtime has held it against the rows of the API table
-//! and filled in what was left out, so values have their types here, within their bounds.
+//! The arguments of calls by a scenario's script. The runtime has already validated them against
+//! the API table and filled in the defaults, so all values have the right types and are within
+//! their bounds.
 
 use std::time::Duration;
 
@@ -30,13 +31,13 @@ impl<'a> Arguments<'a> {
         self.value(index).as_str()
     }
 
-    /// An option of the table at `index`.
+    /// Returns an option of the table at `index`.
     pub(super) fn option(self, index: usize, key: &str) -> Option<f64> {
         self.value(index).get(key)?.as_f64()
     }
 }
 
-/// A number of seconds as a time; none of what is no such number.
+/// Converts a number of seconds to a duration; zero for any other value.
 pub(super) fn seconds(value: &Value) -> Duration {
     let seconds = value.as_f64().unwrap_or_default();
     Duration::try_from_secs_f64(seconds).unwrap_or_default()

@@ -1,4 +1,4 @@
-//! A file of scenarios: what it declares, before anything of it is played.
+//! A file of scenarios: its declarations, before any scenario is played.
 
 use std::cell::RefCell;
 use std::ops::RangeInclusive;
@@ -19,59 +19,61 @@ use crate::script::{
 };
 use crate::sim::World;
 
-/// Scenarios of one file.
+/// Maximum number of scenarios in one file.
 const MAX_SCENARIOS: usize = 1000;
-/// A scenario's own script may think so long without waiting; it stops no robot meanwhile.
+/// CPU budget of a scenario's own script between waits. It can be long, because this script does
+/// not control a robot.
 const BUDGET_MS: u64 = 2000;
 
 /// A file of scenarios.
 #[derive(Debug, Clone)]
 pub struct Book {
     file: PathBuf,
-    /// What it names is looked for there; a text has none.
+    /// Folder for relative file names; `None` for a text.
     folder: Option<PathBuf>,
     source: Vec<u8>,
     scenarios: Vec<Scenario>,
 }
 
-/// One scenario, as it was declared.
+/// The declaration of one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Scenario {
     /// Unique in its file.
     pub name: String,
-    /// How it is set up.
+    /// Its options.
     pub options: Options,
-    /// Where it was declared, from 1.
+    /// The line of its declaration, from 1.
     pub line: u32,
-    /// From 0.
+    /// Its index in the file, from 0.
     pub(super) index: usize,
 }
 
 impl Scenario {
-    /// Those it is to be played with.
+    /// Returns the seeds with which to play it.
     pub fn seeds(&self) -> RangeInclusive<u64> {
         1..=self.options.seeds
     }
 }
 
-/// Why a file's scenarios cannot be played.
+/// Errors when reading the scenarios of a file.
 #[derive(Debug, thiserror::Error)]
 pub enum BookError {
-    /// Not readable.
+    /// The file cannot be read.
     #[error("cannot read the scenarios {path}: {source}")]
     Read {
-        /// Which.
+        /// The file.
         path: String,
-        /// The system's words.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// It does not load, it fails, or what it declares is wrong: file, line and what to do.
+    /// The script does not load, it fails, or its declarations are wrong; names file, line and
+    /// remedy.
     #[error("{0}")]
     Invalid(String),
 }
 
 impl Book {
-    /// Reads a file and sees what it declares.
+    /// Reads a file and its declarations.
     ///
     /// # Errors
     /// See [`BookError`].
@@ -84,8 +86,8 @@ impl Book {
         Book::new(file, Some(folder.to_owned()), source)
     }
 
-    /// Of a text that is in no file, such as one within the program. It sees no files beside it:
-    /// no modules, only built-in worlds.
+    /// Creates a book from a text that is not in a file, for example one built into the program. It
+    /// can use no other files: no modules, and only built-in worlds.
     ///
     /// # Errors
     /// [`BookError::Invalid`].
@@ -99,7 +101,7 @@ impl Book {
         Ok(book.with(scenarios))
     }
 
-    /// Nothing of it was looked at yet.
+    /// Creates a book without reading its declarations.
     pub(super) fn undeclared(file: &Path, folder: Option<PathBuf>, source: Vec<u8>) -> Book {
         Book {
             file: file.to_owned(),
@@ -109,7 +111,7 @@ impl Book {
         }
     }
 
-    /// With what it declares.
+    /// Sets the declarations.
     pub(super) fn with(self, scenarios: Vec<Scenario>) -> Book {
         Book { scenarios, ..self }
     }
@@ -118,12 +120,12 @@ impl Book {
         &self.source
     }
 
-    /// In the order of the file.
+    /// Returns the scenarios in the order of the file.
     pub fn scenarios(&self) -> &[Scenario] {
         &self.scenarios
     }
 
-    /// Where it was read from, or the name of its text.
+    /// Returns the file's path, or the name of the text.
     pub fn file(&self) -> &Path {
         &self.file
     }
@@ -132,7 +134,7 @@ impl Book {
         self.folder.as_deref()
     }
 
-    /// The behaviour beside it that has its name without `_test`.
+    /// Returns the behaviour in the same folder with the file's name without `_test`.
     pub(super) fn subject(&self) -> Option<PathBuf> {
         let stem = self.file.file_stem()?.to_str()?;
         let name = format!("{}.lua", stem.strip_suffix("_test")?);
@@ -140,7 +142,7 @@ impl Book {
         file.is_file().then_some(file)
     }
 
-    /// One line of it.
+    /// Returns a line of the source, counted from 1.
     pub(super) fn line(&self, number: u32) -> Option<String> {
         let text = String::from_utf8_lossy(&self.source);
         let line = text.lines().nth(number.checked_sub(1)? as usize)?;
@@ -162,7 +164,7 @@ impl Book {
         Ok(script)
     }
 
-    /// Serves what a script of this book sends out; its lines are handed to `line`.
+    /// Handles the output of a script of this book; passes log lines to `line`.
     pub(super) fn serve(&self, script: &mut Script, mut line: impl FnMut(String)) {
         for output in script.take_output() {
             match output {
@@ -183,7 +185,7 @@ impl Book {
         }
     }
 
-    /// Runs the file once to see what it declares.
+    /// Runs the file once to collect its declarations.
     pub(super) fn declared(&self) -> Result<Vec<Scenario>, BookError> {
         let invalid = |text: String| Err(BookError::Invalid(text));
         let shown = self.file.display();
@@ -213,14 +215,14 @@ impl Book {
             }
             None => {
                 return invalid(format!(
-                    "{shown}: it waits before its scenarios are declared; wait inside of them only"
+                    "{shown}: it waits before its scenarios are declared; wait only inside scenarios"
                 ));
             }
         }
         let found = stage.found.take();
         if found.is_empty() {
             invalid(format!(
-                "{shown}: there is no scenario in it, such as\n\
+                "{shown}: it declares no scenario, such as\n\
                  scenario(\"hits nothing\", {{ limit = 60 }}, function(sim) ... end)"
             ))
         } else {
@@ -229,7 +231,7 @@ impl Book {
     }
 }
 
-/// Takes down what is declared and plays nothing.
+/// A stage that records declarations and plays nothing.
 struct Declaring {
     folder: Option<PathBuf>,
     found: RefCell<Vec<Scenario>>,
@@ -266,7 +268,7 @@ impl Stage for Declaring {
     }
 }
 
-/// The world of a name, or of a file in this folder.
+/// Loads the built-in world with this name, or a world file in this folder.
 pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<World, WorldError> {
     let Some(name) = name else {
         return Ok(World::default_world());
@@ -280,7 +282,7 @@ pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<Wo
     };
     if let Some(folder) = folder.filter(|_| is_world(Path::new(name))) {
         let path = folder.join(name);
-        // Messages quote what is wrong: nothing else is looked into, through a link neither.
+        // Error messages quote the content, so only world files may be read, also through links.
         if path.canonicalize().is_ok_and(|path| !is_world(&path)) {
             return Err(WorldError::Elsewhere(name.to_owned()));
         }

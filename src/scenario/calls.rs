@@ -1,4 +1,4 @@
-//! The calls of `sim` that look at the simulated robot or change something around it.
+//! The `sim` calls that observe the simulated robot or change its environment.
 
 use std::path::Path;
 
@@ -127,7 +127,7 @@ impl PlayStage {
         })
     }
 
-    /// As in the YAML of `spykee sim --faults`, which is JSON too.
+    /// Accepts the format of `spykee sim --faults`: JSON is valid YAML.
     fn begin_fault(&self, given: Arguments<'_>) -> Result<Value, CallError> {
         let list = json!({"faults": [given.value(0)]}).to_string();
         let faults = Fault::list_from_yaml(&list, "fault")
@@ -139,7 +139,7 @@ impl PlayStage {
     }
 }
 
-/// How many pictures the behaviours keep.
+/// Counts the pictures in the behaviours' data folder, recursively.
 fn pictures(folder: &Path) -> usize {
     let Ok(entries) = std::fs::read_dir(folder) else {
         return 0;

@@ -1,4 +1,4 @@
-//! The behaviours that a scenario runs: from their files to what an agent takes.
+//! The behaviours that a scenario runs: loads their files for the agent.
 
 use std::path::{Path, PathBuf};
 
@@ -12,22 +12,22 @@ use crate::clock::Zone;
 use crate::config::{Config, Entry};
 use crate::script;
 
-/// Makes behaviours.
+/// Loads behaviours.
 pub(super) struct Cast {
     pub(super) config: Config,
-    /// Paths are relative to it; without it only the subject can be run.
+    /// Base folder of relative paths; without it only the subject can be run.
     pub(super) folder: Option<PathBuf>,
-    /// What is run when none is named.
+    /// The behaviour to run when none is named.
     pub(super) subject: Option<PathBuf>,
-    /// What behaviours keep, until the scenario is over.
+    /// The behaviours' data folder, which exists until the scenario is over.
     pub(super) data: PathBuf,
     pub(super) seed: u64,
-    /// What errors say of where values came from.
+    /// Origin of parameter values, for errors.
     pub(super) origin: String,
 }
 
 impl Cast {
-    /// Those that a call names, or the subject.
+    /// Loads the behaviours named in a call, or the subject.
     pub(super) fn behaviours(&self, named: &[Value]) -> Result<Vec<Behaviour>, CastError> {
         let mut entries = named
             .iter()
@@ -66,7 +66,7 @@ impl Cast {
         Ok(entry)
     }
 
-    /// Whose clock counts: the same on every computer.
+    /// Returns the time zone: the configured one or UTC, independent of the computer.
     pub(super) fn zone(&self) -> Zone {
         self.config.time_zone.clone().unwrap_or_else(Zone::utc)
     }
@@ -105,13 +105,14 @@ impl Cast {
     }
 }
 
-/// By its name. Messages tell what is wrong in a script and where: nothing else is looked into.
+/// Whether the file name is that of a script. Error messages quote the content, so no other files
+/// may be read.
 fn is_script(file: &Path) -> bool {
     file.extension()
         .is_some_and(|ending| ending == "lua" || ending == "luau")
 }
 
-/// As before every run.
+/// Rejects a behaviour with errors that the checks before every run would find.
 fn refuse_mistakes(source: &[u8], options: &script::Options) -> Result<(), CastError> {
     let errors = check::errors(source, options);
     let errors: Vec<String> = errors.iter().map(Finding::text).collect();

@@ -1,4 +1,4 @@
-//! What has happened in a scenario so far, as far as its script may ask for it and a failure tells.
+//! The events of a scenario so far, for queries by its script and for failure reports.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -11,21 +11,21 @@ use crate::behaviour::is_failure;
 use crate::lab::{Event, EventKind, Recorder};
 use crate::robot::EndReason;
 
-/// Lines of behaviours that are kept.
+/// Maximum number of log lines of behaviours kept.
 const MAX_LINES: usize = 10_000;
-/// Endings that are kept.
+/// Maximum number of endings kept.
 const MAX_ENDINGS: usize = 1_000;
-/// What happened last.
+/// Number of most recent events kept for failure reports.
 const RECENT: usize = 8;
 
-/// Shared with the laboratory's recorder; cheap to clone.
+/// The record of a scenario, shared with the laboratory's recorder; cheap to clone.
 #[derive(Clone, Default)]
 pub(super) struct Chronicle(Arc<Mutex<Pages>>);
 
 #[derive(Default)]
 struct Pages {
     lines: Vec<Line>,
-    /// Lines that were written beyond those.
+    /// Number of lines beyond `MAX_LINES`.
     missed: usize,
     endings: VecDeque<Ended>,
     recent: VecDeque<String>,
@@ -48,7 +48,7 @@ pub(super) struct Ended {
 }
 
 impl Chronicle {
-    /// Writes down what it is given.
+    /// Returns a recorder that adds events to this record.
     pub(super) fn recorder(&self) -> Recorder {
         let chronicle = self.clone();
         Recorder::new(move |event| chronicle.pages().note(&event))
@@ -58,12 +58,13 @@ impl Chronicle {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Behaviours begin: how those before them ended is no answer any more.
+    /// Forgets earlier endings, when new behaviours start.
     pub(super) fn begin(&self) {
         self.pages().endings.clear();
     }
 
-    /// How a behaviour ended for the last time, or any but the rescue behaviour, which comes and goes.
+    /// Returns the reason of the last ending of a behaviour; without a name, of any behaviour
+    /// except the rescue behaviour, which starts and ends automatically.
     pub(super) fn ended(&self, behaviour: Option<&str>) -> Option<String> {
         let pages = self.pages();
         let is_meant = |ended: &&Ended| {
@@ -75,15 +76,16 @@ impl Chronicle {
         found.map(|ended| ended.reason.clone())
     }
 
-    /// The first behaviour that failed.
+    /// Returns the first behaviour that failed.
     pub(super) fn failed(&self) -> Option<Ended> {
         self.pages().failed.clone()
     }
 
-    /// What the behaviours wrote that contains this text.
+    /// Returns the behaviours' log lines that contain this text.
     ///
     /// # Errors
-    /// So much was written that not all of it is known: an expectation that counts would be wrong.
+    /// Too many lines were written to keep all of them, so an expectation that counts lines would
+    /// be wrong.
     pub(super) fn lines(&self, text: &str) -> Result<Value, CallError> {
         let pages = self.pages();
         if pages.missed > 0 {
@@ -97,7 +99,7 @@ impl Chronicle {
         Ok(lines.map(object).collect())
     }
 
-    /// What happened last, oldest first.
+    /// Returns the most recent events, oldest first.
     pub(super) fn recent(&self) -> Vec<String> {
         self.pages().recent.iter().cloned().collect()
     }
@@ -142,14 +144,14 @@ impl Pages {
     }
 }
 
-/// An event in one line for people; nothing for what goes on all the time.
+/// Describes an event in one line; `None` for routine events.
 fn words(event: &Event, behaviour: &str) -> Option<String> {
     let text = event.text.lines().next().unwrap_or_default();
     match event.kind {
         EventKind::Heard if text.starts_with("Login") => None,
-        EventKind::Heard => Some(format!("the robot hears {text}")),
+        EventKind::Heard => Some(format!("the robot receives {text}")),
         EventKind::Said if text.starts_with("Power") || text.starts_with("Accepted") => None,
-        EventKind::Said => Some(format!("the robot says {text}")),
+        EventKind::Said => Some(format!("the robot reports {text}")),
         EventKind::Log => Some(format!("{behaviour}: {text}")),
         EventKind::Ended => Some(format!("{behaviour} ends: {text}")),
         EventKind::Safety | EventKind::Note => Some(text.to_owned()),
@@ -164,7 +166,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn lines_that_are_not_all_kept_are_an_error_and_no_count() {
+    fn too_many_lines_give_an_error_instead_of_a_wrong_count() {
         let chronicle = Chronicle::default();
         let mut event = Event {
             at: Duration::ZERO,

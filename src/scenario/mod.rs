@@ -1,5 +1,6 @@
-//! Scenarios: a world, behaviours, and what is expected of them. Written in Luau, in `*_test.lua`
-//! files, and played in a [`lab`](crate::lab): in virtual time, the same for the same seed.
+//! Scenarios: tests of behaviours in a world, with expectations. Written in Luau, in `*_test.lua`
+//! files, and played in a [`lab`](crate::lab): in virtual time, with the same result for the same
+//! seed.
 //!
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -14,10 +15,11 @@
 //! # Ok(()) }
 //! ```
 //!
-//! The script of a scenario has a VM of its own, with `scenario`, `expect` and `sim` in place of
-//! `robot`; behaviours have theirs, and can neither see nor reach it. If it hangs, the scenario's
-//! limit ends it in virtual time, and a script's budget in real time. [`Book`] plays in this
-//! process, where only the VM confines the scripts; [`Trials`] plays behind the kernel's walls.
+//! The script of a scenario has its own VM, with `scenario`, `expect` and `sim` in place of
+//! `robot`. Behaviours have separate VMs and cannot access that of the scenario. If the script
+//! hangs, the scenario's limit ends it in virtual time, or the script's CPU budget in real time.
+//! [`Book`] plays in this process, where only the VM confines the scripts; [`Trials`] plays in
+//! processes confined by the kernel.
 
 mod arguments;
 mod book;

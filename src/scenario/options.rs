@@ -1,4 +1,4 @@
-//! What stands in the second argument of `scenario`.
+//! The options in the second argument of `scenario`.
 
 use std::time::Duration;
 
@@ -7,27 +7,27 @@ use serde_json::Value;
 
 use super::arguments::seconds;
 
-/// How a scenario is set up. The API table has the bounds and the defaults.
+/// Options of a scenario. The API table defines bounds and defaults.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Options {
-    /// A ready world's name, or a file beside the scenario's; the built-in one if there is none.
+    /// Name of a built-in world, or a file in the scenario's folder; the default world if `None`.
     pub world: Option<String>,
-    /// The battery's level at the start, 0..=100 percent, if not the world's.
+    /// The battery's level at the start, 0..=100 percent; the world's if `None`.
     pub battery: Option<f64>,
-    /// It is played with the seeds from 1 to this.
+    /// Number of seeds: the scenario is played with the seeds from 1 to this.
     pub seeds: u64,
-    /// So much virtual time it may take.
+    /// Limit in virtual time.
     pub limit: Duration,
-    /// What it counts in a lesson.
+    /// Points in a lesson.
     pub points: u32,
-    /// Frames a second of the robot's camera, if not the world's.
+    /// Frames per second of the robot's camera; the world's if `None`.
     pub fps: Option<f64>,
-    /// A behaviour that fails does not fail the scenario.
+    /// Whether the scenario continues when a behaviour fails.
     pub may_fail: bool,
 }
 
 impl Options {
-    /// Of a table that was held against its row.
+    /// Reads the options from a validated table.
     pub(super) fn of(table: &Value) -> Options {
         let number = |key: &str| table[key].as_f64();
         Options {

@@ -1,5 +1,5 @@
-//! Plays one scenario: its script on the one hand, behaviours and robot in a laboratory on the
-//! other, in turns on one thread.
+//! Plays one scenario: alternates on one thread between its script and the laboratory with
+//! behaviours and robot.
 
 use std::future::pending;
 use std::io;
@@ -27,69 +27,69 @@ use crate::robot::{Bus, EndReason};
 use crate::script::{Script, SourceLocation};
 use crate::sim::{self, Pose};
 
-/// Lines that a scenario's script wrote, at most.
+/// Maximum number of lines kept from a scenario's script.
 const MAX_LINES: usize = 200;
 
-/// What scenarios have in common.
+/// Settings common to all scenarios.
 #[derive(Debug, Clone, Default)]
 pub struct Setting {
-    /// Colours, calibration, limits and the watchdog's numbers.
+    /// Colours, calibration, limits and the watchdog's parameters.
     pub config: Config,
-    /// What `sim:run()` runs when it names nothing; else the behaviour that has the file's name
-    /// without `_test`.
+    /// The behaviour that `sim:run()` runs without arguments; if `None`, the one with the file's
+    /// name without `_test`.
     pub subject: Option<PathBuf>,
-    /// Within it behaviours keep what they keep, until the scenario is over; the system's own folder
-    /// for such things unless given.
+    /// Parent of the behaviours' data folder, which exists until the scenario is over; the system's
+    /// folder for temporary files if `None`.
     pub data: Option<PathBuf>,
-    /// How the simulated firmware behaves where the real one is unknown.
+    /// Settings of the simulated firmware.
     pub firmware: sim::Firmware,
-    /// Ends all that is played when cancelled.
+    /// Ends all scenarios when cancelled.
     pub stop: CancellationToken,
 }
 
-/// How it went.
+/// The result of a played scenario.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Played {
-    /// Virtual time.
+    /// Duration in virtual time.
     pub simulated: Duration,
-    /// What did not become true.
+    /// The failure, if the scenario failed.
     pub failure: Option<Failure>,
-    /// What the scenario's script wrote with `print` and `log`.
+    /// Lines that the scenario's script wrote with `print` and `log`.
     pub lines: Vec<String>,
 }
 
-/// What did not become true, and what it was like then.
+/// The failure of a scenario, with the state at that time.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Failure {
-    /// The message of the `expect`, or what else went wrong.
+    /// The message of the `expect`, or another error.
     pub message: String,
-    /// What kind of thing that is.
+    /// The kind of failure.
     pub cause: Cause,
-    /// The line of the scenario.
+    /// The place in the scenario.
     pub place: Option<SourceLocation>,
     /// The text of that line.
     pub line: Option<String>,
-    /// What happened last, oldest first, each with its time.
+    /// The most recent events, oldest first, each with its time.
     pub recent: Vec<String>,
-    /// How things stood; nothing if the process is gone in which it was played.
+    /// The robot's state; `None` if the process that played the scenario has ended.
     pub scene: Option<Scene>,
 }
 
-/// The robot when a scenario failed.
+/// The state of the robot when a scenario failed.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Scene {
     /// Virtual time since the start.
     pub at: Duration,
-    /// Where the robot stood.
+    /// The robot's pose.
     pub pose: Pose,
-    /// Its battery, percent.
+    /// The battery's level, percent.
     pub battery: f64,
-    /// The way of the robot on the map of its world.
+    /// The robot's path on the map of its world.
     #[serde(with = "as_png")]
     pub picture: RgbImage,
 }
 
-/// A picture between processes.
+/// Serializes a picture as PNG, for transfer between processes.
 mod as_png {
     use std::io::Cursor;
 
@@ -112,18 +112,18 @@ mod as_png {
     }
 }
 
-/// What made a scenario fail.
+/// Causes of a scenario's failure.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Cause {
     /// An `expect` did not hold.
     Expectation,
-    /// A behaviour failed, with these words.
+    /// A behaviour failed with this message.
     Behaviour(String),
-    /// The scenario itself: a mistake in it, or it was not over in time.
+    /// The scenario has an error or did not finish in time.
     Scenario,
 }
 
-/// Why a scenario failed.
+/// A failure without the robot's state.
 struct Unplayed {
     cause: Cause,
     message: String,
@@ -134,7 +134,7 @@ impl Book {
     /// Plays a scenario of this book with a seed. Blocks until it is over.
     ///
     /// # Errors
-    /// If the system gives no thread or no folder for what behaviours keep.
+    /// If the system cannot create a thread or the behaviours' data folder.
     pub fn play(&self, scenario: &Scenario, seed: u64, setting: &Setting) -> io::Result<Played> {
         let data = match &setting.data {
             Some(folder) => tempfile::tempdir_in(folder)?,
@@ -186,13 +186,13 @@ impl Book {
     }
 }
 
-/// An agent at work.
+/// A running agent.
 struct Agent {
     stop: CancellationToken,
     outcome: Pin<Box<dyn Future<Output = Result<Outcome, AgentError>>>>,
 }
 
-/// A scenario that is played.
+/// A scenario being played.
 struct Play<'a> {
     book: &'a Book,
     scenario: &'a Scenario,
@@ -282,7 +282,7 @@ impl Play<'_> {
         }
     }
 
-    /// Whether it is over, and how.
+    /// Returns the result if the scenario is over.
     fn verdict(&self, script: &Script) -> Option<Result<(), Unplayed>> {
         let failed = self.stage.chronicle.failed();
         if let Some(failed) = failed.filter(|_| !self.scenario.options.may_fail) {
@@ -292,7 +292,7 @@ impl Play<'_> {
                 ..self.trouble(&text)
             }));
         }
-        // Also one whose error was caught.
+        // A failed `expect` counts even if the script caught its error.
         if let Some((place, message)) = self.stage.take_expected() {
             return Some(Err(Unplayed {
                 cause: Cause::Expectation,
@@ -312,7 +312,7 @@ impl Play<'_> {
         Some(Err(self.trouble(&text)))
     }
 
-    /// An error of the scenario's function that was no `expect`.
+    /// Creates a failure from an error of the scenario's function that is not from `expect`.
     fn raised(&self, raised: String) -> Unplayed {
         let shown = self.book.file().display().to_string();
         let (place, text) = match split_place(&raised, &shown) {
@@ -329,12 +329,12 @@ impl Play<'_> {
     fn too_long(&self) -> Unplayed {
         let limit = self.scenario.options.limit.as_secs_f64();
         self.trouble(&format!(
-            "it was not over within its limit of {limit} s; a longer one is given as {{ limit = \
+            "it did not finish within its limit of {limit} s; set a longer one with {{ limit = \
              seconds }}"
         ))
     }
 
-    /// At the line that was asked from last.
+    /// Creates a failure at the place of the script's last call.
     fn trouble(&self, message: &str) -> Unplayed {
         Unplayed {
             cause: Cause::Scenario,
@@ -372,7 +372,7 @@ async fn outcome(agent: &mut Option<Agent>) -> Result<Outcome, AgentError> {
     }
 }
 
-/// What the VM says without a place.
+/// Rewrites errors that the VM raises without a place.
 fn in_words(raised: &str) -> &str {
     match raised {
         "not enough memory" => EndReason::Memory.sentence(),
@@ -380,7 +380,7 @@ fn in_words(raised: &str) -> &str {
     }
 }
 
-/// `FILE:12: text` of this file in its parts.
+/// Splits `FILE:12: text`, for this file, into line and text.
 fn split_place<'a>(text: &'a str, file: &str) -> Option<(u32, &'a str)> {
     let rest = text.strip_prefix(file)?.strip_prefix(':')?;
     let (line, text) = rest.split_once(": ")?;

@@ -1,4 +1,4 @@
-//! Why a call of a scenario's script is refused, in words for its author.
+//! Errors of calls by a scenario's script, with messages for its author.
 
 use std::io;
 use std::path::PathBuf;
@@ -7,27 +7,27 @@ use crate::behaviour::NameError;
 use crate::clock::ClockError;
 use crate::sim::DocumentError;
 
-/// Why a call of a scenario's script is refused.
+/// Errors of calls by a scenario's script.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum CallError {
     #[error("it does not exist")]
     Unknown,
-    #[error("this can be asked inside of a scenario only, in its function(sim) ... end")]
+    #[error("this call works only inside a scenario, in its function(sim) ... end")]
     Outside,
     #[error("the name must have 1 to 200 bytes")]
     NoName,
-    #[error("'{name}' is in line {line} already")]
+    #[error("'{name}' is already declared in line {line}")]
     Twice { name: String, line: u32 },
-    #[error("at most {0} scenarios fit into one file")]
+    #[error("a file can have at most {0} scenarios")]
     TooMany(usize),
-    #[error("the behaviours have written more than {0} lines: the later ones are not kept")]
+    #[error("the behaviours have written more than {0} lines: later ones are not kept")]
     LinesMissed(usize),
     #[error("there is no ball in this world")]
     NoBall,
     #[error("the ball's number must be between 1 and {balls}, got {number}")]
     BallNumber { balls: usize, number: f64 },
     #[error(
-        "behaviours are running already: name all of them in one call, or call sim:stop() before"
+        "behaviours are running already: name all of them in one call, or call sim:stop() first"
     )]
     Running,
     #[error(transparent)]
@@ -40,10 +40,10 @@ pub(super) enum CallError {
     Cast(#[from] CastError),
 }
 
-/// Why a world cannot be had.
+/// Errors when loading a world.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum WorldError {
-    #[error("{0} is no world: it leads to a file of another kind")]
+    #[error("{0} is not a world: it links to a file of another kind")]
     Elsewhere(String),
     #[error(transparent)]
     Document(#[from] DocumentError),
@@ -58,7 +58,7 @@ pub(super) enum WorldError {
     },
 }
 
-/// Why a behaviour that a scenario names cannot be run.
+/// Errors when loading a behaviour that a scenario names.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum CastError {
     #[error("name a behaviour, such as sim:run(\"patrol.lua\")")]
@@ -74,12 +74,12 @@ pub(super) enum CastError {
          50 }} }}"
     )]
     Kind,
-    #[error("no behaviour can be named here: sim:run() runs the one")]
+    #[error("behaviours cannot be named here: call sim:run() without arguments")]
     NoFolder,
-    #[error("{} is no behaviour: its name must end in .lua", .0.display())]
+    #[error("{} is not a behaviour: its name must end in .lua", .0.display())]
     NoScript(PathBuf),
     #[error("cannot read the behaviour {}: {source}", path.display())]
     Read { path: PathBuf, source: io::Error },
-    #[error("the behaviour cannot work:\n{0}")]
+    #[error("the behaviour has errors:\n{0}")]
     Mistakes(String),
 }

@@ -1,4 +1,4 @@
-//! What a scenario's script asks while it is played.
+//! Handles the calls of a scenario's script while it is played.
 
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
@@ -15,20 +15,20 @@ use crate::agent::Behaviour;
 use crate::script::{SourceLocation, Stage, StageAnswer, StageCall};
 use crate::sim::Handle;
 
-/// What the laboratory is asked to do when the script waits.
+/// A command for the laboratory, executed when the script waits.
 pub(super) enum StageCommand {
     Run(Vec<Behaviour>),
     Stop,
     Vanish,
 }
 
-/// See the module.
+/// The stage of a played scenario: handles its script's calls.
 pub(super) struct PlayStage {
     pub(super) sim: Handle,
     pub(super) cast: Cast,
     pub(super) chronicle: Chronicle,
     pub(super) began: Instant,
-    /// The place of the scenario in its file, from 0.
+    /// The index in the file of the scenario to play, from 0.
     wanted: usize,
     declared: Cell<usize>,
     commands: RefCell<VecDeque<StageCommand>>,
@@ -55,27 +55,28 @@ impl PlayStage {
         }
     }
 
-    /// What is to be done next.
+    /// Takes the next command.
     pub(super) fn take_command(&self) -> Option<StageCommand> {
         self.commands.borrow_mut().pop_front()
     }
 
-    /// Whether the scenario's function has returned, and else what it raised.
+    /// Takes the result of the scenario's function: `Ok` if it returned, or the error that it
+    /// raised.
     pub(super) fn take_end(&self) -> Option<Result<(), String>> {
         self.end.borrow_mut().take()
     }
 
-    /// The line of the script that asked last.
+    /// Returns the place of the script's last call.
     pub(super) fn last_place(&self) -> Option<SourceLocation> {
         self.place.borrow().clone()
     }
 
-    /// The `expect` that did not hold: where, and its message.
+    /// Takes the failed `expect`: its place and its message.
     pub(super) fn take_expected(&self) -> Option<(Option<SourceLocation>, String)> {
         self.expected.borrow_mut().take()
     }
 
-    /// No behaviour runs any more.
+    /// Records that no behaviours are running.
     pub(super) fn has_stopped(&self) {
         self.running.set(false);
     }
@@ -112,7 +113,7 @@ impl Stage for PlayStage {
         let given = Arguments(asked.arguments);
         if call == "expected" {
             let message = given.text(0).unwrap_or_default().to_owned();
-            // The first counts: what follows may follow from it.
+            // The first failure counts: later ones may be consequences of it.
             self.expected
                 .borrow_mut()
                 .get_or_insert((place.cloned(), message));
@@ -131,7 +132,7 @@ impl Stage for PlayStage {
                 };
                 *self.end.borrow_mut() = Some(end);
             }
-            // What takes time waits in the script.
+            // The script itself does the waiting.
             "sim:wait" | "sim:wait_until" => {}
             "running" => return Ok(self.running.get().into()),
             "sim:run" => self.run(asked.arguments)?,

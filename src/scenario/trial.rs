@@ -1,9 +1,11 @@
-//! Scenarios behind the kernel's walls: each is read, and each is played, in a confined process of its
-//! own. It reads nothing but the folders of the scenario and of the behaviour that it tries, writes to
-//! a folder that is gone afterwards, and its answer goes over a pipe that no script can reach.
+//! Plays scenarios in confined processes: each file is read, and each scenario is played, in a
+//! separate process confined by the kernel. The process can read only the folders of the scenario
+//! and of the behaviour under test, and the current folder if it contains the scenario. It writes
+//! to a folder that is deleted afterwards, and its answer goes over a pipe that no script can
+//! access.
 //!
-//! What if a script hangs in one call, crashes the process or takes too long? That process is ended, and
-//! that is how this scenario went.
+//! If a script hangs in one call, crashes the process or takes too long, the process is ended and
+//! the scenario has failed.
 
 use std::ffi::OsString;
 use std::io;
@@ -21,14 +23,14 @@ use crate::config::Config;
 use crate::script;
 use crate::walls::{self, Room, Worker, WorkerError};
 
-/// What its process is started for.
+/// The kind of worker process that reads and plays scenarios.
 pub const TRIAL: &str = "scenario";
-/// The longest that a file may take to say which scenarios are in it.
+/// Time limit for reading the declarations of a file.
 const READING: Duration = Duration::from_secs(20);
-/// A script that cannot be interrupted for so long ends its trial.
+/// A script that cannot be interrupted for this long ends its process.
 const STUCK: Duration = Duration::from_secs(5);
 
-/// How scenarios are played.
+/// Plays scenarios in confined processes.
 #[derive(Debug, Clone)]
 pub struct Trials {
     worker: Worker,
@@ -40,7 +42,7 @@ struct Question {
     file: PathBuf,
     folder: Option<PathBuf>,
     source: Vec<u8>,
-    /// `None`: which scenarios there are.
+    /// The scenario to play; `None` asks for the declarations.
     play: Option<Play>,
 }
 
@@ -49,26 +51,26 @@ struct Play {
     scenario: Scenario,
     seed: u64,
     subject: Option<PathBuf>,
-    /// As JSON, which can carry all of it.
+    /// The config as JSON, which can represent all of it.
     config: String,
-    /// As JSON likewise.
+    /// The firmware settings, also as JSON.
     firmware: String,
     data: PathBuf,
     stuck: Duration,
 }
 
 impl Trials {
-    /// In processes of the running executable, which must be `spykee`; none of them takes longer, in
-    /// real time.
+    /// Uses processes of the running executable, which must be `spykee`. `timeout` limits each of
+    /// them, in real time.
     ///
     /// # Errors
-    /// If the system does not tell where the executable is.
+    /// If the path of the executable cannot be determined.
     pub fn new(timeout: Duration) -> io::Result<Trials> {
         let worker = Worker::of_this_executable(TRIAL)?;
         Ok(Trials { worker, timeout })
     }
 
-    /// As [`Book::read`].
+    /// Like [`Book::read`], in a confined process.
     ///
     /// # Errors
     /// See [`BookError`].
@@ -81,7 +83,7 @@ impl Trials {
         self.book(file, Some(folder.to_owned()), source)
     }
 
-    /// As [`Book::of_text`].
+    /// Like [`Book::of_text`], in a confined process.
     ///
     /// # Errors
     /// [`BookError::Invalid`].
@@ -107,10 +109,10 @@ impl Trials {
         Ok(book.with(declared.map_err(BookError::Invalid)?))
     }
 
-    /// As [`Book::play`]; `None` if it was cancelled: [`Setting::stop`].
+    /// Like [`Book::play`], in a confined process; `None` if it was cancelled by [`Setting::stop`].
     ///
     /// # Errors
-    /// If the system gives no folder for what behaviours keep.
+    /// If the system cannot create the behaviours' data folder.
     pub fn play(
         &self,
         book: &Book,
@@ -145,7 +147,7 @@ impl Trials {
     }
 }
 
-/// Who plays needs neither the robot's address nor what belongs to it.
+/// Removes the robot's address, user and password file, which a scenario does not need.
 fn public(config: &Config) -> Config {
     Config {
         robot: None,
@@ -168,8 +170,9 @@ fn question(book: &Book, play: Option<Play>) -> Question {
     }
 }
 
-/// The folders of the scenario and of the behaviour; and the one where the program was started, if the
-/// scenario is somewhere below it: `../patrol.lua` may be meant.
+/// Returns the confinement: allows reading the folders of the scenario and of the behaviour, and
+/// the current folder if it contains the scenario's, because a scenario may refer to
+/// `../patrol.lua`.
 fn room(book: &Book, subject: Option<&Path>, limit: Duration) -> Room {
     let of_subject = subject.map(|file| file.parent().unwrap_or(Path::new("")));
     let mut read: Vec<PathBuf> = [book.folder(), of_subject]
@@ -194,18 +197,20 @@ fn room(book: &Book, subject: Option<&Path>, limit: Duration) -> Room {
     }
 }
 
-/// Whether a folder holds what is no scenario's business.
+/// Whether a folder is too general for a scenario to read: the root folder, the home folder or a
+/// parent of it.
 fn is_wide(folder: &Path) -> bool {
     let home = std::env::var_os("HOME").map(PathBuf::from);
     let home = home.and_then(|home| home.canonicalize().ok());
     folder.parent().is_none() || home.is_some_and(|home| home.starts_with(folder))
 }
 
-/// How a scenario went whose process has given no answer.
+/// Returns the result of a scenario whose process gave no answer.
 fn lost(book: &Book, trouble: &WorkerError) -> Played {
     let words = match trouble {
         WorkerError::Late(limit) => format!(
-            "it was not over within {} s of real time and was ended; --timeout gives more",
+            "it did not finish within {} s of real time and was ended; --timeout sets a longer \
+             limit",
             limit.as_secs_f64()
         ),
         other => other.to_string(),
@@ -229,7 +234,7 @@ fn lost(book: &Book, trouble: &WorkerError) -> Played {
     }
 }
 
-/// The life of such a process. The arguments are its room.
+/// The main function of such a process. The arguments describe its confinement.
 pub fn trial_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
     walls::answer(arguments, STACK, |question| {
         let question: Question = postcard::from_bytes(question).map_err(io::Error::other)?;
@@ -262,7 +267,8 @@ impl Play {
     }
 }
 
-/// The last words of a process whose script cannot be interrupted say which one it is.
+/// Ends the process, with a message that names the script, if a script cannot be interrupted for
+/// this long.
 fn end_when_stuck(after: Duration) {
     script::when_stuck(after, |file| {
         eprintln!("{}", script::stuck(file));
@@ -275,7 +281,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_config_crosses_whole() {
+    fn a_config_is_transferred_completely() {
         let text = "robot: 10.0.0.1\npassword_file: secret\n\
                     watchdog: { low: 25, host_silence: 0.5, rescue: off, host_idle_silence: 7.5 }\n\
                     link: {}\nstreams: { video: off }\n\

@@ -1,19 +1,20 @@
 //! The simulated robot and its world. Speaks the robot's real protocol to any client, over TCP and
-//! UDP or a pipe in memory; imports `wire` and the JPEG encoder of `vision` only, so nothing of the
-//! agent can leak into what tests it.
+//! UDP or an in-memory pipe. Imports only `wire` and the JPEG encoder of `vision`, so that the
+//! simulator stays independent of the agent code that it tests.
 //!
-//! [`World`] describes a place, [`Robot`] is simulated in it and knows no clock and no socket,
-//! [`Server`] connects it with clients and with `tokio::time`, [`Handle`] observes it and injects
-//! faults; a [`Fault`] is a trouble of the network or of the robot, with its time.
+//! [`World`] describes a place. [`Robot`] is simulated in it, without a clock or sockets of its
+//! own. [`Server`] connects the robot to clients and to `tokio::time`. [`Handle`] observes the
+//! robot and injects faults. A [`Fault`] is a failure of the network or of the robot, with the time
+//! at which it occurs.
 //!
 //! | room | holds | imports |
 //! | --- | --- | --- |
 //! | `yaml` | numbers with ranges, errors with line and column | |
 //! | `geometry` | points, poses, lines and circles on the floor | |
-//! | `world` | what stands where, and what moves besides the robot | `yaml`, `geometry` |
+//! | `world` | the contents of a world, and what moves besides the robot | `yaml`, `geometry` |
 //! | `camera` | frames of a world from a pose | `world`, and `vision` for the encoder |
 //! | `body` | the robot, its parts and its firmware | `yaml`, `world`, `camera` |
-//! | `map` | pictures of worlds and runs for people | `world`, `camera`, `body` |
+//! | `map` | drawings of worlds and runs | `world`, `camera`, `body` |
 //! | `faults` | faults, and the proxy that corrupts bytes | `yaml` |
 //! | `server` | sockets and the clock around the robot and its clients | all of them |
 

@@ -1,4 +1,4 @@
-//! `scripts/explore`: the pure watchdog, explored deeper than in the tests.
+//! `scripts/explore`: explores the state space of the watchdog more deeply than the tests do.
 
 #![allow(clippy::unwrap_used, unreachable_pub)]
 
@@ -13,7 +13,7 @@ struct Args {
     /// Steps after the first login
     #[arg(long, default_value_t = 7)]
     depth: usize,
-    /// End when so many states were seen
+    /// End after this many states
     #[arg(long, default_value_t = 3_000_000)]
     states: usize,
     #[arg(long, hide = true)]
@@ -33,7 +33,7 @@ fn main() {
         let found = explore::explore(&limits, args.depth, args.states);
         let (states, depth) = (found.states, found.depth);
         println!(
-            "{name}: {states} states, every way of {depth} steps, {} broken",
+            "{name}: {states} states, all sequences of {depth} steps, {} broken",
             found.broken.len()
         );
         found.broken.iter().for_each(|what| println!("  {what}"));

@@ -1,4 +1,4 @@
-//! `scripts/month`: thirty days of a service, and the table of promises.
+//! `scripts/month`: thirty days of a service, and the table of kept and broken promises.
 
 #![allow(clippy::unwrap_used, unreachable_pub)]
 
@@ -11,16 +11,16 @@ use clap::value_parser as number;
 #[path = "../month/mod.rs"]
 mod days;
 
-/// Days of a service in virtual time: a timetable, outages, a robot that is gone for a night, a clock
-/// that is set back, power cuts. Then the history's own account is held against the simulator's. Ends
-/// with 1 if a promise was broken.
+/// Simulates days of a service in virtual time: a timetable, outages, a robot that is unreachable
+/// for a night, a clock that is set back, power cuts. Then compares the history's record with the
+/// simulator's. Exits with 1 if a promise was broken.
 #[derive(Parser)]
 #[command(name = "scripts/month")]
 struct Arguments {
     /// Virtual days
     #[arg(long, default_value_t = 30, value_parser = number!(u64).range(1..))]
     days: u64,
-    /// Of the troubles
+    /// Seed of the faults
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Keep the data folder here, which must be empty, for `spykee history`

@@ -1,14 +1,15 @@
-//! From the last byte of a frame to the first byte of the MOVE that answers it: `spykee run` with
-//! `follow_colour.lua`, the same beside a script that burns half of its time budget again and again
-//! (one that burns more is ended when the machine stalls), and a plain Python and OpenCV client that
-//! does the same sums. One robot, the same frames, one run.
+//! Measures the reaction time from the last byte of a frame to the first byte of the MOVE that
+//! answers it: of `spykee run` with `follow_colour.lua`, of the same beside a script that
+//! repeatedly uses half of its CPU budget (one that uses more is ended when the machine stalls),
+//! and of a plain Python and OpenCV client that does the same calculations. All clients get the
+//! same frames from one robot, in one run.
 //!
-//! Frames are written in one piece, as on a cable, and packet by packet as Wi-Fi delivers them: then
-//! who decodes what has come is nearly done when the last byte arrives.
+//! Frames are written at once, as over a cable, and packet by packet, as Wi-Fi delivers them: then
+//! a client that decodes while receiving has nearly finished when the last byte arrives.
 //!
-//! `scripts/bench-reaction` makes the Python environment and calls this. `scripts/bench-live` has it compare
-//! a run without and with so many open pages (`SPYKEE_BENCH_VIEWERS=10,30`), and tells how old frames are
-//! when they are there.
+//! `scripts/bench-reaction` sets up the Python environment and calls this. For `scripts/bench-live`
+//! it compares runs without and with open pages (`SPYKEE_BENCH_VIEWERS=10,30`), and measures the
+//! age of frames when they arrive at the pages.
 
 #![allow(clippy::unwrap_used)]
 
@@ -27,17 +28,17 @@ use spykee::wire::{self, Accepted, Decoder, Power, Report, Stream};
 
 /// Answers measured for each client.
 const ANSWERS: usize = 300;
-/// Left out at the start of each.
+/// Answers not counted at the start of each measurement.
 const WARM_UP: usize = 20;
-/// From one frame to the next: 15 a second.
+/// Time from one frame to the next: 15 frames per second.
 const PERIOD: Duration = Duration::from_micros(66_667);
-/// What a packet carries on Ethernet and Wi-Fi, bytes, and the time from one to the next at the
-/// 8 Mbit/s or so that are left of 802.11b and g at home.
+/// Payload of a packet on Ethernet and Wi-Fi, bytes.
 const PACKET: usize = 1448;
+/// Time from one packet to the next at about 8 Mbit/s, a typical net rate of 802.11b and g at home.
 const PACKET_TIME: Duration = Duration::from_micros(1_450);
-/// How long the pending answers are read before the last packet is written.
+/// Time for which pending answers are read before the last packet is written.
 const DRAIN: Duration = Duration::from_micros(100);
-/// Different frames, shown in turn.
+/// Number of different frames, sent in rotation.
 const FRAMES: usize = 64;
 
 const WORLD: &str = "
@@ -49,7 +50,7 @@ posts: [ { at: [6.5, 4.6], colour: yellow } ]
 start: { at: [3.4, 4], heading_degrees: 0 }
 ";
 
-/// Computes for about half of what a budget allows, waits for a moment, and again.
+/// Repeatedly computes for about half of the CPU budget, then waits for a moment.
 const BURNER: &str =
     "while true do local x = 0 for i = 1, 3e6 do x += i % 7 end task.wait(0.005) end";
 
@@ -98,15 +99,15 @@ fn main() {
     }
 }
 
-/// How a frame's bytes come.
+/// How a frame's bytes are sent.
 #[derive(Clone, Copy)]
 enum Delivery {
     AtOnce,
     Packets,
 }
 
-/// The room from one place, looking a little more to the left or right each time, so that every
-/// frame wants another answer.
+/// Renders the room from one place, turned slightly more to the left or right each time, so that
+/// every frame requires a different answer.
 fn frames() -> Vec<Bytes> {
     let world = World::from_yaml(WORLD, "reaction").unwrap();
     let mut robot = Robot::new(world, Firmware::default(), 1);
@@ -142,12 +143,13 @@ fn newest_frame(robot: &mut Robot) -> Bytes {
     }
 }
 
-/// Has a client drive a robot of ours and takes the time of its answers.
+/// Lets a client drive a fake robot and measures the time of its answers.
 fn measure(frames: &[Bytes], delivery: Delivery, client: Command) -> Vec<Duration> {
     measure_beside(frames, delivery, client, || {}, |_| {})
 }
 
-/// The same beside what has begun once the client wants frames, and is told when each of them is sent.
+/// Like [`measure`]; calls `begin` once the client has requested frames, and `sent` with the time
+/// of each frame.
 fn measure_beside(
     frames: &[Bytes],
     delivery: Delivery,
@@ -185,7 +187,7 @@ fn measure_beside(
     answers.into_iter().skip(WARM_UP).flatten().collect()
 }
 
-/// Ends the client with the measurement.
+/// Ends the client when dropped.
 struct Guard(Child);
 
 impl Drop for Guard {
@@ -200,7 +202,7 @@ struct Session {
     stream: TcpStream,
     decoder: Decoder,
     told: (i8, i8),
-    /// The client wants frames.
+    /// The client has requested frames.
     video: bool,
 }
 
@@ -236,7 +238,7 @@ impl Session {
         self.stream.write_all(&report.to_bytes()).unwrap();
     }
 
-    /// Commands until one is as wanted or the time is over.
+    /// Reads commands until one satisfies `wanted` or the time is over.
     fn listen(&mut self, due: Instant, wanted: impl Fn(&wire::Command, (i8, i8)) -> bool) -> bool {
         let mut chunk = [0; 4096];
         loop {
@@ -248,7 +250,7 @@ impl Session {
             let Ok(count) = self.stream.read(&mut chunk) else {
                 return false;
             };
-            assert!(count > 0, "the client has gone");
+            assert!(count > 0, "the client has disconnected");
             let (mut input, mut found) = (&chunk[..count], false);
             while let Some(packet) = self.decoder.decode(&mut input).unwrap() {
                 let command = wire::Command::parse(packet);
@@ -276,7 +278,7 @@ impl Session {
         );
     }
 
-    /// Shows a frame; the time until the first MOVE that is not the one before.
+    /// Sends a frame; returns the time until the first MOVE that differs from the previous one.
     fn show(&mut self, frame: &Bytes, delivery: Delivery, due: Instant) -> Option<Duration> {
         let bytes = Report::Video(frame.clone()).to_bytes();
         let mut packets = match delivery {
@@ -288,9 +290,9 @@ impl Session {
             self.stream.write_all(packet).unwrap();
             std::thread::sleep(PACKET_TIME);
         }
-        // An answer to the frame before that comes late is none to this one.
+        // A late answer to the previous frame must not count as an answer to this one.
         self.listen(Instant::now() + DRAIN, |_, _| false);
-        // Not after the write: who reads may run before whoever has written.
+        // Measured before the write: the reader may run before the writer continues.
         let shown = Instant::now();
         self.stream.write_all(last).unwrap();
         let changed = |command: &wire::Command, told: (i8, i8)| matches!(command, wire::Command::Move { left, right } if (*left, *right) != told);

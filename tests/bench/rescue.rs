@@ -1,4 +1,5 @@
-//! `scripts/rescue`: how many robots come home by the watchdog alone, in a table by strategy.
+//! `scripts/rescue`: measures how many robots the watchdog alone brings home, in a table by
+//! strategy.
 
 #![allow(clippy::unwrap_used, unreachable_pub)]
 
@@ -13,15 +14,15 @@ mod rescue;
 
 use rescue::{Name, Place, Row, Strategy, heading, play_all};
 
-/// How many robots with a low battery come home by the watchdog alone, beside a behaviour that does
-/// nothing. Ends with 1 if the default strategy misses its goal.
+/// Measures how many robots with a low battery the watchdog alone brings home, beside a behaviour
+/// that does nothing. Exits with 1 if the default strategy misses its goal.
 #[derive(Parser)]
 #[command(name = "scripts/rescue")]
 struct Arguments {
     /// Robots for each world and strategy
     #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u32).range(1..))]
     starts: u32,
-    /// Other places, headings, batteries and noise
+    /// Seed of places, headings, battery levels and noise
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Only this world
@@ -33,7 +34,8 @@ struct Arguments {
     /// Robots at the same time [default: one for each processor]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
-    /// Robots leave their station and drive for one to three minutes, and on until they are far from home
+    /// Robots leave their station and drive for one to three minutes, and then on until they are
+    /// far from home
     #[arg(long)]
     driven: bool,
     /// Print every start and how it ended
@@ -41,7 +43,7 @@ struct Arguments {
     list: bool,
 }
 
-/// How often to say how far it is.
+/// Number of robots between two progress messages.
 const TELL_EVERY: usize = 10;
 
 fn main() -> ExitCode {
@@ -104,7 +106,7 @@ fn row(arguments: &Arguments, place: &Place, strategy: Strategy) -> Row {
     let told = |done: usize| {
         if done.is_multiple_of(TELL_EVERY) || done == starts.len() {
             let (all, seconds) = (starts.len(), began.elapsed().as_secs_f64());
-            eprintln!("{what}: {done} of {all} played, {seconds:.0} s");
+            eprintln!("{what}: {done} of {all} done, {seconds:.0} s");
         }
     };
     let played = play_all(place, strategy, &starts, threads, &told);

@@ -1,4 +1,4 @@
-//! How long the simulator takes for a frame and for a step: `cargo bench --bench simulator`.
+//! Benchmarks of the simulator's frames and steps: `cargo bench --bench simulator`.
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
 
 use std::time::Duration;
@@ -13,7 +13,7 @@ fn main() {
     divan::main();
 }
 
-/// A robot in the built-in world that sends a frame with every step.
+/// Creates a robot in the built-in world that sends a frame with every step.
 fn watching(subsampling: Subsampling) -> Robot {
     let mut world = World::default_world();
     world.camera.fps = 50.0;
@@ -34,7 +34,7 @@ fn frame_len(robot: &mut Robot) -> usize {
     robot.take_reports().iter().map(len).sum()
 }
 
-/// One step with one frame of it, looked at from another place each time.
+/// One step with one frame, in another heading each time.
 #[divan::bench(args = [Subsampling::Half, Subsampling::Quarter])]
 fn render_and_encode_a_frame(bencher: Bencher<'_, '_>, subsampling: Subsampling) {
     let mut robot = watching(subsampling);
@@ -46,7 +46,7 @@ fn render_and_encode_a_frame(bencher: Bencher<'_, '_>, subsampling: Subsampling)
     });
 }
 
-/// The same while it turns, which smears the picture.
+/// The same while the robot turns, with motion blur.
 #[divan::bench]
 fn render_and_encode_while_turning(bencher: Bencher<'_, '_>) {
     let mut robot = watching(Subsampling::Half);
@@ -57,7 +57,7 @@ fn render_and_encode_while_turning(bencher: Bencher<'_, '_>) {
     bencher.bench_local(|| frame_len(&mut robot));
 }
 
-/// What a crate would take for the JPEG alone, of a picture that the camera took.
+/// For comparison: only the JPEG encoding of a camera frame, with the `jpeg_encoder` crate.
 #[divan::bench]
 fn encode_a_frame_by_jpeg_encoder(bencher: Bencher<'_, '_>) {
     let mut robot = watching(Subsampling::Half);
@@ -80,7 +80,7 @@ fn encode_a_frame_by_jpeg_encoder(bencher: Bencher<'_, '_>) {
     });
 }
 
-/// One step of the physics, driving in circles, nobody looking.
+/// One physics step, driving in circles without video.
 #[divan::bench]
 fn step(bencher: Bencher<'_, '_>) {
     let mut robot = Robot::new(World::default_world(), Firmware::default(), 1);

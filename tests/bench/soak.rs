@@ -1,4 +1,5 @@
-//! `scripts/soak`: virtual hours alone, and the table of promises.
+//! `scripts/soak`: virtual hours of unattended operation, and the table of kept and broken
+//! promises.
 
 #![allow(clippy::unwrap_used, unreachable_pub)]
 
@@ -18,15 +19,15 @@ mod weeks;
 
 use weeks::Ledger;
 
-/// Patrol and guard alone for hours, in virtual time, while network, station and battery fail by lot.
-/// Ends with 1 if a promise was broken.
+/// Runs patrol and guard unattended for hours of virtual time, with random failures of network,
+/// station and battery. Exits with 1 if a promise was broken.
 #[derive(Parser)]
 #[command(name = "scripts/soak")]
 struct Arguments {
     /// Virtual hours of each run
     #[arg(long, default_value_t = 24, value_parser = number!(u64).range(1..))]
     hours: u64,
-    /// The first run's troubles
+    /// Seed of the first run's faults
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Runs, each with the next seed
@@ -86,7 +87,7 @@ fn main() -> ExitCode {
 /// A seed, and a firmware with its name.
 type Job = (u64, String, Firmware);
 
-/// Which firmwares are asked for, each with its name.
+/// Returns the requested firmwares, each with its name.
 fn firmwares(asked: Option<&Path>) -> Result<Vec<(String, Firmware)>, Box<dyn Error>> {
     let Some(asked) = asked else {
         return Ok(vec![("usual".to_owned(), Firmware::default())]);
@@ -110,11 +111,11 @@ fn firmwares(asked: Option<&Path>) -> Result<Vec<(String, Firmware)>, Box<dyn Er
     files.iter().map(load).collect()
 }
 
-/// Runs one job after the other until none waits.
+/// Runs jobs one after the other until the queue is empty.
 fn work(hours: u64, waiting: &Mutex<VecDeque<Job>>, total: &Mutex<Ledger>, began: Instant) {
     let next = || waiting.lock().unwrap().pop_front();
     while let Some((seed, name, firmware)) = next() {
-        println!("{hours} h alone, seed {seed}, firmware {name}");
+        println!("{hours} h unattended, seed {seed}, firmware {name}");
         let folder = tempfile::tempdir().unwrap();
         let ledger = weeks::soak(hours, seed, &firmware, folder.path(), &mut |hour, size| {
             println!(

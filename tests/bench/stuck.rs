@@ -1,5 +1,5 @@
-//! `scripts/score-behaviours --stuck`: how often a script is told that its robot is held, and how often for
-//! nothing.
+//! `scripts/score-behaviours --stuck`: measures how often a script is told that its robot is
+//! blocked, and the rate of false alarms.
 
 #![allow(clippy::unwrap_used, unreachable_pub)]
 
@@ -24,11 +24,11 @@ use tokio::time::sleep;
 use self::score::{Looks, Said, Score};
 
 const WANDER: &str = include_str!("../stuck/wander.lua");
-/// How often the simulated robot is asked whether it is held.
+/// Interval at which the state of the simulated robot is sampled.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// How often a script is told that its robot is held by something, and how often for nothing, in every world
-/// that is part of the program. Ends with 1 if the goals are missed.
+/// Measures in every built-in world how often a script is told that its robot is blocked by
+/// something, and the rate of false alarms. Exits with 1 if the goals are missed.
 #[derive(Parser)]
 #[command(name = "scripts/score-behaviours --stuck")]
 struct Arguments {
@@ -38,13 +38,13 @@ struct Arguments {
     /// The seed of the first of them
     #[arg(long, default_value_t = 1)]
     first: u64,
-    /// Virtual minutes that each drives about
+    /// Virtual minutes for which each robot drives
     #[arg(long, default_value_t = 8)]
     minutes: u64,
     /// Only this world
     #[arg(long)]
     world: Option<String>,
-    /// Print every blocking that was missed, and every call for nothing
+    /// Print every missed blockage and every false alarm
     #[arg(long)]
     list: bool,
 }
@@ -75,7 +75,7 @@ fn main() -> ExitCode {
     ExitCode::from(u8::from(!all.reaches_the_goals()))
 }
 
-/// All seeds of a world, on all processors.
+/// Plays all seeds of a world, on all processors.
 fn score(name: &str, arguments: &Arguments) -> Score {
     let (next, sum) = (AtomicUsize::new(0), Mutex::new(Score::default()));
     let work = || loop {
@@ -130,7 +130,7 @@ fn play(name: &str, seed: u64, time: Duration) -> Score {
     looks.score(&heard, time, &format!("{name}, seed {seed}"))
 }
 
-/// What the robot ran into last.
+/// Returns the kind of thing that the robot ran into last.
 fn obstacle(trace: &Trace, people: &[String]) -> &'static str {
     let collision = trace
         .events()

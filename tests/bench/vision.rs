@@ -1,7 +1,8 @@
-//! How long each stage of seeing takes: `cargo bench --bench vision`.
+//! Benchmarks of each stage of vision: `cargo bench --bench vision`.
 //!
-//! With `serve DIR` as arguments it is driven by `scripts/bench-vision` instead: it reads orders line by
-//! line and answers each with one line of JSON, so that both sides are timed in turns on the same frames.
+//! With the arguments `serve DIR` it is controlled by `scripts/bench-vision` instead: it reads
+//! commands line by line and answers each with one line of JSON, so that both implementations are
+//! timed alternately on the same frames.
 #![allow(clippy::unwrap_used, clippy::expect_used, missing_docs)]
 
 use divan::{AllocProfiler, Bencher, black_box};
@@ -29,8 +30,9 @@ fn main() {
     }
 }
 
-/// Rooms with balls and the noise of a cheap camera, compressed as the robot does: 4:2:0, quality 50. Many different
-/// ones: a single frame repeated would train the branch predictor.
+/// Returns images of rooms with balls and the noise of a cheap camera, compressed as by the robot:
+/// 4:2:0, quality 50. The frames differ, because a single repeated frame would train the branch
+/// predictor.
 fn frames() -> Vec<Vec<u8>> {
     let mut random = StdRng::seed_from_u64(1);
     (0..32).map(|number| frame(number, &mut random)).collect()
@@ -75,7 +77,7 @@ fn decoded() -> Vec<Image> {
         .collect()
 }
 
-/// Narrow ranges of hue all around.
+/// Returns colours with narrow hue ranges, distributed around the colour wheel.
 fn colours(count: usize) -> Vec<Colour> {
     let hue = |index: usize| (360 / count * index) as f64;
     (0..count)
@@ -90,7 +92,7 @@ fn colours(count: usize) -> Vec<Colour> {
         .collect()
 }
 
-/// Runs `work` on one item after the other, warmed up.
+/// Benchmarks `work` on the items in rotation, after a warm-up.
 fn in_turn<T, R>(bencher: Bencher<'_, '_>, items: Vec<T>, mut work: impl FnMut(&T) -> R) {
     items.iter().for_each(|item| drop(work(item)));
     let mut next = items.iter().cycle();

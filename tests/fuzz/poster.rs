@@ -1,21 +1,21 @@
-//! Paints sheets of paper that are made to be hard to look at, from any bytes: corner squares of QR
-//! codes, lattices of them, rings, chequers, noise, lines of text. For the fuzz target and for a test.
+//! Paints adversarial test images from arbitrary bytes: finder patterns of QR codes, lattices of
+//! them, rings, chequers, noise, lines of text. Used by fuzz targets and a test.
 
-/// Columns and rows of the small picture, and of the largest that a camera may send.
+/// Sizes of the images, up to the largest that a camera may send.
 const SIZES: [(usize, usize); 4] = [(320, 240), (160, 120), (640, 480), (317, 241)];
-/// Bytes of one stroke: what, where, how large, how grey.
+/// Bytes of one stroke: kind, place, size, count and shade.
 const STROKE: usize = 6;
-/// Strokes beyond these are left out.
+/// Maximum number of strokes; further ones are ignored.
 const MAX_STROKES: usize = 400;
 
-/// A grey picture.
+/// A greyscale image.
 pub struct Poster {
     pub width: usize,
     pub height: usize,
     pub pixels: Vec<u8>,
 }
 
-/// The picture that these bytes tell of.
+/// Paints the image described by these bytes.
 pub fn paint(bytes: &[u8]) -> Poster {
     let (first, strokes) = bytes.split_first().unwrap_or((&0, &[]));
     let (width, height) = SIZES[usize::from(*first) % SIZES.len()];
@@ -63,7 +63,7 @@ impl Poster {
         }
     }
 
-    /// One of the three squares at the corners of a code.
+    /// Draws a finder pattern, one of the three squares at the corners of a code.
     fn corner(&mut self, (x, y): (usize, usize), module: usize, shade: u8) {
         self.block((x, y), 7 * module, 7 * module, shade);
         self.block((x + module, y + module), 5 * module, 5 * module, 235);
@@ -115,7 +115,7 @@ impl Poster {
         }
     }
 
-    /// Bars of letters' widths, line by line.
+    /// Draws letter-like bars, line by line.
     fn text(&mut self, (x, y): (usize, usize), module: usize, many: usize, shade: u8) {
         for letter in 0..many {
             let (line, place) = (letter / 20, letter % 20);
@@ -130,7 +130,7 @@ impl Poster {
         }
     }
 
-    /// Three corners, their timing rows, and noise between.
+    /// Draws three finder patterns with timing patterns, and noise between them.
     fn code(&mut self, (x, y): (usize, usize), module: usize, size: usize, shade: u8) {
         let mut state = size as u64;
         for (row, column) in (0..size).flat_map(|row| (0..size).map(move |column| (row, column))) {
@@ -159,7 +159,7 @@ impl Poster {
         }
     }
 
-    /// A corner whose rows are shifted and shrink towards the top, as of a sheet that is seen aslant.
+    /// Draws a finder pattern whose rows are shifted and shrink towards the top, as in perspective.
     fn leaning(&mut self, (x, y): (usize, usize), module: usize, lean: usize, shade: u8) {
         let side = 7 * module;
         for row in 0..side {

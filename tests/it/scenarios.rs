@@ -91,7 +91,7 @@ fn a_failure_is_reported_with_place_time_and_picture() {
         "fly_test.lua:9: 0 m are not enough",
         "9 | \texpect(sim:distance() > 100,",
         "with seed 1 after 2.0 s: robot at ",
-        "the robot hears Move",
+        "the robot receives Move",
         "it fails with seed 2 too",
         "1 run passed, 2 failed",
     ] {
@@ -228,7 +228,7 @@ robot.stop()
 #[test]
 fn invalid_files_are_refused_with_file_line_and_advice() {
     for (source, words) in [
-        ("", "a_test.lua: there is no scenario in it"),
+        ("", "a_test.lua: it declares no scenario"),
         ("scenario(", "a_test.lua:1"),
         (
             "scenario('x')",
@@ -240,7 +240,7 @@ fn invalid_files_are_refused_with_file_line_and_advice() {
         ),
         (
             "scenario('x', {}, print)\nscenario('x', {}, print)",
-            "a_test.lua:2: scenario: 'x' is in line 1 already",
+            "a_test.lua:2: scenario: 'x' is already declared in line 1",
         ),
         (
             "scenario('x', { batery = 3 }, print)",
@@ -253,7 +253,7 @@ fn invalid_files_are_refused_with_file_line_and_advice() {
         ("scenario('x', { world = 'no.yaml' }, print)", "no.yaml"),
         (
             "sim:wait(3)",
-            "a_test.lua:1: sim:wait: this can be asked inside of a scenario only",
+            "a_test.lua:1: sim:wait: this call works only inside a scenario",
         ),
         (
             "task.wait(1)\nscenario('x', {}, print)",
@@ -294,7 +294,10 @@ fn invalid_calls_and_misbehaving_scripts_fail_their_scenario_with_a_message() {
         ("sim:wait_until(3, 4)", "must be a function, got 3"),
         ("sim:wait_until(print)", "seconds is missing"),
         ("while true do end", "ran longer than"),
-        ("sim:wait(1000)", "it was not over within its limit of 30 s"),
+        (
+            "sim:wait(1000)",
+            "it did not finish within its limit of 30 s",
+        ),
         ("local t = {} while true do t = { t, t } end", "memory"),
         ("error({})", "it failed with a table"),
         ("script.stop()", "its script ended before it was played"),
@@ -529,7 +532,7 @@ fn a_run_that_exceeds_the_real_time_limit_is_ended_and_the_others_are_played() {
         &["test", "--timeout", "3", "--filter", "ever"],
     );
     assert!(
-        text(&output).contains("--timeout gives more"),
+        text(&output).contains("--timeout sets a longer limit"),
         "{}",
         text(&output)
     );

@@ -1,4 +1,5 @@
-//! The pure part of `spykee`: what moves the robot, what it speaks, and in which order it is said.
+//! The pure parts of `spykee`: the safety rules, the wire protocol, the robot's types, and parts of
+//! link and pilot.
 #![allow(dead_code, unused_imports)]
 
 pub mod link {

@@ -1,4 +1,5 @@
-//! The battery: drains faster while driving, charges on the station, and gives the level for POWER.
+//! The battery: drains faster while driving, charges on the station, and provides the level for
+//! POWER.
 
 use std::time::Duration;
 
@@ -6,7 +7,7 @@ use crate::wire::Power;
 
 use crate::sim::world::settings::BatterySettings;
 
-/// A battery with its level.
+/// A battery and its charge level.
 #[derive(Debug, Clone)]
 pub(crate) struct Battery {
     settings: BatterySettings,
@@ -16,7 +17,7 @@ pub(crate) struct Battery {
 }
 
 impl Battery {
-    /// At the level that the settings name.
+    /// Creates a battery with the level from the settings.
     pub(crate) fn new(settings: BatterySettings) -> Battery {
         Battery {
             settings,
@@ -26,12 +27,12 @@ impl Battery {
         }
     }
 
-    /// 0..=100, unrounded.
+    /// Returns the level, 0..=100, unrounded.
     pub(crate) fn percent(&self) -> f64 {
         self.percent
     }
 
-    /// Sets the level, kept within 0..=100; NaN counts as 0.
+    /// Sets the level, clamped to 0..=100; NaN counts as 0.
     pub(crate) fn set_percent(&mut self, percent: f64) {
         self.percent = if percent.is_nan() {
             0.0
@@ -53,12 +54,12 @@ impl Battery {
         self.charging = charging;
     }
 
-    /// Whether the motors have no power: empty, and not charging.
+    /// Whether the motors have no power: the battery is empty and not charging.
     pub(crate) fn empty(&self) -> bool {
         self.percent <= 0.0 && !self.charging
     }
 
-    /// Lets `dt` pass; `effort` says how hard the motors work, 0..=1.
+    /// Advances by `dt`; `effort` is the motors' load, 0..=1.
     pub(crate) fn step(&mut self, dt: Duration, effort: f64) {
         let rate = if self.charging {
             self.settings.charge_per_minute
@@ -70,14 +71,15 @@ impl Battery {
         self.set_percent(self.percent + rate * dt.as_secs_f64() / 60.0);
     }
 
-    /// Whether the battery has become full since the last call; once per stay on the charger.
+    /// Whether the battery has become full since the last call. True once per stay on the charger.
     pub(crate) fn take_full(&mut self) -> bool {
         let news = self.charging && self.percent >= 100.0 && !self.full_told;
         self.full_told |= news;
         news
     }
 
-    /// The content of POWER. A charging battery reports at least 1: the wire has no negative zero.
+    /// Returns the content of POWER. A charging battery reports at least 1, because the wire format
+    /// encodes charging in the sign and has no negative zero.
     pub(crate) fn power(&self) -> Power {
         let percent = self.percent.round() as u8;
         Power {
@@ -103,7 +105,7 @@ mod tests {
     const MINUTE: Duration = Duration::from_secs(60);
 
     #[test]
-    fn driving_costs_more_than_standing() {
+    fn driving_drains_faster_than_standing() {
         let (mut standing, mut driving) = (battery(50.0), battery(50.0));
         standing.step(MINUTE, 0.0);
         driving.step(MINUTE, 1.0);
@@ -112,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn charging_is_said_by_the_sign_even_at_zero() {
+    fn an_empty_charging_battery_reports_one_percent() {
         let mut battery = battery(0.0);
         assert!(battery.empty());
         battery.set_charging(true);
@@ -135,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn full_is_told_once_for_each_time_on_the_charger() {
+    fn full_is_reported_once_per_stay_on_the_charger() {
         let mut battery = battery(95.0);
         battery.set_charging(true);
         battery.step(MINUTE, 0.0);

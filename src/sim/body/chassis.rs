@@ -1,21 +1,21 @@
-//! The robot's body: two tracks with a speed ramp, and walls that stop it. Knows neither the
-//! protocol nor the battery.
+//! The robot's body: two tracks with a speed ramp, and collisions that stop it. Independent of the
+//! protocol and of the battery.
 
 use std::time::Duration;
 
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Pose, RADIUS, TRACK_WIDTH, wrap};
 
-/// A track's speed at [`FULL_POWER`], metres a second.
+/// A track's speed at [`FULL_POWER`], metres per second.
 pub const FULL_SPEED: f64 = 0.45;
-/// Full power in the protocol; some clients send up to 127, which is no faster.
+/// Full power in the protocol. Some clients send up to 127, which is not faster.
 pub const FULL_POWER: i8 = 90;
 /// Below this power the tracks do not overcome their friction.
 const DEAD_POWER: i8 = 5;
-/// How fast a track changes its speed, metres a second squared.
+/// Acceleration of a track, metres per second squared.
 const ACCELERATION: f64 = 1.5;
 
-/// One number for each track.
+/// One value for each track.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
 pub struct Tracks<T> {
     /// The left track.
@@ -25,14 +25,14 @@ pub struct Tracks<T> {
 }
 
 impl<T> Tracks<T> {
-    /// Of a left and a right.
+    /// Creates a pair from the left and the right value.
     pub const fn new(left: T, right: T) -> Tracks<T> {
         Tracks { left, right }
     }
 }
 
 impl Tracks<i8> {
-    /// The speeds, metres a second, that belong to these powers.
+    /// Returns the track speeds, in metres per second, for these powers.
     pub(crate) fn speeds(self) -> Tracks<f64> {
         Tracks::new(speed_of(self.left), speed_of(self.right))
     }
@@ -46,7 +46,7 @@ fn speed_of(power: i8) -> f64 {
     share.clamp(-1.0, 1.0) * FULL_SPEED
 }
 
-/// The body, somewhere in a world.
+/// The body, with its pose in a world.
 #[derive(Debug, Clone)]
 pub(crate) struct Chassis {
     pub(crate) pose: Pose,
@@ -57,7 +57,7 @@ pub(crate) struct Chassis {
 }
 
 impl Chassis {
-    /// At rest.
+    /// Creates a body at rest.
     pub(crate) fn new(pose: Pose) -> Chassis {
         Chassis {
             pose,
@@ -68,43 +68,44 @@ impl Chassis {
         }
     }
 
-    /// The speeds, metres a second, that the tracks now try to reach.
+    /// Sets the target speeds of the tracks, metres per second.
     pub(crate) fn want(&mut self, speeds: Tracks<f64>) {
         self.wanted = speeds;
     }
 
-    /// The tracks' speeds, metres a second. Against a wall they turn and the body does not move.
+    /// Returns the tracks' speeds, metres per second. Against a wall the tracks turn but the body
+    /// does not move.
     pub(crate) fn speeds(&self) -> Tracks<f64> {
         self.speeds
     }
 
-    /// Metres a second forwards, below 0 backwards.
+    /// Returns the forward speed, metres per second; negative when driving backwards.
     pub(crate) fn forward_speed(&self) -> f64 {
         (self.speeds.left + self.speeds.right) / 2.0
     }
 
-    /// Radians a second, left positive.
+    /// Returns the turning speed, radians per second, left positive.
     pub(crate) fn turning_speed(&self) -> f64 {
         (self.speeds.right - self.speeds.left) / TRACK_WIDTH
     }
 
-    /// Whether something is in the way.
+    /// Whether an obstacle blocks the robot.
     pub(crate) fn blocked(&self) -> bool {
         self.blocked
     }
 
-    /// How often it ran into something.
+    /// Returns the number of collisions so far.
     pub(crate) fn collisions(&self) -> u64 {
         self.collisions
     }
 
-    /// How hard the motors work, 0..=1.
+    /// Returns the motors' load, 0..=1.
     pub(crate) fn effort(&self) -> f64 {
         (self.speeds.left.abs() + self.speeds.right.abs()) / (2.0 * FULL_SPEED)
     }
 
-    /// Advances by `dt`, at most a few hundredths of a second: a longer step could pass through a
-    /// wall.
+    /// Advances by `dt`, which should be at most a few hundredths of a second: a longer step could
+    /// pass through a wall.
     pub(crate) fn step(&mut self, dt: Duration, obstacles: &Obstacles) {
         let seconds = dt.as_secs_f64();
         self.speeds.left = ramp(self.speeds.left, self.wanted.left, ACCELERATION * seconds);
@@ -118,7 +119,7 @@ impl Chassis {
 
     /// Moves up to the first obstacle.
     fn advance(&mut self, way: f64, forward: f64, obstacles: &Obstacles) {
-        /// Metres in one step: a body that moves less is still blocked.
+        /// Metres per step; a blocked body that moves less stays blocked.
         const CREEP: f64 = 0.0005;
         let here = self.pose.point();
         let free = |part: f64| obstacles.way_free(here, here.ahead(way, forward * part), RADIUS);
@@ -136,7 +137,7 @@ impl Chassis {
     }
 }
 
-/// The largest possible part of a step, found by bisection.
+/// Returns the largest possible fraction of a step, found by bisection.
 fn largest(possible: impl Fn(f64) -> bool) -> f64 {
     let halves = (1..=6).map(|i| 0.5_f64.powi(i));
     halves.fold(0.0, |part, half| {
@@ -191,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn speed_comes_and_goes_in_a_ramp() {
+    fn speed_ramps_up_and_down() {
         let (mut body, obstacles) = (Chassis::new(Pose::new(1.0, 3.0, 0.0)), obstacles());
         body.want(Tracks::new(90, 90).speeds());
         body.step(TICK, &obstacles);
@@ -206,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn walls_stop_it_once_and_let_it_go_again() {
+    fn a_wall_counts_one_collision_and_reversing_frees_the_robot() {
         let mut body = driven(Pose::new(5.0, 3.0, 0.0), 90, 90, 5);
         assert!(body.blocked() && body.collisions() == 1);
         assert!((6.0 - RADIUS - body.pose.x).abs() < 0.02, "{:?}", body.pose);
@@ -216,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn balls_stop_it_too_and_turning_is_always_possible() {
+    fn balls_block_too_and_turning_is_always_possible() {
         let mut body = driven(Pose::new(3.0, 2.0, 0.0), 90, 90, 5);
         assert!(
             (4.0 - 0.1 - RADIUS - body.pose.x).abs() < 0.02,
@@ -229,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn power_beyond_full_is_no_faster_and_a_little_does_not_move() {
+    fn power_above_full_is_not_faster_and_tiny_power_does_not_move() {
         assert_eq!(
             Tracks::new(127i8, -128).speeds(),
             Tracks::new(FULL_SPEED, -FULL_SPEED)

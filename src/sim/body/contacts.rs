@@ -1,4 +1,4 @@
-//! The robot's contacts with its station, and what of the station works.
+//! The robot's charging contacts, and which parts of the station work.
 
 use super::docking::Docking;
 use crate::sim::geometry::Pose;
@@ -11,12 +11,12 @@ pub(super) struct Contacts {
     docked: bool,
     /// The station's infrared beacon is on.
     pub(super) beacon: bool,
-    /// Current flows when the contacts touch.
+    /// The station charges when the contacts touch.
     pub(super) charger_works: bool,
 }
 
 impl Contacts {
-    /// All works.
+    /// Creates contacts with a working charger and beacon.
     pub(super) fn new(touching: bool) -> Contacts {
         Contacts {
             touching,
@@ -26,27 +26,27 @@ impl Contacts {
         }
     }
 
-    /// The contacts touch.
+    /// Whether the contacts touch.
     pub(super) fn touching(&self) -> bool {
         self.touching
     }
 
-    /// On the station; while the robot backs out, until it has left.
+    /// Whether the robot is docked; while it backs out, true until it has left the station.
     pub(super) fn docked(&self) -> bool {
         self.docked
     }
 
-    /// Current flows into the battery.
+    /// Whether current flows into the battery.
     pub(super) fn charging(&self) -> bool {
         self.touching && self.charger_works
     }
 
-    /// Whether the contacts touch now that the robot stands at `pose`.
+    /// Updates whether the contacts touch, for a robot at `pose`.
     pub(super) fn touch(&mut self, station: &Station, pose: Pose) {
         self.touching = station.touched(pose, self.touching);
     }
 
-    /// Whether the robot is docked now, if that has changed.
+    /// Returns whether the robot is docked, if that has changed since the last call.
     pub(super) fn take_change(&mut self, docking: &Docking) -> Option<bool> {
         let docked = self.touching || (self.docked && docking.leaving());
         let changed = docked != self.docked;

@@ -1,7 +1,7 @@
-//! The robot's own manoeuvres: BASE_FIND searches the station's beacon and drives onto the
-//! contacts, CHARGE_STOP backs out. Decides track speeds; the body drives them.
+//! The robot's built-in manoeuvres: BASE_FIND searches for the station's beacon and drives onto the
+//! contacts, CHARGE_STOP backs out. Computes track speeds; the chassis executes them.
 //!
-//! How a real robot searches, and for how long, is not known (`PROTOCOL.md`, *Not known*).
+//! How, and for how long, a real robot searches is not known (`PROTOCOL.md`, *Not known*).
 
 use std::f64::consts::PI;
 use std::time::Duration;
@@ -15,23 +15,23 @@ use crate::sim::world::station::Station;
 const DOCKING_LIMIT: Duration = Duration::from_secs(150);
 /// Without the beacon for this long, the robot stops approaching and searches again.
 const LOST_AFTER: Duration = Duration::from_secs(3);
-/// One try to get from before the station onto its contacts.
+/// Time limit for one attempt to drive from in front of the station onto its contacts.
 const ENTER_LIMIT: Duration = Duration::from_secs(15);
-/// Backing out ends after this even if something is in the way.
+/// Backing out ends after this time even if something is in the way.
 const LEAVE_LIMIT: Duration = Duration::from_secs(6);
-/// Metres from the contacts at which the robot has left the station.
+/// The robot has left the station at this distance from the contacts, metres.
 const LEFT_AT: f64 = 0.40;
-/// The receiver sees this far to each side, radians.
+/// Half the field of view of the infrared receiver, radians.
 const RECEIVER_VIEW: f64 = 0.6;
-/// Kept between body and obstacles on the way, metres.
+/// Clearance between body and obstacles during the approach, metres.
 const MARGIN: f64 = 0.03;
 
-/// What a manoeuvre needs to know of the world.
+/// The inputs of a manoeuvre from the world.
 pub(crate) struct Senses<'a> {
     pub(crate) pose: Pose,
     pub(crate) station: &'a Station,
     pub(crate) obstacles: &'a Obstacles,
-    /// The station is switched on.
+    /// The station's beacon is on.
     pub(crate) beacon: bool,
 }
 
@@ -48,12 +48,12 @@ impl Senses<'_> {
     }
 }
 
-/// What the tracks have to do.
+/// Result of one step of a manoeuvre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum DockingStep {
-    /// No manoeuvre: the commanded speeds apply.
+    /// No manoeuvre is active: the commanded speeds apply.
     Free,
-    /// Speeds of the tracks, metres a second.
+    /// Speeds of the tracks, metres per second.
     Drive(Tracks<f64>),
     /// The search has failed and is over.
     NotFound,
@@ -71,7 +71,7 @@ enum DockingPhase {
     Leaving { since: Duration },
 }
 
-/// The manoeuvre under way, if any.
+/// The current manoeuvre, if any.
 #[derive(Debug, Clone)]
 pub(crate) struct Docking {
     phase: DockingPhase,
@@ -81,7 +81,7 @@ pub(crate) struct Docking {
 }
 
 impl Docking {
-    /// Idle; a search ends without the beacon after `search_limit`.
+    /// Creates an idle state. A search fails after `search_limit` without the beacon.
     pub(crate) fn new(search_limit: Duration) -> Docking {
         let (elapsed, unseen) = (Duration::ZERO, Duration::ZERO);
         Docking {
@@ -92,7 +92,7 @@ impl Docking {
         }
     }
 
-    /// Begins to search the station.
+    /// Starts searching for the station.
     pub(crate) fn find_base(&mut self) {
         *self = Docking {
             phase: DockingPhase::Searching,
@@ -100,7 +100,7 @@ impl Docking {
         };
     }
 
-    /// Begins to back out of the station.
+    /// Starts backing out of the station.
     pub(crate) fn leave(&mut self) {
         self.phase = DockingPhase::Leaving {
             since: Duration::ZERO,
@@ -125,7 +125,7 @@ impl Docking {
         matches!(self.phase, DockingPhase::Leaving { .. })
     }
 
-    /// Lets `dt` pass and says what the tracks have to do.
+    /// Advances by `dt` and returns what the tracks must do.
     pub(crate) fn step(&mut self, dt: Duration, senses: &Senses<'_>) -> DockingStep {
         if self.searching() && self.given_up(dt, senses) {
             self.stop();
@@ -163,7 +163,7 @@ impl Docking {
         DockingStep::Drive(twist(0.0, TURNING))
     }
 
-    /// Drives to the place from which the last way is straight.
+    /// Drives to the staging pose, from which the station can be entered in a straight line.
     fn approach(&mut self, senses: &Senses<'_>) -> DockingStep {
         const ARRIVED: f64 = 0.04;
         let target = senses.station.staging_pose().point();
@@ -192,7 +192,7 @@ impl Docking {
         DockingStep::Drive(twist(0.0, (2.0 * off).clamp(-0.8, 0.8)))
     }
 
-    /// Slowly along the station's axis until the contacts touch, which the robot notices.
+    /// Drives slowly along the station's axis. `Robot` ends the manoeuvre when the contacts touch.
     fn enter(&mut self, since: Duration, senses: &Senses<'_>) -> DockingStep {
         let (ahead, aside) = senses.station.offset(senses.pose);
         let heading = senses.station.dock_pose().heading + (3.0 * aside).clamp(-0.4, 0.4);
@@ -219,15 +219,15 @@ impl Docking {
     }
 }
 
-/// Speeds of the tracks for a speed (m/s) and a turning speed (rad/s, left positive).
+/// Returns the track speeds for a forward speed (m/s) and a turning speed (rad/s, left positive).
 fn twist(speed: f64, turning: f64) -> Tracks<f64> {
     let difference = turning * TRACK_WIDTH / 2.0;
     Tracks::new(speed - difference, speed + difference)
 }
 
-/// The direction nearest to that of `target` in which nothing stands in the way for a while; the
-/// one nearest to the present heading if two are equally near, so that the robot does not
-/// oscillate.
+/// Returns the best direction towards `target` that is free of obstacles over the look-ahead
+/// distance. Deviation from the current heading adds to the cost, so that the robot does not
+/// oscillate between two equally good directions.
 fn free_direction(senses: &Senses<'_>, target: Point) -> f64 {
     const LOOK_AHEAD: f64 = 0.5;
     let here = senses.pose.point();
@@ -254,7 +254,8 @@ mod tests {
 
     const TICK: Duration = Duration::from_millis(20);
 
-    /// Drives until the manoeuvre ends or the contacts touch: seconds, and whether they do.
+    /// Drives until the manoeuvre ends or the contacts touch. Returns the seconds that took, and
+    /// whether the contacts touch.
     fn dock_from(world: &World, from: Pose, beacon: bool) -> (f64, bool) {
         let obstacles = world.obstacles();
         let (mut body, mut docking) = (Chassis::new(from), Docking::new(Duration::from_secs(20)));
@@ -281,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn finds_home_from_all_over_the_living_room() {
+    fn finds_the_station_from_everywhere_in_the_living_room() {
         let world = World::default_world();
         let obstacles = world.obstacles();
         let (mut tried, mut slowest) = (0, 0.0);

@@ -1,5 +1,5 @@
-//! How the simulated robot's firmware behaves where the real one's behaviour is not known
-//! (`PROTOCOL.md`, *Not known*), and how people write that down: YAML, errors with line and column.
+//! Settings for the simulated firmware where the behaviour of the real one is not known
+//! (`PROTOCOL.md`, *Not known*), read from YAML; errors name line and column.
 
 use std::path::Path;
 use std::time::Duration;
@@ -9,8 +9,8 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use crate::sim::yaml::document::{self, DocumentError, DocumentKind};
 use crate::sim::yaml::{locate, number};
 
-/// The unknowns as settings; the defaults are the worst case for a client that drives the robot, where
-/// one is the worst.
+/// Settings for the unknown parts of the firmware. Where one case is the worst for a client that
+/// drives the robot, that case is the default.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Firmware {
@@ -19,41 +19,41 @@ pub struct Firmware {
     /// The tracks stop when no MOVE has arrived for this long. Default: they keep running.
     #[serde(serialize_with = "some_seconds", deserialize_with = "some_span")]
     pub stops_without_repeat: Option<Duration>,
-    /// What a MOVE does while the robot searches its station.
+    /// What a MOVE does while the robot searches for its station.
     pub move_while_searching: Answer,
     /// What a MOVE does while the robot backs out of its station.
     pub move_while_undocking: Answer,
-    /// ENGINE 1 towards the robot undocks it, as CHARGE_STOP does. Default: it does nothing.
+    /// ENGINE 1 sent to the robot undocks it, as CHARGE_STOP does. Default: it does nothing.
     pub activate_undocks: bool,
-    /// POWER comes on every change, and at least this often. Default 5 s.
+    /// The robot sends POWER on every change, and at least this often. Default 5 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub power_period: Duration,
-    /// From AUTH_REPLY to the first POWER. Default: at once.
+    /// Delay from AUTH_REPLY to the first POWER. Default 0 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub power_after_login: Duration,
-    /// How old the level is that a POWER tells. Default: not at all.
+    /// Age of the battery level that POWER reports. Default 0 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub power_late: Duration,
-    /// BASE_NOT_FOUND comes after this time without the station's beacon. Default 20 s.
+    /// The robot sends BASE_NOT_FOUND after this time without the station's beacon. Default 20 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub search_limit: Duration,
-    /// How long the uploaded music lasts. Default 20 s.
+    /// Length of the uploaded music. Default 20 s.
     #[serde(serialize_with = "seconds", deserialize_with = "span")]
     pub music: Duration,
-    /// The version that AUTH_REPLY names.
+    /// The firmware version in AUTH_REPLY.
     pub version: String,
 }
 
-/// What a MOVE does while the robot drives by itself.
+/// What a MOVE does while the robot executes one of its own manoeuvres.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Answer {
-    /// It ends that, and the tracks do what it says; MOVE 0 0 ends it too.
+    /// The MOVE ends the manoeuvre, and the tracks follow it; MOVE 0 0 ends the manoeuvre too.
     #[default]
     Ends,
-    /// Nothing.
+    /// The robot ignores the MOVE.
     Ignored,
-    /// The tracks do what it says, and what the robot was about goes on from the next MOVE 0 0.
+    /// The tracks follow the MOVE, and the manoeuvre continues from the next MOVE 0 0.
     Obeyed,
 }
 
@@ -76,7 +76,8 @@ impl Default for Firmware {
 }
 
 impl Firmware {
-    /// Reads a firmware; what it leaves out is as by default. `name` is what errors call the text.
+    /// Parses firmware settings from YAML; missing keys get their defaults. `name` is the name of
+    /// the text in errors.
     ///
     /// # Errors
     /// [`DocumentError::Invalid`] with line and column: unknown keys, values out of range.
@@ -84,7 +85,7 @@ impl Firmware {
         locate::read::<Option<Firmware>>(text, name).map(Option::unwrap_or_default)
     }
 
-    /// Reads a firmware from a file.
+    /// Reads firmware settings from a file.
     ///
     /// # Errors
     /// As [`Firmware::from_yaml`], or the file cannot be read.
@@ -117,7 +118,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_left_out_is_as_by_default_and_what_is_written_counts() {
+    fn missing_keys_get_their_defaults_and_given_keys_are_used() {
         for nothing in ["", "# nothing\n", "{}"] {
             assert_eq!(
                 Firmware::from_yaml(nothing, "f").unwrap(),
@@ -141,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_named_with_their_place() {
+    fn errors_name_their_place() {
         for (text, start, words) in [
             (
                 "power_lat: 3\n",

@@ -1,4 +1,4 @@
-//! What keeps a robot from driving straight: tracks that differ, and tracks that slip.
+//! Deviations from driving straight: motors of unequal speed, and slipping tracks.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use super::chassis::Tracks;
 use crate::sim::world::settings::TrackSettings;
 
-/// How long a slip lasts until the next one is drawn.
+/// How long a slip value applies until the next one is drawn.
 const SPELL: Duration = Duration::from_millis(400);
 
 /// The grip of one robot's tracks.
@@ -22,9 +22,9 @@ pub(crate) struct Grip {
 }
 
 impl Grip {
-    /// The seed determines which track is slower.
+    /// Creates the grip; the seed determines which track is slower.
     pub(crate) fn new(settings: TrackSettings, seed: u64) -> Grip {
-        // A seed of its own, independent of the noise of the frames.
+        // A separate random sequence, independent of the noise of the frames.
         let mut random = StdRng::seed_from_u64(seed ^ 0x7472_6163_6b73);
         let mut motor = || 1.0 - settings.unequal * random.random_range(0.0..=1.0);
         let motors = Tracks::new(motor(), motor());
@@ -37,7 +37,7 @@ impl Grip {
         }
     }
 
-    /// The speeds that result from the wanted ones.
+    /// Returns the actual speeds for the wanted ones.
     pub(crate) fn step(&mut self, wanted: Tracks<f64>, dt: Duration) -> Tracks<f64> {
         if self.settings == TrackSettings::default() {
             return wanted;
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn perfect_tracks_do_what_they_are_told() {
+    fn perfect_tracks_reach_the_wanted_speeds() {
         let perfect = speeds(TrackSettings::default(), 1);
         assert!(perfect.iter().all(|s| *s == Tracks::new(1.0, 1.0)));
     }

@@ -1,4 +1,4 @@
-//! The robot's own log, which LOG sends.
+//! The robot's own log, the content of LOG.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -7,10 +7,10 @@ use bytes::Bytes;
 
 use crate::wire::Command;
 
-/// Lines that are kept.
+/// Maximum number of lines kept.
 const MAX_LINES: usize = 64;
 
-/// The newest lines, oldest first.
+/// The most recent lines, oldest first.
 #[derive(Debug, Default)]
 pub(super) struct RobotLog {
     lines: VecDeque<String>,
@@ -27,19 +27,19 @@ impl RobotLog {
         self.lines.push_back(format!("[{seconds:.1}] {line}"));
     }
 
-    /// Forgets everything.
+    /// Removes all lines.
     pub(super) fn clear(&mut self) {
         self.lines.clear();
     }
 
-    /// All lines, as LOG carries them.
+    /// Returns all lines in the format of LOG.
     pub(super) fn text(&self) -> Bytes {
         let lines: Vec<&str> = self.lines.iter().map(String::as_str).collect();
         Bytes::from(lines.join("\n"))
     }
 }
 
-/// A command as one short line: payloads may be long, and secret.
+/// Describes a command in one short line, without payloads, which may be long or secret.
 pub(crate) fn describe(command: &Command) -> String {
     match command {
         Command::MotorSpeed(payload) => format!("motor speed ({} bytes)", payload.len()),

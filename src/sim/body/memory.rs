@@ -1,15 +1,15 @@
-//! What the simulated robot keeps for its user: settings (CONFIG) and uploaded sounds (FILE).
+//! The persistent data of the simulated robot: settings (CONFIG) and uploaded sounds (FILE).
 //! Which settings the real robot has is not known; these are made up.
 
 use bytes::{Bytes, BytesMut};
 
 use crate::wire::{FileChunk, parse_settings};
 
-/// The longest upload; more is thrown away.
+/// Maximum size of an upload in bytes; longer ones are discarded.
 const MAX_UPLOAD: usize = 4 << 20;
-/// The longest value of a setting.
+/// Maximum length of a setting's value.
 const MAX_VALUE: usize = 256;
-/// Settings of a made-up robot: the volume comes from the speaker, the version from the firmware.
+/// Made-up settings, besides the volume (from the speaker) and the version (from the firmware).
 const SETTINGS: [(&str, &str); 5] = [
     ("name", "Spykee"),
     ("motor-speed", "90"),
@@ -27,7 +27,7 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// Factory settings.
+    /// Creates a memory with factory settings.
     pub(crate) fn new(version: &str) -> Memory {
         Memory {
             version: version.to_owned(),
@@ -38,7 +38,7 @@ impl Memory {
         }
     }
 
-    /// The answer to a CONFIG query, in two messages, cut between two pairs.
+    /// Returns the reply to a CONFIG query as two messages, split between two pairs.
     pub(crate) fn settings(&self, volume: u8) -> [Bytes; 2] {
         let listed: Vec<String> = self
             .settings
@@ -65,7 +65,7 @@ impl Memory {
         format!("config set: {}", changed.join(" "))
     }
 
-    /// Takes a chunk of an upload; returns a line for the log at the end of the file or on an
+    /// Stores a chunk of an upload; returns a line for the log at the end of the file or on an
     /// error.
     pub(crate) fn store(&mut self, chunk: &FileChunk) -> Option<String> {
         let id = chunk.id();
@@ -89,7 +89,7 @@ impl Memory {
     }
 }
 
-/// The inverse of the parser: a character of ISO-8859-1 is the byte of its number.
+/// The inverse of the parser: encodes text as ISO-8859-1, one byte per character.
 fn latin1_bytes(text: &str) -> Bytes {
     let byte = |c| u8::try_from(u32::from(c)).unwrap_or(b'?');
     text.chars().map(byte).collect()
@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn settings_it_has_are_taken_and_told_again() {
+    fn known_settings_are_stored_and_reported() {
         let mut memory = Memory::new("1.0.22");
         let line = memory.configure(b"name=Anna&nonsense=1&version=9");
         assert_eq!(line, "config set: name");

@@ -1,4 +1,4 @@
-//! The microphone: room noise, the sources of the world, the hum of the motors and the speaker, as
+//! The microphone: mixes room noise, the sound sources of the world, motor hum and the speaker into
 //! raw samples (`PROTOCOL.md`, AUDIO: signed 16-bit little-endian, 16,000 Hz, mono).
 
 use std::collections::VecDeque;
@@ -14,37 +14,37 @@ use crate::sim::geometry::Point;
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::world::fittings::{Noise, NoiseKind};
 
-/// Samples a second.
+/// Samples per second.
 pub(crate) const RATE: u32 = 16_000;
 /// Samples in most AUDIO messages: an eighth of a second.
 pub(crate) const CHUNK: usize = 2000;
-/// One message of so many has another length.
+/// One in this many messages has another length.
 const ODD_ONES: u32 = 8;
-/// The lengths of those, samples.
+/// The range of those other lengths, samples.
 const ODD_LENGTHS: std::ops::RangeInclusive<usize> = 500..=4000;
-/// A message comes so much too late, seconds, at most.
+/// Maximum delay of a message, seconds.
 const LATEST: f64 = 0.1;
 
 const ROOM_NOISE: f64 = 40.0;
 const HUM_LOUDNESS: f64 = 1800.0;
 const SPEAKER_LOUDNESS: f64 = 12_000.0;
-/// Of a source of loudness 1 at 1 m.
+/// Amplitude of a source of loudness 1 at 1 m.
 const SOURCE_LOUDNESS: f64 = 20_000.0;
-/// Nearer than this, metres, a source is no louder.
+/// Below this distance, metres, a source does not get louder.
 const NEAREST: f64 = 0.3;
-/// Of a disturbance.
+/// Frequency of a disturbance.
 const BURST_HERTZ: f64 = 700.0;
-/// What gets through walls.
+/// Share of a source's loudness that passes through walls.
 const THROUGH_WALLS: f64 = 0.25;
 
-/// Listens while its stream is on.
+/// The microphone, which records while its stream is on.
 #[derive(Debug)]
 pub(crate) struct Microphone {
     random: StdRng,
-    /// When messages come and how long they are.
+    /// Draws the delays and lengths of messages.
     whims: StdRng,
     chunk: BytesMut,
-    /// Samples of the message that is being filled.
+    /// Length of the message being filled, in samples.
     length: usize,
     /// Full messages, with the seconds until they are sent.
     waiting: VecDeque<(f64, Bytes)>,
@@ -54,7 +54,7 @@ pub(crate) struct Microphone {
     burst: Option<Burst>,
 }
 
-/// A loud sound close by, for a while.
+/// A temporary loud sound at the microphone.
 #[derive(Debug)]
 struct Burst {
     amplitude: f64,
@@ -62,7 +62,7 @@ struct Burst {
     phase: f64,
 }
 
-/// One source of sound, as it is heard now.
+/// A sound source, with its current loudness at the microphone.
 #[derive(Debug)]
 struct Source {
     noise: Noise,
@@ -71,7 +71,7 @@ struct Source {
 }
 
 impl Microphone {
-    /// With noise of a seed, in a world with these sources.
+    /// Creates a microphone whose noise depends on `seed`, in a world with these sources.
     pub(crate) fn new(seed: u64, sources: &[Noise]) -> Microphone {
         let source = |noise: &Noise| Source {
             noise: noise.clone(),
@@ -92,8 +92,7 @@ impl Microphone {
         }
     }
 
-    /// Adds a tone until that time; its level is in dBFS (0 is full
-    /// scale).
+    /// Adds a tone that lasts until `until`; its level is in dBFS (0 is full scale).
     pub(crate) fn disturb(&mut self, dbfs: f64, until: Duration) {
         self.burst = Some(Burst {
             amplitude: f64::from(i16::MAX) * 10_f64.powf(dbfs / 20.0) * std::f64::consts::SQRT_2,
@@ -102,7 +101,7 @@ impl Microphone {
         });
     }
 
-    /// Updates the microphone's place and the sources that sound at this time.
+    /// Updates the loudness of all sources for this time and this place of the microphone.
     pub(crate) fn turn_to(&mut self, time: Duration, here: Point, obstacles: &Obstacles) {
         if self.burst.as_ref().is_some_and(|burst| time >= burst.until) {
             self.burst = None;
@@ -123,8 +122,8 @@ impl Microphone {
         }
     }
 
-    /// Listens for `dt`; `effort` says how hard the motors work, 0..=1. A message when one
-    /// is due: most are of one length, and they come at uneven times.
+    /// Records for `dt`; `effort` is the motors' load, 0..=1. Returns a message if one is due. Most
+    /// messages have the same length, and they come at irregular intervals.
     pub(crate) fn listen(
         &mut self,
         dt: Duration,
@@ -150,7 +149,7 @@ impl Microphone {
         self.waiting.pop_front().map(|(_, chunk)| chunk)
     }
 
-    /// The message that is being filled is full.
+    /// Queues the message being filled, which is full, and starts the next one.
     fn finish(&mut self) {
         let chunk = self.chunk.split_to(self.length * 2).freeze();
         let due = self.whims.random_range(0.0..LATEST);
@@ -162,7 +161,7 @@ impl Microphone {
         };
     }
 
-    /// Drops what has not been sent.
+    /// Discards all unsent audio.
     pub(crate) fn forget(&mut self) {
         self.chunk.clear();
         self.waiting.clear();
@@ -260,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_are_usually_an_eighth_of_a_second_and_come_at_uneven_times() {
+    fn messages_usually_last_an_eighth_of_a_second_and_come_at_irregular_intervals() {
         let mut microphone = Microphone::new(1, &[]);
         let mut speaker = Speaker::new(Duration::ZERO);
         let heard: Vec<(usize, usize)> = (0..5000)
@@ -277,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_seed_hears_the_same() {
+    fn the_same_seed_gives_the_same_audio() {
         let listen = |seed| {
             let mut speaker = Speaker::new(Duration::ZERO);
             let mut microphone = Microphone::new(seed, &[]);

@@ -1,5 +1,5 @@
-//! The simulated robot: its parts, and [`robot::Robot`], which is all of them together. Commands
-//! and time steps go in, reports come out; knows no socket and no clock.
+//! The simulated robot: its parts, and [`robot::Robot`], which combines them. Takes commands and
+//! time steps and returns reports; uses neither sockets nor a clock.
 
 mod battery;
 pub(crate) mod chassis;

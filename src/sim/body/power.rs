@@ -1,29 +1,29 @@
-//! When the robot sends POWER: first when it is due after the login, then on every change, and when
-//! the period is over (how often a real robot does is not known: `PROTOCOL.md`, *Not known*). What it
-//! tells may be old.
+//! When the robot sends POWER: first after a delay from the login, then on every change and at the
+//! end of each period (how often a real robot sends it is not known: `PROTOCOL.md`, *Not known*).
+//! The reported level can be configured to lag behind.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::wire::Power;
 
-/// Levels that are remembered, at most: far more than change within the longest delay.
+/// Maximum number of levels kept: far more than the changes within the longest delay.
 const MOST_LEVELS: usize = 1000;
 
-/// What the user was told, and when the next POWER is due.
+/// The last reported level, and when the next POWER is due.
 #[derive(Debug, Default)]
 pub(super) struct PowerReports {
     session: bool,
     told: Option<Power>,
     left: Duration,
-    /// How old what it tells is.
+    /// How far the reported level lags behind.
     late: Duration,
-    /// The levels that have not been overtaken yet, each with its age; the first is the one to tell.
+    /// The level to report, followed by the newer ones, each with its age.
     levels: VecDeque<(Duration, Power)>,
 }
 
 impl PowerReports {
-    /// What it tells is so old.
+    /// Creates reports that lag behind by `late`.
     pub(super) fn new(late: Duration) -> PowerReports {
         PowerReports {
             late,
@@ -31,17 +31,17 @@ impl PowerReports {
         }
     }
 
-    /// A user has logged in; the first POWER follows after `delay`.
+    /// Starts the session of a user; the first POWER follows after `delay`.
     pub(super) fn begin_session(&mut self, delay: Duration) {
         (self.session, self.told, self.left) = (true, None, delay);
     }
 
-    /// The user has gone.
+    /// Ends the session: the user has disconnected.
     pub(super) fn end_session(&mut self) {
         self.session = false;
     }
 
-    /// Lets `dt` pass.
+    /// Advances by `dt`.
     pub(super) fn step(&mut self, dt: Duration) {
         self.left = self.left.saturating_sub(dt);
         for (age, _) in &mut self.levels {
@@ -49,7 +49,7 @@ impl PowerReports {
         }
     }
 
-    /// The battery has this level now; the level to tell.
+    /// Records the battery's current level and returns the level to report.
     pub(super) fn level(&mut self, power: Power) -> Power {
         if self
             .levels
@@ -66,13 +66,13 @@ impl PowerReports {
         self.levels.front().map_or(power, |(_, level)| *level)
     }
 
-    /// Whether this level is to be sent now.
+    /// Whether this level must be sent now.
     pub(super) fn due(&self, power: Power) -> bool {
         let changed = self.told.is_some_and(|told| told != power);
         self.session && (changed || self.left.is_zero())
     }
 
-    /// This level was sent; the next POWER is due after `period` at the latest.
+    /// Records that this level was sent; the next POWER is due after `period` at the latest.
     pub(super) fn sent(&mut self, power: Power, period: Duration) {
         (self.told, self.left) = (Some(power), period);
     }
@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_late_level_is_told_when_it_is_old_enough() {
+    fn a_level_is_reported_when_it_is_old_enough() {
         let power = |percent| Power {
             percent,
             charging: false,

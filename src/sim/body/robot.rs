@@ -1,5 +1,5 @@
-//! The simulated robot: commands and time steps go in, reports come out. Knows no socket, no clock
-//! and no login; who may talk to it is decided in `server`.
+//! The simulated robot: takes commands and time steps, and returns reports. Handles no sockets, no
+//! clock and no logins; `server` decides which client controls it.
 
 mod obey;
 
@@ -48,7 +48,7 @@ pub struct Robot {
     streams: Streams,
     microphone: Microphone,
     video: Video,
-    // What it keeps and says.
+    // Settings, log and output.
     memory: Memory,
     log: RobotLog,
     trace: Arc<Mutex<Trace>>,
@@ -56,8 +56,8 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// A robot where the world says that it starts. `seed` draws the noise of camera and
-    /// microphone.
+    /// Creates a robot at the world's start pose. `seed` determines the noise of camera and
+    /// microphone, and the grip of the tracks.
     pub fn new(world: World, firmware: Firmware, seed: u64) -> Robot {
         let pose = world.start_pose();
         let touching = world.station.touched(pose, true);
@@ -87,37 +87,37 @@ impl Robot {
         }
     }
 
-    /// The reports since the last call, oldest first.
+    /// Returns the reports since the last call, oldest first.
     pub fn take_reports(&mut self) -> Vec<Report> {
         std::mem::take(&mut self.reports)
     }
 
-    /// The trace so far, shared with handles.
+    /// Returns the trace so far, shared with handles.
     pub(crate) fn trace_cell(&self) -> Arc<Mutex<Trace>> {
         self.trace.clone()
     }
 
-    /// What it did so far.
+    /// Returns a copy of the trace so far.
     pub fn trace(&self) -> Trace {
         lock(&self.trace).clone()
     }
 
-    /// The world, in its initial state.
+    /// Returns the world, in its initial state.
     pub fn world(&self) -> &World {
         &self.surroundings.world
     }
 
-    /// Puts a ball somewhere, at rest; the number is its place in the world's list.
+    /// Puts a ball at a place, at rest; `index` is its index in the world's list.
     pub fn put_ball(&mut self, index: usize, place: Point) {
         self.surroundings.put_ball(index, place);
     }
 
-    /// On the station; AUTH_REPLY says so too.
+    /// Whether the robot is on its station; AUTH_REPLY reports this too.
     pub fn docked(&self) -> bool {
         self.contacts.docked()
     }
 
-    /// A user has logged in: POWER follows, all streams are off.
+    /// Starts the session of a user: all streams are off, and POWER follows.
     pub fn begin_session(&mut self) {
         self.streams = Streams::default();
         self.microphone.forget();
@@ -126,7 +126,7 @@ impl Robot {
         self.report_power();
     }
 
-    /// The user has disconnected. The tracks keep running unless the firmware stops them.
+    /// Ends the session of a user. The tracks keep running unless the firmware stops them.
     pub fn end_session(&mut self) {
         self.power.end_session();
         self.streams = Streams::default();
@@ -136,7 +136,7 @@ impl Robot {
         self.note("user disconnected");
     }
 
-    /// Reboots in place: all commanded state is reset, the battery's level stays.
+    /// Reboots in place: resets all commanded state and keeps the battery's level.
     pub fn reboot(&mut self) {
         self.commanded = Tracks::default();
         self.docking.stop();
@@ -148,7 +148,7 @@ impl Robot {
         self.note("started");
     }
 
-    /// Lets `dt` pass; a few hundredths of a second at most.
+    /// Advances by `dt`, at most a few hundredths of a second.
     pub fn step(&mut self, dt: Duration) {
         self.time += dt;
         self.drive(dt);
@@ -171,7 +171,7 @@ impl Robot {
         self.report_power();
     }
 
-    /// The robot as it is now; the server adds who is connected.
+    /// Returns the current state; the server adds the connected user.
     pub fn state(&self) -> State {
         State {
             time: self.time,
@@ -203,14 +203,14 @@ impl Robot {
         self.report_power();
     }
 
-    /// With a broken charger the robot docks and does not charge.
+    /// Repairs or breaks the charger; with a broken one the robot docks but does not charge.
     pub fn set_charger_works(&mut self, works: bool) {
         self.contacts.charger_works = works;
         self.touch();
         self.report_power();
     }
 
-    /// Moves the robot to a pose; one that is not finite is ignored.
+    /// Moves the robot to a pose. Ignores a pose that is not finite.
     pub fn place(&mut self, pose: Pose) {
         if ![pose.x, pose.y, pose.heading]
             .iter()
@@ -230,14 +230,14 @@ impl Robot {
         }
     }
 
-    /// A tone of this level, dBFS, sounds at the microphone for so long.
+    /// Plays a tone of this level, dBFS, at the microphone for `time`.
     pub fn disturb(&mut self, dbfs: f64, time: Duration) {
         if dbfs.is_finite() {
             self.microphone.disturb(dbfs.min(0.0), self.time + time);
         }
     }
 
-    /// With the beacon off the station cannot be found.
+    /// Switches the beacon; while it is off, the robot cannot find the station.
     pub fn set_beacon(&mut self, on: bool) {
         self.contacts.beacon = on;
     }
@@ -275,7 +275,7 @@ impl Robot {
         self.move_on(dt);
     }
 
-    /// The robot and all that moves besides it, after `dt`.
+    /// Moves the robot and everything else that moves by `dt`.
     fn move_on(&mut self, dt: Duration) {
         self.surroundings.step(dt.as_secs_f64(), &self.chassis);
         let speed = self.chassis.forward_speed();
@@ -291,7 +291,7 @@ impl Robot {
         }
     }
 
-    /// Notices what the contacts of the station do.
+    /// Updates the contacts with the station, and reports changes.
     fn touch(&mut self) {
         let station = &self.surroundings.world.station;
         self.contacts.touch(station, self.chassis.pose);
@@ -368,7 +368,7 @@ impl Robot {
         self.reports.push(Report::Engine(report));
     }
 
-    /// Adds an observation to the trace, for the picture of the run.
+    /// Adds an event to the trace, for the map of the run.
     pub fn mark(&self, what: What) {
         lock(&self.trace).note(what);
     }

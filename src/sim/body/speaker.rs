@@ -1,18 +1,18 @@
-//! The speaker: which sound plays, for how long, and how the robot's own microphone hears it.
+//! The speaker: the sound that plays, how long it lasts, and its samples for the microphone.
 
 use std::f64::consts::TAU;
 use std::time::Duration;
 
 use crate::wire::Sound;
 
-/// A sound of the simulator: not the robot's recordings, but as long and as different from each
-/// other.
+/// A synthetic sound that replaces one of the robot's recordings, with a similar length and
+/// distinct from the others.
 struct Voice {
     millis: u64,
     hertz: f64,
-    /// Up (positive) or down from the start to the end, hertz.
+    /// Change of the frequency from start to end, hertz; positive is up.
     sweep: f64,
-    /// Separate bips; 1 is one unbroken sound.
+    /// Number of separate beeps; 1 is one continuous sound.
     bips: u32,
 }
 
@@ -58,7 +58,7 @@ pub(crate) struct Speaker {
 }
 
 impl Speaker {
-    /// Silent; the uploaded music lasts `music`.
+    /// Creates a silent speaker; the uploaded music lasts `music`.
     pub(crate) fn new(music: Duration) -> Speaker {
         Speaker {
             volume: 80,
@@ -68,7 +68,7 @@ impl Speaker {
         }
     }
 
-    /// 0..=100 percent.
+    /// Returns the volume, 0..=100 percent.
     pub(crate) fn volume(&self) -> u8 {
         self.volume
     }
@@ -78,12 +78,12 @@ impl Speaker {
         self.volume = percent.min(100);
     }
 
-    /// What plays now.
+    /// Returns the sound that is playing.
     pub(crate) fn playing(&self) -> Option<Sound> {
         self.playing.as_ref().map(|playing| playing.sound)
     }
 
-    /// Plays a sound in place of the present one. Unknown sounds are silent.
+    /// Plays a sound, replacing the current one. Unknown sounds are silent.
     pub(crate) fn play(&mut self, sound: Sound) {
         let length = |voice: Voice| match sound {
             Sound::Music => self.music,
@@ -97,12 +97,12 @@ impl Speaker {
         });
     }
 
-    /// Silence.
+    /// Stops the sound.
     pub(crate) fn stop(&mut self) {
         self.playing = None;
     }
 
-    /// Lets `dt` pass; the sound that ended by itself in that time.
+    /// Advances by `dt`; returns the sound that reached its end in that time.
     pub(crate) fn step(&mut self, dt: Duration) -> Option<Sound> {
         let playing = self.playing.as_mut()?;
         playing.played += dt;
@@ -112,7 +112,7 @@ impl Speaker {
         self.playing.take().map(|playing| playing.sound)
     }
 
-    /// The next sample as the microphone hears it, -1..=1, `seconds` after the one before.
+    /// Returns the next sample for the microphone, -1..=1, `seconds` after the previous one.
     pub(crate) fn sample(&mut self, seconds: f64) -> f64 {
         let Some(playing) = &self.playing else {
             return 0.0;
@@ -141,7 +141,7 @@ mod tests {
     const TICK: Duration = Duration::from_millis(20);
 
     #[test]
-    fn every_known_sound_ends_by_itself() {
+    fn every_known_sound_reaches_its_end() {
         for &sound in Sound::ALL {
             let mut speaker = Speaker::new(Duration::from_secs(3));
             speaker.play(sound);
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stopped_sound_does_not_end_by_itself() {
+    fn a_stopped_sound_does_not_report_its_end() {
         let mut speaker = Speaker::new(Duration::from_secs(3));
         speaker.play(Sound::Music);
         speaker.stop();

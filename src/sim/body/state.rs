@@ -1,4 +1,4 @@
-//! The simulated robot as it is right now, for status lines and tests.
+//! The current state of the simulated robot, for status lines and tests.
 
 use std::time::Duration;
 
@@ -7,14 +7,14 @@ use crate::wire::{Led, Power, Sound, Stream};
 use super::chassis::Tracks;
 use crate::sim::geometry::Pose;
 
-/// One value for each light.
+/// Which lights are on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Leds {
     /// The headlight.
     pub flash: bool,
-    /// On the left.
+    /// The left light.
     pub left: bool,
-    /// On the right.
+    /// The right light.
     pub right: bool,
 }
 
@@ -31,7 +31,7 @@ impl Leds {
     }
 }
 
-/// One value for each stream.
+/// Which streams are on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 pub struct Streams {
     /// The camera.
@@ -55,12 +55,12 @@ impl Streams {
     }
 }
 
-/// The robot's state, as handles and status lines show it.
+/// The robot's state, as shown by handles and status lines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// Simulated time since the start.
     pub time: Duration,
-    /// Where it stands and which way it looks.
+    /// The robot's position and heading.
     pub pose: Pose,
     /// The battery's level, 0..=100, unrounded.
     pub battery: f64,
@@ -68,31 +68,31 @@ pub struct State {
     pub power: Power,
     /// Current flows into the battery.
     pub charging: bool,
-    /// On the station; while it backs out, until it has left.
+    /// The robot is on the station; while it backs out, true until it has left.
     pub docked: bool,
-    /// On its way to the station, searching included.
+    /// The robot is driving to the station or searching for it.
     pub searching: bool,
-    /// Backing out of the station.
+    /// The robot is backing out of the station.
     pub leaving: bool,
-    /// The last MOVE, as it came; 0 while the robot drives by itself.
+    /// The last MOVE as received; 0 if the tracks were stopped or a manoeuvre was started since.
     pub commanded: Tracks<i8>,
-    /// What the tracks really do, metres a second.
+    /// The actual speeds of the tracks, metres per second.
     pub speeds: Tracks<f64>,
-    /// Something is in the way.
+    /// An obstacle blocks the robot.
     pub blocked: bool,
-    /// How often it ran into something.
+    /// Number of collisions.
     pub collisions: u64,
     /// Metres driven.
     pub distance: f64,
     /// The lights.
     pub leds: Leds,
-    /// What plays now.
+    /// The sound that is playing.
     pub sound: Option<Sound>,
-    /// 0..=100 percent.
+    /// The volume, 0..=100 percent.
     pub volume: u8,
     /// The streams that are on.
     pub streams: Streams,
-    /// Who is connected.
+    /// The connected user.
     pub user: Option<String>,
     /// Frames rendered so far.
     pub frames: u64,
@@ -101,7 +101,7 @@ pub struct State {
 }
 
 impl State {
-    /// Whether a track turns.
+    /// Whether a track is moving.
     pub fn moving(&self) -> bool {
         self.speeds.left != 0.0 || self.speeds.right != 0.0
     }

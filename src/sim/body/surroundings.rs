@@ -1,4 +1,4 @@
-//! What surrounds the robot: its world with all that moves there.
+//! The robot's surroundings: its world, with the balls and people that move in it.
 
 use super::chassis::Chassis;
 use crate::sim::geometry::obstacles::{Circle, Obstacles};
@@ -6,16 +6,16 @@ use crate::sim::geometry::{Point, RADIUS};
 use crate::sim::world::document::World;
 use crate::sim::world::movers::Movers;
 
-/// A world at a moment.
+/// The current state of a world.
 pub(super) struct Surroundings {
-    /// As it was at first.
+    /// The world in its initial state.
     pub(super) world: World,
     pub(super) obstacles: Obstacles,
     movers: Movers,
 }
 
 impl Surroundings {
-    /// As a world is at first.
+    /// Creates the surroundings from the initial state of a world.
     pub(super) fn of(world: World) -> Surroundings {
         Surroundings {
             obstacles: world.obstacles(),
@@ -24,12 +24,12 @@ impl Surroundings {
         }
     }
 
-    /// Where balls and people are, balls first.
+    /// Returns the places of balls and people, balls first.
     pub(super) fn places(&self) -> impl Iterator<Item = Point> {
         self.movers.places()
     }
 
-    /// Puts a ball somewhere, at rest; the number is its place in the world's list.
+    /// Puts a ball at a place, at rest; `index` is its index in the world's list.
     pub(super) fn put_ball(&mut self, index: usize, place: Point) {
         if index < self.world.balls.len() && place.x.is_finite() && place.y.is_finite() {
             self.movers.put_ball(index, place);
@@ -37,13 +37,14 @@ impl Surroundings {
         }
     }
 
-    /// Lets time pass for all that moves besides the robot, and lets balls roll out of its way.
+    /// Advances everything that moves besides the robot, and pushes balls out of the robot's way.
     pub(super) fn step(&mut self, seconds: f64, chassis: &Chassis) {
         let here = Circle::new(chassis.pose.point(), RADIUS);
         self.movers.step(seconds, here, &mut self.obstacles);
         let speed = chassis.forward_speed();
         if speed != 0.0 {
-            // A little farther than it gets: what is touched makes way first.
+            // Looks a little farther than the robot gets in this step, so that a ball rolls away
+            // before it can block the robot.
             let next = here
                 .middle
                 .ahead(chassis.pose.heading, 1.5 * speed * seconds);
@@ -52,7 +53,7 @@ impl Surroundings {
         }
     }
 
-    /// The name of what is nearest to a point.
+    /// Returns the name of the thing nearest to a point.
     pub(super) fn name_at(&self, point: Point) -> String {
         self.world.name_of(self.obstacles.nearest(point))
     }

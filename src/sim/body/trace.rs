@@ -1,5 +1,5 @@
-//! What a robot did: where it was when, and what happened there. Kept by every simulated robot, in
-//! bounded memory, for the picture of a run and for tests of behaviours.
+//! The trace of a robot: its path over time, and the events along it. Every simulated robot keeps
+//! one, in bounded memory, for the map of a run and for tests of behaviours.
 
 use std::time::Duration;
 
@@ -7,77 +7,77 @@ use crate::wire::{Led, Sound};
 
 use crate::sim::geometry::{Point, Pose};
 
-/// Samples that are kept; then every other one is forgotten.
+/// Maximum number of samples; at this number, every other one is dropped.
 const MAX_SAMPLES: usize = 16_384;
-/// Happenings that are kept; later ones are only counted.
+/// Maximum number of events kept; later ones are only counted.
 const MAX_EVENTS: usize = 2048;
-/// A sample is taken when the robot went so far, metres, or turned so far, radians.
+/// A sample is taken when the robot has moved this far, metres, or turned this far, radians.
 const STRIDE: f64 = 0.02;
 const TURN: f64 = 0.1;
-/// Metres in one step: a longer one is not driving; the robot was placed.
+/// Metres per step; in a longer step the robot did not drive but was placed.
 const LEAP: f64 = 0.1;
 
-/// Where the robot was at a time.
+/// The robot's pose at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     /// Simulated time since the start.
     pub at: Duration,
-    /// Where it was.
+    /// The robot's pose.
     pub pose: Pose,
-    /// The robot was placed here; it did not drive here from the sample before.
+    /// The robot was placed here; it did not drive here from the previous sample.
     pub leapt: bool,
 }
 
-/// Something that happened to the robot, or that it was told.
+/// An event: something that happened to the robot, or a command that it received.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Happening {
     /// Simulated time since the start.
     pub at: Duration,
-    /// Where the robot was.
+    /// The robot's pose at that time.
     pub pose: Pose,
-    /// What it was.
+    /// What happened.
     pub what: What,
 }
 
-/// What can happen.
+/// Kinds of events.
 #[derive(Debug, Clone, PartialEq)]
 pub enum What {
-    /// It ran into something of this name.
+    /// The robot ran into the thing with this name.
     Collision(String),
-    /// It was told to find its station, by the watchdog or a script.
+    /// The watchdog or a script commanded the robot to find its station.
     FindBase,
-    /// It stands on its station.
+    /// The robot docked at its station.
     Docked,
-    /// It has left its station.
+    /// The robot left its station.
     Undocked,
-    /// It gave up finding its station.
+    /// The robot gave up searching for its station.
     BaseNotFound,
-    /// It was told to play a sound.
+    /// The robot was commanded to play a sound.
     Sound(Sound),
-    /// It was told to switch a light.
+    /// The robot was commanded to switch a light.
     Light {
-        /// Which one.
+        /// Which light.
         led: Led,
         /// On or off.
         on: bool,
     },
-    /// It played the sound of a camera, which behaviours do when they keep a picture.
+    /// The robot played the camera sound, which behaviours use when they keep a picture.
     Photo,
-    /// A note of an observer; see [`Handle::note`](crate::sim::Handle::note).
+    /// A note by an observer; see [`Handle::note`](crate::sim::Handle::note).
     Note(String),
 }
 
-/// Where all that moves besides the robot is: so many balls first, then people.
+/// The places of everything that moves besides the robot: first `balls` balls, then people.
 pub(crate) struct Movers<I> {
     pub(crate) places: I,
     pub(crate) balls: usize,
 }
 
-/// What one robot did so far.
+/// The trace of one robot so far.
 #[derive(Debug, Clone, Default)]
 pub struct Trace {
     samples: Vec<Sample>,
-    /// Only every so many strides are kept.
+    /// One in this many strides is kept.
     thin: u32,
     skipped: u32,
     events: Vec<Happening>,
@@ -99,7 +99,7 @@ impl Default for Sample {
 }
 
 impl Trace {
-    /// Begins where the robot starts.
+    /// Creates a trace that starts at `pose`.
     pub(crate) fn from(pose: Pose) -> Trace {
         let start = Sample {
             pose,
@@ -113,7 +113,7 @@ impl Trace {
         }
     }
 
-    /// The robot is here now.
+    /// Records the robot's current pose, and the places of everything else that moves.
     pub(crate) fn follow(
         &mut self,
         at: Duration,
@@ -154,13 +154,13 @@ impl Trace {
                 index += 1;
                 sample.leapt || index % 2 == 1
             });
-            // Bounds the number of placements too.
+            // This bounds the number of placements too.
             self.samples.truncate(MAX_SAMPLES - 1);
             self.thin *= 2;
         }
     }
 
-    /// Something happens now.
+    /// Records an event at the current time.
     pub(crate) fn note(&mut self, what: What) {
         if self.events.len() == MAX_EVENTS {
             self.missed += 1;
@@ -170,42 +170,43 @@ impl Trace {
         self.events.push(Happening { at, pose, what });
     }
 
-    /// Where it was, oldest first, a few centimetres apart; the last one is now.
+    /// Returns the samples, oldest first, a few centimetres apart; the last one is the current
+    /// pose.
     pub fn samples(&self) -> impl Iterator<Item = Sample> {
         self.samples.iter().copied().chain([self.now])
     }
 
-    /// What happened, oldest first; of very many the first ones.
+    /// Returns the events, oldest first; of very many, only the first ones.
     pub fn events(&self) -> &[Happening] {
         &self.events
     }
 
-    /// How many happenings there were beyond [`Trace::events`].
+    /// Returns the number of events not contained in [`Trace::events`].
     pub fn missed(&self) -> usize {
         self.missed
     }
 
-    /// Simulated time that has passed.
+    /// Returns the simulated time that has passed.
     pub fn duration(&self) -> Duration {
         self.now.at
     }
 
-    /// Metres driven.
+    /// Returns the distance driven, in metres.
     pub fn distance(&self) -> f64 {
         self.distance
     }
 
-    /// Where the balls are now, in the world's order.
+    /// Returns the current places of the balls, in the world's order.
     pub fn balls(&self) -> &[Point] {
         &self.balls
     }
 
-    /// Where the people are now, in the world's order.
+    /// Returns the current places of the people, in the world's order.
     pub fn walkers(&self) -> &[Point] {
         &self.walkers
     }
 
-    /// What the robot ran into, oldest first.
+    /// Returns the names of the things the robot ran into, oldest first.
     pub fn collisions(&self) -> impl Iterator<Item = &str> {
         self.events.iter().filter_map(|event| match &event.what {
             What::Collision(name) => Some(name.as_str()),
@@ -230,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn a_long_way_is_kept_coarser_and_no_longer() {
+    fn a_long_path_is_thinned_out() {
         let mut trace = Trace::from(pose(0.0));
         for step in 1..=200_000 {
             let at = Duration::from_millis(20) * step;
@@ -255,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_that_is_put_somewhere_has_not_driven() {
+    fn placing_the_robot_does_not_count_as_driving() {
         let mut trace = Trace::from(pose(0.0));
         trace.follow(Duration::from_secs(1), pose(3.0), nothing());
         assert_eq!(trace.distance(), 0.0);
@@ -263,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn happenings_without_end_are_counted() {
+    fn events_beyond_the_limit_are_counted() {
         let mut trace = Trace::from(pose(0.0));
         (0..MAX_EVENTS + 5).for_each(|_| trace.note(What::Photo));
         assert_eq!((trace.events().len(), trace.missed()), (MAX_EVENTS, 5));

@@ -1,4 +1,4 @@
-//! The video stream: frames at their rate, each sent when the camera's latency is over.
+//! The video stream: frames at the frame rate, each sent after the camera's latency.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -8,20 +8,20 @@ use bytes::Bytes;
 use crate::sim::camera::{Camera, Shot};
 use crate::sim::world::document::World;
 
-/// The camera with the frames that it owes.
+/// The camera, with the frames that wait to be sent.
 pub(super) struct Video {
     pub(super) camera: Camera,
     fps: f64,
     latency: Duration,
-    /// Part of the next frame's period that is over, 1 when it is due.
+    /// Elapsed share of the frame period; the next frame is due at 1.
     due: f64,
     frames: u64,
-    /// Frames that wait for their latency, with the time at which they are sent.
+    /// Frames delayed by the latency, each with the time at which it is sent.
     waiting: VecDeque<(Duration, Bytes)>,
 }
 
 impl Video {
-    /// `seed` draws the noise of the frames.
+    /// Creates the stream; `seed` determines the noise of the frames.
     pub(super) fn new(world: &World, seed: u64) -> Video {
         Video {
             camera: Camera::new(world, seed),
@@ -33,22 +33,23 @@ impl Video {
         }
     }
 
-    /// Frames rendered so far.
+    /// Returns the number of frames rendered so far.
     pub(super) fn frames(&self) -> u64 {
         self.frames
     }
 
-    /// The next frame is due at once.
+    /// Makes the next frame due immediately.
     pub(super) fn hurry(&mut self) {
         self.due = 1.0;
     }
 
-    /// The stream is off: frames that wait are dropped.
+    /// Stops the stream: drops all waiting frames.
     pub(super) fn stop(&mut self) {
         self.waiting.clear();
     }
 
-    /// Lets `dt` pass and takes a frame if one is due; `prepare` says of what.
+    /// Advances by `dt` and renders a frame if one is due. `prepare` updates the camera and returns
+    /// the shot.
     pub(super) fn step(&mut self, dt: Duration, prepare: impl FnOnce(&mut Camera) -> Shot) {
         self.due += dt.as_secs_f64() * self.fps;
         if self.due >= 1.0 {
@@ -60,7 +61,7 @@ impl Video {
         }
     }
 
-    /// The next frame whose latency is over.
+    /// Returns the next frame whose latency has elapsed.
     pub(super) fn take(&mut self, now: Duration) -> Option<Bytes> {
         let (sent_at, _) = self.waiting.front()?;
         if *sent_at > now {

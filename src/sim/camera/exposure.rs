@@ -4,13 +4,14 @@ use std::time::Duration;
 
 use super::texture::Pixel;
 
-/// What it wants of the mean of a frame, 0..=255, and how far it goes.
+/// Target for the mean brightness of a frame, 0..=255.
 const MIDDLE_GREY: f32 = 105.0;
+/// Range of the gain.
 const GAINS: std::ops::RangeInclusive<f32> = 0.5..=2.5;
-/// One pixel of so many is looked at.
+/// One in this many pixels is measured.
 const EVERY: usize = 37;
 
-/// How much the light is amplified.
+/// The exposure control: amplifies the light of a frame.
 #[derive(Debug)]
 pub(super) struct Exposure {
     /// Time constant, seconds; 0 switches it off.
@@ -20,7 +21,8 @@ pub(super) struct Exposure {
 }
 
 impl Exposure {
-    /// See [`CameraSettings::exposure`](crate::sim::CameraSettings::exposure).
+    /// Creates an exposure control; see
+    /// [`CameraSettings::exposure`](crate::sim::CameraSettings::exposure).
     pub(super) fn new(slowness: f64) -> Exposure {
         Exposure {
             slowness,
@@ -29,12 +31,12 @@ impl Exposure {
         }
     }
 
-    /// 1 leaves the light as it is.
+    /// Returns the gain; 1 leaves the light unchanged.
     pub(super) fn gain(&self) -> f32 {
         self.gain
     }
 
-    /// Follows the light of a frame that was taken at `time`.
+    /// Adjusts the gain to the brightness of a frame taken at `time`.
     pub(super) fn follow(&mut self, frame: &[Pixel], time: Duration) {
         if self.slowness <= 0.0 {
             return;

@@ -1,4 +1,4 @@
-//! Paints the floor of a frame, row by row.
+//! Renders the floor of a frame, row by row.
 
 use super::ground;
 use super::light::Lighting;
@@ -7,19 +7,19 @@ use super::texture::{Pixel, Texture, between, lit};
 use super::view::{HEIGHT, Row, View, WIDTH};
 use crate::sim::world::document::World;
 
-/// Columns that share one look at the lamps' light on the floor.
+/// Number of columns that share one sample of the light on the floor.
 const PATCH: usize = 16;
 
 /// The floor of a world.
 pub(super) struct Floor {
     world: World,
-    /// Painted for the first frame: most simulated robots never take one.
+    /// Created for the first frame: most simulated robots never take one.
     texture: Option<Texture>,
     rows: Vec<Row>,
 }
 
 impl Floor {
-    /// As a camera of this focal length, in pixels, sees it.
+    /// Creates the floor for a camera with this focal length, in pixels.
     pub(super) fn new(world: &World, focal: f32) -> Floor {
         let rows = (0..HEIGHT / 2).map(|row| Row::below_horizon(row, focal));
         Floor {
@@ -29,7 +29,8 @@ impl Floor {
         }
     }
 
-    /// Paints the rows below the horizon; `shores` is the row at which each column's floor begins.
+    /// Renders the rows below the horizon; `shores` holds the row at which each column's floor
+    /// begins.
     pub(super) fn paint(
         &mut self,
         frame: &mut [Pixel],
@@ -86,8 +87,8 @@ impl Floor {
     }
 }
 
-/// How many columns may share one look at the floor, when one of them is so many of the floor's
-/// pixels wide: what is between looks is smooth.
+/// Returns the number of columns that may share one texture sample when one column is `pixels`
+/// texels wide. Columns between samples are interpolated.
 fn stride(pixels: f32) -> usize {
     match pixels {
         _ if pixels < 0.25 => 4,

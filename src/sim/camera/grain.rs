@@ -1,4 +1,4 @@
-//! The grain of a picture: a little noise, as small cameras have it.
+//! Image grain: slight noise, as in frames of small cameras.
 
 use rand::rngs::StdRng;
 use rand::{Rng, RngExt, SeedableRng};
@@ -7,21 +7,21 @@ use super::view::{HEIGHT, WIDTH};
 
 /// Bytes of a frame before it is encoded.
 const LEN: usize = WIDTH * HEIGHT * 4;
-/// Pixels by which the noise of one frame may be shifted against that of another.
+/// Number of possible offsets, in pixels, of the noise of a frame.
 const SHIFTS: usize = 4096;
-/// The noise of a world that asks for 1, in steps of 255.
+/// Range of the noise at strength 1, on the scale 0..=255.
 const LOUDEST: f64 = 32.0;
 
-/// Noise for frames: drawn once, and laid over each frame at another place.
+/// Noise for frames: generated once, and added to each frame at a random offset.
 pub(crate) struct Grain {
-    /// 0..=`middle` * 2 for each byte of a frame, the same for all of a pixel.
+    /// 0..=`middle` * 2 for each byte of a frame, the same for all channels of a pixel.
     noise: Vec<u8>,
     middle: u8,
     random: StdRng,
 }
 
 impl Grain {
-    /// Of a strength, 0..=1.
+    /// Creates noise of this strength, 0..=1.
     pub(crate) fn new(strength: f64, seed: u64) -> Grain {
         let mut random = StdRng::seed_from_u64(seed);
         let middle = (strength.clamp(0.0, 1.0) * LOUDEST / 2.0).round() as u8;
@@ -39,7 +39,7 @@ impl Grain {
         }
     }
 
-    /// The frame with noise over it.
+    /// Writes the frame with added noise to `grainy`.
     pub(crate) fn lay_over(&mut self, pixels: &[u8], grainy: &mut [u8]) {
         if self.middle == 0 {
             return grainy.copy_from_slice(pixels);
@@ -56,7 +56,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn grain_is_small_and_even() {
+    fn grain_is_weak_and_has_no_bias() {
         let mut pixels = vec![0; LEN];
         Grain::new(0.25, 5).lay_over(&vec![100; LEN], &mut pixels);
         assert!(pixels.iter().all(|channel| (96..=104).contains(channel)));
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn no_strength_is_no_grain() {
+    fn strength_zero_adds_no_grain() {
         let mut pixels = vec![0; LEN];
         Grain::new(0.0, 5).lay_over(&vec![100; LEN], &mut pixels);
         assert!(pixels.iter().all(|channel| *channel == 100));

@@ -1,5 +1,5 @@
-//! What the floor looks like: planks, tiles or concrete, the rugs and lines on it, and the soft
-//! shadows of what stands there.
+//! The floor's texture: planks, tiles or concrete, rugs and lines, and the soft shadows of the
+//! things that stand on it.
 
 use kurbo::{BezPath, PathEl};
 use tiny_skia::{Path, PathBuilder, PixmapMut, Stroke, Transform};
@@ -14,16 +14,16 @@ use crate::sim::world::things::{Floor, Rug};
 
 /// Side of a cell of the shadow map, metres.
 const CELL: f32 = 0.05;
-/// How far from a thing its shadow ends, metres.
+/// Distance from a thing at which its shadow ends, metres.
 const SHADOW: f32 = 0.16;
 
-/// Side of a pixel of the floor's picture, metres, in rooms of usual size.
+/// Side of a texel of the floor, metres, in rooms of usual size.
 const PIXEL: f32 = 0.01;
-/// Pixels of the floor's picture, about, at most.
+/// Approximate maximum number of texels of the floor.
 const MOST_PIXELS: f32 = 2e6;
 
-/// The picture of a room's floor, with rugs, lines and soft shadows of what stands there. Its
-/// first axis is y.
+/// Paints the texture of a room's floor, with rugs, lines and the soft shadows of the things on it.
+/// Its first axis is y.
 pub(crate) fn picture(world: &World) -> Texture {
     let (width, depth) = (world.room.width as f32, world.room.depth as f32);
     let size = PIXEL.max((width * depth / MOST_PIXELS).sqrt());
@@ -56,7 +56,7 @@ pub(crate) fn picture(world: &World) -> Texture {
     Texture::of(pixels, count, scale)
 }
 
-/// Sticks tapes onto a floor of that many rows and columns, so many a metre.
+/// Draws tapes onto a floor texture with `count` rows and columns, at `scale` texels per metre.
 fn stick(tapes: &[Tape], pixels: &mut [u8], count: [usize; 2], scale: [f32; 2]) {
     let size = (count[1] as u32, count[0] as u32);
     let Some(mut floor) = PixmapMut::from_bytes(pixels, size.0, size.1) else {
@@ -78,7 +78,7 @@ fn stick(tapes: &[Tape], pixels: &mut [u8], count: [usize; 2], scale: [f32; 2]) 
     }
 }
 
-/// The same path for painting.
+/// Converts a path for drawing.
 pub(crate) fn outline(path: &BezPath) -> Option<Path> {
     let mut builder = PathBuilder::new();
     for element in path.elements() {
@@ -164,13 +164,13 @@ fn concrete(x: f32, y: f32) -> Rgb {
     scaled([150.0, 150.0, 147.0], 0.93 + 0.05 * coarse + 0.08 * fine)
 }
 
-/// A positive number's whole part and what is left.
+/// Splits a positive number into its integer and fractional parts.
 fn cut(number: f32) -> (i32, f32) {
     let whole = number as i32;
     (whole, number - whole as f32)
 }
 
-/// How much light gets to each place, on a coarse grid and smooth between its points.
+/// The share of light that reaches each place, on a coarse grid with interpolation.
 #[derive(Debug)]
 struct Shadows {
     columns: usize,

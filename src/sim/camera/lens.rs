@@ -1,31 +1,32 @@
-//! What the lens makes of the picture: it bends it (Brown and Conrady: what would be seen at a distance r
-//! from the middle, in focal lengths, is seen at r (1 + k1 r² + k2 r⁴)). Shares nothing with `vision`,
-//! which undoes it, so that a mistake of one does not hide in the other.
+//! Radial lens distortion (Brown-Conrady model: a point at distance r from the image centre, in
+//! focal lengths, appears at r (1 + k1 r² + k2 r⁴)). Shares no code with `vision`, which corrects
+//! the distortion, so that an error in one is not masked by the same error in the other.
 
 use super::texture::{Pixel, mix};
 use super::view::{HEIGHT, WIDTH};
 use crate::sim::world::settings::CameraSettings;
 
-/// Entries of the table that is searched for the way back through the lens.
+/// Number of entries of the table that inverts the distortion.
 const STEPS: usize = 4000;
-/// Nothing is seen farther from the middle than this, in focal lengths.
+/// Largest distance from the image centre that the table covers, in focal lengths.
 const FARTHEST: f32 = 12.0;
 
-/// A lens, and where the renderer's straight picture has what each pixel shows.
+/// A lens, with the source of each pixel in the renderer's undistorted image.
 pub(super) struct Lens {
-    /// Of the straight picture, in pixels: less than that of the bent one where its corners show more.
+    /// Focal length of the undistorted image, in pixels; shorter than that of the distorted image
+    /// if the corners of that one show more.
     pub(super) focal: f32,
-    /// Nothing for a lens that bends nothing.
+    /// Empty for a lens without distortion.
     sources: Vec<Source>,
     frame: Vec<Pixel>,
 }
 
-/// Between four pixels.
+/// A place between four pixels.
 #[derive(Clone, Copy)]
 struct Source {
-    /// The upper left one.
+    /// Index of the upper left pixel.
     index: u32,
-    /// The share of those to the right of it and of those below it, of 256.
+    /// Weights of the pixels to the right of it and of those below it, in 256ths.
     right: u16,
     below: u16,
 }
@@ -65,7 +66,7 @@ impl Lens {
         }
     }
 
-    /// The picture behind the lens.
+    /// Applies the distortion to a rendered image.
     pub(super) fn bend(&mut self, straight: &[Pixel]) {
         let at = |index: usize| {
             straight
@@ -81,7 +82,7 @@ impl Lens {
         }
     }
 
-    /// What was bent last, or the straight picture itself.
+    /// Returns the last distorted image, or `straight` itself for a lens without distortion.
     pub(super) fn seen<'a>(&'a self, straight: &'a [Pixel]) -> &'a [Pixel] {
         if self.sources.is_empty() {
             straight
@@ -104,20 +105,21 @@ impl Source {
     }
 }
 
-/// Without distortion, in pixels.
+/// Returns the focal length without distortion, in pixels.
 fn focal(settings: &CameraSettings) -> f32 {
     let hfov = settings.hfov_degrees().to_radians() as f32;
     WIDTH as f32 / 2.0 / (hfov / 2.0).tan()
 }
 
-/// A pixel's middle to the right of that of the picture, and below it.
+/// Returns how far a pixel's centre lies to the right of and below the image centre.
 fn from_middle(index: usize) -> (f32, f32) {
     let (column, row) = (index % WIDTH, index / WIDTH);
     let off = |place: usize, length: usize| place as f32 + 0.5 - length as f32 / 2.0;
     (off(column, WIDTH), off(row, HEIGHT))
 }
 
-/// Where a lens shows what is at each distance from the middle, up to where it folds the picture.
+/// The inverse distortion: the distorted distance from the image centre for each undistorted one,
+/// up to the distance at which the lens would fold the image.
 struct WayBack(Vec<f32>);
 
 impl WayBack {
@@ -159,10 +161,10 @@ mod tests {
     }
 
     #[test]
-    fn a_lens_bends_what_is_straight_and_leaves_the_middle_alone() {
+    fn a_lens_bends_straight_lines_except_through_the_centre() {
         let mut lens = Lens::of(&lens([-0.25, 0.0]));
         let mut straight = vec![[0; 4]; WIDTH * HEIGHT];
-        // A line along the upper edge of the straight picture, and one through its middle.
+        // A line along the upper edge of the undistorted image, and one through its centre.
         let lines = [8, HEIGHT / 2 - 1, HEIGHT / 2];
         for row in lines {
             straight[row * WIDTH..][..WIDTH].fill([255, 0, 0, 0]);
@@ -175,7 +177,7 @@ mod tests {
         let (side, middle) = (upper(20), upper(WIDTH / 2));
         assert!(
             side > middle.map(|row| row + 3),
-            "{side:?} {middle:?}: it bulges"
+            "{side:?} {middle:?}: no distortion"
         );
     }
 

@@ -1,18 +1,18 @@
-//! How bright a world is and in which colour: daylight and lamps, which switch by their schedules.
+//! Brightness and colour of the light in a world: daylight, and lamps that switch by schedule.
 
 use crate::sim::geometry::Point;
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::world::document::World;
 use crate::sim::world::fittings::Lamp;
 
-/// Points of the map along the longer side of a room, at most.
+/// Maximum number of points of the light map along the longer side of a room.
 const MOST_POINTS: usize = 96;
-/// Between points of the map, metres, at least.
+/// Minimum distance between points of the light map, metres.
 const FINEST: f64 = 0.15;
-/// What gets through doors and over walls of a lamp that is not seen.
+/// Share of a hidden lamp's light that comes through doors and over walls.
 const SPILL: f32 = 0.06;
 
-/// Light by colour, 1 is full.
+/// Light per colour channel; 1 is full.
 pub(crate) type Light = [f32; 3];
 
 /// The light of a world.
@@ -20,19 +20,19 @@ pub(crate) type Light = [f32; 3];
 pub(crate) struct Lighting {
     day: f32,
     lamps: Vec<Lamp>,
-    /// What each lamp gives to each point of the map.
+    /// Light from each lamp at each point of the light map.
     shares: Vec<Vec<f32>>,
     lit: Vec<bool>,
     columns: usize,
     rows: usize,
     cell: f32,
     map: Vec<Light>,
-    /// On top of the world's own light.
+    /// Factor applied to the world's own light.
     gain: f32,
 }
 
 impl Lighting {
-    /// As at the start of a world.
+    /// Creates the lighting at the start of a world.
     pub(crate) fn of(world: &World) -> Lighting {
         let room = &world.room;
         let cell = (room.width.max(room.depth) / MOST_POINTS as f64).max(FINEST);
@@ -64,7 +64,8 @@ impl Lighting {
         lighting
     }
 
-    /// The lamps as they are at a time, in seconds; whether one of them was switched.
+    /// Switches the lamps according to their schedules at a time, in seconds; returns whether any
+    /// of them changed.
     pub(crate) fn pass_to(&mut self, seconds: f64) -> bool {
         let now = |lamp: &Lamp| lamp.lit(seconds);
         let mut lamps = self.lamps.iter().zip(&self.lit);
@@ -76,7 +77,7 @@ impl Lighting {
         switched
     }
 
-    /// Makes all of it so many times as bright as in the world itself.
+    /// Multiplies the world's own light by `gain`.
     pub(crate) fn set_gain(&mut self, gain: f32) {
         self.gain = gain;
         self.draw();
@@ -103,7 +104,7 @@ impl Lighting {
         self.map = (0..self.columns * self.rows).map(light).collect();
     }
 
-    /// The light at a place.
+    /// Returns the light at a place.
     pub(crate) fn at(&self, x: f32, y: f32) -> Light {
         if self.lamps.is_empty() {
             return [self.day * self.gain; 3];
@@ -121,7 +122,7 @@ impl Lighting {
         })
     }
 
-    /// Whether it is the same everywhere.
+    /// Whether the light is the same everywhere.
     pub(crate) fn even(&self) -> bool {
         self.lamps.is_empty()
     }
@@ -164,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn light_fades_and_walls_keep_it_in_its_room() {
+    fn light_fades_with_distance_and_is_blocked_by_walls() {
         let mut lighting = lighting();
         lighting.pass_to(12.0);
         assert!(lighting.at(1.0, 2.0)[0] > lighting.at(2.5, 3.5)[0] + 0.1);

@@ -31,34 +31,34 @@ use crate::sim::world::document::World;
 use crate::sim::world::settings::CameraSettings;
 use crate::vision::JpegEncoder;
 
-/// Takes frames.
+/// A camera that takes frames.
 pub(crate) struct Camera {
     settings: CameraSettings,
     lens: Lens,
     renderer: Renderer,
     exposure: Exposure,
-    /// What the renderer's frame shows, if nothing has changed since.
+    /// Inputs of the last rendered frame, unless it is outdated.
     sight: Option<Sight>,
     grain: Grain,
-    /// The frame with its grain.
+    /// The frame with grain.
     grainy: Vec<Pixel>,
-    /// Made for the first frame: most simulated robots never take one.
+    /// Created for the first frame: most simulated robots never take one.
     encoder: Option<JpegEncoder>,
 }
 
-/// What one frame is taken of.
+/// The parameters of one frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Shot {
     pub(crate) pose: Pose,
     /// The headlight is on.
     pub(crate) flash: bool,
-    /// How fast the robot turns, radians a second.
+    /// The robot's turning speed, radians per second.
     pub(crate) turning: f64,
     /// Simulated time.
     pub(crate) time: Duration,
 }
 
-/// All that a picture depends on besides what stands and shines where.
+/// All inputs of a frame except the scene and its lights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Sight {
     pose: Pose,
@@ -68,7 +68,7 @@ struct Sight {
 }
 
 impl Camera {
-    /// The camera of a robot in a world; `seed` draws the grain of its pictures.
+    /// Creates the camera of a robot in a world; `seed` determines the grain of its frames.
     pub(crate) fn new(world: &World, seed: u64) -> Camera {
         let lens = Lens::of(&world.camera);
         Camera {
@@ -96,7 +96,7 @@ impl Camera {
         }
     }
 
-    /// One frame.
+    /// Takes one frame and returns it as a JPEG.
     pub(crate) fn frame(&mut self, shot: Shot) -> Bytes {
         self.look(shot);
         let frame = self.lens.seen(self.renderer.frame());
@@ -111,8 +111,8 @@ impl Camera {
             .encode(&self.grainy)
     }
 
-    /// Renders the frame, unless nothing has changed since the last one: only the grain differs
-    /// then.
+    /// Renders the frame, unless nothing has changed since the last one; then only the grain
+    /// differs.
     fn look(&mut self, shot: Shot) {
         let Shot {
             pose,

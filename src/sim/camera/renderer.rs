@@ -1,5 +1,5 @@
-//! Paints frames: upright things column by column from near to far, the floor row by row, and then
-//! balls and signs over them.
+//! Renders frames: upright things column by column from near to far, then the floor row by row, and
+//! finally balls and signs on top.
 
 use super::floor::Floor;
 use super::light::{Light, Lighting};
@@ -12,10 +12,10 @@ use crate::sim::geometry::{Point, Pose};
 use crate::sim::world::document::World;
 
 const CEILING: Pixel = [224, 223, 218, 0];
-/// Longest smear, pixels.
+/// Maximum length of the motion blur, pixels.
 const LONGEST_SMEAR: usize = 24;
 
-/// Paints a world.
+/// The renderer of a world.
 pub(super) struct Renderer {
     pub(super) scene: Scene,
     pub(super) lighting: Lighting,
@@ -25,15 +25,15 @@ pub(super) struct Renderer {
     exposure: f32,
     frame: Vec<Pixel>,
     ceiling: Vec<Pixel>,
-    /// Room for smearing.
+    /// Buffer for the motion blur.
     sums: Vec<u64>,
     standing: Vec<Vec<Hit>>,
     hanging: Vec<Vec<Hit>>,
-    /// The row at which each column's floor begins.
+    /// The first row of the floor in each column.
     shores: Vec<usize>,
 }
 
-/// The lamp that shades balls and posts.
+/// The light source for the shading of balls and posts.
 #[derive(Debug, Clone, Copy)]
 struct Lamp {
     at: Point,
@@ -41,7 +41,7 @@ struct Lamp {
 }
 
 impl Renderer {
-    /// A renderer of a world, for a camera of this focal length in pixels, without distortion.
+    /// Creates a renderer for a camera with this focal length in pixels, without distortion.
     pub(super) fn new(world: &World, focal: f32) -> Renderer {
         let room = &world.room;
         Renderer {
@@ -63,13 +63,13 @@ impl Renderer {
         }
     }
 
-    /// What was rendered last.
+    /// Returns the last rendered frame.
     pub(super) fn frame(&self) -> &[Pixel] {
         &self.frame
     }
 
-    /// Paints what is seen from a pose; `turned` is how far the robot turns, in radians, while the
-    /// shutter is open.
+    /// Renders the view from a pose; `turned` is the angle, in radians, by which the robot turns
+    /// while the shutter is open.
     pub(super) fn render(&mut self, pose: Pose, flash: bool, exposure: f32, turned: f64) {
         self.exposure = exposure;
         let view = View::of(pose, self.focal, flash);
@@ -92,7 +92,7 @@ impl Renderer {
         }
     }
 
-    /// Finds what is in each column, nearest first.
+    /// Finds the things in each column, nearest first.
     fn survey(&mut self, view: &View) {
         let (standing, hanging) = (&mut self.standing, &mut self.hanging);
         standing
@@ -123,7 +123,8 @@ impl Renderer {
         }
     }
 
-    /// From near to far, each as far down as what stands before it lets it be seen.
+    /// Draws the standing things of a column from near to far, each down to where a nearer one
+    /// hides it.
     fn paint_column(&mut self, view: &View, column: Column) {
         let standing = std::mem::take(&mut self.standing[column.index]);
         let mut limit = HEIGHT;
@@ -172,7 +173,7 @@ impl Renderer {
         panel.is_some_and(|panel| matches!(panel.surface, Surface::Wall { .. }))
     }
 
-    /// What the ceiling looks like in each row.
+    /// Computes the ceiling's colour in each row.
     fn light_ceiling(&mut self) {
         let (x, y) = (self.lamp.at.x as f32, self.lamp.at.y as f32);
         let room = self.lighting.at(x, y);
@@ -206,7 +207,7 @@ impl Renderer {
         }
     }
 
-    /// The light that comes back from a depth in a column, exposure included.
+    /// Returns the light reflected from a depth in a column, including the exposure.
     fn light_on(&self, view: &View, column: Column, depth: f32) -> Light {
         let (x, y) = view.place(column, depth);
         let (fade, flash) = (lamps(depth), view.headlight(column, depth));
@@ -228,7 +229,7 @@ impl Renderer {
         let size = depth / view.focal;
         let level = self.scene.picture(index).level(size);
         let strip = level.strip(share * length);
-        // In 65,536ths of the strip's pixels.
+        // Fixed point: 65,536ths of the strip's texels.
         let fixed = level.scale[1] * 65_536.0;
         let step = (size * fixed) as i64;
         let mut place = ((view.height(rows.start, depth) - bottom) * fixed) as i64 + step;
@@ -270,7 +271,7 @@ impl Renderer {
         }
     }
 
-    /// Balls and signs from far to near, no lower than where something nearer stands.
+    /// Draws balls and signs from far to near, down to where a nearer standing thing hides them.
     fn paint_hanging(&mut self, view: &View, column: Column) {
         let hanging = std::mem::take(&mut self.hanging[column.index]);
         for hit in hanging.iter().rev() {
@@ -317,7 +318,7 @@ impl Renderer {
         }
     }
 
-    /// The direction of the lamp from a ball, in the camera's ahead, right and down.
+    /// Returns the direction from a ball to the lamp in camera axes: ahead, right, down.
     fn lamp_from(&self, view: &View, (ahead, right): (f32, f32), radius: f32) -> Rgb {
         let (lamp_ahead, lamp_right) = view.relative(self.lamp.at);
         let way = [

@@ -1,5 +1,5 @@
-//! The world as the camera needs it: upright panels, posts, people and balls, and in which columns
-//! of the picture they appear.
+//! The scene for the camera: upright panels, posts, people and balls, and the columns of the frame
+//! in which they appear.
 
 use super::sign;
 use super::surface::{Rgb, Surface, SurfacePoint, rgb};
@@ -13,15 +13,15 @@ use crate::sim::world::fittings::Sign;
 use crate::sim::world::paint::Paint;
 use crate::sim::world::station;
 
-/// Nearer than this nothing is drawn, metres.
+/// Depth of the near plane: nothing nearer is drawn, metres.
 const NEAR: f32 = 0.01;
-/// Side of a pixel of a panel's picture, metres, if the panel is not huge.
+/// Side of a texel of a panel, metres, unless the panel is huge.
 const PIXEL: f32 = 0.01;
-/// Pixels of a panel's picture, about, at most.
+/// Approximate maximum number of texels of a panel.
 const MOST_PIXELS: f32 = 4e5;
-/// A sign hangs so far before what it hangs on, metres.
+/// Distance between a sign and the thing on which it hangs, metres.
 const HANGS_OFF: f64 = 0.01;
-/// Things that a sign hangs on are not thicker than this, metres.
+/// Maximum thickness of a thing on which a sign hangs, metres.
 const THICKEST: f64 = 0.6;
 
 /// An upright rectangle.
@@ -32,7 +32,7 @@ pub(crate) struct Panel {
     pub(crate) bottom: f32,
     pub(crate) top: f32,
     pub(crate) surface: Surface,
-    /// How much of the room's light falls on it, from the way it faces.
+    /// Share of the room's light on it, which depends on its orientation.
     pub(crate) light: f32,
     picture: Option<Texture>,
 }
@@ -58,19 +58,19 @@ pub(crate) struct Round {
 #[derive(Debug)]
 pub(crate) struct Scene {
     pub(crate) panels: Vec<Panel>,
-    /// Balls and people, as in the world's lists, then posts.
+    /// Balls and people, in the order of the world's lists, then posts.
     pub(crate) rounds: Vec<Round>,
     codes: Vec<(Code, Sign)>,
 }
 
-/// A column of something, `depth` metres ahead.
+/// An intersection of a column's ray with a thing, `depth` metres ahead.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Hit {
     pub(crate) depth: f32,
     pub(crate) thing: Thing,
 }
 
-/// The thing that was met, as an index into the scene.
+/// The thing that the ray hit, as an index into the scene.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Thing {
     /// A panel, at this share of its line.
@@ -80,7 +80,7 @@ pub(crate) enum Thing {
 }
 
 impl Scene {
-    /// The scene of a world.
+    /// Creates the scene of a world.
     pub(crate) fn of(world: &World) -> Scene {
         let mut scene = Scene {
             panels: Vec::new(),
@@ -108,7 +108,7 @@ impl Scene {
         scene
     }
 
-    /// Moves balls and people.
+    /// Moves balls and people; returns whether any of them moved.
     pub(crate) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) -> bool {
         let mut moved = false;
         for (round, place) in self.rounds.iter_mut().zip(places) {
@@ -118,7 +118,7 @@ impl Scene {
         moved
     }
 
-    /// The picture of a panel, painted when it is first asked for.
+    /// Returns the texture of a panel, painting it on first use.
     pub(crate) fn picture(&mut self, index: usize) -> &Texture {
         let (panel, codes) = (&mut self.panels[index], &self.codes);
         let (surface, length, height) = (panel.surface, panel.length, panel.top - panel.bottom);
@@ -171,7 +171,7 @@ impl Scene {
             let heading = sign.heading_degrees.to_radians();
             let middle = outside(world, &obstacles, sign.at.point(), heading);
             let left = std::f64::consts::FRAC_PI_2;
-            // Seen from before it, its left end is on the left.
+            // `from` is the left end for a viewer in front of the sign.
             let line = Segment {
                 from: middle.ahead(heading - left, sign.side / 2.0),
                 to: middle.ahead(heading + left, sign.side / 2.0),
@@ -184,7 +184,7 @@ impl Scene {
         }
     }
 
-    /// Each column of a panel that is seen.
+    /// Calls `found` for each column in which a panel is visible.
     pub(crate) fn columns_of_panel(
         &self,
         index: usize,
@@ -194,7 +194,7 @@ impl Scene {
         let line = self.panels[index].line;
         let (a, b) = (view.relative(line.from), view.relative(line.to));
         let (da, dr) = (b.0 - a.0, b.1 - a.1);
-        // A sign has a front only.
+        // A sign is visible from the front only.
         let back = a.0 * dr - a.1 * da < 0.0;
         if matches!(self.panels[index].surface, Surface::Sign(_)) && back {
             return;
@@ -217,7 +217,7 @@ impl Scene {
         }
     }
 
-    /// Each column of a round thing that is seen.
+    /// Calls `found` for each column in which a round thing is visible.
     pub(crate) fn columns_of_round(
         &self,
         index: usize,
@@ -250,8 +250,8 @@ impl Scene {
     }
 }
 
-/// The slopes, from left to right, between which a line is seen that is ahead and to the right as
-/// its ends say; `None` if it is behind.
+/// Returns the slopes, from left to right, between which a line is visible; each end is given as
+/// its distance ahead and to the right. `None` if the line is behind the camera.
 fn slopes(a: (f32, f32), b: (f32, f32)) -> Option<[f32; 2]> {
     let (near, far) = if a.0 < b.0 { (a, b) } else { (b, a) };
     if far.0 <= NEAR {
@@ -267,7 +267,7 @@ fn slopes(a: (f32, f32), b: (f32, f32)) -> Option<[f32; 2]> {
     Some([one.min(other), one.max(other)])
 }
 
-/// Where a sign hangs: a little outside of the wall, furniture or post that its place is in.
+/// Returns where a sign hangs: slightly outside the wall, furniture or post that contains `at`.
 fn outside(world: &World, obstacles: &Obstacles, at: Point, heading: f64) -> Point {
     let on_post = world
         .posts
@@ -290,7 +290,7 @@ fn outside(world: &World, obstacles: &Obstacles, at: Point, heading: f64) -> Poi
 
 impl Panel {
     fn of(line: Segment, bottom: f64, top: f64, surface: Surface) -> Panel {
-        // A lamp somewhere to the upper left of the plan: sides that face it are brighter.
+        // The angle of an assumed lamp to the upper left of the plan: sides facing it are brighter.
         const LAMP: f64 = 2.3;
         let angle = line.from.direction_of(line.to);
         Panel {
@@ -322,7 +322,7 @@ mod tests {
     use crate::sim::camera::view::WIDTH;
 
     #[test]
-    fn slopes_are_those_of_what_is_ahead() {
+    fn slopes_cover_the_part_ahead_of_the_camera() {
         assert_eq!(slopes((1.0, 1.0), (1.0, -1.0)), Some([-1.0, 1.0]));
         assert_eq!(slopes((-1.0, 1.0), (-1.0, -1.0)), None);
         let [left, right] = slopes((-1.0, 1.0), (1.0, 1.0)).unwrap();

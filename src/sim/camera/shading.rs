@@ -1,21 +1,21 @@
-//! Colours and light of what the camera sees.
+//! Shading: colours and light of rendered things.
 
 use super::light::Light;
 use super::scene::RoundKind;
 use super::surface::{Rgb, scaled};
 use super::texture::Pixel;
 
-/// The number that stands for full light.
+/// The value of a light channel that means full light.
 const FULL: f32 = 128.0;
 
-/// Light as it is kept for a pixel.
+/// Converts light to its pixel representation.
 pub(super) fn light(light: Light) -> Pixel {
     let [r, g, b] = light.map(|channel| (channel * FULL) as u8);
     [r, g, b, 0]
 }
 
-/// The colour of a post or a person at a height, `aside` of the radius to the right of the middle;
-/// `shine` is the lamp's reflection.
+/// Returns the colour of a post or a person at a height; `aside` is the horizontal offset from the
+/// middle as a share of the radius, and `shine` is the lamp's specular reflection.
 pub(super) fn pillar(kind: RoundKind, paint: Rgb, height: f32, aside: f32, shine: f32) -> Rgb {
     match kind {
         RoundKind::Person { top } => clothes(paint, height / top, aside),
@@ -28,7 +28,8 @@ pub(super) fn pillar(kind: RoundKind, paint: Rgb, height: f32, aside: f32, shine
     }
 }
 
-/// The colour of a ball where its surface faces along `normal`; `lamp` is the lamp's direction.
+/// Returns the colour of a ball where its surface normal is `normal`; `lamp` is the direction of
+/// the lamp.
 pub(super) fn ball(paint: Rgb, normal: Rgb, lamp: Rgb) -> Rgb {
     let facing = dot(normal, lamp);
     let lit = facing.max(0.0);
@@ -41,7 +42,7 @@ pub(super) fn ball(paint: Rgb, normal: Rgb, lamp: Rgb) -> Rgb {
     body.map(|channel| channel + shine)
 }
 
-/// What a person wears at a share of their height.
+/// Returns the colour of a person, clothes included, at a share of their height.
 fn clothes(paint: Rgb, share: f32, aside: f32) -> Rgb {
     match share {
         _ if share < 0.05 => [40.0, 36.0, 34.0],
@@ -53,7 +54,7 @@ fn clothes(paint: Rgb, share: f32, aside: f32) -> Rgb {
     }
 }
 
-/// Which way a ball's surface looks where a ray from the origin meets it.
+/// Returns the surface normal of a sphere where a ray from the origin hits it; `None` if it misses.
 pub(super) fn sphere_normal(ray: Rgb, middle: Rgb, radius: f32) -> Option<Rgb> {
     let (a, b) = (dot(ray, ray), dot(ray, middle));
     let under = b * b - a * (dot(middle, middle) - radius * radius);
@@ -66,7 +67,7 @@ pub(super) fn sphere_normal(ray: Rgb, middle: Rgb, radius: f32) -> Option<Rgb> {
     }))
 }
 
-/// The same direction with length 1.
+/// Normalizes a vector to length 1.
 pub(super) fn direction(way: Rgb) -> Rgb {
     scaled(way, 1.0 / dot(way, way).sqrt().max(1e-3))
 }

@@ -1,15 +1,15 @@
-//! QR codes on boards, as pictures.
+//! Textures of QR codes on boards.
 
 use super::texture::Texture;
 use crate::sim::world::code::Code;
 use crate::sim::world::fittings::Sign;
 
-/// White dots around a code; readers need four.
+/// Width of the quiet zone around a code, in modules; readers need four.
 const MARGIN: usize = 4;
-/// Pixels of the picture along one dot.
+/// Texels along one module.
 const FINE: f32 = 4.0;
 
-/// The board with the code; its first axis is from left to right, its second up.
+/// Paints the board with the code; the first axis runs from left to right, the second upwards.
 pub(crate) fn picture(code: &Code, sign: &Sign) -> Texture {
     let side = sign.side as f32;
     let dot = side / (code.width() + 2 * MARGIN) as f32;

@@ -1,21 +1,21 @@
-//! What vertical surfaces look like: a colour for each place on a wall, a piece of furniture or
-//! the station. Everything but balls, posts and what a world paints is kept pale, so that a
-//! behaviour that looks for a colour finds the things that have it.
+//! The look of vertical surfaces: a colour for each place on a wall, a piece of furniture or the
+//! station. Everything except balls, posts and colours set in the world file is pale, so that a
+//! behaviour that searches for a colour finds only the things meant to have it.
 
 use crate::sim::world::paint::Paint;
 
 /// A colour under full light, 0..=255 for each of red, green and blue.
 pub(crate) type Rgb = [f32; 3];
 
-/// Between the middles of what hangs on a wall, metres.
+/// Distance between the centres of things on a wall, metres.
 const BAY: f32 = 1.7;
-/// Height of a door, metres; lower walls have nothing on them.
+/// Height of a door, metres; walls that are not higher stay bare.
 const DOOR: f32 = 2.0;
 
 /// Kinds of vertical surfaces.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Surface {
-    /// A wall; the number makes walls differ.
+    /// A wall; the number varies its look.
     Wall { paint: Rgb, number: u32 },
     /// A side of a piece of furniture.
     Furniture { paint: Rgb },
@@ -23,22 +23,22 @@ pub(crate) enum Surface {
     StationFront,
     /// The other sides of the station.
     StationSide,
-    /// A sign; the number is that of its code.
+    /// A sign; the number is the index of its code.
     Sign(usize),
 }
 
-/// Where on a surface an upright strip runs, metres.
+/// The place of an upright strip on a surface, in metres.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SurfacePoint {
-    /// From its left end.
+    /// Distance from the left end of the surface.
     pub(crate) along: f32,
-    /// From the left end to the right.
+    /// Length of the surface.
     pub(crate) length: f32,
-    /// From the floor to its top.
+    /// Height of the surface.
     pub(crate) top: f32,
 }
 
-/// An upright strip of a surface: all that does not change with the height is known.
+/// An upright strip of a surface, with everything precomputed that does not depend on the height.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Strip {
     Wall {
@@ -57,17 +57,17 @@ pub(crate) enum Strip {
     Plain(Rgb),
 }
 
-/// What hangs or stands at a wall.
+/// A thing on a wall.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Thing {
-    /// A picture; the number, 0..1, makes them differ.
+    /// A picture; the number, 0..1, varies its look.
     Picture(f32),
     Window,
     Door,
 }
 
 impl Surface {
-    /// The strip at a place.
+    /// Returns the strip at a place.
     pub(crate) fn strip(self, place: SurfacePoint) -> Strip {
         match self {
             Surface::Wall { paint, number } => Strip::Wall {
@@ -79,14 +79,14 @@ impl Surface {
                 aside: (place.along - place.length / 2.0).abs(),
                 top: place.top,
             },
-            // Its code is painted by `sign`; this is its back.
+            // `sign` paints the code of a sign; this is its back.
             Surface::StationSide | Surface::Sign(_) => Strip::Plain([46.0, 48.0, 54.0]),
         }
     }
 }
 
 impl Strip {
-    /// The colour at a height above the floor.
+    /// Returns the colour at a height above the floor.
     pub(crate) fn colour(&self, height: f32) -> Rgb {
         match *self {
             Strip::Wall { paper, thing } => wall(paper, thing, height),
@@ -103,17 +103,17 @@ impl From<Paint> for Surface {
     }
 }
 
-/// The colour as numbers to reckon with.
+/// Converts a colour to floating point.
 pub(crate) fn rgb(paint: Paint) -> Rgb {
     paint.0.map(f32::from)
 }
 
-/// The colour, brighter or darker.
+/// Scales the brightness of a colour.
 pub(crate) fn scaled(colour: Rgb, gain: f32) -> Rgb {
     colour.map(|channel| channel * gain)
 }
 
-/// A pseudo-random number, 0..1, which depends on the two numbers only.
+/// Returns a pseudo-random number, 0..1, that depends only on the two arguments.
 pub(crate) fn scatter(a: i32, b: i32) -> f32 {
     let mut mixed = (a as u32).wrapping_mul(0x9E37_79B1) ^ (b as u32).wrapping_mul(0x85EB_CA77);
     mixed = (mixed ^ (mixed >> 15)).wrapping_mul(0x2C1B_3C6D);
@@ -147,7 +147,7 @@ fn wallpaper(paint: Rgb, number: u32, place: SurfacePoint) -> Rgb {
     scaled(paint, stripe * tone * corner)
 }
 
-/// What hangs or stands at a wall, one thing to a bay or none, and how far beside its middle.
+/// Returns the thing on the wall in the bay at `place`, if any, and the offset from its centre.
 fn hanging(number: u32, place: SurfacePoint) -> Option<(Thing, f32)> {
     let bay = (place.along / BAY) as i32;
     let middle = (bay as f32 + 0.5) * BAY;
@@ -225,7 +225,8 @@ fn cabinet(paint: Rgb, top: f32, grain: i32, height: f32) -> Rgb {
     scaled(paint, gain * contact_shadow(height))
 }
 
-/// A white plate with a black target between two bars: seen from afar, and no colour of a ball.
+/// The station's front: a white plate with a black target between two bars, which is visible from
+/// afar and has no colour of a ball.
 fn station(aside: f32, top: f32, height: f32) -> Rgb {
     let from_middle = aside.max((height - 0.18).abs());
     match () {
@@ -238,7 +239,7 @@ fn station(aside: f32, top: f32, height: f32) -> Rgb {
     }
 }
 
-/// Little light gets to where a thing meets the floor.
+/// Ambient occlusion: returns the share of light near the floor.
 fn contact_shadow(height: f32) -> f32 {
     0.72 + 0.28 * (height * (1.0 / 0.12)).clamp(0.0, 1.0)
 }

@@ -1,4 +1,4 @@
-//! What frames show.
+//! Tests of rendered frames.
 
 use super::*;
 use std::f64::consts::PI;
@@ -19,7 +19,7 @@ fn shot(world: &World, pose: Pose, flash: bool) -> image::RgbImage {
     image::load_from_memory(&jpeg).unwrap().to_rgb8()
 }
 
-/// Number and mean place of the pixels of a colour.
+/// Returns the number and mean position of the pixels of a colour.
 fn find(image: &image::RgbImage, wanted: fn([u8; 3]) -> bool) -> (usize, f64, f64) {
     let found: Vec<_> = image
         .enumerate_pixels()
@@ -51,14 +51,14 @@ fn a_red_ball_ahead_is_red_pixels_near_the_centre() {
 }
 
 #[test]
-fn what_stands_to_the_left_is_seen_to_the_left() {
+fn a_thing_on_the_left_appears_on_the_left() {
     let world = pen("balls: [{at: [3, 2.3], colour: red}]");
     let (count, x, _) = find(&shot(&world, Pose::new(1.9, 2.0, 0.0), false), RED);
     assert!(count > 1000 && x < 100.0, "{count} at {x}");
 }
 
 #[test]
-fn posts_are_upright_and_what_is_behind_is_hidden() {
+fn posts_are_upright_and_hide_things_behind_them() {
     let world = pen(
         "balls: [{at: [3, 2], colour: red}]\nposts: [{at: [2.6, 2], radius: 0.15, colour: blue}]",
     );
@@ -72,7 +72,7 @@ fn posts_are_upright_and_what_is_behind_is_hidden() {
 }
 
 #[test]
-fn low_furniture_hides_the_ball_and_not_the_post_behind_it() {
+fn low_furniture_hides_the_ball_but_not_the_post_behind_it() {
     let world = pen(
         "furniture: [{at: [3, 2], length: 0.4, width: 1, height: 0.3, colour: grey}]\n\
          balls: [{at: [3.5, 2], colour: green}]\nposts: [{at: [3.5, 2], height: 1, colour: red}]",
@@ -84,7 +84,7 @@ fn low_furniture_hides_the_ball_and_not_the_post_behind_it() {
 }
 
 #[test]
-fn the_headlight_brightens_what_is_near_and_the_lamps_everything() {
+fn the_headlight_brightens_near_things_and_the_lamps_everything() {
     let brightness = |light: f64, flash: bool| {
         let image = shot(
             &pen(&format!("light: {light}")),
@@ -115,7 +115,7 @@ fn frames_are_small_and_the_same_for_the_same_seed() {
 }
 
 #[test]
-fn what_changes_before_a_robot_that_stands_still_is_seen() {
+fn a_robot_at_rest_sees_changes() {
     let world = pen("balls: [{at: [3, 2], colour: red}]");
     let mut camera = Camera::new(&world, 1);
     let look = |camera: &mut Camera, flash| {
@@ -143,7 +143,7 @@ fn what_changes_before_a_robot_that_stands_still_is_seen() {
 }
 
 #[test]
-fn every_pose_has_a_picture_even_inside_of_things() {
+fn every_pose_gives_a_frame_even_inside_things() {
     let world = World::default_world();
     let mut camera = Camera::new(&world, 1);
     for i in 0..120 {

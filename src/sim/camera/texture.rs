@@ -1,30 +1,31 @@
-//! Pictures of surfaces, painted once when first seen, in several sizes: far things are shown by
-//! small ones, so that they do not flicker.
+//! Textures of surfaces, painted on first use, with mipmap levels so that distant things do not
+//! flicker.
 
 use super::surface::Rgb;
 
-/// Red, green, blue and nothing, 0..=255.
+/// Red, green, blue and an unused byte, 0..=255.
 pub(crate) type Pixel = [u8; 4];
 
-/// A picture in full size and in halves of it.
+/// A texture in full size and in repeatedly halved sizes.
 #[derive(Debug)]
 pub(crate) struct Texture {
     levels: Vec<Level>,
 }
 
-/// One size. Pixels that are neighbours along the second axis are neighbours in memory.
+/// One mipmap level. Pixels that are neighbours along the second axis are neighbours in memory.
 #[derive(Debug)]
 pub(crate) struct Level {
     first: usize,
     second: usize,
-    /// Pixels a metre along both axes.
+    /// Pixels per metre along each axis.
     pub(crate) scale: [f32; 2],
     pixels: Vec<Pixel>,
 }
 
 impl Texture {
-    /// Of a surface so many metres long along two axes, with pixels of about `size` metres, from
-    /// the colours along the second axis for each place on the first.
+    /// Paints the texture of a surface with side lengths `sides`, in metres, and pixels of about
+    /// `size` metres. For a place on the first axis, `strip` returns the function of the colours
+    /// along the second one.
     pub(crate) fn paint<C: Fn(f32) -> Rgb>(
         sides: [f32; 2],
         size: f32,
@@ -42,7 +43,7 @@ impl Texture {
         Texture::of(pixels, count, scale)
     }
 
-    /// Of pixels that are there already.
+    /// Creates a texture from existing pixels.
     pub(crate) fn of(pixels: Vec<Pixel>, [first, second]: [usize; 2], scale: [f32; 2]) -> Texture {
         let full = Level {
             first,
@@ -58,7 +59,7 @@ impl Texture {
         }
     }
 
-    /// The size whose pixels are about as large as those of the camera are there, in metres.
+    /// Returns the level whose pixels are about as large as a camera pixel, `size` metres.
     pub(crate) fn level(&self, size: f32) -> &Level {
         let mut level = &self.levels[0];
         for smaller in &self.levels[1..] {
@@ -91,13 +92,14 @@ impl Level {
         }
     }
 
-    /// The pixels along the second axis at a place on the first.
+    /// Returns the pixels along the second axis at a place on the first.
     pub(crate) fn strip(&self, place: f32) -> &[Pixel] {
         let first = ((place * self.scale[0]) as usize).min(self.first - 1);
         &self.pixels[first * self.second..][..self.second]
     }
 
-    /// The smooth colour at a place, in pixels times 256; beyond the edge, that of the edge.
+    /// Returns the bilinearly interpolated colour at a place, in 256ths of a pixel; beyond the
+    /// edge, the colour of the edge.
     pub(crate) fn smooth(&self, first: i32, second: i32) -> Pixel {
         let (first, second) = (first.max(0) as usize, second.max(0) as usize);
         let (last_i, last_j) = (self.first - 1, self.second - 1);
@@ -112,10 +114,10 @@ impl Level {
     }
 }
 
-/// Every other byte: two channels are reckoned with at once.
+/// Mask of every other byte, to compute two channels at once.
 const EVEN: u32 = 0x00FF_00FF;
 
-/// As [`between`], of packed pixels.
+/// Like [`between`], for packed pixels.
 pub(crate) fn mix(a: u32, b: u32, share: u32) -> u32 {
     let rest = 256 - share;
     let even = ((a & EVEN) * rest + (b & EVEN) * share) >> 8;
@@ -123,12 +125,12 @@ pub(crate) fn mix(a: u32, b: u32, share: u32) -> u32 {
     (even & EVEN) | (odd & !EVEN)
 }
 
-/// Between two pixels, `share` of 256 of the second.
+/// Blends two pixels; `share` is the weight of the second, in 256ths.
 pub(crate) fn between(a: Pixel, b: Pixel, share: u32) -> Pixel {
     mix(u32::from_le_bytes(a), u32::from_le_bytes(b), share).to_le_bytes()
 }
 
-/// A pixel in a light of which 128 is full; what is brighter than white is white.
+/// Multiplies a pixel by light, of which 128 is full; the result saturates at white.
 pub(crate) fn lit(pixel: Pixel, light: Pixel) -> Pixel {
     let [r, g, b, _] = light;
     if r != g || g != b {
@@ -149,9 +151,9 @@ pub(crate) fn lit(pixel: Pixel, light: Pixel) -> Pixel {
     (two(pixel & EVEN) | (two((pixel >> 8) & EVEN) << 8)).to_le_bytes()
 }
 
-/// A moving mean over so many pixels of a row.
+/// Applies a moving average over `length` pixels to a row.
 pub(crate) fn smear(row: &mut [Pixel], length: usize, sums: &mut Vec<u64>) {
-    // Sixteen bits for each channel: enough for 256 pixels.
+    // Sixteen bits for each channel are enough for 256 pixels.
     const EVEN_SUMS: u64 = 0x0000_FFFF_0000_FFFF;
     const LOW_BYTES: u64 = 0x0000_00FF_0000_00FF;
     const HALF: u64 = 0x0000_8000_0000_8000;
@@ -185,7 +187,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colours_are_smooth_between_pixels_and_stop_at_the_edge() {
+    fn colours_are_interpolated_and_clamped_at_the_edge() {
         let texture = Texture::paint([2.0, 2.0], 0.1, |_| {
             |y| [if y < 1.0 { 0.0 } else { 200.0 }; 3]
         });
@@ -198,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn light_of_one_colour_and_of_many_agree() {
+    fn white_light_and_coloured_light_agree() {
         for level in [0, 1, 77, 128, 200, 255] {
             let pixel = [3, 128, 255, 0];
             let expected = pixel
@@ -209,7 +211,7 @@ mod tests {
     }
 
     #[test]
-    fn a_smeared_row_is_a_moving_mean_that_keeps_its_ends() {
+    fn a_blurred_row_is_a_moving_average_that_keeps_its_ends() {
         let mut row = [[10, 20, 30, 0]; 40];
         row[20] = [250, 20, 0, 0];
         let mut smeared = row;
@@ -226,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn from_afar_fine_lines_are_their_mean() {
+    fn distant_fine_lines_are_averaged() {
         let texture = Texture::paint([1.0, 1.0], 0.01, |x: f32| {
             let shade = if (x * 100.0) as i32 % 2 == 0 {
                 0.0

@@ -1,5 +1,5 @@
-//! Where the camera is and what that means: which way each column of the picture looks, which row
-//! shows what height, and how much light comes back from a distance.
+//! The camera's pose and projection: the direction of each column, the row of each height, and the
+//! light reflected from a distance.
 
 use crate::sim::geometry::{Point, Pose};
 
@@ -8,14 +8,14 @@ pub const WIDTH: usize = 320;
 /// Height of a frame, pixels (`PROTOCOL.md`, VIDEO).
 pub const HEIGHT: usize = 240;
 
-/// The lens above the floor, metres.
+/// Height of the lens above the floor, metres.
 pub(crate) const EYE: f32 = 0.20;
-/// The lens before the middle of the robot, metres.
+/// Distance of the lens in front of the robot's centre, metres.
 const AHEAD: f64 = 0.10;
-/// The row at which what is as high as the lens appears.
+/// The row at which points at the height of the lens appear.
 pub(crate) const HORIZON: f32 = HEIGHT as f32 / 2.0;
 
-/// Where the camera is for one frame.
+/// The camera's view for one frame.
 #[derive(Clone, Copy)]
 pub(crate) struct View {
     pub(crate) eye: Point,
@@ -25,26 +25,26 @@ pub(crate) struct View {
     pub(crate) flash: bool,
 }
 
-/// What one row shows of the floor.
+/// The part of the floor that one row shows.
 #[derive(Clone, Copy)]
 pub(crate) struct Row {
     pub(crate) depth: f32,
-    /// How much of the room's light comes back from there.
+    /// Share of the room's light reflected from there.
     pub(crate) lamps: f32,
-    /// The same for the headlight, in the middle of its beam.
+    /// The same for the headlight, in the centre of its beam.
     pub(crate) flash: f32,
 }
 
-/// One column of the picture.
+/// One column of the frame.
 #[derive(Clone, Copy)]
 pub(crate) struct Column {
     pub(crate) index: usize,
-    /// To the right of the middle for each length ahead.
+    /// Lateral offset to the right per unit of depth.
     pub(crate) slope: f32,
 }
 
 impl View {
-    /// Of a robot at `pose`; `focal` in pixels.
+    /// Creates the view of a robot at `pose`; `focal` is in pixels.
     pub(crate) fn of(pose: Pose, focal: f32, flash: bool) -> View {
         let (sin, cos) = pose.heading.sin_cos();
         let eye = pose.point().ahead(pose.heading, AHEAD);
@@ -57,7 +57,7 @@ impl View {
         }
     }
 
-    /// The column with a number, from the left.
+    /// Returns the column with this index, from the left.
     pub(crate) fn column(&self, index: usize) -> Column {
         Column {
             index,
@@ -65,10 +65,11 @@ impl View {
         }
     }
 
-    /// The columns between two slopes, one more to each side for what rounding takes away.
+    /// Returns the columns between two slopes, with one more on each side to compensate for
+    /// rounding.
     pub(crate) fn columns(&self, left: f32, right: f32) -> std::ops::Range<usize> {
         let column = |slope: f32| slope * self.focal + WIDTH as f32 / 2.0;
-        // A float below 0 becomes 0.
+        // The conversion turns a negative float into 0.
         let (from, to) = (
             (column(left) - 1.0) as usize,
             (column(right) + 2.0) as usize,
@@ -76,13 +77,13 @@ impl View {
         from.min(WIDTH)..to.min(WIDTH)
     }
 
-    /// The direction of a column's ray; one length of it is one metre ahead.
+    /// Returns the direction vector of a column's ray, scaled to a depth of one metre.
     pub(crate) fn direction(&self, column: Column) -> (f64, f64) {
         let slope = f64::from(column.slope);
         (self.cos + slope * self.sin, self.sin - slope * self.cos)
     }
 
-    /// A point's metres ahead and to the right.
+    /// Returns how far a point lies ahead and to the right, in metres.
     pub(crate) fn relative(&self, point: Point) -> (f32, f32) {
         let (dx, dy) = (point.x - self.eye.x, point.y - self.eye.y);
         (
@@ -91,18 +92,18 @@ impl View {
         )
     }
 
-    /// The row in which a height above the floor appears at a depth, within the picture.
+    /// Returns the row in which a height above the floor appears at a depth, clamped to the frame.
     pub(crate) fn row(&self, height: f32, depth: f32) -> usize {
         let row = HORIZON + (EYE - height) * self.focal / depth;
         (row + 0.5).clamp(0.0, HEIGHT as f32) as usize
     }
 
-    /// The height above the floor that a row shows at a depth.
+    /// Returns the height above the floor that a row shows at a depth.
     pub(crate) fn height(&self, row: usize, depth: f32) -> f32 {
         EYE - (row as f32 + 0.5 - HORIZON) * depth / self.focal
     }
 
-    /// The place on the floor at a depth in a column.
+    /// Returns the place on the floor at a depth in a column.
     pub(crate) fn place(&self, column: Column, depth: f32) -> (f32, f32) {
         let (dx, dy) = self.direction(column);
         (
@@ -111,12 +112,12 @@ impl View {
         )
     }
 
-    /// The headlight's light on things at a depth.
+    /// Returns the headlight's light on things at a depth in a column.
     pub(crate) fn headlight(&self, column: Column, depth: f32) -> f32 {
         flash(depth) * self.beam(column)
     }
 
-    /// How much of the headlight falls on a column.
+    /// Returns the share of the headlight that falls on a column.
     pub(crate) fn beam(&self, column: Column) -> f32 {
         let beam = (1.0 - 2.0 * column.slope * column.slope).max(0.0);
         if self.flash { beam } else { 0.0 }
@@ -124,7 +125,7 @@ impl View {
 }
 
 impl Row {
-    /// The row that many rows below the horizon.
+    /// Creates the row that is `row` rows below the horizon.
     pub(crate) fn below_horizon(row: usize, focal: f32) -> Row {
         let depth = EYE * focal / (row as f32 + 0.5);
         Row {
@@ -135,12 +136,12 @@ impl Row {
     }
 }
 
-/// How much of the room's light comes back from a depth.
+/// Returns the share of the room's light reflected from a depth.
 pub(crate) fn lamps(depth: f32) -> f32 {
     1.0 / (1.0 + 0.012 * depth * depth)
 }
 
-/// The headlight's light that comes back from a depth, in the middle of its beam.
+/// Returns the headlight's light reflected from a depth, in the centre of its beam.
 fn flash(depth: f32) -> f32 {
     0.45 / (0.6 + 0.5 * depth * depth)
 }

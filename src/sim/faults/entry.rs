@@ -1,4 +1,4 @@
-//! One fault as YAML writes it.
+//! The YAML format of one fault.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use super::timing::Timing;
 use crate::sim::yaml::number;
 use crate::wire::Refusal;
 
-/// The names of troubles in YAML.
+/// The names of faults in YAML.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Name {
@@ -35,7 +35,7 @@ enum Name {
     DockLost,
 }
 
-/// Why a login is refused, in YAML.
+/// The names of reasons for refusing a login in YAML.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Reason {
@@ -43,7 +43,7 @@ enum Reason {
     Password,
 }
 
-/// What a robot is after a reboot, in YAML.
+/// Whether the robot keeps its state in a reboot, in YAML.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Memory {
@@ -51,7 +51,7 @@ enum Memory {
     Lost,
 }
 
-/// One fault as it is written: whatever is left out has a default.
+/// One entry of a list of faults; missing keys have defaults.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Entry {
@@ -96,7 +96,7 @@ optional! {
 }
 
 impl Name {
-    /// The keys that mean something for it, besides those that all faults know.
+    /// Returns the keys that apply to this fault, besides those that all faults accept.
     fn keys(self) -> &'static [&'static str] {
         match self {
             Name::Delay => &["seconds", "jitter", "towards", "for"],
@@ -121,7 +121,8 @@ impl Name {
 }
 
 impl Entry {
-    /// Whether every key means something for this fault; else the first that does not, and why.
+    /// Checks that every given key applies to this fault. On error, returns the offending key and a
+    /// message.
     pub(super) fn check(&self) -> Result<(), (&'static str, String)> {
         let given = [
             ("towards", self.towards.is_some()),
@@ -139,7 +140,7 @@ impl Entry {
             let list = [known, &["after", "every", "chance"]].concat().join("`, `");
             return Err((
                 key,
-                format!("`{key}` means nothing here: this fault knows `{list}`"),
+                format!("`{key}` does not apply to this fault: it accepts `{list}`"),
             ));
         }
         if self.bytes.is_some_and(|bytes| bytes < 1.0) && self.fault != Name::LengthLie {
@@ -147,7 +148,10 @@ impl Entry {
         }
         let length = self.fault().timing.lasts;
         match (self.every.map(Duration::from_secs_f64), length) {
-            (Some(_), None) => Err(("every", "say with `for` how long it lasts each time".into())),
+            (Some(_), None) => Err((
+                "every",
+                "needs `for`: how long the fault lasts each time".into(),
+            )),
             (Some(every), Some(length)) if every <= length || every.is_zero() => {
                 let message = format!("must be longer than the {length:?} that the fault lasts");
                 Err(("every", message))
@@ -156,7 +160,7 @@ impl Entry {
         }
     }
 
-    /// The fault, with defaults for whatever is left out.
+    /// Returns the fault, with defaults for missing keys.
     pub(super) fn fault(&self) -> Fault {
         let trouble = self.trouble();
         let usual = Fault::new(trouble);

@@ -1,6 +1,6 @@
-//! What can go wrong between a client and the robot, and with the robot itself: troubles and their
-//! times. Only describes them: `lane` and `outlet` act on the bytes, `server::site` on the robot.
-//! How they are written in YAML is in `list` and `entry`.
+//! Faults of the connection between a client and the robot, and of the robot itself, with their
+//! times. Only describes them: `lane` and `outlet` apply them to the bytes, `server::site` to the
+//! robot. `list` and `entry` read them from YAML.
 
 use std::time::Duration;
 
@@ -23,101 +23,101 @@ pub enum Towards {
 }
 
 impl Towards {
-    /// Whether the direction towards `end` is affected.
+    /// Whether the fault affects the direction towards `end`.
     pub(crate) fn covers(self, end: Towards) -> bool {
         self == Towards::Both || self == end
     }
 }
 
-/// What goes wrong.
+/// Kinds of faults.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Trouble {
-    /// Bytes come later by `by` and up to `jitter` more, in order.
+    /// Bytes are delayed by `by` plus a random time up to `jitter`, and stay in order.
     Delay {
-        /// At least.
+        /// Minimum delay.
         by: Duration,
-        /// Drawn anew for each piece.
+        /// Maximum additional delay, drawn for each chunk.
         jitter: Duration,
     },
-    /// Messages arrive in pieces, cut anywhere.
+    /// Messages arrive in pieces, split at random places.
     Split,
-    /// Bytes trickle.
+    /// The data rate is limited.
     Drip {
-        /// So many a second.
+        /// Bytes per second.
         rate: u32,
     },
-    /// Bytes are dropped silently. A connection that lost bytes stays dead for good, and
-    /// the robot does not notice its end before the fault is over.
+    /// Bytes are dropped silently. A connection that has lost bytes stays dead permanently, and the
+    /// robot does not notice its end until the fault is over.
     HalfOpen,
-    /// All connections end in an orderly way.
+    /// All connections are closed in an orderly way.
     Drop,
     /// The connection is reset in the middle of the next message.
     Reset,
-    /// So many random bytes between two messages.
+    /// Random bytes are inserted between two messages.
     Garbage {
-        /// 1 to 65,535.
+        /// Number of bytes, 1 to 65,535.
         bytes: usize,
     },
     /// The next header claims a wrong length.
     LengthLie {
-        /// The length; random if left out.
+        /// The claimed length; random if `None`.
         claim: Option<u16>,
     },
-    /// Pictures of 65,535 bytes, padded with a comment.
+    /// Frames are padded to 65,535 bytes with a JPEG comment.
     HugeFrames,
-    /// Pictures are cut off somewhere.
+    /// Frames are truncated at a random place.
     TruncatedFrames,
-    /// So many bytes of each picture are wrong.
+    /// Random bytes of each frame are changed.
     FlippedFrames {
-        /// At least 1.
+        /// Number of bytes, at least 1.
         bytes: usize,
     },
     /// POWER does not arrive.
     NoPower,
-    /// POWER names a wrong level; its sign stays.
+    /// POWER reports a wrong level; its sign (charging) stays.
     PowerJumps {
-        /// 0 to 100; random if left out.
+        /// The reported level, 0 to 100; random if `None`.
         percent: Option<u8>,
     },
-    /// POWER is any byte.
+    /// POWER contains a random byte.
     PowerGarbage,
-    /// The robot is gone for a while and must be logged in to anew.
+    /// The robot is unreachable for a while, and clients must log in again.
     Reboot {
-        /// Tracks, lights, sounds and streams are off afterwards. Else only its Wi-Fi was
-        /// gone, and it continued what it was doing.
+        /// Tracks, lights, sounds and streams are off afterwards. If false, only the Wi-Fi was off
+        /// and the robot continued what it was doing.
         forgets: bool,
     },
     /// Every login is refused.
     RefuseLogin(Refusal),
-    /// Another user takes the robot for a while.
+    /// Another user takes over the robot for a while.
     TakeOver,
     /// The station cannot be found.
     BaseNotFound,
-    /// The station has no current.
+    /// The station does not charge.
     NoCharge,
-    /// The robot slides off the contacts again and again.
+    /// The robot slides off the contacts after each docking.
     DockLost {
-        /// So long after each docking.
+        /// Time from docking to sliding off.
         after: Duration,
     },
 }
 
-/// A trouble and its time.
+/// A fault: its kind and its timing.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
-    /// What goes wrong.
+    /// The kind of fault.
     pub trouble: Trouble,
-    /// Which way, where that means anything.
+    /// The affected direction, for kinds that have one.
     pub towards: Towards,
-    /// When.
+    /// When the fault is active.
     pub timing: Timing,
-    /// How probable it is, 0..=1: for spoilt messages of each one, else of each time that it is
-    /// due.
+    /// Probability, 0..=1: per message for faults that alter messages, otherwise per occurrence.
     pub chance: f64,
 }
 
 impl Fault {
-    /// At once, and for as long as this trouble usually takes; both ways.
+    /// Creates a fault that starts immediately, lasts for the default time of its kind and affects
+    /// both directions.
     pub fn new(trouble: Trouble) -> Fault {
         let timing = Timing {
             lasts: trouble.usual_length(),
@@ -134,7 +134,7 @@ impl Fault {
 }
 
 impl Trouble {
-    /// How long it lasts by default; zero: for a moment.
+    /// Returns the default duration; zero means momentary, `None` unlimited.
     fn usual_length(&self) -> Option<Duration> {
         match self {
             Trouble::Drop
@@ -146,7 +146,7 @@ impl Trouble {
         }
     }
 
-    /// Whether its chance is drawn for each message instead of each time.
+    /// Whether the chance applies to each message instead of each occurrence.
     pub(crate) fn spoils_messages(&self) -> bool {
         matches!(
             self,

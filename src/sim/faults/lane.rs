@@ -1,4 +1,4 @@
-//! One direction of a connection through the proxy: spoils bytes as the faults of the moment say.
+//! One direction of a connection through the proxy: applies the active faults to its bytes.
 
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ use super::troubles::Conditions;
 use crate::clock::until;
 
 const READ_LEN: usize = 8 * 1024;
-/// Reads that may wait on their way; then the sender waits. More than a delay of seconds needs.
+/// Capacity of the queue of reads, more than a delay of seconds needs; when full, the sender waits.
 const MAX_WAITING: usize = 256;
 
 /// One direction of a connection.
@@ -26,18 +26,19 @@ pub(super) struct Lane {
     strikes: broadcast::Receiver<Fault>,
     rng: StdRng,
     splitter: Splitter,
-    /// Momentary faults that wait for the next message.
+    /// Momentary faults to be applied to the next message.
     aimed: Vec<Trouble>,
-    /// Bytes were swallowed: nothing arrives any more.
+    /// Bytes were dropped; nothing is delivered any more.
     swallowed: bool,
-    /// How long its sender waits for an acknowledgement of what was swallowed, and until when.
+    /// How long the sender waits for an acknowledgement of dropped bytes.
     pub(super) unacknowledged: Option<Duration>,
+    /// When the sender gives up the connection.
     given_up: Option<Instant>,
     last_due: Instant,
 }
 
 impl Lane {
-    /// `seed` determines all that is random.
+    /// Creates a lane; `seed` determines everything random.
     pub(super) fn new(
         towards: Towards,
         conditions: watch::Receiver<Conditions>,
@@ -58,7 +59,7 @@ impl Lane {
         }
     }
 
-    /// Carries bytes until one of its ends closes, or until a fault ends it.
+    /// Forwards bytes until one end closes, or until a fault ends the connection.
     pub(super) async fn run<R: AsyncRead, W: AsyncWrite>(
         mut self,
         mut from: ReadHalf<R>,
@@ -79,7 +80,8 @@ impl Lane {
         }
     }
 
-    /// Ends when nothing more will come; what is on its way still arrives.
+    /// Reads from `from` and queues parcels until the input ends. Queued parcels are still
+    /// delivered.
     async fn take_in(&mut self, from: &mut (impl AsyncRead + Unpin), queue: mpsc::Sender<Parcel>) {
         let mut buffer = vec![0; READ_LEN];
         loop {
@@ -133,7 +135,7 @@ impl Lane {
         self.load(stretches)
     }
 
-    /// What came in one read goes on in one parcel, unless a reset cuts it.
+    /// Combines the data of one read into one parcel, unless a reset cuts it off.
     fn load(&mut self, stretches: impl IntoIterator<Item = Stretch>) -> Vec<Parcel> {
         let conditions = self.conditions.borrow_and_update().clone();
         self.swallowed |= conditions.swallow(self.towards);
@@ -171,8 +173,8 @@ impl Lane {
         }
     }
 
-    /// Applies the waiting momentary faults to the message at the end of `bytes`; true if one cuts
-    /// it off.
+    /// Applies the pending momentary faults to the message that starts at `start`; returns true if
+    /// one of them cuts the message off.
     fn strike(&mut self, bytes: &mut BytesMut, start: usize) -> bool {
         for trouble in std::mem::take(&mut self.aimed) {
             match trouble {
@@ -188,7 +190,7 @@ impl Lane {
         false
     }
 
-    /// When bytes that are read now arrive: never before earlier ones.
+    /// Returns when bytes read now are delivered: never before earlier ones.
     fn due(&mut self, conditions: &Conditions) -> Instant {
         let mut due = Instant::now();
         for fault in conditions.towards(self.towards) {
@@ -201,7 +203,7 @@ impl Lane {
     }
 }
 
-/// False if the receiving end has gone.
+/// Queues the parcels; returns false if the receiver has been dropped.
 async fn send(queue: &mpsc::Sender<Parcel>, parcels: Vec<Parcel>) -> bool {
     for parcel in parcels {
         if queue.send(parcel).await.is_err() {

@@ -1,5 +1,4 @@
-//! Lists of faults as people write them: YAML, every fault in one line, errors with line and
-//! column.
+//! Reads lists of faults from YAML; errors name line and column.
 
 use std::path::Path;
 
@@ -10,7 +9,7 @@ use super::fault::Fault;
 use crate::sim::yaml::document::{self, DocumentError, DocumentKind};
 use crate::sim::yaml::locate::{self, Step};
 
-/// Faults in one list; each is polled at every step.
+/// Maximum number of faults in a list; each is polled at every step.
 const MAX_FAULTS: usize = 200;
 
 #[derive(Debug, Deserialize)]
@@ -20,11 +19,11 @@ struct Document {
 }
 
 impl Fault {
-    /// Reads a list of faults; `name` is what errors call the text, usually its file's name.
+    /// Parses a list of faults; `name` is the name of the text in errors, usually its file name.
     ///
     /// # Errors
-    /// [`DocumentError::Invalid`] with line and column: unknown keys and faults, values out of range,
-    /// values that mean nothing for this fault.
+    /// [`DocumentError::Invalid`] with line and column: unknown keys and faults, values out of
+    /// range, keys that do not apply to the fault.
     pub fn list_from_yaml(text: &str, name: &str) -> Result<Vec<Fault>, DocumentError> {
         let invalid = |path: &[Step], message| {
             DocumentError::invalid(name, locate::find(text, path), message)
@@ -70,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_out_has_defaults() {
+    fn missing_keys_have_defaults() {
         let faults = read("faults: [{fault: drop}, {fault: take_over}, {fault: split}]");
         assert_eq!(faults[0], Fault::new(Trouble::Drop));
         assert_eq!(faults[1].timing.lasts, Some(Duration::from_secs(5)));
@@ -78,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read() {
+    fn given_keys_are_used() {
         let text = "faults:\n  - { fault: delay, seconds: 0.5, jitter: 1, towards: robot, after: 2, \
                     for: 3, every: 10, chance: 0.5 }\n  - { fault: length_lie, bytes: 0 }\n";
         let faults = read(text);
@@ -100,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_named_with_their_place() {
+    fn errors_name_their_place() {
         for (text, start, words) in [
             (
                 "faults:\n  - fault: dlay\n",
@@ -120,7 +119,7 @@ mod tests {
             (
                 "faults:\n  - fault: drop\n    for: 3\n",
                 "f.yaml:3:10: ",
-                "`for` means nothing here",
+                "`for` does not apply to this fault",
             ),
             (
                 "faults: [{fault: split, percent: 3}]",
@@ -130,7 +129,7 @@ mod tests {
             (
                 "faults: [{fault: split, every: 3}]",
                 "f.yaml:1:32: ",
-                "say with `for`",
+                "needs `for`",
             ),
             (
                 "faults: [{fault: reboot, every: 3}]",
@@ -155,20 +154,20 @@ mod tests {
     }
 
     #[test]
-    fn a_crowd_is_refused() {
+    fn too_many_faults_are_rejected() {
         let text = format!("faults:\n{}", "  - fault: drop\n".repeat(MAX_FAULTS + 1));
         assert!(mistake(&text).contains("201 faults are too many"));
     }
 
     #[test]
-    fn a_file_that_is_not_there_is_named() {
+    fn the_error_names_a_missing_file() {
         let error = Fault::load_list(Path::new("no/such/faults.yaml")).unwrap_err();
         assert!(error.to_string().contains("no/such/faults.yaml"), "{error}");
     }
 
     proptest::proptest! {
         #[test]
-        fn any_text_is_read_without_panic(text in ".{0,200}", more in "[a-z_:{}\\[\\], 0-9.&*-]{0,80}") {
+        fn no_text_causes_a_panic(text in ".{0,200}", more in "[a-z_:{}\\[\\], 0-9.&*-]{0,80}") {
             let _ = Fault::list_from_yaml(&text, "random");
             let _ = Fault::list_from_yaml(&format!("faults:\n  - fault: {more}"), "random");
         }

@@ -1,4 +1,4 @@
-//! Corrupts messages, byte by byte. Pure; random numbers come from the caller's generator.
+//! Corrupts messages. Pure functions; random numbers come from the caller's generator.
 
 use bytes::{BufMut, Bytes, BytesMut};
 use rand::rngs::StdRng;
@@ -8,24 +8,25 @@ use crate::wire::{Decoder, HEADER_LEN, MAX_PAYLOAD_LEN, Packet, Power, kind};
 
 use super::fault::{Fault, Trouble};
 
-/// Where the payload's length stands in a header (`PROTOCOL.md`, *TCP messages*).
+/// Position of the payload's length in a header (`PROTOCOL.md`, *TCP messages*).
 const LENGTH: std::ops::Range<usize> = 3..5;
-/// A JPEG begins with this, and comments follow well.
+/// The start of a JPEG, after which a comment may follow.
 const JPEG_START: &[u8] = &[0xFF, 0xD8];
-/// The marker of a comment in a JPEG, and its length, which counts itself.
+/// The marker of a JPEG comment.
 const COMMENT: [u8; 2] = [0xFF, 0xFE];
+/// Length of the marker and of the length field, which counts itself.
 const COMMENT_OVERHEAD: usize = 4;
 
-/// A stretch of a stream.
+/// A section of a byte stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Stretch {
-    /// A whole message.
+    /// A complete message.
     Message(Packet),
-    /// Bytes of a stream that is out of step: passed on as they are.
+    /// Bytes of a stream that is out of sync, passed on unchanged.
     Raw(Bytes),
 }
 
-/// Cuts a stream where messages end.
+/// Splits a stream at message boundaries.
 #[derive(Debug, Default)]
 pub(crate) struct Splitter {
     decoder: Decoder,
@@ -35,7 +36,7 @@ pub(crate) struct Splitter {
 }
 
 impl Splitter {
-    /// What has become whole with these bytes.
+    /// Returns the sections completed by these bytes.
     pub(crate) fn feed(&mut self, mut input: &[u8]) -> Vec<Stretch> {
         let mut stretches = Vec::new();
         while !self.lost {
@@ -57,14 +58,14 @@ impl Splitter {
         stretches
     }
 
-    /// What is left of a message that will never be whole.
+    /// Returns the buffered bytes of an incomplete message.
     pub(crate) fn rest(&mut self) -> Option<Stretch> {
         let rest = self.unsure.split().freeze();
         (!rest.is_empty()).then_some(Stretch::Raw(rest))
     }
 }
 
-/// Applies all faults to a message; `None`: it does not arrive.
+/// Applies all faults to a message; `None` if the message is dropped.
 pub(crate) fn spoil<'a>(
     mut packet: Packet,
     faults: impl Iterator<Item = &'a Fault>,
@@ -103,7 +104,7 @@ fn jump(payload: &[u8], percent: Option<u8>, rng: &mut StdRng) -> Bytes {
     Bytes::from(vec![Power { percent, charging }.to_byte()])
 }
 
-/// Pads a frame with a comment to the longest possible message; the picture stays the same.
+/// Pads a frame to the maximum message length with a comment; the image stays the same.
 fn pad(jpeg: &Bytes) -> Bytes {
     let missing = MAX_PAYLOAD_LEN.saturating_sub(jpeg.len());
     if !jpeg.starts_with(JPEG_START) || missing < COMMENT_OVERHEAD {
@@ -131,7 +132,7 @@ fn flip(payload: &Bytes, count: usize, rng: &mut StdRng) -> Bytes {
     flipped.freeze()
 }
 
-/// Random bytes.
+/// Returns `count` random bytes.
 pub(crate) fn garbage(count: usize, rng: &mut StdRng) -> Bytes {
     let mut bytes = vec![0; count];
     rng.fill_bytes(&mut bytes);
@@ -169,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_spoilt_and_nothing_else() {
+    fn frame_faults_affect_only_frames() {
         let power = Packet::new(kind::POWER, vec![80]);
         for trouble in [
             Trouble::HugeFrames,
@@ -186,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn power_is_swallowed_or_wrong_and_keeps_its_sign() {
+    fn power_is_dropped_or_wrong_and_keeps_its_sign() {
         for (byte, jumped) in [(80u8, 5u8), (176, 251)] {
             let power = Packet::new(kind::POWER, vec![byte]);
             assert_eq!(spoilt(&power, Trouble::NoPower), None);
@@ -197,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn garbage_for_power_is_any_byte_and_pictures_stay() {
+    fn power_garbage_is_any_byte_and_frames_are_unchanged() {
         let (power, mut rng) = (Packet::new(kind::POWER, vec![80]), dice());
         let faults = [Fault::new(Trouble::PowerGarbage)];
         let bytes = (0..2000).filter_map(|_| spoil(power.clone(), faults.iter(), &mut rng));
@@ -207,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lie_changes_the_length_alone() {
+    fn a_wrong_length_changes_only_the_length_field() {
         let stop = [0x50, 0x4B, 5, 0, 2, 0, 0];
         let mut lies = stop;
         lie(&mut lies, Some(0xFFFF), &mut dice());
@@ -219,7 +220,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_cut_and_put_together_is_what_it_was(
+        fn splitting_and_joining_preserves_the_stream(
             slices in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..40), 0..20),
             in_step in any::<bool>(),
         ) {
@@ -242,7 +243,7 @@ mod tests {
         }
 
         #[test]
-        fn any_payload_is_spoilt_without_panic(payload in prop::collection::vec(any::<u8>(), 0..50), seed in any::<u64>()) {
+        fn no_payload_causes_a_panic(payload in prop::collection::vec(any::<u8>(), 0..50), seed in any::<u64>()) {
             let mut rng = StdRng::seed_from_u64(seed);
             for kind in [kind::VIDEO, kind::POWER] {
                 for trouble in [

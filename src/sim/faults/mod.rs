@@ -1,4 +1,4 @@
-//! What goes wrong between a client and the robot, and with the robot itself.
+//! Faults of the connection between a client and the robot, and of the robot itself.
 
 mod entry;
 pub(crate) mod fault;

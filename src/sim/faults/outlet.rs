@@ -1,5 +1,5 @@
-//! The far end of one direction of a connection: writes what is due, as slowly and in as many
-//! pieces as the faults of the moment say.
+//! The output side of one direction of a connection: writes the bytes that are due, at the rate and
+//! in the pieces that the active faults require.
 
 use std::time::Duration;
 
@@ -13,45 +13,46 @@ use tokio::time::{Instant, sleep, sleep_until};
 use super::fault::{Towards, Trouble};
 use super::troubles::Conditions;
 
-/// Between two pieces of a message that is cut: else the network puts them together again.
+/// Pause between two pieces of a split message; without it the network would join them again.
 const PIECE_PAUSE: Duration = Duration::from_millis(1);
-/// A message is cut into pieces of up to so many bytes, or of up to this part of it.
+/// Maximum length of a piece in bytes, unless `PIECE_SHARE` allows more.
 const PIECE: usize = 12;
+/// Maximum length of a piece as a fraction of the bytes left: one part in this many.
 const PIECE_SHARE: usize = 16;
-/// A trickle is written in so many pieces a second.
+/// Number of pieces per second when the data rate is limited.
 const SIPS: u32 = 50;
 
-/// A timer comes so late at most: a trickle makes up for it, or it would be slower than its rate.
+/// Maximum lateness of a timer. A limited stream catches up on it, to keep its average rate.
 const LATE: Duration = Duration::from_millis(2);
 
-/// How one direction has ended.
+/// How one direction ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum End {
-    /// One end has closed, or has gone.
+    /// One end has closed or disappeared.
     Closed,
-    /// A fault wants the whole connection reset.
+    /// A fault requires a reset of the whole connection.
     Reset,
 }
 
-/// What is on its way.
+/// Queued output.
 pub(crate) enum Parcel {
-    /// To be written when it is due.
+    /// Bytes to be written when they are due.
     Bytes { due: Instant, bytes: Bytes },
-    /// Nothing more: the connection is reset.
+    /// The connection is reset; nothing follows.
     Reset,
 }
 
-/// The far end of a direction: writes what is due, as fast as the faults let it.
+/// The output side of a direction.
 pub(crate) struct Outlet {
     pub(crate) towards: Towards,
     pub(crate) conditions: watch::Receiver<Conditions>,
     pub(crate) rng: StdRng,
-    /// A trickle goes on then.
+    /// When the next piece of a rate-limited stream may be written.
     pub(crate) free: Instant,
 }
 
 impl Outlet {
-    /// Runs until the queue is closed, the receiver has gone, or a reset comes.
+    /// Runs until the queue is closed, the receiver has disappeared, or a reset is queued.
     pub(crate) async fn run(
         mut self,
         mut to: impl AsyncWrite + Unpin,
@@ -94,8 +95,8 @@ impl Outlet {
         Ok(())
     }
 
-    /// How much of what is left goes out now, the pause after it, and how long that takes in a
-    /// trickle.
+    /// Returns how many of the `left` bytes to write now, the pause after them, and the time they
+    /// take at the limited rate.
     fn piece(&mut self, left: usize) -> (usize, Duration, Duration) {
         let (mut length, mut pause, mut slowest) = (left, Duration::ZERO, None::<u32>);
         let conditions = self.conditions.borrow_and_update().clone();

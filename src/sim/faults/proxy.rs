@@ -1,6 +1,6 @@
-//! The middleware between a client and the robot: carries a connection's bytes both ways and
-//! spoils them as the faults of the moment say. Knows no robot; works over anything that reads and
-//! writes bytes, and over its seed alone.
+//! The proxy between a client and the robot: forwards a connection's bytes in both directions and
+//! applies the active faults to them. Independent of the robot; works over any byte stream, and its
+//! random choices depend only on the seed.
 
 use std::time::Duration;
 
@@ -12,20 +12,22 @@ use super::lane::Lane;
 use super::outlet::End;
 use super::troubles::FaultFeed;
 
-/// When one end has closed, the other gets this long to do so too.
+/// When one end has closed, the other one gets this long to close too.
 const FAREWELL: Duration = Duration::from_secs(1);
 
-/// Makes the end of a connection a reset; its drop alone is an orderly end.
+/// Turns the end of a connection into a reset. Without it, dropping the connection closes it in an
+/// orderly way.
 pub(crate) struct Breaker(pub(crate) socket2::Socket);
 
 impl Breaker {
     fn arm(&self) {
-        // Fails only if the connection has gone already.
+        // Fails only if the connection is already closed.
         let _ = self.0.set_linger(Some(Duration::ZERO));
     }
 }
 
-/// Carries bytes between a client and the robot until both have closed, or until a fault ends it.
+/// Forwards bytes between a client and the robot until both have closed, or until a fault ends the
+/// connection.
 pub(crate) async fn carry(
     client: impl AsyncRead + AsyncWrite,
     breaker: Option<Breaker>,
@@ -54,7 +56,7 @@ pub(crate) async fn carry(
     if end == End::Reset {
         breaker.iter().for_each(Breaker::arm);
     } else {
-        // While the robot's side is half-open, the robot does not notice that its client has gone.
+        // While the robot's side is half-open, the robot must not notice that its client is gone.
         let _ = conditions
             .wait_for(|now| !now.swallow(Towards::Robot))
             .await;
@@ -62,7 +64,7 @@ pub(crate) async fn carry(
 }
 
 impl End {
-    /// A reset waits for nothing; else the other direction may still end in its own way.
+    /// Returns a reset immediately; otherwise waits for the end of the other direction.
     async fn or<E>(self, other: impl Future<Output = Result<End, E>>) -> End {
         match self {
             End::Reset => self,
@@ -84,7 +86,7 @@ mod tests {
     const SECOND: Duration = Duration::from_secs(1);
     const POWER_80: &[u8] = &[0x50, 0x4B, 3, 0, 1, 0x50];
 
-    /// A connection that is carried, and its ends.
+    /// A proxied connection and its ends.
     struct Line {
         troubles: Troubles,
         client: DuplexStream,
@@ -127,7 +129,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn without_faults_bytes_and_the_end_pass_unchanged_even_if_they_are_no_messages() {
+    async fn without_faults_any_bytes_and_the_end_pass_unchanged() {
         let mut line = line(1);
         line.client.write_all(b"GET / HTTP/1.0").await.unwrap();
         line.client.shutdown().await.unwrap();
@@ -169,7 +171,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn what_is_cut_or_trickles_arrives_whole() {
+    async fn split_or_rate_limited_bytes_arrive_complete() {
         for trouble in [Trouble::Split, Trouble::Drip { rate: 100 }] {
             let mut line = line(3);
             line.begin(trouble, Towards::Both, None);
@@ -183,7 +185,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn a_connection_that_lost_bytes_stays_dead_and_its_end_is_noticed_late() {
+    async fn a_half_open_connection_stays_dead_and_its_end_is_noticed_late() {
         let mut line = line(1);
         line.begin(Trouble::HalfOpen, Towards::Both, Some(5 * SECOND));
         line.client.write_all(POWER_80).await.unwrap();
@@ -198,7 +200,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn a_client_whose_bytes_are_swallowed_loses_its_connection_in_the_end() {
+    async fn a_client_whose_bytes_are_dropped_loses_its_connection_after_the_timeout() {
         let mut line = line(1);
         line.begin(Trouble::HalfOpen, Towards::Robot, None);
         let start = Instant::now();
@@ -220,12 +222,12 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn the_same_seed_spoils_the_same_bytes() {
+    async fn the_same_seed_corrupts_the_same_bytes() {
         let spoilt = async |seed| {
             let mut line = line(seed);
             line.begin(Trouble::Garbage { bytes: 50 }, Towards::Client, None);
             line.begin(Trouble::LengthLie { claim: None }, Towards::Client, None);
-            // The strikes hit what is there: let them in before the end.
+            // Gives the lane time to receive the momentary faults before the connection ends.
             sleep(SECOND).await;
             line.robot.write_all(POWER_80).await.unwrap();
             drop(line.robot);
@@ -233,7 +235,7 @@ mod tests {
         };
         let first = spoilt(4).await;
         assert_eq!(first.len(), 56);
-        assert!(!first.ends_with(POWER_80), "the length is a lie");
+        assert!(!first.ends_with(POWER_80), "the length is unchanged");
         assert_eq!(first, spoilt(4).await);
         assert_ne!(first, spoilt(5).await);
     }

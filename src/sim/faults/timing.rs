@@ -1,27 +1,28 @@
-//! When a fault has its time: once or again and again, for a moment or for a while. Pure: the time
-//! is an argument.
+//! The timing of faults: once or periodic, momentary or lasting. Pure functions: the time is an
+//! argument.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// The times of one fault, counted from the moment at which it is set.
+/// The timing of one fault, relative to the time at which it is added.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Timing {
-    /// Until it begins.
+    /// Time until the fault begins.
     pub after: Duration,
-    /// From each beginning to its end; zero: a moment, `None`: for ever.
+    /// Duration of each occurrence; zero means momentary, `None` unlimited.
     pub lasts: Option<Duration>,
-    /// From one beginning to the next; `None`: it comes once. Longer than `lasts`.
+    /// Period from one beginning to the next, longer than `lasts`; `None` if the fault occurs only
+    /// once.
     pub every: Option<Duration>,
 }
 
-/// What has just happened to a fault.
+/// A state change of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Turn {
-    /// Its time has come.
+    /// The fault begins.
     Begins,
-    /// Its time is over, perhaps only until it comes again.
+    /// The fault ends, possibly only until its next occurrence.
     Ends,
 }
 
@@ -32,7 +33,7 @@ enum TimingPhase {
     Over,
 }
 
-/// One fault's way through its times.
+/// The timing state of one fault.
 #[derive(Debug, Clone)]
 pub(crate) struct Beat {
     timing: Timing,
@@ -40,7 +41,7 @@ pub(crate) struct Beat {
 }
 
 impl Beat {
-    /// The times count from `now`.
+    /// Creates the state; times count from `now`.
     pub(crate) fn new(timing: Timing, now: Instant) -> Beat {
         let until = now + timing.after;
         Beat {
@@ -49,7 +50,7 @@ impl Beat {
         }
     }
 
-    /// The next turn that has come by `now`; to be asked until there is none.
+    /// Returns the next change due by `now`. Call it until it returns `None`.
     pub(crate) fn poll(&mut self, now: Instant) -> Option<Turn> {
         match self.phase {
             TimingPhase::Waiting { until } if until <= now => {
@@ -64,12 +65,13 @@ impl Beat {
         }
     }
 
-    /// It will not come any more.
+    /// Whether the fault will not occur again.
     pub(crate) fn is_over(&self) -> bool {
         self.phase == TimingPhase::Over
     }
 
-    /// Skips missed beginnings: after a suspend they do not all happen at once.
+    /// Returns the phase after an occurrence. Skips missed beginnings, so that they do not all
+    /// happen at once after a suspend.
     fn after(&self, since: Instant, now: Instant) -> TimingPhase {
         let Some(every) = self.timing.every.filter(|every| !every.is_zero()) else {
             return TimingPhase::Over;
@@ -88,7 +90,7 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
 
-    /// The turns at each whole second from 0 on.
+    /// Returns the changes at each whole second, starting at 0.
     fn turns(after: u64, lasts: Option<u64>, every: Option<u64>) -> Vec<(u64, Turn)> {
         let seconds = |count: Option<u64>| count.map(Duration::from_secs);
         let timing = Timing {
@@ -108,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fault_begins_lasts_and_comes_again() {
+    fn a_fault_begins_ends_and_repeats() {
         use Turn::{Begins, Ends};
         assert_eq!(turns(2, None, None), [(2, Begins)]);
         assert_eq!(turns(2, Some(0), None), [(2, Begins), (2, Ends)]);
@@ -117,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn beginnings_that_were_missed_are_skipped() {
+    fn missed_beginnings_are_skipped() {
         let timing = Timing {
             after: SECOND,
             lasts: Some(Duration::ZERO),

@@ -1,6 +1,5 @@
-//! All faults with their times: which are active now, which momentary ones happen now, what the
-//! robot is to be told. Asks no clock; what it says to the connections goes through channels that
-//! never block.
+//! Tracks all faults over time: which are active, which momentary ones occur now, and which changes
+//! the robot must apply. Uses no clock; informs the connections through channels that never block.
 
 use std::time::Duration;
 
@@ -14,37 +13,37 @@ use tokio::time::Instant;
 use super::fault::{Fault, Towards, Trouble};
 use super::timing::{Beat, Turn};
 
-/// Momentary faults that a connection may have unread; older ones are lost to it.
+/// Maximum number of unread momentary faults per connection; it misses older ones.
 const MAX_STRIKES: usize = 64;
 
-/// The faults that are active.
+/// The active faults.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Conditions(Arc<[Fault]>);
 
 impl Conditions {
-    /// Of some faults.
+    /// Creates conditions from faults.
     pub(crate) fn of(faults: impl IntoIterator<Item = Fault>) -> Conditions {
         Conditions(faults.into_iter().collect())
     }
 
-    /// Those that concern bytes on their way to one end.
+    /// Returns the faults that affect bytes sent towards `end`.
     pub(crate) fn towards(&self, end: Towards) -> impl Iterator<Item = &Fault> {
         self.0.iter().filter(move |fault| fault.towards.covers(end))
     }
 
-    /// Whether bytes to this end are dropped.
+    /// Whether bytes sent towards `end` are dropped.
     pub(crate) fn swallow(&self, end: Towards) -> bool {
         self.towards(end)
             .any(|fault| fault.trouble == Trouble::HalfOpen)
     }
 }
 
-/// How a connection receives the faults.
+/// The channels through which a connection receives faults.
 #[derive(Debug)]
 pub(crate) struct FaultFeed {
     pub(crate) conditions: watch::Receiver<Conditions>,
     pub(crate) strikes: broadcast::Receiver<Fault>,
-    /// Seed of the connection's own random numbers.
+    /// Seed of the connection's random numbers.
     pub(crate) seed: u64,
     /// See [`Options::unacknowledged`](crate::sim::Options::unacknowledged).
     pub(crate) unacknowledged: Option<Duration>,
@@ -53,11 +52,11 @@ pub(crate) struct FaultFeed {
 struct Running {
     fault: Fault,
     beat: Beat,
-    /// Its time has come, and its chance was met.
+    /// The fault is due and its random draw succeeded.
     on: bool,
 }
 
-/// All faults.
+/// The state of all faults.
 pub(crate) struct Troubles {
     running: Vec<Running>,
     conditions: watch::Sender<Conditions>,
@@ -67,7 +66,7 @@ pub(crate) struct Troubles {
 }
 
 impl Troubles {
-    /// None yet. `seed` determines all that is random.
+    /// Creates a state without faults; `seed` determines everything random.
     pub(crate) fn new(seed: u64, unacknowledged: Option<Duration>) -> Troubles {
         Troubles {
             unacknowledged,
@@ -78,13 +77,13 @@ impl Troubles {
         }
     }
 
-    /// A fault's times count from now.
+    /// Adds a fault whose times count from `now`.
     pub(crate) fn begin(&mut self, fault: Fault, now: Instant) {
         let (beat, on) = (Beat::new(fault.timing, now), false);
         self.running.push(Running { fault, beat, on });
     }
 
-    /// Ends all faults; returns those that were active, for the robot to be told.
+    /// Ends all faults; returns those that were active, so that the robot can be updated.
     pub(crate) fn clear(&mut self) -> Vec<(Trouble, Turn)> {
         let all = std::mem::take(&mut self.running);
         self.conditions.send_replace(Conditions::default());
@@ -93,7 +92,7 @@ impl Troubles {
             .collect()
     }
 
-    /// The feed of a new connection.
+    /// Returns the feed for a new connection.
     pub(crate) fn feed(&mut self) -> FaultFeed {
         FaultFeed {
             conditions: self.conditions.subscribe(),
@@ -103,7 +102,8 @@ impl Troubles {
         }
     }
 
-    /// Advances to `now`: what has begun and ended, in order. Connections have received it already.
+    /// Advances to `now` and returns what has begun and ended, in order. Connections have already
+    /// been informed.
     pub(crate) fn poll(&mut self, now: Instant) -> Vec<(Trouble, Turn)> {
         let mut turns = Vec::new();
         for running in &mut self.running {
@@ -111,7 +111,7 @@ impl Troubles {
                 let was_on = running.on;
                 running.on = turn == Turn::Begins && lucky(&mut self.rng, &running.fault);
                 if running.on {
-                    // Fails if there is no connection, which is fine.
+                    // Fails only if there is no connection, which is fine.
                     let _ = self.strikes.send(running.fault);
                 }
                 if running.on != was_on {
@@ -155,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn lasting_faults_are_conditions_and_momentary_ones_strike() {
+    fn lasting_faults_become_conditions_and_momentary_ones_are_broadcast() {
         let (mut troubles, now) = (Troubles::new(1, None), Instant::now());
         let mut feed = troubles.feed();
         troubles.begin(fault(Trouble::HalfOpen, 2, 9, 1.0), now);
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn the_same_seed_has_the_same_luck() {
+    fn the_same_seed_draws_the_same_occurrences() {
         let times = |seed| {
             let (mut troubles, now) = (Troubles::new(seed, None), Instant::now());
             troubles.begin(fault(Trouble::Drop, 0, 1, 0.5), now);
@@ -193,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn cleared_faults_end_at_once_and_for_good() {
+    fn cleared_faults_end_immediately_and_permanently() {
         let (mut troubles, now) = (Troubles::new(1, None), Instant::now());
         troubles.begin(fault(Trouble::NoCharge, 5, 9, 1.0), now);
         troubles.poll(now + SECOND);

@@ -1,6 +1,6 @@
-//! The robot's measures, which its surroundings must leave room for.
+//! The robot's dimensions.
 
-/// The robot's body seen from above is a circle of this radius, metres.
+/// Radius of the robot's body, a circle seen from above, metres.
 pub const RADIUS: f64 = 0.15;
-/// Between the middles of the tracks, metres.
+/// Distance between the centre lines of the tracks, metres.
 pub const TRACK_WIDTH: f64 = 0.24;

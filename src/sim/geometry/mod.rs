@@ -1,5 +1,5 @@
-//! Points, poses, lines and circles on the floor, and the robot's measures. Metres and radians; x
-//! to the right, y up, angles left positive. Imports nothing of the simulator.
+//! Points, poses, lines and circles on the floor, and the robot's dimensions. Metres and radians; x
+//! to the right, y up, angles left positive. Imports nothing from the rest of the simulator.
 
 mod measures;
 pub(crate) mod obstacles;

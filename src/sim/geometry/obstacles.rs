@@ -1,5 +1,5 @@
-//! What stops the robot and what hides the station from it: a world, reduced to lines and circles.
-//! `World::obstacles` makes them.
+//! Obstacles for driving and for the line of sight: a world reduced to lines and circles.
+//! `World::obstacles` creates them.
 
 use super::{Point, Segment};
 
@@ -11,18 +11,18 @@ pub(crate) struct Circle {
 }
 
 impl Circle {
-    /// Of a radius in metres.
+    /// Creates a circle; `radius` is in metres.
     pub(crate) fn new(middle: Point, radius: f64) -> Circle {
         Circle { middle, radius }
     }
 
-    /// Metres between two round things; below 0 if they overlap.
+    /// Returns the distance between two circles in metres; negative if they overlap.
     pub(crate) fn gap(self, other: Circle) -> f64 {
         self.middle.distance(other.middle) - self.radius - other.radius
     }
 }
 
-/// Something that a robot can run into; the number is its place in the world's list.
+/// Something that a robot can run into; the number is its index in the world's list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Obstacle {
     Wall,
@@ -33,7 +33,7 @@ pub(crate) enum Obstacle {
     Walker(usize),
 }
 
-/// What obstacles are made of, each list in the order of the world's own.
+/// The shapes of obstacles, each list in the order of the world's own.
 #[derive(Debug, Clone)]
 pub(crate) struct Shapes {
     /// Sides of walls.
@@ -49,20 +49,20 @@ pub(crate) struct Shapes {
 /// Everything that a robot can run into.
 #[derive(Debug, Clone)]
 pub(crate) struct Obstacles {
-    /// Walls and furniture: high, so they also hide the station. Walls come first.
+    /// Walls and furniture, which are high enough to hide the station. Walls come first.
     high: Vec<Segment>,
     walls: usize,
     /// The station's body.
     station: [Segment; 4],
     /// Posts, which hide the station.
     posts: Vec<Circle>,
-    /// Balls, which do not, and then people.
+    /// Balls, which do not hide the station, followed by people.
     round: Vec<Circle>,
     balls: usize,
 }
 
 impl Obstacles {
-    /// Of the shapes of a world.
+    /// Creates obstacles from the shapes of a world.
     pub(crate) fn new(shapes: Shapes) -> Obstacles {
         let mut high = shapes.walls;
         let walls = high.len();
@@ -80,19 +80,20 @@ impl Obstacles {
         }
     }
 
-    /// The same without all that moves.
+    /// Removes balls and people.
     pub(crate) fn without_movers(mut self) -> Obstacles {
         self.round.clear();
         self.balls = 0;
         self
     }
 
-    /// Moves a ball, or a person; people come after all balls.
+    /// Moves a ball or a person; the indexes of people follow those of all balls.
     pub(crate) fn move_round(&mut self, index: usize, place: Point) {
         self.round[index].middle = place;
     }
 
-    /// Metres from a point to the nearest obstacle; below 0 inside a round one.
+    /// Returns the distance in metres from a point to the nearest obstacle; negative inside a round
+    /// one.
     pub(crate) fn clearance(&self, point: Point) -> f64 {
         let lines = self.lines().map(|line| line.distance(point));
         let circles = self
@@ -101,7 +102,7 @@ impl Obstacles {
         lines.chain(circles).fold(f64::MAX, f64::min)
     }
 
-    /// Whether the ball or person `index` has room at `wanted`.
+    /// Whether the ball or person with this index has room at `wanted`.
     pub(crate) fn has_room(&self, wanted: Circle, index: usize) -> bool {
         let others = self
             .round
@@ -114,7 +115,7 @@ impl Obstacles {
             && circles.all(|circle| circle.gap(wanted) >= 0.0)
     }
 
-    /// What is nearest to a point.
+    /// Returns the obstacle nearest to a point.
     pub(crate) fn nearest(&self, point: Point) -> Obstacle {
         let here = Circle::new(point, 0.0);
         let lines = self.high.iter().enumerate().map(|(index, line)| {
@@ -140,7 +141,7 @@ impl Obstacles {
         nearest.map_or(Obstacle::Wall, |(_, what)| what)
     }
 
-    /// Whether light gets from `a` to `b`.
+    /// Whether there is a line of sight from `a` to `b`.
     pub(crate) fn sight(&self, a: Point, b: Point) -> bool {
         let way = Segment { from: a, to: b };
         let people = &self.round[self.balls..];
@@ -152,23 +153,24 @@ impl Obstacles {
                 .any(|circle| way.distance(circle.middle) < circle.radius)
     }
 
-    /// Whether walls, which reach up to the ceiling, are between `a` and `b`.
+    /// Whether a wall, which reaches up to the ceiling, is between `a` and `b`.
     pub(crate) fn walled_off(&self, a: Point, b: Point) -> bool {
         self.high[..self.walls]
             .iter()
             .any(|line| line.crosses(a, b))
     }
 
-    /// The first side of a wall or piece of furniture on the way from `a` to `b`, as a share of it.
+    /// Returns where the line from `a` to `b` first meets a wall or a piece of furniture, as a
+    /// share of the line.
     pub(crate) fn first_side(&self, a: Point, b: Point) -> Option<f64> {
         let sides = self.high.iter().filter_map(|line| line.met_between(a, b));
         sides.min_by(f64::total_cmp)
     }
 
-    /// Whether a body of `radius` gets from `a` to `b` in a straight line. A body that already
-    /// stands too near to something may leave it.
+    /// Whether a body of `radius` can move from `a` to `b` in a straight line. A body that is
+    /// already too near to an obstacle may move away from it.
     pub(crate) fn way_free(&self, a: Point, b: Point, radius: f64) -> bool {
-        // Rounding must not make the start appear nearer than it is.
+        // Tolerance for rounding errors in the distance at the start.
         const ROUNDING: f64 = 1e-9;
         let way = Segment { from: a, to: b };
         let here = Circle::new(a, 0.0);
@@ -202,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn walls_hide_the_station_and_balls_do_not() {
+    fn walls_hide_the_station_but_balls_do_not() {
         let obstacles = world().obstacles();
         let beacon = Point::new(0.2, 2.0);
         assert!(!obstacles.sight(beacon, Point::new(5.0, 1.0)));
@@ -211,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_needs_room_for_the_whole_body() {
+    fn a_path_needs_room_for_the_whole_body() {
         let obstacles = world().obstacles();
         let (a, b) = (Point::new(2.0, 2.8), Point::new(4.0, 2.8));
         assert!(!obstacles.way_free(a, b, 0.3));
@@ -220,14 +222,14 @@ mod tests {
     }
 
     #[test]
-    fn clearance_counts_what_is_nearest() {
+    fn clearance_is_the_distance_to_the_nearest_obstacle() {
         let obstacles = world().obstacles();
         assert!((obstacles.clearance(Point::new(2.0, 3.5)) - 0.2).abs() < 1e-9);
         assert!((obstacles.clearance(Point::new(4.0, 0.3)) - 0.3).abs() < 1e-9);
     }
 
     #[test]
-    fn the_nearest_obstacle_has_its_kind_and_number() {
+    fn nearest_returns_the_kind_and_index() {
         let obstacles = world().obstacles();
         assert_eq!(obstacles.nearest(Point::new(2.0, 3.0)), Obstacle::Ball(0));
         assert_eq!(obstacles.nearest(Point::new(5.9, 1.0)), Obstacle::Wall);

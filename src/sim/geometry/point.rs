@@ -12,12 +12,12 @@ pub struct Point {
 }
 
 impl Point {
-    /// Of its coordinates in metres.
+    /// Creates a point from its coordinates in metres.
     pub const fn new(x: f64, y: f64) -> Point {
         Point { x, y }
     }
 
-    /// The point `distance` metres further on in the direction of `angle`.
+    /// Returns the point `distance` metres away in the direction of `angle`.
     pub fn ahead(self, angle: f64, distance: f64) -> Point {
         Point::new(
             self.x + distance * angle.cos(),
@@ -25,17 +25,17 @@ impl Point {
         )
     }
 
-    /// Metres to another point.
+    /// Returns the distance to another point in metres.
     pub fn distance(self, other: Point) -> f64 {
         (self.x - other.x).hypot(self.y - other.y)
     }
 
-    /// Direction in which another point lies, in radians.
+    /// Returns the direction to another point, in radians.
     pub fn direction_of(self, other: Point) -> f64 {
         (other.y - self.y).atan2(other.x - self.x)
     }
 
-    /// The point `share` of the way to another, 0 here and 1 there.
+    /// Interpolates between this point (`share` 0) and another one (1).
     pub(crate) fn towards(self, other: Point, share: f64) -> Point {
         Point::new(
             self.x + (other.x - self.x) * share,
@@ -44,40 +44,41 @@ impl Point {
     }
 }
 
-/// Where something stands and which way it looks.
+/// A position and a heading.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize, serde::Deserialize)]
 pub struct Pose {
     /// Metres along the room's width.
     pub x: f64,
     /// Metres along the room's depth.
     pub y: f64,
-    /// Radians, left positive, 0 looks along x.
+    /// Heading in radians, left positive; 0 is along x.
     pub heading: f64,
 }
 
 impl Pose {
-    /// Of coordinates in metres and a heading in radians.
+    /// Creates a pose from coordinates in metres and a heading in radians.
     pub const fn new(x: f64, y: f64, heading: f64) -> Pose {
         Pose { x, y, heading }
     }
 
-    /// At a point, looking along `heading`.
+    /// Creates a pose at a point with a heading.
     pub fn at(point: Point, heading: f64) -> Pose {
         Pose::new(point.x, point.y, heading)
     }
 
-    /// Its place without its heading.
+    /// Returns the position without the heading.
     pub fn point(self) -> Point {
         Point::new(self.x, self.y)
     }
 
-    /// How far left (positive) of the own heading another point lies, -pi..=pi radians.
+    /// Returns the bearing of another point relative to the heading, left positive, -pi..=pi
+    /// radians.
     pub fn bearing_of(self, other: Point) -> f64 {
         wrap(self.point().direction_of(other) - self.heading)
     }
 }
 
-/// The same angle within -pi..=pi.
+/// Normalizes an angle to -pi..=pi.
 pub(crate) fn wrap(angle: f64) -> f64 {
     let turned = (angle + PI).rem_euclid(TAU) - PI;
     if turned == -PI { PI } else { turned }
@@ -95,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_wrap_to_half_turns() {
+    fn angles_wrap_to_plus_minus_pi() {
         assert!((wrap(1.5 * PI) + PI / 2.0).abs() < 1e-9);
         assert_eq!(wrap(-PI), PI);
         assert!(wrap(0.5) - 0.5 < 1e-9);

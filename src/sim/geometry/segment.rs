@@ -18,12 +18,12 @@ impl Segment {
         Line::new((self.from.x, self.from.y), (self.to.x, self.to.y))
     }
 
-    /// Metres from a point to the nearest point of the line.
+    /// Returns the distance in metres from a point to the nearest point of the line.
     pub(crate) fn distance(self, point: Point) -> f64 {
         self.distance_squared(point).sqrt()
     }
 
-    /// The square of the metres from a point to the nearest point of the line.
+    /// Returns the squared distance from a point to the nearest point of the line.
     fn distance_squared(self, point: Point) -> f64 {
         let point = kurbo::Point::new(point.x, point.y);
         if self.from == self.to {
@@ -32,7 +32,7 @@ impl Segment {
         self.line().nearest(point, 0.0).distance_sq
     }
 
-    /// Metres between the two lines; 0 if they cross.
+    /// Returns the distance in metres between the two lines; 0 if they cross.
     pub(crate) fn gap(self, other: Segment) -> f64 {
         if self.crosses(other.from, other.to) {
             return 0.0;
@@ -46,20 +46,21 @@ impl Segment {
         ends.into_iter().fold(f64::MAX, f64::min).sqrt()
     }
 
-    /// Where on the straight way from `a` to `b` the line is met, as a share of the way.
+    /// Returns where the straight path from `a` to `b` meets the line, as a share of the path.
     pub(crate) fn met_between(self, a: Point, b: Point) -> Option<f64> {
         let way = Segment { from: a, to: b };
         let met = PathSeg::Line(self.line()).intersect_line(way.line());
         met.first().map(|met| met.line_t)
     }
 
-    /// Whether the straight way from `a` to `b` touches the line.
+    /// Whether the straight path from `a` to `b` touches the line.
     pub(crate) fn crosses(self, a: Point, b: Point) -> bool {
         self.met_between(a, b).is_some()
     }
 }
 
-/// The four sides of a rectangle that stands at `centre`, turned by `heading`, counter-clockwise.
+/// Returns the four sides, counter-clockwise, of a rectangle centred at `centre` and rotated by
+/// `heading`.
 pub(crate) fn rectangle(centre: Point, length: f64, width: f64, heading: f64) -> [Segment; 4] {
     let corner = |forward: f64, left: f64| {
         centre
@@ -78,7 +79,7 @@ pub(crate) fn rectangle(centre: Point, length: f64, width: f64, heading: f64) ->
     })
 }
 
-/// Whether a point is in such a rectangle.
+/// Whether a point is inside a rectangle as created by [`rectangle`].
 pub(crate) fn in_rectangle(
     point: Point,
     centre: Point,
@@ -97,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_way_meets_only_what_is_on_it() {
+    fn a_path_meets_only_lines_on_it() {
         let wall = Segment {
             from: Point::new(2.0, -1.0),
             to: Point::new(2.0, 1.0),
@@ -124,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sides_of_a_rectangle_are_where_they_belong() {
+    fn the_sides_of_a_rectangle_have_the_right_places() {
         let sides = rectangle(Point::new(1.0, 1.0), 2.0, 1.0, 0.0);
         let near = |point| {
             sides

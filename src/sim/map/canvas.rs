@@ -1,4 +1,4 @@
-//! The canvas of maps: metres in, pixels out, with text.
+//! The canvas of maps: draws shapes given in metres, and text, to an image.
 
 use image::RgbImage;
 use tiny_skia::{Path, Transform};
@@ -7,21 +7,21 @@ use crate::paper::Paper;
 pub(crate) use crate::paper::{Ink, Script};
 use crate::sim::geometry::Point;
 
-/// An upright rectangle of pixels: left, top, right, bottom.
+/// An axis-aligned rectangle in pixels: left, top, right, bottom.
 type Frame = [f32; 4];
 
-/// The paper.
+/// A canvas with a transform from world coordinates to pixels.
 pub(crate) struct Canvas {
     paper: Paper,
-    /// Pixels a metre.
+    /// Pixels per metre.
     pub(crate) scale: f32,
-    /// Where the world's (0, 0) is.
+    /// The pixel of the world's (0, 0).
     origin: (f32, f32),
     taken: Vec<Frame>,
 }
 
 impl Canvas {
-    /// White paper of a size in pixels; `None` if there is no such paper.
+    /// Creates a white canvas of a size in pixels; `None` if the size is invalid.
     pub(crate) fn new(size: (u32, u32), scale: f32, origin: (f32, f32)) -> Option<Canvas> {
         let paper = Paper::new(size.0, size.1)?;
         let taken = Vec::new();
@@ -33,7 +33,7 @@ impl Canvas {
         })
     }
 
-    /// Where a place of the world is on the paper.
+    /// Converts a place in the world to a pixel.
     pub(crate) fn at(&self, place: Point) -> (f32, f32) {
         let (x, y) = (place.x as f32, place.y as f32);
         (
@@ -42,53 +42,54 @@ impl Canvas {
         )
     }
 
-    /// Fills the area within corners.
+    /// Fills a polygon.
     pub(crate) fn fill(&mut self, corners: &[Point], ink: Ink) {
         let corners: Vec<(f32, f32)> = corners.iter().map(|corner| self.at(*corner)).collect();
         self.fill_pixels(&corners, ink);
     }
 
-    /// The same in pixels.
+    /// Fills a polygon given in pixels.
     pub(crate) fn fill_pixels(&mut self, corners: &[(f32, f32)], ink: Ink) {
         self.paper.fill(corners, ink);
     }
 
-    /// A line through places, so many pixels wide, dashed by so many pixels if at all.
+    /// Draws a line through places; the width and the optional dash length are in pixels.
     pub(crate) fn line(&mut self, places: &[Point], width: f32, dash: Option<f32>, ink: Ink) {
         let places: Vec<(f32, f32)> = places.iter().map(|place| self.at(*place)).collect();
         self.paper.line(&places, width, dash, ink);
     }
 
-    /// A path in metres, so many metres wide.
+    /// Draws a path; path and width are in metres.
     pub(crate) fn tape(&mut self, path: &Path, width: f32, ink: Ink) {
         let (x, y) = self.origin;
         let transform = Transform::from_row(self.scale, 0.0, 0.0, -self.scale, x, y);
         self.paper.stroke(path, width, None, ink, transform);
     }
 
-    /// A filled circle, its radius in pixels.
+    /// Draws a filled circle with a radius in pixels.
     pub(crate) fn dot(&mut self, place: Point, radius: f32, ink: Ink) {
         self.paper.dot(self.at(place), radius, ink);
     }
 
-    /// A circle line, its radius in pixels.
+    /// Draws a circle outline with a radius in pixels.
     pub(crate) fn ring(&mut self, place: Point, radius: f32, width: f32, ink: Ink) {
         self.paper.ring(self.at(place), radius, width, ink);
     }
 
-    /// A line in pixels.
+    /// Draws a line given in pixels.
     pub(crate) fn rule(&mut self, from: (f32, f32), to: (f32, f32), width: f32, ink: Ink) {
         self.paper.line(&[from, to], width, None, ink);
     }
 
-    /// A text with its left upper corner at a pixel.
+    /// Writes a text with its top left corner at a pixel.
     pub(crate) fn write(&mut self, (x, y): (f32, f32), text: &str, script: Script) {
         let (width, height) = script.size(text);
         self.taken.push([x, y, x + width, y + height]);
         self.paper.write((x, y), text, script);
     }
 
-    /// A name beside a place, on a side where nothing is written yet, or below it if there is none.
+    /// Writes a label beside a place, on a side without other text, or below the place if there is
+    /// no such side.
     pub(crate) fn label(&mut self, place: Point, away: f32, text: &str, script: Script) {
         let (x, y) = self.at(place);
         let (width, _) = script.size(text);
@@ -96,14 +97,14 @@ impl Canvas {
         self.write_on_paper(at.unwrap_or((x - width / 2.0, y + away)), text, script);
     }
 
-    /// The same for what is left out where there is no room for it.
+    /// Writes a label beside a place, or omits it if there is no room.
     pub(crate) fn label_if_room(&mut self, place: Point, away: f32, text: &str, script: Script) {
         if let Some(at) = self.free_side(place, away, text, script) {
             self.write_on_paper(at, text, script);
         }
     }
 
-    /// Where a name has room beside a place: its top left corner.
+    /// Returns the top left corner of a free spot for a label beside a place.
     fn free_side(&self, place: Point, away: f32, text: &str, script: Script) -> Option<(f32, f32)> {
         let ((x, y), (width, height)) = (self.at(place), script.size(text));
         let (edge_x, edge_y) = self.paper.size();
@@ -142,7 +143,7 @@ impl Canvas {
         self.write((x, y), text, script);
     }
 
-    /// The picture.
+    /// Returns the image.
     pub(crate) fn finish(self) -> RgbImage {
         self.paper.finish()
     }
@@ -157,7 +158,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_of_a_short_run_are_left_out_rather_than_written_over_each_other() {
+    fn labels_without_room_are_omitted_and_do_not_overlap() {
         let mut canvas = Canvas::new((300, 300), 100.0, (20.0, 280.0)).unwrap();
         let script = Script::small([0, 0, 0, 255]);
         for step in 0..20 {

@@ -1,4 +1,4 @@
-//! The picture of a run: the way that the robot went, on the map, with what happened.
+//! The map of a run: the robot's path and the events along it.
 
 use image::RgbImage;
 
@@ -8,18 +8,18 @@ use crate::sim::body::trace::{Happening, Sample, Trace, What};
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::world::document::World;
 
-/// Pixels beside the map for the legend.
+/// Width of the legend beside the map, pixels.
 const BESIDE: u32 = 320;
-/// Labels of time along the way, about.
+/// Approximate number of time labels along the path.
 const CLOCKS: u32 = 6;
-/// Marks of one kind nearer than this are drawn once, metres.
+/// Marks of one kind that are nearer than this are drawn once, metres.
 const SAME: f64 = 0.08;
 
 const START: Ink = [20, 150, 90, 255];
 const END: Ink = [30, 90, 200, 255];
 const PALE: Ink = [110, 112, 118, 255];
 
-/// What the legend has a row for.
+/// Kinds of marks, with a row in the legend for each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Mark {
     Collision,
@@ -34,8 +34,8 @@ enum Mark {
 }
 
 const MARKS: [(Mark, &str, Ink); 9] = [
-    (Mark::Collision, "ran into", [220, 20, 20, 255]),
-    (Mark::FindBase, "sent home", [235, 120, 0, 255]),
+    (Mark::Collision, "collision", [220, 20, 20, 255]),
+    (Mark::FindBase, "sent to the station", [235, 120, 0, 255]),
     (Mark::Docked, "on the station", [0, 130, 60, 255]),
     (Mark::Undocked, "left the station", [90, 190, 120, 255]),
     (Mark::NotFound, "station not found", [120, 0, 60, 255]),
@@ -46,8 +46,8 @@ const MARKS: [(Mark, &str, Ink); 9] = [
 ];
 
 impl Trace {
-    /// The way on the map of its world, green at the start and blue at the end, with times, marks
-    /// for what happened, and a legend.
+    /// Draws the path on the map of its world, green at the start and blue at the end, with times,
+    /// marks for events, and a legend.
     pub fn draw(&self, world: &World) -> RgbImage {
         let Some(mut canvas) = plan::paper(world, BESIDE) else {
             return RgbImage::new(1, 1);
@@ -83,7 +83,7 @@ fn draw_way(canvas: &mut Canvas, samples: &[Sample]) {
         .max(1e-3);
     for leg in legs {
         for piece in 0..leg.len().div_ceil(PIECES) {
-            // One more at the end joins the piece to the next one.
+            // One more sample at the end connects the piece to the next one.
             let part = &leg[piece * PIECES..leg.len().min((piece + 1) * PIECES + 1)];
             let places: Vec<Point> = part.iter().map(|sample| sample.pose.point()).collect();
             let share = part
@@ -98,7 +98,7 @@ fn draw_way(canvas: &mut Canvas, samples: &[Sample]) {
     }
 }
 
-/// The colour of the way after a share of the time.
+/// Returns the colour of the path after a share of the time.
 fn between(share: f32) -> Ink {
     std::array::from_fn(|i| {
         let (from, to) = (f32::from(START[i]), f32::from(END[i]));
@@ -129,7 +129,7 @@ fn draw_clocks(canvas: &mut Canvas, samples: &[Sample]) {
     }
 }
 
-/// Minutes and seconds.
+/// Formats a time as minutes and seconds.
 fn clock(seconds: f64) -> String {
     let seconds = seconds.round() as u64;
     format!("{}:{:02}", seconds / 60, seconds % 60)
@@ -152,7 +152,7 @@ fn kind_of(what: &What) -> Option<Mark> {
 
 fn draw_marks(canvas: &mut Canvas, events: &[Happening]) {
     let mut drawn: Vec<(Mark, Point)> = Vec::new();
-    // The gravest kinds come first in the table, and on top of the paper.
+    // The table lists the most serious kinds first; they are drawn last, on top.
     for (mark, _, ink) in MARKS.iter().rev() {
         for event in events
             .iter()
@@ -173,7 +173,7 @@ fn draw_marks(canvas: &mut Canvas, events: &[Happening]) {
     }
 }
 
-/// A run-in is where the bumper is, all else where the robot is.
+/// Returns the place of a mark: collisions at the bumper, all others at the robot's centre.
 fn aside(mark: Mark, pose: Pose) -> Point {
     match mark {
         Mark::Collision => pose
@@ -292,7 +292,7 @@ fn draw_legend(canvas: &mut Canvas, world: &World, trace: &Trace) {
     }
 }
 
-/// When it happened the first times, and what was run into.
+/// Returns the legend's lines for the first events of a kind: time and detail.
 fn details(events: &[&Happening]) -> Vec<String> {
     const MOST: usize = 4;
     let line = |event: &&Happening| {

@@ -1,4 +1,4 @@
-//! Pictures for people: the map of a world, and a robot's path on it.
+//! Drawings: the map of a world, and a robot's path on it.
 
 pub(crate) mod canvas;
 pub(crate) mod journey;

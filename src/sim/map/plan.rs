@@ -1,4 +1,4 @@
-//! The map of a world as a picture for people: to scale, with names.
+//! The map of a world: drawn to scale, with names.
 
 use std::f64::consts::PI;
 
@@ -12,9 +12,9 @@ use crate::sim::world::document::World;
 use crate::sim::world::paint::Paint;
 use crate::sim::world::route::Route;
 
-/// Pixels of the longer side of the room, about.
+/// Approximate length of the longer side of the room, pixels.
 const SIDE: f64 = 1000.0;
-/// White around the room, pixels.
+/// White margins at the sides, above and below the room, pixels.
 const MARGIN: f32 = 56.0;
 const HEAD: f32 = 64.0;
 const FOOT: f32 = 84.0;
@@ -33,8 +33,8 @@ const ROBOT: Ink = [30, 120, 200, 255];
 pub(crate) const NAME: Script = Script::small(DARK);
 
 impl World {
-    /// The map: walls, furniture, lines, station with its infrared cone, balls and people with
-    /// their ways, lamps, signs, sounds and where the robot starts, with names and a scale.
+    /// Draws the map: walls, furniture, lines, the station with its infrared cone, balls and people
+    /// with their paths, lamps, signs, sounds and the robot's start, with names and a scale.
     pub fn draw(&self) -> RgbImage {
         let Some(mut canvas) = paper(self, 0) else {
             return RgbImage::new(1, 1);
@@ -51,7 +51,7 @@ impl World {
     }
 }
 
-/// White paper for the map of a world, and so many pixels to the right of it.
+/// Creates a white canvas for the map of a world, with `beside` more pixels on the right.
 pub(crate) fn paper(world: &World, beside: u32) -> Option<Canvas> {
     let (width, depth) = (world.room.width, world.room.depth);
     let scale = SIDE / width.max(depth);
@@ -61,7 +61,7 @@ pub(crate) fn paper(world: &World, beside: u32) -> Option<Canvas> {
     Canvas::new(size, scale as f32, (MARGIN, HEAD + pixels(depth)))
 }
 
-/// Everything but the robot.
+/// Draws everything except the robot.
 pub(crate) fn draw_onto(world: &World, canvas: &mut Canvas) {
     floor(world, canvas);
     station(world, canvas);
@@ -104,7 +104,8 @@ fn floor(world: &World, canvas: &mut Canvas) {
 }
 
 impl World {
-    /// The outline of what the station's beacon reaches: where a robot's own search finds it.
+    /// Returns the outline of the area that the station's beacon reaches, in which the robot's own
+    /// search can find the station.
     pub fn beacon_cone(&self) -> Vec<Point> {
         let (station, obstacles) = (&self.station, self.fixed_obstacles());
         let beacon = station.beacon();
@@ -121,7 +122,7 @@ impl World {
     }
 }
 
-/// The station and what its beacon reaches.
+/// Draws the station and the area that its beacon reaches.
 fn station(world: &World, canvas: &mut Canvas) {
     let (station, cone) = (&world.station, world.beacon_cone());
     canvas.fill(&cone, BEACON);
@@ -198,7 +199,7 @@ fn movers(world: &World, canvas: &mut Canvas) {
     }
 }
 
-/// The dashed way of something that moves, with its corners.
+/// Draws the dashed path of a moving thing, with its corners.
 fn way(canvas: &mut Canvas, from: Point, route: Option<&Route>, ink: Ink) {
     let Some(route) = route else {
         return;
@@ -216,7 +217,7 @@ fn way(canvas: &mut Canvas, from: Point, route: Option<&Route>, ink: Ink) {
     canvas.line(&corners, 2.0, Some(8.0), ink);
 }
 
-/// Title, numbers along the walls and the scale.
+/// Draws the title, the numbers along the walls and the scale.
 fn frame(world: &World, canvas: &mut Canvas) {
     let room = &world.room;
     let title = Script {
@@ -263,7 +264,7 @@ fn frame(world: &World, canvas: &mut Canvas) {
     explain_the_beacon(canvas, (end + 60.0, y));
 }
 
-/// What the coloured area is, at a pixel.
+/// Draws the key for the beacon's area at a pixel.
 fn explain_the_beacon(canvas: &mut Canvas, (x, y): (f32, f32)) {
     let corners = [
         (x, y - 7.0),
@@ -271,7 +272,7 @@ fn explain_the_beacon(canvas: &mut Canvas, (x, y): (f32, f32)) {
         (x + 22.0, y + 7.0),
         (x, y + 7.0),
     ];
-    // Darker than on the map, where it lies on the floor's colour.
+    // More opaque than on the map, where the floor's colour is below it.
     canvas.fill_pixels(&corners, [BEACON[0], BEACON[1], BEACON[2], 60]);
     canvas.write((x + 30.0, y - 8.0), "the station's beacon", NAME);
 }
@@ -328,7 +329,7 @@ fn names(world: &World, canvas: &mut Canvas) {
     }
 }
 
-/// The robot from above, with its nose.
+/// Draws the robot from above, with an arrow for its heading.
 pub(crate) fn robot(canvas: &mut Canvas, pose: Pose, ink: Ink) {
     let radius = RADIUS as f32 * canvas.scale;
     canvas.dot(pose.point(), radius, [ink[0], ink[1], ink[2], 70]);
@@ -353,7 +354,7 @@ fn ink(paint: Paint, opaque: u8) -> Ink {
     [r, g, b, opaque]
 }
 
-/// The beginning of a long text.
+/// Shortens a long text and replaces control characters.
 fn short(text: &str) -> String {
     const MOST: usize = 28;
     let printable = |letter: char| if letter.is_control() { ' ' } else { letter };

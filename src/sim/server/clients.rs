@@ -1,4 +1,5 @@
-//! Who is connected and who is the one user (`PROTOCOL.md`, *Network*: users at once).
+//! The connected clients, and which of them is the one user (`PROTOCOL.md`, *Network*: users at
+//! once).
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -11,7 +12,7 @@ use crate::wire::{Login, Refusal, Report};
 
 use super::report_queue::ReportQueue;
 
-/// Connections at once, those that have not logged in included.
+/// Maximum number of simultaneous connections, including those that have not logged in.
 const MAX_CLIENTS: usize = 8;
 /// A connection without a login is closed after this time.
 const LOGIN_LIMIT: Duration = Duration::from_secs(30);
@@ -31,14 +32,14 @@ pub(crate) struct Clients {
     dropped: u64,
 }
 
-/// The number of a user without a connection here.
+/// The id of a user without a connection here.
 const STRANGER: u64 = u64::MAX;
 
-/// A new client's number, its reports and the token that cuts it off.
+/// A new client's id, its report queue and the token that disconnects it.
 pub(crate) type Admission = (u64, Arc<ReportQueue>, CancellationToken);
 
 impl Clients {
-    /// Lets a connection in; `None` if there are too many.
+    /// Registers a connection; `None` if there are too many.
     pub(crate) fn admit(&mut self, now: Instant) -> Option<Admission> {
         if self.all.len() >= MAX_CLIENTS {
             return None;
@@ -60,22 +61,22 @@ impl Clients {
         Some((id, reports, cut))
     }
 
-    /// Whether `id` is the one that may command the robot.
+    /// Whether `id` is the user, who may command the robot.
     pub(crate) fn is_user(&self, id: u64) -> bool {
         self.user.as_ref().is_some_and(|(user, _)| *user == id)
     }
 
-    /// Whether the connection is still there.
+    /// Whether the client is still registered.
     pub(crate) fn knows(&self, id: u64) -> bool {
         self.all.contains_key(&id)
     }
 
-    /// The name of the connected user.
+    /// Returns the name of the connected user.
     pub(crate) fn user(&self) -> Option<&str> {
         self.user.as_ref().map(|(_, name)| name.as_str())
     }
 
-    /// Makes `id` the user, if the login is right and there is no other user.
+    /// Makes `id` the user, if the login is correct and there is no other user.
     pub(crate) fn log_in(&mut self, id: u64, login: &Login, right: &Login) -> Result<(), Refusal> {
         if login != right {
             return Err(Refusal::WrongPassword);
@@ -87,21 +88,22 @@ impl Clients {
         Ok(())
     }
 
-    /// A user without a connection here takes the robot: true if another user had to go.
+    /// Makes a user without a connection here the current user; returns true if this disconnected
+    /// another user.
     pub(crate) fn take_over(&mut self, name: &str) -> bool {
         let had_to_go = self.user_id().is_some_and(|id| self.cut(id));
         self.user = Some((STRANGER, name.to_owned()));
         had_to_go
     }
 
-    /// That user has gone.
+    /// Ends the session of that user.
     pub(crate) fn give_back(&mut self) {
         if self.is_user(STRANGER) {
             self.user = None;
         }
     }
 
-    /// Sends `id` the refusal, and closes the connection when it has been written.
+    /// Sends the refusal to `id`, and closes the connection when it has been written.
     pub(crate) fn refuse(&mut self, id: u64, refusal: Refusal) {
         if let Some(client) = self.all.get(&id) {
             let _ = client.reports.push(&Report::Refused(refusal));
@@ -109,7 +111,8 @@ impl Clients {
         }
     }
 
-    /// Sends the user a report; false if the user does not read and must be disconnected.
+    /// Sends a report to the user; returns false if the user does not read and must be
+    /// disconnected.
     pub(crate) fn tell(&self, report: &Report) -> bool {
         let Some(client) = self.user.as_ref().and_then(|(id, _)| self.all.get(id)) else {
             return true;
@@ -117,7 +120,7 @@ impl Clients {
         client.reports.push(report).is_ok()
     }
 
-    /// Cuts a connection off and forgets it; true if it was the user's.
+    /// Disconnects and removes a client; returns true if it was the user.
     pub(crate) fn cut(&mut self, id: u64) -> bool {
         if let Some(client) = self.all.remove(&id) {
             client.cut.cancel();
@@ -130,17 +133,17 @@ impl Clients {
         was_user
     }
 
-    /// Every connection's number.
+    /// Returns the ids of all clients.
     pub(crate) fn ids(&self) -> Vec<u64> {
         self.all.keys().copied().collect()
     }
 
-    /// The user's number.
+    /// Returns the user's id.
     pub(crate) fn user_id(&self) -> Option<u64> {
         self.user.as_ref().map(|(id, _)| *id)
     }
 
-    /// Connections whose time to log in is over.
+    /// Returns the clients that have exceeded the time limit for logging in.
     pub(crate) fn overdue(&self, now: Instant) -> Vec<u64> {
         let late = |client: &Client| now.duration_since(client.since) > LOGIN_LIMIT;
         let all = self
@@ -150,7 +153,7 @@ impl Clients {
         all.map(|(id, _)| *id).collect()
     }
 
-    /// Frames and audio chunks thrown away so far, of all connections.
+    /// Returns the number of frames and audio chunks dropped so far, over all connections.
     pub(crate) fn dropped(&self) -> u64 {
         self.dropped
             + self

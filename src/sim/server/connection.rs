@@ -1,5 +1,5 @@
-//! One client's connection over anything that reads and writes bytes: cuts what comes into
-//! commands for the server, writes what waits in the reports.
+//! One client's connection over any byte stream: decodes commands for the server and writes the
+//! queued reports.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,24 +15,24 @@ use crate::wire::{Command, Decoder, FramingError};
 use super::report_queue::ReportQueue;
 
 const READ_LEN: usize = 8 * 1024;
-/// From one message to the next, at least.
+/// Minimum time between two messages.
 const BETWEEN_WRITES: Duration = Duration::from_millis(3);
-/// After a refusal the client gets this long to read it before the connection is gone.
+/// Time for a client to read a refusal before the connection is closed.
 const FAREWELL: Duration = Duration::from_millis(500);
 
-/// A byte stream to a client: a socket or a pipe in memory.
+/// A byte stream to a client: a socket or an in-memory pipe.
 pub trait Transport: AsyncRead + AsyncWrite + Send + Unpin + 'static {}
 
 impl<T: AsyncRead + AsyncWrite + Send + Unpin + 'static> Transport for T {}
 
-/// What a connection tells the server.
+/// An event that a connection sends to the server.
 #[derive(Debug)]
 pub(crate) enum Event {
-    /// Commands of one read.
+    /// The commands of one read.
     Heard {
         client: u64,
         write: u64,
-        /// AUTH_REPLY and the first POWER were on their way when these bytes came.
+        /// AUTH_REPLY and the first POWER had been taken for sending when these bytes arrived.
         opened: bool,
         commands: Vec<Command>,
     },
@@ -40,7 +40,7 @@ pub(crate) enum Event {
     Gone { client: u64 },
 }
 
-/// A connection's ties to the server.
+/// A connection's channels to the server.
 pub(crate) struct Line {
     pub(crate) client: u64,
     pub(crate) reports: Arc<ReportQueue>,
@@ -101,7 +101,8 @@ async fn read(reader: &mut (impl AsyncRead + Unpin), line: &Line) -> Result<(), 
     }
 }
 
-/// The whole commands in `bytes`, and the error that ended them.
+/// Decodes the complete commands in `bytes`; returns them with the error that ended decoding, if
+/// any.
 fn cut(decoder: &mut Decoder, mut bytes: &[u8]) -> (Vec<Command>, Result<(), FramingError>) {
     let mut commands = Vec::new();
     loop {
@@ -113,8 +114,8 @@ fn cut(decoder: &mut Decoder, mut bytes: &[u8]) -> (Vec<Command>, Result<(), Fra
     }
 }
 
-/// One message a write, with a pause between two: a client that reads once for each message keeps up
-/// with the robot. Ends well when the reports is closed.
+/// Writes one message at a time with a pause in between, so that a client with one read per message
+/// can keep up. Returns `Ok` when the report queue is closed.
 async fn write(writer: &mut (impl AsyncWrite + Unpin), line: &Line) -> std::io::Result<()> {
     let mut rested = Instant::now();
     loop {
@@ -130,7 +131,8 @@ async fn write(writer: &mut (impl AsyncWrite + Unpin), line: &Line) -> std::io::
     }
 }
 
-/// Closing a socket with unread bytes sends RST, which discards what was written last.
+/// Shuts down writing, then reads until the client closes: closing a socket with unread bytes would
+/// send RST, which discards the last message.
 async fn say_farewell(
     reader: &mut (impl AsyncRead + Unpin),
     writer: &mut (impl AsyncWrite + Unpin),
@@ -141,10 +143,10 @@ async fn say_farewell(
 }
 
 impl Line {
-    /// Waits while the robot is mute.
+    /// Waits while the robot is muted.
     async fn unmuted(&self) {
         let mut muted = self.muted.clone();
-        // The sender lives as long as the server; without it this task ends too.
+        // The sender lives as long as the server, whose end also ends this task.
         let _ = muted.wait_for(|muted| !*muted).await;
     }
 }

@@ -1,4 +1,4 @@
-//! The handle by which tests and the command line observe a running simulator and change it.
+//! The handle with which tests and the command line observe and change a running simulator.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -16,10 +16,10 @@ use crate::sim::faults::fault::Fault;
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::world::document::World;
 
-/// Requests that may wait for the server; more are dropped with a warning.
+/// Capacity of the request queue; further requests are dropped with a warning.
 const MAX_REQUESTS: usize = 256;
 
-/// What a handle asks of the server.
+/// A request from a handle to the server.
 pub(crate) enum Request {
     Battery(f64),
     ChargerWorks(bool),
@@ -45,7 +45,7 @@ pub struct Handle {
     world: Arc<World>,
 }
 
-/// The server's ends of a handle.
+/// The server's ends of a handle's channels.
 pub(crate) struct Ends {
     pub(crate) muted: watch::Receiver<bool>,
     pub(crate) state: watch::Sender<State>,
@@ -53,7 +53,7 @@ pub(crate) struct Ends {
     pub(crate) heard: watch::Sender<usize>,
 }
 
-/// A handle, the requests that come through it, and the server's other ends of it.
+/// Creates a handle, the queue of its requests, and the server's other ends of its channels.
 pub(crate) fn open(robot: &Robot) -> (Handle, mpsc::Receiver<Request>, Ends) {
     let (requests, requests_end) = mpsc::channel(MAX_REQUESTS);
     let (muted, muted_end) = watch::channel(false);
@@ -78,18 +78,19 @@ pub(crate) fn open(robot: &Robot) -> (Handle, mpsc::Receiver<Request>, Ends) {
     (handle, requests_end, ends)
 }
 
-/// The journal, locked for as long as it takes to read or write an entry.
+/// Locks the journal; hold the guard only while reading or writing entries.
 pub(crate) fn lock(journal: &Mutex<Journal>) -> MutexGuard<'_, Journal> {
     journal.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Handle {
-    /// The robot as it is now, at most one physics step old.
+    /// Returns the robot's state, at most one physics step old.
     pub fn state(&self) -> State {
         self.state.borrow().clone()
     }
 
-    /// Waits until the state is as wanted. Waits for ever if the server ends first: set a limit.
+    /// Waits until the state satisfies `wanted`. Never returns if the server ends first, so use a
+    /// timeout.
     pub async fn wait_state(&self, wanted: impl Fn(&State) -> bool) -> State {
         let mut state = self.state.clone();
         let found = state
@@ -102,23 +103,24 @@ impl Handle {
         }
     }
 
-    /// What the robot has heard, oldest first; of very many commands only the newest.
+    /// Returns the commands that the robot has received, oldest first; of very many, only the
+    /// newest.
     pub fn heard(&self) -> Vec<Heard> {
         self.heard_since(0)
     }
 
-    /// What the robot has heard from the command with this index on.
+    /// Returns the received commands, starting with this index.
     pub fn heard_since(&self, index: usize) -> Vec<Heard> {
         lock(&self.journal).since(index).cloned().collect()
     }
 
-    /// How many commands the robot has heard: the index of the next one.
+    /// Returns the number of commands received so far, which is the index of the next one.
     pub fn heard_count(&self) -> usize {
         lock(&self.journal).count()
     }
 
-    /// Waits for the first wanted command whose index is at least `from`; its index. Waits for
-    /// ever if the server ends first: set a limit.
+    /// Waits for the first command from index `from` on that satisfies `wanted`, and returns its
+    /// index. Never returns if the server ends first, so use a timeout.
     pub async fn wait_heard(&self, from: usize, wanted: impl Fn(&Command) -> bool) -> usize {
         let mut heard = self.heard.clone();
         loop {
@@ -136,67 +138,67 @@ impl Handle {
         }
     }
 
-    /// The place that the robot lives in, as it was at first.
+    /// Returns the robot's world, in its initial state.
     pub fn world(&self) -> &World {
         &self.world
     }
 
-    /// What the robot did so far, for its picture and for tests.
+    /// Returns a copy of the trace so far, for maps and tests.
     pub fn trace(&self) -> Trace {
         self.look_back(Trace::clone)
     }
 
-    /// Reads the trace without copying it. The robot waits meanwhile.
+    /// Reads the trace without copying it. The simulation is blocked meanwhile.
     pub fn look_back<T>(&self, look: impl FnOnce(&Trace) -> T) -> T {
         look(&self.trace.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Writes something down for the picture of the run, here and now.
+    /// Adds a note to the trace, at the robot's current time and place.
     pub fn note(&self, text: impl Into<String>) {
         let mut trace = self.trace.lock().unwrap_or_else(PoisonError::into_inner);
         trace.note(What::Note(text.into()));
     }
 
-    /// Puts a ball somewhere, at rest; the number is its place in the world's list.
+    /// Puts a ball at a place, at rest; `index` is its index in the world's list.
     pub fn put_ball(&self, index: usize, place: Point) {
         self.request(Request::Alter(Box::new(move |robot| {
             robot.put_ball(index, place)
         })));
     }
 
-    /// Sets the battery's level, percent; the change is reported at once.
+    /// Sets the battery's level, percent; the change is reported immediately.
     pub fn set_battery(&self, percent: f64) {
         self.request(Request::Battery(percent));
     }
 
-    /// Makes all light so many times as bright as the world says, 0..=100.
+    /// Multiplies all light of the world by `gain`, 0..=100.
     pub fn set_light(&self, gain: f64) {
         self.request(Request::Alter(Box::new(move |robot| robot.set_light(gain))));
     }
 
-    /// A tone of this level, dBFS, at the microphone for so long.
+    /// Plays a tone of this level, dBFS, at the microphone for `time`.
     pub fn disturb(&self, dbfs: f64, time: Duration) {
         self.request(Request::Alter(Box::new(move |robot| {
             robot.disturb(dbfs, time);
         })));
     }
 
-    /// With a broken charger the robot docks and does not charge.
+    /// Breaks or repairs the charger; with a broken one the robot docks but does not charge.
     pub fn set_charging_broken(&self, broken: bool) {
         self.request(Request::ChargerWorks(!broken));
     }
 
-    /// Puts the robot somewhere else. On the station's dock pose it is docked.
+    /// Moves the robot to a pose. At the station's dock pose it is docked.
     pub fn place(&self, pose: Pose) {
         self.request(Request::Place(pose));
     }
 
-    /// A hidden station cannot be found: BASE_FIND ends with BASE_NOT_FOUND.
+    /// Hides the station, so that BASE_FIND ends with BASE_NOT_FOUND, or shows it again.
     pub fn hide_station(&self, hidden: bool) {
         self.request(Request::Beacon(!hidden));
     }
 
-    /// Sends the connected user any report, true or not.
+    /// Sends any report to the connected user, whether or not it is true.
     pub fn inject(&self, report: Report) {
         self.request(Request::Inject(report));
     }
@@ -211,18 +213,18 @@ impl Handle {
         self.request(Request::Begin(fault));
     }
 
-    /// Ends all faults; a connection that is dead already stays so.
+    /// Ends all faults; a connection that is already dead stays dead.
     pub fn clear_faults(&self) {
         self.request(Request::ClearFaults);
     }
 
-    /// A mute robot neither reads nor writes, and does not close; what it did not read, it hears
-    /// when it is mute no more. It drives on.
+    /// Mutes or unmutes the robot. A muted robot neither reads, writes nor closes its connections,
+    /// but keeps driving. It reads the pending commands when it is unmuted.
     pub fn mute(&self, muted: bool) {
         self.muted.send_replace(muted);
     }
 
-    /// Serves a client over a byte stream other than a socket, such as a pipe in memory.
+    /// Serves a client over a byte stream other than a socket, such as an in-memory pipe.
     pub fn connect(&self, transport: impl Transport) {
         self.request(Request::Connect(Box::new(transport)));
     }

@@ -1,33 +1,33 @@
-//! What the robot has heard: a bounded journal of commands, so that tests wait for facts instead
-//! of sleeping.
+//! A bounded journal of the commands that the robot has received, which lets tests wait for events
+//! instead of sleeping.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::wire::Command;
 
-/// Entries kept; older ones are forgotten.
+/// Maximum number of entries; older ones are dropped.
 const MAX_ENTRIES: usize = 16_384;
-/// Payload bytes kept; older entries are forgotten.
+/// Maximum total of payload bytes; older entries are dropped.
 const MAX_BYTES: usize = 4 * 1024 * 1024;
 
 /// One command that reached the robot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heard {
-    /// Counts all commands since the start, from 0.
+    /// Index of the command since the start, from 0.
     pub index: usize,
-    /// Since the start of the server.
+    /// Time since the start of the server.
     pub at: Duration,
-    /// Counts all reads of all connections: commands that came in one write of the client share
-    /// it, as long as the network did not cut that write in two.
+    /// Index of the read, counted over all connections. Commands of one client write share it,
+    /// unless the network split that write.
     pub write: u64,
-    /// Counts the connections, from 0.
+    /// Index of the connection, from 0.
     pub client: u64,
-    /// What was said.
+    /// The command.
     pub command: Command,
 }
 
-/// The newest commands.
+/// The most recent commands.
 #[derive(Debug, Default)]
 pub(crate) struct Journal {
     entries: VecDeque<Heard>,
@@ -36,7 +36,7 @@ pub(crate) struct Journal {
 }
 
 impl Journal {
-    /// Writes a command down; its index is given here.
+    /// Adds a command and assigns its index.
     pub(crate) fn write(&mut self, at: Duration, write: u64, client: u64, command: Command) {
         self.bytes += weight(&command);
         self.entries.push_back(Heard {
@@ -55,19 +55,19 @@ impl Journal {
         }
     }
 
-    /// The entries from an index on, as far as they are kept.
+    /// Returns the entries from an index on, as far as they have been kept.
     pub(crate) fn since(&self, index: usize) -> impl Iterator<Item = &Heard> {
         let forgotten = self.next - self.entries.len();
         self.entries.iter().skip(index.saturating_sub(forgotten))
     }
 
-    /// How many commands there were, forgotten ones included.
+    /// Returns the number of commands, including dropped ones.
     pub(crate) fn count(&self) -> usize {
         self.next
     }
 }
 
-/// Bytes that a command keeps alive.
+/// Returns the number of payload bytes that a command keeps in memory.
 fn weight(command: &Command) -> usize {
     match command {
         Command::Audio(payload)
@@ -86,7 +86,7 @@ mod tests {
     use bytes::Bytes;
 
     #[test]
-    fn the_journal_forgets_the_oldest_and_keeps_counting() {
+    fn the_journal_drops_the_oldest_entries_and_keeps_counting() {
         let mut journal = Journal::default();
         for _ in 0..MAX_ENTRIES + 10 {
             journal.write(Duration::ZERO, 0, 0, Command::None);
@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn long_payloads_do_not_pile_up() {
+    fn long_payloads_do_not_accumulate() {
         let mut journal = Journal::default();
         for _ in 0..1000 {
             let payload = Bytes::from(vec![0; 60_000]);

@@ -1,5 +1,5 @@
-//! The simulator as a server: sockets and the clock around one [`Robot`] and its clients. One task
-//! owns everything; the connections' tasks only carry bytes.
+//! The simulator as a server: connects one [`Robot`] to sockets, clients and the clock. One task
+//! owns all state; the connections' tasks only transfer bytes.
 
 mod clients;
 pub(crate) mod connection;
@@ -26,7 +26,7 @@ pub use self::options::Options;
 use self::site::{STEP, Site};
 use self::sockets::Sockets;
 
-/// Events of connections that may wait; then the connections wait.
+/// Capacity of the queue of connection events; when it is full, the connections wait.
 const MAX_EVENTS: usize = 64;
 
 /// A simulated robot that serves clients while [`Server::run`] runs.
@@ -40,16 +40,16 @@ pub struct Server {
 }
 
 impl Server {
-    /// Opens the sockets. The robot's time begins with [`Server::run`].
+    /// Opens the sockets. The simulated time starts with [`Server::run`].
     ///
     /// # Errors
-    /// The address is taken or not of this machine.
+    /// The address is in use or does not belong to this machine.
     pub async fn bind(world: World, options: Options) -> io::Result<Server> {
         let sockets = Sockets::open(options.listen, options.discovery).await?;
         Ok(Server::with(sockets, world, options))
     }
 
-    /// A simulator without sockets, for clients that come by [`Handle::connect`].
+    /// Creates a simulator without sockets, for clients that connect with [`Handle::connect`].
     pub fn detached(world: World, options: Options) -> Server {
         Server::with(Sockets::none(options.listen), world, options)
     }
@@ -71,12 +71,12 @@ impl Server {
         }
     }
 
-    /// Where clients connect.
+    /// Returns the address to which clients connect.
     pub fn local_addr(&self) -> SocketAddr {
         self.sockets.address()
     }
 
-    /// A handle to observe and change the simulation.
+    /// Returns a handle to observe and change the simulation.
     pub fn handle(&self) -> Handle {
         self.handle.clone()
     }
@@ -84,7 +84,7 @@ impl Server {
     /// Serves until dropped; all connections end with it.
     ///
     /// # Errors
-    /// None at present: what goes wrong with one client ends that client.
+    /// None at present: an error of one client only disconnects that client.
     pub async fn run(self) -> io::Result<()> {
         let Server {
             mut sockets,
@@ -99,7 +99,7 @@ impl Server {
         site.begin(faults);
         let mut datagram = [0; 64];
         loop {
-            // The clock first: a flood of commands must not stop the simulated time.
+            // The clock has priority: a flood of commands must not stop the simulated time.
             tokio::select! {
                 biased;
                 _ = ticks.tick() => {

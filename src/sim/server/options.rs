@@ -1,4 +1,4 @@
-//! How a simulator is served.
+//! The server's options.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
@@ -7,28 +7,28 @@ use crate::sim::body::firmware::Firmware;
 use crate::sim::faults::fault::Fault;
 use crate::wire::Login;
 
-/// How a simulator is served.
+/// Options of a simulated robot and its server.
 #[derive(Debug, Clone)]
 pub struct Options {
-    /// TCP, and UDP for discovery; port 0 takes a free one.
+    /// Address for TCP, and for UDP discovery; port 0 selects a free port.
     pub listen: SocketAddr,
     /// The one login that is accepted.
     pub login: Login,
-    /// Of all noise: the same seed and the same commands give the same run.
+    /// Seed of everything random: the same seed and the same commands give the same run.
     pub seed: u64,
     /// The firmware's behaviour where the real one's is not known.
     pub firmware: Firmware,
-    /// Answer discovery datagrams on the same port.
+    /// Whether to answer discovery datagrams on the same port.
     pub discovery: bool,
-    /// Frames a second, in place of the world's.
+    /// Frames per second, overriding the world's setting.
     pub fps: Option<f64>,
     /// The robot's id in AUTH_REPLY and discovery.
     pub uid: String,
-    /// What goes wrong, counted from [`Server::run`](crate::sim::Server::run); `None`: no fault is
-    /// possible, not even by [`Handle::begin`](crate::sim::Handle::begin).
+    /// The faults, with times relative to [`Server::run`](crate::sim::Server::run). With `None` no
+    /// fault is possible, not even through [`Handle::begin`](crate::sim::Handle::begin).
     pub faults: Option<Vec<Fault>>,
-    /// After so long a client's own system gives up a connection on which bytes towards the robot
-    /// are swallowed, as TCP_USER_TIMEOUT does where they really are lost; `None`: never.
+    /// Simulates the TCP_USER_TIMEOUT of the client's system: a connection is reset when bytes
+    /// towards the robot have been dropped for this long; `None` disables it.
     pub unacknowledged: Option<Duration>,
 }
 

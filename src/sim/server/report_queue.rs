@@ -1,5 +1,5 @@
-//! What waits to be written to a client: bounded, so that a client that does not read costs no
-//! memory and gets the newest picture when it reads again.
+//! The bounded queue of reports to a client: a client that does not read uses little memory, and
+//! gets the newest frame when it reads again.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -9,13 +9,14 @@ use tokio::sync::Notify;
 
 use crate::wire::Report;
 
-/// Bytes of messages, pictures and sound not counted, that may wait. A client that asks for more
-/// without reading is cut off.
+/// Maximum number of queued bytes, frames and audio not counted. A client that requests more
+/// without reading is disconnected.
 const MAX_WAITING: usize = 256 * 1024;
-/// Audio chunks that may wait; older ones are dropped.
+/// Maximum number of queued audio chunks; older ones are dropped.
 const MAX_AUDIO: usize = 8;
 
-/// What must have gone out before a client may drive (`PROTOCOL.md`, *Order after login*).
+/// Progress of the messages that must be sent before a client may drive (`PROTOCOL.md`, *Order
+/// after login*).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
 enum Opening {
     Waiting,
@@ -34,19 +35,19 @@ struct Waiting {
     closing: bool,
 }
 
-/// The queue of one client.
+/// The report queue of one client.
 #[derive(Debug)]
 pub(crate) struct ReportQueue {
     waiting: Mutex<Waiting>,
     news: Notify,
 }
 
-/// The client does not read what it asked for.
+/// The client does not read the reports that it requested.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Overflow;
 
 impl ReportQueue {
-    /// Empty.
+    /// Creates an empty queue.
     pub(crate) fn new() -> ReportQueue {
         let waiting = Waiting {
             messages: VecDeque::new(),
@@ -63,7 +64,7 @@ impl ReportQueue {
         }
     }
 
-    /// Adds a report. A frame replaces the frame that still waits.
+    /// Queues a report. A frame replaces a queued frame.
     pub(crate) fn push(&self, report: &Report) -> Result<(), Overflow> {
         let mut waiting = self.lock();
         match report {
@@ -81,23 +82,23 @@ impl ReportQueue {
         }
     }
 
-    /// Ends the connection when everything is written.
+    /// Closes the connection after everything has been written.
     pub(crate) fn close(&self) {
         self.lock().closing = true;
         self.news.notify_one();
     }
 
-    /// Whether AUTH_REPLY and the first POWER are on their way.
+    /// Whether AUTH_REPLY and the first POWER after it have been taken from the queue.
     pub(crate) fn opened(&self) -> bool {
         self.lock().opening == Opening::Done
     }
 
-    /// Frames and audio chunks thrown away so far.
+    /// Returns the number of frames and audio chunks dropped so far.
     pub(crate) fn dropped(&self) -> u64 {
         self.lock().dropped
     }
 
-    /// The message to write next; `None` when the connection is to end.
+    /// Waits for the next message to write; `None` when the connection must be closed.
     pub(crate) async fn next(&self) -> Option<Bytes> {
         loop {
             let news = self.news.notified();
@@ -134,7 +135,7 @@ impl Waiting {
         self.messages.push_back((opening, bytes));
     }
 
-    /// What is to be written next, sound and pictures last, and whether nothing new will follow.
+    /// Takes the next message, audio and frames last; also returns whether the queue is closing.
     fn take(&mut self) -> (Option<Bytes>, bool) {
         let stream = |waiting: &mut Waiting| {
             let sound = waiting.audio.pop_front();
@@ -170,7 +171,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn only_the_newest_frame_waits_and_messages_go_first() {
+    async fn only_the_newest_frame_is_queued_and_messages_go_first() {
         let reports = ReportQueue::new();
         for report in [frame(1), frame(2), power(), frame(3)] {
             reports.push(&report).unwrap();
@@ -181,7 +182,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_waits_is_written_before_the_end() {
+    async fn queued_reports_are_written_before_the_end() {
         let reports = ReportQueue::new();
         reports.push(&power()).unwrap();
         reports.close();
@@ -190,7 +191,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn driving_is_open_after_the_reply_and_then_a_power() {
+    async fn driving_is_allowed_after_the_reply_and_then_a_power() {
         let accepted = Accepted {
             uid: "S".into(),
             name: String::new(),
@@ -212,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn a_client_that_never_reads_overflows_by_messages_alone() {
+    fn only_messages_overflow_the_queue_of_a_client_that_never_reads() {
         let reports = ReportQueue::new();
         for _ in 0..10_000 {
             reports.push(&frame(0)).unwrap();

@@ -1,5 +1,5 @@
-//! The robot with its clients: decides which one may command it, advances its time and passes its
-//! reports to its user. Knows no sockets.
+//! The robot with its clients: decides which client may command it, advances the simulated time and
+//! sends the robot's reports to the user. Independent of sockets.
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -24,13 +24,13 @@ use crate::sim::faults::timing::Turn;
 use crate::sim::faults::troubles::Troubles;
 use crate::sim::geometry::Pose;
 
-/// One step of the physics.
+/// The physics time step.
 pub(crate) const STEP: Duration = Duration::from_millis(20);
-/// Steps that are caught up at once after the machine was busy; time beyond that is lost.
+/// Maximum number of steps to catch up at once after a delay; time beyond that is lost.
 const MAX_CATCH_UP: u32 = 10;
-/// Bytes that may wait between the proxy and the robot.
+/// Buffer size between the proxy and the robot, bytes.
 const PIPE_LEN: usize = 16 * 1024;
-/// What discovery calls a second user who has taken over.
+/// The name in discovery replies of a second user who has taken over.
 const SECOND_USER: &str = "second-user";
 /// How far the robot slides when it loses its station, metres.
 const SLIDE: f64 = 0.12;
@@ -48,18 +48,18 @@ pub(crate) struct Site {
     connections: JoinSet<()>,
     started: Instant,
     stepped: Instant,
-    /// Only if faults are possible at all: else clients are served without the proxy.
+    /// `None` if faults are disabled; clients are then served without the proxy.
     troubles: Option<Troubles>,
     away: bool,
     refusing: Option<Refusal>,
     slides_after: Option<Duration>,
     docked_for: Duration,
-    /// The last MOVE; clients repeat it many times a second.
+    /// The last logged MOVE; clients repeat it many times a second.
     moved: Option<Command>,
 }
 
 impl Site {
-    /// Without clients. Connections report to `events`.
+    /// Creates a site without clients. Connections send their events to `events`.
     pub(crate) fn new(
         robot: Robot,
         options: &Options,
@@ -89,25 +89,25 @@ impl Site {
         }
     }
 
-    /// The robot's time begins now, and that of these faults.
+    /// Starts the simulated time, and that of these faults.
     pub(crate) fn begin(&mut self, faults: impl IntoIterator<Item = Fault>) {
         (self.started, self.stepped) = (Instant::now(), Instant::now());
         faults.into_iter().for_each(|fault| self.begin_fault(fault));
     }
 
-    /// Whether the robot reboots and cannot be reached.
+    /// Whether the robot is rebooting and cannot be reached.
     pub(crate) fn away(&self) -> bool {
         self.away
     }
 
-    /// Frees what an ended connection leaves behind; pending while there is none.
+    /// Frees the task of an ended connection; pending while there are no connections.
     pub(crate) async fn reap(&mut self) {
         if self.connections.join_next().await.is_none() {
             std::future::pending().await
         }
     }
 
-    /// What discovery says.
+    /// Returns the discovery reply.
     pub(crate) fn introduction(&self) -> discovery::Reply {
         let connected_user = self.clients.user().map(str::to_owned);
         discovery::Reply {
@@ -116,7 +116,7 @@ impl Site {
         }
     }
 
-    /// Steps the robot up to the present.
+    /// Advances the simulation to the current time.
     pub(crate) fn pass_time(&mut self) {
         let now = Instant::now();
         for _ in 0..MAX_CATCH_UP {
@@ -140,7 +140,7 @@ impl Site {
         self.publish();
     }
 
-    /// Does what a handle asks.
+    /// Handles a request from a handle.
     pub(super) fn serve(&mut self, request: Request) {
         match request {
             Request::Battery(percent) => self.robot.set_battery(percent),
@@ -161,7 +161,7 @@ impl Site {
         self.publish();
     }
 
-    /// Handles an event of a connection.
+    /// Handles an event from a connection.
     pub(crate) fn take(&mut self, event: Event) {
         match event {
             Event::Gone { client } => self.cut(client),
@@ -179,7 +179,7 @@ impl Site {
         self.publish();
     }
 
-    /// Serves a new connection, unless there are too many or the robot reboots.
+    /// Serves a new connection, unless there are too many or the robot is rebooting.
     pub(crate) fn admit(&mut self, transport: impl Transport, breaker: Option<Breaker>) {
         if self.away {
             return;
@@ -217,7 +217,8 @@ impl Site {
         self.turn(turns);
     }
 
-    /// Applies faults that begin or end to the robot; those of bytes alone are the proxy's.
+    /// Applies beginnings and ends of faults to the robot; the proxy handles faults of the byte
+    /// stream.
     fn turn(&mut self, turns: Vec<(Trouble, Turn)>) {
         for (trouble, turn) in turns {
             tracing::info!(target: "spykee::sim", ?trouble, ?turn, "a fault");
@@ -242,7 +243,7 @@ impl Site {
         self.deliver();
     }
 
-    /// A user without a connection here takes the robot, or has gone.
+    /// Gives the robot to a user without a connection here, or ends that user's session.
     fn hand_over(&mut self, taken: bool) {
         if !taken {
             self.clients.give_back();
@@ -251,7 +252,7 @@ impl Site {
         }
     }
 
-    /// A robot that loses its station slides off it a while after each docking.
+    /// Applies `DockLost`: slides the robot off its station some time after each docking.
     fn slide(&mut self) {
         self.docked_for = if self.robot.docked() {
             self.docked_for + STEP
@@ -268,7 +269,8 @@ impl Site {
         }
     }
 
-    /// One command of one client: kept in the journal, and obeyed if the client may.
+    /// Handles a command from a client: records it in the journal, and executes it if the client is
+    /// allowed to command the robot.
     fn hear(&mut self, client: u64, write: u64, opened: bool, command: Command) {
         if !self.clients.knows(client) {
             return;
@@ -288,7 +290,7 @@ impl Site {
         self.deliver();
     }
 
-    /// Logs a command; a repeated setpoint is left out.
+    /// Logs a command, except a repeated MOVE.
     fn log_heard(&mut self, client: u64, command: &Command) {
         if let Command::Move { .. } = command {
             if self.moved.as_ref() == Some(command) {

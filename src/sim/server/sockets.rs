@@ -1,5 +1,5 @@
-//! The sockets of a simulator: TCP for clients and UDP for discovery, on one port. A socket of one
-//! address hears no broadcasts: they have sockets of their own.
+//! The sockets of a simulator: TCP for clients and UDP for discovery, on the same port. A socket
+//! bound to a single address receives no broadcasts, so these have separate sockets.
 
 use std::future::poll_fn;
 use std::io;
@@ -14,25 +14,25 @@ use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use crate::sim::faults::proxy::Breaker;
 use crate::wire::discovery;
 
-/// How often a port is tried that is free for TCP and UDP alike.
+/// Number of attempts to find a port that is free for both TCP and UDP.
 const PORT_TRIES: usize = 16;
-/// A pause after the system could not accept a connection, such as for want of descriptors.
+/// Pause after a failure to accept a connection, for example for lack of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
 /// The sockets of a simulator.
 pub(super) struct Sockets {
     tcp: Option<TcpListener>,
     udp: Option<UdpSocket>,
-    /// For requests that are broadcast; they are answered from `udp`.
+    /// Sockets for broadcast requests, which are answered from `udp`.
     broadcasts: Vec<UdpSocket>,
     address: SocketAddr,
     discovery: bool,
-    /// Closed for a while: the robot reboots.
+    /// The sockets are closed while the robot reboots.
     hidden: bool,
 }
 
 impl Sockets {
-    /// No sockets at all; `address` is a name only.
+    /// Creates an instance without sockets; `address` is only reported.
     pub(super) fn none(address: SocketAddr) -> Sockets {
         Sockets {
             tcp: None,
@@ -44,12 +44,12 @@ impl Sockets {
         }
     }
 
-    /// Where clients connect.
+    /// Returns the address to which clients connect.
     pub(super) fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Opens the TCP socket and, if `discovery`, the UDP socket of the same port.
+    /// Opens the TCP socket and, if `discovery`, the UDP socket on the same port.
     pub(super) async fn open(listen: SocketAddr, discovery: bool) -> io::Result<Sockets> {
         let tries = if listen.port() == 0 { PORT_TRIES } else { 1 };
         let mut last = None;
@@ -83,7 +83,8 @@ impl Sockets {
         Err(last.unwrap_or_else(|| io::ErrorKind::AddrInUse.into()))
     }
 
-    /// Closes the sockets, or opens them again at the same address; tried again if that fails.
+    /// Closes the sockets, or opens them again at the same address; the next call tries again if
+    /// that fails.
     pub(super) async fn appear(&mut self, visible: bool) {
         if !visible && self.tcp.is_some() {
             (self.tcp, self.udp) = (None, None);
@@ -100,7 +101,7 @@ impl Sockets {
         }
     }
 
-    /// A client, and what resets its connection.
+    /// Accepts a client; also returns the breaker that can reset its connection.
     pub(super) async fn accept(&self) -> (TcpStream, Option<Breaker>) {
         let Some(tcp) = &self.tcp else {
             return std::future::pending().await;
@@ -115,14 +116,14 @@ impl Sockets {
                     return (stream, socket.ok().map(Breaker));
                 }
                 Err(error) => {
-                    tracing::warn!(target: "spykee::sim", %error, "cannot accept");
+                    tracing::warn!(target: "spykee::sim", %error, "cannot accept a connection");
                     tokio::time::sleep(ACCEPT_PAUSE).await;
                 }
             }
         }
     }
 
-    /// One datagram.
+    /// Receives a datagram; `None` on an error.
     pub(super) async fn receive(&self, datagram: &mut [u8]) -> Option<(usize, SocketAddr)> {
         poll_fn(|context| {
             for socket in self.udp.iter().chain(&self.broadcasts) {
@@ -136,7 +137,7 @@ impl Sockets {
         .await
     }
 
-    /// Answers a datagram that asks who is there.
+    /// Answers a datagram if it is a discovery request.
     pub(super) async fn answer(&self, reply: &discovery::Reply, datagram: &[u8], from: SocketAddr) {
         let Some(udp) = self
             .udp
@@ -146,13 +147,13 @@ impl Sockets {
             return;
         };
         if let Err(error) = udp.send_to(&reply.emit(), from).await {
-            tracing::debug!(target: "spykee::sim", %error, "cannot answer a discovery");
+            tracing::debug!(target: "spykee::sim", %error, "cannot answer a discovery request");
         }
     }
 }
 
-/// Sockets that hear what is broadcast to the network of an address. One of all addresses hears it
-/// anyway.
+/// Opens sockets for broadcasts to the network of an address. A socket bound to all addresses
+/// receives broadcasts anyway.
 fn broadcasts(address: SocketAddr) -> Vec<UdpSocket> {
     let IpAddr::V4(own) = address.ip() else {
         return Vec::new();
@@ -165,15 +166,15 @@ fn broadcasts(address: SocketAddr) -> Vec<UdpSocket> {
         ) {
             Ok(socket) => sockets.push(socket),
             Err(error) => {
-                tracing::warn!(target: "spykee::sim", %error, "broadcasts to {target} are not heard");
+                tracing::warn!(target: "spykee::sim", %error, "cannot receive broadcasts to {target}");
             }
         }
     }
     sockets
 }
 
-/// Where requests are broadcast to in the network of an address, and the interface through which
-/// they come, if that does not follow.
+/// Returns the broadcast addresses for the network of an address, each with the interface to bind
+/// to if the address alone does not determine it.
 fn targets(own: Ipv4Addr) -> Vec<(Ipv4Addr, Option<String>)> {
     if own.is_unspecified() {
         return Vec::new();

@@ -1,11 +1,11 @@
-//! QR codes of signs, as dots.
+//! QR codes of signs, as modules.
 
 use qrcode::{Color, QrCode};
 
-/// Longest text, bytes: longer ones have dots too small to be seen.
+/// Maximum length of a text in bytes; longer ones have modules too small for the camera.
 pub(crate) const MAX_TEXT: usize = 100;
 
-/// A code, by dots.
+/// A code as a grid of modules.
 #[derive(Debug)]
 pub(crate) struct Code {
     width: usize,
@@ -13,7 +13,7 @@ pub(crate) struct Code {
 }
 
 impl Code {
-    /// Of a text; `None` if it is too long.
+    /// Encodes a text; `None` if it is too long.
     pub(crate) fn of(text: &str) -> Option<Code> {
         if text.len() > MAX_TEXT {
             return None;
@@ -29,12 +29,12 @@ impl Code {
         })
     }
 
-    /// Dots along one side.
+    /// Returns the number of modules along one side.
     pub(crate) fn width(&self) -> usize {
         self.width
     }
 
-    /// Whether a dot is dark; those outside of the code are not.
+    /// Whether a module is dark; modules outside the code are not.
     pub(crate) fn dark(&self, column: usize, row: usize) -> bool {
         column < self.width && self.dark.get(row * self.width + column) == Some(&true)
     }

@@ -1,6 +1,6 @@
-//! A world as its YAML says it: a room with its walls and furniture, balls and posts, the charging
-//! station, and the robot's battery and camera. Says what stands where; what that means for driving
-//! is in `geometry::obstacles`, for seeing in `camera`.
+//! A world as defined in YAML: a room with its walls and furniture, balls and posts, the charging
+//! station, and the robot's battery and camera. Only describes the things and their places;
+//! `geometry::obstacles` uses them for driving, `camera` for rendering.
 
 use serde::Deserialize;
 
@@ -18,7 +18,7 @@ use crate::sim::yaml::number;
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct World {
-    /// What people call the place.
+    /// The world's name.
     #[serde(default)]
     pub name: String,
     /// The four outer walls and the floor.
@@ -29,7 +29,7 @@ pub struct World {
     /// Furniture: boxes that stand on the floor.
     #[serde(default)]
     pub furniture: Vec<Furniture>,
-    /// Flat carpets: seen, but no obstacle.
+    /// Flat carpets: visible, but not obstacles.
     #[serde(default)]
     pub rugs: Vec<Rug>,
     /// Balls that lie on the floor.
@@ -41,51 +41,51 @@ pub struct World {
     /// Lines of tape on the floor.
     #[serde(default)]
     pub lines: Vec<Tape>,
-    /// People who stand or walk about.
+    /// People who stand or walk.
     #[serde(default)]
     pub walkers: Vec<Walker>,
-    /// Lamps, besides the daylight that `light` is.
+    /// Lamps, in addition to the daylight `light`.
     #[serde(default)]
     pub lamps: Vec<Lamp>,
     /// QR codes on boards.
     #[serde(default)]
     pub signs: Vec<Sign>,
-    /// What the microphone hears besides the robot.
+    /// Sound sources that the microphone hears besides the robot.
     #[serde(default)]
     pub sounds: Vec<Noise>,
     /// The charging station.
     pub station: Station,
-    /// Where the robot stands first; left out, it stands on the station.
+    /// The robot's start pose; on the station if omitted.
     #[serde(default)]
     pub start: Option<Start>,
-    /// Brightness of the light that is everywhere, 0..=1.
+    /// Brightness of the ambient light, 0..=1.
     #[serde(default = "full", deserialize_with = "number::share")]
     pub light: f64,
-    /// How the battery empties and fills.
+    /// How the battery drains and charges.
     #[serde(default)]
     pub battery: BatterySettings,
-    /// How the robot sees.
+    /// The camera's properties.
     #[serde(default)]
     pub camera: CameraSettings,
-    /// How unlike each other the tracks are, and how they slip.
+    /// How much the tracks differ and slip.
     #[serde(default)]
     pub tracks: TrackSettings,
 }
 
 impl World {
-    /// Where the robot stands first.
+    /// Returns the robot's start pose.
     pub fn start_pose(&self) -> Pose {
         self.start
             .map_or_else(|| self.station.dock_pose(), |start| start.pose())
     }
 
-    /// Whether a place is inside of a wall or a piece of furniture.
+    /// Whether a place is inside a wall or a piece of furniture.
     pub(crate) fn solid(&self, place: Point) -> bool {
         self.walls.iter().any(|wall| wall.covers(place))
             || self.furniture.iter().any(|item| item.covers(place))
     }
 
-    /// What people call something that the robot ran into.
+    /// Returns the display name of an obstacle.
     pub(crate) fn name_of(&self, obstacle: Obstacle) -> String {
         let named = |kind: &str, name: Option<&String>| match name.filter(|name| !name.is_empty()) {
             Some(name) => name.clone(),
@@ -106,7 +106,7 @@ impl World {
         }
     }
 
-    /// Everything that a robot can run into, where it stands at first.
+    /// Returns everything that a robot can run into, at its initial place.
     pub(crate) fn obstacles(&self) -> Obstacles {
         let inner = self.walls.iter().flat_map(|wall| wall.sides());
         let circle = |at: Point, radius| Circle::new(at, radius);
@@ -129,12 +129,12 @@ impl World {
         })
     }
 
-    /// The same without all that moves.
+    /// Returns the obstacles without balls and people.
     pub(crate) fn fixed_obstacles(&self) -> Obstacles {
         self.obstacles().without_movers()
     }
 
-    /// All ways of balls and walkers, and where the document names them.
+    /// Returns all routes of balls and walkers, each with its list and index in the document.
     pub(super) fn routes(&self) -> impl Iterator<Item = (&'static str, usize, &Route)> {
         let balls = self.balls.iter().enumerate();
         let balls = balls.filter_map(|(i, ball)| Some(("balls", i, ball.path.as_ref()?)));

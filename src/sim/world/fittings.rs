@@ -1,5 +1,4 @@
-//! What is fixed in a world and does something, as its YAML says it: lines on the floor, lamps,
-//! signs and sources of sound.
+//! Fixtures of a world as defined in YAML: lines on the floor, lamps, signs and sound sources.
 
 use kurbo::{BezPath, ParamCurveNearest, Shape};
 use serde::Deserialize;
@@ -16,15 +15,15 @@ use crate::sim::yaml::number;
 pub struct Tape {
     /// Its corners, from end to end.
     pub through: Vec<Spot>,
-    /// Metres across.
+    /// Width in metres.
     #[serde(default = "tape_width", deserialize_with = "number::tape")]
     pub width: f64,
     /// Its colour.
     pub colour: Paint,
-    /// Radius of the arcs in place of its corners, metres; as much of it as the legs have room for.
+    /// Radius of the rounded corners, metres; limited by the length of the legs.
     #[serde(default, deserialize_with = "number::rounding")]
     pub rounding: f64,
-    /// The last corner is joined to the first.
+    /// The last corner is connected to the first.
     #[serde(default)]
     pub closed: bool,
 }
@@ -33,74 +32,75 @@ pub struct Tape {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Lamp {
-    /// What people call it.
+    /// Its name.
     #[serde(default)]
     pub name: String,
-    /// Above which place it hangs.
+    /// The place above which it hangs.
     pub at: Spot,
-    /// Its light straight below it, 0..=1.
+    /// Brightness directly below it, 0..=1.
     #[serde(default = "full", deserialize_with = "number::share")]
     pub brightness: f64,
-    /// Colour cast of its light.
+    /// Colour of its light.
     #[serde(default = "white")]
     pub colour: Paint,
-    /// Metres at which half of its light is left.
+    /// Distance in metres at which its light has dropped to half.
     #[serde(default = "lamp_reach", deserialize_with = "number::lamp_reach")]
     pub reach: f64,
-    /// When it is on; left out, always.
+    /// When it is on; always if omitted.
     #[serde(default)]
     pub on: Option<Schedule>,
-    /// When it is off in spite of `on`.
+    /// When it is off; takes precedence over `on`.
     #[serde(default)]
     pub off: Option<Schedule>,
 }
 
-/// A QR code on a board, upright, on a wall or a post or by itself.
+/// A QR code on an upright board, on a wall or a post or freestanding.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sign {
-    /// Where it hangs; in a wall, piece of furniture or post, it hangs on the outside of it.
+    /// Its place. Inside a wall, a piece of furniture or a post, the sign hangs on the outside of
+    /// it.
     pub at: Spot,
-    /// Which way it looks, degrees.
+    /// The direction that it faces, degrees.
     #[serde(deserialize_with = "number::degrees")]
     pub heading_degrees: f64,
-    /// What the code says, at most 100 bytes.
+    /// The text of the code, at most 100 bytes.
     pub text: String,
     /// Side of the board with its white margin, metres.
     #[serde(default = "sign_side", deserialize_with = "number::sign_side")]
     pub side: f64,
-    /// Its middle above the floor, metres; the camera is at 0.2 m.
+    /// Height of its centre above the floor, metres; the camera is at 0.2 m.
     #[serde(default = "sign_height", deserialize_with = "number::sign_height")]
     pub height: f64,
 }
 
-/// Something that the microphone hears, the louder the nearer.
+/// A sound source; the nearer the microphone, the louder it is.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Noise {
-    /// What people call it.
+    /// Its name.
     #[serde(default)]
     pub name: String,
-    /// Where it stands.
+    /// Its place.
     pub at: Spot,
-    /// What it sounds like.
+    /// The kind of sound.
     #[serde(default)]
     pub kind: NoiseKind,
-    /// Pitch of a tone and rate of knocks times 100, hertz.
+    /// Frequency of a tone, or 100 times the rate of knocks, hertz.
     #[serde(default = "pitch", deserialize_with = "number::hertz")]
     pub hertz: f64,
-    /// At 1 m, 0..=1 of what the microphone can take.
+    /// Loudness at a distance of 1 m, 0..=1.
     #[serde(default = "half", deserialize_with = "number::share")]
     pub loudness: f64,
-    /// When it sounds; left out, always.
+    /// When it sounds; always if omitted.
     #[serde(default)]
     pub on: Option<Schedule>,
-    /// When it is silent in spite of `on`.
+    /// When it is silent; takes precedence over `on`.
     #[serde(default)]
     pub off: Option<Schedule>,
 }
 
-/// Kinds of sound.
+/// Kinds of sounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NoiseKind {
@@ -114,7 +114,7 @@ pub enum NoiseKind {
 }
 
 impl Tape {
-    /// The middle of the tape, with its rounded corners.
+    /// Returns the centre line of the tape, with its rounded corners.
     pub(crate) fn path(&self) -> BezPath {
         let corners: Vec<kurbo::Point> = self.through.iter().map(|spot| point(*spot)).collect();
         let mut path = BezPath::new();
@@ -145,7 +145,7 @@ impl Tape {
         path
     }
 
-    /// Metres from a place to the middle of the tape.
+    /// Returns the distance in metres from a place to the centre line of the tape.
     pub fn distance(&self, place: Point) -> f64 {
         let place = kurbo::Point::new(place.x, place.y);
         let path = self.path();
@@ -155,13 +155,13 @@ impl Tape {
         nearest.fold(f64::MAX, f64::min).sqrt()
     }
 
-    /// Metres from end to end, or once round.
+    /// Returns the length in metres from end to end, or once around if closed.
     pub fn length(&self) -> f64 {
         self.path().perimeter(1e-3)
     }
 }
 
-/// Continues a path to a corner and round it in an arc of at most `radius`.
+/// Extends a path to a corner and around it, in an arc of at most `radius`.
 fn bend(
     path: &mut BezPath,
     before: kurbo::Point,
@@ -178,7 +178,7 @@ fn bend(
     };
     let (back, on) = (before - corner, after - corner);
     let room = back.hypot().min(on.hypot()) / 2.0;
-    // Half of the angle between the legs says how much of them an arc takes.
+    // Half of the angle between the legs determines how much of them the arc replaces.
     let half = (back.cross(on).abs().atan2(back.dot(on))) / 2.0;
     if radius <= 0.0 || room <= 0.0 || half.sin() < 1e-6 || half.cos() < 1e-6 {
         return start(path, corner);
@@ -204,14 +204,14 @@ fn point(spot: Spot) -> kurbo::Point {
 }
 
 impl Lamp {
-    /// Whether it is on at a time, in seconds.
+    /// Whether the lamp is on at a time, in seconds.
     pub(crate) fn lit(&self, seconds: f64) -> bool {
         lit(self.on, self.off, seconds)
     }
 }
 
 impl Noise {
-    /// Whether it sounds at a time, in seconds.
+    /// Whether the source sounds at a time, in seconds.
     pub(crate) fn sounds(&self, seconds: f64) -> bool {
         lit(self.on, self.off, seconds)
     }
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn a_square_that_is_rounded_by_half_its_side_is_a_circle() {
+    fn a_square_rounded_by_half_its_side_is_a_circle() {
         let tape = tape(
             "{through: [[1, 1], [3, 1], [3, 3], [1, 3]], closed: true, rounding: 1, colour: black}",
         );
@@ -272,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tape_without_rounding_goes_through_its_corners_and_ends() {
+    fn a_tape_without_rounding_passes_through_its_corners_and_ends() {
         let tape = tape("{through: [[1, 1], [3, 1], [3, 3]], colour: black}");
         assert!((tape.length() - 4.0).abs() < 1e-9);
         assert!(tape.distance(Point::new(3.0, 1.0)) < 1e-6);
@@ -280,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_that_leave_no_room_or_are_none_still_make_a_path() {
+    fn degenerate_corners_still_give_a_path() {
         for yaml in [
             "{through: [[1, 1], [1, 1], [1, 1]], rounding: 1, colour: black}",
             "{through: [[1, 1], [2, 1], [1, 1]], rounding: 5, closed: true, colour: black}",

@@ -1,5 +1,5 @@
-//! What is wrong with a world that no single value shows: too many things, things outside the room,
-//! a start inside of something.
+//! Validates a world as a whole: too many things, things outside the room, a start inside
+//! something.
 
 use super::code::{Code, MAX_TEXT};
 use super::document::World;
@@ -7,20 +7,21 @@ use super::spot::Spot;
 use crate::sim::geometry::{Point, Pose, RADIUS};
 use crate::sim::yaml::locate::Step;
 
-/// Things of one kind in a world, and corners of one line or path; each costs time in every frame.
+/// Maximum number of things of one kind, and of corners of one line or path; each takes time in
+/// every frame.
 pub(super) const MAX_THINGS: usize = 200;
-/// Lamps in a world: each has a map of its light.
+/// Maximum number of lamps; each has its own light map.
 pub(super) const MAX_LAMPS: usize = 16;
 
-/// Something that is wrong with a world.
+/// An error in a world.
 pub(super) struct Mistake {
-    /// Where it is in the document.
+    /// Its place in the document.
     pub(super) path: Vec<Step>,
     /// What was found, what was expected, what to do.
     pub(super) message: String,
 }
 
-/// Finds the first mistake that no single value shows.
+/// Returns the first error that cannot be detected in a single value.
 pub(super) fn check(world: &World) -> Result<(), Mistake> {
     check_counts(world)?;
     check_corners(world)?;
@@ -59,7 +60,7 @@ fn check_counts(world: &World) -> Result<(), Mistake> {
     Ok(())
 }
 
-/// Lines need two corners, paths one.
+/// Checks the number of corners: lines need two, paths one.
 fn check_corners(world: &World) -> Result<(), Mistake> {
     let lines = world.lines.iter().enumerate();
     let lines = lines.map(|(i, line)| ("lines", i, "through", line.through.len(), 2));
@@ -88,7 +89,7 @@ fn check_signs(world: &World) -> Result<(), Mistake> {
     })
 }
 
-/// A lens that folds the picture shows two directions in one place.
+/// Checks that the lens does not fold the image: it would show two directions at one place.
 fn check_lens(world: &World) -> Result<(), Mistake> {
     if !world.camera.folds() {
         return Ok(());
@@ -96,11 +97,11 @@ fn check_lens(world: &World) -> Result<(), Mistake> {
     let [k1, k2] = world.camera.distortion();
     Err(Mistake {
         path: vec![Step::Key("camera"), Step::Key("distortion")],
-        message: format!("[{k1}, {k2}] folds the picture: nearer to 0, or a narrower view"),
+        message: format!("[{k1}, {k2}] folds the image: use values nearer to 0 or a narrower view"),
     })
 }
 
-/// Everything must be in the room.
+/// Checks that everything is in the room.
 fn check_places(world: &World) -> Result<(), Mistake> {
     let mut spots = spots(world).into_iter();
     let Some((path, point)) = spots.find(|(_, point)| !world.room.holds(*point)) else {
@@ -113,7 +114,7 @@ fn check_places(world: &World) -> Result<(), Mistake> {
     Err(Mistake { path, message })
 }
 
-/// Every place that must be in the room, and where the document names it.
+/// Returns every place that must be in the room, with its path in the document.
 fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
     let mut spots = vec![(
         vec![Step::Key("station"), Step::Key("at")],
@@ -182,7 +183,7 @@ fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
     spots
 }
 
-/// Nothing may stand before the station, nor where the robot starts.
+/// Checks that the lane in front of the station and the robot's start are free.
 fn check_start(world: &World) -> Result<(), Mistake> {
     let obstacles = world.obstacles();
     let free = |pose: Pose| {
@@ -192,7 +193,7 @@ fn check_start(world: &World) -> Result<(), Mistake> {
     if !free(world.station.dock_pose()) || !free(world.station.staging_pose()) {
         return Err(Mistake {
             path: vec![Step::Key("station"), Step::Key("at")],
-            message: "something stands before the station: keep a lane of 0.4 m width and 1 m \
+            message: "something blocks the station: keep a lane of 0.4 m width and 1 m \
                       length free, in the direction of its heading_degrees"
                 .into(),
         });

@@ -1,5 +1,5 @@
-//! The place in which a robot is simulated: what its YAML defines, what follows from that, and what
-//! moves in it besides the robot.
+//! The world in which a robot is simulated: its YAML definition, derived data, and what moves in it
+//! besides the robot.
 
 pub(crate) mod code;
 pub(crate) mod document;

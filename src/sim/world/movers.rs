@@ -1,16 +1,16 @@
-//! What moves in a world besides the robot: balls, which roll on their paths and when they are
-//! pushed, and people on their ways.
+//! Moving things of a world besides the robot: balls, which roll along their paths or when pushed,
+//! and people on their paths.
 
 use super::document::World;
 use super::route::Trip;
 use crate::sim::geometry::Point;
 use crate::sim::geometry::obstacles::{Circle, Obstacles};
 
-/// How a rolling ball slows down, metres a second squared.
+/// Deceleration of a rolling ball, metres per second squared.
 const FRICTION: f64 = 0.35;
-/// Room that people and rolling balls leave before the robot, metres.
+/// Distance that people and rolling balls keep from the robot, metres.
 const RESPECT: f64 = 0.05;
-/// Kept between what touches, metres.
+/// Minimum gap between touching things, metres.
 const SLACK: f64 = 0.001;
 
 /// Everything that moves.
@@ -25,12 +25,12 @@ struct Mover {
     body: Circle,
     ball: bool,
     trip: Option<Trip>,
-    /// Of a ball that was pushed, metres a second.
+    /// Velocity of a pushed ball, metres per second.
     rolling: Point,
 }
 
 impl Movers {
-    /// Those of a world, where they are first.
+    /// Creates the movers of a world, at their initial places.
     pub(crate) fn of(world: &World) -> Movers {
         let balls = world.balls.iter().map(|ball| Mover {
             body: Circle::new(ball.at.point(), ball.radius),
@@ -49,12 +49,12 @@ impl Movers {
         }
     }
 
-    /// Where all are, balls first.
+    /// Returns the current places, balls first.
     pub(crate) fn places(&self) -> impl Iterator<Item = Point> {
         self.all.iter().map(|mover| mover.body.middle)
     }
 
-    /// Puts a ball somewhere, at rest: one on a path leaves it for good.
+    /// Puts a ball at a place, at rest; a ball on a path leaves it permanently.
     pub(crate) fn put_ball(&mut self, index: usize, place: Point) {
         let balls = self.all.iter_mut().filter(|mover| mover.ball);
         if let Some(ball) = balls.skip(index).take(1).next() {
@@ -75,7 +75,7 @@ impl Movers {
             let wanted = Circle::new(next, mover.body.radius);
             let nearer = robot.gap(wanted) < robot.gap(mover.body);
             let in_the_way = nearer && robot.gap(wanted) < RESPECT;
-            // A rolling ball stops at an obstacle; what is on a path passes through it.
+            // A rolling ball stops at an obstacle; a mover on a path passes through it.
             let hits = mover.rolling != Point::default() && !obstacles.has_room(wanted, index);
             if in_the_way || hits {
                 mover.rolling = Point::default();
@@ -86,7 +86,8 @@ impl Movers {
         }
     }
 
-    /// The robot is about to be at `robot`, at that speed: balls in its way roll, if they can.
+    /// Pushes balls out of the way of a robot that moves to `robot` at this speed; balls without
+    /// room stay.
     pub(crate) fn make_way(&mut self, robot: Circle, speed: f64, obstacles: &mut Obstacles) {
         for index in 0..self.all.len() {
             let mover = &mut self.all[index];
@@ -108,7 +109,7 @@ impl Movers {
 }
 
 impl Mover {
-    /// Where it would be after so many seconds.
+    /// Returns the mover's place after so many seconds.
     fn next(&mut self, seconds: f64) -> Point {
         let (here, speed) = (self.body.middle, self.rolling.distance(Point::default()));
         if speed > 0.0 {
@@ -157,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_that_was_put_somewhere_stays_there_though_it_had_a_path() {
+    fn a_placed_ball_leaves_its_path_and_stays() {
         let ball =
             "balls: [{at: [1, 3], colour: red, path: {through: [[1, 3], [5, 3]], speed: 0.5}}]";
         let world = world(ball);
@@ -186,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_at_the_wall_does_not_give_way() {
+    fn a_ball_at_the_wall_is_not_pushed() {
         let world = world("balls: [{at: [5.9, 2], colour: red}]");
         let (mut movers, mut obstacles) = (Movers::of(&world), world.obstacles());
         let robot = Circle::new(Point::new(5.7, 2.0), 0.15);

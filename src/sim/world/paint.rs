@@ -20,12 +20,12 @@ const NAMED: [(&str, [u8; 3]); 12] = [
     ("beige", [206, 188, 154]),
 ];
 
-/// A colour, red, green and blue 0..=255 under full light.
+/// A colour: red, green and blue, 0..=255, under full light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Paint(pub [u8; 3]);
 
 impl Paint {
-    /// The colour of a name or of `#rrggbb`.
+    /// Parses a colour name or `#rrggbb`.
     pub fn parse(text: &str) -> Option<Paint> {
         let named = NAMED.iter().find(|(name, _)| *name == text);
         named
@@ -73,7 +73,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colours_have_names_and_numbers() {
+    fn colours_are_parsed_from_names_and_hex() {
         assert_eq!(Paint::parse("#0A141e"), Some(Paint([10, 20, 30])));
         assert_eq!(Paint::parse("red"), Some(Paint([206, 28, 36])));
         for wrong in ["rot", "#12", "#gg0000", "", "#+12345"] {

@@ -1,4 +1,4 @@
-//! Reads worlds: the built-in one, a text, a file.
+//! Reads worlds: the built-in default, from a text, or from a file.
 
 use std::path::Path;
 
@@ -10,17 +10,17 @@ use crate::sim::yaml::locate;
 const DEFAULT_WORLD: &str = include_str!("../../../behaviours/worlds/living_room.yaml");
 
 impl World {
-    /// The world that is built in: a living room.
+    /// Returns the built-in default world: a living room.
     pub fn default_world() -> World {
-        #[expect(clippy::expect_used, reason = "a test reads this very text")]
+        #[expect(clippy::expect_used, reason = "a test parses this text")]
         World::from_yaml(DEFAULT_WORLD, "living_room.yaml").expect("the built-in world is valid")
     }
 
-    /// Reads a world; `name` is what errors call the text, usually its file's name.
+    /// Parses a world; `name` is the name of the text in errors, usually its file name.
     ///
     /// # Errors
     /// [`DocumentError::Invalid`] with line and column: unknown keys, wrong types, values out of
-    /// range, things that stand outside the room or in the robot's way at the start.
+    /// range, things outside the room, a blocked station or start.
     pub fn from_yaml(text: &str, name: &str) -> Result<World, DocumentError> {
         let world: World = locate::read(text, name)?;
         mistakes::check(&world).map_err(|mistake| {
@@ -48,7 +48,7 @@ mod tests {
     const ROOM: &str = "room: {width: 6, depth: 4}\n";
     const STATION: &str = "station: {at: [0, 2], heading_degrees: 0}\n";
 
-    /// What is said about `ROOM`, `STATION` and more, which begins in line 3.
+    /// Returns the error for `ROOM`, `STATION` and `more`, which starts in line 3.
     fn fault(more: &str) -> String {
         World::from_yaml(&format!("{ROOM}{STATION}{more}"), "w.yaml")
             .unwrap_err()
@@ -56,7 +56,7 @@ mod tests {
     }
 
     #[test]
-    fn the_worlds_that_come_along_are_valid() {
+    fn the_built_in_worlds_are_valid() {
         assert_eq!(World::default_world().name, "living room");
         let playpen = include_str!("../../../behaviours/worlds/playpen.yaml");
         let playpen = World::from_yaml(playpen, "playpen.yaml").unwrap();
@@ -64,14 +64,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_out_has_defaults() {
+    fn missing_keys_have_defaults() {
         let world = World::from_yaml(&format!("{ROOM}{STATION}"), "w.yaml").unwrap();
         assert_eq!(world.battery, BatterySettings::default());
         assert_eq!((world.light, world.camera.fps), (1.0, 15.0));
     }
 
     #[test]
-    fn an_unknown_key_is_refused_with_its_place_and_the_probable_name() {
+    fn an_unknown_key_is_rejected_with_its_place_and_a_suggestion() {
         let text = fault("balls:\n  - at: [1, 1]\n    colour: red\n    raduis: 0.1\n");
         assert!(text.starts_with("w.yaml:6:5: "), "{text}");
         assert!(
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn values_out_of_range_are_refused_with_their_place() {
+    fn values_out_of_range_are_rejected_with_their_place() {
         for (more, place) in [
             ("light: .nan\n", "w.yaml:3:8: "),
             ("light: -1\n", "w.yaml:3:8: "),
@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_types_are_refused_with_their_place() {
+    fn wrong_types_are_rejected_with_their_place() {
         for (more, place) in [
             ("light: bright\n", "w.yaml:3:8: "),
             ("balls: 3\n", "w.yaml:3:8: "),
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn things_outside_the_room_are_refused_with_their_place() {
+    fn things_outside_the_room_are_rejected_with_their_place() {
         let text = fault("balls:\n  - {at: [1, 1], colour: red}\n  - {at: [7, 1], colour: red}\n");
         assert!(
             text.starts_with("w.yaml:5:10: [7, 1] is outside the room"),
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_inside_of_something_is_refused() {
+    fn a_blocked_start_or_station_is_rejected() {
         let text = fault("start: {at: [3, 0.1]}\n");
         assert!(
             text.starts_with("w.yaml:3:13: the robot would start inside"),
@@ -132,26 +132,26 @@ mod tests {
         );
         let text = fault("balls: [{at: [0.5, 2], colour: red}]\n");
         assert!(
-            text.starts_with("w.yaml:2:15: something stands before the station"),
+            text.starts_with("w.yaml:2:15: something blocks the station"),
             "{text}"
         );
     }
 
     #[test]
-    fn a_crowd_is_refused() {
+    fn too_many_things_are_rejected() {
         let ball = "  - {at: [1, 1], colour: red}\n";
         let text = fault(&format!("balls:\n{}", ball.repeat(MAX_THINGS + 1)));
         assert!(text.contains("201 balls are too many"), "{text}");
     }
 
     #[test]
-    fn a_file_that_is_not_there_is_named() {
+    fn the_error_names_a_missing_file() {
         let error = World::load(Path::new("no/such/world.yaml")).unwrap_err();
         assert!(error.to_string().contains("no/such/world.yaml"), "{error}");
     }
 
     #[test]
-    fn what_moves_shines_and_speaks_is_checked_with_its_place() {
+    fn errors_in_movers_and_fixtures_name_their_place() {
         for (more, wanted) in [
             (
                 "lines: [{through: [[1, 1]], colour: red}]\n",
@@ -207,7 +207,7 @@ mod tests {
         assert!(fault(&format!("lamps:\n{lamps}")).contains("17 lamps are too many"));
     }
 
-    /// A number as worlds have it, most of them in range.
+    /// Generates numbers, most of them in the ranges of worlds.
     fn number() -> impl proptest::strategy::Strategy<Value = String> {
         "[1-3]|[0-3]|[0-3]|[0-3]|[1-3][.]5|[0-3][.][0-9]|[0-3][.][0-9]{2}|[1-3][.][0-9]{2}|[0-3][.]25|[0-3][.]75|[0-5]|-1|9999|[.]nan"
     }
@@ -216,7 +216,7 @@ mod tests {
         #![proptest_config(proptest::prelude::ProptestConfig::with_cases(96))]
 
         #[test]
-        fn every_world_that_is_read_can_be_lived_in_and_drawn(
+        fn every_valid_world_can_be_simulated_and_drawn(
             n in proptest::collection::vec(number(), 24),
             ready in 0..12usize,
         ) {
@@ -246,7 +246,7 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn any_text_is_read_without_panic(text in ".{0,200}", more in "[a-z:{}\\[\\], 0-9.&*-]{0,80}") {
+        fn no_text_causes_a_panic(text in ".{0,200}", more in "[a-z:{}\\[\\], 0-9.&*-]{0,80}") {
             let _ = World::from_yaml(&text, "random");
             let _ = World::from_yaml(&format!("{ROOM}{STATION}{more}"), "random");
         }

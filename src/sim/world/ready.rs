@@ -1,8 +1,8 @@
-//! The worlds that are part of the program: they need no file.
+//! The built-in worlds, which need no file.
 
 use super::document::World;
 
-/// Name and YAML of each; the names are those of the files in `behaviours/worlds/`.
+/// Name and YAML of each world; the names are those of the files in `behaviours/worlds/`.
 const READY: [(&str, &str); 8] = [
     (
         "living_room",
@@ -33,24 +33,24 @@ const READY: [(&str, &str); 8] = [
 ];
 
 impl World {
-    /// The names of these worlds; the first is the default.
+    /// Returns the names of the built-in worlds; the first is the default.
     pub fn ready_names() -> impl Iterator<Item = &'static str> {
         READY.iter().map(|(name, _)| *name)
     }
 
-    /// The world of such a name.
+    /// Returns the built-in world with this name.
     pub fn ready(name: &str) -> Option<World> {
         let (name, yaml) = READY.iter().find(|(known, _)| *known == name)?;
         World::from_yaml(yaml, &format!("{name}.yaml")).ok()
     }
 
-    /// The YAML of the world of such a name.
+    /// Returns the YAML of the built-in world with this name.
     pub fn ready_yaml(name: &str) -> Option<&'static str> {
         let (_, yaml) = READY.iter().find(|(known, _)| *known == name)?;
         Some(yaml)
     }
 
-    /// The first comment of such a world: what is there, and what it is for.
+    /// Returns the leading comment of a built-in world, which describes its content and purpose.
     pub fn ready_about(name: &str) -> Option<String> {
         let (_, yaml) = READY.iter().find(|(known, _)| *known == name)?;
         let comment = yaml.lines().map_while(|line| line.strip_prefix("# "));
@@ -63,7 +63,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_world_that_comes_along_is_valid_and_says_what_it_is_for() {
+    fn every_built_in_world_is_valid_and_has_a_description() {
         for (name, yaml) in READY {
             let world = World::from_yaml(yaml, &format!("{name}.yaml"));
             let world = world.unwrap_or_else(|error| panic!("{error}"));
@@ -75,7 +75,7 @@ mod tests {
     }
 
     #[test]
-    fn the_page_about_worlds_shows_a_valid_one() {
+    fn the_example_in_the_readme_is_valid() {
         let page = include_str!("../../../behaviours/worlds/README.md");
         let (_, yaml) = page.split_once("```yaml\n").unwrap();
         let yaml = yaml.split("```").next().unwrap();

@@ -1,4 +1,4 @@
-//! Routes of balls and people: from corner to corner at a speed.
+//! Routes of balls and people: from corner to corner at a constant speed.
 
 use serde::Deserialize;
 
@@ -7,47 +7,47 @@ use super::spot::Spot;
 use crate::sim::geometry::Point;
 use crate::sim::yaml::number;
 
-/// A way through the room.
+/// A route through the room.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Route {
     /// Its corners, in order.
     pub through: Vec<Spot>,
-    /// Metres a second.
+    /// Speed, metres per second.
     #[serde(deserialize_with = "number::speed")]
     pub speed: f64,
-    /// Rest at each corner, seconds.
+    /// Pause at each corner, seconds.
     #[serde(default, deserialize_with = "number::span")]
     pub pause: f64,
-    /// From the last corner on to the first; left out, back the same way.
+    /// Whether to continue from the last corner to the first; otherwise the route is reversed.
     #[serde(default)]
     pub closed: bool,
 }
 
-/// A person who walks about: an obstacle, and seen.
+/// A person who stands or walks: a visible obstacle.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Walker {
-    /// What people call them.
+    /// Their name.
     #[serde(default)]
     pub name: String,
-    /// Where they stand without a `path`, and where they come from with one.
+    /// Their place without a `path`, or their start with one.
     pub at: Spot,
-    /// Metres.
+    /// Radius in metres.
     #[serde(default = "walker_radius", deserialize_with = "number::radius")]
     pub radius: f64,
-    /// Metres.
+    /// Height in metres.
     #[serde(default = "walker_height", deserialize_with = "number::height")]
     pub height: f64,
     /// Colour of the clothes.
     #[serde(default = "clothes")]
     pub colour: Paint,
-    /// Where they go.
+    /// Their route.
     #[serde(default)]
     pub path: Option<Route>,
 }
 
-/// How far along its route something is.
+/// Progress along a route.
 #[derive(Debug, Clone)]
 pub(crate) struct Trip {
     corners: Vec<Point>,
@@ -60,7 +60,7 @@ pub(crate) struct Trip {
 }
 
 impl Trip {
-    /// At the first corner's beginning.
+    /// Creates a trip that starts towards the first corner.
     pub(crate) fn of(route: &Route) -> Trip {
         Trip {
             corners: route.through.iter().map(|spot| spot.point()).collect(),
@@ -73,7 +73,7 @@ impl Trip {
         }
     }
 
-    /// Where something at `here` is after so many seconds.
+    /// Returns the place, after so many seconds, of something that is at `here`.
     pub(crate) fn step(&mut self, here: Point, seconds: f64) -> Point {
         let Some(&target) = self.corners.get(self.next) else {
             return here;
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_route_goes_there_and_back_or_round() {
+    fn a_route_goes_back_and_forth_or_around() {
         assert_eq!(
             visited(false),
             [(1, 1), (2, 1), (2, 2), (2, 1), (1, 1), (2, 1)]
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn one_corner_is_a_place_to_stay() {
+    fn a_route_with_one_corner_ends_there() {
         let mut trip = Trip::of(&serde_yaml::from_str("{through: [[1, 1]], speed: 1}").unwrap());
         let mut here = Point::new(1.5, 1.0);
         (0..100).for_each(|_| here = trip.step(here, 0.05));

@@ -1,20 +1,20 @@
-//! When something of a world is on: from a time on, for a while, again and again.
+//! When something in a world is on: from a start time, for a duration, periodically.
 
 use serde::Deserialize;
 
 use crate::sim::yaml::number;
 
-/// Times, in simulated seconds since the start.
+/// A schedule, in simulated seconds since the start.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Schedule {
-    /// When it begins, seconds.
+    /// The first beginning, seconds.
     #[serde(default, deserialize_with = "number::span")]
     pub after: f64,
-    /// How long it lasts each time, seconds; left out, for ever.
+    /// Duration of each occurrence, seconds; unlimited if omitted.
     #[serde(default, rename = "for")]
     pub lasts: Option<Seconds>,
-    /// From one beginning to the next, seconds; left out or 0, it comes once.
+    /// Period from one beginning to the next, seconds; once only if omitted or 0.
     #[serde(default)]
     pub every: Option<Seconds>,
 }
@@ -24,7 +24,7 @@ pub struct Schedule {
 pub struct Seconds(#[serde(deserialize_with = "number::span")] pub f64);
 
 impl Schedule {
-    /// Whether it is on at a time.
+    /// Whether the schedule is on at a time, in seconds.
     pub fn holds(&self, seconds: f64) -> bool {
         let since = seconds - self.after;
         if since < 0.0 {
@@ -38,7 +38,7 @@ impl Schedule {
     }
 }
 
-/// On when `on` says so, or always without it, but not when `off` says so.
+/// Whether something is on at a time: during `on`, or always without it, except during `off`.
 pub(crate) fn lit(on: Option<Schedule>, off: Option<Schedule>, seconds: f64) -> bool {
     let in_on = on.is_none_or(|times| times.holds(seconds));
     in_on && !off.is_some_and(|times| times.holds(seconds))
@@ -53,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn a_schedule_begins_lasts_and_comes_again() {
+    fn a_schedule_begins_ends_and_repeats() {
         let times = times("{after: 10, for: 5, every: 20}");
         let on: Vec<u32> = (0..60).filter(|t| times.holds(f64::from(*t))).collect();
         assert_eq!(
@@ -63,13 +63,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_left_out_has_no_end_and_comes_once() {
+    fn an_omitted_duration_is_unlimited_and_an_omitted_period_means_once() {
         assert!(times("{after: 3}").holds(1e6) && !times("{after: 3}").holds(2.9));
         assert!(times("{for: 4}").holds(0.0) && !times("{for: 4}").holds(4.0));
     }
 
     #[test]
-    fn off_wins_over_on() {
+    fn off_takes_precedence_over_on() {
         let (on, off) = (Some(times("{after: 2}")), Some(times("{after: 4, for: 1}")));
         let seen: Vec<bool> = [1.0, 3.0, 4.5, 6.0].map(|t| lit(on, off, t)).to_vec();
         assert_eq!(seen, [false, true, false, true]);

@@ -1,24 +1,24 @@
-//! A world's settings of the robot: its battery, its camera, its tracks.
+//! A world's settings for the robot: its battery, its camera and its tracks.
 
 use serde::{Deserialize, Deserializer};
 
 use crate::sim::yaml::number;
 use crate::vision::Subsampling;
 
-/// How the battery drains and charges. The defaults are like a real robot's: hours.
+/// How the battery drains and charges. With the defaults it lasts hours, as on a real robot.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct BatterySettings {
     /// Level at the start, percent.
     #[serde(deserialize_with = "number::percent")]
     pub level: f64,
-    /// Percent a minute while standing.
+    /// Drain at rest, percent per minute.
     #[serde(deserialize_with = "number::percent_per_minute")]
     pub idle_drain_per_minute: f64,
-    /// Percent a minute while both tracks run at full speed.
+    /// Drain while both tracks run at full speed, percent per minute.
     #[serde(deserialize_with = "number::percent_per_minute")]
     pub driving_drain_per_minute: f64,
-    /// Percent a minute on the station.
+    /// Charge on the station, percent per minute.
     #[serde(deserialize_with = "number::percent_per_minute")]
     pub charge_per_minute: f64,
 }
@@ -34,38 +34,37 @@ impl Default for BatterySettings {
     }
 }
 
-/// How the robot sees.
+/// Properties of the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraSettings {
-    /// Frames a second while the video stream is on.
+    /// Frames per second while the video stream is on.
     #[serde(deserialize_with = "number::frames")]
     pub fps: f64,
-    /// What it would see from side to side without distortion, degrees; left out, what the robot's
-    /// lens does.
+    /// Horizontal field of view without distortion, degrees; that of the robot's lens if omitted.
     #[serde(deserialize_with = "some_view")]
     pub hfov_degrees: Option<f64>,
-    /// How the lens bends the picture, `[k1, k2]`: seen from the middle, in focal lengths, what is at
-    /// r appears at r (1 + k1 r² + k2 r⁴). Left out, as the robot's lens if the view is its own too,
-    /// else not at all.
+    /// Radial distortion `[k1, k2]`: a point at distance r from the image centre, in focal lengths,
+    /// appears at r (1 + k1 r² + k2 r⁴). If omitted, that of the robot's lens if `hfov_degrees` is
+    /// omitted too, otherwise none.
     #[serde(deserialize_with = "some_distortion")]
     pub distortion: Option<[f64; 2]>,
-    /// Grain of the picture, 0..=1.
+    /// Strength of the image grain, 0..=1.
     #[serde(deserialize_with = "number::share")]
     pub noise: f64,
-    /// How long the shutter is open, seconds: what turns meanwhile is smeared.
+    /// Exposure time of the shutter, seconds: turning meanwhile causes motion blur.
     #[serde(deserialize_with = "number::moment")]
     pub shutter: f64,
     /// Time constant of the automatic exposure, seconds; 0 switches it off.
     #[serde(deserialize_with = "number::moment")]
     pub exposure: f64,
-    /// From the moment that a frame shows to its sending, seconds.
+    /// Delay from capturing a frame to sending it, seconds.
     #[serde(deserialize_with = "number::moment")]
     pub latency: f64,
-    /// Quality of the JPEG, 1..=100.
+    /// JPEG quality, 1..=100.
     #[serde(deserialize_with = "number::quality")]
     pub quality: f64,
-    /// How much of the colour is left out in the JPEG.
+    /// Chroma subsampling of the JPEG.
     pub subsampling: Subsampling,
 }
 
@@ -85,18 +84,18 @@ impl Default for CameraSettings {
     }
 }
 
-/// A focal length of 381 pixels was measured.
+/// Field of view of the robot's lens, from a measured focal length of 381 pixels.
 const HFOV_DEGREES: f64 = 45.6;
-/// Usual for such lenses: that of the robot's is not known.
+/// Typical for such lenses; the distortion of the robot's lens is not known.
 const DISTORTION: [f64; 2] = [-0.25, 0.08];
 
 impl CameraSettings {
-    /// What the camera would see from side to side without distortion, degrees.
+    /// Returns the horizontal field of view without distortion, degrees.
     pub fn hfov_degrees(&self) -> f64 {
         self.hfov_degrees.unwrap_or(HFOV_DEGREES)
     }
 
-    /// How the lens bends the picture: k1 and k2.
+    /// Returns the radial distortion, k1 and k2.
     pub fn distortion(&self) -> [f64; 2] {
         let usual = match self.hfov_degrees {
             None => DISTORTION,
@@ -105,7 +104,7 @@ impl CameraSettings {
         self.distortion.unwrap_or(usual)
     }
 
-    /// Whether the lens shows two directions in one place of the picture.
+    /// Whether the lens folds the image: it would show two directions at one place.
     pub(super) fn folds(&self) -> bool {
         const STEP: f64 = 0.002;
         let [k1, k2] = self.distortion();
@@ -134,15 +133,16 @@ fn some_distortion<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[f64; 2]
     Ok(Some([k1, k2]))
 }
 
-/// How unlike each other the tracks are, and how they slip. Left out, they are perfect.
+/// How much the tracks differ and slip. By default they are perfect.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrackSettings {
-    /// How much slower than asked for each track may be, as a share; the seed says how much it is.
+    /// Maximum share by which each track is slower than commanded; the seed determines the actual
+    /// share.
     #[serde(deserialize_with = "number::slip")]
     pub unequal: f64,
-    /// How much of its way a track may lose or win by slipping, as a share, another again and
-    /// again.
+    /// Maximum share of its speed that a track loses or gains by slipping; a new value is drawn
+    /// regularly.
     #[serde(deserialize_with = "number::slip")]
     pub slip: f64,
 }

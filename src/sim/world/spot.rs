@@ -5,19 +5,19 @@ use serde::Deserialize;
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::yaml::number;
 
-/// Where the robot stands at first and which way it looks.
+/// The robot's start place and heading.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Start {
-    /// Where.
+    /// The place.
     pub at: Spot,
-    /// Degrees, left positive, 0 looks along x.
+    /// Heading in degrees, left positive; 0 is along x.
     #[serde(default, deserialize_with = "number::degrees")]
     pub heading_degrees: f64,
 }
 
 impl Start {
-    /// The same in radians.
+    /// Returns the start as a pose.
     pub fn pose(&self) -> Pose {
         Pose::at(self.at.point(), self.heading_degrees.to_radians())
     }
@@ -31,7 +31,7 @@ pub struct Spot([Coordinate; 2]);
 struct Coordinate(#[serde(deserialize_with = "number::coordinate")] f64);
 
 impl Spot {
-    /// The place on the floor.
+    /// Returns the place on the floor.
     pub fn point(self) -> Point {
         Point::new(self.0[0].0, self.0[1].0)
     }

@@ -1,5 +1,5 @@
-//! The charging station: where it stands, where a robot on it stands, and how far its infrared
-//! beacon reaches. The robot drives onto it forwards and leaves it backwards.
+//! The charging station: its place, the pose of a docked robot, and the range of its infrared
+//! beacon. The robot drives onto it forwards and leaves it backwards.
 
 use std::f64::consts::PI;
 
@@ -11,20 +11,20 @@ use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Pose, Segment, rectangle, wrap};
 use crate::sim::yaml::number;
 
-/// How far the station's body stands out from its back, metres.
+/// Depth of the station's body, from back to front, metres.
 const DEPTH: f64 = 0.10;
-/// How wide the station's body is, metres.
+/// Width of the station's body, metres.
 const WIDTH: f64 = 0.36;
-/// How high the station's body is, metres.
+/// Height of the station's body, metres.
 pub(crate) const HEIGHT: f64 = 0.34;
-/// Between the station and a robot on it, metres.
+/// Gap between the station and a docked robot, metres.
 const GAP: f64 = 0.005;
-/// Where the final, straight way onto the station begins: metres before its contacts.
+/// Length of the final, straight approach to the contacts, metres.
 const STAGING: f64 = 0.55;
-/// So near to the station its beacon is seen from every side, metres.
+/// Within this distance the beacon is visible from all directions in front of the station, metres.
 const GLOW: f64 = 0.8;
 
-/// How exactly a robot must stand to touch the contacts.
+/// Tolerances of a robot's pose for touching the contacts.
 struct Contact {
     ahead: f64,
     aside: f64,
@@ -36,7 +36,7 @@ const MAKES: Contact = Contact {
     aside: 0.04,
     turned: 0.2,
 };
-/// Springs hold a contact a little longer than they let it begin.
+/// Springs keep an existing contact with larger tolerances.
 const BREAKS: Contact = Contact {
     ahead: 0.05,
     aside: 0.07,
@@ -47,31 +47,31 @@ const BREAKS: Contact = Contact {
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Station {
-    /// The middle of its back, usually on a wall.
+    /// The centre of its back, usually at a wall.
     pub at: Spot,
-    /// Into the room, degrees: where a leaving robot goes, backwards.
+    /// The direction into the room, degrees, in which a robot leaves, driving backwards.
     #[serde(deserialize_with = "number::degrees")]
     pub heading_degrees: f64,
-    /// How far its beacon reaches, metres.
+    /// Range of the beacon, metres.
     #[serde(default = "beacon_range", deserialize_with = "number::reach")]
     pub beacon_range: f64,
-    /// How far to each side of its heading the beacon shines, degrees.
+    /// Half the beam width of the beacon, to each side of the heading, degrees.
     #[serde(default = "beacon_degrees", deserialize_with = "number::degrees")]
     pub beacon_degrees: f64,
 }
 
 impl Station {
-    /// Into the room, radians.
+    /// Returns the direction into the room, radians.
     pub(crate) fn heading(&self) -> f64 {
         self.heading_degrees.to_radians()
     }
 
-    /// Where a robot on the station stands, facing it.
+    /// Returns the pose of a docked robot, facing the station.
     pub fn dock_pose(&self) -> Pose {
         self.facing(DEPTH + GAP + RADIUS)
     }
 
-    /// Where the final, straight way onto the station begins.
+    /// Returns the pose at which the final, straight approach begins.
     pub fn staging_pose(&self) -> Pose {
         self.facing(DEPTH + GAP + RADIUS + STAGING)
     }
@@ -81,23 +81,24 @@ impl Station {
         Pose::at(point, wrap(self.heading() + PI))
     }
 
-    /// The corners of its foot.
+    /// Returns the corners of its footprint.
     pub fn outline(&self) -> [Point; 4] {
         self.sides().map(|side| side.from)
     }
 
-    /// The four sides of its body; the first is the front.
+    /// Returns the four sides of its body; the first is the front.
     pub(crate) fn sides(&self) -> [Segment; 4] {
         let middle = self.at.point().ahead(self.heading(), DEPTH / 2.0);
         rectangle(middle, DEPTH, WIDTH, self.heading())
     }
 
-    /// Where its beacon shines from.
+    /// Returns the place of the beacon.
     pub(crate) fn beacon(&self) -> Point {
         self.at.point().ahead(self.heading(), DEPTH + 0.01)
     }
 
-    /// Whether a robot at `point` is in the light of the beacon.
+    /// Whether a robot at `point` is within the beam and range of the beacon, with a clear line of
+    /// sight.
     pub(crate) fn beacon_reaches(&self, point: Point, obstacles: &Obstacles) -> bool {
         let beacon = self.beacon();
         let distance = beacon.distance(point);
@@ -107,8 +108,8 @@ impl Station {
         distance <= self.beacon_range && (in_cone || near) && obstacles.sight(beacon, point)
     }
 
-    /// How far before the contacts a robot stands (metres, along the station's axis) and how far
-    /// to the left of the axis, seen from the station.
+    /// Returns the robot's distance in front of the contacts along the station's axis, and its
+    /// offset to the left of the axis as seen from the station, both in metres.
     pub(crate) fn offset(&self, pose: Pose) -> (f64, f64) {
         let dock = self.dock_pose();
         let (dx, dy) = (pose.x - dock.x, pose.y - dock.y);
@@ -116,7 +117,7 @@ impl Station {
         (dx * cos + dy * sin, dy * cos - dx * sin)
     }
 
-    /// Whether a robot at `pose` touches the contacts, if it did (`before`) or not.
+    /// Whether a robot at `pose` touches the contacts; `before` tells whether it did so far.
     pub(crate) fn touched(&self, pose: Pose, before: bool) -> bool {
         let limit = if before { BREAKS } else { MAKES };
         let (ahead, aside) = self.offset(pose);

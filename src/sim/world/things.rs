@@ -1,4 +1,4 @@
-//! What stands in a world, as its YAML says it, with the shapes that follow from it.
+//! The things in a world as defined in YAML, with their shapes.
 
 use serde::Deserialize;
 
@@ -12,16 +12,16 @@ use crate::sim::yaml::number;
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Room {
-    /// Metres along x.
+    /// Size along x, metres.
     #[serde(deserialize_with = "number::room_side")]
     pub width: f64,
-    /// Metres along y.
+    /// Size along y, metres.
     #[serde(deserialize_with = "number::room_side")]
     pub depth: f64,
     /// Height of all walls, metres.
     #[serde(default = "room_height", deserialize_with = "number::height")]
     pub height: f64,
-    /// What lies on the ground.
+    /// Kind of floor.
     #[serde(default)]
     pub floor: Floor,
     /// Colour of the walls.
@@ -29,7 +29,7 @@ pub struct Room {
     pub walls: Paint,
 }
 
-/// What the ground is made of.
+/// Kinds of floors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Floor {
@@ -38,7 +38,7 @@ pub enum Floor {
     Wood,
     /// Light and dark squares.
     Tiles,
-    /// One colour with a fine grain.
+    /// A uniform colour with a fine grain.
     Concrete,
 }
 
@@ -46,11 +46,11 @@ pub enum Floor {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Wall {
-    /// Where its middle line begins.
+    /// Start of its centre line.
     pub from: Spot,
-    /// Where its middle line ends.
+    /// End of its centre line.
     pub to: Spot,
-    /// Metres.
+    /// Thickness in metres.
     #[serde(default = "wall_thickness", deserialize_with = "number::thickness")]
     pub thickness: f64,
 }
@@ -59,23 +59,23 @@ pub struct Wall {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Furniture {
-    /// Its middle.
+    /// Its centre.
     pub at: Spot,
-    /// Metres along its heading.
+    /// Size along its heading, metres.
     #[serde(deserialize_with = "number::side")]
     pub length: f64,
-    /// Metres across.
+    /// Size across its heading, metres.
     #[serde(deserialize_with = "number::side")]
     pub width: f64,
-    /// Metres; at least as high as the robot looks.
+    /// Height in metres; higher than the camera.
     #[serde(deserialize_with = "number::height")]
     pub height: f64,
-    /// How it is turned, degrees.
+    /// Its heading, degrees.
     #[serde(default, deserialize_with = "number::degrees")]
     pub heading_degrees: f64,
     /// Its colour.
     pub colour: Paint,
-    /// What people call it.
+    /// Its name.
     #[serde(default)]
     pub name: String,
 }
@@ -84,12 +84,12 @@ pub struct Furniture {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rug {
-    /// Its middle.
+    /// Its centre.
     pub at: Spot,
-    /// Metres along x.
+    /// Size along x, metres.
     #[serde(deserialize_with = "number::side")]
     pub width: f64,
-    /// Metres along y.
+    /// Size along y, metres.
     #[serde(deserialize_with = "number::side")]
     pub depth: f64,
     /// Its colour.
@@ -100,14 +100,14 @@ pub struct Rug {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Ball {
-    /// Where it touches the floor.
+    /// The place where it touches the floor.
     pub at: Spot,
-    /// Metres.
+    /// Radius in metres.
     #[serde(default = "ball_radius", deserialize_with = "number::radius")]
     pub radius: f64,
     /// Its colour.
     pub colour: Paint,
-    /// Where it rolls by itself.
+    /// The route along which it rolls.
     #[serde(default)]
     pub path: Option<Route>,
 }
@@ -116,12 +116,12 @@ pub struct Ball {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Post {
-    /// Its middle.
+    /// Its centre.
     pub at: Spot,
-    /// Metres.
+    /// Radius in metres.
     #[serde(default = "post_radius", deserialize_with = "number::radius")]
     pub radius: f64,
-    /// Metres.
+    /// Height in metres.
     #[serde(default = "post_height", deserialize_with = "number::height")]
     pub height: f64,
     /// Its colour.
@@ -129,20 +129,20 @@ pub struct Post {
 }
 
 impl Room {
-    /// The four outer walls, counter-clockwise from (0, 0).
+    /// Returns the four outer walls, counter-clockwise.
     pub(crate) fn sides(&self) -> [Segment; 4] {
         let middle = Point::new(self.width / 2.0, self.depth / 2.0);
         rectangle(middle, self.width, self.depth, 0.0)
     }
 
-    /// Whether a place is within the walls.
+    /// Whether a place is within the outer walls.
     pub(crate) fn holds(&self, point: Point) -> bool {
         (0.0..=self.width).contains(&point.x) && (0.0..=self.depth).contains(&point.y)
     }
 }
 
 impl Wall {
-    /// Whether a place is inside of it.
+    /// Whether a place is inside the wall.
     pub(crate) fn covers(&self, place: Point) -> bool {
         let (from, to) = (self.from.point(), self.to.point());
         let length = from.distance(to) + self.thickness;
@@ -150,7 +150,7 @@ impl Wall {
         in_rectangle(place, middle, length, self.thickness, heading)
     }
 
-    /// Its four sides, as they stand on the floor.
+    /// Returns its four sides as seen from above.
     pub(crate) fn sides(&self) -> [Segment; 4] {
         let (from, to) = (self.from.point(), self.to.point());
         let length = from.distance(to) + self.thickness;
@@ -164,13 +164,13 @@ impl Wall {
 }
 
 impl Furniture {
-    /// Whether a place is inside of it.
+    /// Whether a place is inside the piece of furniture.
     pub(crate) fn covers(&self, place: Point) -> bool {
         let (middle, heading) = (self.at.point(), self.heading_degrees.to_radians());
         in_rectangle(place, middle, self.length, self.width, heading)
     }
 
-    /// Its four sides, as they stand on the floor.
+    /// Returns its four sides as seen from above.
     pub(crate) fn sides(&self) -> [Segment; 4] {
         rectangle(
             self.at.point(),

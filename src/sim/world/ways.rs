@@ -1,5 +1,5 @@
-//! Shortest ways to the station over the free floor, on a grid. Tests and reports use them; the
-//! robot itself does not know them.
+//! Shortest paths to the station over the free floor, on a grid. Used by tests and reports; not
+//! available to the robot.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -9,27 +9,27 @@ use crate::sim::geometry::Point;
 use crate::sim::geometry::RADIUS;
 use crate::sim::geometry::obstacles::Obstacles;
 
-/// Between two neighbours on the grid, metres.
+/// Distance between two neighbours on the grid, metres.
 const GRID: f64 = 0.05;
-/// What a step to a neighbour counts, in tenths of a millimetre: straight, and across.
+/// Lengths of a straight and of a diagonal step to a neighbour, in tenths of a millimetre.
 const STRAIGHT: u32 = 500;
 const ACROSS: u32 = 707;
-/// A place off the grid is as far as the best of its neighbours, so many to each side.
+/// For a place off the grid, the best of its neighbours up to this many steps to each side counts.
 const AROUND: i64 = 2;
 
-/// The ways to the station from everywhere in a world. What moves, and what a robot pushes aside,
-/// is not in the way: balls and people.
+/// The shortest paths to the station from everywhere in a world. Balls and people do not count as
+/// obstacles, because they move or can be pushed aside.
 #[derive(Debug, Clone)]
 pub struct Ways {
     obstacles: Obstacles,
     columns: i64,
     rows: i64,
-    /// Row by row; tenths of a millimetre.
+    /// Path lengths, row by row, in tenths of a millimetre.
     lengths: Vec<Option<u32>>,
 }
 
 impl Ways {
-    /// Measures all ways of a world, once.
+    /// Computes all paths of a world.
     pub fn home(world: &World) -> Ways {
         let count = |side: f64| (side / GRID) as i64 + 1;
         let mut ways = Ways {
@@ -43,8 +43,9 @@ impl Ways {
         ways
     }
 
-    /// Metres from a place to the charging contacts, at most 8 % more than the shortest way;
-    /// `None` without any way there, as from within a closed ring of furniture.
+    /// Returns the length in metres of the path from a place to the charging contacts, at most 8 %
+    /// more than the shortest one; `None` if there is no path, for example from inside a closed
+    /// ring of furniture.
     pub fn length(&self, from: Point) -> Option<f64> {
         let near = self.around(from).filter_map(|(column, row)| {
             let place = place(column, row);
@@ -55,13 +56,13 @@ impl Ways {
         near.min_by(f64::total_cmp)
     }
 
-    /// Whether a robot stands there without touching a wall, a piece of furniture, a post or the
-    /// station. What encloses a place, such as a wide piece of furniture, does not touch it.
+    /// Whether a robot at this place touches no wall, piece of furniture, post or the station. Only
+    /// the sides of things count, so a place inside a wide piece of furniture may have room.
     pub fn has_room(&self, place: Point) -> bool {
         self.obstacles.clearance(place) >= RADIUS
     }
 
-    /// All places of the grid from which a way leads home, with its length in metres.
+    /// Returns all grid places with a path to the station, with its length in metres.
     pub fn places(&self) -> impl Iterator<Item = (Point, f64)> {
         let columns = self.columns;
         let all = self.lengths.iter().zip(0_i64..);
@@ -71,7 +72,7 @@ impl Ways {
         })
     }
 
-    /// From the place before the station on over the whole grid, the nearest first.
+    /// Computes all lengths with Dijkstra's algorithm, starting at the staging pose.
     fn spread(&mut self, world: &World) {
         let (staging, dock) = (world.station.staging_pose(), world.station.dock_pose());
         let straight_on = staging.point().distance(dock.point());
@@ -119,7 +120,7 @@ fn metres(length: u32) -> f64 {
     f64::from(length) / 1e4
 }
 
-/// All steps of up to `most` to each side.
+/// Returns all offsets of up to `most` to each side.
 fn square(most: i64) -> impl Iterator<Item = (i64, i64)> {
     (-most..=most).flat_map(move |right| (-most..=most).map(move |up| (right, up)))
 }
@@ -136,13 +137,13 @@ mod tests {
     }
 
     #[test]
-    fn a_straight_way_is_as_long_as_it_is() {
+    fn a_straight_path_has_the_right_length() {
         let length = ways("").length(Point::new(4.0, 2.0)).unwrap();
         assert!((length - 3.745).abs() < 0.05, "{length}");
     }
 
     #[test]
-    fn a_way_leads_round_walls_and_through_balls() {
+    fn a_path_leads_around_walls_and_through_balls() {
         let wall = "walls: [{from: [3, 0], to: [3, 3]}]";
         let round = ways(wall).length(Point::new(4.0, 1.0)).unwrap();
         assert!((5.2..6.0).contains(&round), "{round}");
@@ -152,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn behind_a_gap_too_narrow_for_the_robot_there_is_no_way() {
+    fn there_is_no_path_through_a_gap_too_narrow_for_the_robot() {
         let gap = |to: f64| format!("walls: [{{from: [3, 0], to: [3, {to}]}}]");
         assert_eq!(ways(&gap(3.75)).length(Point::new(4.0, 1.0)), None);
         assert!(ways(&gap(3.5)).length(Point::new(4.0, 1.0)).is_some());
@@ -169,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn every_place_with_a_way_is_free_floor() {
+    fn every_place_with_a_path_is_free_floor() {
         let ways = ways("furniture: [{at: [3, 1], length: 1, width: 1, height: 1, colour: red}]");
         let inside = |place: Point| (place.x - 3.0).abs() < 0.6 && (place.y - 1.0).abs() < 0.6;
         assert!(ways.places().count() > 5000);

@@ -1,4 +1,4 @@
-//! The documents of the simulator: one loader with a bound, and one error that names the place.
+//! The documents of the simulator: a loader with a size limit, and an error that names the place.
 
 use std::fmt;
 use std::path::Path;
@@ -9,7 +9,7 @@ use crate::yaml;
 /// What a document describes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DocumentKind {
-    /// A simulated place.
+    /// A simulated world.
     World,
     /// The behaviour of a simulated robot's firmware.
     Firmware,
@@ -43,29 +43,29 @@ pub enum DocumentError {
     /// The file cannot be read.
     #[error("cannot read the {kind} {name}: {source}")]
     Read {
-        /// What the file was to describe.
+        /// The expected content of the file.
         kind: DocumentKind,
         /// The file.
         name: String,
-        /// Why.
+        /// The cause.
         source: std::io::Error,
     },
     /// The file is too long.
     #[error("{name} is longer than {} bytes: {}", yaml::MAX_LEN, .kind.question())]
     TooLong {
-        /// What the file was to describe.
+        /// The expected content of the file.
         kind: DocumentKind,
         /// The file.
         name: String,
     },
-    /// The YAML does not describe what it should.
+    /// The YAML is not a valid document of the expected kind.
     #[error("{name}:{line}:{column}: {message}")]
     Invalid {
-        /// The file, or what else the text came from.
+        /// The file, or another source of the text.
         name: String,
-        /// Counted from 1.
+        /// Line, from 1.
         line: usize,
-        /// Counted from 1.
+        /// Column, from 1.
         column: usize,
         /// What was found, what was expected, what to do.
         message: String,
@@ -73,7 +73,7 @@ pub enum DocumentError {
 }
 
 impl DocumentError {
-    /// The text `name` is wrong at a line and column.
+    /// Creates an error in the text `name` at a line and column.
     pub(crate) fn invalid(
         name: &str,
         (line, column): (usize, usize),
@@ -87,7 +87,7 @@ impl DocumentError {
         }
     }
 
-    /// What is wrong, without the place: for texts that no file holds.
+    /// Returns the message without the place, for texts that are not from a file.
     pub fn into_message(self) -> String {
         match self {
             DocumentError::Invalid { message, .. } => message,
@@ -96,7 +96,7 @@ impl DocumentError {
     }
 }
 
-/// Reads a file of bounded length, and gives its text and its name to `parse`.
+/// Reads a file of limited length and passes its text and its name to `parse`.
 ///
 /// # Errors
 /// As `parse`, or the file cannot be read or is too long.

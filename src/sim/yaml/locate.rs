@@ -1,5 +1,5 @@
-//! Line and column of a value in a YAML text, for errors that only show when all values are known,
-//! and serde_yaml's errors with a suggestion.
+//! Locates a value in a YAML text by line and column, for errors found after parsing, and adds
+//! suggestions to the errors of serde_yaml.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use serde::de::{
 use super::document::DocumentError;
 use crate::yaml;
 
-/// One step into a YAML document.
+/// One step of a path into a YAML document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
     /// The value of a key.
@@ -20,7 +20,8 @@ pub(crate) enum Step {
     Index(usize),
 }
 
-/// Line and column, from 1, of what a path leads to; of the document's start if it leads nowhere.
+/// Returns line and column, from 1, of the value at a path, or of the document's start if no part
+/// of the path exists.
 pub(crate) fn find(text: &str, path: &[Step]) -> (usize, usize) {
     let document = serde_yaml::Deserializer::from_str(text);
     match Walk(path).deserialize(document) {
@@ -29,7 +30,7 @@ pub(crate) fn find(text: &str, path: &[Step]) -> (usize, usize) {
     }
 }
 
-/// Reads a document; `name` is what errors call the text.
+/// Parses a document; `name` is the name of the text in errors.
 ///
 /// # Errors
 /// [`DocumentError::Invalid`] with line and column.
@@ -40,14 +41,15 @@ pub(crate) fn read<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, Doc
         .map_err(|error| DocumentError::invalid(name, place_of(&error), explain(&error)))
 }
 
-/// Line and column, from 1, of an error; of the document's start if it has none.
+/// Returns line and column, from 1, of an error, or of the document's start if the error has no
+/// place.
 pub(crate) fn place_of(error: &serde_yaml::Error) -> (usize, usize) {
     error
         .location()
         .map_or((1, 1), |place| (place.line(), place.column()))
 }
 
-/// What is wrong, without the place, and with the name that was probably meant.
+/// Returns the message of an error without its place, with a suggestion for a misspelt name.
 fn explain(error: &serde_yaml::Error) -> String {
     let mut text = error.to_string();
     if let Some(place) = error.location() {
@@ -60,7 +62,8 @@ fn explain(error: &serde_yaml::Error) -> String {
     }
 }
 
-/// The name nearest to the unknown one; serde quotes first what it found, then what it knows.
+/// Returns the known name nearest to the unknown one. serde quotes the unknown name first, then the
+/// known ones.
 fn meant(text: &str) -> Option<&str> {
     let mut quoted = text.split('`').skip(1).step_by(2);
     let found = quoted.next().filter(|_| text.contains("unknown "))?;
@@ -70,7 +73,7 @@ fn meant(text: &str) -> Option<&str> {
     (near.0 <= 2).then_some(near.1)
 }
 
-/// Follows a path and fails on purpose at its end: the error knows the place.
+/// Follows a path and deliberately fails at its end, because the error contains the place.
 struct Walk<'a>(&'a [Step]);
 
 impl<'de> DeserializeSeed<'de> for Walk<'_> {
@@ -119,7 +122,7 @@ mod tests {
     const TEXT: &str = "a: 1\nlist:\n  - { x: 1 }\n  - x: 2\n    y: [3, 4]\n";
 
     #[test]
-    fn a_path_leads_to_line_and_column() {
+    fn find_returns_line_and_column() {
         assert_eq!(find(TEXT, &[Step::Key("a")]), (1, 4));
         assert_eq!(
             find(TEXT, &[Step::Key("list"), Step::Index(0), Step::Key("x")]),
@@ -132,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_that_leads_nowhere_names_the_nearest_parent() {
+    fn find_returns_the_nearest_parent_of_a_missing_value() {
         let (line, _) = find(TEXT, &[Step::Key("list"), Step::Index(1), Step::Key("z")]);
         assert_eq!(line, 4);
     }

@@ -1,5 +1,5 @@
-//! How worlds, faults and firmware are read from YAML: numbers with their ranges, and errors with line,
-//! column and the probable name.
+//! Reads worlds, faults and firmware settings from YAML: numbers with range checks, and errors with
+//! line, column and a suggestion for misspelt names.
 
 pub(crate) mod document;
 pub(crate) mod locate;

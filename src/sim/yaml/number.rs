@@ -1,12 +1,12 @@
-//! Numbers of the YAML of worlds and faults with their ranges: checked while they are read, so that
-//! an error knows line and column. NaN and infinities are in no range.
+//! Range checks for numbers in the YAML of worlds, faults and firmware: applied during parsing, so
+//! that errors have line and column. NaN and infinities are always rejected.
 
 use std::fmt;
 
 use serde::Deserializer;
 use serde::de::{Error, Unexpected, Visitor};
 
-/// A range of numbers and the unit that its error names.
+/// A range of numbers, with the unit for its error message.
 struct Range {
     min: f64,
     max: f64,
@@ -40,7 +40,7 @@ impl Visitor<'_> for Range {
     }
 }
 
-/// Declares one reader for each quantity of a world.
+/// Declares one deserialize function per quantity.
 macro_rules! ranges {
     ($($(#[$doc:meta])* $name:ident = $min:literal..=$max:literal, $unit:literal;)+) => {$(
         $(#[$doc])*
@@ -53,56 +53,56 @@ macro_rules! ranges {
 ranges! {
     /// Width or depth of a room.
     room_side = 1.0..=30.0, "metres";
-    /// A place along an axis.
+    /// A coordinate.
     coordinate = 0.0..=30.0, "metres";
-    /// How high something is; the camera looks at 0.2 m and never sees a top.
+    /// Height of a thing; higher than the camera at 0.2 m, which never sees a top surface.
     height = 0.25..=5.0, "metres";
     /// Length or width of furniture.
     side = 0.02..=10.0, "metres";
-    /// How thick an inner wall is.
+    /// Thickness of an inner wall.
     thickness = 0.02..=0.5, "metres";
     /// Radius of a ball or a post.
     radius = 0.02..=0.5, "metres";
     /// A direction.
     degrees = -360.0..=360.0, "degrees";
-    /// What the camera sees from side to side.
+    /// Horizontal field of view of the camera.
     view_degrees = 20.0..=120.0, "degrees";
-    /// How much a lens bends the picture.
-    distortion = -2.0..=2.0, "0 is not at all";
+    /// Distortion coefficient of a lens.
+    distortion = -2.0..=2.0, "0 is no distortion";
     /// Brightness.
     share = 0.0..=1.0, "1 is full";
     /// A battery's level.
     percent = 0.0..=100.0, "percent";
-    /// How fast a battery empties or fills.
+    /// Rate at which a battery drains or charges.
     percent_per_minute = 0.0..=6000.0, "percent a minute";
-    /// Frames a second.
+    /// Frames per second.
     frames = 1.0..=60.0, "frames a second";
-    /// How far the station's beacon reaches.
+    /// Range of the station's beacon.
     reach = 0.0..=50.0, "metres";
-    /// How wide a line on the floor is.
+    /// Width of a line on the floor.
     tape = 0.005..=0.3, "metres";
     /// Radius of a line's rounded corners.
     rounding = 0.0..=15.0, "metres";
-    /// How fast something goes.
+    /// Speed of a moving thing.
     speed = 0.0..=2.0, "metres a second";
-    /// How high up a sign's middle is.
+    /// Height of a sign's centre.
     sign_height = 0.05..=4.0, "metres";
     /// Side of a sign.
     sign_side = 0.05..=2.0, "metres";
-    /// How far a lamp's light reaches.
+    /// Reach of a lamp's light.
     lamp_reach = 0.2..=30.0, "metres";
-    /// A tone.
+    /// Frequency of a sound.
     hertz = 40.0..=7000.0, "hertz";
     /// Quality of a JPEG.
     quality = 1.0..=100.0, "100 is best";
-    /// A short time.
+    /// A short duration.
     moment = 0.0..=2.0, "seconds";
-    /// How much tracks differ or slip.
+    /// Share by which tracks differ or slip.
     slip = 0.0..=0.5, "1 is all";
-    /// A time of a fault or of a schedule.
+    /// A time or duration of a fault, of a schedule or of the firmware.
     span = 0.0..=86_400.0, "seconds";
-    /// How probable something is.
+    /// A probability.
     chance = 0.0..=1.0, "1 is always";
-    /// So many bytes, or so many of them a second.
+    /// A number of bytes, or of bytes per second.
     bytes = 0.0..=65_535.0, "bytes";
 }

@@ -1,4 +1,5 @@
-//! Open pages beside a run: what they cost its reaction, and how old frames are when they come.
+//! Open pages beside a run: their effect on the reaction time, and the age of the frames that they
+//! receive.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -10,11 +11,12 @@ use bytes::Bytes;
 
 use super::{Delivery, measure, measure_beside};
 
-/// When each frame was sent; its number is its place, from 1.
+/// The times at which frames were sent; a frame's number is its position, from 1.
 type Sent = Arc<Mutex<Vec<Instant>>>;
 type Ages = Arc<Mutex<Vec<Duration>>>;
 
-/// Prints a row for nobody, and one for each number of viewers, with nobody measured again before it.
+/// Prints one row for each number of viewers, each after a row of a new measurement without
+/// viewers.
 pub(crate) fn compare(frames: &[Bytes], numbers: &[usize], spykee: impl Fn() -> Command) {
     println!(
         "{:12} {:>9} {:>9} {:>12} {:>12} {:>12}",
@@ -35,7 +37,7 @@ pub(crate) fn compare(frames: &[Bytes], numbers: &[usize], spykee: impl Fn() -> 
                 let (seen, look) = (seen.clone(), look.clone());
                 std::thread::spawn(move || view(address, &seen, &look));
             }
-            // All of them are there.
+            // Gives all viewers time to connect.
             std::thread::sleep(Duration::from_secs(1));
         };
         let command = with_page(spykee(), address);
@@ -70,7 +72,7 @@ fn quantile(times: &[Duration], part: f64) -> f64 {
     sorted[((sorted.len() - 1) as f64 * part) as usize].as_secs_f64() * 1e3
 }
 
-/// One page that looks at the camera until it is hung up on.
+/// Simulates a page that watches the camera until the connection is closed.
 fn view(address: SocketAddr, sent: &Sent, ages: &Ages) {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.set_nodelay(true).unwrap();
@@ -108,7 +110,7 @@ fn view(address: SocketAddr, sent: &Sent, ages: &Ages) {
     }
 }
 
-/// A short message; the mask is zeros.
+/// Sends a short WebSocket message with a zero mask.
 fn say(stream: &mut TcpStream, head: u8, payload: &[u8]) {
     let mut frame = vec![head, 0x80 | payload.len() as u8, 0, 0, 0, 0];
     frame.extend(payload);

@@ -1,4 +1,4 @@
-//! Answers the orders of `scripts/bench-vision`.
+//! Answers the commands of `scripts/bench-vision`.
 
 use serde_json::{Value, json};
 use spykee::vision::{
@@ -8,8 +8,8 @@ use std::io::BufRead;
 use std::path::Path;
 use std::time::Instant;
 
-/// One order per line: `SET COUNT` times the frames of a set, `exact SET COUNT` compares the table with exact colours,
-/// `mask FILE` tells the blobs of a black and white picture.
+/// Reads one command per line: `SET COUNT` times the frames of a set, `exact SET COUNT` compares
+/// the lookup table with exact colours, `mask FILE` returns the blobs of a black and white picture.
 pub(crate) fn serve(folder: &Path) {
     let colours: Value =
         serde_json::from_slice(&std::fs::read(folder.join("colours.json")).unwrap()).unwrap();
@@ -41,7 +41,7 @@ fn frames(folder: &Path, set: &str) -> Vec<Vec<u8>> {
         .collect()
 }
 
-/// Microseconds of every frame: whole, and the decoding alone.
+/// Measures every frame in microseconds: in total, and the decoding alone.
 fn timing(frames: &[Vec<u8>], colours: &[Colour]) -> Value {
     let mut eyes = Eyes::new(Camera::default());
     let mut decoder = Decoder::default();
@@ -67,8 +67,8 @@ fn timing(frames: &[Vec<u8>], colours: &[Colour]) -> Value {
     json!({ "whole": whole, "decode": decode, "blobs": blobs / 2 })
 }
 
-/// Share of pixels whose colour by the table is not that by exact arithmetic: on our pixels, and on those that the image
-/// crate decodes.
+/// Returns the percentage of pixels whose colour according to the lookup table differs from the
+/// exact calculation: on our decoded pixels, and on those decoded by the image crate.
 fn exactness(frames: &[Vec<u8>], colours: &[Colour]) -> Value {
     let (mut decoder, mut palette) = (Decoder::default(), Palette::compile(colours, false));
     let (mut ours, mut theirs, mut pixels) = (0u64, 0u64, 0u64);
@@ -87,7 +87,7 @@ fn exactness(frames: &[Vec<u8>], colours: &[Colour]) -> Value {
     json!({ "ours": percent(ours), "theirs": percent(theirs) })
 }
 
-/// Every blob of a mask, none too small.
+/// Returns all blobs of a mask, however small.
 fn mask(file: &Path) -> Value {
     let image = Image::from_rgb(&image::open(file).unwrap().to_rgb8());
     let white = Colour::hsv([0.0, 360.0], [0.0, 100.0], [50.0, 100.0]).unwrap();

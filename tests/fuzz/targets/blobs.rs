@@ -1,5 +1,5 @@
-//! Any bytes as a frame: judged, decoded, searched for blobs. Whatever a camera or a link makes of a
-//! JPEG, it ends in an error or in blobs that lie in the picture.
+//! Arbitrary bytes as a frame: validates, decodes and searches it for blobs. However a JPEG was
+//! damaged, the result is an error, or blobs that lie within the picture.
 #![no_main]
 
 use std::cell::RefCell;
@@ -10,12 +10,13 @@ use spykee::vision::{
     MAX_WIDTH, Roi, Size, brightness, sharpness, validate_markers,
 };
 
-/// Bytes at the end that say how to look; behind a JPEG's end they are padding to it.
+/// Number of bytes at the end of the input that select the search options; after the end of a JPEG
+/// they count as padding.
 const KNOBS: usize = 8;
-/// Pictures up to so many pixels are decoded a second time, by a decoder that has seen nothing.
+/// Pictures of up to this many pixels are decoded a second time, by a fresh decoder.
 const SMALL: u32 = 160 * 120;
 
-/// Eyes that have seen all the frames before, as a behaviour's have.
+/// `Eyes` that have processed all earlier frames, as in a behaviour.
 struct Seen {
     eyes: Eyes,
     frames: u64,
@@ -30,10 +31,10 @@ thread_local! {
     });
 }
 
-/// One colour, several, and all that have names.
+/// Returns sets of colours: one, several, and all named ones.
 fn sets() -> Vec<Vec<Colour>> {
     let sets: [&[&str]; 3] = [&["red"], &["white", "black", "blue"], &Colour::NAMES];
-    let named = |name: &&str| Colour::named(name).expect("it is one of the names");
+    let named = |name: &&str| Colour::named(name).expect("a valid name");
     sets.iter()
         .map(|set| set.iter().map(named).collect())
         .collect()
@@ -61,7 +62,7 @@ fn look(seen: &mut Seen, jpeg: &[u8], judged: Result<Size, FrameError>) {
         Ok(image) => image.size(),
         Err(error) => return refused(error, judged),
     };
-    assert_eq!(Ok(size), judged, "not the size that was judged");
+    assert_eq!(Ok(size), judged, "differs from the validated size");
     same_for_a_newcomer(seen, jpeg, size);
     let (options, set) = asked(jpeg);
     let colours = &seen.sets[set % seen.sets.len()];
@@ -71,7 +72,7 @@ fn look(seen: &mut Seen, jpeg: &[u8], judged: Result<Size, FrameError>) {
         .expect("it was decoded");
     check(found, &options, size, colours.len());
     let (found, max) = (found.len(), options.max_blobs);
-    assert!(found <= max, "{found} blobs, at most {max} were asked for");
+    assert!(found <= max, "{found} blobs, at most {max} requested");
     let line = seen
         .eyes
         .find_line(seen.frames, jpeg, colours, options.roi)
@@ -85,7 +86,7 @@ fn look(seen: &mut Seen, jpeg: &[u8], judged: Result<Size, FrameError>) {
     assert!(sharpness(image, options.roi) >= 0.0);
 }
 
-/// What has come of the frame at two moments before it was whole.
+/// Returns two prefixes of the frame, as received before it was complete.
 fn pieces(jpeg: &[u8]) -> [&[u8]; 2] {
     let knobs = jpeg
         .split_last_chunk::<2>()
@@ -93,14 +94,15 @@ fn pieces(jpeg: &[u8]) -> [&[u8]; 2] {
     knobs.map(|knob| &jpeg[..jpeg.len() * usize::from(knob) / 256])
 }
 
-/// What its markers refuse is refused for the same reason, and what they let pass may still be torn.
+/// A frame rejected by its markers must be rejected for the same reason; a frame that they accept
+/// may still be damaged.
 fn refused(error: FrameError, judged: Result<Size, FrameError>) {
     if let Err(reason) = judged {
         assert_eq!(error, reason);
     }
 }
 
-/// No frame shines through from one before.
+/// Checks that no earlier frame affects the result, by comparison with a fresh decoder.
 fn same_for_a_newcomer(seen: &mut Seen, jpeg: &[u8], size: Size) {
     if size.width * size.height > SMALL {
         return;
@@ -108,10 +110,10 @@ fn same_for_a_newcomer(seen: &mut Seen, jpeg: &[u8], size: Size) {
     let mut newcomer = Decoder::default();
     let fresh = newcomer.decode(jpeg).expect("it was decoded").to_rgb();
     let warm = seen.eyes.look(seen.frames, jpeg).expect("it was decoded");
-    assert!(fresh == warm.to_rgb(), "the frames before shine through");
+    assert!(fresh == warm.to_rgb(), "earlier frames affect the result");
 }
 
-/// How to look, and for which set of colours.
+/// Returns the search options and the number of the colour set.
 fn asked(jpeg: &[u8]) -> (BlobOptions, usize) {
     let Some((_, knobs)) = jpeg.split_last_chunk::<KNOBS>() else {
         return (BlobOptions::default(), 0);
@@ -138,14 +140,14 @@ fn check(blobs: &[Blob], options: &BlobOptions, size: Size, colours: usize) {
     };
     let part = options.roi.unwrap_or(whole).within(size);
     for blob in blobs {
-        let part = part.expect("no blobs where nothing is looked at");
+        let part = part.expect("no blobs without a search area");
         check_box(blob, part);
         check_figures(blob, options, colours);
     }
     let sorted = blobs
         .windows(2)
         .all(|pair| pair[0].pixels >= pair[1].pixels);
-    assert!(sorted, "not the largest first");
+    assert!(sorted, "not sorted by size");
 }
 
 fn check_box(blob: &Blob, part: Roi) {

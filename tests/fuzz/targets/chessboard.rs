@@ -1,5 +1,6 @@
-//! Any picture, with and without a chessboard in it, and any places for its corners: what is found is
-//! the board that was sought, within the picture; what is calibrated can be pasted into a config.
+//! Arbitrary pictures, with and without a chessboard, and arbitrary places of its corners: a board
+//! that is found has the requested size and lies within the picture; the result of a calibration
+//! can be pasted into a config.
 #![no_main]
 
 use image::{GrayImage, Luma};
@@ -10,11 +11,11 @@ use spykee::vision::{Board, Sighting, Size, calibrate, find_chessboard};
 #[path = "../poster.rs"]
 mod poster;
 
-/// Numbers of a board's place in a picture.
+/// Number of bytes that determine a board's place in a picture.
 const PLACE: usize = 8;
-/// Views of one calibration.
+/// Maximum number of views of one calibration.
 const VIEWS: usize = 4;
-/// Numbers of a view.
+/// Number of bytes of a view.
 const VIEW: usize = 12;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -45,7 +46,7 @@ fn look(place: &[u8], board: Board, rest: &[u8]) {
     assert!(seen, "beyond {width} x {height}: {corners:?}");
 }
 
-/// A board that is turned, stretched and seen aslant; transparent where it is white.
+/// Paints a board that is rotated, stretched and in perspective; its white squares are transparent.
 fn paint(picture: &mut GrayImage, place: &[u8], board: Board) {
     let number = |index: usize| f64::from(place[index]) - 128.0;
     let (middle_x, middle_y) = (160.0 + number(0) / 2.0, 120.0 + number(1) / 2.0);
@@ -81,7 +82,8 @@ fn measure(board: Board, bytes: &[u8]) {
     assert!((config.camera.hfov - found.camera.hfov).abs() < 0.001);
 }
 
-/// Where a lens of some kind shows the corners of a board in some pose, and one of them astray.
+/// Returns the corners of a board in some pose as seen through some lens, with one corner
+/// displaced.
 fn sighting(view: &[u8], board: Board) -> Sighting {
     let number = |index: usize| (f64::from(view[index]) - 128.0) / 128.0;
     let (focal, k1, k2) = (300.0 + 250.0 * number(0), 0.5 * number(1), 0.3 * number(2));

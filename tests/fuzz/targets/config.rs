@@ -1,4 +1,5 @@
-//! Any text as a config: it is one whose numbers the rules can work with, or an error in one place.
+//! Arbitrary text as a config: the result is a config with numbers valid for the safety rules, or
+//! an error that names the file.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -9,7 +10,7 @@ use tokio::time::Instant;
 fuzz_target!(|text: &str| {
     match Config::parse(text, "fuzz.yaml") {
         Ok(config) => {
-            config.watchdog.check().expect("it was checked");
+            config.watchdog.check().expect("the parser has checked it");
             let _ = Watchdog::new(config.watchdog, Instant::now());
         }
         Err(error) => {

@@ -1,4 +1,5 @@
-//! Any bytes, in slices of any size, through the decoder and both meanings of every packet.
+//! Arbitrary bytes, in slices of any size, through the decoder; every packet is interpreted as a
+//! report and as a command.
 #![no_main]
 
 use bytes::BytesMut;
@@ -11,11 +12,11 @@ fuzz_target!(|input: &[u8]| {
     };
     let (cuts, stream) = rest.split_at(rest.len().min(usize::from(count % 8)));
     let packets = decode(stream, cuts);
-    assert_eq!(packets, decode(stream, &[]), "slices change what is read");
+    assert_eq!(packets, decode(stream, &[]), "slices change the result");
     packets.into_iter().for_each(interpret);
 });
 
-/// Cuts the stream into slices of the lengths in `cuts`, again and again.
+/// Decodes the stream in slices, with the lengths in `cuts` in rotation.
 fn decode(stream: &[u8], cuts: &[u8]) -> Vec<Packet> {
     let (mut decoder, mut packets) = (Decoder::new(), Vec::new());
     let mut lengths = cuts.iter().map(|&cut| usize::from(cut).max(1)).cycle();
@@ -40,7 +41,7 @@ fn decode(stream: &[u8], cuts: &[u8]) -> Vec<Packet> {
     packets
 }
 
-/// What a packet means, said again, means the same and fits into one message.
+/// Checks that a parsed packet, emitted and parsed again, is the same and fits into one message.
 fn interpret(packet: Packet) {
     let (mut out, report) = (BytesMut::new(), Report::parse(packet.clone()));
     report.emit(&mut out);

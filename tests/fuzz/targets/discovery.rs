@@ -1,4 +1,4 @@
-//! Any datagram as an answer to "who is there?": what it says, said again, means the same.
+//! Arbitrary datagrams as discovery replies: a parsed reply, emitted and parsed again, is the same.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -9,7 +9,7 @@ fuzz_target!(|datagram: &[u8]| {
     let Some(reply) = Reply::parse(datagram) else {
         return;
     };
-    assert!(!is_request(datagram), "a question and its answer at once");
+    assert!(!is_request(datagram), "both a request and a reply");
     let said = reply.emit();
     assert!(said.len() <= MAX_REPLY_LEN);
     if said.len() < MAX_REPLY_LEN {

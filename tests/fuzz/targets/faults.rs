@@ -1,4 +1,5 @@
-//! Any text as a list of faults: it is one, or an error that names a place of the text.
+//! Arbitrary text as a list of faults: the result is a list, or an error that names a place in the
+//! text.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -14,7 +15,7 @@ fuzz_target!(|text: &str| {
             ..
         }) => {
             assert!(line >= 1 && column >= 1 && !message.is_empty());
-            let breaks = ['\n', '\r', '\u{85}', '\u{2028}', '\u{2029}']; // all that YAML knows
+            let breaks = ['\n', '\r', '\u{85}', '\u{2028}', '\u{2029}']; // all line breaks of YAML
             let lines = text.matches(breaks).count() + 1;
             assert!(line <= lines + 1, "line {line} of {text:?}");
         }

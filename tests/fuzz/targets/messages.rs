@@ -1,5 +1,5 @@
-//! Any bytes as what a host says: understood or refused; and whatever the host asks for, the watchdog
-//! keeps its promises and its clock.
+//! Arbitrary bytes as messages from a host: accepted or rejected; whatever the host requests, the
+//! watchdog keeps its safety promises, and its next deadline lies ahead.
 #![no_main]
 
 use std::time::Duration;
@@ -13,13 +13,13 @@ use spykee::wire::{Command, EngineReport, Power};
 use tokio::time::Instant;
 
 const WHO: BehaviourId = BehaviourId(0);
-/// The most power with which the watchdog moves a low robot between its searches.
+/// Maximum power with which the watchdog moves a low robot between its searches.
 const OWN_LEGS: i8 = 27;
 
 fuzz_target!(|bytes: &[u8]| {
     if let Ok(message) = postcard::from_bytes::<ToHost>(bytes) {
-        let again = postcard::to_allocvec(&message).expect("it was read");
-        postcard::from_bytes::<ToHost>(&again).expect("it was written");
+        let again = postcard::to_allocvec(&message).expect("a parsed message can be written");
+        postcard::from_bytes::<ToHost>(&again).expect("a written message can be read");
     }
     let mut rig = Rig::new();
     let mut rest = bytes;
@@ -27,7 +27,8 @@ fuzz_target!(|bytes: &[u8]| {
         if let FromHost::Output(Output::Intent(intent)) = message {
             rig.ask(intent);
         }
-        // A host's messages have lengths in front; here a byte between two says what else happens.
+        // A host's messages have length prefixes; here a byte between two messages selects another
+        // event.
         let Some((&happens, tail)) = tail.split_first() else {
             break;
         };
@@ -92,8 +93,8 @@ impl Rig {
         for command in acts.iter().filter_map(Act::command) {
             if let Command::Move { left, right } = command {
                 let still = (left, right) == (0, 0);
-                assert!(still || !self.dog.docked(), "it moves off its station");
-                // A low robot is moved between its searches, by the watchdog itself and slowly.
+                assert!(still || !self.dog.docked(), "it moves while docked");
+                // Only the watchdog moves a low robot, slowly, between its searches.
                 let most = if self.dog.low().is_some() { OWN_LEGS } else { 90 };
                 assert!((-most..=most).contains(&left) && (-most..=most).contains(&right));
             }

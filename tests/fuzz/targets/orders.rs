@@ -1,6 +1,6 @@
-//! Any bytes as what strangers ask for: the payload of an order at a broker, and what a page says over
-//! its WebSocket. It is refused in few words, or means the same when it is said again; and no number of
-//! a page is more than full power.
+//! Arbitrary bytes as commands from outside: the payload of a broker's command, and the message of
+//! a page over its WebSocket. It is rejected with a short message, or is the same when written and
+//! parsed again; and no number from a page gives more than full power.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -9,9 +9,9 @@ use spykee::live::understood;
 use spykee::mqtt::BrokerCommand;
 use spykee::robot::Setpoint;
 
-/// The longest order of a broker.
+/// Maximum length of a broker's command.
 const LONGEST: usize = 1024;
-/// What an error says besides what it was given.
+/// Maximum length of an error message besides the quoted input.
 const WORDS: usize = 300;
 
 fuzz_target!(|bytes: &[u8]| {
@@ -33,7 +33,7 @@ fn broker(payload: &[u8]) {
             return assert!(words.len() <= LONGEST + WORDS, "{} bytes of {words}", words.len());
         }
     };
-    assert!(payload.len() <= LONGEST, "{} bytes are an order", payload.len());
+    assert!(payload.len() <= LONGEST, "a command of {} bytes was accepted", payload.len());
     let id = id.unwrap_or_else(|| "7".to_owned());
     let said = order.to_json(&id);
     if said.len() <= LONGEST {

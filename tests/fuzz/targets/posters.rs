@@ -1,5 +1,5 @@
-//! Sheets of paper held before the camera: whatever is painted on them, the work of looking at them is
-//! bounded. It is counted, not timed.
+//! Adversarial images for the camera: whatever they show, the work of searching them is bounded. It
+//! is counted, not timed.
 #![no_main]
 
 use std::cell::RefCell;

@@ -1,5 +1,6 @@
-//! Any bytes as a script, and any words of the language and the API in any order: refused, or run,
-//! fed with events and frames, and ended, without a crash and within its budgets.
+//! Arbitrary bytes as a script, and words of the language and the API in any order: the script is
+//! rejected, or it runs with events and frames and is ended, without a crash and within its
+//! budgets.
 #![no_main]
 
 use std::time::Duration;
@@ -12,12 +13,12 @@ use spykee::script::{Options, Output, Script};
 use tokio::time::Instant;
 
 const JPEG: &[u8] = include_bytes!("../../fixtures/ball-grey.jpg");
-/// Slices that a script gets; a loop of tasks could go on for ever.
+/// Maximum number of slices for a script, because a loop of tasks could continue forever.
 const SLICES: u32 = 60;
-/// What one slice may leave: the queue of intents and the log are bounded.
+/// Maximum output of one slice: the queue of intents and the log are bounded.
 const MOST_OUTPUT: usize = 4096;
 
-/// What a byte stands for when the source is made of words.
+/// The word for each byte, if the source is made of words.
 #[rustfmt::skip]
 const WORDS: &[&str] = &[
     "robot", "task", "script", "log", "vision", "math", "string", "table", "coroutine", "buffer",
@@ -44,7 +45,8 @@ const WORDS: &[&str] = &[
 ];
 
 fuzz_target!(|bytes: &[u8]| {
-    // The last byte, so that any file that ends with a line is a script as it stands.
+    // The mode is the last byte: a text file, which ends with an even byte, a newline, is then used
+    // unchanged as a script.
     let Some((&how, rest)) = bytes.split_last() else {
         return;
     };
@@ -85,8 +87,8 @@ fn live(source: &[u8]) {
         now += Duration::from_millis(30);
     }
     script.stop(EndReason::Cpu, now);
-    assert!(script.ended().is_some(), "it lives on");
-    assert!(!script.has_motion(), "it drives on");
+    assert!(script.ended().is_some(), "the script has not ended");
+    assert!(!script.has_motion(), "the script still drives");
 }
 
 fn take_output(script: &mut Script) -> Vec<Event> {
@@ -99,7 +101,7 @@ fn take_output(script: &mut Script) -> Vec<Event> {
     answers.collect()
 }
 
-/// What the robot says to it, at once.
+/// Returns the immediate answer to an intent.
 fn answer(intent: &Intent) -> Option<Event> {
     match intent {
         Intent::Move {

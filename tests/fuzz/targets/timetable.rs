@@ -1,6 +1,6 @@
-//! Any lines as the words of a timetable: pattern, zone, quiet hours, length, date. What is understood
-//! is written and read back as the same, and the starts that it means lie ahead, in order, and no more
-//! of them than were asked for.
+//! Arbitrary lines as the values of a timetable: pattern, zone, quiet hours, length, date. A valid
+//! value is the same when written and parsed again; the computed starts lie in the future, in
+//! order, and are no more than requested.
 #![no_main]
 
 use std::fmt::{Debug, Display};
@@ -10,7 +10,7 @@ use libfuzzer_sys::fuzz_target;
 use spykee::clock::{Date, Span, Zone};
 use spykee::timetable::{Pattern, Quiet, Rule, Timetable, outlook};
 
-/// Starts that are looked at.
+/// Number of starts to compute.
 const STARTS: usize = 6;
 
 fuzz_target!(|text: &str| {
@@ -21,7 +21,7 @@ fuzz_target!(|text: &str| {
     let zone = again::<Zone>(zone).unwrap_or_else(Zone::utc);
     let quiet = again::<Quiet>(quiet);
     let lasts = again::<Span>(lasts);
-    let date: Date = date.parse().or("2026-03-29 01:30".parse()).expect("the latter is a date");
+    let date: Date = date.parse().or("2026-03-29 01:30".parse()).expect("the fallback is a valid date");
     let Some(pattern) = again::<Pattern>(pattern) else {
         return;
     };
@@ -52,7 +52,8 @@ fuzz_target!(|text: &str| {
     assert!(found.iter().all(|one| one.happens() <= (one.run == "patrol")), "{found:?}");
 });
 
-/// What a text means; written and read again it means the same. What is refused is refused in words.
+/// Parses a text; checks that a valid value is the same when written and parsed again, and that an
+/// error has a message of reasonable length.
 fn again<T: FromStr<Err: Display> + Display + Debug + PartialEq>(text: &str) -> Option<T> {
     match text.parse::<T>().map_err(|error| error.to_string()) {
         Ok(value) => {

@@ -1,6 +1,6 @@
-//! Any template of a webhook, filled with any words of robots and scripts and any picture: one request
-//! to the same place, with the header fields that the config names, whose body has the parts that the
-//! config names and not one more.
+//! Arbitrary webhook templates, filled with arbitrary texts of robots and scripts and any picture:
+//! the result is one request to the configured host, with exactly the configured header fields and
+//! body parts.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -55,19 +55,19 @@ fuzz_target!(|bytes: &[u8]| {
     assert_eq!(made.headers().len(), 2, "{:?}", made.headers());
     let value = made.headers()["x-words"].as_bytes();
     assert!(value.iter().all(|byte| (0x20..0x7f).contains(byte)), "{value:?}");
-    let kind = made.headers()["content-type"].to_str().expect("it is ours");
+    let kind = made.headers()["content-type"].to_str().expect("set by the program");
     match (kind.split_once("boundary="), picture) {
         (Some((_, boundary)), Some(picture)) => form(made.body(), boundary, &target, picture),
         _ if kind == "application/json" => {
-            let sent: Value = serde_json::from_slice(made.body()).expect("it is JSON");
-            let template = target.json.as_ref().expect("the config has it");
+            let sent: Value = serde_json::from_slice(made.body()).expect("valid JSON");
+            let template = target.json.as_ref().expect("set in the config");
             assert!(alike(template, &sent), "{template} became {sent}");
         }
         _ => {}
     }
 });
 
-/// A field for each that the config names, and the picture as it was.
+/// Checks that a form has one part for each configured field, and the unchanged picture.
 fn form(body: &[u8], boundary: &str, target: &Target, picture: &[u8]) {
     let fields = match &target.json {
         Some(Value::Object(map)) => map.len(),
@@ -75,12 +75,12 @@ fn form(body: &[u8], boundary: &str, target: &Target, picture: &[u8]) {
     };
     let line = format!("--{boundary}");
     let found = body.windows(line.len()).filter(|part| *part == line.as_bytes()).count();
-    assert_eq!(found, fields + 2, "a field that nobody named");
+    assert_eq!(found, fields + 2, "a field that is not in the config");
     let end = format!("\r\n{line}--\r\n");
-    assert!(body.ends_with(&[picture, end.as_bytes()].concat()), "not the picture as it was");
+    assert!(body.ends_with(&[picture, end.as_bytes()].concat()), "the picture was changed");
 }
 
-/// The same but for what stands in texts.
+/// Whether two values are equal except for the content of strings.
 fn alike(one: &Value, other: &Value) -> bool {
     match (one, other) {
         (Value::String(_), Value::String(_)) => true,

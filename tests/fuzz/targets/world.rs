@@ -1,4 +1,5 @@
-//! Any text as a world: a robot drives and looks about in it, or the error names a place of the text.
+//! Arbitrary text as a world: a robot can drive and see in it, or the error names a place in the
+//! text.
 #![no_main]
 
 use std::time::Duration;
@@ -8,7 +9,7 @@ use spykee::sim::{DocumentError, Firmware, Robot, World};
 use spykee::vision::validate_markers;
 use spykee::wire::{Command, Engage, Report, Stream};
 
-/// Steps of the physics: a second.
+/// Number of physics steps: one second.
 const STEPS: u32 = 50;
 
 fuzz_target!(|text: &str| {
@@ -21,7 +22,7 @@ fuzz_target!(|text: &str| {
             ..
         }) => {
             assert!(line >= 1 && column >= 1 && !message.is_empty());
-            let breaks = ['\n', '\r', '\u{85}', '\u{2028}', '\u{2029}']; // all that YAML knows
+            let breaks = ['\n', '\r', '\u{85}', '\u{2028}', '\u{2029}']; // all line breaks of YAML
             let lines = text.matches(breaks).count() + 1;
             assert!(line <= lines + 1, "line {line} of {text:?}");
         }

@@ -1,4 +1,4 @@
-//! What the robot does with each command.
+//! How the robot executes each command.
 
 use std::time::Duration;
 
@@ -11,13 +11,13 @@ use super::super::trace::What;
 use super::Robot;
 use crate::wire::{Command, Engage, EngineReport, Report, Sound};
 
-/// ENGINE 1 towards the robot, as one client sends it (`PROTOCOL.md`, *Not known*).
+/// ENGINE 1 sent to the robot, as one client does (`PROTOCOL.md`, *Not known*).
 const ACTIVATE: u8 = 1;
-/// The answer to WIRELESS_NETWORKS.
+/// The reply to WIRELESS_NETWORKS.
 const NETWORKS: &[u8] = b"home:wpa:82;neighbour:wpa:41;SPYKEE0001:none:100";
 
 impl Robot {
-    /// Obeys a command. Logins are the server's and change nothing here.
+    /// Executes a command. Logins have no effect here; the server handles them.
     pub fn obey(&mut self, command: &Command) {
         match command {
             Command::Move { left, right } => self.obey_move(*left, *right),
@@ -58,8 +58,8 @@ impl Robot {
         }
     }
 
-    /// On the station nothing is special: driving backwards or turning breaks the contact, driving
-    /// forwards pushes against the station.
+    /// Executes a MOVE. A docked robot is no special case: driving backwards or turning breaks the
+    /// contact, driving forwards pushes against the station.
     fn obey_move(&mut self, left: i8, right: i8) {
         let answer = match () {
             () if self.docking.searching() => self.firmware.move_while_searching,
@@ -95,7 +95,7 @@ impl Robot {
         }
     }
 
-    /// Whether this makes a docked robot back out of its station.
+    /// Whether this ENGINE value makes a docked robot back out of its station.
     fn undocks(&self, engage: Engage) -> bool {
         let activate = engage == Engage::Unknown(ACTIVATE);
         engage == Engage::Undock || (activate && self.firmware.activate_undocks)
