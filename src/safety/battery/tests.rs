@@ -15,7 +15,7 @@ impl Rig {
         Rig { guard, now }
     }
 
-    /// At this level for long.
+    /// After a long time at this level.
     fn at(percent: u8) -> Rig {
         let mut rig = Rig::new();
         for _ in 0..4 {
@@ -62,7 +62,7 @@ fn one_report_at_the_low_level_is_enough() {
 }
 
 #[test]
-fn a_cause_is_told_in_words() {
+fn a_cause_has_a_description() {
     let level = LowCause::Level(Percent::saturating(20));
     assert_eq!(level.to_string(), "battery at 20 %");
     let silence = LowCause::Silence(Duration::from_secs(600));
@@ -129,7 +129,7 @@ fn a_low_level_while_charging_is_only_said_is_low_when_the_doubt_ends() {
 }
 
 #[test]
-fn off_the_station_charging_begins_anew() {
+fn after_undocking_charging_must_be_confirmed_again() {
     let mut rig = Rig::at(60);
     rig.hear(60, true);
     rig.hear(60, true);
@@ -148,7 +148,7 @@ fn silence_counts_as_low_until_good_reports() {
     assert_eq!(rig.guard.poll(due), Some(BatteryChange::BecameLow(silence)));
     assert_eq!(rig.guard.next_deadline(), None);
     rig.now = due;
-    // Those before the silence said so too.
+    // The same reports before the silence counted too.
     assert_eq!(rig.hear(80, false), RELEASED);
 }
 
@@ -172,7 +172,7 @@ fn on_the_station_silence_is_excused() {
 }
 
 #[test]
-fn critical_holds_even_while_charging_and_until_three_reports_deny_it() {
+fn critical_holds_while_charging_and_until_three_reports_deny_it() {
     let mut rig = Rig::new();
     rig.hear(8, true);
     for percent in [9, 9, 8, 9, 60, 10, 9] {
@@ -238,7 +238,7 @@ fn no_charge_explains_a_level_that_falls() {
 }
 
 #[test]
-fn a_doubt_lasts_its_time_however_often_it_is_said_and_begins_anew_after_that() {
+fn repeated_reports_do_not_extend_a_doubt_and_a_later_one_begins_a_new_doubt() {
     let mut rig = Rig::at(30);
     rig.hear(30, true);
     let due = rig.now + BatteryGuard::DOUBT;
@@ -252,7 +252,7 @@ fn a_doubt_lasts_its_time_however_often_it_is_said_and_begins_anew_after_that() 
     assert_eq!(rig.guard.doubt_deadline(), Some(due + BatteryGuard::DOUBT));
 }
 
-/// What a battery at `truth` says with garbage in between, never two of it in a row.
+/// The reports of a battery at `truth` with garbage in between, never two garbage reports in a row.
 fn garbled(truth: u8) -> impl Strategy<Value = Vec<(u8, bool)>> {
     let garbage = prop_oneof![
         (0..=100u8, any::<bool>()),
@@ -295,7 +295,7 @@ proptest! {
         for (percent, charging) in before {
             rig.hear(percent, charging);
         }
-        // Whatever came last may have been garbage that a true report contradicts.
+        // The report before may have been garbage that a true report contradicts.
         let released = (0..3).any(|_| rig.hear(from, true) == RELEASED);
         prop_assert!(released || rig.guard.low().is_none());
         let levels = (1..8).map(|step| (from.max(9) + step * gain).min(100));
@@ -305,7 +305,7 @@ proptest! {
     }
 
     #[test]
-    fn a_level_borne_out_is_always_believed_by_the_third_report(
+    fn a_confirmed_level_is_always_believed_by_the_third_report(
         before in (1..=100u8).prop_flat_map(garbled),
         level in 0..=100u8,
     ) {

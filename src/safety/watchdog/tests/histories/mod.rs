@@ -33,7 +33,7 @@ fn histories() -> Config {
     Config::with_cases(cases.unwrap_or(5_000))
 }
 
-/// How a stop comes: by the behaviour that may do everything, or because the run ends.
+/// The cause of a stop: a behaviour with the highest priority, or the end of the run.
 #[derive(Debug, Clone, Copy)]
 enum Stop {
     Asked,
@@ -71,7 +71,7 @@ proptest! {
     }
 
     #[test]
-    fn a_low_robot_that_does_not_charge_is_sent_home_again_and_again_whatever_happens(
+    fn a_low_robot_that_does_not_charge_is_always_sent_home_again(
         limits in any_limits(),
         history in any_history(),
     ) {
@@ -124,7 +124,7 @@ proptest! {
         let (was_moving, online) = (play.dog.moving(), play.known.online);
         let asked = matches!(stop, Stop::Asked);
         if asked && play.known.low {
-            // A leg of the watchdog is no script's to stop.
+            // A script may not stop a leg of the watchdog.
             return Ok(());
         }
         let asked_home = play.dog.homing.as_ref().is_some_and(|homing| !homing.forced);

@@ -1,8 +1,8 @@
-//! What the histories reach, by name.
+//! The situations that the histories reach, by name.
 
 use super::*;
 
-/// Names what a moment shows.
+/// Names the situations at one moment.
 fn seen(moment: &Moment<'_>) -> Vec<String> {
     let Play { dog, known, .. } = moment.play;
     let mut seen = vec![format!("state {:?}", dog.state())];
@@ -109,7 +109,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     seen
 }
 
-/// What [`seen`] must have named in the end.
+/// All names that [`seen`] must have returned in the end.
 fn all_there_is() -> Vec<String> {
     let ends = |what: &str, ends: &[DockEnd]| {
         let named = ends.iter().map(|end| format!("{what} {end:?}"));
@@ -129,7 +129,7 @@ fn all_there_is() -> Vec<String> {
         .filter(|end| *end != DockEnd::NotDocked)
         .collect();
     let mut all = [ends("dock", &of_docking), ends("undock", &of_undocking)].concat();
-    // That a robot is held, its script sees; the watchdog never says so.
+    // `Blocked` is detected by the script; the watchdog never reports it.
     let of_motion = MotionEnd::ALL
         .iter()
         .filter(|end| **end != MotionEnd::Blocked);
@@ -184,7 +184,7 @@ fn all_there_is() -> Vec<String> {
 }
 
 #[test]
-fn histories_reach_all_there_is_to_reach() {
+fn histories_reach_every_situation() {
     let mut runner = TestRunner::deterministic();
     let mut reached = BTreeMap::<String, u32>::new();
     for _ in 0..2000 {
