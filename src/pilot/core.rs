@@ -1,6 +1,7 @@
-//! The driving core: one thread with a runtime of its own, on which the pilot, the reader and writer
-//! of the robot's socket and the agent's side of the hosts' pipes run. Nothing on it waits for a disk,
-//! a new process or a name: who needs one of these does it elsewhere and sends the result over a
+//! The driving core: one thread with its own runtime, on which the pilot, the reader and writer of
+//! the robot's socket and the agent's side of the hosts' pipes run. Nothing on it waits for a disk,
+//! a new process or a name lookup: code that needs one of these runs elsewhere and sends the result
+//! over a bounded channel.
 //! bounded channel.
 
 use std::io;
@@ -10,13 +11,13 @@ use std::time::Duration;
 use tokio::runtime::{Builder, Handle};
 use tokio_util::sync::CancellationToken;
 
-/// How long the core may take to drop what still runs on it.
+/// How long the core may take to drop its tasks.
 const END: Duration = Duration::from_millis(500);
-/// A helper thread of the runtime is kept for good, so that no later use of one starts a thread.
+/// The runtime's helper thread is never ended, so that a later use does not have to start a thread.
 const HELPER_KEPT: Duration = Duration::from_secs(366 * 86_400);
 
-/// A running driving core. Dropping it drops all that runs on it, the pilot included, whose writer
-/// says its last words.
+/// A running driving core. Dropping it drops all tasks on it, including the pilot, whose writer
+/// sends its last words.
 #[derive(Debug)]
 pub struct DrivingCore {
     handle: Handle,
@@ -27,7 +28,7 @@ pub struct DrivingCore {
 impl DrivingCore {
     /// Starts the thread.
     ///
-    /// # Errors
+    /// If the system cannot create the thread or its runtime.
     /// If the system gives no thread or no runtime.
     pub fn start() -> io::Result<DrivingCore> {
         let runtime = Builder::new_current_thread()
@@ -37,7 +38,8 @@ impl DrivingCore {
             .build()?;
         let (handle, stop) = (runtime.handle().clone(), CancellationToken::new());
         let (alive, ended) = sync_channel::<()>(1);
-        // A name look-up or the like would start it in the middle of driving.
+        // Starts the helper thread now; otherwise a name lookup or the like would start it while
+        // driving.
         handle.spawn_blocking(|| {});
         let stopped = stop.clone();
         std::thread::Builder::new()
@@ -54,7 +56,7 @@ impl DrivingCore {
         })
     }
 
-    /// Where to spawn what belongs on the core.
+    /// The handle that spawns tasks on the core.
     pub fn handle(&self) -> &Handle {
         &self.handle
     }
@@ -63,7 +65,7 @@ impl DrivingCore {
 impl Drop for DrivingCore {
     fn drop(&mut self) {
         self.stop.cancel();
-        // Ends when the thread has dropped its end of the channel; nothing is ever sent.
+        // Returns when the thread has dropped its end of the channel; nothing is ever sent.
         let _ = self.ended.recv_timeout(END);
     }
 }
