@@ -83,7 +83,8 @@ const ENGINE_EVERY: Duration = Duration::from_secs(1);
 /// The tokens that end the run.
 #[derive(Debug, Clone, Default)]
 pub struct Ending {
-    /// No motion is allowed any more; lights and sounds still work.
+    /// No motion is allowed any more, except the search of a robot with a low battery; lights and
+    /// sounds still work.
     pub parting: CancellationToken,
     /// Close the link and return.
     pub closing: CancellationToken,
