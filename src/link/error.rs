@@ -80,7 +80,7 @@ impl LinkError {
             }
             LinkError::InUse { .. } => "end the other program: the robot serves one user at a time",
             LinkError::Refused(_) | LinkError::NoPower { .. } | LinkError::Closed => {
-                "switch the robot off and on again if this stays"
+                "if this persists, switch the robot off and on again"
             }
             LinkError::Framing(_) => "is there a Spykee robot at this address and port?",
             LinkError::Dead { .. } | LinkError::Io(_) => {

@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_frame_on_its_way_is_passed_on_as_it_grows() {
+    async fn an_incomplete_frame_is_passed_on_as_it_grows() {
         let jpeg: Bytes = (0..5000).map(|index| index as u8).collect();
         let mut pieces = pieces(&Report::Video(jpeg.clone()), 700);
         pieces.extend(self::pieces(&Report::Audio(jpeg.clone()), 700));

@@ -98,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn the_core_goes_on_while_the_thread_that_started_it_waits() {
+    fn the_core_continues_while_the_thread_that_started_it_blocks() {
         let core = DrivingCore::start().unwrap();
         let (tell, told) = sync_channel(1);
         core.handle().spawn(async move {

@@ -73,7 +73,7 @@ mod tests {
     use crate::wire::Sound;
 
     #[test]
-    fn only_changes_are_news_and_a_sound_makes_lights_unknown() {
+    fn only_changes_count_and_a_sound_makes_lights_unknown() {
         let mut lights = Lights::default();
         let mut news = |command: Command| {
             let news = lights.is_news(&command);

@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(
             watch.reactions.tally().count,
             0,
-            "a repeated setpoint is no reaction"
+            "a repeated setpoint is not a reaction"
         );
         watch.frame(after(10));
         watch.serving(true);

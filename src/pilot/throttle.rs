@@ -172,7 +172,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_pattern_of_commands_gets_more_through(
+        fn no_pattern_of_commands_exceeds_the_limit(
             longest in 1u64..40,
             pauses in prop::collection::vec(0u64..40, 0..2000),
         ) {

@@ -107,7 +107,7 @@ mod tests {
                 return;
             }
         }
-        panic!("the end was not heard");
+        panic!("the end was not received");
     }
 
     #[tokio::test]

@@ -85,7 +85,7 @@ mod tests {
     #[test]
     fn a_pulse_grows_weaker_until_it_is_renewed() {
         let (mut leases, now) = (Leases::new(250 * MS, 100 * MS), Instant::now());
-        assert_eq!(leases.pulse(WHO, now), HostLife::Dead, "never heard");
+        assert_eq!(leases.pulse(WHO, now), HostLife::Dead, "not seen yet");
         leases.renew(WHO, now);
         let deadline = |leases: &Leases, at| leases.next_deadline([WHO].into_iter(), at);
         assert_eq!(leases.pulse(WHO, now + 249 * MS), HostLife::Alive);

@@ -216,7 +216,7 @@ fn without_last_words_a_queued_search_is_still_sent() {
 }
 
 #[test]
-fn talk_goes_out_at_the_speed_of_speech_with_a_small_lead() {
+fn speech_is_sent_at_its_own_speed_with_a_small_lead() {
     let mut rig = Rig::new();
     let began = rig.now;
     for _ in 0..60 {

@@ -53,7 +53,7 @@ fn one_report_at_the_low_level_is_enough() {
     let mut rig = Rig::new();
     assert_eq!(rig.hear(21, false), None);
     assert_eq!(rig.hear(20, false), low_at(20));
-    assert_eq!(rig.hear(19, false), None, "said once");
+    assert_eq!(rig.hear(19, false), None, "reported once");
     assert_eq!(
         Rig::at(90).hear(3, false),
         low_at(3),
@@ -70,14 +70,14 @@ fn a_cause_has_a_description() {
 }
 
 #[test]
-fn released_at_the_ok_level_by_the_third_report_that_says_so() {
+fn the_third_report_at_the_ok_level_releases() {
     let mut rig = Rig::at(20);
     for percent in [49, 50, 51, 49, 50, 80, 50] {
         assert_eq!(rig.hear(percent, false), None);
     }
     assert_eq!(rig.hear(52, false), None);
     assert_eq!(rig.hear(51, false), RELEASED);
-    assert_eq!(rig.hear(51, false), None, "said once");
+    assert_eq!(rig.hear(51, false), None, "reported once");
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn one_report_of_charging_is_not_enough_and_two_are() {
 fn on_the_contact_one_report_of_charging_is_enough_whichever_comes_first() {
     assert_eq!(Rig::at(10).hear_in(10, true, true), RELEASED);
     let mut rig = Rig::at(10);
-    assert_eq!(rig.guard.contact(), None, "contact alone is no charging");
+    assert_eq!(rig.guard.contact(), None, "contact alone is not charging");
     rig.hear(10, true);
     assert_eq!(rig.guard.contact(), RELEASED);
     assert_eq!(rig.guard.charging(), Charging::Believed);
@@ -114,7 +114,7 @@ fn two_reports_of_charging_at_levels_far_apart_contradict_each_other() {
 }
 
 #[test]
-fn a_low_level_while_charging_is_only_said_is_low_when_the_doubt_ends() {
+fn a_low_level_counts_when_an_unconfirmed_report_of_charging_expires() {
     let mut rig = Rig::at(30);
     assert_eq!(rig.hear(15, true), None);
     let due = rig.now + BatteryGuard::DOUBT;
@@ -155,7 +155,7 @@ fn silence_counts_as_low_until_good_reports() {
 #[test]
 fn a_level_is_fresh_until_silence_counts() {
     let mut rig = Rig::new();
-    assert!(!rig.guard.is_fresh(rig.now), "never heard");
+    assert!(!rig.guard.is_fresh(rig.now), "no report yet");
     rig.hear(10, false);
     let later = |ms| rig.now + Duration::from_millis(ms);
     assert!(rig.guard.is_fresh(later(599_999)));

@@ -37,7 +37,7 @@ fn each_report_sets_its_place() {
     place.power(true, now);
     assert_eq!(place.place(), DockState::Charging);
     place.docked(now);
-    assert_eq!(place.place(), DockState::Charging, "said late");
+    assert_eq!(place.place(), DockState::Charging, "a late report");
     place.power(false, now);
     assert_eq!(place.place(), DockState::ContactSaid, "full, or no current");
     place.undocked(now);

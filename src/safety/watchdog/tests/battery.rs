@@ -19,7 +19,7 @@ fn a_low_report_stops_and_sends_home_in_one_batch() {
 }
 
 #[test]
-fn a_low_report_at_rest_still_says_stop_before_base_find() {
+fn a_low_report_at_rest_still_sends_stop_before_base_find() {
     let mut rig = Rig::online(60);
     assert_eq!(
         sent(&rig.take(Fact::Power(power(10)))),
@@ -226,7 +226,7 @@ fn a_robot_that_is_low_stays_on_its_station_though_it_charges() {
 }
 
 #[test]
-fn a_good_level_disturbs_no_motion() {
+fn a_good_level_does_not_interrupt_motion() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
     assert_eq!(rig.take(Fact::Power(power(59))), []);

@@ -50,7 +50,7 @@ fn a_late_stream_gets_the_full_timeout_once() {
     rig.take(Fact::Listening(true));
     assert!(
         reconnects(&rig.pass(200 * MS, true)),
-        "said twice, heard never"
+        "reported twice, no data"
     );
 }
 

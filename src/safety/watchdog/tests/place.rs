@@ -25,7 +25,7 @@ fn after_an_unconfirmed_undocking_a_robot_that_becomes_low_searches() {
 }
 
 #[test]
-fn low_while_an_undocking_is_unconfirmed_it_searches_when_its_time_is_over() {
+fn a_robot_that_becomes_low_while_undocking_searches_after_the_timeout() {
     let mut rig = with_unconfirmed_undocking(21);
     assert_eq!(sent(&rig.take(Fact::Power(power(20)))), []);
     assert_eq!(sent(&rig.pass(19 * SECOND, false)), []);
@@ -64,7 +64,7 @@ fn charging_reported_just_after_a_requested_undocking_is_ignored_as_outdated() {
     assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
     rig.pass(6 * SECOND, true);
     rig.take(Fact::Power(charging(80)));
-    assert_eq!(rig.dog.place(), DockState::Charging, "somebody put it back");
+    assert_eq!(rig.dog.place(), DockState::Charging, "it was put back");
 }
 
 #[test]
@@ -157,7 +157,7 @@ fn a_robot_that_drives_searches_or_leaves_its_station_moves() {
     let mut rig = with_unconfirmed_undocking(80);
     assert!(rig.dog.is_robot_moving(), "it leaves");
     rig.take(Fact::Gone(WHO));
-    assert!(rig.dog.is_robot_moving(), "it leaves for nobody");
+    assert!(rig.dog.is_robot_moving(), "it leaves without a caller");
     rig.take(Fact::Engine(EngineReport::Undocked));
     assert!(!rig.dog.is_robot_moving());
 }

@@ -17,7 +17,7 @@ fn where_it_finds_no_station_it_drives_a_short_leg_and_searches_from_there() {
     );
     let acts = [acts, rig.pass(1999 * MS, false)].concat();
     assert_eq!(tracks(&acts), [(0, 0), (27, 27)]);
-    assert!(count(&acts, &LEG) >= 10, "said 5 times a second");
+    assert!(count(&acts, &LEG) >= 10, "sent 5 times a second");
     assert_eq!(sent(&rig.pass(MS, false)), [Command::STOP, FIND]);
     assert_eq!(tracks(&rig.pass(100 * SECOND, false)), [], "it searches");
     let acts = rig.take(NOT_FOUND);

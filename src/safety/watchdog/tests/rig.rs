@@ -110,7 +110,7 @@ impl Rig {
             }
             acts.extend(self.dog.tick(self.now));
             let due = self.dog.next_deadline();
-            assert!(due.is_none_or(|due| due > self.now), "would tick for ever");
+            assert!(due.is_none_or(|due| due > self.now), "would tick forever");
             if self.now >= end {
                 return acts;
             }

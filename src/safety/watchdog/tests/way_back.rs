@@ -108,7 +108,7 @@ fn any_other_motion_makes_the_path_unknown() {
         ),
         ("carried", vec![Fact::Engine(EngineReport::Undocked)]),
         (
-            "charges, and charges no more",
+            "charges, then no longer",
             // The first of them may be older than the undocking.
             [
                 vec![Fact::Power(charging(90)); 10],

@@ -80,7 +80,7 @@ proptest! {
     }
 
     #[test]
-    fn the_station_is_never_searched_from_the_station(limits in any_limits(), history in any_history()) {
+    fn no_search_begins_on_the_station(limits in any_limits(), history in any_history()) {
         Play::new(&limits).steps(&history, &mut |moment| {
             let Play { dog, known, now, limits, .. } = moment.play;
             let surely = known.surely_docked(limits, *now);
@@ -140,7 +140,7 @@ proptest! {
         play.pass(60 * SECOND, &mut |moment| {
             let Play { known, limits, now, .. } = moment.play;
             let leg = known.allows_the_way_home(limits, *now);
-            prop_assert!(leg || !moment.moves(), "moves on by itself: {:?}", moment.acts);
+            prop_assert!(leg || !moment.moves(), "moves after the stop: {:?}", moment.acts);
             Ok(())
         })?;
         if let Stop::Parting = stop {

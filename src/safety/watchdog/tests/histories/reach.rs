@@ -11,7 +11,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     let forced = homing.is_some_and(|homing| homing.forced);
     note("moves", moment.moves());
     note("searches", moment.sends(&FIND));
-    note("gives the search up", moment.sends(&CANCEL));
+    note("cancels the search", moment.sends(&CANCEL));
     note(
         "sounds the alarm",
         moment.sends(&Command::Play(Sound::Alarm)),
@@ -27,10 +27,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     note("low on the station", dog.low().is_some() && known.docked());
     note("critical", dog.guard.critical());
     let said = dog.guard.charging() == Charging::Said;
-    note(
-        "low, and charging is only said",
-        said && dog.low().is_some(),
-    );
+    note("low with unconfirmed charging", said && dog.low().is_some());
     note(
         "low when the doubt ends",
         moment.fact.is_none() && known.charges > 0 && dog.low().is_some() && !known.docked(),
@@ -48,7 +45,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
         low_moves && dog.guard.critical(),
     );
     let loan = |event: &Event| matches!(event, Event::Loan { .. });
-    note("tells of a loan", told(&moment.acts).iter().any(loan));
+    note("announces a loan", told(&moment.acts).iter().any(loan));
     note("searches under alarm", alarm && moment.sends(&FIND));
     note(
         "stands still under alarm, off the station",
@@ -89,7 +86,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     note("backs out", dog.whereabouts.is_leaving());
     note(&format!("last words {:?}", dog.last_words()), true);
     note(
-        "an engine code nobody knows",
+        "an unknown engine code",
         matches!(moment.fact, Some(Fact::Engine(EngineReport::Unknown(_)))),
     );
     for act in &moment.acts {
@@ -148,13 +145,13 @@ fn all_there_is() -> Vec<String> {
         "state Alarm",
         "moves",
         "searches",
-        "gives the search up",
+        "cancels the search",
         "backs off",
         "drives a leg",
         "lends the tracks",
         "drives in a loan",
         "drives at the critical level",
-        "tells of a loan",
+        "announces a loan",
         "asked to stop in a leg",
         "searches under alarm",
         "stands still under alarm, off the station",
@@ -162,14 +159,14 @@ fn all_there_is() -> Vec<String> {
         "low by silence",
         "low on the station",
         "critical",
-        "low, and charging is only said",
+        "low with unconfirmed charging",
         "low when the doubt ends",
         "sounds the alarm",
         "several wish to drive",
         "asked to stop while it moves",
         "a behaviour waits for the watchdog's docking",
         "the run ends while low",
-        "an engine code nobody knows",
+        "an unknown engine code",
         "place unknown",
         "place unknown while low",
         "backs out",
