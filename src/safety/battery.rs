@@ -43,7 +43,7 @@ pub enum BatteryChange {
 /// Whether the battery charges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Charging {
-    /// The last report says that it does not charge, or no report is valid.
+    /// The last report denies it, or no report that still counts says so.
     No,
     /// One report says so, and nothing confirms it yet. The robot stays where it is: it is not
     /// driven, and not released either.
@@ -173,7 +173,7 @@ impl BatteryGuard {
         self.reported = self.reported.map(|_| now);
     }
 
-    /// Whether the last report is newer than the silence that counts as low.
+    /// Whether the last report is so recent that the silence does not count as low yet.
     pub fn is_fresh(&self, now: Instant) -> bool {
         self.reported
             .is_some_and(|reported| now < reported + self.silence)

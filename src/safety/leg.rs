@@ -24,12 +24,11 @@ enum Way {
 impl Leg {
     /// The power of the tracks in either direction, percent.
     pub const PERCENT: f64 = 30.0;
-    /// The duration of a turn: with the usual calibration about 60 degrees, to the left.
+    /// Duration of a turn: with the usual calibration about 60 degrees, to the left.
     pub const TURN: Duration = Duration::from_millis(950);
-    /// The duration of the straight part of the first legs: with the usual calibration about 0.27
-    /// m.
+    /// Duration of the straight part of the first legs: with the usual calibration about 0.27 m.
     pub const SHORTEST: Duration = Duration::from_secs(2);
-    /// The duration of the straight part of the last legs: about 0.54 m.
+    /// Duration of the straight part of the last legs: about 0.54 m.
     pub const LONGEST: Duration = Duration::from_secs(4);
 
     /// Begins leg `number`, counted from 0.

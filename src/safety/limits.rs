@@ -23,7 +23,7 @@ pub struct Limits {
     pub dock_timeout: Seconds,
     /// The longest wait for charging to begin once the robot is on the station (30 s).
     pub charge_timeout: Seconds,
-    /// Failed searches after the first one before the alarm sounds (3).
+    /// Further searches after the first one; when all have failed, the alarm sounds (3).
     pub dock_retries: u32,
     /// The pause after a failed search, if no behaviour may drive the robot elsewhere (5 s). It
     /// doubles each time, up to `recovery_longest_pause`, and never costs more energy than the

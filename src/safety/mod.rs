@@ -4,7 +4,7 @@
 //! [`Watchdog`] combines all parts; each part can be read alone: [`Arbiter`] (which behaviour
 //! drives), [`Tracks`] (the setpoint sent, and how often), [`BatteryGuard`] (which battery reports
 //! count, and when the level is low), [`Drain`] (how fast the battery empties), [`DockTracker`]
-//! (whether the robot is docked, and on what evidence), [`Docking`] (one docking attempt with its
+//! (whether the robot is docked, and on what evidence), [`Docking`] (one docking with its
 //! retries), [`Recovery`] (what follows a failed docking), [`Loan`] and [`Leg`] (how a robot with a
 //! low battery reaches another place to search from), [`Rescue`] (which behaviour may drive it),
 //! [`Trail`] (the robot's path from its station), [`Leases`] (which hosts are alive), [`LastWords`]

@@ -9,18 +9,15 @@ use crate::safety::LastWords;
 use crate::wire::{Command, Engage, Power};
 
 impl Watchdog {
-    /// The commands that end this link if the agent dies now; updated right after every batch of
+    /// The commands to send on this link if the agent dies now; updated right after every batch of
     /// acts.
     ///
     /// - [`LastWords::Nothing`] on the station, and while the robot searches for it because its
-    ///   battery
-    /// is low.
+    ///   battery is low.
     /// - [`LastWords::StopAndDock`] in all other cases of a low battery: waiting for the next
-    ///   search,
-    /// driven by the watchdog or a borrower, or backing out of the station.
+    ///   search, driven by the watchdog or a borrower, or backing out of the station.
     /// - [`LastWords::EndSearch`] during a search that a behaviour asked for: with a good battery
-    ///   the
-    /// robot stays where it is until somebody controls it again.
+    ///   the robot stays where it is until somebody controls it again.
     /// - [`LastWords::Stop`] otherwise.
     ///
     /// Without a link, these commands are sent if a login is given up half way: a stop, and
