@@ -2,7 +2,6 @@
 //! the robot's socket and the agent's side of the hosts' pipes run. Nothing on it waits for a disk,
 //! a new process or a name lookup: code that needs one of these runs elsewhere and sends the result
 //! over a bounded channel.
-//! bounded channel.
 
 use std::io;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -28,8 +27,8 @@ pub struct DrivingCore {
 impl DrivingCore {
     /// Starts the thread.
     ///
+    /// # Errors
     /// If the system cannot create the thread or its runtime.
-    /// If the system gives no thread or no runtime.
     pub fn start() -> io::Result<DrivingCore> {
         let runtime = Builder::new_current_thread()
             .enable_all()

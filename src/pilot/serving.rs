@@ -253,7 +253,8 @@ impl Pilot {
     }
 
     /// Switches off what a nearly empty battery must not feed, and the streams on again when it
-    /// charges; drops queued speech when an alarm begins. What the watchdog wants was sent before.
+    /// charges; drops queued speech when the alarm sounds or the battery is nearly empty. What the
+    /// watchdog wants was sent before.
     pub(super) fn follow_distress(&mut self) -> Result<(), LinkLost> {
         let now = Distress::of(&self.watchdog);
         let before = std::mem::replace(&mut self.distress, now);
