@@ -59,9 +59,10 @@
 //! # How to add
 //!
 //! - **A call for scripts**: its row in the table of the API (`api/`: name, arguments, bounds,
-//!   results, an example), its native under `script/api/`, and, if the robot has to do something, an
-//!   `Intent` (`robot/intent.rs`) that `pilot/serving.rs` serves. `spykee api`, the editor's
-//!   definitions and the guide's reference come from the table; a native without a row does not load.
+//!   results, an example), its native under `script/api/`, and, if the robot has to do something,
+//!   an `Intent` (`robot/intent.rs`) that `pilot/serving.rs` serves. `spykee api`, the editor's
+//!   definitions and the guide's reference come from the table; a native without a row does not
+//!   load.
 //! - **A command to the robot**: its section in `wire/PROTOCOL.md` with a byte vector, its variant
 //!   with `parse` and `emit` in `wire/command.rs`, what the simulated robot does with it in
 //!   `sim/body/robot/obey.rs`. If it can move the robot, only the watchdog may make it.

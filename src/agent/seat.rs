@@ -13,8 +13,8 @@ use crate::robot::{
 };
 use crate::wire::Stream;
 
-/// How often a seat that moves the robot sends a sign of life; the watchdog stops the tracks after 0.25 s
-/// without one.
+/// How often a seat that moves the robot sends a sign of life; the watchdog stops the tracks after
+/// 0.25 s without one.
 const BEAT: Duration = Duration::from_millis(50);
 /// Half a second of speech: s16, mono, 16 kHz.
 const SPEECH: usize = 16_000;
