@@ -104,7 +104,7 @@ impl Line {
         loop {
             match &mut self.state {
                 State::Parting(parting) => {
-                    debug!("at a link's end: {}", parting.await);
+                    debug!("at the end of a link: {}", parting.await);
                     self.redial();
                     continue;
                 }

@@ -89,7 +89,7 @@ impl Default for Limits {
     }
 }
 
-/// Limits that contradict each other.
+/// Why values in [`Limits`] contradict each other.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LimitsError {
     /// `host_idle_silence` is so short that a healthy idle host would be ended.
