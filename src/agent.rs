@@ -1,5 +1,5 @@
-//! Wiring and lifetimes of a run: load the scripts, connect, run them in parallel, and end
-//! everything within two seconds, whatever hangs.
+//! Wiring and lifetimes of a run: loads the scripts, connects, runs them in parallel, and ends
+//! everything within two seconds, even if something hangs.
 
 mod aboard;
 mod company;
@@ -35,73 +35,73 @@ pub use crate::robot::{Bus, Happening, Heard, Listener, Occurrence};
 use crate::robot::{EndReason, Lookout, Pictures, Priority};
 use crate::script::Ending;
 
-/// How long the scripts' last words and the end of their hosts may take together.
+/// The total time for the scripts' last words and the end of their hosts.
 const SCRIPTS_END: Duration = Duration::from_millis(1100);
 
-/// A script and what is to be made of it.
+/// A script and how to run it.
 #[derive(Debug)]
 pub struct Behaviour {
-    /// Who wins when several want to drive.
+    /// Decides which behaviour drives when several want to.
     pub priority: Priority,
     /// The script and its VM's options.
     pub launch: Launch,
-    /// A text that comes later is looked over as [`check`](crate::check::check) does, and not
-    /// loaded if that finds an error. The first one is the caller's business.
+    /// Whether a later text of the script is checked like [`check`](crate::check::check) does, and
+    /// not loaded if the check finds an error. The first text is left to the caller.
     pub checked: bool,
-    /// What is done when it fails.
+    /// What to do when it fails.
     pub restart: RestartPolicy,
-    /// Where new texts of the script come from, if it is watched. It is stopped for each that can
-    /// be loaded, and when it has ended it waits for the next: then only the token or the time
-    /// limit ends the run.
+    /// Delivers new texts of the script, if its file is watched. The behaviour is stopped for each
+    /// one that can be loaded, and when it has ended it waits for the next: then only the token or
+    /// the time limit ends the run.
     pub reloads: Option<mpsc::Receiver<Reload>>,
 }
 
 /// Everything a run needs.
 pub struct Plan {
-    /// Those that run from the beginning.
+    /// The behaviours that run from the beginning.
     pub behaviours: Vec<Behaviour>,
-    /// What else can be started, and from what those of the beginning are made when they are
-    /// started anew; without one, from the text that they had.
+    /// What else can be started, and from what the initial behaviours are made when they are
+    /// started again after their end; without a blueprint, from their first text.
     pub blueprints: Vec<Blueprint>,
-    /// Goes on when no behaviour runs.
+    /// Continue when no behaviour runs.
     pub stays: bool,
-    /// The pilot's numbers.
+    /// The pilot's settings.
     pub settings: Settings,
     /// How to reach the robot.
     pub dial: Dial,
     /// How to start hosts.
     pub launcher: Launcher,
-    /// Runs the pilot and serves the hosts' pipes: that of a
-    /// [`DrivingCore`](crate::pilot::DrivingCore), or in virtual time the only one there is.
+    /// Runs the pilot and serves the hosts' pipes: the runtime of a
+    /// [`DrivingCore`](crate::pilot::DrivingCore), or in virtual time the only runtime.
     pub core: runtime::Handle,
-    /// Of a run in real time.
+    /// The heartbeat, in real time only.
     pub pulse: Option<Pulse>,
-    /// The rescue behaviour, if there is to be one: see [`rescue`].
+    /// The rescue behaviour, if any: see [`rescue`].
     pub rescue: Option<Launch>,
     /// End after this time.
     pub limit: Option<Duration>,
-    /// Where it says what happens; it may be another's too.
+    /// The bus on which the run publishes; it may be shared.
     pub bus: Bus,
 }
 
-/// How a run went.
+/// The outcome of a run.
 #[derive(Debug)]
 pub struct Outcome {
-    /// Each behaviour by name and how it ended for the last time, in the order in which they ended.
+    /// Each behaviour's name and last ending, in the order in which they ended.
     pub endings: Vec<(String, Ending)>,
-    /// At the end the watchdog had the robot: low battery.
+    /// The watchdog controlled the robot at the end: low battery.
     pub safety: bool,
-    /// Ended by the token, not by itself and not by the time limit.
+    /// Ended by the token, and not by the end of its behaviours or by the time limit.
     pub interrupted: bool,
 }
 
-/// Why a run could not go on.
+/// Why a run was aborted.
 #[derive(Debug, thiserror::Error)]
 pub enum AgentError {
     /// The first connection failed.
     #[error(transparent)]
     Link(#[from] LinkError),
-    /// A task of ours panicked; the robot was told to stop.
+    /// A task of this program panicked; the robot was told to stop.
     #[error("internal error: {0} panicked; the robot has been stopped")]
     Broken(&'static str),
 }
@@ -119,7 +119,7 @@ pub struct Agent {
 }
 
 impl Agent {
-    /// Also returns the newest status of robot and watchdog.
+    /// Prepares a run. Also returns the newest status of robot and watchdog.
     pub fn new(plan: Plan) -> (Agent, watch::Receiver<Status>) {
         let flight = Preflight::new(plan.settings, plan.dial, plan.core, plan.pulse)
             .with_bus(plan.bus.clone());
@@ -149,29 +149,29 @@ impl Agent {
         (agent, status)
     }
 
-    /// Where the pilot of this run is asked, for what no behaviour may ask: see [`Request::Sleep`].
+    /// The pilot's queue, for requests that no behaviour may make: see [`Request::Sleep`].
     pub fn requests(&self) -> mpsc::Sender<Request> {
         self.flight.requests()
     }
 
-    /// What the camera shows.
+    /// The frames of the camera.
     pub fn pictures(&self) -> watch::Receiver<Pictures> {
         self.flight.frames()
     }
 
-    /// How long it takes from a frame to a track command.
+    /// The times from a frame to a track command.
     pub fn reactions(&self) -> Reactions {
         self.flight.reactions()
     }
 
-    /// Where behaviours are started and stopped while it runs.
+    /// The handle that starts and stops behaviours during the run.
     pub fn roster(&self) -> Roster {
         self.roster.clone()
     }
 
-    /// Runs until every behaviour has ended (unless the plan says that it stays), the time is over,
-    /// or `stop` is cancelled. Scripts that cannot be loaded and are not watched end the run before
-    /// the robot is connected to.
+    /// Runs until every behaviour has ended (unless the plan says that the run stays), the time is
+    /// over, or `stop` is cancelled. A script that cannot be loaded and is not watched ends the run
+    /// before it connects to the robot.
     ///
     /// # Errors
     /// See [`AgentError`].
@@ -220,7 +220,7 @@ impl Agent {
 }
 
 impl Outcome {
-    /// Of a script that cannot be loaded.
+    /// The outcome for a script that cannot be loaded.
     fn refused(ending: (String, Ending)) -> Outcome {
         Outcome {
             endings: vec![ending],
@@ -247,7 +247,7 @@ impl Run {
         }
     }
 
-    /// From the first connection to the reason to end.
+    /// Runs from the first connection on; returns the reason to end.
     async fn live(
         &mut self,
         limit: Option<Duration>,
@@ -271,7 +271,7 @@ impl Run {
         }
     }
 
-    /// First the tracks, then the scripts' last words, then the link.
+    /// Ends the run: first the tracks, then the scripts' last words, then the link.
     async fn end(self, reason: EndReason, interrupted: bool) -> Result<Outcome, AgentError> {
         self.flight.part();
         let endings = self.company.end(reason).await;
@@ -284,7 +284,7 @@ impl Run {
         })
     }
 
-    /// Something of ours is broken: the pilot is dropped, and its writer's drop stops the tracks.
+    /// After an internal error: drops the pilot, and its writer's drop stops the tracks.
     async fn abandon(self) {
         drop(self.flight);
         self.company.abandon().await;

@@ -2,12 +2,12 @@
 //!
 //! The agent gives it a duplicate of the robot's socket, the *last words* of the watchdog whenever
 //! they change, and a heartbeat. If the agent is gone (killed, out of memory) or its driving core
-//! has not beaten for 0.3 s (stopped, hung), the guardian sends the last words in its place. It has
-//! a session of its own and survives every signal that is meant for the agent. It answers each
+//! has not beaten for 0.3 s (stopped, hung), the guardian sends the last words in its place. It
+//! runs in its own session and survives every signal that is meant for the agent. It answers each
 //! beat; a guardian that has died, or no longer answers, is replaced by another one.
 //!
-//! Knows bytes only: the watchdog decides what they mean, and the writer where a message ends; it
-//! gives the guardian the rest of a message that is half sent.
+//! It handles bytes only: the watchdog decides what they mean, and the writer knows where a message
+//! ends; it gives the guardian the rest of a partly written message.
 
 mod client;
 mod guard;

@@ -20,8 +20,8 @@
 //!
 //! Nothing on the driving core waits for a disk, a process or a name lookup. A host that hangs,
 //! crashes or breaks the rules is killed, and its motion ends with it. In virtual time ([`lab`])
-//! all of this, the simulated robot of [`sim`] included, runs on one thread over pipes in memory:
-//! the same code and messages.
+//! everything, including the simulated robot of [`sim`], runs on one thread over pipes in memory,
+//! with the same code and messages.
 //!
 //! # The two data paths
 //!
@@ -29,8 +29,8 @@
 //!
 //! 1. `link/reader.rs` cuts the stream into messages: a `Report` (`wire/report.rs`). The first part
 //!    of a frame that is still arriving is passed on early, so that its host can start to decode;
-//! 2. `pilot/hearing.rs` makes it a `Frame` with a number and a time, and puts it unread into the
-//!    slot of the newest one: older frames that were not taken are dropped;
+//! 2. `pilot/hearing.rs` makes it a `Frame` with a number and a time, and stores it, still
+//!    encoded, as the newest one: older frames that no reader has taken are dropped;
 //! 3. `behaviour/supervisor.rs` sends the `Frame` through the pipe when its host asks for one;
 //! 4. `behaviour/host.rs` gives it to the VM; `script/state/delivery.rs` validates its markers
 //!    (only here) and queues it for the script's handler as a `HeldFrame`;
@@ -38,8 +38,8 @@
 //!    blobs (`vision/eyes.rs`);
 //! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`,
 //!    which goes back through the pipe;
-//! 7. `pilot/serving.rs` makes a `Fact` of the `Intent`, and `pilot/acting.rs` takes it to the
-//!    watchdog (`safety/watchdog/asks.rs`): `safety/arbiter.rs` decides who may drive,
+//! 7. `pilot/serving.rs` turns the `Intent` into a `Fact`, and `pilot/acting.rs` passes it to the
+//!    watchdog (`safety/watchdog/asks.rs`): `safety/arbiter.rs` decides which behaviour may drive,
 //!    `safety/tracks.rs` when a command is sent;
 //! 8. `pilot/acting.rs` hands the watchdog's `Command` to `link/writer.rs`, which writes it.
 //!
@@ -54,25 +54,26 @@
 //! 2. `pilot/hearing.rs` gives it to the watchdog as a fact (`safety/watchdog/mod.rs`);
 //! 3. `safety/battery.rs` decides that the level is low, `safety/watchdog/homing.rs` that the robot
 //!    goes home;
-//! 4. `link/writer.rs` writes `MOVE 0 0` and `BASE_FIND` at once, ahead of everything queued.
+//! 4. `link/writer.rs` writes `MOVE 0 0` and `BASE_FIND` at once, ahead of queued speech.
 //!
 //! # How to add
 //!
 //! - **A call for scripts**: its row in the table of the API (`api/`: name, arguments, bounds,
-//!   results, an example), its native under `script/api/`, and, if the robot has to do something, an
-//!   `Intent` (`robot/intent.rs`) that `pilot/serving.rs` serves. `spykee api`, the editor's
-//!   definitions and the guide's reference come from the table; a native without a row does not load.
+//!   results, an example), its native under `script/api/`, and, if the robot has to do something,
+//!   an `Intent` (`robot/intent.rs`) that `pilot/serving.rs` serves. `spykee api`, the editor's
+//!   definitions and the guide's reference come from the table; a native without a row does not
+//!   load.
 //! - **A command to the robot**: its section in `wire/PROTOCOL.md` with a byte vector, its variant
 //!   with `parse` and `emit` in `wire/command.rs`, what the simulated robot does with it in
 //!   `sim/body/robot/obey.rs`. If it can move the robot, only the watchdog may make it.
-//! - **A report of the robot**: likewise in `wire/report.rs`; `pilot/hearing.rs` hears it, and
+//! - **A report of the robot**: likewise in `wire/report.rs`; `pilot/hearing.rs` handles it, and
 //!   `sim/body/robot.rs` sends it.
 //! - **A fault**: its variant of `sim::Trouble` (`sim/faults/fault.rs`), its name and keys in YAML
 //!   (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`, `sim/faults/lane.rs`) or
 //!   on the robot (`sim/server/site.rs`), and its row in `tests/it/faults/table.rs`.
-//! - **An event that people want to know of**: its variant of `Occurrence` (`robot/occurrence.rs`),
-//!   published on the agent's `Bus` where it happens; its text in `cli/history/view.rs`. Journal,
-//!   notifications and all other listeners then receive it.
+//! - **An event to be published**: its variant of `Occurrence` (`robot/occurrence.rs`),
+//!   published on the agent's `Bus` where it happens; its text in `cli/history/view.rs`. All
+//!   listeners then receive it.
 //! - **A lesson**: a folder in `behaviours/lessons/` with `README.md`, `starter.lua`,
 //!   `solution.lua` and `check.lua`, its line in `cli/lesson/catalogue.rs`, its row in
 //!   `behaviours/lessons/README.md`.
@@ -137,8 +138,8 @@
 //! | 9 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports floor 0 only |
 //!
-//! `tests/it/floors.rs` holds every `use crate::` line against this table, `tests/it/circles.rs`
-//! finds circles inside the rooms.
+//! `tests/it/floors.rs` checks every path into the crate against this table, `tests/it/circles.rs`
+//! finds import cycles inside the rooms.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod agent;

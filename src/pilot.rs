@@ -1,11 +1,11 @@
 //! The task that owns the robot's socket, and with it the watchdog: no other code can move the
-//! robot. Facts go into the watchdog, its acts come out and are done here, all commands of one
-//! batch in one write. Knows no script, no decoder and no lock.
+//! robot. Facts go into the watchdog; the acts that come out are executed here, with all commands
+//! of one batch in one write. Knows no script, no decoder and no lock.
 //!
-//! However this task ends, by order, by a panic or by being dropped, the [`Writer`]'s own drop
-//! sends the last words that the watchdog has left with it.
+//! However this task ends, by order, by a panic or by being dropped, dropping the [`Writer`] sends
+//! the last words that the watchdog has left with it.
 //!
-//! Nothing here waits for the robot to take a command: see [`Writer::queue`].
+//! Nothing here blocks until the robot takes a command: see [`Writer::queue`].
 
 mod acting;
 mod core;
@@ -60,58 +60,59 @@ pub use self::shown::Shown;
 use self::silence::{Silence, SilenceAction};
 pub use self::status::{LinkState, Status};
 
-/// Requests served in a row before the robot is heard again.
+/// The most requests served in a row before the robot's messages are read again.
 const REQUESTS_IN_A_ROW: usize = 32;
 
-/// How often the other tasks get a turn before a timeout is evaluated: once to read, once to pass
+/// How often the other tasks get a turn before timeouts are evaluated: once to read, once to pass
 /// on.
 const HEARINGS: usize = 2;
 
-/// Of sounds that follow each other faster, such as speech, behaviours are told so often.
+/// Behaviours are told of a sequence of sounds, such as speech, once per this interval.
 const SOUND_TOLD_AGAIN: Duration = Duration::from_millis(500);
 
-/// How long the robot may take at the end to acknowledge what it was told last.
+/// How long the robot may take at the end to acknowledge what was sent last.
 pub const DELIVERY: Duration = Duration::from_secs(2);
 
-/// How often an unknown message of the robot is logged, for each kind.
+/// How often an unknown message of the robot is logged, per kind.
 const UNKNOWN_EVERY: Duration = Duration::from_secs(60);
-/// How often the same reason for which the robot cannot be reached is logged.
+/// How often the same reason for a failed attempt to connect is logged.
 const FAILED_EVERY: Duration = Duration::from_secs(600);
-/// How often the same report of the robot's station is logged.
+/// How often the same ENGINE report is logged.
 const ENGINE_EVERY: Duration = Duration::from_secs(1);
 
-/// How the run is told to come to its end.
+/// The tokens that end the run.
 #[derive(Debug, Clone, Default)]
 pub struct Ending {
-    /// Nothing may move any more; lights and sounds still work.
+    /// No motion is allowed any more, except the search of a robot with a low battery; lights and
+    /// sounds still work.
     pub parting: CancellationToken,
     /// Close the link and return.
     pub closing: CancellationToken,
 }
 
-/// What the pilot needs to know besides the line.
+/// The pilot's settings, besides the line.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// The numbers of the safety rules.
     pub limits: Limits,
-    /// The line leads to the embedded simulator.
+    /// Whether the line leads to the embedded simulator.
     pub simulated: bool,
-    /// Seeds the jitter of the pauses between tries to connect.
+    /// Seeds the jitter of the pauses between attempts to connect.
     pub seed: u64,
-    /// Times of the link.
+    /// The timeouts of the link.
     pub link: crate::link::Options,
-    /// When the robot's streams are on.
+    /// Which streams of the robot are on, and when.
     pub streams: Streams,
 }
 
-/// The task's state. [`Pilot::run`] is its life.
+/// The task's state; [`Pilot::run`] is its main loop.
 #[derive(Debug)]
 pub struct Pilot {
     watchdog: Watchdog,
     writer: Option<Writer>,
     seats: Seats,
     lights: Lights,
-    /// As a person beside the robot sees it.
+    /// The state of tracks, lights and sounds as a person beside the robot sees it.
     shown: Shown,
     /// A person's STOP.
     halt: Halt,
@@ -120,41 +121,42 @@ pub struct Pilot {
     status: watch::Sender<Status>,
     info: Option<RobotInfo>,
     simulated: bool,
-    /// Unknown kinds of messages, and when each was logged.
+    /// Unknown kinds of messages, and when each was last logged.
     unknown: Repeats<hearing::UnknownKind>,
     engine_said: Repeats<EngineReport>,
     streams_due: Option<Instant>,
-    /// What lights, sounds and streams were last made to follow.
+    /// The state that lights, sounds and streams were last adapted to.
     distress: Distress,
-    /// The watchdog knows something that it has not acted upon yet.
+    /// The watchdog has taken in a fact whose acts are deferred.
     has_deferred: bool,
-    /// A behaviour was given up, and the robot has not heard of it yet.
+    /// A behaviour was given up, and the robot has not sounded the alarm for it yet.
     alarm_due: bool,
-    /// What the behaviours were last told of the robot's motion.
+    /// The state of motion that the behaviours were last told.
     moving: bool,
-    /// When they were last told that it makes a sound.
+    /// When the behaviours were last told of a sound.
     sounding: Option<Instant>,
     /// Quiet hours.
     hush: Hush,
-    /// The link is down on purpose until a behaviour wants the robot.
+    /// The link is closed on purpose until a behaviour needs the robot.
     released: bool,
-    /// Why attempts to connect have failed, and when each was logged.
+    /// Why attempts to connect have failed, and when each reason was last logged.
     failed: Repeats<String>,
-    /// In real time only.
+    /// Present in real time only.
     pulse: Option<Pulse>,
-    /// Where it says what has happened.
+    /// Publishes what has happened.
     bus: Bus,
-    /// From frames to what behaviours make of them.
+    /// Measures the time from a frame to the motion that behaviours derive from it.
     stopwatch: Stopwatch,
 }
 
 impl Pilot {
-    /// How long it takes from a frame to a track command.
+    /// The times from a frame to a track command.
     pub fn reactions(&self) -> Reactions {
         self.stopwatch.reactions.clone()
     }
 
-    /// Without a link. Also returns what the camera shows and the newest status.
+    /// Begins without a link. Also returns the channels of the camera's frames and of the newest
+    /// status.
     pub fn new(settings: &Settings) -> (Pilot, watch::Receiver<Pictures>, watch::Receiver<Status>) {
         let (pictures, shown) = watch::channel(Pictures::default());
         let (status, newest_status) = watch::channel(Status::default());
@@ -188,22 +190,23 @@ impl Pilot {
         (pilot, shown, newest_status)
     }
 
-    /// In real time: beats for a guardian, and notices when the program was asleep.
+    /// Sets the heartbeat, which runs in real time only: it beats for a guardian and detects a
+    /// suspension.
     pub fn set_pulse(&mut self, pulse: Option<Pulse>) {
         self.pulse = pulse;
     }
 
-    /// Says on this bus what happens.
+    /// Sets the bus on which the pilot publishes.
     pub fn set_bus(&mut self, bus: Bus) {
         self.bus = bus;
     }
 
-    /// Connects, serves and reconnects until told to close. Then says whether what the robot was
-    /// told last has arrived, for which it waits up to [`DELIVERY`].
+    /// Connects, serves and reconnects until told to close. Then waits up to [`DELIVERY`] and
+    /// returns whether the robot has acknowledged what was sent last.
     ///
     /// # Errors
-    /// [`LinkError`] if the very first connection fails: then a person is there to read it. Later
-    /// failures are tried again for ever.
+    /// [`LinkError`] if the very first connection fails, so that a person can read it at the start.
+    /// Later failures are retried forever.
     pub async fn run(
         mut self,
         dial: Dial,
@@ -255,14 +258,14 @@ impl Pilot {
         deadlines.into_iter().flatten().min()
     }
 
-    /// To be called before anything else is done in a turn: beats, and if the program was asleep
-    /// nothing from before is repeated.
+    /// Must be called first in a turn: beats, and detects a suspension, after which nothing from
+    /// before is repeated.
     fn wake(&mut self) -> Result<(), LinkLost> {
         let pulse = self.pulse.as_mut();
         match pulse.and_then(|pulse| pulse.beat(Instant::now())) {
             Some(slept) => {
                 warn!(
-                    "asleep for {:.1} s: the robot is stopped first",
+                    "suspended for {:.1} s: the robot is stopped first",
                     slept.as_secs_f64()
                 );
                 self.take(Fact::Suspended)
@@ -271,14 +274,14 @@ impl Pilot {
         }
     }
 
-    /// Stops the robot, then this program; when it goes on, the robot again.
+    /// Stops the robot, suspends this program, and stops the robot again when the program resumes.
     fn sleep(&mut self, Sleep(sleep): Sleep) -> Result<(), LinkLost> {
         let stopped = self.take(Fact::Suspended);
         sleep();
         stopped.and_then(|()| self.take(Fact::Suspended))
     }
 
-    /// What the behaviours asked for with their last words has come before the order to close.
+    /// Serves the requests that the behaviours sent before the order to close.
     fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) {
         let rounds = MAX_REQUESTS / REQUESTS_IN_A_ROW;
         for _ in 0..rounds {
@@ -288,7 +291,7 @@ impl Pilot {
         }
     }
 
-    /// Drains what has come while this task, or the whole machine, slept before it evaluates
+    /// Drains what has arrived while this task, or the whole machine, slept before it evaluates
     /// timeouts.
     async fn tick(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
         let woken = self.wake();
@@ -302,7 +305,7 @@ impl Pilot {
         self.check_silence()
     }
 
-    /// Is the robot still there, though nothing is heard of it?
+    /// Asks a silent robot for a sign of life, and ends the link if it stays silent.
     fn check_silence(&mut self) -> Result<(), LinkLost> {
         if self.writer.is_none() {
             return Ok(());
@@ -311,14 +314,14 @@ impl Pilot {
             Some(SilenceAction::Ask) => self.send(&[Command::PowerQuery]),
             Some(SilenceAction::Gone(silence)) => {
                 let silence = silence.as_secs();
-                let reason = format!("nothing was heard of the robot for {silence} s");
+                let reason = format!("nothing received from the robot for {silence} s");
                 Err(LinkLost::because(reason))
             }
             None => Ok(()),
         }
     }
 
-    /// Requests get their turn even if the robot never stops talking.
+    /// Serves waiting requests, so that they get their turn even if the robot sends without pause.
     fn serve_waiting(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
         for _ in 0..REQUESTS_IN_A_ROW {
             let Ok(request) = requests.try_recv() else {
@@ -329,8 +332,8 @@ impl Pilot {
         self.flush_deferred()
     }
 
-    /// Tells all behaviours when the robot begins to move and when it stands: those that compare
-    /// pictures must know, whatever moves it.
+    /// Tells all behaviours when the robot begins and stops moving: those that compare pictures
+    /// must know, whatever moves it.
     fn tell_motion(&mut self) {
         let on = self.watchdog.is_robot_moving();
         if on != self.moving {
@@ -339,8 +342,8 @@ impl Pilot {
         }
     }
 
-    /// Tells all behaviours that the robot makes a sound, so that none takes it for a noise of
-    /// others.
+    /// Tells all behaviours that the robot makes a sound, so that none mistakes it for another
+    /// noise.
     fn tell_sound(&mut self) {
         let now = Instant::now();
         let lately = |at: Instant| now.saturating_duration_since(at) < SOUND_TOLD_AGAIN;
@@ -376,7 +379,7 @@ impl Pilot {
     }
 }
 
-/// Writes what waits; returns only if that fails.
+/// Writes what is queued; returns only if that fails.
 async fn progress(writer: Option<&mut Writer>) -> LinkError {
     match writer {
         Some(writer) => match writer.progress().await {

@@ -1,6 +1,6 @@
-//! The data types that tasks and processes exchange: what a behaviour may ask ([`Intent`]), what it
-//! receives ([`Event`], [`Frame`]), results, and the quantities in them. Data only: no rule, no
-//! socket, no VM.
+//! The data types that tasks and processes exchange: what a behaviour can request ([`Intent`]),
+//! what it receives ([`Event`], [`Frame`]), results, and the quantities in them. Data only: no
+//! rule, no socket, no VM.
 
 mod bus;
 pub mod channel;
@@ -31,25 +31,25 @@ use serde::{Deserialize, Serialize};
 
 use crate::wire::{Command, Power};
 
-/// One behaviour of a run; numbers are given in the order of the command line or config.
+/// A behaviour of a run; numbers are assigned in the order of the command line or config.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct BehaviourId(pub u16);
 
-/// One setpoint that a behaviour asked for; counts up within the behaviour.
+/// A setpoint that a behaviour asked for; counts up within the behaviour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct MotionId(pub u64);
 
-/// One docking or undocking that a behaviour asked for; counts up within the behaviour.
+/// A docking or undocking that a behaviour asked for; counts up within the behaviour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct CallId(pub u64);
 
-/// Who wins when several behaviours want to drive: the larger number.
+/// Decides which behaviour drives when several want to: the one with the larger number.
 #[derive(
     Debug, Clone, Copy, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize,
 )]
 pub struct Priority(pub i16);
 
-/// What both tracks are to do.
+/// The power of both tracks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Setpoint {
     /// Left track.
@@ -65,7 +65,7 @@ impl Setpoint {
         right: TrackPower::STOP,
     };
 
-    /// From percent of full power, each -100..=100; `None` beyond.
+    /// From percent of full power, each -100..=100; `None` outside of that range.
     pub fn from_percent(left: f64, right: f64) -> Option<Setpoint> {
         let (left, right) = (
             TrackPower::from_percent(left)?,
@@ -74,7 +74,7 @@ impl Setpoint {
         Some(Setpoint { left, right })
     }
 
-    /// Both tracks at rest?
+    /// Whether both tracks are at rest.
     pub fn is_stop(self) -> bool {
         self == Setpoint::STOP
     }
@@ -88,20 +88,20 @@ impl Setpoint {
     }
 }
 
-/// The battery, as far as it is believed.
+/// The battery, as far as its reports are believed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Battery {
     /// Level.
     pub percent: Percent,
     /// On the charger.
     pub charging: bool,
-    /// Minutes until it is empty, if it goes on as of late. `None` until known, and while it
+    /// Minutes until it is empty, at the recent average rate. `None` until known, and while it
     /// charges.
     pub minutes_left: Option<f32>,
 }
 
 impl Battery {
-    /// As one report says it, with nothing learnt of it yet.
+    /// The state in a single report, with nothing learnt yet.
     pub fn reported(power: Power) -> Battery {
         Battery {
             percent: Percent::saturating(power.percent),
@@ -110,13 +110,13 @@ impl Battery {
         }
     }
 
-    /// The level or the sign differs.
+    /// Whether the level or the charging state differs.
     pub fn is_news_after(&self, before: &Battery) -> bool {
         (self.percent, self.charging) != (before.percent, before.charging)
     }
 }
 
-/// Who the robot is, from the login.
+/// The robot's identity, from the login.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RobotInfo {
     /// Such as `SPYKEE0001`.
@@ -127,6 +127,6 @@ pub struct RobotInfo {
     pub firmware: String,
     /// `host:port` of the connection.
     pub address: String,
-    /// The embedded simulator.
+    /// Whether it is the embedded simulator.
     pub simulated: bool,
 }

@@ -1,4 +1,4 @@
-//! A behaviour of the company, from the order to start it to its end.
+//! A behaviour of the company, from the command to start it until its end.
 
 use std::time::Duration;
 
@@ -12,25 +12,25 @@ use crate::script::Ending;
 /// Tells one behaviour to end, and why.
 pub(super) type Stop = watch::Sender<Option<EndReason>>;
 
-/// A behaviour from the order to start it to its end.
+/// A behaviour from the command to start it until its end.
 pub(super) struct Aboard {
     pub(super) by: BehaviourId,
     pub(super) name: String,
     pub(super) stop: Stop,
-    /// `None`: it is being loaded.
+    /// When it began; `None`: it is being loaded.
     pub(super) since: Option<Instant>,
-    /// So long after its beginning it is ended.
+    /// How long it may run before it is ended.
     pub(super) lasts: Option<Duration>,
-    /// Who waits for its beginning.
+    /// The callers that wait for its start.
     pub(super) started: Vec<Reply>,
-    /// Who waits for its end.
+    /// The callers that wait for its end.
     pub(super) ended: Vec<Reply>,
-    /// It is started again when it has ended.
+    /// Present if it is to be started again when it has ended; receives the outcome.
     pub(super) again: Option<Reply>,
 }
 
 impl Aboard {
-    /// One whose script is being loaded.
+    /// A behaviour whose script is being loaded.
     pub(super) fn new(
         by: BehaviourId,
         name: String,
@@ -49,14 +49,14 @@ impl Aboard {
         }
     }
 
-    /// When its time is over; `None`: it may run for as long as it likes, or ends already.
+    /// When its time is over; `None`: it has no limit, or is ending already.
     pub(super) fn ends(&self) -> Option<Instant> {
         let ending = self.stop.borrow().is_some();
         let ends = self.since.zip(self.lasts).filter(|_| !ending);
         ends.map(|(since, lasts)| since + lasts)
     }
 
-    /// What it does.
+    /// The state of the behaviour.
     pub(super) fn state(&self) -> MemberState {
         match self.since {
             _ if self.stop.borrow().is_some() => MemberState::Ending,
@@ -66,8 +66,8 @@ impl Aboard {
     }
 }
 
-/// All behaviours of a company: those of its blueprints first, then those that still run though the
-/// config has them no more. `endings` tells how each ended for the last time, by name.
+/// All behaviours of a company: those of its blueprints first, then those that still run but are no
+/// longer in the config. `endings` holds each behaviour's last ending, by name.
 pub(super) fn members(
     blueprints: &[Blueprint],
     aboard: &[Aboard],
@@ -90,7 +90,7 @@ pub(super) fn members(
     all.chain(rest).map(member).collect()
 }
 
-/// The first reason stays.
+/// Tells a behaviour to end; an earlier reason is kept.
 pub(super) fn tell(stop: &Stop, reason: EndReason) {
     stop.send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
 }

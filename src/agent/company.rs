@@ -1,6 +1,6 @@
-//! The behaviours that run side by side in one agent. It takes the orders of the
-//! [`Roster`](super::roster), loads scripts, and sees each behaviour to its end. Nothing here is on
-//! the driving core, and nothing here can move the robot.
+//! The behaviours that run side by side in one agent. Executes the commands of the
+//! [`Roster`](super::roster), loads scripts, and accompanies each behaviour to its end. Nothing
+//! here is on the driving core, and nothing here can move the robot.
 
 use std::time::Duration;
 
@@ -21,9 +21,10 @@ use crate::robot::channel::Role;
 use crate::robot::{BehaviourId, EndReason, Occurrence};
 use crate::script::Ending;
 
-/// The most behaviours that run at a time: each is a process.
+/// The most behaviours that run at the same time: each is a process.
 const MOST: usize = 32;
-/// Behaviours are numbered from 0 to below this; persons and the rescue behaviour are above.
+/// Behaviours are numbered from 0 to below this; persons and the rescue behaviour have higher
+/// numbers.
 const NUMBERS: u16 = 0xF000;
 
 /// A behaviour with its first host, or why it could not be started.
@@ -32,7 +33,7 @@ type Kept = (RestartLoop, Result<Prepared, Ending>);
 /// The result of loading a script.
 type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 
-/// See the module.
+/// The behaviours of an agent; see the module.
 pub(super) struct Company {
     around: LaunchContext,
     orders: mpsc::Receiver<RosterCommand>,
@@ -40,7 +41,7 @@ pub(super) struct Company {
     aboard: Vec<Aboard>,
     running: JoinSet<(BehaviourId, String, Ending)>,
     loading: JoinSet<Loaded>,
-    /// How each ended for the last time, by name, in the order in which they ended.
+    /// Each behaviour's last ending by name, in the order in which they ended.
     endings: Vec<(String, Ending)>,
     members: watch::Sender<Vec<Member>>,
     status: watch::Receiver<Status>,
@@ -48,7 +49,7 @@ pub(super) struct Company {
 }
 
 impl Company {
-    /// No behaviour runs yet. Also returns the handle.
+    /// Begins without running behaviours. Also returns the handle.
     pub(super) fn new(
         around: LaunchContext,
         status: watch::Receiver<Status>,
@@ -72,8 +73,8 @@ impl Company {
         (company, roster)
     }
 
-    /// Loads all scripts; the first that cannot be loaded, and that no file watch can reload, is
-    /// returned with its ending.
+    /// Loads all scripts; returns the first that cannot be loaded, and that no file watch can
+    /// reload, with its ending.
     pub(super) async fn prepare(
         &mut self,
         behaviours: Vec<Behaviour>,
@@ -103,7 +104,7 @@ impl Company {
         Ok(prepared)
     }
 
-    /// Lets those that are prepared begin.
+    /// Starts the prepared behaviours.
     pub(super) fn begin(&mut self, prepared: Vec<Kept>) {
         for (restart_loop, first) in prepared {
             self.run(restart_loop, first);
@@ -111,13 +112,13 @@ impl Company {
         self.publish();
     }
 
-    /// No behaviour runs or is about to.
+    /// Whether no behaviour runs or is about to.
     pub(super) fn is_empty(&self) -> bool {
         self.aboard.is_empty()
     }
 
-    /// Takes orders until the run has noticed that the robot is there: nothing can be started before.
-    /// Cancel-safe; never returns.
+    /// Executes commands until the robot is connected: nothing can be started before. Cancel-safe;
+    /// never returns.
     pub(super) async fn wait_for_robot(&mut self) -> std::convert::Infallible {
         while let Some(order) = self.orders.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
@@ -141,7 +142,7 @@ impl Company {
     /// Cancel-safe.
     ///
     /// # Errors
-    /// A task of ours panicked.
+    /// [`AgentError::Broken`] if a task of this program panicked.
     pub(super) async fn turn(&mut self) -> Result<(), AgentError> {
         let next = self.aboard.iter().filter_map(Aboard::ends).min();
         tokio::select! {
@@ -161,7 +162,7 @@ impl Company {
         Ok(())
     }
 
-    /// All come to their end for this reason, in bounded time; how each has ended for the last time.
+    /// Ends all behaviours with this reason, in bounded time; returns each one's last ending.
     pub(super) async fn end(mut self, reason: EndReason) -> Vec<(String, Ending)> {
         self.orders.close();
         for one in &mut self.aboard {
@@ -179,7 +180,7 @@ impl Company {
         self.endings
     }
 
-    /// Something of ours is broken: all hosts are ended at once.
+    /// After an internal error: ends all hosts at once.
     pub(super) async fn abandon(mut self) {
         self.loading.shutdown().await;
         self.running.shutdown().await;
@@ -312,7 +313,7 @@ impl Company {
         }
     }
 
-    /// Ends those whose time is over.
+    /// Ends the behaviours whose time is over.
     fn end_over(&mut self, now: Instant) {
         for one in &self.aboard {
             if one.ends().is_some_and(|ends| ends <= now) {
@@ -323,13 +324,13 @@ impl Company {
         self.publish();
     }
 
-    /// Bounded by the number of names.
+    /// Remembers an ending; the list is bounded by the number of names.
     fn keep_ending(&mut self, name: &str, ending: Ending) {
         self.endings.retain(|(of, _)| of != name);
         self.endings.push((name.to_owned(), ending));
     }
 
-    /// An id that no running behaviour has.
+    /// A number that no running behaviour has.
     fn number(&mut self) -> BehaviourId {
         loop {
             self.last = (self.last + 1) % NUMBERS;

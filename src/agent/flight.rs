@@ -1,5 +1,6 @@
-//! The pilot's lifetime, for every user of it: a run, a session at a prompt, a tool. Launched on the
-//! driving core, parted from at the first signal, and ended when what it said last has arrived.
+//! The pilot's lifetime, for all its users: a run, an interactive session, a tool. It is launched
+//! on the driving core, stops all motion at the first signal, and ends when its last commands are
+//! acknowledged.
 
 use std::time::Duration;
 
@@ -36,8 +37,8 @@ pub struct Preflight {
 }
 
 impl Preflight {
-    /// A pilot that goes by these settings, dials so and will run on `core`: that of a
-    /// [`pilot::DrivingCore`], or in virtual time the only one there is. In real time it has a pulse.
+    /// A pilot with these settings that connects with `dial` and will run on `core`: the runtime of
+    /// a [`pilot::DrivingCore`], or in virtual time the only runtime. In real time it has a pulse.
     pub fn new(
         settings: Settings,
         dial: Dial,
@@ -59,19 +60,19 @@ impl Preflight {
         }
     }
 
-    /// What happens is said on this bus.
+    /// Sets the bus on which the pilot publishes.
     #[must_use]
     pub fn with_bus(mut self, bus: Bus) -> Preflight {
         self.pilot.set_bus(bus.clone());
         Preflight { bus, ..self }
     }
 
-    /// Where the pilot is asked.
+    /// The queue for requests to the pilot.
     pub fn requests(&self) -> mpsc::Sender<Request> {
         self.requests.0.clone()
     }
 
-    /// What the camera shows.
+    /// The frames of the camera.
     pub fn frames(&self) -> watch::Receiver<Pictures> {
         self.frames.clone()
     }
@@ -81,25 +82,25 @@ impl Preflight {
         self.status.clone()
     }
 
-    /// How long it takes from a frame to a track command.
+    /// The times from a frame to a track command.
     pub fn reactions(&self) -> Reactions {
         self.pilot.reactions()
     }
 
-    /// For so long a host that does not drive may show no life.
+    /// How long a host that does not drive may show no life.
     pub(super) fn longest_silence(&self) -> Duration {
         self.settings.limits.host_idle_silence.get()
     }
 
-    /// Where the pilot will run.
+    /// The runtime on which the pilot will run.
     pub fn core(&self) -> &runtime::Handle {
         &self.core
     }
 
-    /// From now on the rescue behaviour runs whenever the watchdog wants it. Its hosts are started on
-    /// the calling task's runtime.
+    /// Runs the rescue behaviour from now on whenever the watchdog wants it. Its hosts are started
+    /// on the calling task's runtime.
     pub fn stand_by(&mut self, launcher: Launcher, launch: Launch) {
-        // The rescue behaviour has an end of its own.
+        // The rescue behaviour is ended separately.
         let (_, stop) = watch::channel(None);
         let around = LaunchContext {
             launcher,
@@ -115,8 +116,8 @@ impl Preflight {
         self.rescue = Some(AbortOnDropHandle::new(tokio::spawn(standing_by)));
     }
 
-    /// Connects, and drives until the flight ends. When `stop` is cancelled nothing moves any more, at
-    /// once, even if the calling thread waits for the system just then.
+    /// Connects, and drives until the flight ends. Cancelling `stop` stops all motion at once, even
+    /// if the calling thread is blocked by the system.
     pub fn launch(self, stop: &CancellationToken) -> Flight {
         let ending = pilot::Ending::default();
         let flight = self
@@ -138,10 +139,10 @@ impl Preflight {
     }
 }
 
-/// A pilot at work. Dropping it drops the pilot, whose writer says the watchdog's last words.
+/// A running pilot. Dropping it drops the pilot, whose writer sends the watchdog's last words.
 pub struct Flight {
     pilot: AbortOnDropHandle<Result<Delivery, LinkError>>,
-    /// The pilot is no more.
+    /// The pilot has ended.
     over: bool,
     ending: pilot::Ending,
     status: watch::Receiver<Status>,
@@ -151,12 +152,12 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// Robot and watchdog as they are now.
+    /// The present status of robot and watchdog.
     pub fn status(&self) -> Status {
         *self.status.borrow()
     }
 
-    /// Waits until the robot is there. Cancel-safe.
+    /// Waits until the robot is connected. Cancel-safe.
     ///
     /// # Errors
     /// As [`Flight::lost`].
@@ -183,24 +184,25 @@ impl Flight {
         }
     }
 
-    /// Nothing moves any more; lights and sounds still work.
+    /// Stops all motion for the rest of the run, except the search of a robot with a low battery;
+    /// lights and sounds still work.
     pub fn part(&self) {
         self.ending.parting.cancel();
     }
 
-    /// The battery is low and the robot is not on its station.
+    /// Whether the battery is low and the robot is not on its station.
     pub fn is_away(&self) -> bool {
         is_away(&self.status.borrow())
     }
 
-    /// Waits, through dropped links too, until a robot with a low battery is home; at once if none is
-    /// away, or the pilot is no more. Whether one was away. Cancel-safe.
+    /// Waits until a robot with a low battery is home, also across lost links; returns at once if
+    /// none is away, or the pilot has ended. Returns whether one was away. Cancel-safe.
     pub fn stay(&self) -> impl Future<Output = bool> + Send + use<> {
         stay(self.status.clone())
     }
 
-    /// First the tracks, then the link, which is closed when what was said last has arrived, or the
-    /// time for it is over.
+    /// Stops the tracks, then closes the link when the last commands are acknowledged, or the time
+    /// for that is over.
     pub async fn end(mut self) -> Delivery {
         if self.over {
             return Delivery::Offline;
@@ -210,7 +212,7 @@ impl Flight {
         match timeout(LINK_END, &mut self.pilot).await {
             Ok(Ok(Ok(delivery))) => delivery,
             Ok(Ok(Err(error))) => {
-                warn!("the link's end: {error}");
+                warn!("at the end of the link: {error}");
                 Delivery::Offline
             }
             Ok(Err(_)) => Delivery::NotAcknowledged {

@@ -1,4 +1,4 @@
-//! From a blueprint to a behaviour that is loaded and can begin.
+//! Creates a behaviour from its blueprint and loads it.
 
 use std::time::Duration;
 
@@ -14,10 +14,11 @@ use crate::robot::BehaviourId;
 use crate::robot::channel::Role;
 use crate::script::Ending;
 
-/// How long a behaviour that is loaded waits for the robot.
+/// How long a loaded behaviour waits for the robot.
 const REACH: Duration = Duration::from_millis(3500);
 
-/// Makes a behaviour and has a host load it. One that was told to end meanwhile does not run.
+/// Creates a behaviour and has a host load it. A behaviour that is told to end meanwhile does not
+/// run.
 pub(super) async fn load(
     around: LaunchContext,
     by: BehaviourId,
@@ -31,7 +32,7 @@ pub(super) async fn load(
     let restart_loop = RestartLoop::new(around, by, Role::Behaviour, behaviour);
     let prepared = restart_loop.prepare().await;
     let host = prepared.map_err(|ending| RosterError::CannotLoad(words(&ending)))?;
-    // A robot that was disconnected from is dialled in the meantime.
+    // A robot whose link was released is being dialled meanwhile.
     let up = status.wait_for(|status| status.link == LinkState::Up);
     match timeout(REACH, up).await {
         Ok(Ok(_)) => Ok((restart_loop, host)),

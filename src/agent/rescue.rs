@@ -1,4 +1,4 @@
-//! The rescue behaviour: the one script to which the watchdog lends the tracks when a robot with a low
+//! The rescue behaviour: the script to which the watchdog lends the tracks when a robot with a low
 //! battery does not find its station. Its host runs only while the watchdog wants it.
 
 use std::io;
@@ -21,7 +21,7 @@ pub const RESCUE_NAME: &str = "rescue";
 /// Other behaviours are numbered from 0.
 pub(super) const RESCUER: BehaviourId = BehaviourId(u16::MAX);
 
-/// What is launched as the rescue behaviour, with `options` for its VM; `None`: there is to be none.
+/// The rescue behaviour to launch, with `options` for its VM; `None`: the config has none.
 ///
 /// # Errors
 /// If its file cannot be read.
@@ -44,7 +44,7 @@ pub fn rescue(choice: &Rescue, options: script::Options) -> io::Result<Option<La
     }))
 }
 
-/// Runs the rescue behaviour whenever it is wanted. Never returns while the pilot lives.
+/// Runs the rescue behaviour whenever the watchdog wants it. Never returns while the pilot runs.
 pub(super) async fn stand_by(
     around: LaunchContext,
     launch: Launch,
@@ -64,7 +64,7 @@ pub(super) async fn stand_by(
         let mut unwanted = status.clone();
         tokio::select! {
             biased;
-            // It has failed for good: the watchdog goes on without it.
+            // It has failed permanently: the watchdog continues without it.
             _ = &mut life => {}
             _ = until(false, &mut unwanted) => {
                 stop.send_replace(Some(EndReason::Cancelled));
@@ -75,7 +75,7 @@ pub(super) async fn stand_by(
     }
 }
 
-/// Waits until it is wanted, or not; `false`: the pilot is no more.
+/// Waits until the watchdog wants it, or no longer does; `false`: the pilot has ended.
 async fn until(wanted: bool, status: &mut watch::Receiver<Status>) -> bool {
     let changed = status.wait_for(|status| status.rescue == wanted).await;
     changed.is_ok()

@@ -1,5 +1,5 @@
-//! Keeps one behaviour: runs it, starts it again when it has failed or its file was saved, and gives
-//! it up when it fails too often.
+//! Runs one behaviour, restarts it when it has failed or its file was saved, and gives it up when
+//! it fails too often.
 
 use std::future::{Future, pending};
 use std::pin::{Pin, pin};
@@ -21,10 +21,10 @@ use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, Bus, EndReason, Lookout, Occurrence, Pictures, Priority};
 use crate::script::Ending;
 
-/// Why the behaviour is to end, once it is.
+/// The reason to end the behaviour, once there is one.
 type Stop = watch::Receiver<Option<EndReason>>;
 
-/// What every behaviour of a run has to do with.
+/// The context that every behaviour of a run needs.
 #[derive(Clone)]
 pub(super) struct LaunchContext {
     pub(super) launcher: Launcher,
@@ -33,9 +33,9 @@ pub(super) struct LaunchContext {
     pub(super) requests: mpsc::Sender<Request>,
     pub(super) frames: watch::Receiver<Pictures>,
     pub(super) stop: Stop,
-    /// Of a host's life.
+    /// The longest silence of a host that does not drive.
     pub(super) longest_silence: Duration,
-    /// Where people look on.
+    /// The channel to viewers.
     pub(super) lookout: Lookout,
     pub(super) bus: Bus,
 }
@@ -48,19 +48,19 @@ struct Loaded {
 
 type Loading = Pin<Box<dyn Future<Output = Result<Loaded, Ending>> + Send>>;
 
-/// A behaviour and what is to be made of it.
+/// A behaviour and its restarts.
 pub(super) struct RestartLoop {
     around: LaunchContext,
     by: BehaviourId,
     role: Role,
     priority: Priority,
-    /// With the text that runs, or ran last.
+    /// Holds the text that runs, or ran last.
     launch: Launch,
     checked: bool,
     policy: RestartPolicy,
     restarts: RestartTracker,
     reloads: Option<mpsc::Receiver<Reload>>,
-    /// The text as last saved cannot be loaded: what ran before is not started again.
+    /// The last saved text cannot be loaded: the one before it is not started again.
     outdated: bool,
 }
 
@@ -100,12 +100,13 @@ impl RestartLoop {
         self.by
     }
 
-    /// Whether a text that cannot be loaded may be mended while the run goes on.
+    /// Whether the file is watched, so that a text that cannot be loaded may be corrected during
+    /// the run.
     pub(super) fn is_watched(&self) -> bool {
         self.reloads.is_some()
     }
 
-    /// Has a host load the text; it does not run yet.
+    /// Lets a host load the text; it does not run yet.
     pub(super) async fn prepare(&self) -> Result<Prepared, Ending> {
         let source = self.launch.source.clone();
         self.load(source).await.map(|loaded| loaded.host)
@@ -133,8 +134,8 @@ impl RestartLoop {
         }
     }
 
-    /// From its first line to its last; with what a save in the meantime has brought. The old text
-    /// runs until the new one is loaded.
+    /// Runs a behaviour from its first line to its last. Returns its ending, and a text that was
+    /// saved and loaded meanwhile. The old text runs until the new one is loaded.
     async fn live(&mut self, host: Prepared) -> (Ending, Option<Loaded>) {
         let LaunchContext {
             requests,
@@ -183,7 +184,7 @@ impl RestartLoop {
         (ending, successor)
     }
 
-    /// What comes after an ending that no save has brought about; `None`: nothing.
+    /// Decides what follows an ending that no save has caused; `None`: nothing.
     async fn come_back(&mut self, ending: &Ending) -> Option<Result<Prepared, Ending>> {
         let verdict = if self.outdated {
             RestartDecision::Over
@@ -216,7 +217,7 @@ impl RestartLoop {
         }
     }
 
-    /// Says on the bus how it has ended, after running for so long.
+    /// Publishes on the bus how it has ended, after running for `ran`.
     pub(super) fn tell_ended(&self, ending: &Ending, ran: Duration) {
         self.around.bus.tell(Occurrence::Ended {
             behaviour: self.name().to_owned(),
@@ -226,7 +227,7 @@ impl RestartLoop {
         });
     }
 
-    /// For a person to hear and to read.
+    /// Gives the behaviour up, with an alarm and a log message for people.
     async fn give_up(&self, ending: &Ending) {
         let (behaviour, reason) = (self.name(), ending.reason);
         let message = ending.message.as_deref().unwrap_or(reason.sentence());
@@ -239,7 +240,7 @@ impl RestartLoop {
         let _ = self.around.requests.send(Request::Alarm).await;
     }
 
-    /// Such as `of 5 within 600 s`.
+    /// The limit of restarts, such as `of 5 within 600 s`.
     fn limits(&self) -> String {
         match self.policy {
             RestartPolicy::Never => String::new(),
@@ -251,7 +252,7 @@ impl RestartLoop {
         }
     }
 
-    /// Waits for a save that can be loaded; `None`: no file is watched, or the run ends.
+    /// Waits for a saved text that can be loaded; `None`: no file is watched, or the run ends.
     async fn mended(&mut self, mut reload: Option<Reload>) -> Option<Prepared> {
         if !self.is_watched() {
             return None;
@@ -281,8 +282,8 @@ impl RestartLoop {
         }
     }
 
-    /// Waits for a text that is being loaded while nothing runs; `None`: it cannot be, or the run
-    /// ends.
+    /// Waits for a text that is being loaded while nothing runs; `None`: it cannot be loaded, or
+    /// the run ends.
     async fn finish(&mut self, loading: Loading) -> Option<Loaded> {
         tokio::select! {
             biased;
@@ -291,7 +292,7 @@ impl RestartLoop {
         }
     }
 
-    /// A saved text is good, or said to be not.
+    /// Logs whether a saved text could be loaded, and returns it if so.
     fn accept(&mut self, loaded: Result<Loaded, Ending>, meanwhile: &str) -> Option<Loaded> {
         let behaviour = &self.launch.options.name;
         self.outdated = loaded.is_err();
@@ -311,7 +312,7 @@ impl RestartLoop {
         }
     }
 
-    /// A new text begins with a clean record.
+    /// Adopts a new text, and forgets the earlier failures.
     fn succeed(&mut self, loaded: Loaded) -> Prepared {
         self.launch.source = loaded.source;
         self.restarts.forget();
@@ -328,7 +329,7 @@ impl RestartLoop {
         let checked = self.checked;
         Box::pin(async move {
             if checked {
-                // A long text takes its time, which is not the watchdog's.
+                // Checking a long text takes time and must not block this runtime.
                 let (text, inspector) = (launch.clone(), launcher.inspector());
                 let looked = spawn_blocking(move || look_over(&text, inspector)).await;
                 looked.unwrap_or(Ok(()))?;
@@ -359,7 +360,7 @@ fn look_over(launch: &Launch, inspector: Option<Inspector>) -> Result<(), Ending
     })
 }
 
-/// Says in the log how a behaviour ended.
+/// Logs how a behaviour ended.
 pub(super) fn report(name: &str, ending: &Ending) {
     let reason = ending.reason;
     let message = ending.message.as_deref().unwrap_or(reason.sentence());

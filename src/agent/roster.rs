@@ -1,6 +1,6 @@
-//! The behaviours of a running agent by name: which there are, which run, and the handle by which
-//! they are started, stopped and restarted at any time. The handle is for those who ask (a person's
-//! tool, a timetable, a page); the [`Company`](super::company) does it.
+//! The behaviours of a running agent by name: which ones exist, which run, and a handle that
+//! starts, stops and restarts them at any time. The handle is for those who request this (a
+//! person's tool, a timetable, a page); the [`Company`](super::company) does it.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -16,28 +16,29 @@ use crate::robot::{
 };
 use crate::script::{Ending, suggestion};
 
-/// Commands that may wait; with a full queue a command is refused.
+/// The most queued commands; with a full queue a command is refused.
 const MAX_COMMANDS: usize = 32;
-/// The longest that an order may take: a script's farewell, and the loading of the next one.
+/// The longest time that a command may take: a script's last words, and the loading of the next
+/// one.
 const ANSWER: Duration = Duration::from_secs(10);
 
-/// Why a behaviour cannot be made from its file.
+/// Why a behaviour cannot be created from its file.
 #[derive(Debug, thiserror::Error)]
 pub enum BlueprintError {
-    /// The system does not give the file.
+    /// The file cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     Read {
-        /// Which.
+        /// The file.
         path: PathBuf,
-        /// The system's words.
+        /// The system's error.
         source: std::io::Error,
     },
-    /// A fault of this program.
-    #[error("internal error: it could not be made")]
+    /// An internal error.
+    #[error("internal error: the behaviour could not be created")]
     Internal,
 }
 
-/// What a behaviour of this name is made of, each time that it starts: its file is read anew then.
+/// Creates the behaviour of this name each time it starts: its file is read again then.
 #[derive(Clone)]
 pub struct Blueprint {
     name: String,
@@ -46,7 +47,7 @@ pub struct Blueprint {
 }
 
 impl Blueprint {
-    /// `make` may wait for the disk: it is called off the driving core.
+    /// Creates a blueprint. `make` may block on the disk: it is called off the driving core.
     pub fn new(
         name: impl Into<String>,
         priority: Priority,
@@ -59,7 +60,7 @@ impl Blueprint {
         }
     }
 
-    /// Of a behaviour that is there already: the same text each time.
+    /// The blueprint of an existing behaviour: the same text each time.
     pub(super) fn of(behaviour: &Behaviour) -> Blueprint {
         let Behaviour {
             priority,
@@ -80,7 +81,7 @@ impl Blueprint {
         })
     }
 
-    /// What it is called.
+    /// The behaviour's name.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -100,20 +101,20 @@ impl fmt::Debug for Blueprint {
     }
 }
 
-/// A behaviour that is known, and how it is with it.
+/// A known behaviour and its state.
 #[derive(Debug, Clone)]
 pub struct Member {
-    /// What it is called.
+    /// Its name.
     pub name: String,
-    /// Who wins when several want to drive.
+    /// Decides which behaviour drives when several want to.
     pub priority: Priority,
-    /// What it does.
+    /// Its state.
     pub state: MemberState,
-    /// How it ended for the last time in this agent, if it ever did.
+    /// How it last ended in this agent, if it ever did.
     pub ending: Option<Ending>,
 }
 
-/// What a behaviour does.
+/// The state of a behaviour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MemberState {
     /// It does not run.
@@ -122,16 +123,16 @@ pub enum MemberState {
     Loading,
     /// It runs, or waits for the pause before its restart.
     Running {
-        /// Its number, which no other behaviour has that runs.
+        /// Its number, which no other running behaviour has.
         by: BehaviourId,
-        /// Since when.
+        /// Since when it runs.
         since: Instant,
     },
     /// It has been told to end.
     Ending,
 }
 
-/// Why an order is not obeyed.
+/// Why a command is refused or has failed.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RosterError {
     /// No behaviour has this name.
@@ -139,34 +140,34 @@ pub enum RosterError {
     Unknown {
         /// The name.
         name: String,
-        /// What may have been meant, such as `; did you mean ...?`.
+        /// A suggestion, such as `; did you mean ...?`.
         near: String,
     },
-    /// To start what runs.
+    /// The behaviour to start runs already.
     #[error("`{0}` runs already")]
     RunsAlready(String),
-    /// To stop what does not run.
+    /// The behaviour to stop does not run.
     #[error("`{0}` does not run")]
     DoesNotRun(String),
-    /// Its script cannot be loaded; the words are for its author.
+    /// Its script cannot be loaded; the message is for its author.
     #[error("{0}")]
     CannotLoad(String),
-    /// It was stopped before it had begun.
+    /// It was stopped before it had started.
     #[error("`{0}` was stopped before it had started")]
     StoppedFirst(String),
-    /// So many run that there is no room for another.
-    #[error("{0} behaviours run already, and that is the most")]
+    /// The maximum number of behaviours runs already.
+    #[error("{0} behaviours run already, which is the maximum")]
     Full(usize),
-    /// A parameter that is not there, cannot be changed, or must be something else; in words.
+    /// The parameter does not exist, cannot be changed, or does not allow the value; in words.
     #[error("{0}")]
     WrongParam(String),
-    /// There is no robot that it could drive.
+    /// The robot is not connected.
     #[error("the robot is not connected")]
     Offline,
-    /// The agent has too much to do.
+    /// Too many commands are queued, or a command took too long.
     #[error("too many requests at once, try again")]
     Busy,
-    /// The agent is coming to its end.
+    /// The run is ending.
     #[error("the run is ending")]
     Closed,
 }
@@ -184,22 +185,22 @@ impl RosterError {
     }
 }
 
-/// Where an order's outcome goes.
+/// The channel for a command's outcome.
 pub(super) type Reply = oneshot::Sender<Result<(), RosterError>>;
 
-/// What is asked of the company.
+/// A command to the company.
 pub(super) enum RosterCommand {
-    /// Start the behaviour, and end it after so long if it still runs then.
+    /// Start the behaviour, and end it after this time if it still runs then.
     Start(String, Option<Duration>, Reply),
-    /// End it, for this reason.
+    /// End it, with this reason.
     Stop(String, EndReason, Reply),
-    /// End it if it runs, and start it.
+    /// End it if it runs, then start it.
     Restart(String, Reply),
-    /// From now on these are known, in place of those before. What runs goes on.
+    /// Replace the known behaviours. Running behaviours continue.
     Define(Vec<Blueprint>, Reply),
 }
 
-/// The handle: cheap to clone, for any thread.
+/// The handle: cheap to clone, usable from any thread.
 #[derive(Debug, Clone)]
 pub struct Roster {
     orders: mpsc::Sender<RosterCommand>,
@@ -232,8 +233,8 @@ impl Roster {
             .await
     }
 
-    /// Starts a behaviour, and ends it after it has run for so long, unless it has ended by itself. A
-    /// restart begins the time anew.
+    /// Starts a behaviour, and ends it after it has run for `lasts`, unless it has ended before. A
+    /// restart resets the time.
     ///
     /// # Errors
     /// See [`RosterError`].
@@ -242,7 +243,7 @@ impl Roster {
             .await
     }
 
-    /// Ends a behaviour; returns when it has ended, its last words said. It is not restarted.
+    /// Ends a behaviour; returns when it has ended, after its last words. It is not restarted.
     ///
     /// # Errors
     /// See [`RosterError`].
@@ -252,8 +253,8 @@ impl Roster {
             .await
     }
 
-    /// Ends a behaviour if it runs, and starts it from its file as that is now. A text that cannot be
-    /// loaded leaves it ended.
+    /// Ends a behaviour if it runs, and starts it from the present text of its file. If the text
+    /// cannot be loaded, the behaviour stays ended.
     ///
     /// # Errors
     /// See [`RosterError`].
@@ -262,7 +263,7 @@ impl Roster {
             .await
     }
 
-    /// Replaces what is known; what runs goes on.
+    /// Replaces the known behaviours; running behaviours continue.
     ///
     /// # Errors
     /// See [`RosterError`].
@@ -271,23 +272,24 @@ impl Roster {
             .await
     }
 
-    /// All that are known or run, in the order of the config; changes can be waited for.
+    /// All behaviours that are known or run, in the order of the config; the receiver can wait for
+    /// changes.
     pub fn members(&self) -> watch::Receiver<Vec<Member>> {
         self.members.clone()
     }
 
-    /// What the behaviours find in frames from now on; who is slow misses some.
+    /// Subscribes to what the behaviours find in frames; slow receivers miss some.
     pub fn findings(&self) -> broadcast::Receiver<Findings> {
         self.lookout.look()
     }
 
-    /// The parameters of the behaviours that run; changes can be waited for.
+    /// The parameters of the running behaviours; the receiver can wait for changes.
     pub fn knobs(&self) -> watch::Receiver<Knobs> {
         self.lookout.console().knobs()
     }
 
-    /// Changes a parameter of a behaviour that runs, until it is started anew. Who has declared it has
-    /// the last word: what it refuses after all it says in its log.
+    /// Changes a parameter of a running behaviour, until it is restarted. The behaviour makes the
+    /// final decision: it logs a value that it refuses.
     ///
     /// # Errors
     /// See [`RosterError`].

@@ -1,5 +1,5 @@
-//! A seat in front of the pilot for a person: what a behaviour asks for through its host, asked for
-//! directly. The same rules hold.
+//! A person's seat at the pilot: makes a behaviour's requests directly, without a host. The same
+//! rules hold.
 
 use std::time::Duration;
 
@@ -13,15 +13,15 @@ use crate::robot::{
 };
 use crate::wire::Stream;
 
-/// How often a seat that moves the robot sends a sign of life; the watchdog stops the tracks after 0.25 s
-/// without one.
+/// How often a seat that moves the robot sends a sign of life; the watchdog stops the tracks after
+/// 0.25 s without one.
 const BEAT: Duration = Duration::from_millis(50);
 /// Half a second of speech: s16, mono, 16 kHz.
 const SPEECH: usize = 16_000;
-/// How long that takes.
+/// The duration of that speech.
 const SPEECH_TIME: Duration = Duration::from_millis(500);
 
-/// See the module. Dropping it is leaving: what it has asked for ends.
+/// A person's seat; see the module. Dropping it leaves the pilot: everything it has requested ends.
 #[derive(Debug)]
 pub struct Seat {
     by: BehaviourId,
@@ -30,23 +30,23 @@ pub struct Seat {
     last: u64,
 }
 
-/// Why nothing more can be asked.
+/// Why a request failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum SeatError {
-    /// The pilot is no more.
-    #[error("the pilot is no more")]
+    /// The pilot has ended.
+    #[error("the pilot has ended")]
     Closed,
-    /// The watchdog, or the pilot, hears us no more.
+    /// The watchdog or the pilot has ended this seat.
     #[error("{}", .0.sentence())]
     Ended(EndReason),
 }
 
-/// How a docking ended.
+/// The outcome of a docking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Docked {
-    /// How.
+    /// How it ended.
     pub end: DockEnd,
-    /// Tries made.
+    /// Attempts made.
     pub attempts: u32,
     /// Time taken.
     pub took: Duration,
@@ -83,7 +83,7 @@ impl Seat {
         Ok(seat)
     }
 
-    /// Drives for a while; how it ended.
+    /// Drives for `duration`; returns how the motion ended.
     ///
     /// # Errors
     /// See [`SeatError`].
@@ -107,7 +107,7 @@ impl Seat {
         .await
     }
 
-    /// Goes to the station.
+    /// Goes to the station, and returns the outcome.
     ///
     /// # Errors
     /// See [`SeatError`].
@@ -130,7 +130,7 @@ impl Seat {
         .await
     }
 
-    /// Leaves the station.
+    /// Leaves the station, and returns how that ended.
     ///
     /// # Errors
     /// See [`SeatError`].
@@ -144,7 +144,7 @@ impl Seat {
         .await
     }
 
-    /// Speaks: s16 little-endian, mono, 16 kHz. Takes as long as that does.
+    /// Speaks samples: s16 little-endian, mono, 16 kHz. Takes as long as they play.
     ///
     /// # Errors
     /// See [`SeatError`].
@@ -155,12 +155,13 @@ impl Seat {
             self.intend(Intent::Say(samples.to_vec())).await?;
             sleep(SPEECH_TIME.mul_f64(samples.len() as f64 / SPEECH as f64)).await;
         }
-        // What the robot still has in its buffer.
+        // Time to play what the robot still has in its buffer.
         sleep(SPEECH_TIME).await;
         self.intend(Intent::Stream { stream, on: false }).await
     }
 
-    /// Drives so from now on, until the next word. The driver must keep showing life: see [`Seat::alive`].
+    /// Sets the setpoint until the next command. The driver must keep showing life: see
+    /// [`Seat::alive`].
     ///
     /// # Errors
     /// [`SeatError::Closed`].
@@ -175,7 +176,7 @@ impl Seat {
         .await
     }
 
-    /// Shows life; a driver calls it at least four times a second.
+    /// Shows life; a driver must call it at least four times a second.
     ///
     /// # Errors
     /// [`SeatError::Closed`].
@@ -183,7 +184,7 @@ impl Seat {
         self.ask(Request::Alive(self.by)).await
     }
 
-    /// What the pilot tells. Cancel-safe.
+    /// Waits for the next event from the pilot. Cancel-safe.
     ///
     /// # Errors
     /// See [`SeatError`].
@@ -195,7 +196,7 @@ impl Seat {
         }
     }
 
-    /// Asks for what has no answer.
+    /// Sends a request without waiting for an answer.
     ///
     /// # Errors
     /// [`SeatError::Closed`].
@@ -240,7 +241,7 @@ impl Seat {
 
 impl Drop for Seat {
     fn drop(&mut self) {
-        // No room: the pilot has more than enough to do, or is no more.
+        // If the queue is full, the pilot is overloaded or has ended.
         let _ = self.requests.try_send(Request::Gone(self.by));
     }
 }

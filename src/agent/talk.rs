@@ -1,5 +1,5 @@
-//! A session with a person: one behaviour that runs the lines it is given, on one robot. One that
-//! dies is replaced; the link, the pilot and the watchdog stay the same all the while.
+//! An interactive session with a person: one behaviour runs the lines it is given, on one robot. A
+//! behaviour that ends is replaced; the link, the pilot and the watchdog are kept.
 
 use std::pin::pin;
 use std::time::Duration;
@@ -18,22 +18,22 @@ use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Intent, Pictures, Priority};
 use crate::script::Ending;
 
-/// Everything a session needs.
+/// Everything that a session needs.
 pub struct Talk {
-    /// The behaviour, of which each new one is made; `interactive` in its options.
+    /// The behaviour, from which each replacement is made; `interactive` in its options.
     pub launch: Launch,
     /// How to start hosts.
     pub launcher: Launcher,
-    /// Drives the robot.
+    /// Connects to the robot and drives it.
     pub flight: Preflight,
-    /// The rescue behaviour, if there is to be one: see [`rescue`](super::rescue).
+    /// The rescue behaviour, if any: see [`rescue`](super::rescue).
     pub rescue: Option<Launch>,
 }
 
-/// Why a session could not go on.
+/// Why a session was aborted.
 #[derive(Debug, thiserror::Error)]
 pub enum TalkError {
-    /// The robot, or our own fault.
+    /// An error of the robot's link, or an internal error.
     #[error(transparent)]
     Agent(#[from] AgentError),
     /// No behaviour can be started.
@@ -41,7 +41,7 @@ pub enum TalkError {
     Host(Ending),
 }
 
-/// The ways to and from the robot.
+/// A running session.
 struct Session {
     launch: Launch,
     launcher: Launcher,
@@ -49,15 +49,15 @@ struct Session {
     flight: Flight,
     requests: mpsc::Sender<Request>,
     frames: watch::Receiver<Pictures>,
-    /// Of a host's life.
+    /// The longest silence of a host that does not drive.
     longest_silence: Duration,
     last: u16,
 }
 
 impl Talk {
-    /// Runs until `stop` is cancelled, or until the command sender is dropped and a robot with a low
-    /// battery is home. All that can end it ends with a stop of the robot. Whether the watchdog had the
-    /// robot at the end.
+    /// Runs until `stop` is cancelled, or until the command sender is dropped and a robot with a
+    /// low battery is home. In either case the robot is stopped. Returns whether the watchdog
+    /// controlled the robot at the end.
     ///
     /// # Errors
     /// See [`TalkError`].
@@ -88,7 +88,7 @@ impl Talk {
 }
 
 impl Session {
-    /// Whether a robot with a low battery had to be waited for.
+    /// Returns whether the session had to wait for a robot with a low battery.
     async fn live(
         &mut self,
         orders: &mut mpsc::Receiver<PromptCommand>,
@@ -110,7 +110,7 @@ impl Session {
         }
     }
 
-    /// One behaviour from its start to its end, which is returned; `None` if the session ends.
+    /// Runs one behaviour and returns its ending; `None` if the session ends.
     async fn converse(
         &mut self,
         orders: &mut mpsc::Receiver<PromptCommand>,
@@ -129,7 +129,7 @@ impl Session {
                 () = stop.cancelled() => break,
                 error = self.flight.lost() => return Err(error.into()),
                 next = orders.recv() => match next {
-                    // A behaviour that does not take its lines is ended.
+                    // A behaviour that does not read its lines is ended.
                     Some(next) => if order.try_send(next).is_err() { handle.stop(EndReason::Cancelled) },
                     None => break,
                 },
@@ -142,7 +142,7 @@ impl Session {
                 }
             }
         }
-        // Not parted from: its battery may be low, and then it is brought home first.
+        // Stop without parting: if the battery is low, the robot is brought home first.
         let rest = Request::Intent(BehaviourId(self.last), Intent::Stop);
         let _ = self.requests.try_send(rest);
         handle.stop(EndReason::Shutdown);

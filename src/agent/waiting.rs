@@ -1,5 +1,5 @@
-//! For who waits for a robot that is not there yet: the first connection is tried until the robot
-//! answers. What comes later is the pilot's: it dials anew whenever a link is lost.
+//! Repeats the first attempt to connect until the robot answers, for callers that wait for a robot.
+//! Later the pilot itself reconnects whenever a link is lost.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -13,21 +13,21 @@ use crate::link::{Backoff, LinkError, Options, Session};
 use crate::pilot::Dial;
 use crate::wire::Command;
 
-/// Tries to reach a robot that have failed so far. Cheap to clone.
+/// Counts the failed attempts to reach a robot. Cheap to clone.
 #[derive(Debug, Clone, Default)]
 pub struct Tries(Arc<AtomicU32>);
 
 impl Tries {
-    /// How many.
+    /// The number of failed attempts.
     pub fn count(&self) -> u32 {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-/// Dials as `dial` does once each time but the first: then again and again, with growing pauses, until
-/// the robot lets us in. Only a password that it refuses ends that.
+/// Returns a dial whose first call repeats `dial`, with growing pauses, until the robot accepts the
+/// login; only a refused password ends that. Later calls make one attempt each.
 pub fn until_answered(dial: Dial, options: Options, seed: u64, tries: Tries) -> Dial {
-    // The pilot dials one call after the other, so this lock is never contended.
+    // The pilot makes one call after the other, so this lock is never contended.
     let dial = Arc::new(Mutex::new(dial));
     let mut first = true;
     Box::new(move |last_words| {

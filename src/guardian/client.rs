@@ -1,5 +1,5 @@
 //! The agent's side: starts the guardian, keeps it informed, and has another one started when it is
-//! gone or answers no more. But for the start nothing here waits.
+//! gone or no longer answers. Only the start blocks.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -11,22 +11,24 @@ use tracing::{error, info, warn};
 use super::note::{Note, Received, Words};
 use super::starter::{Started, Starter};
 
-/// How often the driving core must beat while there is a link; a third of the time after which the guardian acts.
+/// How often the driving core must beat while there is a link; a third of the time after which the
+/// guardian acts.
 pub const BEAT: Duration = Duration::from_millis(100);
-/// Beats in a row that a living guardian leaves without an answer on the busiest machine. Beats and
-/// not seconds: an agent that was stopped itself has not beaten meanwhile.
+/// The most consecutive beats that a living guardian leaves unanswered, even on the busiest
+/// machine. Counted in beats, not seconds: an agent that was itself stopped has sent no beats
+/// meanwhile.
 const MOST_UNANSWERED: u32 = 20;
 /// An answer is a beat.
 const MAX_ANSWER_LEN: usize = 64;
 
-/// A running guardian. When it is dropped without [`Guardian::release`] the guardian says the last
-/// words; either way it ends.
+/// A running guardian. If it is dropped without [`Guardian::release`], the guardian sends the last
+/// words; either way its process ends.
 #[derive(Debug)]
 pub struct Guardian {
     starter: Starter,
-    /// `None` while there is no guardian.
+    /// `None` while no guardian runs.
     socket: Option<OwnedFd>,
-    /// While there is a link: what to say on it, and the robot's socket for a guardian that comes later.
+    /// While there is a link: the data to send on it, and the robot's socket for a later guardian.
     link: Option<Link>,
     unanswered: u32,
     given_up: bool,
@@ -39,11 +41,11 @@ struct Link {
 }
 
 impl Guardian {
-    /// Starts the guardian's process from this executable, which must be `spykee`. Waits for the new
-    /// process: not to be called on the driving core.
+    /// Starts the guardian's process from this executable, which must be `spykee`. Blocks until the
+    /// process is started: must not be called on the driving core.
     ///
     /// # Errors
-    /// Whatever the system says; then there is no guardian.
+    /// Any error of the system; then there is no guardian.
     pub fn start(executable: &Path) -> io::Result<Guardian> {
         let (starter, socket) = Starter::start(executable)?;
         Ok(Guardian {
@@ -55,7 +57,7 @@ impl Guardian {
         })
     }
 
-    /// Guards a new link: its socket, and what to say on it.
+    /// Guards a new link: its socket, and the last words for it.
     pub fn guard(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>) {
         let words = Words {
             rest: Vec::new(),
@@ -66,8 +68,8 @@ impl Guardian {
         self.tell_of_link();
     }
 
-    /// Tells what is to be said from now on: the rest of a message that is half out, then the last
-    /// words. Sends only changes.
+    /// Updates the data to send: the rest of a partly written message, then the last words. Sends
+    /// only changes to the guardian.
     pub fn note(&mut self, rest: &[u8], last_words: &[u8]) {
         let Some(Link { words, .. }) = &mut self.link else {
             return;
@@ -81,7 +83,7 @@ impl Guardian {
         self.tell(&note);
     }
 
-    /// The driving core is alive; and is the guardian?
+    /// Sends a beat, and checks whether the guardian answers.
     pub fn beat(&mut self) {
         if self.socket.is_none() {
             self.take_another();
@@ -97,7 +99,7 @@ impl Guardian {
         self.tell(&Note::Beat);
     }
 
-    /// The link is closed, and what was to be said on it has been said.
+    /// Ends the guard of a link that is closed and whose last words were sent.
     pub fn release(&mut self) {
         if self.link.take().is_some() {
             self.unanswered = 0;
@@ -108,7 +110,7 @@ impl Guardian {
     fn take_another(&mut self) {
         match self.starter.poll() {
             Started::Yes(socket) => {
-                info!("another guardian process watches over the robot");
+                info!("another guardian process watches the robot");
                 self.socket = Some(socket);
                 self.unanswered = 0;
                 self.tell_of_link();
@@ -117,7 +119,7 @@ impl Guardian {
             Started::Never if !self.given_up => {
                 self.given_up = true;
                 error!(
-                    "this run has no guardian any more: no other one can be started; if this \
+                    "the guardian is lost and no other one can be started; if this \
                      program is killed now, nothing stops the robot"
                 );
             }
@@ -167,7 +169,7 @@ impl Guardian {
     }
 }
 
-/// Where there is no guardian nothing is sent.
+/// Sends a note; does nothing if no guardian runs.
 fn send(to: &Option<OwnedFd>, note: &Note, robot: Option<BorrowedFd<'_>>) -> io::Result<()> {
     to.as_ref().map_or(Ok(()), |to| note.send(to, robot))
 }

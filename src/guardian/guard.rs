@@ -1,4 +1,5 @@
-//! When the guardian speaks, and what: a pure state machine over notes and the time.
+//! Decides when the guardian writes to the robot, and what: a pure state machine over notes and the
+//! time.
 
 use std::time::Duration;
 
@@ -6,31 +7,31 @@ use tokio::time::Instant;
 
 use super::note::{Note, Words};
 
-/// How long the driving core may be silent before the guardian speaks in its place.
+/// How long the driving core may be silent before the guardian acts in its place.
 pub(super) const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(300);
 
-/// What the guardian is to write now.
+/// The data that the guardian must write now.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Speech {
     /// The bytes.
     pub(super) bytes: Vec<u8>,
-    /// They end a message that the agent began: the agent, should it wake up, would end it again and
-    /// put the robot out of step, so that the link must be closed for it.
+    /// The data completes a message that the agent began. The agent, if it resumed, would complete
+    /// it again and break the framing, so the link must be closed.
     pub(super) closes: bool,
 }
 
-/// See the module.
+/// The state of the guard; see the module.
 #[derive(Debug, Default)]
 pub(super) struct Guard {
-    /// There is a link; what to say on it.
+    /// The data to send; present while there is a link.
     words: Option<Words>,
     beaten: Option<Instant>,
-    /// The words were said, and no beat has come since.
+    /// The data was sent, and no beat has come since.
     said: bool,
 }
 
 impl Guard {
-    /// A note came.
+    /// Handles a note.
     pub(super) fn take(&mut self, note: Note, now: Instant) {
         match note {
             Note::Guard(words) => {
@@ -50,7 +51,7 @@ impl Guard {
         self.beaten = Some(now);
     }
 
-    /// Time passes: what to say if the core has been silent for too long; once for each silence.
+    /// Returns the data to send if the core has been silent for too long; once per silence.
     pub(super) fn poll(&mut self, now: Instant) -> Option<Speech> {
         if self.next_deadline()? > now {
             return None;
@@ -58,12 +59,12 @@ impl Guard {
         self.speak()
     }
 
-    /// The agent is gone: what is to be said in any case.
+    /// The agent is gone: returns the data to send, even if it was sent before.
     pub(super) fn end(&mut self) -> Option<Speech> {
         self.speak()
     }
 
-    /// When [`Guard::poll`] has something to say.
+    /// When [`Guard::poll`] has something to return.
     pub(super) fn next_deadline(&self) -> Option<Instant> {
         let listening = self.words.is_some() && !self.said;
         self.beaten
@@ -115,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn silence_is_answered_once_until_the_next_beat() {
+    fn silence_leads_to_one_write_until_the_next_beat() {
         let (mut guard, now) = guarding(words(b"", b"stop"));
         assert_eq!(guard.next_deadline(), Some(now + HEARTBEAT_TIMEOUT));
         let speech = guard.poll(now + HEARTBEAT_TIMEOUT).unwrap();
@@ -126,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_that_is_half_out_is_finished_first_and_the_link_closed() {
+    fn a_partly_written_message_is_finished_first_and_the_link_closed() {
         let (mut guard, now) = guarding(words(b"", b"stop"));
         guard.take(Note::Words(words(b"rest", b"dock")), now);
         let speech = guard.poll(now + HEARTBEAT_TIMEOUT).unwrap();
@@ -135,14 +136,14 @@ mod tests {
     }
 
     #[test]
-    fn the_end_of_the_agent_is_answered_at_once_even_if_the_words_were_said() {
+    fn the_end_of_the_agent_leads_to_a_write_even_after_an_earlier_one() {
         let (mut guard, now) = guarding(words(b"", b"stop"));
         assert!(guard.poll(now + HEARTBEAT_TIMEOUT).is_some());
         assert!(guard.end().is_some());
     }
 
     #[test]
-    fn a_robot_that_is_best_left_alone_is_told_nothing() {
+    fn empty_last_words_are_not_sent() {
         let (mut guard, now) = guarding(words(b"", b"stop"));
         guard.take(Note::Words(Words::default()), now);
         assert_eq!(guard.poll(now + HEARTBEAT_TIMEOUT), None);
@@ -150,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_link_there_is_nothing_to_say() {
+    fn without_a_link_nothing_is_sent() {
         let mut guard = Guard::default();
         guard.take(Note::Words(words(b"", b"stop")), Instant::now());
         assert_eq!((guard.next_deadline(), guard.end()), (None, None));

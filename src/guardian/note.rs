@@ -1,4 +1,4 @@
-//! What the agent tells the guardian, one datagram each.
+//! The agent's notes to the guardian, one datagram each.
 
 use std::io::{self, IoSlice, IoSliceMut};
 use std::mem::MaybeUninit;
@@ -11,47 +11,47 @@ use rustix::net::{
 };
 use serde::{Deserialize, Serialize};
 
-/// The longest note: last words of some bytes, and the rest of a half-written message.
+/// The longest note: last words of some bytes, and the rest of a partly written message.
 pub(super) const MAX_NOTE_LEN: usize = 128 * 1024;
 
-/// What is to be written to the robot if the agent cannot.
+/// The data to write to the robot if the agent cannot.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Words {
-    /// The rest of a message of which a part is out. Must come first, or the robot is out of step.
+    /// The rest of a partly written message. Must come first, or the framing breaks.
     pub(super) rest: Vec<u8>,
-    /// Whole messages; none where the robot is best left alone.
+    /// Whole messages; none if the robot is best left alone.
     pub(super) last: Vec<u8>,
 }
 
-/// What the agent tells the guardian.
+/// A note of the agent for the guardian.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Note {
-    /// A link is open; its socket comes with this note.
+    /// A link is open; its socket is sent along with this note.
     Guard(Words),
-    /// What to say has changed.
+    /// The data to write has changed.
     Words(Words),
     /// The driving core is alive.
     Beat,
-    /// The link is closed; nothing is left to say.
+    /// The link is closed; nothing is left to write.
     Release,
 }
 
-/// What was received.
+/// The result of a receive.
 #[derive(Debug)]
 pub(super) enum Received {
-    /// A note, with the socket that came with it.
+    /// A note, with the socket that was sent along.
     Note(Note, Option<OwnedFd>),
-    /// Nothing more just now.
+    /// No note is pending.
     Nothing,
     /// The agent is gone.
     End,
 }
 
 impl Note {
-    /// Sends the note, with a socket if there is one, without waiting.
+    /// Sends the note, with a socket if there is one, without blocking.
     ///
     /// # Errors
-    /// `WouldBlock` if the guardian does not read; whatever else the system says.
+    /// `WouldBlock` if the guardian does not read; any other error of the system.
     pub(super) fn send(&self, to: impl AsFd, socket: Option<BorrowedFd<'_>>) -> io::Result<()> {
         let bytes = postcard::to_allocvec(self).map_err(io::Error::other)?;
         let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
@@ -65,10 +65,10 @@ impl Note {
         Ok(())
     }
 
-    /// Receives the next note without waiting.
+    /// Receives the next note without blocking.
     ///
     /// # Errors
-    /// What came is no note, or what the system says.
+    /// If the datagram is not a note; any error of the system.
     pub(super) fn receive(from: impl AsFd, buffer: &mut [u8]) -> io::Result<Received> {
         let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
         let mut ancillary = RecvAncillaryBuffer::new(&mut space);
@@ -98,7 +98,7 @@ mod tests {
     use std::io::{Read, Write};
 
     #[test]
-    fn a_socket_crosses_with_its_note() {
+    fn a_socket_is_received_with_its_note() {
         let (ours, theirs) = socketpair(
             AddressFamily::UNIX,
             SocketType::SEQPACKET,
@@ -134,7 +134,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn random_bytes_are_no_panic(bytes in prop::collection::vec(any::<u8>(), 0..60)) {
+        fn random_bytes_do_not_panic(bytes in prop::collection::vec(any::<u8>(), 0..60)) {
             let _ = postcard::from_bytes::<Note>(&bytes);
         }
     }

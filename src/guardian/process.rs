@@ -1,4 +1,4 @@
-//! The guardian's own process: waits for notes and the time, and writes to the robot's socket.
+//! The guardian's own process: waits for notes and deadlines, and writes to the robot's socket.
 
 use std::fs::DirEntry;
 use std::io;
@@ -15,15 +15,15 @@ use tokio::time::Instant;
 use super::guard::{Guard, Speech};
 use super::note::{MAX_NOTE_LEN, Note, Received};
 
-/// The hidden argument by which the executable knows that it is to be a guardian.
+/// The hidden argument that makes the executable run as a guardian.
 pub const GUARDIAN_ARGUMENT: &str = "__guardian";
-/// The last of the descriptors that a program is meant to have.
+/// The highest file descriptor that a program is meant to inherit.
 const STANDARD_ERROR: RawFd = 2;
-/// How long a socket that takes nothing is tried.
+/// How long to retry a socket that accepts no data.
 const WRITE_LIMIT: Duration = Duration::from_secs(3);
-/// How long the socket is held open for the kernel to deliver the last words again and again.
+/// How long the socket is held open while the kernel retransmits the last words.
 const LINGER: Duration = Duration::from_secs(3);
-/// Signals that end or stop a program and are not meant for the guardian: it ends when the agent has.
+/// Signals that end or stop a program, but not the guardian: it ends after the agent.
 const OUTLIVED: [SignalKind; 8] = [
     SignalKind::hangup(),
     SignalKind::interrupt(),
@@ -35,10 +35,11 @@ const OUTLIVED: [SignalKind; 8] = [
     SignalKind::from_raw(libc::SIGTSTP),
 ];
 
-/// The life of a guardian process: until the agent's end of its standard input is closed.
+/// Runs the guardian process until the agent's end of its standard input is closed.
 pub fn guardian_main() -> ExitCode {
     close_inherited();
-    // A session of its own: no terminal reaches it. Fails only for the leader of a process group.
+    // In its own session no terminal signals reach it. Fails only for the leader of a process
+    // group.
     let _ = rustix::process::setsid();
     match outlive_signals().and_then(|_outlived| serve(&rustix::stdio::stdin())) {
         Ok(()) => ExitCode::SUCCESS,
@@ -46,9 +47,9 @@ pub fn guardian_main() -> ExitCode {
     }
 }
 
-/// Closes what the agent has inherited: files, pipes and terminals stay open for as
-/// long as any process holds them. Standard input is the way from the agent, standard output and error
-/// lead nowhere.
+/// Closes the descriptors inherited from the agent: files, pipes and terminals stay open for as
+/// long as any process holds them. Standard input is the channel from the agent; standard output
+/// and error lead nowhere.
 fn close_inherited() {
     let Ok(open) = std::fs::read_dir("/proc/self/fd") else {
         return;
@@ -57,13 +58,13 @@ fn close_inherited() {
     let numbers: Vec<RawFd> = open.filter_map(number).collect();
     for number in numbers {
         if number > STANDARD_ERROR {
-            // The folder that was listed is closed already.
+            // The descriptor of the listed folder is closed already.
             let _ = nix::unistd::close(number);
         }
     }
 }
 
-/// From now on the signals do nothing, for as long as the returned value lives.
+/// Ignores the signals for as long as the returned value lives.
 fn outlive_signals() -> io::Result<(tokio::runtime::Runtime, Vec<Signal>)> {
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_io()
@@ -86,7 +87,7 @@ fn serve(notes: &impl AsFd) -> io::Result<()> {
             match Note::receive(notes, &mut buffer)? {
                 Received::Note(note, socket) => {
                     if note == Note::Beat {
-                        // An agent that does not listen does not miss it.
+                        // An agent that does not read its answers does not miss this one.
                         let _ = Note::Beat.send(notes, None);
                     }
                     robot = match note {
@@ -118,7 +119,7 @@ fn speak(robot: &OwnedFd, speech: &Speech) {
     }
 }
 
-/// Writes all, as long as the socket takes it. Nothing can be done about one that does not.
+/// Writes all bytes, as long as the socket accepts them, for at most [`WRITE_LIMIT`].
 fn write(robot: &OwnedFd, mut bytes: &[u8]) {
     let until = Instant::now() + WRITE_LIMIT;
     while !bytes.is_empty() && Instant::now() < until {
@@ -131,8 +132,8 @@ fn write(robot: &OwnedFd, mut bytes: &[u8]) {
     }
 }
 
-/// Says that nothing more comes, and reads what the robot still sends, which would otherwise make the
-/// kernel reset the connection and drop what is not delivered yet.
+/// Closes the write half, and reads what the robot still sends: unread data would make the kernel
+/// reset the connection and drop what is not delivered yet.
 fn linger(robot: &OwnedFd) {
     let until = Instant::now() + LINGER;
     let _ = rustix::net::shutdown(robot, Shutdown::Write);
@@ -151,7 +152,7 @@ fn wait_readable(socket: &impl AsFd, until: Option<Instant>) -> io::Result<()> {
     wait(socket, PollFlags::IN, until)
 }
 
-/// Waits until the socket is ready, or until then; a signal may end the wait early.
+/// Waits until the socket is ready, or until the deadline; a signal may end the wait early.
 fn wait(socket: &impl AsFd, ready: PollFlags, until: Option<Instant>) -> io::Result<()> {
     let left = until.map(|until| until.saturating_duration_since(Instant::now()));
     let left = left.and_then(|left| Timespec::try_from(left).ok());

@@ -1,6 +1,6 @@
-//! Starts guardian processes: the first one, and another whenever one is gone or answers no more. A
-//! new process takes its time, so this has a thread of its own; the driving core only leaves a note
-//! and looks whether there is a new one.
+//! Starts guardian processes: the first one, and another whenever one is gone or no longer answers.
+//! Starting a process takes time, so a thread does it; the driving core only sends a request and
+//! polls for the new one.
 
 use std::io;
 use std::os::fd::OwnedFd;
@@ -14,37 +14,37 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
 
 use super::process::GUARDIAN_ARGUMENT;
 
-/// Tries to start another guardian in a row before it is given up.
+/// The most consecutive attempts to start another guardian.
 const MOST_TRIES: u32 = 8;
-/// The pause before the first of them; each is twice as long as the one before.
+/// The pause before the first attempt; each further pause is twice as long.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
-/// A guardian that has lived for so long was a good one: the tries count from the first again.
+/// The count of attempts restarts after a guardian that has lived this long.
 const GOOD_LIFE: Duration = Duration::from_secs(60);
 
-/// The way to the thread. When it is dropped the thread ends; the guardian lives on until it has no
-/// agent any more.
+/// The channel to the thread. When it is dropped the thread ends; the guardian lives on until its
+/// agent is gone.
 #[derive(Debug)]
 pub(super) struct Starter {
     lost: SyncSender<OwnedFd>,
     started: Receiver<OwnedFd>,
 }
 
-/// What has become of a guardian that was asked for.
+/// The state of a requested guardian.
 #[derive(Debug)]
 pub(super) enum Started {
-    /// It is there: the agent's end of its socket.
+    /// It runs: the agent's end of its socket.
     Yes(OwnedFd),
     /// Not yet.
     NotYet,
-    /// There will be none.
+    /// None will be started.
     Never,
 }
 
 impl Starter {
-    /// Starts the first guardian, and the thread. Waits for the new process.
+    /// Starts the first guardian, and the thread. Blocks until the process is started.
     ///
     /// # Errors
-    /// Whatever the system says; then there is no guardian.
+    /// Any error of the system; then there is no guardian.
     pub(super) fn start(executable: &Path) -> io::Result<(Starter, OwnedFd)> {
         let first = Process::start(executable)?;
         let (lost, losses) = sync_channel(1);
@@ -57,13 +57,13 @@ impl Starter {
         Ok((Starter { lost, started }, socket))
     }
 
-    /// Asks for another guardian in place of one that is gone, or does not answer and is killed. Never
-    /// waits. One is asked for at a time.
+    /// Requests another guardian in place of one that is gone, or is killed because it does not
+    /// answer. Never blocks. Only one request is pending at a time.
     pub(super) fn replace(&self, socket: OwnedFd) {
         let _ = self.lost.try_send(socket);
     }
 
-    /// Whether the guardian that was asked for is there. Never waits.
+    /// Whether the requested guardian runs. Never blocks.
     pub(super) fn poll(&self) -> Started {
         match self.started.try_recv() {
             Ok(socket) => Started::Yes(socket),
@@ -73,7 +73,7 @@ impl Starter {
     }
 }
 
-/// The thread's life.
+/// The thread's main loop.
 fn replace(
     executable: &Path,
     mut process: Process,
@@ -86,7 +86,7 @@ fn replace(
             tries = 0;
         }
         process.kill();
-        // Not before it is dead: at the end of its socket it would speak to the robot.
+        // Only after its death: at the end of its socket it would write to the robot.
         drop(socket);
         let (next, socket) = loop {
             if tries == MOST_TRIES {
@@ -105,7 +105,7 @@ fn replace(
     }
 }
 
-/// A guardian's process. Dropping it does nothing to it.
+/// A guardian's process. Dropping it leaves the process running.
 #[derive(Debug)]
 struct Process {
     child: Child,
@@ -128,7 +128,7 @@ impl Process {
         Ok((Process { child, began }, ours))
     }
 
-    /// SIGKILL, and reaps it.
+    /// Kills the process with SIGKILL, and reaps it.
     fn kill(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();

@@ -1,4 +1,4 @@
-//! How long to pause between tries.
+//! The pauses between attempts to connect.
 
 use std::time::Duration;
 
@@ -6,8 +6,8 @@ use rand::{Rng, RngExt};
 
 use super::Options;
 
-/// Growing pauses: each step doubles up to a longest, and the pause is drawn from the upper half
-/// of the step, so that several agents do not come back in the same instant. Pure: asks no clock.
+/// Growing pauses: each step doubles up to the longest, and the pause is drawn from the upper half
+/// of the step, so that several agents do not reconnect in the same instant. Pure: reads no clock.
 #[derive(Clone, Debug)]
 pub struct Backoff {
     first: Duration,
@@ -33,7 +33,7 @@ impl Backoff {
         step.mul_f64(rng.random_range(0.5..=1.0))
     }
 
-    /// To be called once a link has proved good: the next pause is short again.
+    /// Makes the next pause short again; to be called once a link is up.
     pub fn reset(&mut self) {
         self.step = self.first;
     }
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn two_agents_do_not_pause_alike_but_one_seed_does() {
+    fn pauses_differ_between_seeds_and_repeat_for_one_seed() {
         assert_ne!(pauses(1, 5), pauses(2, 5));
         assert_eq!(pauses(1, 5), pauses(1, 5));
     }

@@ -1,6 +1,6 @@
-//! The end of a connection. What was written last has not arrived yet, and a socket that is closed
-//! while something of the robot's is unread is reset, which throws away what the robot has not
-//! acknowledged: so we read on until it has, and close then.
+//! The end of a connection. The last written data has not arrived yet, and closing a socket with
+//! unread received data resets the connection, which discards what the robot has not acknowledged:
+//! so keep reading until it has, and close then.
 
 use std::convert::Infallible;
 use std::fmt;
@@ -10,18 +10,18 @@ use tokio::time::timeout;
 
 use super::{LinkError, Reader, Writer};
 
-/// How long the robot may take to hang up too, once it has acknowledged everything.
+/// How long the robot may take to close its half, once it has acknowledged everything.
 const LINGER: Duration = Duration::from_millis(300);
 
-/// What became of the last words of a connection.
+/// Whether the last data of a connection was delivered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delivery {
-    /// The robot's side has acknowledged all that was written. Whether its program has read it is not
-    /// known. Where the transport tells nothing of it: all was written.
+    /// The robot's side has acknowledged everything written. Whether its program has read it is not
+    /// known. If the transport does not report acknowledgements: everything was written.
     Acknowledged,
-    /// It has not.
+    /// The robot's side has not acknowledged everything.
     NotAcknowledged {
-        /// How long it was waited for.
+        /// How long the wait was.
         after: Duration,
     },
     /// There was no connection at the end.
@@ -44,9 +44,10 @@ impl fmt::Display for Delivery {
     }
 }
 
-/// Ends a connection: waits up to `limit` until what was written is acknowledged, and forgets what
-/// the robot says meanwhile; then closes our half, and waits for a moment until the robot has hung up
-/// too. Speech that waits is dropped. Say the last words before; what else fails says them again.
+/// Ends a connection: waits up to `limit` until the written data is acknowledged, discarding what
+/// the robot sends meanwhile; then closes the write half, and waits briefly until the robot has
+/// closed its half. Queued speech is dropped. Send the last words before; on failure, the writer's
+/// drop sends them again.
 pub async fn farewell(mut reader: Reader, mut writer: Writer, limit: Duration) -> Delivery {
     writer.drop_audio();
     let acknowledged = tokio::select! {
@@ -61,13 +62,13 @@ pub async fn farewell(mut reader: Reader, mut writer: Writer, limit: Duration) -
         writer.shut_down().await;
         reader.discard().await
     };
-    // A robot that does not hang up has heard us all the same.
+    // A robot that does not close its half has received everything all the same.
     let _ = timeout(LINGER, hanging_up).await;
     Delivery::Acknowledged
 }
 
-/// Reads and forgets; returns when the connection breaks, but not when the robot has only ended its
-/// half: it may still acknowledge ours.
+/// Reads and discards; returns when the connection breaks, but not when the robot has only closed
+/// its half: it may still acknowledge ours.
 async fn broken(reader: &mut Reader) -> Result<Infallible, LinkError> {
     reader.discard().await?;
     std::future::pending().await

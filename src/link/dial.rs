@@ -1,4 +1,4 @@
-//! A TCP connection whose socket notices a dead robot.
+//! A TCP connection whose socket detects a dead robot.
 
 use std::io;
 use std::time::Duration;
@@ -9,7 +9,7 @@ use tokio::time::timeout;
 
 use super::{LinkError, Options, Target};
 
-/// Probes of a silent robot before it is given up. All fit into `dead_after`.
+/// Keepalive probes before a silent robot is given up. All fit into `dead_after`.
 const PROBES: u32 = 3;
 
 /// Connects, and sets the socket's options before a byte is sent.
@@ -30,8 +30,8 @@ pub(super) async fn dial(target: &Target, options: &Options) -> Result<TcpStream
     Ok(stream)
 }
 
-/// Small commands go out at once; a write that stays unacknowledged, or a silent robot that does
-/// not answer the kernel's probes, ends the connection after `dead_after`.
+/// Sends small commands without delay; ends the connection after `dead_after` if data stays
+/// unacknowledged or a silent robot does not answer the kernel's probes.
 fn set_options(stream: &TcpStream, dead_after: Duration) -> io::Result<()> {
     stream.set_nodelay(true)?;
     let beat = (dead_after / PROBES).max(Duration::from_secs(1));
@@ -44,7 +44,7 @@ fn set_options(stream: &TcpStream, dead_after: Duration) -> io::Result<()> {
     socket.set_tcp_user_timeout(Some(dead_after))
 }
 
-/// The same socket once more, for writes outside a runtime.
+/// Duplicates the socket, for writes outside a runtime.
 pub(super) fn duplicate(stream: &TcpStream) -> Option<std::net::TcpStream> {
     SockRef::from(stream).try_clone().ok().map(Into::into)
 }
@@ -54,7 +54,7 @@ mod tests {
     use super::*;
 
     #[tokio::test]
-    async fn the_socket_is_set_to_notice_a_dead_robot() {
+    async fn the_socket_is_set_to_detect_a_dead_robot() {
         let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
         let target: Target = listener.local_addr().unwrap().to_string().parse().unwrap();
         let stream = dial(&target, &Options::default()).await.unwrap();

@@ -1,4 +1,4 @@
-//! Who is there: one question to every network this computer is in (`PROTOCOL.md`, *Discovery
+//! Finds robots: one question to every network of this computer (`PROTOCOL.md`, *Discovery
 //! datagrams*).
 
 use std::collections::BTreeMap;
@@ -13,9 +13,9 @@ use tokio::time::{Instant, MissedTickBehavior, interval, sleep_until};
 use crate::wire::PORT;
 use crate::wire::discovery::{MAX_REPLY_LEN, REQUEST, Reply};
 
-/// Datagrams get lost: the question is repeated.
+/// Datagrams get lost: the question is repeated at this interval.
 const REPEAT: Duration = Duration::from_millis(400);
-/// More robots than any room holds; a flood of made-up ones ends here.
+/// More robots than any room holds; limits a flood of forged replies.
 const MAX_FOUND: usize = 256;
 /// The robot's own network (`PROTOCOL.md`, *Network*).
 const ROBOT_NETWORK: Ipv4Addr = Ipv4Addr::new(172, 17, 6, 255);
@@ -23,19 +23,19 @@ const ROBOT_NETWORK: Ipv4Addr = Ipv4Addr::new(172, 17, 6, 255);
 /// A robot that answered.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Found {
-    /// Where it answered from; its TCP port has the same number.
+    /// The address of its reply; its TCP port has the same number.
     pub addr: SocketAddr,
     /// Such as `SPYKEE0001`.
     pub uid: String,
-    /// Who is connected to it, if someone is.
+    /// The user connected to it, if any.
     pub connected_user: Option<String>,
 }
 
 /// Asks every network of this computer, this computer itself (a simulator), and `extra`, and
-/// listens until `timeout` is over. Sorted by address; each robot once for each of its addresses.
+/// listens until `timeout` is over. Sorted by address; each robot appears once per address.
 ///
 /// # Errors
-/// When no datagram socket can be had. A network that cannot be asked is no error.
+/// If no datagram socket can be created. A network that cannot be asked is not an error.
 pub async fn discover(timeout: Duration, extra: &[SocketAddr]) -> io::Result<Vec<Found>> {
     let targets = [&broadcast_targets(), extra].concat();
     ask(&targets, timeout).await
@@ -60,11 +60,11 @@ pub fn broadcast_targets() -> Vec<SocketAddr> {
         .collect()
 }
 
-/// Asks only `targets`, and listens until `timeout` is over. IPv6 targets are asked only when all
-/// are IPv6.
+/// Asks only `targets`, and listens until `timeout` is over. IPv6 targets are asked only if all
+/// targets are IPv6.
 ///
 /// # Errors
-/// When no datagram socket can be had.
+/// If no datagram socket can be created.
 pub async fn ask(targets: &[SocketAddr], timeout: Duration) -> io::Result<Vec<Found>> {
     let mut found = BTreeMap::new();
     let listen = |reply: Found| {
@@ -78,7 +78,7 @@ pub async fn ask(targets: &[SocketAddr], timeout: Duration) -> io::Result<Vec<Fo
     Ok(found.into_values().collect())
 }
 
-/// Who is connected to the robot at `addr`, as far as it tells within `timeout`.
+/// The user connected to the robot at `addr`, if it answers within `timeout`.
 pub(super) async fn connected_user(addr: SocketAddr, timeout: Duration) -> Option<String> {
     let mut user = None;
     let listen = |reply: Found| {
@@ -92,7 +92,7 @@ pub(super) async fn connected_user(addr: SocketAddr, timeout: Duration) -> Optio
     user
 }
 
-/// Repeats the question and hands every answer to `enough` until that says so or time is over.
+/// Repeats the question and passes each reply to `enough` until that returns true or time is over.
 async fn question(
     targets: &[SocketAddr],
     timeout: Duration,
@@ -128,7 +128,7 @@ async fn socket_for(targets: &[SocketAddr]) -> io::Result<UdpSocket> {
     Ok(socket)
 }
 
-/// A network that is down or refuses broadcasts must not keep us from asking the others.
+/// A network that is down or refuses broadcasts must not keep the others from being asked.
 async fn send_all(socket: &UdpSocket, targets: &[SocketAddr]) {
     for target in targets {
         if let Err(error) = socket.send_to(&REQUEST, target).await {
@@ -137,8 +137,8 @@ async fn send_all(socket: &UdpSocket, targets: &[SocketAddr]) {
     }
 }
 
-/// One datagram; `None` if it is no reply, as our own request is not. An error is the echo of an
-/// earlier send to a closed port.
+/// Receives one datagram; `None` if it is not a reply, such as our own request. An error comes from
+/// an earlier send to a closed port.
 async fn receive(socket: &UdpSocket) -> Option<Found> {
     let mut datagram = [0; MAX_REPLY_LEN];
     let (length, addr) = socket.recv_from(&mut datagram).await.ok()?;

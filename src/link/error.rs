@@ -1,4 +1,4 @@
-//! What can go wrong between us and the robot, in words for people.
+//! The errors of the link, with messages for people.
 
 use std::io::{self, ErrorKind};
 use std::time::Duration;
@@ -6,65 +6,65 @@ use std::time::Duration;
 use super::Target;
 use crate::wire::{FramingError, Refusal};
 
-/// Why there is no link, or no longer. Never holds a password.
+/// Why there is no link. Never contains a password.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
-    /// No TCP connection could be made.
+    /// No TCP connection could be established.
     #[error("cannot reach the robot at {target}: {source}")]
     Unreachable {
-        /// Where.
+        /// The address.
         target: Target,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// Nothing came in time.
+    /// No connection or reply within the time limit.
     #[error("timed out after {after:?} while waiting for {what}")]
     TimedOut {
-        /// What was waited for.
+        /// What was awaited.
         what: &'static str,
-        /// How long.
+        /// The time limit.
         after: Duration,
     },
     /// AUTH_REPLY 0, 1.
     #[error("the robot refuses user `{user}` with this password")]
     WrongPassword {
-        /// Who tried.
+        /// The user name.
         user: String,
     },
     /// AUTH_REPLY 0, 3: the robot serves one user at a time.
     #[error("the robot is in use{}", in_use_by(.by.as_deref()))]
     InUse {
-        /// Who is connected, if discovery could tell.
+        /// The connected user, if discovery could tell.
         by: Option<String>,
     },
     /// AUTH_REPLY 0 with a reason that the protocol does not list.
     #[error("the robot refuses the login (reason {0})")]
     Refused(u8),
-    /// Accepted, but without a battery level: nothing may move.
+    /// Accepted, but without a battery level: motion is not allowed.
     #[error("the robot accepted the login, but sent no battery level within {after:?}")]
     NoPower {
-        /// How long it was waited for.
+        /// The time limit.
         after: Duration,
     },
-    /// The robot ended the connection, orderly or not.
+    /// The robot closed or reset the connection.
     #[error("the robot closed the connection")]
     Closed,
-    /// The stream is out of step.
+    /// The framing is invalid.
     #[error("the robot sends something that is not a Spykee message: {0}")]
     Framing(#[from] FramingError),
-    /// What was written was not acknowledged in time.
+    /// Written data was not acknowledged in time.
     #[error("the link is dead: nothing could be sent for {after:?}")]
     Dead {
-        /// How long.
+        /// The time limit.
         after: Duration,
     },
-    /// Anything else that the system said.
+    /// Any other error of the system.
     #[error("the link failed: {0}")]
     Io(#[source] io::Error),
 }
 
 impl LinkError {
-    /// Whether another try with the same login is pointless.
+    /// Whether another attempt with the same login is pointless.
     pub fn is_final(&self) -> bool {
         matches!(self, LinkError::WrongPassword { .. })
     }
@@ -80,7 +80,7 @@ impl LinkError {
             }
             LinkError::InUse { .. } => "end the other program: the robot serves one user at a time",
             LinkError::Refused(_) | LinkError::NoPower { .. } | LinkError::Closed => {
-                "switch the robot off and on again if this stays"
+                "if this persists, switch the robot off and on again"
             }
             LinkError::Framing(_) => "is there a Spykee robot at this address and port?",
             LinkError::Dead { .. } | LinkError::Io(_) => {
@@ -89,7 +89,8 @@ impl LinkError {
         }
     }
 
-    /// Of an open connection: a peer that went away is not a failure of its own kind.
+    /// Maps an error of an open connection: every kind of close by the peer becomes
+    /// [`LinkError::Closed`].
     pub(super) fn from_io(error: io::Error, dead_after: Duration) -> LinkError {
         match error.kind() {
             ErrorKind::ConnectionReset

@@ -1,11 +1,11 @@
-//! Time limits of the link, as they stand in the config (plain seconds).
+//! Time limits of the link, as given in the config (plain seconds).
 
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-/// Time limits of connecting, logging in and giving up. In YAML each is a number of seconds; one
-/// out of its range is refused where it stands.
+/// Time limits of connecting, logging in and giving up. In YAML each is a number of seconds; for a
+/// value out of its range the error names its position.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "Link")]
@@ -53,7 +53,7 @@ mod seconds {
     use serde::de::{Deserializer, Error, Unexpected, Visitor};
     use serde::ser::Serializer;
 
-    /// From and up to so many milliseconds.
+    /// A range in milliseconds, both ends included.
     pub(super) struct Between<const MIN_MS: u64, const MAX_MS: u64>;
 
     impl<const MIN_MS: u64, const MAX_MS: u64> Between<MIN_MS, MAX_MS> {
@@ -71,7 +71,7 @@ mod seconds {
         }
     }
 
-    /// The range is checked while the number is visited: only then do parsers know its place.
+    /// The range is checked while the number is visited: only then do parsers know its position.
     impl<const MIN_MS: u64, const MAX_MS: u64> Visitor<'_> for Between<MIN_MS, MAX_MS> {
         type Value = Duration;
 
@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_value_out_of_range_is_refused_with_its_place_and_the_range() {
+    fn a_value_out_of_range_is_refused_with_its_position_and_the_range() {
         let text = refusal("first_pause: 1\ndead_after: 0");
         assert!(
             text.contains("dead_after") && text.contains("line 2 column 13"),
@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_reads_back() {
+    fn written_options_read_back() {
         let text = serde_yaml::to_string(&Options::default()).unwrap();
         assert_eq!(
             serde_yaml::from_str::<Options>(&text).unwrap(),

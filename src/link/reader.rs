@@ -1,4 +1,4 @@
-//! The half that hears the robot.
+//! The read half: receives from the robot.
 
 use std::time::Duration;
 
@@ -9,19 +9,19 @@ use tokio::task::coop;
 use super::LinkError;
 use crate::wire::{Decoder, Report};
 
-/// A good part of a frame in one read, and nothing beside the robot's 64 KiB messages.
+/// A large part of a frame in one read, but small next to the robot's 64 KiB messages.
 const CHUNK_LEN: usize = 16 * 1024;
 
-/// A frame on its way is passed on again when so many bytes more of it have come.
+/// An incomplete frame is passed on again after this many more bytes.
 const GROWTH: usize = 1024;
 
-/// What has come from the robot.
+/// Data received from the robot.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Received {
     /// A whole message.
     Report(Report),
-    /// The first bytes of a frame whose rest is on its way, a good part more of them than the last
-    /// time.
+    /// The first bytes of a frame whose rest is still arriving; at least `GROWTH` bytes more than
+    /// the last time.
     PartOfFrame(Bytes),
 }
 
@@ -31,7 +31,7 @@ pub struct Reader {
     decoder: Decoder,
     chunk: Box<[u8]>,
     unread: std::ops::Range<usize>,
-    /// Bytes of the frame on its way that were passed on.
+    /// Bytes of the incomplete frame that were passed on.
     passed_on: usize,
     dead_after: Duration,
 }
@@ -60,14 +60,14 @@ impl Reader {
         }
     }
 
-    /// Waits for the next report, or for more of a frame. Cancel-safe.
+    /// Waits for the next report, or for more bytes of a frame. Cancel-safe.
     ///
     /// # Errors
     /// [`LinkError::Closed`] at the end of the stream, also within a message;
-    /// [`LinkError::Framing`] when it is out of step, from then on always; [`LinkError::Dead`] when
-    /// the system gave the connection up.
+    /// [`LinkError::Framing`] once the framing is invalid, and on every later call;
+    /// [`LinkError::Dead`] when the system has given up the connection.
     pub async fn hear(&mut self) -> Result<Received, LinkError> {
-        // Thousands of small messages fit into one chunk: timers must get their turn between them.
+        // Thousands of small messages fit into one chunk: timers must run between them.
         coop::consume_budget().await;
         loop {
             if let Some(report) = self.decode()? {
@@ -86,7 +86,7 @@ impl Reader {
         }
     }
 
-    /// Reads and forgets whatever comes, garbage too, until the robot has hung up. Cancel-safe.
+    /// Reads and discards all data, garbage too, until the robot closes its half. Cancel-safe.
     pub(super) async fn discard(&mut self) -> Result<(), LinkError> {
         loop {
             let read = self.io.read(&mut self.chunk).await;
@@ -96,7 +96,7 @@ impl Reader {
         }
     }
 
-    /// The part of a frame that has come, if it is a good part more than was passed on.
+    /// The received part of a frame, if it has grown enough since it was last passed on.
     fn grown_frame(&mut self) -> Option<Bytes> {
         let part = self.decoder.coming_frame()?;
         if part.len() < self.passed_on + GROWTH {
@@ -126,7 +126,7 @@ mod tests {
 
     use super::*;
 
-    /// A reader of a robot that writes these pieces, one when the one before has been read.
+    /// A reader of a robot that writes these pieces, each after the previous one was read.
     fn reader(pieces: Vec<Vec<u8>>) -> Reader {
         let (near, mut far) = tokio::io::duplex(64 * 1024);
         tokio::spawn(async move {
@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_frame_on_its_way_is_passed_on_as_it_grows() {
+    async fn an_incomplete_frame_is_passed_on_as_it_grows() {
         let jpeg: Bytes = (0..5000).map(|index| index as u8).collect();
         let mut pieces = pieces(&Report::Video(jpeg.clone()), 700);
         pieces.extend(self::pieces(&Report::Audio(jpeg.clone()), 700));
@@ -164,13 +164,13 @@ mod tests {
             lens[0] >= GROWTH && lens.is_sorted_by(|a, b| a + GROWTH <= *b),
             "{lens:?}"
         );
-        // Of nothing else.
+        // Only frames are passed on early.
         let next = reader.hear().await;
         assert!(matches!(next, Ok(Received::Report(Report::Audio(_)))));
     }
 
     #[tokio::test]
-    async fn who_waits_for_reports_hears_only_those() {
+    async fn next_returns_only_whole_reports() {
         let jpeg = Bytes::from(vec![7; 9000]);
         let mut reader = reader(pieces(&Report::Video(jpeg.clone()), 1500));
         assert_eq!(reader.next().await.unwrap(), Report::Video(jpeg));

@@ -1,9 +1,9 @@
-//! What is on its way out. Pure bookkeeping: knows where one message ends and the next begins, so
-//! that a write cut anywhere can be finished without putting the robot out of step.
+//! The data to be written. Pure bookkeeping: knows the message boundaries, so that a partial write
+//! can be completed without breaking the framing.
 //!
-//! Two lanes. *Commands* go first, all that wait in one write. *Speech* goes one small message at a
-//! time, when no command waits, at the speed at which it is spoken and while the system holds little
-//! of it: in front of a command stands one such message at most, and only if a part of it is out.
+//! Two lanes. *Commands* go first, all queued ones in one write. *Speech* goes one small message at
+//! a time, when no command is queued, at the speed of speech and while the system's send buffer
+//! holds little of it: at most one such message delays a command, and only if it is partly written.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -14,19 +14,19 @@ use tokio::time::Instant;
 use super::speech::Speech;
 use crate::wire::Command;
 
-/// Bytes of commands that may wait. Only a link that takes nothing gets here.
+/// The most bytes of queued commands. Only a link that accepts no data reaches this.
 const MAX_WAITING: usize = 64 * 1024;
-/// Speech waits while so many bytes are not acknowledged.
+/// Speech is held back while more than this many bytes are not acknowledged.
 const MAX_UNACKNOWLEDGED: usize = 4 * 1024;
-/// How soon to ask again whether they are.
+/// How soon to check the unacknowledged bytes again.
 const LOOK_AGAIN: Duration = Duration::from_millis(10);
 
-/// What a newer MOVE does to a message that waits.
+/// How a queued message is treated when a newer MOVE arrives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Sort {
-    /// A MOVE: the newest one counts.
+    /// A MOVE: replaced by the newer one.
     Move,
-    /// ENGINE: MOVEs before it stay before it.
+    /// ENGINE: the MOVEs before it are kept, and stay before it.
     Engine,
     Other,
 }
@@ -49,31 +49,31 @@ struct Message {
 }
 
 impl Message {
-    /// Whether it is still to be written when all ends with these commands: only if there are none,
-    /// and if it stops the robot or sends it on its own way.
+    /// Whether it is still to be written when the link ends with these commands: only if there are
+    /// none, and if it is an ENGINE or a stop.
     fn outlasts(&self, last: &[Command]) -> bool {
         let told = self.sort == Sort::Engine || self.bytes == Command::STOP.to_bytes();
         last.is_empty() && told
     }
 }
 
-/// Messages that are not wholly written yet.
+/// Messages that are not completely written.
 #[derive(Debug, Default)]
 pub(super) struct SendQueue {
-    /// What is left of a message of which a part is out.
+    /// The rest of a message that is partly written.
     half_out: Bytes,
     commands: VecDeque<Message>,
-    /// Bytes of `commands`.
+    /// The number of bytes in `commands`.
     waiting: usize,
     speech: Speech,
-    /// Since when nothing was taken of what is offered.
+    /// Since when none of the offered bytes were accepted.
     stalled: Option<Instant>,
 }
 
 impl SendQueue {
-    /// Appends commands that belong together; AUDIO goes to the other lane. MOVEs of earlier calls
-    /// are forgotten if one of these takes their place. `false`, and nothing done, when too much
-    /// waits already.
+    /// Appends commands that belong together; AUDIO goes to the speech lane. Queued MOVEs of
+    /// earlier calls are dropped if one of these replaces them. Returns `false`, and does nothing,
+    /// if too much is queued already.
     pub(super) fn push(&mut self, commands: &[Command], now: Instant) -> bool {
         if self.waiting > MAX_WAITING {
             return false;
@@ -96,7 +96,8 @@ impl SendQueue {
         self.commands.push_back(Message { bytes, sort, since });
     }
 
-    /// Forgets the MOVEs in whose place these commands come; since when the oldest of them waited.
+    /// Drops the queued MOVEs that these commands replace; returns since when the oldest of them
+    /// was queued.
     fn supersede(&mut self, commands: &[Command]) -> Option<Instant> {
         let mut sorts = commands.iter().map(Sort::of);
         if sorts.find(|sort| *sort != Sort::Other) != Some(Sort::Move) {
@@ -117,18 +118,19 @@ impl SendQueue {
         since
     }
 
-    /// Takes samples for the loudspeaker, or none of them if too much speech waits.
+    /// Queues samples for the loudspeaker; none of them if too much speech is queued.
     pub(super) fn say(&mut self, samples: &Bytes) -> bool {
         self.speech.push(samples)
     }
 
-    /// Forgets the speech of which no byte is out yet.
+    /// Drops the speech of which no byte is written.
     pub(super) fn drop_audio(&mut self) {
         self.speech.clear();
     }
 
-    /// Forgets the messages of which no byte is out yet, and appends these. If there are none to
-    /// append, the robot shall go on with what it was told last: then stops and ENGINE stay.
+    /// Drops the messages of which no byte is written, and appends these commands. Without commands
+    /// to append, the robot is to continue what it was last told: then queued stops and ENGINEs are
+    /// kept.
     pub(super) fn replace_unstarted(&mut self, commands: &[Command], now: Instant) {
         self.drop_audio();
         self.commands.retain(|message| message.outlasts(commands));
@@ -136,8 +138,8 @@ impl SendQueue {
         self.push(commands, now);
     }
 
-    /// What would be written after [`SendQueue::replace_unstarted`], in two parts: what is left of a
-    /// message of which a part is out, and whole messages.
+    /// The data that would be written after [`SendQueue::replace_unstarted`], in two parts: the
+    /// rest of a partly written message, and whole messages.
     pub(super) fn after_replacing(&self, commands: &[Command]) -> (&[u8], Vec<u8>) {
         let kept = self.commands.iter();
         let kept = kept.filter(|message| message.outlasts(commands));
@@ -146,9 +148,9 @@ impl SendQueue {
         (&self.half_out, kept.chain(new).collect())
     }
 
-    /// What is to be written now, nothing if there is nothing to do: whole messages, but for the rest
-    /// of one that is partly out. `unacknowledged` is what the system holds, if it tells; it is asked
-    /// only before speech.
+    /// The bytes to write now, empty if there are none: whole messages, except for the rest of a
+    /// partly written one. `unacknowledged` is the amount of data in the system's send buffer, if
+    /// known; it is called only before speech.
     pub(super) fn offer(
         &mut self,
         now: Instant,
@@ -182,7 +184,8 @@ impl SendQueue {
         bytes.freeze()
     }
 
-    /// So many bytes of the last [`SendQueue::offer`] are out; nothing was done in between.
+    /// Notes that `count` bytes of the last [`SendQueue::offer`] were written; nothing may be done
+    /// in between.
     pub(super) fn advance(&mut self, count: usize, now: Instant) {
         if count == 0 {
             return;
@@ -207,23 +210,24 @@ impl SendQueue {
         }
     }
 
-    /// Nothing waits.
+    /// Whether nothing is queued.
     pub(super) fn is_empty(&self) -> bool {
         self.urgent() == 0 && self.speech.is_empty()
     }
 
-    /// No command waits, and no message is partly out.
+    /// Whether no command is queued and no message partly written.
     pub(super) fn is_calm(&self) -> bool {
         self.urgent() == 0
     }
 
-    /// Since when a command has waited, or all has.
+    /// Since when the oldest command has been queued, or no bytes were accepted, whichever is
+    /// earlier.
     pub(super) fn waits_since(&self) -> Option<Instant> {
         let oldest = self.commands.front().map(|message| message.since);
         oldest.into_iter().chain(self.stalled).min()
     }
 
-    /// When [`SendQueue::offer`] has something to say that it had not at `now`, with nothing pushed.
+    /// When [`SendQueue::offer`] can return more than at `now`, if nothing is pushed.
     pub(super) fn next_offer(&self, now: Instant) -> Option<Instant> {
         let due = self.speech.due(now)?;
         Some(if due > now { due } else { now + LOOK_AGAIN })

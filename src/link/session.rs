@@ -1,5 +1,5 @@
-//! From nothing to a robot that listens: connect, log in, wait for the two answers that allow
-//! motion (`PROTOCOL.md`, *Order after login*), and stop the tracks.
+//! Establishes a session: connects, logs in, waits for the two answers that allow motion
+//! (`PROTOCOL.md`, *Order after login*), and stops the tracks.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -12,16 +12,17 @@ use super::dial::{dial, duplicate};
 use super::{LinkError, Options, Reader, Target, Writer, discover};
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
-/// The most [`Session::early`] ever holds; what comes beyond is dropped.
+/// The most reports that [`Session::early`] holds; further ones are dropped.
 pub const MAX_EARLY_REPORTS: usize = 32;
 
-/// How long the last words may take to arrive when a login has failed.
+/// How long the last words may take to be acknowledged when a login has failed.
 const PARTING: Duration = Duration::from_millis(500);
 
-/// How long discovery may take to tell who is connected.
+/// How long discovery may take to name the connected user.
 const WHO_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// A robot that has accepted us, has told its battery level, and whose tracks were told to rest.
+/// A robot that has accepted the login, has sent its battery level, and whose tracks were told to
+/// stop.
 #[derive(Debug)]
 pub struct Session {
     /// The login's answer.
@@ -30,20 +31,20 @@ pub struct Session {
     pub power: Power,
     /// The robot's address.
     pub peer: SocketAddr,
-    /// Reports that came before both of them, in order; pictures and sound left out.
+    /// Reports that came before both answers, in order; without video and audio.
     pub early: Vec<Report>,
-    /// Hears the robot.
+    /// Receives from the robot.
     pub reader: Reader,
-    /// Speaks to it.
+    /// Sends to the robot.
     pub writer: Writer,
 }
 
 /// Connects and logs in. The first command of every session is MOVE 0 0; it is written before this
-/// returns. A refusal because of another user is returned with that user's name, if discovery tells
+/// returns. A refusal because of another user is returned with that user's name, if discovery finds
 /// it within a second.
 ///
-/// Once the robot has accepted the login, it hears `last_words` if anything goes wrong from then on,
-/// until the writer is given others (see [`Writer::set_last_words`]).
+/// From the robot's acceptance of the login on, it is sent `last_words` if anything fails, until
+/// the writer is given others (see [`Writer::set_last_words`]).
 ///
 /// # Errors
 /// Every kind of [`LinkError`].
@@ -69,7 +70,7 @@ pub async fn connect(
     }
 }
 
-/// As [`connect`], over any transport; `peer` is only passed on.
+/// Like [`connect`], over any transport; `peer` is only passed on.
 ///
 /// # Errors
 /// Every kind of [`LinkError`] but `Unreachable`.
@@ -108,7 +109,7 @@ async fn log_in(
             writer,
         }),
         Err(error) => {
-            // It has let us in and may be driving, for all we know.
+            // The robot has accepted the login, so it may be driving.
             if answers.accepted.is_some() {
                 writer.say_last_words();
                 farewell(reader, writer, PARTING).await;
@@ -118,7 +119,7 @@ async fn log_in(
     }
 }
 
-/// What has come since the login was sent.
+/// The reports received since the login was sent.
 #[derive(Default)]
 struct Answers {
     accepted: Option<Accepted>,
@@ -127,7 +128,7 @@ struct Answers {
 }
 
 impl Answers {
-    /// From the login to the first stop.
+    /// Sends the login and waits for the answers, then stops the tracks.
     async fn await_all(
         &mut self,
         reader: &mut Reader,
@@ -163,7 +164,7 @@ impl Answers {
         Ok(())
     }
 
-    /// What the silence means.
+    /// The error that a missing answer means.
     fn late(&self, after: Duration) -> LinkError {
         if self.accepted.is_some() {
             return LinkError::NoPower { after };

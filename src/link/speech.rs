@@ -1,6 +1,6 @@
-//! Samples for the loudspeaker that wait to be written: in small messages, bounded, and no faster
-//! than they are spoken. Whatever the robot has been sent and not read yet stands in front of the
-//! next stop, and no counter of this computer's system shows it: only the pace bounds it.
+//! Queued samples for the loudspeaker: in small messages, bounded, and written no faster than the
+//! speed of speech. Data that the robot has acknowledged but not read yet delays the next stop, and
+//! no counter of this computer's system shows it: only the pace limits it.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -14,12 +14,12 @@ use crate::wire::Command;
 const MESSAGE: usize = 1024;
 /// Bytes of samples that may wait: four seconds.
 const MOST: usize = 128_000;
-/// The time of one byte on its way: 32,000 a second is the speed of speech (16 kHz, 16 bits, mono).
+/// The time per byte sent: 32,000 bytes a second are the speed of speech (16 kHz, 16 bits, mono).
 const PER_BYTE: Duration = Duration::from_nanos(31_250);
-/// So far ahead of that pace it may be, so that a late packet makes no gap.
+/// How far ahead of that pace data may be sent, so that a late packet makes no gap.
 const LEAD: Duration = Duration::from_millis(200);
 
-/// See the module.
+/// The queue of speech; see the module.
 #[derive(Debug, Default)]
 pub(super) struct Speech {
     waiting: VecDeque<Bytes>,
@@ -28,7 +28,7 @@ pub(super) struct Speech {
 }
 
 impl Speech {
-    /// Takes samples, or none of them if they do not fit.
+    /// Queues samples; none of them if they do not fit.
     pub(super) fn push(&mut self, samples: &Bytes) -> bool {
         if self.bytes + samples.len() > MOST {
             return false;
@@ -41,7 +41,7 @@ impl Speech {
         true
     }
 
-    /// Forgets all that waits.
+    /// Drops all queued samples.
     pub(super) fn clear(&mut self) {
         self.waiting.clear();
         self.bytes = 0;
@@ -51,7 +51,8 @@ impl Speech {
         self.waiting.is_empty()
     }
 
-    /// When the first message may be written, `None` if none waits. In the past: now.
+    /// When the first message may be written, `None` if none is queued. A time in the past means
+    /// now.
     pub(super) fn due(&self, now: Instant) -> Option<Instant> {
         self.waiting.front().map(|_| self.due.unwrap_or(now))
     }
@@ -62,14 +63,14 @@ impl Speech {
         Some(Command::Audio(samples).to_bytes())
     }
 
-    /// The first message is on its way.
+    /// Removes the first message, which is being written.
     pub(super) fn advance(&mut self) {
         if let Some(samples) = self.waiting.pop_front() {
             self.bytes -= samples.len();
         }
     }
 
-    /// So many bytes of whatever kind were written.
+    /// Notes that `count` bytes of any kind were written.
     pub(super) fn charge(&mut self, count: usize, now: Instant) {
         let earliest = now.checked_sub(LEAD).unwrap_or(now);
         let spent = PER_BYTE.saturating_mul(u32::try_from(count).unwrap_or(u32::MAX));
@@ -82,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_is_room_again_for_as_many_samples_as_were_written() {
+    fn written_samples_make_room_for_as_many() {
         let mut speech = Speech::default();
         assert!(speech.push(&Bytes::from(vec![0; MOST])));
         assert!(!speech.push(&Bytes::from(vec![0; 1])));

@@ -1,4 +1,4 @@
-//! Where a robot is: `HOST[:PORT]` as people write it.
+//! A robot's address: `HOST[:PORT]` as people write it.
 
 use std::fmt;
 use std::str::FromStr;
@@ -18,13 +18,13 @@ pub struct Target {
     pub port: u16,
 }
 
-/// Why a text is no [`Target`].
+/// Why a text is not a [`Target`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TargetError {
-    /// The part before the port is empty or holds what no host name holds.
+    /// The part before the port is empty or contains characters that no host name has.
     #[error("expected HOST[:PORT], such as 172.17.6.1 or robot.local:9000, found `{0}`")]
     Host(String),
-    /// The part after the colon is no port.
+    /// The part after the colon is not a port.
     #[error("expected a port from 1 to 65535, found `{0}`")]
     Port(String),
     /// Colons without brackets.
@@ -48,7 +48,7 @@ impl FromStr for Target {
     }
 }
 
-/// Host without brackets, and what stands behind the colon if there is one.
+/// Splits into the host without brackets, and the text after the colon if there is one.
 fn split(text: &str) -> Result<(&str, Option<&str>), TargetError> {
     if let Some(rest) = text.strip_prefix('[') {
         let malformed = || TargetError::Host(text.to_owned());
@@ -94,7 +94,7 @@ impl<'de> Deserialize<'de> for Target {
     }
 }
 
-/// Checks while the text is visited: only then do parsers know its place.
+/// Checks the text while it is visited: only then do parsers know its position.
 struct TargetVisitor;
 
 impl Visitor<'_> for TargetVisitor {
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_address_is_refused_with_what_was_expected() {
+    fn an_invalid_address_is_refused_with_the_expected_format() {
         for text in [
             "",
             ":9000",
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bad_address_in_yaml_is_refused_with_its_place() {
+    fn a_bad_address_in_yaml_is_refused_with_its_position() {
         let yaml = "- robot\n- robot:x";
         let error = serde_yaml::from_str::<Vec<Target>>(yaml).unwrap_err();
         assert!(error.to_string().contains("line 2"), "{error}");
@@ -157,7 +157,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_text_is_read_without_panic_and_what_is_accepted_reads_back(text in ".{0,40}") {
+        fn no_text_panics_and_accepted_ones_round_trip(text in ".{0,40}") {
             if let Ok(target) = text.parse::<Target>() {
                 prop_assert_eq!(target.to_string().parse::<Target>(), Ok(target));
             }

@@ -1,5 +1,5 @@
-//! How much of what was written the other side has not acknowledged yet. No safe wrapper of this one
-//! question is in the crates that we have, so this file holds the only unsafe blocks of the link.
+//! How many of the written bytes the other side has not acknowledged yet. No crate in use has a
+//! safe wrapper for this one query, so this file holds the only unsafe blocks of the link.
 #![allow(unsafe_code)]
 
 use std::ffi::c_int;
@@ -7,12 +7,12 @@ use std::os::fd::AsFd;
 
 use rustix::ioctl::{Getter, Opcode, ioctl};
 
-/// SIOCOUTQ; for a socket it has the number of TIOCOUTQ.
+/// SIOCOUTQ; on a socket it has the number of TIOCOUTQ.
 const QUESTION: Opcode = libc::TIOCOUTQ as Opcode;
 
-/// Bytes written to a TCP socket that its peer's system has not acknowledged, those that are not
-/// sent yet included. `None` if the system does not tell. What the peer's program has not read yet
-/// is not among them.
+/// Bytes written to a TCP socket that the peer's system has not acknowledged, including those that
+/// are not sent yet. `None` if the system does not tell. Bytes that the peer's program has not read
+/// yet, but its system has acknowledged, are not counted.
 pub(super) fn unacknowledged(socket: impl AsFd) -> Option<usize> {
     // SAFETY: Linux answers SIOCOUTQ with one int (tcp(7)), which is what the getter has room for.
     let getter = unsafe { Getter::<QUESTION, c_int>::new() };
@@ -29,7 +29,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_the_peer_has_taken_is_acknowledged_and_what_it_has_no_room_for_is_not() {
+    fn data_is_acknowledged_as_long_as_the_peer_has_room() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let mut near = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
         let (mut far, _) = listener.accept().unwrap();
@@ -44,7 +44,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_socket_gives_no_answer() {
+    fn a_file_that_is_not_a_socket_returns_none() {
         let file = tempfile::tempfile().unwrap();
         assert_eq!(unacknowledged(&file), None);
     }

@@ -1,4 +1,4 @@
-//! The half that speaks to the robot.
+//! The write half: sends to the robot.
 
 use std::convert::Infallible;
 use std::future::Future;
@@ -19,24 +19,24 @@ use super::send_queue::SendQueue;
 use super::unsent::unacknowledged;
 use crate::wire::Command;
 
-/// How often it is looked whether the robot has acknowledged what was written.
+/// How often to check whether the robot has acknowledged the written data.
 const LOOK_AGAIN: Duration = Duration::from_millis(2);
 
 /// The write half of a [`super::Session`]. Its owner is the only code that moves the robot.
 ///
-/// [`Writer::send`] and [`Writer::say`] never wait: what the robot does not take at once is written
-/// while a caller waits for [`Writer::progress`] or [`Writer::written`].
+/// [`Writer::send`] and [`Writer::say`] never block: data that the robot does not accept at once is
+/// written while a caller waits for [`Writer::progress`] or [`Writer::written`].
 ///
-/// Dropped without [`Writer::close`], be it by a panic, it says its last words as
-/// [`Writer::say_last_words`] does.
+/// If dropped without [`Writer::close`], for example by a panic, it sends its last words like
+/// [`Writer::say_last_words`].
 pub struct Writer {
     io: Box<dyn AsyncWrite + Send + Unpin>,
-    /// The same socket once more: writes without a runtime, in the middle of a panic.
+    /// A duplicate of the socket: writes without a runtime, in the middle of a panic.
     direct: Option<TcpStream>,
     queue: SendQueue,
     last_words: Vec<Command>,
     dead_after: Duration,
-    /// The tracks may be on: a drop must say the last words.
+    /// The tracks may be on: a drop must send the last words.
     armed: bool,
     /// Something was written since the last flush.
     unflushed: bool,
@@ -59,42 +59,43 @@ impl Writer {
         }
     }
 
-    /// From now on a drop says the last words. Before the login is accepted the robot ignores them.
+    /// Makes a drop send the last words. Before the login is accepted the robot ignores them.
     pub(super) fn arm(&mut self) {
         self.armed = true;
     }
 
-    /// What is said to the robot if everything else dies: MOVE 0 0 unless set. Empty: nothing.
+    /// Sets what is sent to the robot if the agent dies: MOVE 0 0 by default; empty: nothing.
     pub fn set_last_words(&mut self, commands: Vec<Command>) {
         self.last_words = commands;
     }
 
-    /// What another process must write if this one cannot any more: what is left of a message of which
-    /// a part is out, then whole messages.
+    /// The data that another process must write if this one no longer can: the rest of a partly
+    /// written message, then whole messages.
     pub fn last_words(&self) -> (&[u8], Vec<u8>) {
         self.queue.after_replacing(&self.last_words)
     }
 
-    /// The socket, if there is one: not in virtual time.
+    /// The socket, if there is one; there is none in virtual time.
     pub fn socket(&self) -> Option<BorrowedFd<'_>> {
         self.direct.as_ref().map(AsFd::as_fd)
     }
 
-    /// Sends commands that belong together, in one write if the robot takes them at once, and never
-    /// waits. MOVEs that still wait are replaced by a newer one. AUDIO is as with [`Writer::say`].
+    /// Sends commands that belong together, in one write if the robot accepts them at once, and
+    /// never blocks. Queued MOVEs are replaced by a newer one. AUDIO is handled as in
+    /// [`Writer::say`].
     ///
     /// # Errors
-    /// [`LinkError::Dead`] when too much waits already, [`LinkError::Closed`] when the robot has
-    /// gone. Then drop the session.
+    /// [`LinkError::Dead`] when too much is queued, [`LinkError::Closed`] when the robot has closed
+    /// the connection. Drop the session then.
     pub fn send(&mut self, commands: &[Command], now: Instant) -> Result<(), LinkError> {
         self.queue(commands, now)?;
         self.write_ready()
     }
 
-    /// As [`Writer::send`], but writes nothing yet: [`Writer::write_ready`] does.
+    /// Like [`Writer::send`], but writes nothing yet: [`Writer::write_ready`] does.
     ///
     /// # Errors
-    /// [`LinkError::Dead`] when too much waits already.
+    /// [`LinkError::Dead`] when too much is queued.
     pub fn queue(&mut self, commands: &[Command], now: Instant) -> Result<(), LinkError> {
         if self.queue.push(commands, now) {
             Ok(())
@@ -104,36 +105,36 @@ impl Writer {
         }
     }
 
-    /// Sends samples for the loudspeaker, at the speed at which they are spoken and after all
-    /// commands. `false`, and nothing done, when four seconds of them wait already.
+    /// Sends samples for the loudspeaker, at the speed of speech and after all commands. Returns
+    /// `false`, and does nothing, when four seconds of them are queued.
     ///
     /// # Errors
-    /// As [`Writer::send`].
+    /// Like [`Writer::send`].
     pub fn say(&mut self, samples: &Bytes) -> Result<bool, LinkError> {
         let taken = self.queue.say(samples);
         self.write_ready()?;
         Ok(taken)
     }
 
-    /// Forgets the samples of which no byte is out yet.
+    /// Drops the samples of which no byte is written.
     pub fn drop_audio(&mut self) {
         self.queue.drop_audio();
     }
 
-    /// Writes what waits, for ever. Cancel-safe: messages are never cut or mixed.
+    /// Writes the queued data, forever. Cancel-safe: messages are never cut or mixed.
     ///
     /// # Errors
-    /// [`LinkError::Dead`] when a command has waited for `dead_after`, [`LinkError::Closed`] when
-    /// the robot has gone. Then drop the session.
+    /// [`LinkError::Dead`] when a command was queued for `dead_after`, [`LinkError::Closed`] when
+    /// the robot has closed the connection. Drop the session then.
     pub async fn progress(&mut self) -> Result<Infallible, LinkError> {
         self.written().await?;
         std::future::pending().await
     }
 
-    /// Waits until nothing waits any more, speech included. Cancel-safe.
+    /// Waits until the queue is empty, speech included. Cancel-safe.
     ///
     /// # Errors
-    /// As [`Writer::progress`].
+    /// Like [`Writer::progress`].
     pub async fn written(&mut self) -> Result<(), LinkError> {
         self.write_ready()?;
         loop {
@@ -145,17 +146,17 @@ impl Writer {
         }
     }
 
-    /// [`Writer::send`], and waits until nothing waits any more.
+    /// Sends commands, and waits until the queue is empty.
     ///
     /// # Errors
-    /// As [`Writer::progress`].
+    /// Like [`Writer::progress`].
     pub async fn write(&mut self, commands: &[Command]) -> Result<(), LinkError> {
         self.send(commands, Instant::now())?;
         self.written().await
     }
 
-    /// Waits until everything is written and the robot's system has acknowledged it, as far as ours
-    /// tells. Cancel-safe.
+    /// Waits until everything is written and the robot's system has acknowledged it, as far as this
+    /// computer's system can tell. Cancel-safe.
     pub(super) async fn acknowledged(&mut self) -> Result<(), LinkError> {
         self.written().await?;
         while let Some(direct) = &self.direct {
@@ -170,13 +171,13 @@ impl Writer {
         Ok(())
     }
 
-    /// Ends our half of the connection. Nothing is said any more, at a drop neither.
+    /// Closes the write half. Nothing is sent any more, not even by a drop.
     pub(super) async fn shut_down(&mut self) {
         self.armed = false;
         let _ = self.io.shutdown().await;
     }
 
-    /// When to look again though the robot takes nothing.
+    /// When to check again although the robot accepts no data.
     fn next_look(&self, now: Instant) -> Result<Instant, LinkError> {
         let after = self.dead_after;
         let dead = self.queue.waits_since().unwrap_or(now) + after;
@@ -187,7 +188,7 @@ impl Writer {
         Ok(offer.map_or(dead, |offer| offer.min(dead)))
     }
 
-    /// Ready when all is written. Pending as well while speech waits for its time: look again then.
+    /// Ready when everything is written. Also pending while speech must wait: poll again then.
     fn poll_written(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
         loop {
             let now = Instant::now();
@@ -224,10 +225,10 @@ impl Writer {
         Ok(())
     }
 
-    /// Writes what the robot takes at once.
+    /// Writes the queued data that the robot accepts at once.
     ///
     /// # Errors
-    /// As [`Writer::send`].
+    /// Like [`Writer::send`].
     pub fn write_ready(&mut self) -> Result<(), LinkError> {
         let after = self.dead_after;
         match poll_once(|cx| self.poll_written(cx)) {
@@ -238,8 +239,8 @@ impl Writer {
         }
     }
 
-    /// Says the last words without waiting, as well as can be: for panics and drops, inside a runtime
-    /// or not. A message that is partly out is finished first, others that wait are forgotten: they
+    /// Sends the last words without blocking, best effort: for panics and drops, inside a runtime
+    /// or not. A partly written message is finished first; other queued messages are dropped: they
     /// might be motion.
     pub fn say_last_words(&mut self) {
         let now = Instant::now();
@@ -259,14 +260,14 @@ impl Writer {
 
     fn write_now(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match &self.direct {
-            // Shares the non-blocking mode of the socket it was cloned from.
+            // Shares the non-blocking mode of the socket it was duplicated from.
             Some(direct) => (&mut &*direct).write(bytes),
             None => poll_once(|cx| Pin::new(&mut self.io).poll_write(cx, bytes)),
         }
     }
 
-    /// Writes the commands that are left, and ends the connection, within `dead_after`. Sends nothing
-    /// of its own when that works: stop the tracks first.
+    /// Writes the queued commands, and closes the connection, within `dead_after`. Sends no last
+    /// words if that succeeds: stop the tracks first.
     pub async fn close(mut self) {
         self.drop_audio();
         let limit = self.dead_after;
@@ -279,7 +280,7 @@ impl Writer {
     }
 }
 
-/// One poll, outside of any task's budget.
+/// Polls once, outside of any task's budget.
 fn poll_once<T>(
     mut poll: impl FnMut(&mut Context<'_>) -> Poll<io::Result<T>> + Unpin,
 ) -> io::Result<T> {

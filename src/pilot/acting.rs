@@ -1,4 +1,4 @@
-//! What the watchdog wants, done: all commands of one batch in one write, then the rest.
+//! Executes the watchdog's acts: all commands of one batch in one write, then the rest.
 
 use tokio::time::Instant;
 use tracing::warn;
@@ -11,14 +11,14 @@ use crate::safety::{Act, Fact};
 use crate::wire::Command;
 
 impl Pilot {
-    /// Takes a fact to the watchdog and does what it wants. Like all here it fails if the link is
-    /// lost.
+    /// Gives a fact to the watchdog and executes its acts. Like all functions here it fails if the
+    /// link is lost.
     pub(super) fn take(&mut self, fact: Fact) -> Result<(), LinkLost> {
         let acts = self.watchdog.take(fact, Instant::now());
         self.perform(acts)
     }
 
-    /// Does what the watchdog wants: first all commands in one write, then the rest.
+    /// Executes acts: first all commands in one write, then the rest.
     pub(super) fn perform(&mut self, acts: Vec<Act>) -> Result<(), LinkLost> {
         let commands = acts.iter().filter_map(Act::command);
         let commands: Vec<Command> = commands
@@ -46,8 +46,8 @@ impl Pilot {
         done
     }
 
-    /// Never waits. Without a link nothing is kept for later: the robot's next login begins with a
-    /// stop.
+    /// Sends commands without blocking. Without a link they are dropped: the robot's next login
+    /// begins with a stop.
     pub(super) fn send(&mut self, commands: &[Command]) -> Result<(), LinkLost> {
         let commands = &*self.held(commands);
         for command in commands {
@@ -71,7 +71,8 @@ impl Pilot {
             return Ok(());
         };
         writer.queue(commands, Instant::now())?;
-        // Before the robot hears them: the guardian may have to say them in our place.
+        // Before the robot receives them: the guardian may have to send the last words instead of
+        // this process.
         tell_guardian(&mut self.pulse, writer);
         writer.write_ready()?;
         self.stopwatch.wrote(commands, Instant::now());

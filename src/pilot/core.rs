@@ -1,7 +1,7 @@
-//! The driving core: one thread with a runtime of its own, on which the pilot, the reader and writer
-//! of the robot's socket and the agent's side of the hosts' pipes run. Nothing on it waits for a disk,
-//! a new process or a name: who needs one of these does it elsewhere and sends the result over a
-//! bounded channel.
+//! The driving core: one thread with its own runtime, on which the pilot, the reader and writer of
+//! the robot's socket and the agent's side of the hosts' pipes run. Nothing on it waits for a disk,
+//! a new process or a name lookup: code that needs one of these runs elsewhere and sends the result
+//! over a bounded channel.
 
 use std::io;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -10,13 +10,13 @@ use std::time::Duration;
 use tokio::runtime::{Builder, Handle};
 use tokio_util::sync::CancellationToken;
 
-/// How long the core may take to drop what still runs on it.
+/// How long the core may take to drop its tasks.
 const END: Duration = Duration::from_millis(500);
-/// A helper thread of the runtime is kept for good, so that no later use of one starts a thread.
+/// The runtime's helper thread is never ended, so that a later use does not have to start a thread.
 const HELPER_KEPT: Duration = Duration::from_secs(366 * 86_400);
 
-/// A running driving core. Dropping it drops all that runs on it, the pilot included, whose writer
-/// says its last words.
+/// A running driving core. Dropping it drops all tasks on it, including the pilot, whose writer
+/// sends its last words.
 #[derive(Debug)]
 pub struct DrivingCore {
     handle: Handle,
@@ -28,7 +28,7 @@ impl DrivingCore {
     /// Starts the thread.
     ///
     /// # Errors
-    /// If the system gives no thread or no runtime.
+    /// If the system cannot create the thread or its runtime.
     pub fn start() -> io::Result<DrivingCore> {
         let runtime = Builder::new_current_thread()
             .enable_all()
@@ -37,7 +37,8 @@ impl DrivingCore {
             .build()?;
         let (handle, stop) = (runtime.handle().clone(), CancellationToken::new());
         let (alive, ended) = sync_channel::<()>(1);
-        // A name look-up or the like would start it in the middle of driving.
+        // Starts the helper thread now; otherwise a name lookup or the like would start it while
+        // driving.
         handle.spawn_blocking(|| {});
         let stopped = stop.clone();
         std::thread::Builder::new()
@@ -54,7 +55,7 @@ impl DrivingCore {
         })
     }
 
-    /// Where to spawn what belongs on the core.
+    /// The handle that spawns tasks on the core.
     pub fn handle(&self) -> &Handle {
         &self.handle
     }
@@ -63,7 +64,7 @@ impl DrivingCore {
 impl Drop for DrivingCore {
     fn drop(&mut self) {
         self.stop.cancel();
-        // Ends when the thread has dropped its end of the channel; nothing is ever sent.
+        // Returns when the thread has dropped its end of the channel; nothing is ever sent.
         let _ = self.ended.recv_timeout(END);
     }
 }
@@ -96,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn the_core_goes_on_while_the_thread_that_started_it_waits() {
+    fn the_core_continues_while_the_thread_that_started_it_blocks() {
         let core = DrivingCore::start().unwrap();
         let (tell, told) = sync_channel(1);
         core.handle().spawn(async move {

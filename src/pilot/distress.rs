@@ -1,21 +1,21 @@
-//! What behaviours may still have of the robot while its battery is nearly empty, or the watchdog's
-//! alarm sounds. Motion is no matter of this: the watchdog decides on it.
+//! What behaviours may still use of the robot while its battery is nearly empty, or the watchdog's
+//! alarm sounds. Motion is not affected: the watchdog decides on it.
 
 use crate::robot::channel::Role;
 use crate::safety::Watchdog;
 use crate::wire::{Command, Led, Stream};
 
-/// How bad things are.
+/// The restrictions in force.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Distress {
-    /// Whatever the way home does not need is off: see [`Watchdog::shed`].
+    /// Everything that the way home does not need is off: see [`Watchdog::shed`].
     pub(super) shed: bool,
-    /// Sounds, volume and headlight are the alarm's: see [`Watchdog::alarm_sounds`].
+    /// The alarm controls sounds, volume and headlight: see [`Watchdog::alarm_sounds`].
     pub(super) alarm: bool,
 }
 
 impl Distress {
-    /// By the watchdog's word.
+    /// The restrictions that the watchdog demands.
     pub(super) fn of(watchdog: &Watchdog) -> Distress {
         Distress {
             shed: watchdog.shed(),
@@ -23,9 +23,9 @@ impl Distress {
         }
     }
 
-    /// Whether a command of a behaviour's that is no motion may go out. A rescue behaviour may need the
-    /// headlight to see. Another sound takes the place of the one that plays, so that none may while the
-    /// alarm does.
+    /// Whether a behaviour's command that is not a motion may be sent. A rescue behaviour may need
+    /// the headlight to see. A new sound replaces the one that plays, so none is allowed while the
+    /// alarm sounds.
     pub(super) fn allows(self, role: Role, command: &Command) -> bool {
         match command {
             Command::Led {
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn usually_everything_is_allowed() {
+    fn without_distress_everything_is_allowed() {
         let usual = Distress::default();
         let lights = [led(Led::Flash), led(Led::Left), Command::StopSound];
         for command in sounds().iter().chain(&lights) {
@@ -82,7 +82,7 @@ mod tests {
     }
 
     #[test]
-    fn while_the_alarm_sounds_nobody_silences_it() {
+    fn no_role_can_silence_the_alarm() {
         for role in [Role::Behaviour, Role::Rescuer] {
             for command in sounds().iter().chain(&[Command::StopSound]) {
                 assert!(!ALARM.allows(role, command), "{command:?}");
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_nearly_empty_battery_nobody_has_lights_and_sounds() {
+    fn with_a_nearly_empty_battery_lights_and_sounds_are_refused() {
         for role in [Role::Behaviour, Role::Rescuer] {
             for command in sounds().iter().chain(&[led(Led::Left), led(Led::Right)]) {
                 assert!(!EMPTY.allows(role, command), "{command:?}");
@@ -106,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rescuer_alone_sees_to_the_end() {
+    fn only_the_rescuer_keeps_the_camera() {
         for distress in [EMPTY, ALARM] {
             assert!(distress.streams(Role::Rescuer, Stream::Video));
             assert!(distress.allows(Role::Rescuer, &led(Led::Flash)));

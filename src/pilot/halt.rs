@@ -1,6 +1,6 @@
-//! A person's STOP: while it holds, nothing that moves the robot goes out, even for a watchdog
-//! that sends a robot with a low battery home included. It holds until a person lets go, through lost
-//! links and to the last word.
+//! A person's STOP: while it is on, no command that moves the robot is sent, not even when the
+//! watchdog would send a robot with a low battery home. It stays on until a person releases it,
+//! across lost links, and also applies to the last words.
 
 use std::time::Duration;
 
@@ -12,16 +12,16 @@ use super::lost::LinkLost;
 use crate::safety::Fact;
 use crate::wire::{Command, Engage};
 
-/// What is said when it begins: the tracks rest, and a search ends.
+/// The commands that begin it: the tracks stop, and a search ends.
 const STOP: [Command; 2] = [Command::STOP, Command::Engine(Engage::CancelDock)];
-/// Who says STOP again and again is heard so often.
+/// The shortest interval between repeated STOPs that are sent.
 const AGAIN: Duration = Duration::from_millis(200);
 
-/// See the module.
+/// The state of a person's STOP; see the module.
 #[derive(Debug, Default)]
 pub(super) struct Halt {
     on: bool,
-    /// When it was said last.
+    /// When it was last sent.
     said: Option<Instant>,
 }
 
@@ -32,7 +32,7 @@ impl Halt {
 }
 
 impl Pilot {
-    /// Begins it, or lets go.
+    /// Sets or releases it.
     pub(super) fn halt(&mut self, on: bool) -> Result<(), LinkLost> {
         let was = std::mem::replace(&mut self.halt.on, on);
         match (was, on) {
@@ -49,7 +49,8 @@ impl Pilot {
             }
             (true, false) => {
                 warn!("released by a person: the robot may move again");
-                // What the watchdog believes was never said: it begins anew, with a stop.
+                // The robot's state differs from what the watchdog assumes: it starts over, with a
+                // stop.
                 self.take(Fact::Suspended)
             }
             (false, false) => Ok(()),
@@ -61,7 +62,8 @@ impl Pilot {
         self.send(&STOP)
     }
 
-    /// What of some commands may go out.
+    /// The commands to send instead of these: while the STOP is on, each MOVE becomes a stop, and
+    /// docking and undocking are dropped.
     pub(super) fn held(&self, commands: &[Command]) -> Vec<Command> {
         let still = |command: &Command| match command {
             Command::Move { .. } => Some(Command::STOP),

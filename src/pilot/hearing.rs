@@ -1,5 +1,5 @@
-//! What the pilot does with what comes over the line: a login, reports, the loss of the link. A
-//! function that fails with [`LinkLost`] has found that the link is lost.
+//! Handles what comes over the line: a login, reports, the loss of the link. A function fails with
+//! [`LinkLost`] when it finds that the link is lost.
 
 use bytes::Bytes;
 use tokio::time::Instant;
@@ -71,7 +71,7 @@ impl Pilot {
         self.sound_alarm()
     }
 
-    /// What a behaviour must know of a robot that is connected.
+    /// The events that tell a behaviour the state of a connected robot.
     pub(super) fn welcome(&self) -> Vec<Event> {
         let (Some(info), Some(battery)) = (&self.info, self.watchdog.battery()) else {
             return vec![];
@@ -99,16 +99,18 @@ impl Pilot {
             Report::Audio(samples) => self.seats.tell_audience(&Event::Audio(samples)),
             Report::SoundFinished => self.seats.tell_all(&Event::SoundFinished),
             Report::Unknown(packet) => self.say_unknown(packet.kind),
-            Report::Accepted(_) | Report::Refused(_) => debug!("a login's answer out of turn"),
+            Report::Accepted(_) | Report::Refused(_) => debug!("unexpected login reply"),
             Report::Config(_) | Report::Networks(_) | Report::Log(_) => {}
         }
         lost
     }
 
-    // Events go to behaviours before the answers that they cause: an answer to a waiting call must not
-    // overtake the event that ended the call. Telling never waits, so nothing is delayed.
+    // Events go to behaviours before the answers that they cause: an answer to a waiting call must
+    // not overtake the event that ended the call. Sending an event never blocks, so nothing is
+    // delayed.
 
-    /// Takes a fact that may change what is believed of the battery, and tells of such a change.
+    /// Takes in a fact that may change what is believed of the battery, and publishes such a
+    /// change.
     fn learn(&mut self, fact: Fact) -> Result<(), LinkLost> {
         let before = self.watchdog.battery();
         let acts = self.watchdog.take(fact, Instant::now());
@@ -138,7 +140,7 @@ impl Pilot {
         self.learn(Fact::Engine(report))
     }
 
-    /// Puts a frame into the slot of the newest one, unread: its readers validate it.
+    /// Puts a frame into the slot of the newest one without decoding it: its readers validate it.
     fn frame(&mut self, jpeg: Bytes) {
         let (at, mut seq) = (Instant::now(), 0);
         self.status.send_if_modified(|status| {
@@ -159,7 +161,7 @@ impl Pilot {
         self.seats.show_all();
     }
 
-    /// A robot may be away for weeks.
+    /// Logs each reason at long intervals: a robot may be out of reach for weeks.
     fn say_failed(&mut self, error: &str) {
         match self.failed.note(error.to_owned(), Instant::now()) {
             Some(0) => warn!("still not connected: {error}"),
@@ -168,7 +170,7 @@ impl Pilot {
         }
     }
 
-    /// A broken robot, or one that only claims to be one, may say the same a thousand times a second.
+    /// Limits the log: a broken or faked robot may repeat a report a thousand times a second.
     fn say_engine(&mut self, report: EngineReport) {
         let said = match report {
             EngineReport::Unknown(code) => {
@@ -196,7 +198,7 @@ impl Pilot {
     }
 }
 
-/// Unknown values: one of each is logged a minute.
+/// A kind of unknown value: each is logged once a minute.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum UnknownKind {
     Message(u8),

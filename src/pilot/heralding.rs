@@ -1,4 +1,4 @@
-//! What the pilot publishes on the bus. Nothing here waits for a listener.
+//! Publishes on the bus. Nothing here waits for a listener.
 
 use super::{Pilot, Status};
 use crate::robot::{BehaviourId, DockEnd, Event, Occurrence, RobotInfo};
@@ -27,8 +27,8 @@ impl Pilot {
         }
     }
 
-    /// Of an undocking that was tried; one that was refused is no event, and a script may ask for a
-    /// thousand of these.
+    /// Publishes an undocking that was tried; a refused one is not published, since a script may
+    /// request thousands of them.
     pub(super) fn herald_answer(&self, by: BehaviourId, event: &Event) {
         let Event::UndockEnded { end, .. } = event else {
             return;
@@ -52,7 +52,7 @@ impl Pilot {
         });
     }
 
-    /// If the watchdog is at something else than when the status was told last.
+    /// Publishes the watchdog's state if it differs from that in the last status.
     pub(super) fn herald_status(&self, newest: &Status) {
         let before = *self.status.borrow();
         let essence = |status: &Status| (status.safety, status.low, status.docked);

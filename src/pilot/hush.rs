@@ -1,9 +1,9 @@
-//! Quiet hours: what the robot is not told while they last. Motion is no matter of this.
+//! Quiet hours: which commands are withheld from the robot meanwhile. Motion is not affected.
 
 use crate::robot::channel::{Quiet, Role};
 use crate::wire::{Command, Led};
 
-/// What is kept from the robot.
+/// The rule for quiet hours.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Hush(Quiet);
 
@@ -12,18 +12,19 @@ impl Hush {
         Hush(quiet)
     }
 
-    /// Whether a command of a behaviour's may go out. A rescue behaviour may need the headlight to see
-    /// the way home, and a person knows what time it is.
+    /// Whether a behaviour's command may be sent. A rescue behaviour may need the headlight to see
+    /// the way home, and a person who sends commands knows what time it is.
     pub(super) fn allows(self, role: Role, command: &Command) -> bool {
         self.0 == Quiet::Off || role != Role::Behaviour || !disturbs(command)
     }
 
-    /// Whether a command of the watchdog's, or of the alarm, may go out.
+    /// Whether a command of the watchdog, or of the alarm, may be sent.
     pub(super) fn allows_alarm(self, command: &Command) -> bool {
         self.0 != Quiet::WithAlarm || !disturbs(command)
     }
 
-    /// What ends the noise when quiet hours begin; `alarm`: it sounds just now.
+    /// The commands that end the noise when quiet hours begin; `alarm`: the alarm sounds at
+    /// present.
     pub(super) fn beginning(self, alarm: bool) -> &'static [Command] {
         const SILENCE: &[Command] = &[
             Command::StopSound,
@@ -40,7 +41,7 @@ impl Hush {
     }
 }
 
-/// Whether people wake up of it.
+/// Whether a command could wake people.
 fn disturbs(command: &Command) -> bool {
     match command {
         Command::Play(_) | Command::Audio(_) => true,
@@ -65,7 +66,7 @@ mod tests {
     ];
 
     #[test]
-    fn quiet_hours_keep_sounds_and_headlight_from_scripts_and_motion_from_nobody() {
+    fn quiet_hours_withhold_sounds_and_headlight_from_scripts_but_no_motion() {
         for quiet in [Quiet::Scripts, Quiet::WithAlarm] {
             let hush = Hush::new(quiet);
             let scripts = |command: &Command| hush.allows(Role::Behaviour, command);

@@ -1,4 +1,4 @@
-//! The last words: what the writer, the line and the guardian say to the robot if everything else dies.
+//! The last words: what the writer, the line and the guardian send to the robot if the agent dies.
 
 use super::Pilot;
 use super::line::Line;
@@ -7,7 +7,8 @@ use crate::link::Writer;
 use crate::wire::Command;
 
 impl Pilot {
-    /// Leaves with the writer and the line what is to be said if everything else dies.
+    /// Deposits the current last words with the writer, the line and the guardian; a released line
+    /// stops dialling.
     pub(super) fn deposit(&mut self, line: &mut Line) {
         line.set_last_words(self.renew_last_words());
         line.rest(self.released);
@@ -16,7 +17,7 @@ impl Pilot {
         }
     }
 
-    /// What is to be said if everything else dies; the writer, if there is one, knows it from now on.
+    /// Returns the current last words and deposits them with the writer, if there is one.
     pub(super) fn renew_last_words(&mut self) -> Vec<Command> {
         let last_words = self.held(&self.watchdog.last_words().commands());
         if let Some(writer) = &mut self.writer {
@@ -25,7 +26,7 @@ impl Pilot {
         last_words
     }
 
-    /// From now on the guardian holds the new link's last words.
+    /// Gives the new link and its last words to the guardian.
     pub(super) fn guard(&mut self) {
         let guardian = self.pulse.as_mut().and_then(Pulse::guardian);
         let socket = self.writer.as_ref().and_then(Writer::socket);
@@ -34,7 +35,7 @@ impl Pilot {
         }
     }
 
-    /// The link is closed and its last words are said.
+    /// Tells the guardian that the link is closed and its last words were sent.
     pub(super) fn release_guard(&mut self) {
         if let Some(guardian) = self.pulse.as_mut().and_then(Pulse::guardian) {
             guardian.release();
@@ -42,7 +43,7 @@ impl Pilot {
     }
 }
 
-/// Has the guardian hold what this writer would say last.
+/// Gives the guardian the data that this writer would send last.
 pub(super) fn tell_guardian(pulse: &mut Option<Pulse>, writer: &Writer) {
     if let Some(guardian) = pulse.as_mut().and_then(Pulse::guardian) {
         let (half_out, words) = writer.last_words();

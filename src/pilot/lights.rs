@@ -1,4 +1,4 @@
-//! What the robot was told about its lights and volume, so that only changes are sent.
+//! The last known state of the robot's lights and volume, so that only changes are sent.
 
 use tracing::info;
 
@@ -12,12 +12,12 @@ pub(super) struct Lights {
 }
 
 impl Lights {
-    /// Another login: nothing is known.
+    /// Forgets the state, after a new login.
     pub(super) fn forget(&mut self) {
         *self = Lights::default();
     }
 
-    /// Whether a command changes anything. Sounds always do.
+    /// Whether a command changes the known state. Sounds always do.
     pub(super) fn is_news(&self, command: &Command) -> bool {
         match *command {
             Command::Led { led, on } => !self.leds.contains(&(led, on)),
@@ -26,7 +26,8 @@ impl Lights {
         }
     }
 
-    /// The commands after which all is dark and silent, but for what the alarm needs if it sounds.
+    /// The commands that switch lights and sounds off, except for what the alarm needs if it
+    /// sounds.
     pub(super) fn off(&self, alarm: bool) -> Vec<Command> {
         let sound = (!alarm).then_some(Command::StopSound);
         let lights = [Led::Left, Led::Right, Led::Flash].into_iter();
@@ -38,7 +39,7 @@ impl Lights {
             .collect()
     }
 
-    /// Writes into the log what of a command a person would see and hear beside a robot.
+    /// Logs the changes that a person beside the robot would see and hear.
     pub(super) fn tell(&self, command: &Command) {
         match *command {
             Command::Led { led, on } if self.is_news(command) => {
@@ -51,8 +52,8 @@ impl Lights {
         }
     }
 
-    /// A command goes out. Some sounds switch lights too, so that the lights are unknown afterwards
-    /// (`PROTOCOL.md`, PLAY).
+    /// Notes a command that is sent. Some sounds also switch lights, so that the lights are unknown
+    /// afterwards (`PROTOCOL.md`, PLAY).
     pub(super) fn note(&mut self, command: &Command) {
         match *command {
             Command::Led { led, on } => {
@@ -72,7 +73,7 @@ mod tests {
     use crate::wire::Sound;
 
     #[test]
-    fn only_changes_are_news_and_a_sound_makes_lights_unknown() {
+    fn only_changes_count_and_a_sound_makes_lights_unknown() {
         let mut lights = Lights::default();
         let mut news = |command: Command| {
             let news = lights.is_news(&command);
@@ -93,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_switched_off_is_whatever_may_be_on_but_for_the_alarm() {
+    fn switching_off_covers_all_lights_and_sounds_but_those_of_the_alarm() {
         let dark = |led| Command::Led { led, on: false };
         let mut lights = Lights::default();
         lights.note(&dark(Led::Left));
@@ -103,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_not_sent_stays_news() {
+    fn an_unsent_command_still_counts_as_a_change() {
         let lights = Lights::default();
         assert!(lights.is_news(&Command::Volume(3)));
         assert!(lights.is_news(&Command::Volume(3)));

@@ -1,4 +1,4 @@
-//! The reading end of the link through all its lives: dialling, open, lost, pausing, dialling.
+//! The read half of the link in all its states: connecting, connected, ending, pausing.
 
 use std::future::Future;
 use std::net::SocketAddr;
@@ -15,12 +15,12 @@ use crate::wire::{Accepted, Command, Power, Report};
 
 type Dialling = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
 
-/// How long the last words of a link that is given up may take to arrive.
+/// How long the last words of an ended link may take to be acknowledged.
 const PARTING: Duration = Duration::from_millis(500);
 
 type Parting = Pin<Box<dyn Future<Output = Delivery> + Send>>;
 
-/// Makes one try to connect and log in, over whatever transport, with these last words (see
+/// Makes one attempt to connect and log in, over any transport, with these last words (see
 /// [`connect`](crate::link::connect)).
 pub type Dial = Box<dyn FnMut(Vec<Command>) -> Dialling + Send>;
 
@@ -33,27 +33,27 @@ pub(super) struct Greeting {
     pub(super) writer: Writer,
 }
 
-/// What happens on the line.
+/// An event of the line.
 pub(super) enum LinkEvent {
     /// Connected and logged in.
     Up(Box<Greeting>),
     /// Something from the robot.
     Received(Received),
-    /// An open link is gone.
+    /// An open link is lost.
     Lost(LinkError),
-    /// A try has failed; another will be made.
+    /// An attempt has failed; another will be made.
     Failed(LinkError),
 }
 
 enum State {
-    /// The last words are on their way.
+    /// The last words are being delivered.
     Parting(Parting),
     Pausing(Pin<Box<Sleep>>),
     Dialling(Dialling),
     Up(Reader),
 }
 
-/// See the module.
+/// The line; see the module.
 pub(super) struct Line {
     dial: Dial,
     state: State,
@@ -64,7 +64,7 @@ pub(super) struct Line {
 }
 
 impl Line {
-    /// Begins to dial at once.
+    /// Begins to connect at once.
     pub(super) fn new(
         mut dial: Dial,
         options: &Options,
@@ -82,7 +82,7 @@ impl Line {
         }
     }
 
-    /// While it rests it dials no robot; an open link stays open.
+    /// Pauses or resumes attempts to connect; an open link stays open.
     pub(super) fn rest(&mut self, rest: bool) {
         if rest == self.resting {
             return;
@@ -94,7 +94,7 @@ impl Line {
         }
     }
 
-    /// For the logins that begin from now on.
+    /// Sets the last words for attempts to connect that begin from now on.
     pub(super) fn set_last_words(&mut self, last_words: Vec<Command>) {
         self.last_words = last_words;
     }
@@ -104,7 +104,7 @@ impl Line {
         loop {
             match &mut self.state {
                 State::Parting(parting) => {
-                    debug!("at a link's end: {}", parting.await);
+                    debug!("at the end of a link: {}", parting.await);
                     self.redial();
                     continue;
                 }
@@ -135,7 +135,7 @@ impl Line {
         }
     }
 
-    /// Lets go of an open link whose last words are with its writer, and dials anew after a pause.
+    /// Ends an open link whose last words are with its writer, and reconnects after a pause.
     pub(super) fn hang_up(&mut self, writer: Option<Writer>) {
         let none: Parting = Box::pin(std::future::ready(Delivery::Offline));
         match (

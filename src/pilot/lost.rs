@@ -1,8 +1,8 @@
-//! Why a link is lost, or was never there.
+//! Why a link is lost, or could not be established.
 
 use crate::link::LinkError;
 
-/// The link is of no use any more: hang up and connect anew.
+/// The link is unusable: close it and reconnect.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub(super) struct LinkLost {
@@ -10,7 +10,7 @@ pub(super) struct LinkLost {
 }
 
 impl LinkLost {
-    /// For a reason that is no [`LinkError`].
+    /// For a reason that is not a [`LinkError`].
     pub(super) fn because(reason: impl Into<String>) -> LinkLost {
         let reason = reason.into();
         LinkLost { reason }
@@ -23,13 +23,13 @@ impl From<LinkError> for LinkLost {
     }
 }
 
-/// What an event of the link can end.
+/// The error of a link event, by what it ends.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum HearError {
     /// The link.
     #[error(transparent)]
     Lost(#[from] LinkLost),
-    /// The run: the very first connection has failed, and a person is there to read it.
+    /// The run: the very first connection has failed, and a person can read the error.
     #[error(transparent)]
     First(LinkError),
 }

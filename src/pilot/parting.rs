@@ -15,7 +15,7 @@ use crate::robot::Event;
 use crate::safety::Fact;
 
 impl Pilot {
-    /// The link is gone: the last words are tried without waiting, and the line sees to them.
+    /// Handles a lost link: the last words are tried without blocking, and the line completes them.
     pub(super) fn lose(&mut self, lost: &LinkLost, line: &mut Line) {
         self.deposit(line);
         let Some(mut writer) = self.writer.take() else {
@@ -29,7 +29,7 @@ impl Pilot {
             warn!("disconnected: {lost}; reconnecting")
         }
         let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
-        // Without a link nothing is sent, so nothing can fail.
+        // Without a link nothing is sent, so this cannot fail.
         let _ = self.perform(acts);
         self.release_guard();
         let reason = lost.to_string();
@@ -37,7 +37,8 @@ impl Pilot {
         self.seats.tell_all(&Event::Disconnected { reason });
     }
 
-    /// The last words, streams off, and closed when that has arrived.
+    /// Sends the last words, switches the streams off, and closes the link when that has been
+    /// acknowledged.
     pub(super) async fn close(mut self, mut line: Line) -> Delivery {
         let parting = self.take(Fact::Parting);
         let off = self.seats.streams_off();
@@ -56,14 +57,14 @@ impl Pilot {
             Delivery::Offline if self.info.is_none() => debug!("never connected"),
             Delivery::NotAcknowledged { .. } | Delivery::Offline => warn!("{delivery}"),
         }
-        // What has not arrived yet is the guardian's, which says it again.
+        // What has not been acknowledged is left to the guardian, which sends its last words.
         if delivery == Delivery::Acknowledged {
             self.release_guard();
         }
         delivery
     }
 
-    /// The guardian has nothing to do yet.
+    /// Keeps the heartbeat going during `work`, so that the guardian does not act yet.
     pub(super) async fn beat_during<T>(&mut self, work: impl Future<Output = T>) -> T {
         let mut work = pin!(work);
         loop {

@@ -1,5 +1,6 @@
-//! The heartbeat of the driving core. The guardian hears it; and a beat that comes far too late tells
-//! that this program was stopped or the whole machine was asleep, so that nothing old may be repeated.
+//! The heartbeat of the driving core, which the guardian monitors. A beat that comes far too late
+//! shows that this program was stopped or the whole machine was suspended, so that nothing old may
+//! be repeated.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,23 +11,23 @@ use tokio::time::Instant;
 
 use crate::guardian::{BEAT, Guardian};
 
-/// A gap that no busy machine makes: the program slept.
+/// A gap that a busy machine does not cause: the program was suspended.
 const SLEPT: Duration = Duration::from_secs(1);
 
-/// See the module.
+/// The heartbeat; see the module.
 #[derive(Debug)]
 pub struct Pulse {
     guardian: Option<Guardian>,
-    /// Told of each beat.
+    /// Notified of each beat.
     heard: Option<Arc<Notify>>,
     due: Instant,
-    /// When the pilot was last seen awake, by a clock that goes on while the machine sleeps; `None`
-    /// before the first beat, since a run may take its time to begin.
+    /// When the pilot was last seen awake, by a clock that also runs while the machine is
+    /// suspended; `None` before the first beat, since a run may take a while to begin.
     awake: Option<Duration>,
 }
 
 impl Pulse {
-    /// Of a pilot in real time; `None`: this run has no guardian.
+    /// The heartbeat of a pilot in real time; `None`: this run has no guardian.
     pub fn new(guardian: Option<Guardian>) -> Pulse {
         Pulse {
             guardian,
@@ -36,14 +37,14 @@ impl Pulse {
         }
     }
 
-    /// Each beat is published here too, for supervisors of the driving core.
+    /// Also notifies `heard` of each beat, for supervisors of the driving core.
     #[must_use]
     pub fn heard_by(mut self, heard: Arc<Notify>) -> Pulse {
         self.heard = Some(heard);
         self
     }
 
-    /// The process that stops the robot when this one cannot.
+    /// The guardian: the process that stops the robot when this one cannot.
     pub(super) fn guardian(&mut self) -> Option<&mut Guardian> {
         self.guardian.as_mut()
     }
@@ -53,7 +54,7 @@ impl Pulse {
         self.due
     }
 
-    /// Beats if it is time, and says how long the program slept, if it did.
+    /// Beats if it is time, and returns how long the program was suspended, if it was.
     pub(super) fn beat(&mut self, now: Instant) -> Option<Duration> {
         if self.due <= now {
             self.due = now + BEAT;
@@ -73,7 +74,7 @@ impl Pulse {
     }
 }
 
-/// Since the machine was started, its sleep included.
+/// The time since the machine was started, including suspension.
 fn boot_time() -> Duration {
     let time = clock_gettime(ClockId::Boottime);
     Duration::try_from(time).unwrap_or_default()
@@ -84,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_run_that_takes_long_to_begin_has_not_slept() {
+    fn a_slow_start_is_not_a_sleep() {
         let mut pulse = Pulse::new(None);
         let loaded = boot_time() + Duration::from_secs(5);
         assert_eq!(pulse.see_awake(loaded), None);

@@ -1,7 +1,7 @@
-//! How long it takes from a frame to the track command that a behaviour makes of it. Counted in the
-//! pilot, where both pass: a frame that has come notes the time, and the first MOVE after it that a
-//! behaviour asked for takes that time off. Counters without a lock: reading them blocks neither
-//! the reader nor the pilot.
+//! Measures the time from a frame to the track command that a behaviour derives from it. Counted in
+//! the pilot, which handles both: a complete frame sets the start, and the first MOVE after it that
+//! a behaviour asked for sets the end. The counters need no lock: reading them blocks neither the
+//! reader nor the pilot.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -11,10 +11,10 @@ use tokio::time::Instant;
 
 use crate::wire::Command;
 
-/// Upper ends of the buckets, in milliseconds; beyond the last there is one more.
+/// Upper bounds of the buckets, in milliseconds; one more bucket follows the last.
 const BOUNDS: [u64; 12] = [1, 2, 4, 6, 10, 15, 25, 50, 100, 200, 500, 1000];
 
-/// How often it took how long. Cheap to clone; all clones are one.
+/// A histogram of reaction times. Cheap to clone; all clones share their counters.
 #[derive(Debug, Clone, Default)]
 pub struct Reactions(Arc<Counts>);
 
@@ -24,15 +24,15 @@ struct Counts {
     micros: AtomicU64,
 }
 
-/// All that was counted so far.
+/// All reactions counted so far.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tally {
-    /// The upper end of each bucket in seconds, and how many fell into it and into none below; the last
-    /// has no end.
+    /// The upper bound of each bucket in seconds, and the number of reactions in it but in no lower
+    /// one; the last bucket is unbounded.
     pub buckets: Vec<(f64, u64)>,
-    /// Of all together, in seconds.
+    /// The sum of all reaction times, in seconds.
     pub sum: f64,
-    /// Of all together.
+    /// The number of reactions.
     pub count: u64,
 }
 
@@ -44,7 +44,7 @@ impl Reactions {
         self.0.micros.fetch_add(micros, Ordering::Relaxed);
     }
 
-    /// As it is now; what is counted meanwhile may be in a part of it.
+    /// A snapshot; a reaction that is counted meanwhile may be included in part.
     pub fn tally(&self) -> Tally {
         let counts = self
             .0
@@ -61,28 +61,28 @@ impl Reactions {
     }
 }
 
-/// The pilot's side.
+/// The pilot's measuring side.
 #[derive(Debug, Default)]
 pub(super) struct Stopwatch {
     pub(super) reactions: Reactions,
     /// When the newest frame came that no MOVE has followed yet.
     frame: Option<Instant>,
-    /// A behaviour's wish for motion is served just now.
+    /// Whether a behaviour's motion request is being served.
     asked: bool,
 }
 
 impl Stopwatch {
-    /// A frame is there, its last byte included.
+    /// Notes a complete frame.
     pub(super) fn frame(&mut self, at: Instant) {
         self.frame = Some(at);
     }
 
-    /// A behaviour's wish for motion is served from now on, or is served.
+    /// Notes that serving a behaviour's motion request begins or ends.
     pub(super) fn serving(&mut self, asked: bool) {
         self.asked = asked;
     }
 
-    /// These were given to the system.
+    /// Notes commands that were handed to the system.
     pub(super) fn wrote(&mut self, commands: &[Command], now: Instant) {
         let moves = |command: &Command| matches!(command, Command::Move { .. });
         if !self.asked || !commands.iter().any(moves) {
@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(
             watch.reactions.tally().count,
             0,
-            "a repeated setpoint is no reaction"
+            "a repeated setpoint is not a reaction"
         );
         watch.frame(after(10));
         watch.serving(true);
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn what_takes_very_long_is_in_the_last_bucket() {
+    fn a_very_long_reaction_is_in_the_last_bucket() {
         let reactions = Reactions::default();
         reactions.note(Duration::from_secs(5));
         reactions.note(Duration::from_millis(1));

@@ -1,4 +1,4 @@
-//! The behaviours aboard: who is told what, and which streams they want.
+//! The behaviours aboard: which events each receives, and which streams they want.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -22,7 +22,7 @@ struct Seat {
 }
 
 impl Seat {
-    /// Says that commands were dropped, when that is worth a word.
+    /// Logs that commands were dropped, at growing intervals.
     fn complain(&self) {
         if let Some(count) = self.throttle.complaint() {
             let behaviour = &self.name;
@@ -34,18 +34,18 @@ impl Seat {
     }
 }
 
-/// All behaviours aboard.
+/// The seats of all behaviours aboard.
 #[derive(Debug, Default)]
 pub(super) struct Seats {
     seats: BTreeMap<BehaviourId, Seat>,
     streaming: BTreeSet<Stream>,
     usage: Streams,
-    /// `None` before the first command.
+    /// The limit for all behaviours together; `None` before the first command.
     together: Option<Together>,
 }
 
 impl Seats {
-    /// Empty; the streams are used so.
+    /// Begins empty, with this use of the streams.
     pub(super) fn new(usage: Streams) -> Seats {
         Seats {
             usage,
@@ -53,7 +53,7 @@ impl Seats {
         }
     }
 
-    /// A behaviour comes aboard and hears how things stand.
+    /// Adds a behaviour and sends it the current state.
     pub(super) fn join(
         &mut self,
         by: BehaviourId,
@@ -77,13 +77,13 @@ impl Seats {
         );
     }
 
-    /// Whether a behaviour may have this of the robot as things stand.
+    /// Whether the present distress allows a behaviour this command.
     pub(super) fn allows(&self, by: BehaviourId, command: &Command, distress: Distress) -> bool {
         let seat = self.seats.get(&by);
         seat.is_some_and(|seat| distress.allows(seat.role, command))
     }
 
-    /// Whether a behaviour may send one more command that is no motion.
+    /// Whether a behaviour may send one more command that is not a motion.
     pub(super) fn admits(&mut self, by: BehaviourId, command: &Command, now: Instant) -> bool {
         let Some(seat) = self.seats.get_mut(&by) else {
             return false;
@@ -100,7 +100,8 @@ impl Seats {
         true
     }
 
-    /// What was within a behaviour's own share is beyond that of all, or of the line to the robot.
+    /// Counts a command that was within the behaviour's own share, but beyond that of all
+    /// behaviours or of the link.
     pub(super) fn refuse(&mut self, by: BehaviourId) {
         if let Some(seat) = self.seats.get_mut(&by) {
             seat.throttle.refuse();
@@ -108,19 +109,19 @@ impl Seats {
         }
     }
 
-    /// A behaviour is no more.
+    /// Removes a behaviour that has ended.
     pub(super) fn leave(&mut self, by: BehaviourId) {
         self.seats.remove(&by);
     }
 
-    /// Has a behaviour ended; from now on nothing it asks is heard.
+    /// Has a behaviour's host ended; from now on its requests are ignored.
     pub(super) fn kill(&mut self, by: BehaviourId, reason: EndReason) {
         if let Some(seat) = self.seats.remove(&by) {
             seat.events.kill(reason);
         }
     }
 
-    /// What a behaviour is there for; `None` if it is not aboard.
+    /// A behaviour's role; `None` if it is not aboard.
     pub(super) fn role(&self, by: BehaviourId) -> Option<Role> {
         self.seats.get(&by).map(|seat| seat.role)
     }
@@ -135,7 +136,7 @@ impl Seats {
         self.seats.get(&by).map(|seat| seat.name.as_str())
     }
 
-    /// The behaviours aboard, persons left out.
+    /// The behaviours aboard, without persons.
     pub(super) fn aboard(&self) -> Vec<Aboard> {
         let behaviours = self.seats.values();
         behaviours
@@ -147,38 +148,38 @@ impl Seats {
             .collect()
     }
 
-    /// Tells one behaviour.
+    /// Sends an event to one behaviour.
     pub(super) fn tell(&mut self, by: BehaviourId, event: Event) {
         if let Some(seat) = self.seats.get_mut(&by) {
             seat.events.tell(event);
         }
     }
 
-    /// Tells every behaviour that there is a newer picture.
+    /// Notifies every behaviour of a newer picture.
     pub(super) fn show_all(&self) {
         self.seats.values().for_each(|seat| seat.events.show());
     }
 
-    /// Tells every behaviour.
+    /// Sends an event to every behaviour.
     pub(super) fn tell_all(&mut self, event: &Event) {
         self.seats
             .values_mut()
             .for_each(|seat| seat.events.tell(event.clone()));
     }
 
-    /// Tells the behaviours that listen to the microphone.
+    /// Sends an event to the behaviours that want the microphone.
     pub(super) fn tell_audience(&mut self, event: &Event) {
         let listens = |seat: &&mut Seat| seat.streams.contains(&Stream::AudioIn);
         let audience = self.seats.values_mut().filter(listens);
         audience.for_each(|seat| seat.events.tell(event.clone()));
     }
 
-    /// Tells every behaviour how things stand after a login.
+    /// Sends every behaviour the state after a login.
     pub(super) fn welcome_all(&mut self, welcome: &[Event]) {
         welcome.iter().for_each(|event| self.tell_all(event));
     }
 
-    /// A behaviour wants a stream, or no longer.
+    /// Notes that a behaviour wants a stream, or no longer wants it.
     pub(super) fn want(&mut self, by: BehaviourId, stream: Stream, on: bool) {
         let Some(seat) = self.seats.get_mut(&by) else {
             return;
@@ -200,7 +201,7 @@ impl Seats {
         self.usage.usage(stream) == Use::Off
     }
 
-    /// What may be on of the streams that behaviours, or the config, want.
+    /// The streams that behaviours or the config want and that may be on.
     fn wanted(&self, distress: Distress) -> BTreeSet<Stream> {
         let always = self.usage.used(Use::On);
         let always = always.map(|stream| (Role::Behaviour, stream));
@@ -214,8 +215,8 @@ impl Seats {
             .collect()
     }
 
-    /// The commands that make the robot's streams what is wanted and may be; after a login (`anew`)
-    /// the robot streams nothing.
+    /// The commands that switch the robot's streams to those wanted; after a login (`anew`) all
+    /// streams of the robot are off.
     pub(super) fn stream_changes(&mut self, anew: bool, distress: Distress) -> Vec<Command> {
         if anew {
             self.streaming.clear();
@@ -291,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_that_must_stay_off_does_and_one_from_the_start_is_on_to_the_end() {
+    fn a_forbidden_stream_stays_off_and_an_unconditional_one_is_on_to_the_end() {
         let mut seats = Seats::new(Streams {
             video: Use::On,
             audio_in: Use::Off,
@@ -314,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_nearly_empty_battery_the_camera_is_the_rescuers() {
+    fn with_a_nearly_empty_battery_only_the_rescuer_has_the_camera() {
         let empty = Distress {
             shed: true,
             ..USUAL
@@ -343,7 +344,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_killed_behaviour_is_heard_no_more() {
+    async fn requests_of_a_killed_behaviour_are_ignored() {
         let mut seats = Seats::default();
         let (events, mut inbox) = events();
         seats.join(

@@ -1,5 +1,5 @@
-//! What the pilot does with what behaviours ask: motion goes to the watchdog, lights, sounds and
-//! streams to the robot if they change anything. Each function fails if the link is lost.
+//! Serves the behaviours' requests: motion goes to the watchdog; lights, sounds and streams go to
+//! the robot if they change anything. Each function fails if the link is lost.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use crate::robot::{BehaviourId, CallId, DockEnd, Event, Intent, Priority};
 use crate::safety::{ALARM, Fact};
 use crate::wire::{Command, Engage, Stream};
 
-/// When streams are switched that a behaviour switches faster than it may.
+/// The delay for streams that a behaviour switches faster than allowed.
 const STREAMS_LATER: Duration = Duration::from_millis(100);
 
 impl Pilot {
@@ -30,7 +30,7 @@ impl Pilot {
                 events,
             } => {
                 let mut welcome = self.welcome();
-                // The last of them is that it is connected.
+                // `Connected` must stay the last event.
                 welcome.insert(0, Event::Moving { on: self.moving });
                 self.seats.join(by, name, priority, role, events, &welcome);
                 if role == Role::Rescuer {
@@ -57,7 +57,7 @@ impl Pilot {
             }
             Request::Crew(tell) => {
                 let (robot, aboard) = (self.info.clone(), self.seats.aboard());
-                // The asker may have given up.
+                // The receiver may be gone.
                 let _ = tell.send(Crew { robot, aboard });
                 Ok(())
             }
@@ -128,7 +128,7 @@ impl Pilot {
         Ok(())
     }
 
-    /// Sends a light or a sound if it changes anything and the behaviour may have it.
+    /// Sends a light or a sound if it changes anything and the behaviour is allowed to.
     fn signal(&mut self, by: BehaviourId, command: Command) -> Result<(), LinkLost> {
         if !self.allows(by, &command)
             || !self.lights.is_news(&command)
@@ -140,14 +140,14 @@ impl Pilot {
         self.send(&[command])
     }
 
-    /// Whether a behaviour may have lights and sounds as things stand.
+    /// Whether the current state allows a behaviour this light or sound.
     fn allows(&self, by: BehaviourId, command: &Command) -> bool {
         let distress = Distress::of(&self.watchdog);
         let role = self.seats.role(by).unwrap_or_default();
         self.hush.allows(role, command) && self.seats.allows(by, command, distress)
     }
 
-    /// Quiet hours begin or end.
+    /// Begins or ends quiet hours.
     fn hush(&mut self, quiet: Quiet) -> Result<(), LinkLost> {
         let hush = Hush::new(quiet);
         if std::mem::replace(&mut self.hush, hush) == hush {
@@ -161,7 +161,7 @@ impl Pilot {
         self.send(noise)
     }
 
-    /// Lets go of the link, or dials again: see [`Request::Release`].
+    /// Releases the link, or reconnects: see [`Request::Release`].
     fn release(&mut self, release: bool) -> Result<(), LinkLost> {
         let away = self.watchdog.low().is_some() && !self.watchdog.docked();
         let busy = away || !self.seats.aboard().is_empty();
@@ -176,15 +176,15 @@ impl Pilot {
         }
     }
 
-    /// A behaviour that lets go of the tracks may take them again at once, and what waits below it
-    /// must not drive for that instant: the consequences are evaluated once all pending requests are served.
-    /// Nothing is written in between.
+    /// Takes in a fact and defers its acts until all pending requests are served, with nothing
+    /// written in between: a behaviour that releases the tracks may take them again at once, and
+    /// one of lower priority must not drive in that instant.
     fn defer(&mut self, fact: Fact) {
         self.watchdog.absorb(fact, Instant::now());
         self.has_deferred = true;
     }
 
-    /// Does what was deferred.
+    /// Executes the deferred acts.
     pub(super) fn flush_deferred(&mut self) -> Result<(), LinkLost> {
         if !std::mem::take(&mut self.has_deferred) {
             return Ok(());
@@ -193,8 +193,8 @@ impl Pilot {
         self.perform(acts)
     }
 
-    /// The alarm of a behaviour that was given up, as soon as there is a robot to sound it. It is as
-    /// loud as the watchdog's own.
+    /// Sounds the alarm for a behaviour that was given up, as soon as the robot is connected. It is
+    /// as loud as the watchdog's own.
     pub(super) fn sound_alarm(&mut self) -> Result<(), LinkLost> {
         if !self.alarm_due || self.writer.is_none() {
             return Ok(());
@@ -224,13 +224,13 @@ impl Pilot {
         Ok(())
     }
 
-    /// Whether a behaviour may ask for one more docking or undocking.
+    /// Whether a behaviour may request one more docking or undocking.
     fn admits(&mut self, by: BehaviourId, engage: Engage) -> bool {
         self.seats
             .admits(by, &Command::Engine(engage), Instant::now())
     }
 
-    /// The streams of a behaviour that switched them too often are switched after a while.
+    /// Switches the streams of a behaviour that switched them too often, once the delay is over.
     pub(super) fn catch_up_streams(&mut self) -> Result<(), LinkLost> {
         match self.streams_due.take_if(|at| *at <= Instant::now()) {
             Some(_) => self.apply_streams(false),
@@ -238,7 +238,8 @@ impl Pilot {
         }
     }
 
-    /// Switches the streams that the behaviours want; `anew` after a login, which forgets them.
+    /// Switches the streams that the behaviours want; `anew` after a login, which switches all
+    /// streams off.
     pub(super) fn apply_streams(&mut self, anew: bool) -> Result<(), LinkLost> {
         let distress = Distress::of(&self.watchdog);
         let commands = self.seats.stream_changes(anew, distress);
@@ -252,8 +253,8 @@ impl Pilot {
     }
 
     /// Switches off what a nearly empty battery must not feed, and the streams on again when it
-    /// charges; speech that waits is not spoken into an alarm. What the watchdog wants has gone out
-    /// before.
+    /// charges; drops queued speech when the alarm sounds or the battery is nearly empty. What the
+    /// watchdog wants was sent before.
     pub(super) fn follow_distress(&mut self) -> Result<(), LinkLost> {
         let now = Distress::of(&self.watchdog);
         let before = std::mem::replace(&mut self.distress, now);
@@ -271,7 +272,7 @@ impl Pilot {
     }
 }
 
-/// The answer to a docking that is asked for faster than the robot can take.
+/// The answer to a docking that is requested faster than the robot can take.
 fn refused_docking(call: CallId) -> Event {
     Event::DockEnded {
         call,

@@ -1,10 +1,11 @@
-//! What the robot was told last that a person beside it would see and hear.
+//! The last commands that a person beside the robot would see and hear.
 
 use crate::robot::Setpoint;
 use crate::robot::TrackPower;
 use crate::wire::{Command, Led, Sound};
 
-/// See the module. Nothing is known of lights after a login, and after sounds that switch them too.
+/// The last commanded state; see the module. Lights are unknown after a login and after sounds that
+/// also switch them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Shown {
     /// The power of the tracks.
@@ -13,12 +14,12 @@ pub struct Shown {
     pub lights: [Option<bool>; 3],
     /// The last sound.
     pub sound: Option<Sound>,
-    /// How many sounds there were: tells one from the same before.
+    /// The number of sounds so far: distinguishes repetitions of the same sound.
     pub sounds: u32,
 }
 
 impl Shown {
-    /// A command goes out.
+    /// Notes a command that is sent.
     pub(super) fn note(&mut self, command: &Command) {
         match *command {
             Command::Move { left, right } => {
@@ -48,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_goes_out_is_shown_and_a_sound_makes_lights_unknown() {
+    fn sent_commands_are_shown_and_a_sound_makes_lights_unknown() {
         let mut shown = Shown::default();
         shown.note(&Command::Move {
             left: 30,

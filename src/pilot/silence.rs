@@ -1,33 +1,33 @@
-//! A robot whose system acknowledges everything while its program is dead: notices that nothing is
-//! heard any more, even when no stream is on. It is not known how often a real robot reports its battery
-//! level, or whether it answers when asked (`PROTOCOL.md`, *Not known*), so silence means something
-//! only after the robot has shown that it talks. Pure: knows no clock.
+//! Detects a robot whose system still acknowledges data while its program is dead: nothing is
+//! received any more, even when no stream is on. It is not known how often a real robot reports its
+//! battery level, or whether it answers when asked (`PROTOCOL.md`, *Not known*), so silence means
+//! something only after the robot has shown that it reports. Pure: reads no clock.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// After so long a silence the robot is asked for its battery level, and then again.
+/// After this silence the robot is asked for its battery level, and again after each further one.
 const ASK_AFTER: Duration = Duration::from_secs(20);
-/// A level that comes so soon after the question is the answer to it.
+/// A level that comes within this time after the question counts as the answer.
 const ANSWER: Duration = Duration::from_secs(2);
-/// The shortest silence that is the end of a link, two questions included.
+/// The shortest silence that ends a link, two questions included.
 const SHORTEST: Duration = Duration::from_secs(60);
-/// A robot that says its level regularly has missed so many turns then.
+/// A robot that reports its level regularly is gone after this many missed reports.
 const MISSED: u32 = 6;
-/// So many pauses between two levels show whether they come regularly.
+/// This many intervals between levels decide whether they come regularly.
 const PAUSES: usize = 4;
 
-/// What is to be done about a silence.
+/// What to do about a silence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum SilenceAction {
     /// Ask for the battery level.
     Ask,
-    /// The robot is not there any more, whatever its system says.
+    /// The robot is gone, even if its system still acknowledges data.
     Gone(Duration),
 }
 
-/// See the module.
+/// Evaluates the silence; see the module.
 #[derive(Debug)]
 pub(super) struct Silence {
     heard: Instant,
@@ -38,7 +38,7 @@ pub(super) struct Silence {
 }
 
 impl Silence {
-    /// Nothing is known of the robot.
+    /// Begins without knowledge of the robot.
     pub(super) fn new(now: Instant) -> Silence {
         Silence {
             heard: now,
@@ -49,17 +49,17 @@ impl Silence {
         }
     }
 
-    /// Another login. What is known of the robot stays.
+    /// Handles a new login. What is known of the robot is kept.
     pub(super) fn begin(&mut self, now: Instant) {
         (self.heard, self.asked, self.level) = (now, None, Some(now));
     }
 
-    /// Something came from the robot.
+    /// Notes that something was received from the robot.
     pub(super) fn heard(&mut self, now: Instant) {
         self.heard = now;
     }
 
-    /// A battery level came.
+    /// Notes a battery level.
     pub(super) fn level(&mut self, now: Instant) {
         let answer = self.asked.take().is_some_and(|asked| now < asked + ANSWER);
         self.answers |= answer;
@@ -73,7 +73,7 @@ impl Silence {
         self.heard(now);
     }
 
-    /// Time passes.
+    /// Returns what to do if the silence is too long.
     pub(super) fn poll(&mut self, now: Instant) -> Option<SilenceAction> {
         let silence = now.saturating_duration_since(self.heard);
         if self.limit().is_some_and(|limit| silence >= limit) {
@@ -87,7 +87,7 @@ impl Silence {
         Some(SilenceAction::Ask)
     }
 
-    /// When [`Silence::poll`] has something to say.
+    /// When [`Silence::poll`] has something to return.
     pub(super) fn next_deadline(&self) -> Instant {
         let gone = self.limit().map(|limit| self.heard + limit);
         gone.into_iter()
@@ -99,7 +99,7 @@ impl Silence {
         since + ASK_AFTER
     }
 
-    /// The silence that means the end; `None` for a robot of which none means anything.
+    /// The silence that ends the link; `None` for a robot whose silence means nothing.
     fn limit(&self) -> Option<Duration> {
         if self.answers {
             return Some(SHORTEST);
@@ -116,7 +116,7 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
 
-    /// Lets time pass; when there was a verdict, in seconds from the start, and which.
+    /// Lets time pass; returns each action with its time in seconds from the start.
     fn pass(
         silence: &mut Silence,
         start: Instant,
@@ -147,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_that_answered_once_is_gone_when_it_does_no_more() {
+    fn a_robot_that_answered_once_is_gone_when_it_stops_answering() {
         let (mut silence, start) = new();
         assert_eq!(pass(&mut silence, start, 0, 21), [(20, SilenceAction::Ask)]);
         silence.level(start + 21 * SECOND);
@@ -169,7 +169,7 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_that_told_its_level_regularly_is_gone_when_it_does_no_more() {
+    fn a_robot_that_reported_regularly_is_gone_when_it_stops_reporting() {
         let (mut silence, start) = new();
         for turn in 1..=4 {
             silence.level(start + 15 * turn * SECOND);
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_that_come_now_and_then_promise_nothing() {
+    fn irregular_levels_give_silence_no_meaning() {
         let (mut silence, start) = new();
         for second in [15, 100, 103, 160, 300] {
             silence.level(start + second * SECOND);
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_is_heard_ends_the_silence_and_a_late_level_is_no_answer() {
+    fn any_message_ends_the_silence_and_a_late_level_is_not_an_answer() {
         let (mut silence, start) = new();
         pass(&mut silence, start, 0, 21);
         silence.level(start + 25 * SECOND);
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn a_level_that_comes_when_the_time_for_an_answer_is_over_is_no_answer() {
+    fn a_level_at_the_end_of_the_time_for_an_answer_is_not_an_answer() {
         let (mut silence, start) = new();
         silence.poll(start + 20 * SECOND);
         silence.level(start + 20 * SECOND + ANSWER);
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn its_last_deadline_is_that_of_the_end() {
+    fn the_last_deadline_is_the_end_of_the_link() {
         let (mut silence, start) = new();
         silence.poll(start + 20 * SECOND);
         silence.level(start + 21 * SECOND);

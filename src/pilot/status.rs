@@ -1,25 +1,25 @@
-//! What a person wants to know at a glance.
+//! A summary of the state for people.
 
 use super::shown::Shown;
 use crate::robot::Battery;
 use crate::safety::{DockState, WatchdogState};
 
-/// Whether the robot is there.
+/// The state of the link.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum LinkState {
-    /// The first try is under way.
+    /// The first attempt is under way.
     #[default]
     Connecting,
     /// Logged in.
     Up,
-    /// Was up; connecting anew.
+    /// Was up; reconnecting.
     Lost,
     /// Released, so that another program can log in.
     Released,
 }
 
 impl LinkState {
-    /// One word for it, as pages and brokers are told.
+    /// The name that pages and brokers receive.
     pub fn name(self) -> &'static str {
         match self {
             LinkState::Connecting => "connecting",
@@ -29,7 +29,7 @@ impl LinkState {
         }
     }
 
-    /// In words for people, unless the link is up: then the watchdog's state says more.
+    /// A description for people, unless the link is up: then the watchdog's state says more.
     pub fn absence(self) -> Option<&'static str> {
         match self {
             LinkState::Connecting => Some("connecting"),
@@ -47,23 +47,24 @@ pub struct Status {
     pub link: LinkState,
     /// The watchdog.
     pub safety: WatchdogState,
-    /// The battery, as far as it is believed.
+    /// The battery, as far as its reports are believed.
     pub battery: Option<Battery>,
-    /// The battery counts as low and the watchdog has the robot.
+    /// The battery counts as low, and the watchdog controls the robot.
     pub low: bool,
-    /// A rescue behaviour should be there.
+    /// A rescue behaviour should be running.
     pub rescue: bool,
-    /// On the station, as far as is known; without a link as far as was known.
+    /// On the station, as far as known; without a link, the last known state.
     pub docked: bool,
-    /// Where the robot is, as far as is known.
+    /// Where the robot is, as far as known.
     pub place: DockState,
     /// The battery is nearly empty: scripts have neither lights nor sounds nor streams.
     pub shed: bool,
-    /// Frames that have come so far, damaged ones included. Counting alone does not wake those who wait for a change.
+    /// Frames received so far, damaged ones included. A change of this count alone does not wake
+    /// receivers.
     pub frames: u64,
-    /// A person has stopped the robot, and the stop still holds.
+    /// A person has stopped the robot and not released it yet.
     pub halted: bool,
-    /// What the robot was told last.
+    /// Last tracks, lights and sound commanded.
     pub shown: Shown,
 }
 
@@ -87,12 +88,12 @@ impl Default for Status {
 }
 
 impl Status {
-    /// Takes the newest state over; says whether anything is new.
+    /// Takes over the newest state; returns whether anything has changed.
     pub(super) fn update(&mut self, newest: Status) -> bool {
         std::mem::replace(self, newest) != newest
     }
 
-    /// Counts a frame, which is no news, and gives its number.
+    /// Counts a frame, which does not count as a change, and returns its number.
     pub(super) fn count_frame(&mut self) -> u64 {
         self.frames += 1;
         self.frames

@@ -1,5 +1,6 @@
-//! How much behaviours may send besides motion, each and all together. The robot's link is slow, and what stands in it
-//! stands before the next stop: lights, sounds and speech beyond this are dropped.
+//! Limits what behaviours may send besides motion, each and all together. The robot's link is slow,
+//! and data in its queue delays the next stop: lights, sounds and speech beyond the limits are
+//! dropped.
 
 use std::time::Duration;
 
@@ -7,13 +8,13 @@ use tokio::time::Instant;
 
 use crate::wire::{Command, Engage};
 
-/// Lights, sounds, volumes, streams and dockings: so many at once, and so many a second.
+/// Lights, sounds, volumes, streams and dockings: the most at once, and per second.
 const COMMANDS: f64 = 100.0;
-/// The same of all behaviours together.
+/// The same limit for all behaviours together.
 const TOGETHER: f64 = 200.0;
-/// Bytes of speech at once: four seconds of it.
+/// The most bytes of speech at once: four seconds.
 const SPEECH: f64 = 128_000.0;
-/// Bytes of speech a second: twice as fast as it is spoken.
+/// Bytes of speech per second: twice the speed of speech.
 const SPEECH_PER_SECOND: f64 = 64_000.0;
 
 /// One behaviour's share.
@@ -33,7 +34,7 @@ impl Throttle {
         }
     }
 
-    /// Whether a command may go out; if it may not, that is counted.
+    /// Whether a command may be sent; a refusal is counted.
     pub(super) fn admits(&mut self, command: &Command, now: Instant) -> bool {
         let admitted = match command {
             Command::Audio(samples) => self.speech.take(samples.len() as f64, now),
@@ -45,12 +46,12 @@ impl Throttle {
         admitted
     }
 
-    /// Counts what was admitted and could not be sent all the same.
+    /// Counts a command that was admitted but could not be sent.
     pub(super) fn refuse(&mut self) {
         self.refused += 1;
     }
 
-    /// How many were refused so far, when that is worth a word: the first, and then ever more
+    /// The number of refusals, when it should be logged: at the first one, and then ever more
     /// rarely.
     pub(super) fn complaint(&self) -> Option<u64> {
         let refused = self.refused;
@@ -58,8 +59,8 @@ impl Throttle {
     }
 }
 
-/// How many commands of the robot's come of it, its own end included: a docking is a stop, a search,
-/// the end of the search and a stop.
+/// The number of robot commands that a command leads to, its end included: a docking is a stop, a
+/// search, the end of the search and a stop.
 fn cost(command: &Command) -> f64 {
     match command {
         Command::Engine(Engage::Dock) => 4.0,
@@ -67,7 +68,7 @@ fn cost(command: &Command) -> f64 {
     }
 }
 
-/// What all behaviours may send together besides motion and speech.
+/// The limit for all behaviours together, besides motion and speech.
 #[derive(Debug)]
 pub(super) struct Together(Bucket);
 
@@ -76,13 +77,13 @@ impl Together {
         Together(Bucket::new(TOGETHER, TOGETHER, now))
     }
 
-    /// Whether a command may go out.
+    /// Whether a command may be sent.
     pub(super) fn admits(&mut self, command: &Command, now: Instant) -> bool {
         matches!(command, Command::Audio(_)) || self.0.take(cost(command), now)
     }
 }
 
-/// Fills up steadily and is emptied by taking.
+/// A token bucket: fills up steadily and is emptied by taking.
 #[derive(Debug)]
 struct Bucket {
     level: f64,
@@ -149,7 +150,7 @@ mod tests {
     }
 
     #[test]
-    fn of_refusals_one_hears_at_powers_of_ten() {
+    fn refusals_are_logged_at_powers_of_ten() {
         let mut throttle = Throttle::new(Instant::now());
         assert_eq!(throttle.complaint(), None);
         let told = (0..250).filter_map(|_| {
@@ -160,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn together_behaviours_send_what_is_allowed_and_speech_besides() {
+    fn behaviours_together_share_a_limit_that_excludes_speech() {
         let start = Instant::now();
         let mut together = Together::new(start);
         assert!((0..TOGETHER as usize).all(|_| together.admits(&Command::StopSound, start)));
@@ -171,7 +172,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_pattern_of_commands_gets_more_through(
+        fn no_pattern_of_commands_exceeds_the_limit(
             longest in 1u64..40,
             pauses in prop::collection::vec(0u64..40, 0..2000),
         ) {

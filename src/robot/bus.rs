@@ -1,6 +1,6 @@
-//! The bus on which an agent publishes what has happened, for a journal, notifications, a
-//! page or a broker. Publishing never waits: a listener that is too slow loses the oldest events and is
-//! told how many.
+//! The bus on which an agent publishes what has happened, for a journal, notifications, a page or a
+//! broker. Publishing never blocks: a listener that is too slow loses the oldest events and is told
+//! how many.
 
 use std::sync::Arc;
 
@@ -9,38 +9,38 @@ use tokio::time::Instant;
 
 use super::Occurrence;
 
-/// What may wait for the slowest listener.
+/// The most events that a listener may be behind.
 const MOST_WAITING: usize = 1024;
 
 /// Something that has happened.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Happening {
-    /// When.
+    /// When it happened.
     pub at: Instant,
-    /// What.
+    /// What happened.
     pub what: Occurrence,
 }
 
-/// The speaker's end. Cheap to clone; all clones are one bus.
+/// The publishing end. Cheap to clone; all clones are one bus.
 #[derive(Debug, Clone)]
 pub struct Bus(broadcast::Sender<Arc<Happening>>);
 
 impl Default for Bus {
-    /// Without listeners.
+    /// Creates a bus without listeners.
     fn default() -> Bus {
         Bus(broadcast::Sender::new(MOST_WAITING))
     }
 }
 
 impl Bus {
-    /// Says what has happened just now.
+    /// Publishes something that has happened just now.
     pub fn tell(&self, what: Occurrence) {
         let at = Instant::now();
         // Fails only without listeners.
         let _ = self.0.send(Arc::new(Happening { at, what }));
     }
 
-    /// Hears all that is said from now on.
+    /// Subscribes to everything that is published from now on.
     pub fn listen(&self) -> Listener {
         Listener(self.0.subscribe())
     }
@@ -50,19 +50,19 @@ impl Bus {
 #[derive(Debug)]
 pub struct Listener(broadcast::Receiver<Arc<Happening>>);
 
-/// What a listener hears.
+/// What a listener receives.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Heard {
     /// Something has happened.
     Happening(Arc<Happening>),
-    /// It listened too slowly: so many happenings are lost.
+    /// The listener was too slow: this many events are lost.
     Missed(u64),
-    /// All speakers are gone.
+    /// All publishers are gone.
     Closed,
 }
 
 impl Listener {
-    /// Waits for the next. Cancel-safe.
+    /// Waits for the next event. Cancel-safe.
     pub async fn next(&mut self) -> Heard {
         match self.0.recv().await {
             Ok(happening) => Heard::Happening(happening),
@@ -71,7 +71,7 @@ impl Listener {
         }
     }
 
-    /// The next, if it is there already; [`Heard::Closed`] again and again at the end.
+    /// The next event, if there is one already; [`Heard::Closed`] on every call at the end.
     pub fn try_next(&mut self) -> Option<Heard> {
         match self.0.try_recv() {
             Ok(happening) => Some(Heard::Happening(happening)),
@@ -92,7 +92,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_slow_listener_loses_the_oldest_and_knows_how_many() {
+    async fn a_slow_listener_loses_the_oldest_and_is_told_how_many() {
         let bus = Bus::default();
         let mut slow = bus.listen();
         (0..MOST_WAITING + 3).for_each(|number| bus.tell(lost(&number.to_string())));
@@ -107,11 +107,11 @@ mod tests {
                 return;
             }
         }
-        panic!("the end was not heard");
+        panic!("the end was not received");
     }
 
     #[tokio::test]
-    async fn what_was_said_before_it_listened_is_not_heard() {
+    async fn earlier_events_are_not_received() {
         let bus = Bus::default();
         bus.tell(lost("before"));
         let mut late = bus.listen();

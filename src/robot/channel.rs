@@ -1,5 +1,6 @@
 //! The channels between the pilot and the behaviours' supervisors. Every queue is bounded; what
-//! does not fit is dropped and counted, but for answers, on which a waiting call hangs.
+//! does not fit is dropped and counted, except for answers: a behaviour whose queue has no room for
+//! one is ended.
 
 use std::sync::Arc;
 
@@ -8,91 +9,93 @@ use tokio::sync::{Notify, mpsc, oneshot, watch};
 
 use super::{BehaviourId, EndReason, Event, Intent, Priority, RobotInfo};
 
-/// How many requests may wait for the pilot; a supervisor that finds the queue full waits.
+/// The most requests in the pilot's queue; a supervisor that finds it full waits.
 pub const MAX_REQUESTS: usize = 256;
-/// How many events may wait for one behaviour.
+/// The most events in a behaviour's queue.
 pub const MAX_EVENTS: usize = 256;
 
-/// What a supervisor has to say to the pilot.
+/// A supervisor's request to the pilot.
 #[derive(Debug)]
 pub enum Request {
-    /// A behaviour is there.
+    /// A behaviour has started.
     Join {
         /// Its number.
         by: BehaviourId,
-        /// What people call it.
+        /// Its name for people.
         name: String,
         /// Its priority.
         priority: Priority,
-        /// What it is there for.
+        /// Its role.
         role: Role,
-        /// Where it is told.
+        /// The channel for its events.
         events: EventSender,
     },
-    /// A behaviour asks for something.
+    /// A behaviour's request.
     Intent(BehaviourId, Intent),
-    /// A behaviour's host has shown life.
+    /// A behaviour's host has sent a sign of life.
     Alive(BehaviourId),
-    /// A behaviour is no more.
+    /// A behaviour has ended.
     Gone(BehaviourId),
-    /// Something went wrong for good that a person should know: sound the alarm, once.
+    /// A permanent failure has occurred that a person should know of: sound the alarm, once.
     Alarm,
-    /// Who is aboard?
+    /// Return the robot and the running behaviours.
     Crew(oneshot::Sender<Crew>),
-    /// Let nothing move the robot, not even the watchdog; or let it move again.
+    /// Forbid everything, the watchdog included, to move the robot; or allow it again.
     Halt(bool),
-    /// Release the link, so that another program can log in, or dial again. A robot that runs a
-    /// behaviour, or whose battery is low off its station, is not let go of.
+    /// Release the link, so that another program can log in, or reconnect. The link is not released
+    /// while a behaviour runs, or while the battery is low and the robot is off its station.
     Release(bool),
-    /// What must not be heard or seen from now on.
+    /// The quiet hours from now on.
     Quiet(Quiet),
-    /// Stop the robot, and then this program by this function, which returns when it goes on.
+    /// Stop the robot, then suspend this program with the function, which returns when the program
+    /// resumes.
     Sleep(Sleep),
 }
 
-/// Who must make no sound and show no bright light.
+/// What must make no sound and show no bright light.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Quiet {
     /// Sounds and lights are allowed.
     #[default]
     Off,
-    /// Scripts.
+    /// Scripts are quiet.
     Scripts,
-    /// Scripts, and the alarm neither.
+    /// Scripts and the alarm are quiet.
     WithAlarm,
 }
 
-/// What a behaviour is there for.
+/// The purpose of a behaviour.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Role {
-    /// What its user wants.
+    /// It does what its user wants.
     #[default]
     Behaviour,
-    /// To bring a robot with a low battery to its station, with the tracks that the watchdog lends it.
+    /// It brings a robot with a low battery to its station, with the tracks that the watchdog lends
+    /// it.
     Rescuer,
-    /// A person, who asks by a tool.
+    /// A person, who sends requests through a tool.
     Person,
 }
 
-/// The robot and who is aboard.
+/// The robot and the behaviours aboard.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Crew {
-    /// As it said at its last login, if there was one.
+    /// The robot's identity from the last login, if there was one.
     pub robot: Option<RobotInfo>,
-    /// The behaviours that run now, persons left out.
+    /// The behaviours that run now, without persons.
     pub aboard: Vec<Aboard>,
 }
 
-/// A behaviour that runs.
+/// A running behaviour.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Aboard {
-    /// What people call it.
+    /// Its name for people.
     pub name: String,
     /// Its priority.
     pub priority: Priority,
 }
 
-/// Stops this program, and returns when it goes on.
+/// Suspends this program, and returns when it resumes.
 pub struct Sleep(pub Box<dyn FnOnce() + Send>);
 
 impl std::fmt::Debug for Sleep {
@@ -101,7 +104,7 @@ impl std::fmt::Debug for Sleep {
     }
 }
 
-/// Makes the two ends of a behaviour's line from the pilot.
+/// Makes the two ends of the channel from the pilot to a behaviour.
 pub fn events() -> (EventSender, EventReceiver) {
     let (events, received) = mpsc::channel(MAX_EVENTS);
     let (kill, killed) = watch::channel(None);
@@ -121,7 +124,7 @@ pub fn events() -> (EventSender, EventReceiver) {
     )
 }
 
-/// The pilot's end. Never waits.
+/// The pilot's end. Never blocks.
 #[derive(Debug)]
 pub struct EventSender {
     events: mpsc::Sender<Event>,
@@ -131,8 +134,8 @@ pub struct EventSender {
 }
 
 impl EventSender {
-    /// Passes an event on, or drops it if the queue is full. An answer that does not fit ends the
-    /// behaviour: it does not read, and would wait for ever.
+    /// Sends an event, or drops it if the queue is full. An answer that does not fit ends the
+    /// behaviour: it does not read its events, and would wait forever.
     pub fn tell(&mut self, event: Event) {
         if let Err(mpsc::error::TrySendError::Full(event)) = self.events.try_send(event) {
             self.dropped += 1;
@@ -142,20 +145,20 @@ impl EventSender {
         }
     }
 
-    /// Says that there is a newer picture. Each behaviour is told by itself, in the order of the
-    /// pilot's choice: those who wait for one `watch` are woken in an order of chance, and then no
-    /// simulation is like another.
+    /// Announces a newer picture. Each behaviour is notified separately, in an order that the pilot
+    /// chooses: tasks waiting on one `watch` are woken in random order, which would make
+    /// simulations differ.
     pub fn show(&self) {
         self.picture.notify_one();
     }
 
-    /// Has the behaviour's host ended by SIGKILL.
+    /// Has the behaviour's host ended with SIGKILL.
     pub fn kill(&self, reason: EndReason) {
         self.kill
             .send_if_modified(|kill| kill.replace(reason).is_none());
     }
 
-    /// Events that did not fit so far.
+    /// The number of events dropped so far.
     pub fn dropped(&self) -> u64 {
         self.dropped
     }
@@ -169,14 +172,14 @@ pub struct EventReceiver {
     picture: Arc<Notify>,
 }
 
-/// What the pilot tells a supervisor.
+/// A message from the pilot to a supervisor.
 #[derive(Debug, PartialEq)]
 pub enum PilotMessage {
     /// Something has happened.
     Event(Event),
     /// End the host now.
     Kill(EndReason),
-    /// The pilot is no more.
+    /// The pilot has ended.
     Closed,
 }
 
@@ -186,7 +189,7 @@ impl EventReceiver {
         self.picture.clone()
     }
 
-    /// The next word from the pilot; a kill overtakes every event. Cancel-safe.
+    /// The next message from the pilot; a kill overtakes every event. Cancel-safe.
     pub async fn next(&mut self) -> PilotMessage {
         if let Some(reason) = *self.killed.borrow_and_update() {
             return PilotMessage::Kill(reason);
@@ -216,7 +219,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn news_that_does_not_fit_is_dropped_and_an_answer_ends_the_behaviour() {
+    async fn an_event_that_does_not_fit_is_dropped_but_an_answer_ends_the_behaviour() {
         let (mut events, mut inbox) = events();
         (0..MAX_EVENTS + 3).for_each(|_| events.tell(Event::Docked));
         assert_eq!(events.dropped(), 3);
@@ -230,7 +233,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn without_a_pilot_the_line_is_closed() {
+    async fn without_a_pilot_the_channel_is_closed() {
         let (events, mut inbox) = events();
         drop(events);
         assert_eq!(inbox.next().await, PilotMessage::Closed);

@@ -1,8 +1,8 @@
-//! How motions, dockings and behaviours end, and what the watchdog does, with the words for each.
+//! How motions, dockings and behaviours end, and what the watchdog does, with a name for each.
 
 use serde::{Deserialize, Serialize};
 
-/// Declares an enum whose values have names that scripts, logs and people read.
+/// Declares an enum whose values have names for scripts, logs and people.
 macro_rules! named {
     ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $text:literal,)+ }) => {
         $(#[$doc])*
@@ -15,7 +15,7 @@ macro_rules! named {
             /// Every value.
             pub const ALL: &'static [$name] = &[$($name::$variant,)+];
 
-            /// The word that scripts and logs use.
+            /// The name in scripts and logs.
             pub fn name(self) -> &'static str {
                 match self { $($name::$variant => $text,)+ }
             }
@@ -32,15 +32,15 @@ macro_rules! named {
 named! {
     /// How a setpoint ended (`API.md`, *robot: motion*).
     MotionEnd {
-        /// Its time was over, or its task let go of it.
+        /// Its time was over, or its task released it.
         Done = "done",
-        /// A behaviour of higher priority drives, or a newer setpoint took its place.
+        /// A behaviour of higher priority drives, or a newer setpoint replaced it.
         Preempted = "preempted",
         /// The watchdog refuses motion.
         Safety = "safety",
         /// The robot stands on its station.
         Docked = "docked",
-        /// The pictures say that the robot did not move.
+        /// According to the camera, the robot did not move.
         Blocked = "blocked",
         /// There is no link.
         Disconnected = "disconnected",
@@ -54,17 +54,17 @@ named! {
     DockEnd {
         /// On the station and charging; or off it, for undocking.
         Done = "done",
-        /// Was on the station already; nothing was sent.
+        /// The robot was on the station already; nothing was sent.
         AlreadyDocked = "already_docked",
         /// Undocking off the station; nothing was sent.
         NotDocked = "not_docked",
-        /// The robot did not find its station in any try.
+        /// The robot did not find its station in any attempt.
         BaseNotFound = "base_not_found",
-        /// The last try took too long.
+        /// The last attempt took too long.
         Timeout = "timeout",
         /// On the station, but charging did not begin.
         NotCharging = "not_charging",
-        /// Given up by a behaviour.
+        /// Cancelled by a behaviour.
         Cancelled = "cancelled",
         /// A behaviour of higher priority drives or docks.
         Preempted = "preempted",
@@ -82,15 +82,15 @@ named! {
         Done = "done",
         /// The script failed.
         Error = "error",
-        /// The script did not wait within its time budget.
+        /// The script did not yield within its time budget.
         Cpu = "cpu",
-        /// The script wanted more memory than it may have.
+        /// The script exceeded its memory limit.
         Memory = "memory",
         /// Ended by a person.
         Cancelled = "cancelled",
         /// Ended by the watchdog.
         Safety = "safety",
-        /// To be started anew from its changed file.
+        /// To be restarted from its changed file.
         Reload = "reload",
         /// The whole run ends.
         Shutdown = "shutdown",
@@ -98,7 +98,7 @@ named! {
 }
 
 impl EndReason {
-    /// One sentence for the log.
+    /// A sentence for the log.
     pub fn sentence(self) -> &'static str {
         match self {
             EndReason::Done => "the script has finished",

@@ -1,4 +1,4 @@
-//! What a behaviour is told.
+//! The events that a behaviour receives.
 
 use std::time::Duration;
 
@@ -9,37 +9,37 @@ use super::ends::{DockEnd, MotionEnd, SafetyAction};
 use super::stroke::Stroke;
 use super::{Battery, CallId, MotionId, Percent, RobotInfo};
 
-/// What a behaviour is told.
+/// An event for a behaviour.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// Logged in, and the first battery level is known.
     Connected {
-        /// Who.
+        /// The robot.
         info: RobotInfo,
-        /// On the station.
+        /// Whether it is on its station.
         docked: bool,
     },
-    /// The link is gone.
+    /// The link is lost.
     Disconnected {
-        /// In words.
+        /// The reason, in words.
         reason: String,
     },
-    /// The believed level or sign changed.
+    /// The believed level or charging state has changed.
     Battery(Battery),
     /// The watchdog's low threshold was reached.
     BatteryLow(Battery),
     /// The watchdog has released the robot again.
     BatteryOk(Battery),
-    /// Charging began or ended, and that is believed.
+    /// Charging began or ended, as far as believed.
     Charging {
-        /// On the charger.
+        /// Whether it charges.
         on: bool,
     },
     /// ENGINE 3: the battery is full.
     Charged,
     /// ENGINE 2: on the station.
     Docked,
-    /// ENGINE 1: has left the station.
+    /// ENGINE 1: off the station.
     Undocked,
     /// ENGINE 8: the search failed.
     BaseNotFound,
@@ -54,16 +54,17 @@ pub enum Event {
         /// Why, in words.
         reason: String,
     },
-    /// The watchdog lends the tracks of a low robot to this behaviour: its motion is obeyed for a while.
+    /// The watchdog lends the tracks of a robot with a low battery to this behaviour: its motion
+    /// requests are accepted for a while.
     Loan {
-        /// How long at most; a stop ends it, and so does a second without any motion.
+        /// The longest duration; a stop ends the loan, and so does a second without any motion.
         seconds: Duration,
-        /// The most power of each track; more is scaled down.
+        /// The limit of each track's power; more is scaled down.
         power: Percent,
-        /// Since the battery has become low.
+        /// Time since the battery became low.
         low_for: Duration,
-        /// How the robot came from its station to where it stood then, if that is known and nothing has
-        /// moved it since but one search.
+        /// The robot's path from its station to where it stood when the battery became low, if it
+        /// is known and nothing but one search has moved the robot since.
         way: Option<Vec<Stroke>>,
     },
     /// An unknown ENGINE byte.
@@ -73,45 +74,45 @@ pub enum Event {
     },
     /// Whether anything moves the robot: a behaviour, the watchdog, a person, or its own search.
     Moving {
-        /// It moves.
+        /// Whether it moves.
         on: bool,
     },
     /// The robot was told to make a sound, by any behaviour, person or rule.
     Sounding,
-    /// A setpoint is over.
+    /// A setpoint has ended.
     MotionEnded {
-        /// Which.
+        /// The setpoint.
         motion: MotionId,
-        /// How.
+        /// How it ended.
         end: MotionEnd,
     },
-    /// A docking is over.
+    /// A docking has ended.
     DockEnded {
-        /// Which.
+        /// The call.
         call: CallId,
-        /// How.
+        /// How it ended.
         end: DockEnd,
-        /// Tries made.
+        /// Attempts made.
         attempts: u32,
-        /// From the call until now.
+        /// Time since the call.
         took: Duration,
     },
-    /// An undocking is over.
+    /// An undocking has ended.
     UndockEnded {
-        /// Which.
+        /// The call.
         call: CallId,
-        /// How.
+        /// How it ended.
         end: DockEnd,
     },
 }
 
 impl Event {
-    /// Whether it is the last of those that say how things stand after a login.
+    /// Whether it is the last of the events that describe the state after a login.
     pub fn is_welcome(&self) -> bool {
         matches!(self, Event::Connected { .. })
     }
 
-    /// Whether a waiting call hangs on it, so that it must never be dropped.
+    /// Whether a waiting call depends on it, so that it must never be dropped.
     pub fn is_answer(&self) -> bool {
         use Event::{DockEnded, MotionEnded, UndockEnded};
         matches!(

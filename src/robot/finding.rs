@@ -1,18 +1,18 @@
-//! What scripts find in the camera's frames, for people who look on. No sender waits: a slow receiver
-//! misses some.
+//! What scripts find in the camera's frames, for viewers. Sending never blocks: slow receivers miss
+//! some.
 
 use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast;
 
 use super::param::Console;
 
-/// Things of one frame, and letters of each.
+/// The most findings of one frame, and the most letters of each.
 const MOST: usize = 64;
 const LONGEST: usize = 40;
-/// Frames that a viewer may be behind.
+/// The most frames that a viewer may be behind.
 const BEHIND: usize = 32;
 
-/// One thing, in pixels of the frame.
+/// One object found, in pixels of the frame.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Finding {
     /// Left edge.
@@ -23,22 +23,22 @@ pub struct Finding {
     pub w: u32,
     /// Height.
     pub h: u32,
-    /// What: the colour's name, the track's id.
+    /// Its label: the colour's name, or the track's id.
     pub text: String,
 }
 
 /// What one behaviour found in one frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Findings {
-    /// Whose they are.
+    /// The behaviour.
     pub behaviour: String,
     /// The frame's number.
     pub frame: u64,
-    /// The things.
+    /// The objects.
     pub list: Vec<Finding>,
 }
 
-/// Where they go, and what else crosses between behaviours and people who look on: parameters. Cheap to
+/// The channel to viewers, and what else behaviours and viewers exchange: parameters. Cheap to
 /// clone.
 #[derive(Debug, Clone)]
 pub struct Lookout {
@@ -56,7 +56,8 @@ impl Default for Lookout {
 }
 
 impl Lookout {
-    /// Tells those who look on. A compromised host may send anything, so the length is bounded.
+    /// Sends findings to all viewers. A compromised host may send anything, so the length is
+    /// bounded.
     pub fn tell(&self, mut found: Findings) {
         found.list.truncate(MOST);
         for one in &mut found.list {
@@ -68,7 +69,7 @@ impl Lookout {
         let _ = self.found.send(found);
     }
 
-    /// What is found from now on.
+    /// Subscribes to what is found from now on.
     pub fn look(&self) -> broadcast::Receiver<Findings> {
         self.found.subscribe()
     }
@@ -84,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_host_that_says_too_much_is_cut_short_and_a_slow_viewer_delays_nothing() {
+    fn findings_are_limited_and_a_slow_viewer_delays_nothing() {
         let lookout = Lookout::default();
         let mut slow = lookout.look();
         let text = "x".repeat(1000);

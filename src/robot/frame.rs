@@ -1,43 +1,43 @@
-//! Camera frames as they come.
+//! Camera frames as received.
 
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
-/// One camera frame, as it came.
+/// One camera frame, as received.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Frame {
-    /// Counts the frames of a run from 1; gaps are frames that a slow reader missed.
+    /// Counts the frames of a run from 1; a slow reader sees gaps.
     pub seq: u64,
-    /// When its last byte arrived. Between processes, whose clocks differ, its age stands for it.
+    /// When its last byte arrived. Between processes, whose clocks differ, it is sent as an age.
     #[serde(with = "age")]
     pub at: Instant,
     /// The JPEG.
     pub jpeg: Bytes,
 }
 
-/// A frame of which a part has come.
+/// A frame that has been received in part.
 #[derive(Debug, Clone)]
 pub struct Coming {
-    /// The number that it will have.
+    /// The number that the frame will have.
     pub seq: u64,
     /// Its first bytes.
     pub jpeg: Bytes,
 }
 
-/// What the camera shows.
+/// The frames of the camera.
 #[derive(Debug, Clone, Default)]
 pub struct Pictures {
     /// The newest frame, which may be damaged.
     pub newest: Option<Frame>,
     /// The one before it, for a reader that finds the newest damaged.
     pub before: Option<Frame>,
-    /// The one on its way.
+    /// The one being received.
     pub coming: Option<Coming>,
 }
 
 impl Pictures {
-    /// A frame has come.
+    /// Stores a new frame.
     pub fn push(&mut self, frame: Frame) {
         self.before = self.newest.replace(frame);
         self.coming = None;

@@ -1,4 +1,4 @@
-//! What a behaviour asks.
+//! The requests of behaviours.
 
 use std::time::Duration;
 
@@ -7,29 +7,32 @@ use serde::{Deserialize, Serialize};
 use super::{CallId, MotionId, Percent, Setpoint};
 use crate::wire::{Led, Sound, Stream};
 
-/// What a behaviour asks. Nothing here reaches the robot unless arbiter and watchdog agree.
+/// A request of a behaviour. None reaches the robot unless arbiter and watchdog agree.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Intent {
-    /// Drive. Holds until changed or released; with a duration it ends by itself. Answered by one
-    /// [`Event::MotionEnded`](super::Event::MotionEnded), also when another motion of the same behaviour replaces it.
+    /// Drive. Holds until changed or released; with a duration it ends automatically. Answered by
+    /// one [`Event::MotionEnded`](super::Event::MotionEnded), also when another motion of the same
+    /// behaviour replaces it.
     Move {
-        /// Names this setpoint; larger than that of every earlier one.
+        /// The setpoint's number; larger than that of every earlier one.
         motion: MotionId,
-        /// What the tracks are to do.
+        /// The power of the tracks.
         setpoint: Setpoint,
-        /// How long; `None`: until changed.
+        /// The duration; `None`: until changed.
         duration: Option<Duration>,
     },
-    /// The task that owned a setpoint has ended. Nothing happens if it is not the current one.
+    /// The task that owned a setpoint has ended. Has no effect if the setpoint is not the current
+    /// one.
     Release {
         /// The setpoint.
         motion: MotionId,
     },
-    /// Stop the tracks, always.
+    /// End the motions and dockings of this behaviour and of all with equal or lower priority. Does
+    /// not end the watchdog's own way home.
     Stop,
     /// Switch a light.
     Led {
-        /// Which.
+        /// The light.
         led: Led,
         /// On or off.
         on: bool,
@@ -42,39 +45,39 @@ pub enum Intent {
     Volume(Percent),
     /// Samples for the speaker: s16 little-endian, mono, 16 kHz.
     Say(Vec<u8>),
-    /// Want a stream, or no longer. It is on while any behaviour wants it.
+    /// Request a stream, or no longer. It is on while any behaviour requests it.
     Stream {
-        /// Which.
+        /// The stream.
         stream: Stream,
-        /// Wanted.
+        /// Whether it is wanted.
         on: bool,
     },
     /// Go to the station. Answered by [`Event::DockEnded`](super::Event::DockEnded).
     Dock {
-        /// Names this call.
+        /// The number of this call.
         call: CallId,
-        /// Times and tries.
+        /// Timeouts and retries.
         plan: DockPlan,
     },
     /// Leave the station. Answered by [`Event::UndockEnded`](super::Event::UndockEnded).
     Undock {
-        /// Names this call.
+        /// The number of this call.
         call: CallId,
-        /// How long to wait for the robot's word that it has left.
+        /// How long to wait for the robot's confirmation that it has left.
         timeout: Duration,
     },
-    /// Give up a docking under way; it ends as [`DockEnd::Cancelled`](super::DockEnd::Cancelled).
+    /// Cancel a docking under way; it ends as [`DockEnd::Cancelled`](super::DockEnd::Cancelled).
     CancelDock,
 }
 
-/// Times and tries of one docking (`API.md`, `robot.dock`).
+/// Timeouts and retries of one docking (`API.md`, `robot.dock`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DockPlan {
-    /// The longest search of one try.
+    /// The longest search of one attempt.
     pub timeout: Duration,
-    /// Tries after the first.
+    /// Attempts after the first.
     pub retries: u32,
-    /// How long charging may take to begin once the robot says that it is on its station.
+    /// How long charging may take to begin once the robot reports that it is on its station.
     pub charge_timeout: Duration,
 }
 

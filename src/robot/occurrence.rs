@@ -1,5 +1,5 @@
-//! What can happen in the life of an agent, as listeners are told. As JSON each is a
-//! flat object whose `event` says which: `{"event":"link_down","reason":"..."}`.
+//! Everything that can happen in an agent, as published to listeners. In JSON each occurrence is a
+//! flat object whose `event` names its kind: `{"event":"link_down","reason":"..."}`.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::{Battery, DockEnd, EndReason, RobotInfo, SafetyAction};
 
-/// What the watchdog is at.
+/// The state of the watchdog.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum WatchdogState {
@@ -20,9 +20,9 @@ pub enum WatchdogState {
     Docked,
     /// A behaviour sends the robot home.
     Docking,
-    /// Low battery: on its way home, or waiting for the next try.
+    /// Low battery: on its way home, or waiting for the next attempt.
     LowGoingHome,
-    /// Low battery and docking has failed: sounds the alarm, and tries again after growing pauses.
+    /// Low battery and docking has failed: sounds the alarm, and tries again.
     Alarm,
 }
 
@@ -45,26 +45,26 @@ impl std::fmt::Display for WatchdogState {
 pub enum Occurrence {
     /// Logged in to the robot.
     LinkUp {
-        /// Who it says that it is.
+        /// The robot's identity, as it reports it.
         #[serde(flatten)]
         robot: RobotInfo,
-        /// On its station.
+        /// Whether it is on its station.
         docked: bool,
     },
-    /// The link is gone.
+    /// The link is lost.
     LinkDown {
-        /// In words.
+        /// The reason, in words.
         reason: String,
     },
-    /// The believed level or the sign of charging is another; also once after each login.
+    /// The believed level or charging state has changed; also sent once after each login.
     Battery(Battery),
-    /// The watchdog is at something else, or believes something else of the station.
+    /// The watchdog's state has changed, or what it believes of the battery or the station.
     Watchdog {
-        /// What it is at.
+        /// Its state.
         state: WatchdogState,
-        /// The battery is low and the watchdog has the robot.
+        /// The battery is low, and the watchdog controls the robot.
         low: bool,
-        /// On the station, as far as is known.
+        /// On the station, as far as known.
         docked: bool,
     },
     /// The watchdog acted.
@@ -74,25 +74,25 @@ pub enum Occurrence {
         /// Why, in words.
         reason: String,
     },
-    /// A docking is over; one of a low robot's many tries counts as one.
+    /// A docking has ended; each attempt of a robot with a low battery counts as one.
     Dock {
-        /// The behaviour that wanted it; `None`: the watchdog.
+        /// The behaviour that asked for it; `None`: the watchdog.
         by: Option<String>,
         /// How it ended.
         end: DockEnd,
-        /// Tries made.
+        /// Attempts made.
         attempts: u32,
-        /// From its start, in seconds.
+        /// Time from its start, in seconds.
         seconds: f64,
     },
-    /// The robot has left its station for a behaviour, or has not in time.
+    /// The robot has left its station for a behaviour, or not in time.
     Undock {
-        /// The behaviour that wanted it.
+        /// The behaviour that asked for it.
         by: String,
         /// How it ended.
         end: DockEnd,
     },
-    /// A behaviour runs, from its first line on.
+    /// A behaviour has started with its first line.
     Started {
         /// Its name.
         behaviour: String,
@@ -101,7 +101,7 @@ pub enum Occurrence {
     Ended {
         /// Its name.
         behaviour: String,
-        /// How.
+        /// How it ended.
         reason: EndReason,
         /// For people: with file and line if it failed.
         message: Option<String>,
@@ -115,7 +115,7 @@ pub enum Occurrence {
         /// How it failed last.
         message: String,
     },
-    /// A start that the timetable wanted did not happen.
+    /// A start in the timetable did not take place.
     StartMissed {
         /// The behaviour.
         behaviour: String,
@@ -126,16 +126,16 @@ pub enum Occurrence {
     Picture {
         /// Its name.
         behaviour: String,
-        /// Where.
+        /// The file.
         path: PathBuf,
     },
-    /// A behaviour wants something to be remembered.
+    /// A behaviour adds an entry to the journal.
     Entry {
         /// Its name.
         behaviour: String,
-        /// A word of its own.
+        /// The kind, a word that the behaviour chooses.
         kind: String,
-        /// What it says of it; an object.
+        /// The entry's data; an object.
         data: Value,
     },
     /// A behaviour sends a notification.
@@ -150,7 +150,7 @@ pub enum Occurrence {
 }
 
 impl Occurrence {
-    /// As `event` says it in JSON.
+    /// The value of `event` in JSON.
     pub fn kind(&self) -> &'static str {
         match self {
             Occurrence::LinkUp { .. } => "link_up",
@@ -171,8 +171,8 @@ impl Occurrence {
     }
 }
 
-/// What a host says of its behaviour that is not for the robot. Texts of scripts: bounded and judged
-/// where they arrive.
+/// A message of a host about its behaviour that is not for the robot. Texts come from scripts: they
+/// are limited and checked where they arrive.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Remark {
     /// It has saved a picture in its data folder.
@@ -180,16 +180,16 @@ pub enum Remark {
         /// The file's name.
         name: String,
     },
-    /// Something is to be remembered.
+    /// An entry for the journal.
     Entry {
-        /// A word of the script's own.
+        /// The kind, a word that the script chooses.
         kind: String,
         /// A JSON object.
         json: String,
     },
     /// A notification.
     Notify {
-        /// What.
+        /// The text.
         text: String,
         /// The name of a file in its data folder.
         picture: Option<String>,
@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn as_json_each_is_a_flat_object_named_by_its_kind_and_comes_back() {
+    fn each_is_a_flat_json_object_named_by_its_kind_and_round_trips() {
         for one in all() {
             let json = serde_json::to_value(&one).unwrap();
             assert_eq!(json["event"], one.kind());
@@ -284,7 +284,7 @@ mod tests {
     }
 
     #[test]
-    fn words_in_json_are_those_of_scripts() {
+    fn json_uses_the_names_of_scripts() {
         let json = all()
             .into_iter()
             .map(|one| serde_json::to_string(&one).unwrap());

@@ -1,5 +1,4 @@
-//! Parameters of behaviours: a value, and what a person may do with a parameter of a behaviour that
-//! runs.
+//! Parameters of behaviours: their values, and changes by a person while the behaviour runs.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -9,15 +8,15 @@ use serde::de::Visitor;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use tokio::sync::{broadcast, watch};
 
-/// Parameters of one behaviour.
+/// The most parameters of one behaviour.
 const MOST: usize = 64;
-/// Letters of each text, and texts of one parameter.
+/// The most letters of each text, and the most choices of one parameter.
 const LONGEST: usize = 200;
-/// Changes that a behaviour may be behind.
+/// The most changes that a behaviour may be behind.
 const BEHIND: usize = 32;
 
-/// A parameter's value: true, false, a number or a text. A human-readable document has it as what it looks
-/// like: `true`, `40`, `fast`; nothing else, no list, no map, no null, is a value.
+/// A parameter's value: true, false, a number or a text. In a human-readable document it is written
+/// as a plain scalar: `true`, `40`, `fast`. No list, map or null is a value.
 #[derive(JsonSchema, Clone, Debug, PartialEq)]
 #[schemars(untagged)]
 pub enum ParamValue {
@@ -29,22 +28,22 @@ pub enum ParamValue {
     Text(String),
 }
 
-/// A parameter that a behaviour has declared, as it is now.
+/// A parameter that a behaviour has declared, with its present value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Knob {
     /// Its name.
     pub name: String,
     /// Its value.
     pub value: ParamValue,
-    /// It may be changed while the behaviour runs.
+    /// Whether it may be changed while the behaviour runs.
     pub live: bool,
-    /// Of a number.
+    /// The smallest number.
     pub min: Option<f64>,
-    /// Of a number.
+    /// The largest number.
     pub max: Option<f64>,
-    /// Behind a number, such as `%`.
+    /// The unit of a number, such as `%`.
     pub unit: Option<String>,
-    /// Of a text; empty: any.
+    /// The allowed texts; empty: any.
     pub choices: Vec<String>,
     /// What it is for.
     pub doc: String,
@@ -67,7 +66,7 @@ impl Knob {
         }
     }
 
-    /// What a value must be, in words such as `a number from 10 to 100 %`.
+    /// A description of the allowed values, such as `a number from 10 to 100 %`.
     pub fn expected(&self) -> String {
         match &self.value {
             ParamValue::Boolean(_) => "true or false".to_owned(),
@@ -86,7 +85,7 @@ impl Knob {
         }
     }
 
-    /// A host that has been broken may say anything, but not much of it.
+    /// Limits the texts: a compromised host may send anything.
     fn shorten(&mut self) {
         let texts = [&mut self.name, &mut self.doc];
         let texts = texts
@@ -107,14 +106,14 @@ impl Knob {
     }
 }
 
-/// A person wants a parameter to have another value.
+/// A person's request to change a parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Turned {
-    /// Whose.
+    /// The behaviour.
     pub behaviour: String,
-    /// Which.
+    /// The parameter.
     pub name: String,
-    /// This.
+    /// The new value.
     pub value: ParamValue,
 }
 
@@ -125,7 +124,7 @@ pub struct Console {
     turned: broadcast::Sender<Turned>,
 }
 
-/// By behaviour.
+/// The parameters of each behaviour, by its name.
 pub type Knobs = BTreeMap<String, Vec<Knob>>;
 
 impl Default for Console {
@@ -138,7 +137,7 @@ impl Default for Console {
 }
 
 impl Console {
-    /// A behaviour has declared these, or one of them has changed.
+    /// Sets a behaviour's parameters, when it declares them or one has changed.
     pub fn declare(&self, behaviour: &str, mut list: Vec<Knob>) {
         list.truncate(MOST);
         list.iter_mut().for_each(Knob::shorten);
@@ -146,24 +145,24 @@ impl Console {
             .send_modify(|knobs| drop(knobs.insert(behaviour.to_owned(), list)));
     }
 
-    /// A behaviour has ended.
+    /// Removes the parameters of a behaviour that has ended.
     pub fn forget(&self, behaviour: &str) {
         self.knobs
             .send_if_modified(|knobs| knobs.remove(behaviour).is_some());
     }
 
-    /// All that are declared; changes can be waited for.
+    /// All declared parameters; the receiver can wait for changes.
     pub fn knobs(&self) -> watch::Receiver<Knobs> {
         self.knobs.subscribe()
     }
 
-    /// Passes a change on; the behaviour judges it.
+    /// Passes on a change; the behaviour checks it.
     pub fn turn(&self, turned: Turned) {
         // Fails if no behaviour runs.
         let _ = self.turned.send(turned);
     }
 
-    /// What is changed from now on.
+    /// The changes from now on.
     pub fn turned(&self) -> broadcast::Receiver<Turned> {
         self.turned.subscribe()
     }
@@ -187,7 +186,7 @@ impl<'de> Deserialize<'de> for ParamValue {
         if from.is_human_readable() {
             return from.deserialize_any(Written);
         }
-        // Between processes the kind is written down: those formats do not describe themselves.
+        // Between processes the kind is included: those formats are not self-describing.
         Ok(match Tagged::deserialize(from)? {
             Tagged::Boolean(value) => ParamValue::Boolean(value),
             Tagged::Number(value) => ParamValue::Number(value),
@@ -196,7 +195,7 @@ impl<'de> Deserialize<'de> for ParamValue {
     }
 }
 
-/// [`ParamValue`] where its kind is written down.
+/// [`ParamValue`] for formats that need the kind.
 #[derive(Serialize, Deserialize)]
 enum Tagged {
     Boolean(bool),
@@ -214,7 +213,7 @@ impl From<ParamValue> for Tagged {
     }
 }
 
-/// Reads what a person wrote.
+/// Reads a value that a person wrote.
 struct Written;
 
 impl Visitor<'_> for Written {
@@ -268,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn values_cross_the_pipe_as_they_are_and_are_plain_in_json() {
+    fn values_survive_the_pipe_and_are_plain_in_json() {
         for value in [
             ParamValue::Boolean(false),
             ParamValue::Number(0.1),

@@ -1,4 +1,4 @@
-//! Quantities with their ranges. Each is checked where it stands in a YAML file, so that the error
+//! Quantities with their ranges. Each is checked while a YAML file is parsed, so that the error
 //! names line and column of the wrong value.
 
 use std::fmt;
@@ -14,7 +14,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 pub struct Percent(#[schemars(range(max = 100))] u8);
 
 impl Percent {
-    /// `None` beyond 100.
+    /// `None` above 100.
     pub const fn new(percent: u8) -> Option<Percent> {
         if percent <= 100 {
             Some(Percent(percent))
@@ -23,7 +23,7 @@ impl Percent {
         }
     }
 
-    /// The nearest percentage.
+    /// `percent`, limited to 100.
     pub const fn saturating(percent: u8) -> Percent {
         if percent <= 100 {
             Percent(percent)
@@ -51,10 +51,10 @@ pub struct TrackPower(i8);
 impl TrackPower {
     /// At rest.
     pub const STOP: TrackPower = TrackPower(0);
-    /// The most that is ever sent, in the wire's units.
+    /// The largest power that is ever sent, in the wire's units.
     pub const MAX: i8 = 90;
 
-    /// `None` beyond -90..=90.
+    /// `None` outside of -90..=90.
     pub fn new(power: i8) -> Option<TrackPower> {
         (-TrackPower::MAX..=TrackPower::MAX)
             .contains(&power)
@@ -73,23 +73,23 @@ impl TrackPower {
     }
 }
 
-/// A time that the config writes as a number of seconds, 0.05..=86,400.
+/// A duration that the config gives as a number of seconds, 0.05..=86,400.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, schemars::JsonSchema)]
 #[schemars(inline)]
 pub struct Seconds(#[schemars(with = "f64", range(min = 0.05, max = 86_400))] Duration);
 
 impl Seconds {
-    /// Of whole seconds.
+    /// From whole seconds.
     pub const fn from_secs(seconds: u64) -> Seconds {
         Seconds(Duration::from_secs(seconds))
     }
 
-    /// Of milliseconds.
+    /// From milliseconds.
     pub const fn from_millis(milliseconds: u64) -> Seconds {
         Seconds(Duration::from_millis(milliseconds))
     }
 
-    /// `None` unless a number in 0.05..=86,400.
+    /// `None` unless `seconds` is a number in 0.05..=86,400.
     pub fn new(seconds: f64) -> Option<Seconds> {
         let inside = (0.05..=86_400.0).contains(&seconds);
         inside.then(|| Seconds(Duration::from_secs_f64(seconds)))
@@ -101,7 +101,7 @@ impl Seconds {
     }
 }
 
-/// Reads any number and checks it with `make` while the deserializer still knows its place.
+/// Reads any number and checks it with `make` while the deserializer still knows its position.
 struct Number<F> {
     expected: &'static str,
     make: F,
@@ -129,10 +129,10 @@ impl<T, F: Fn(f64) -> Option<T>> Visitor<'_> for Number<F> {
     }
 }
 
-/// For `deserialize_with`: a number of a range, refused where it stands.
+/// For `deserialize_with`: a number within a range; the error has its position.
 ///
 /// # Errors
-/// A number outside of the range, NaN, or no number; `expected` says what is.
+/// If the value is outside of the range, NaN, or not a number; `expected` describes the valid ones.
 pub fn float_within<'de, D: Deserializer<'de>>(
     deserializer: D,
     expected: &'static str,
@@ -142,10 +142,11 @@ pub fn float_within<'de, D: Deserializer<'de>>(
     deserializer.deserialize_f64(Number { expected, make })
 }
 
-/// For `deserialize_with`: a whole number of a range, refused where it stands.
+/// For `deserialize_with`: a whole number within a range; the error has its position.
 ///
 /// # Errors
-/// A number outside of the range or broken, or no number; `expected` says what is.
+/// If the value is outside of the range, has a fraction, or is not a number; `expected` describes
+/// the valid ones.
 pub fn whole_within<'de, D: Deserializer<'de>>(
     deserializer: D,
     expected: &'static str,
@@ -228,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn no_power_beyond_a_hundred_and_no_nan() {
+    fn power_beyond_a_hundred_and_nan_are_refused() {
         for percent in [100.01, -101.0, f64::NAN, f64::INFINITY] {
             assert_eq!(TrackPower::from_percent(percent), None);
         }
@@ -237,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn quantities_survive_the_way_between_processes() {
+    fn quantities_survive_the_transfer_between_processes() {
         let all = (Percent(100), TrackPower(-90), Seconds::from_millis(250));
         let bytes = postcard::to_allocvec(&all).unwrap();
         assert_eq!(
@@ -253,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_values_are_refused_where_they_stand() {
+    fn wrong_values_are_refused_with_their_position() {
         let error = yaml_error::<Percent>("a: 20\nb: 120\n");
         assert!(
             error.contains("`120`") && error.contains("line 2 column 4"),
@@ -275,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_and_broken_seconds_are_read() {
+    fn whole_and_fractional_seconds_are_read() {
         let read: BTreeMap<String, Seconds> = serde_yaml::from_str("a: 3\nb: 0.25\n").unwrap();
         assert_eq!(read["a"], Seconds::from_secs(3));
         assert_eq!(read["b"], Seconds::from_millis(250));

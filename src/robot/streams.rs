@@ -1,4 +1,4 @@
-//! Which of the robot's streams may be on: the config's word, above what scripts ask for.
+//! Which of the robot's streams may be on: the config takes precedence over scripts.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -37,7 +37,7 @@ pub struct Streams {
 pub struct StreamOff(&'static str);
 
 impl Streams {
-    /// When this one is on.
+    /// When this stream is on.
     pub fn usage(&self, stream: Stream) -> Use {
         match stream {
             Stream::Video => self.video,
@@ -47,10 +47,10 @@ impl Streams {
         }
     }
 
-    /// Whether a script may have a stream.
+    /// Checks that a script may have a stream.
     ///
     /// # Errors
-    /// The config keeps it off.
+    /// [`StreamOff`] if the config keeps it off.
     pub fn allow(&self, stream: Stream) -> Result<(), StreamOff> {
         if self.usage(stream) == Use::Off {
             return Err(StreamOff(stream.name()));
@@ -58,7 +58,7 @@ impl Streams {
         Ok(())
     }
 
-    /// Those that are used so.
+    /// The streams with this usage.
     pub fn used(self, usage: Use) -> impl Iterator<Item = Stream> {
         let all = Stream::ALL.iter().copied();
         all.filter(move |stream| self.usage(*stream) == usage)

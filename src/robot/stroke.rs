@@ -1,9 +1,9 @@
-//! What the tracks did for a while, and the way that this makes.
+//! Strokes, the parts of the robot's path.
 
 use serde::{Deserialize, Serialize};
 
-/// A part of a way: what each track did, in seconds at full power, negative backwards. Both evenly, so
-/// that it is a straight line, a turn on the spot or one curve.
+/// A part of a path: what each track did, in seconds at full power, negative backwards. Both tracks
+/// run evenly, so that it is a straight line, a turn on the spot or one curve.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stroke {
     /// Left track.
@@ -13,12 +13,12 @@ pub struct Stroke {
 }
 
 impl Stroke {
-    /// How much the busier track did.
+    /// The length of the faster track.
     pub fn length(self) -> f32 {
         self.left.abs().max(self.right.abs())
     }
 
-    /// One after the other as if it were one.
+    /// Both strokes, one after the other, merged into one.
     pub fn and(self, next: Stroke) -> Stroke {
         Stroke {
             left: self.left + next.left,

@@ -1,68 +1,69 @@
-//! What goes into the watchdog and what comes out of it.
+//! The inputs and outputs of the watchdog.
 
 use crate::robot::{BehaviourId, EndReason, Event, Intent, Priority};
 use crate::wire::{Command, EngineReport, Power};
 
-/// Something that has happened.
+/// An input: something that has happened.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Fact {
     /// Logged in; the tracks were told to stop.
     LinkUp {
-        /// On the station, says the login.
+        /// Whether the login says that the robot is on its station.
         docked: bool,
         /// The first battery level.
         power: Power,
     },
-    /// The link is gone.
+    /// The link is lost.
     LinkDown,
     /// Bytes came from the robot.
     Heard,
-    /// A battery level came.
+    /// A battery level was received.
     Power(Power),
-    /// An ENGINE message came.
+    /// An ENGINE message was received.
     Engine(EngineReport),
-    /// Whether a stream is on that makes the robot send.
+    /// Whether a stream is on that makes the robot send data.
     Listening(bool),
-    /// A behaviour asks for something that moves the robot.
+    /// A behaviour requests something that moves the robot.
     Asked {
-        /// Who.
+        /// The behaviour.
         by: BehaviourId,
         /// Its priority.
         priority: Priority,
-        /// What. An intent that moves nothing is ignored.
+        /// The request. An intent that moves nothing is ignored.
         intent: Intent,
     },
-    /// A behaviour's host has shown life.
+    /// A behaviour's host has sent a sign of life.
     Alive(BehaviourId),
-    /// A behaviour is no more, for whatever reason.
+    /// A behaviour has ended, for whatever reason.
     Gone(BehaviourId),
-    /// Which behaviour the tracks may be lent to between two searches of a low robot; `None`: to none.
-    /// Its [`Fact::Gone`] says so too.
+    /// The behaviour that the tracks may be lent to between two searches of a robot with a low
+    /// battery, if there is one. Its [`Fact::Gone`] also revokes this.
     Rescuer(Option<BehaviourId>),
-    /// The machine or the program has slept. For how long, and what the robot has done meanwhile, is
-    /// not known.
+    /// The machine or the program was suspended. For how long, and what the robot has done
+    /// meanwhile, is not known.
     Suspended,
-    /// The run ends: nothing may move any more but a robot with a low battery, by itself.
+    /// The run ends: nothing may move any more, except a robot with a low battery that searches on
+    /// its own.
     Parting,
 }
 
-/// What is to be done now. All commands of one batch of acts go out in one write.
+/// An output: something to do now. All commands of one batch of acts go out in one write.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Act {
-    /// Send to the robot.
+    /// Send a command to the robot.
     Send(Command),
-    /// Tell one behaviour.
+    /// Send an event to one behaviour.
     Tell(BehaviourId, Event),
-    /// Tell all behaviours.
+    /// Send an event to all behaviours.
     Announce(Event),
-    /// End a behaviour's host by SIGKILL, after what is to be sent has been sent.
+    /// End a behaviour's host with SIGKILL, after the batch's commands have been sent.
     Kill(BehaviourId, EndReason),
-    /// Close the link and connect anew, after what is to be sent has been tried.
+    /// Close the link and reconnect, after trying to send the batch's commands.
     Reconnect(String),
 }
 
 impl Act {
-    /// What it sends, if it sends.
+    /// The command, if this act sends one.
     pub fn command(&self) -> Option<Command> {
         match self {
             Act::Send(command) => Some(command.clone()),

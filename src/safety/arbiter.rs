@@ -1,9 +1,9 @@
-//! Who may drive now. Several behaviours may wish for a setpoint; the highest priority has it, and
-//! among equals the one that came first keeps it.
+//! Decides which behaviour drives. Several behaviours may request a setpoint; the highest priority
+//! drives, and among equals the first one keeps the tracks.
 //!
-//! A wish with a duration that cannot have the tracks ends as `preempted` at once. A wish without
-//! one stands by and takes the tracks over when it is its turn, without a gap. A wish that is held
-//! keeps its place, but moves nothing.
+//! A wish is such a request. A timed wish that cannot have the tracks ends as `preempted` at once.
+//! An untimed wish stands by and takes over the tracks, without a gap, when it comes first. A held
+//! wish keeps its place, but the tracks stand still.
 
 use std::time::Duration;
 
@@ -11,14 +11,14 @@ use tokio::time::Instant;
 
 use crate::robot::{BehaviourId, MotionEnd, MotionId, Priority, Setpoint};
 
-/// A setpoint that is over, to be told to its behaviour.
+/// A setpoint that has ended, to be reported to its behaviour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ended {
-    /// Whose.
+    /// The behaviour that set it.
     pub by: BehaviourId,
-    /// Which.
+    /// Its number.
     pub motion: MotionId,
-    /// How.
+    /// How it ended.
     pub end: MotionEnd,
 }
 
@@ -42,15 +42,15 @@ impl Wish {
     }
 }
 
-/// Holds at most one wish of each behaviour, the one that drives first.
+/// Holds at most one wish per behaviour, the driving one first.
 #[derive(Debug, Clone, Default)]
 pub struct Arbiter {
     wishes: Vec<Wish>,
 }
 
 impl Arbiter {
-    /// Takes a wish, in place of an earlier one of the same behaviour. A behaviour that drives
-    /// already keeps the tracks with its new setpoint.
+    /// Adds a wish, in place of an earlier one of the same behaviour. A behaviour that already
+    /// drives keeps the tracks with its new setpoint.
     pub fn wish(
         &mut self,
         (by, priority): (BehaviourId, Priority),
@@ -85,14 +85,14 @@ impl Arbiter {
         ended
     }
 
-    /// Wishes with a duration do not stand by.
+    /// Ends all timed wishes but the first: they do not stand by.
     fn preempt_timed(&mut self) -> Vec<Ended> {
         let mut first = true;
         let keep = |wish: &Wish| std::mem::take(&mut first) || wish.until.is_none();
         self.end_unless(keep, MotionEnd::Preempted)
     }
 
-    /// Ends a behaviour's wish if it is still this one.
+    /// Ends a behaviour's wish if it is still `motion`.
     pub fn release(&mut self, by: BehaviourId, motion: MotionId) -> Vec<Ended> {
         self.end_unless(
             |wish| wish.by != by || wish.motion != motion,
@@ -100,14 +100,14 @@ impl Arbiter {
         )
     }
 
-    /// `robot.stop()`: ends the behaviour's own wish, and all of its priority or lower.
+    /// `robot.stop()`: ends the behaviour's own wish, and every wish of equal or lower priority.
     pub fn stop(&mut self, by: BehaviourId, priority: Priority) -> Vec<Ended> {
         let mut ended = self.clear_of(by, MotionEnd::Cancelled);
         ended.extend(self.end_unless(|wish| wish.priority > priority, MotionEnd::Preempted));
         ended
     }
 
-    /// Holds a behaviour's wish, or lets go of it again. Says whether that changes anything.
+    /// Holds a behaviour's wish, or resumes it. Returns whether that changed anything.
     pub fn hold(&mut self, by: BehaviourId, held: bool) -> bool {
         let wish = self
             .wishes
@@ -116,7 +116,7 @@ impl Arbiter {
         wish.map(|wish| wish.held = held).is_some()
     }
 
-    /// Drops a behaviour that is gone, without an answer.
+    /// Drops the wish of a behaviour that has ended, without a report.
     pub fn forget(&mut self, by: BehaviourId) {
         self.wishes.retain(|wish| wish.by != by);
     }
@@ -131,7 +131,7 @@ impl Arbiter {
         self.end_unless(|_| false, end)
     }
 
-    /// Ends the wishes whose time is over.
+    /// Ends the wishes whose duration is over.
     pub fn expire(&mut self, now: Instant) -> Vec<Ended> {
         self.end_unless(
             |wish| wish.until.is_none_or(|until| until > now),
@@ -139,8 +139,8 @@ impl Arbiter {
         )
     }
 
-    /// What the tracks are to do now: nothing wished is a stop, and so is a wish that is held; the
-    /// next in line does not take its place.
+    /// The setpoint of the tracks: a stop without a wish, and a stop while the first wish is held;
+    /// the next in line does not replace it.
     pub fn setpoint(&self) -> Setpoint {
         self.wishes
             .first()
@@ -148,22 +148,22 @@ impl Arbiter {
             .map_or(Setpoint::STOP, |wish| wish.setpoint)
     }
 
-    /// Whose wish the tracks follow, held or not.
+    /// The behaviour whose wish comes first, held or not.
     pub fn driver(&self) -> Option<BehaviourId> {
         self.wishes.first().map(|wish| wish.by)
     }
 
-    /// The priority of whose wish the tracks follow, held or not.
+    /// The priority of the wish that comes first, held or not.
     pub fn priority(&self) -> Option<Priority> {
         self.wishes.first().map(|wish| wish.priority)
     }
 
-    /// Behaviours that have a wish, driving or standing by.
+    /// All behaviours with a wish, driving or standing by.
     pub fn wishing(&self) -> impl Iterator<Item = BehaviourId> + '_ {
         self.wishes.iter().map(|wish| wish.by)
     }
 
-    /// When the next wish expires.
+    /// When the next timed wish expires.
     pub fn next_deadline(&self) -> Option<Instant> {
         self.wishes.iter().filter_map(|wish| wish.until).min()
     }

@@ -1,5 +1,6 @@
-//! What is believed of the battery: its level, whether it charges, and when it is low. Bad news is
-//! believed at one report, good news only when several bear it out; silence counts as low.
+//! Evaluates battery reports: the level, whether the battery charges, and when it is low. Bad news
+//! is believed at the first report, good news only when several reports confirm it; silence counts
+//! as low.
 
 use std::time::Duration;
 
@@ -15,7 +16,7 @@ use crate::wire::Power;
 pub enum LowCause {
     /// A report at or below the low level.
     Level(Percent),
-    /// No report for longer than allowed.
+    /// No report for this time, which is longer than allowed.
     Silence(Duration),
 }
 
@@ -30,7 +31,7 @@ impl std::fmt::Display for LowCause {
     }
 }
 
-/// What a fact has changed.
+/// What a fact or the passing of time has changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BatteryChange {
     /// The robot must go home.
@@ -42,17 +43,17 @@ pub enum BatteryChange {
 /// Whether the battery charges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Charging {
-    /// The last report says that it does not, or it is not known.
+    /// The last report denies it, or no report that still counts says so.
     No,
-    /// One report says so, and nothing else does yet. Enough to drive nowhere, not enough to be
-    /// released: the robot waits where it is.
+    /// One report says so, and nothing confirms it yet. The robot stays where it is: it is not
+    /// driven, and not released either.
     Said,
-    /// Several reports say so, or one while the robot says that it is on its station.
+    /// Several reports say so, or one report while the robot reports that it is on its station.
     Believed,
 }
 
-/// Remembers whether the battery is low. One report is enough to be low; charging or the `ok`
-/// level, each borne out, is needed to be released.
+/// Remembers whether the battery is low. One report is enough to be low; release takes charging or
+/// the `ok` level, each confirmed.
 #[derive(Debug, Clone)]
 pub struct BatteryGuard {
     low: Percent,
@@ -67,21 +68,21 @@ pub struct BatteryGuard {
     critical_level: Latch,
     charging: Charging,
     charged: Streak,
-    /// Since when charging is said and not believed.
+    /// Since when charging has been reported but not believed.
     doubted: Option<Instant>,
     reported: Option<Instant>,
 }
 
 impl BatteryGuard {
-    /// How long one report of charging is enough to wait for the next.
+    /// How long one unconfirmed report of charging counts.
     pub const DOUBT: Duration = Duration::from_secs(120);
 
-    /// From one report to the next, a level changes by so many points at most, besides ...
+    /// The most points by which a level changes from one report to the next, besides ...
     const STEP: f64 = 10.0;
-    /// ... so many points a second that driving explains.
+    /// ... this many points a second that driving explains.
     const FASTEST_DRAIN: f64 = 0.3;
 
-    /// Nothing is known yet; what is not known moves nothing, because there is no link.
+    /// Begins without a report; without a report the robot does not move, because there is no link.
     pub fn new(limits: &Limits) -> BatteryGuard {
         BatteryGuard {
             low: limits.low,
@@ -101,7 +102,7 @@ impl BatteryGuard {
         }
     }
 
-    /// A report came; `contact`: the robot has said that it is on its station.
+    /// Handles a battery report; `contact`: the robot has reported that it is on its station.
     pub fn report(&mut self, power: Power, contact: bool, now: Instant) -> Option<BatteryChange> {
         let level = Percent::saturating(power.percent);
         self.reported = Some(now);
@@ -120,7 +121,7 @@ impl BatteryGuard {
         }
     }
 
-    /// The robot says that it is on its station, which bears a report of charging out.
+    /// Handles the robot's report that it is on its station, which confirms a report of charging.
     pub fn contact(&mut self) -> Option<BatteryChange> {
         if self.charging != Charging::Said {
             return None;
@@ -129,13 +130,13 @@ impl BatteryGuard {
         self.release()
     }
 
-    /// The robot says that it has left its station.
+    /// Handles the robot's report that it has left its station.
     pub fn undocked(&mut self) {
         (self.charging, self.doubted) = (Charging::No, None);
         self.charged.forget();
     }
 
-    /// Time passes: one report of charging that no other has followed is worth nothing any more.
+    /// Discards an unconfirmed report of charging when its time is over.
     pub fn end_doubt(&mut self, now: Instant) -> Option<BatteryChange> {
         if self.doubt_deadline().is_none_or(|due| due > now) {
             return None;
@@ -151,7 +152,7 @@ impl BatteryGuard {
         Some(since + BatteryGuard::DOUBT)
     }
 
-    /// Time passes off the station: silence counts as low.
+    /// Checks, off the station, whether the silence counts as low.
     pub fn poll(&mut self, now: Instant) -> Option<BatteryChange> {
         let due = self.next_deadline()?;
         if due > now {
@@ -161,29 +162,29 @@ impl BatteryGuard {
         }
     }
 
-    /// When silence will count as low; `None` if it does already.
+    /// When silence will count as low; `None` if the battery is low already, or was never reported.
     pub fn next_deadline(&self) -> Option<Instant> {
         let reported = self.reported.filter(|_| self.low_cause.is_none())?;
         Some(reported + self.silence)
     }
 
-    /// On the station silence is no danger: counts from now.
+    /// Restarts the time of silence: on the station silence is no danger.
     pub fn excuse_silence(&mut self, now: Instant) {
         self.reported = self.reported.map(|_| now);
     }
 
-    /// A report came within the time after which silence counts.
+    /// Whether the last report is so recent that the silence does not count as low yet.
     pub fn is_fresh(&self, now: Instant) -> bool {
         self.reported
             .is_some_and(|reported| now < reported + self.silence)
     }
 
-    /// Low, and not released yet.
+    /// Why the battery is low; `None` if it is not, or was released.
     pub fn low(&self) -> Option<LowCause> {
         self.low_cause
     }
 
-    /// The level that is believed: the last one, unless it leapt and nothing bears that out yet.
+    /// The believed level: the last one, unless it leapt and nothing confirms it yet.
     pub fn level(&self) -> Option<Percent> {
         self.level.map(|(level, _)| level)
     }
@@ -193,12 +194,14 @@ impl BatteryGuard {
         self.charging
     }
 
-    /// At or below the low threshold, charging or not, until several reports deny it.
+    /// Whether the level is at or below the low threshold, charging or not, until several reports
+    /// deny it.
     pub fn at_or_below_low(&self) -> bool {
         self.low_level.is_on()
     }
 
-    /// At or below the critical level, charging or not, until several reports deny it.
+    /// Whether the level is at or below the critical threshold, charging or not, until several
+    /// reports deny it.
     pub fn critical(&self) -> bool {
         self.critical_level.is_on()
     }
@@ -218,7 +221,7 @@ impl BatteryGuard {
         };
     }
 
-    /// Levels that leap are believed when borne out; those that fall to low at once.
+    /// Believes a level that leaps when it is confirmed; one that falls to low, at once.
     fn judge_level(&mut self, level: Percent, power: Power, now: Instant) {
         let leaps = self
             .level

@@ -1,4 +1,4 @@
-//! The way home: search, wait for charging, back off, try again. The same machine serves a
+//! One docking: search, wait for charging, back off, try again. The same state machine serves a
 //! behaviour's `robot.dock` and the watchdog's own docking; they differ in their [`DockLimits`].
 
 use std::time::Duration;
@@ -9,25 +9,25 @@ use super::Doubt;
 use crate::robot::{DockEnd, DockPlan};
 use crate::wire::EngineReport;
 
-/// What to do between two tries.
+/// What to do between two attempts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Retry {
-    /// One search is all: what follows is the watchdog's to say (see [`Recovery`](super::Recovery)).
+    /// No second attempt: [`Recovery`](super::Recovery) decides what follows.
     Never,
-    /// Drive backwards for so long: a new approach from another place.
+    /// Drive backwards for this long: a new approach from another place.
     Reverse(Duration),
 }
 
-/// How often and how long to try.
+/// Attempts, timeouts and the manoeuvre between attempts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DockLimits {
-    /// Times and tries.
+    /// Timeouts and number of retries.
     pub plan: DockPlan,
-    /// What to do between tries.
+    /// What to do between attempts.
     pub retry: Retry,
 }
 
-/// What the machine wants to be done.
+/// What the state machine wants done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DockAction {
     /// Stop the tracks and send BASE_FIND.
@@ -42,32 +42,32 @@ pub enum DockAction {
     Undock,
 }
 
-/// How it went.
+/// The outcome of a docking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DockOutcome {
-    /// The end.
+    /// How it ended.
     pub end: DockEnd,
-    /// Tries made.
+    /// Attempts made.
     pub attempts: u32,
-    /// From the start.
+    /// Time from the start.
     pub took: Duration,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum DockingPhase {
-    /// The robot searches by itself.
+    /// The robot searches on its own.
     Searching { until: Instant },
-    /// On the station, charging has not begun.
+    /// On the station; charging has not begun.
     AwaitingCharge { until: Instant },
-    /// Undocking before another try.
+    /// Undocking before another attempt.
     Leaving { until: Instant },
-    /// Driving backwards before another try.
+    /// Driving backwards before another attempt.
     BackingOff { until: Instant },
-    /// Over.
+    /// Finished.
     Over(DockOutcome),
 }
 
-/// One docking, from the first try to its outcome.
+/// One docking, from the first attempt to its outcome.
 #[derive(Debug, Clone)]
 pub struct Docking {
     approach: DockLimits,
@@ -77,10 +77,10 @@ pub struct Docking {
 }
 
 impl Docking {
-    /// How long leaving the station may take before another try.
+    /// How long leaving the station may take before another attempt.
     pub const LEAVE_TIMEOUT: Duration = Duration::from_secs(20);
 
-    /// Begins: the robot is off its station, or on it without charging yet.
+    /// Begins with the robot off its station, or on it without charging yet.
     pub fn start(approach: DockLimits, docked: bool, now: Instant) -> (Docking, Vec<DockAction>) {
         let phase = DockingPhase::AwaitingCharge {
             until: now + approach.plan.charge_timeout,
@@ -95,7 +95,7 @@ impl Docking {
         (docking, orders)
     }
 
-    /// An ENGINE message came.
+    /// Handles an ENGINE message.
     pub fn engine(&mut self, news: EngineReport, now: Instant) -> Vec<DockAction> {
         match (self.phase, news) {
             (
@@ -118,30 +118,31 @@ impl Docking {
         }
     }
 
-    /// The robot charges, and that is believed: this is what docked means.
+    /// The robot is believed to charge: only this counts as docked.
     pub fn charging(&mut self, now: Instant) -> Vec<DockAction> {
         let orders = self.halt_if_backing_off();
         self.finish(DockEnd::Done, now);
         orders
     }
 
-    /// The robot may charge: it stands still until that is known. The time of a try runs on.
+    /// The robot may be charging: stands still until that is known. The attempt's timeout keeps
+    /// running.
     pub fn wait(&self) -> Vec<DockAction> {
         self.halt_if_backing_off()
     }
 
-    /// The robot searches by itself.
+    /// Whether the robot searches on its own.
     pub fn is_searching(&self) -> bool {
         matches!(self.phase, DockingPhase::Searching { .. })
     }
 
-    /// Time passes.
+    /// Handles timeouts.
     pub fn poll(&mut self, now: Instant) -> Vec<DockAction> {
         if self.next_deadline().is_none_or(|due| due > now) {
             return vec![];
         }
         match self.phase {
-            // The robot still searches: it must hear of the end before anything else.
+            // The robot still searches: it must be told of the end before anything else.
             DockingPhase::Searching { .. } => {
                 [vec![DockAction::Cancel], self.failed(DockEnd::Timeout, now)].concat()
             }
@@ -155,7 +156,7 @@ impl Docking {
         }
     }
 
-    /// It is cancelled.
+    /// Cancels the docking.
     pub fn cancel(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
         let orders = match self.phase {
             DockingPhase::Searching { .. } => vec![DockAction::Cancel],
@@ -165,7 +166,7 @@ impl Docking {
         orders
     }
 
-    /// The contact whose charging it waits for is not believed any more.
+    /// Contact is no longer believed while the docking waits for charging.
     pub fn lost_contact(&mut self, doubt: Doubt, now: Instant) -> Vec<DockAction> {
         match (self.phase, doubt) {
             (DockingPhase::AwaitingCharge { .. }, Doubt::Leaving) => self.search(now),
@@ -177,7 +178,7 @@ impl Docking {
         }
     }
 
-    /// How it went, once it is over.
+    /// The outcome, once the docking has ended.
     pub fn outcome(&self) -> Option<DockOutcome> {
         match self.phase {
             DockingPhase::Over(outcome) => Some(outcome),
@@ -211,7 +212,7 @@ impl Docking {
         vec![DockAction::Find]
     }
 
-    /// A try has failed off the station.
+    /// An attempt has failed off the station.
     fn failed(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
         match self.approach.retry {
             Retry::Reverse(span) if self.attempts <= self.approach.plan.retries => {
@@ -225,8 +226,8 @@ impl Docking {
         }
     }
 
-    /// On the station without charging. A robot with a low battery stays there: it is nearer to a
-    /// charge than anywhere else.
+    /// Charging has not begun on the station. A robot with a low battery stays there: no place is
+    /// nearer to a charge.
     fn not_charging(&mut self, now: Instant) -> Vec<DockAction> {
         let may_leave = matches!(self.approach.retry, Retry::Reverse(_));
         if !may_leave || self.attempts == 0 || self.attempts > self.approach.plan.retries {

@@ -1,5 +1,5 @@
-//! How fast the battery empties and fills, learnt from its levels: percent a minute for each of the
-//! things that a robot does, and the minutes that are left.
+//! Estimates how fast the battery drains and charges, from its reported levels: percent per minute
+//! for each activity, and the minutes that are left.
 //!
 //! Levels come in whole percents, so time is counted from one change of the level to the next. A
 //! level that leaps says nothing about the time before it.
@@ -10,22 +10,22 @@ use tokio::time::Instant;
 
 use super::streak::FASTEST_CHARGE;
 
-/// What a robot spends its battery on.
+/// What the robot spends its battery on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Activity {
-    /// Tracks at rest.
+    /// The tracks are at rest.
     Standing,
-    /// It searches its station by itself.
+    /// The robot searches for its station on its own.
     Searching,
-    /// It is told to move.
+    /// The tracks are driven.
     Driving,
 }
 
 impl Activity {
-    /// All there are.
+    /// All activities.
     const ALL: [Activity; 3] = [Activity::Standing, Activity::Searching, Activity::Driving];
 
-    /// How much it needs beside the others, as long as nothing is known.
+    /// The assumed drain relative to the other activities, while no rate is known.
     fn guess(self) -> f64 {
         match self {
             Activity::Standing => 1.0,
@@ -35,7 +35,7 @@ impl Activity {
     }
 }
 
-/// Percents and the minutes that they took; old ones fade.
+/// Percents and the minutes they took; old data decays.
 #[derive(Debug, Clone, Copy, Default)]
 struct Account {
     percent: f64,
@@ -43,9 +43,9 @@ struct Account {
 }
 
 impl Account {
-    /// So many percents are remembered.
+    /// At most this many percent are remembered.
     const MEMORY: f64 = 10.0;
-    /// So many are needed to know a rate.
+    /// A rate is known from this many percent on.
     const ENOUGH: f64 = 2.0;
 
     fn add(&mut self, percent: f64, minutes: f64) {
@@ -60,44 +60,44 @@ impl Account {
     }
 }
 
-/// Learns from levels and activities.
+/// Learns the rates from levels and activities.
 #[derive(Debug, Clone, Default)]
 pub struct Drain {
     activities: [Account; Activity::ALL.len()],
     charge: Account,
-    /// Whatever it did of late.
+    /// Recent drain of all activities together.
     recent: Account,
     level: Option<u8>,
     charging: bool,
-    /// The level changed when the minutes below began to be counted.
+    /// Whether `spent` began at a change of the level.
     edge: bool,
     /// Minutes of each activity since then.
     spent: [f64; Activity::ALL.len()],
     activity: Option<Activity>,
-    /// Counted up to here.
+    /// `spent` is counted up to this time.
     counted: Option<Instant>,
 }
 
 impl Drain {
-    /// A level that goes back so far has only been rounded otherwise.
+    /// A level that moves back by up to this many points is rounding noise.
     const FLICKER: u8 = 2;
-    /// A change beyond so many points is a leap, unless the time explains it.
+    /// A change by more than this many points beyond what the elapsed time explains is a leap.
     const LEAP: f64 = 5.0;
-    /// The fastest drain that is taken for true, percent a minute.
+    /// The fastest plausible drain, percent per minute.
     const FASTEST_DRAIN: f64 = 20.0;
 
-    /// From now on it does this.
+    /// Sets the activity from `now` on.
     pub fn advance(&mut self, activity: Activity, now: Instant) {
         self.count(now);
         self.activity = Some(activity);
     }
 
-    /// What it did is not known until the next level: the link is gone.
+    /// Forgets level and activity until the next report: the link is lost.
     pub fn interrupt(&mut self) {
         (self.level, self.activity, self.counted) = (None, None, None);
     }
 
-    /// A level that is believed.
+    /// Takes in a level that is believed.
     pub fn level(&mut self, percent: u8, charging: bool, now: Instant) {
         self.count(now);
         let Some(before) = self.level.filter(|_| self.charging == charging) else {
@@ -124,24 +124,25 @@ impl Drain {
         }
     }
 
-    /// Percent a minute; `None` until two percent of it have been seen.
+    /// Percent per minute of one activity; `None` until two percent of it have been observed.
     pub fn rate(&self, activity: Activity) -> Option<f64> {
         self.activities[activity as usize].rate()
     }
 
-    /// Percent a minute on the charger; `None` until two percent of it have been seen.
+    /// Percent per minute on the charger; `None` until two percent have been observed.
     pub fn charging_rate(&self) -> Option<f64> {
         self.charge.rate()
     }
 
-    /// Minutes until the battery is empty, at the average rate of the last ten percent. `None` while
-    /// it charges, and until two percent without a leap have been seen.
+    /// Minutes until the battery is empty, at the average rate of the last ten percent. `None`
+    /// while it charges, and until two percent without a leap have been observed.
     pub fn minutes_left(&self) -> Option<f64> {
         let level = self.level.filter(|_| !self.charging)?;
         Some(f64::from(level) / self.recent.rate()?)
     }
 
-    /// Minutes until the battery is empty if it does nothing but this; `None` until its rate is known.
+    /// Minutes until the battery is empty at the rate of this activity alone; `None` until that
+    /// rate is known.
     pub fn minutes_left_if(&self, activity: Activity) -> Option<f64> {
         Some(f64::from(self.level?) / self.rate(activity)?)
     }
@@ -167,7 +168,7 @@ impl Drain {
         fastest * self.spent.iter().sum::<f64>()
     }
 
-    /// The level has changed by so much since its last change.
+    /// Learns from a level that has changed by `percent` points since its last change.
     fn learn(&mut self, percent: f64) {
         let total: f64 = self.spent.iter().sum();
         if !self.edge || total <= 0.0 {
@@ -193,7 +194,7 @@ impl Drain {
         needs[activity as usize] * self.spent[activity as usize]
     }
 
-    /// What each activity needs: as learnt, or as guessed beside what is learnt of the others.
+    /// The drain of each activity: as learnt, or else estimated from those that are known.
     fn needs(&self) -> [f64; Activity::ALL.len()] {
         let ratio = |one: &Activity| Some(self.rate(*one)? / one.guess());
         let ratios: Vec<f64> = Activity::ALL.iter().filter_map(ratio).collect();

@@ -1,10 +1,10 @@
-//! What the robot is to hear if the agent dies.
+//! The commands that the robot is sent if the agent dies.
 
 use crate::wire::{Command, Engage};
 
-/// What is said when the link, the agent or the machine fails: the writer and the guardian hold the
-/// newest that the watchdog has told them (see [`Watchdog::last_words`](super::Watchdog::last_words)).
-/// The default, before anything is known, is a stop.
+/// What is sent when the link, the agent or the machine fails: the writer and the guardian hold the
+/// latest ones from the watchdog (see [`Watchdog::last_words`](super::Watchdog::last_words)). The
+/// default, before anything is known, is a stop.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum LastWords {
     /// Stop the tracks.
@@ -12,14 +12,14 @@ pub enum LastWords {
     Stop,
     /// End the search for the station, which a MOVE alone may not end, and stop the tracks.
     EndSearch,
-    /// Stop the tracks and search the station: the battery is low.
+    /// Stop the tracks and search for the station: the battery is low.
     StopAndDock,
-    /// Nothing: the robot does by itself what is best for it, and any MOVE would end that.
+    /// Nothing: what the robot does on its own is best, and any MOVE would end that.
     Nothing,
 }
 
 impl LastWords {
-    /// The messages, to be sent in one write.
+    /// The commands, to be sent in one write.
     pub fn commands(self) -> Vec<Command> {
         match self {
             LastWords::Stop => vec![Command::STOP],
@@ -39,7 +39,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn whatever_is_said_begins_with_a_stop() {
+    fn all_last_words_begin_with_a_stop() {
         assert_eq!(LastWords::default(), LastWords::Stop);
         let find = Command::Engine(Engage::Dock);
         assert_eq!(LastWords::Stop.commands(), [Command::STOP]);

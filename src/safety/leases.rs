@@ -1,5 +1,5 @@
-//! Which hosts are alive: a behaviour whose motion is on must show life again and again, or it
-//! loses the tracks and its process.
+//! Which hosts are alive: a host whose motion is on must show life repeatedly, or it loses the
+//! tracks and its process is ended.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -8,7 +8,7 @@ use tokio::time::Instant;
 
 use crate::robot::BehaviourId;
 
-/// When each host was last heard.
+/// When each host last showed life.
 #[derive(Debug, Clone)]
 pub struct Leases {
     silence: Duration,
@@ -17,7 +17,8 @@ pub struct Leases {
 }
 
 impl Leases {
-    /// With the longest silence before a host's motion is held, and before it is ended.
+    /// `silence`: the longest time without a sign of life before a host's motion is held; `grace`:
+    /// the time after that before the host is ended.
     pub fn new(silence: Duration, grace: Duration) -> Leases {
         Leases {
             silence,
@@ -31,12 +32,12 @@ impl Leases {
         self.heard.insert(by, now);
     }
 
-    /// A host is no more.
+    /// Removes a host that has ended.
     pub fn forget(&mut self, by: BehaviourId) {
         self.heard.remove(&by);
     }
 
-    /// How a host does that moves the robot.
+    /// The state of a host that moves the robot.
     pub fn pulse(&self, by: BehaviourId, now: Instant) -> HostLife {
         match self.heard.get(&by) {
             Some(&heard) if now < heard + self.silence => HostLife::Alive,
@@ -45,7 +46,7 @@ impl Leases {
         }
     }
 
-    /// When the pulse of the first of `moving` will change for the worse.
+    /// When the state of one of `moving` will next get worse.
     pub fn next_deadline(
         &self,
         moving: impl Iterator<Item = BehaviourId>,
@@ -63,10 +64,10 @@ impl Leases {
     }
 }
 
-/// How a host does.
+/// Whether a host is alive, by the time since its last sign of life.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HostLife {
-    /// Heard in time.
+    /// It has shown life in time.
     Alive,
     /// Its motion must be held.
     Silent,
@@ -84,7 +85,7 @@ mod tests {
     #[test]
     fn a_pulse_grows_weaker_until_it_is_renewed() {
         let (mut leases, now) = (Leases::new(250 * MS, 100 * MS), Instant::now());
-        assert_eq!(leases.pulse(WHO, now), HostLife::Dead, "never heard");
+        assert_eq!(leases.pulse(WHO, now), HostLife::Dead, "not seen yet");
         leases.renew(WHO, now);
         let deadline = |leases: &Leases, at| leases.next_deadline([WHO].into_iter(), at);
         assert_eq!(leases.pulse(WHO, now + 249 * MS), HostLife::Alive);
@@ -97,7 +98,7 @@ mod tests {
     }
 
     #[test]
-    fn a_host_that_is_no_more_is_waited_for_no_longer() {
+    fn a_forgotten_host_counts_as_dead() {
         let (mut leases, now) = (Leases::new(250 * MS, 100 * MS), Instant::now());
         leases.renew(WHO, now);
         leases.forget(WHO);

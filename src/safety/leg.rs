@@ -1,4 +1,4 @@
-//! One short and slow leg that the watchdog drives by itself, to search the station from another
+//! One short and slow leg that the watchdog itself drives, to search for the station from another
 //! place: a turn on the spot, or none, then straight ahead or back.
 
 use std::time::Duration;
@@ -7,7 +7,7 @@ use tokio::time::Instant;
 
 use crate::robot::Setpoint;
 
-/// A leg under way, or over.
+/// A leg, under way or finished.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Leg {
     turns_until: Instant,
@@ -22,21 +22,22 @@ enum Way {
 }
 
 impl Leg {
-    /// The power of the tracks, percent, in whatever direction.
+    /// The power of the tracks in either direction, percent.
     pub const PERCENT: f64 = 30.0;
-    /// How long a turn takes: with the usual calibration about 60 degrees, to the left.
+    /// Duration of a turn: with the usual calibration about 60 degrees, to the left.
     pub const TURN: Duration = Duration::from_millis(950);
-    /// How long the straight part of the first legs takes: with the usual calibration about 0.27 m.
+    /// Duration of the straight part of the first legs: with the usual calibration about 0.27 m.
     pub const SHORTEST: Duration = Duration::from_secs(2);
-    /// And of the last ones: about 0.54 m.
+    /// Duration of the straight part of the last legs: about 0.54 m.
     pub const LONGEST: Duration = Duration::from_secs(4);
 
-    /// Begins the leg of this number, counted from 0.
+    /// Begins leg `number`, counted from 0.
     ///
-    /// It is not known how far a search that has failed turns the robot, so no pattern leads anywhere for
-    /// certain. Every second leg begins with a turn, two ahead are followed by two back, and after four
-    /// they are a second longer: of the simple patterns that were compared, one of those that left a
-    /// blind corner most often, and that go farther only when the neighbourhood has been tried.
+    /// How far a failed search turns the robot is not known, so no pattern is certain to lead
+    /// anywhere. Every second leg begins with a turn, two legs ahead are followed by two back, and
+    /// after every four the straight part is a second longer, up to [`Leg::LONGEST`]. Of the simple
+    /// patterns compared, this is one of those that left a blind corner most often and that go
+    /// farther only after the neighbourhood has been tried.
     pub fn start(number: u32, now: Instant) -> Leg {
         let turn = match number % 2 {
             0 => Duration::ZERO,
@@ -55,7 +56,7 @@ impl Leg {
         }
     }
 
-    /// What the tracks are to do; `None` once it is over.
+    /// The setpoint of the tracks; `None` once the leg has ended.
     pub fn setpoint(&self, now: Instant) -> Option<Setpoint> {
         let (left, right) = match self.way {
             _ if now >= self.until => return None,
@@ -66,7 +67,7 @@ impl Leg {
         Setpoint::from_percent(left * Leg::PERCENT, right * Leg::PERCENT)
     }
 
-    /// When what it wants changes next, seen from `now`; `None` once it is over.
+    /// The next change of [`Leg::setpoint`] after `now`; `None` once the leg has ended.
     pub fn next_deadline(&self, now: Instant) -> Option<Instant> {
         let changes = [self.turns_until, self.until];
         changes.into_iter().find(|change| *change > now)
@@ -80,7 +81,7 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    /// What the tracks do, and for how long.
+    /// The setpoints of a leg, and how long each lasts.
     fn parts(number: u32) -> Vec<((i8, i8), Duration)> {
         let mut now = Instant::now();
         let leg = Leg::start(number, now);

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::Rescue;
 use crate::robot::{Percent, Seconds};
 
-/// The least that a host without motion is waited for: it shows life twice a second.
+/// The shortest allowed `host_idle_silence`: an idle host shows life twice a second.
 const LEAST_IDLE_SILENCE: Seconds = Seconds::from_secs(2);
 
 /// The numbers of the safety rules. Times are in seconds in the config.
@@ -14,51 +14,52 @@ const LEAST_IDLE_SILENCE: Seconds = Seconds::from_secs(2);
 pub struct Limits {
     /// At or below this level the robot is sent home, whatever the scripts do (20 %).
     pub low: Percent,
-    /// From this level on a robot that was low may move again (50 %).
+    /// At this level or above, a robot that was low may move again (50 %).
     pub ok: Percent,
     /// At or below this level no behaviour moves the robot, charging or not, except on the way home
     /// (8 %); camera, microphone, lights and sounds are switched off.
     pub critical: Percent,
-    /// The longest single search of the way home (180 s).
+    /// The longest single search for the station on the way home (180 s).
     pub dock_timeout: Seconds,
-    /// The longest wait for charging to begin once on the station (30 s).
+    /// The longest wait for charging to begin once the robot is on the station (30 s).
     pub charge_timeout: Seconds,
-    /// Searches after the first one that may fail before the alarm sounds (3).
+    /// Further searches after the first one; when all have failed, the alarm sounds (3).
     pub dock_retries: u32,
     /// The pause after a failed search, if no behaviour may drive the robot elsewhere (5 s). It
-    /// doubles each time, up to `recovery_longest_pause`, and is never longer than costs as much
-    /// energy as a search. At or below the critical level there is no pause.
+    /// doubles each time, up to `recovery_longest_pause`, and never costs more energy than the
+    /// search did. At or below the critical level there is no pause.
     pub dock_pause: Seconds,
     /// Whether the watchdog itself drives a short leg if the station was not found and no rescue
     /// behaviour has driven: any number but 0 (12). It drives legs blindly: at 30 %, straight for 2
     /// s, later for up to 4 s (0.27 to 0.54 m), every second one after a turn of 0.95 s, with a
-    /// search after each, until the robot is released. 0 means never: for places where the robot
+    /// search after each, until the robot is released. 0 disables legs: for places where the robot
     /// could fall.
     pub recovery_legs: u32,
-    /// The first of these pauses once the alarm sounds (60 s).
+    /// The first pause once the alarm sounds (60 s).
     pub recovery_pause: Seconds,
-    /// The longest of these pauses (300 s).
+    /// The longest pause after a failed search (300 s).
     pub recovery_longest_pause: Seconds,
-    /// The rescue behaviour, which drives a low robot elsewhere after a failed search: `builtin`,
-    /// which drives over free floor; the name of a `.lua` file; or `off`.
+    /// The rescue behaviour, which drives a robot with a low battery elsewhere after a failed
+    /// search: `builtin`, which drives over free floor; the name of a `.lua` file; or `off`.
     pub rescue: Rescue,
-    /// The longest loan of the tracks to it; then the robot searches from there (8 s).
+    /// The longest loan of the tracks to the rescue behaviour; then the robot searches from there
+    /// (8 s).
     pub rescue_time: Seconds,
-    /// The limit of each track's power while they are lent (30 %); more is scaled down on both
+    /// The limit of each track's power during a loan (30 %); more is scaled down on both tracks
     /// alike.
     pub rescue_power: Percent,
     /// After this time off the station without a battery level, the battery counts as low (600 s).
     pub power_silence: Seconds,
-    /// A host whose motion is on must show life this often, or the tracks are stopped (0.25 s).
+    /// A host with a motion must show life this often, or the tracks are stopped (0.25 s).
     pub host_silence: Seconds,
     /// A host that shows no life for this much longer is ended; one that does continues (0.25 s).
-    /// This way a machine that stalls as a whole does not end its scripts.
+    /// Thus a short stall of the whole machine does not end its scripts.
     pub host_grace: Seconds,
-    /// A host without motion that shows no life for this long is ended too (5 s).
+    /// A host without motion that shows no life for this long is also ended (5 s).
     pub host_idle_silence: Seconds,
     /// With a stream on and the tracks moving, bytes must come this often (3 s).
     pub stream_silence: Seconds,
-    /// The time between two soundings of the alarm (15 s).
+    /// The time from one alarm to the next (15 s).
     pub alarm_every: Seconds,
 }
 
@@ -88,13 +89,13 @@ impl Default for Limits {
     }
 }
 
-/// What contradicts itself in [`Limits`].
+/// Why values in [`Limits`] contradict each other.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LimitsError {
-    /// An honest host that is idle would be ended.
+    /// `host_idle_silence` is so short that a healthy idle host would be ended.
     #[error("watchdog: host_idle_silence must be at least {least} s")]
     IdleSilence {
-        /// The least, in seconds.
+        /// The smallest allowed value, in seconds.
         least: u64,
     },
     /// The levels of the battery are not in order.
@@ -110,10 +111,10 @@ pub enum LimitsError {
 }
 
 impl Limits {
-    /// Checks the numbers taken together.
+    /// Checks the limits against each other.
     ///
     /// # Errors
-    /// Unless critical < low < ok. A wait for an idle host that is too short.
+    /// If not critical < low < ok, or if `host_idle_silence` is too short.
     pub fn check(&self) -> Result<(), LimitsError> {
         let Limits {
             critical, low, ok, ..
@@ -161,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wait_for_an_idle_host_that_would_end_honest_ones_is_refused() {
+    fn a_wait_that_would_end_healthy_idle_hosts_is_refused() {
         let limits = Limits {
             host_idle_silence: Seconds::from_millis(1900),
             ..Limits::default()

@@ -1,4 +1,5 @@
-//! The tracks, lent to one behaviour for a few seconds between two searches of a low robot.
+//! A loan: between two searches of a robot with a low battery one behaviour drives for a few
+//! seconds.
 
 use std::time::Duration;
 
@@ -6,23 +7,23 @@ use tokio::time::Instant;
 
 use crate::robot::{BehaviourId, Percent, Setpoint, TrackPower};
 
-/// A loan under way, or over.
+/// A loan, under way or finished.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Loan {
     by: BehaviourId,
     until: Instant,
-    /// Over then unless a motion is asked for; `None` while one is wished.
+    /// The loan ends then unless a motion is requested; `None` while a motion is on.
     idle_until: Option<Instant>,
     used: bool,
 }
 
 impl Loan {
-    /// How long the first motion may take to come.
+    /// The longest wait for the first motion.
     pub const FIRST: Duration = Duration::from_millis(1500);
-    /// And from the end of one to the next.
+    /// The longest wait from the end of a motion to the next one.
     pub const NEXT: Duration = Duration::from_secs(1);
 
-    /// Begins, for so long at most.
+    /// Begins a loan of at most `time`.
     pub fn start(by: BehaviourId, time: Duration, now: Instant) -> Loan {
         Loan {
             by,
@@ -32,17 +33,17 @@ impl Loan {
         }
     }
 
-    /// Whom the tracks are lent to.
+    /// The behaviour that the tracks are lent to.
     pub fn borrower(&self) -> BehaviourId {
         self.by
     }
 
-    /// Some motion was asked for.
+    /// Whether any motion was requested.
     pub fn used(&self) -> bool {
         self.used
     }
 
-    /// Whether the borrower has a motion now.
+    /// Notes whether the borrower has a motion now.
     pub fn note(&mut self, moves: bool, now: Instant) {
         self.used |= moves;
         if moves {
@@ -52,19 +53,19 @@ impl Loan {
         }
     }
 
-    /// Its time is over, or nothing was asked for in time.
+    /// Whether its time is over, or no motion was requested in time.
     pub fn is_over(&self, now: Instant) -> bool {
         self.next_deadline() <= now
     }
 
-    /// When it is over as things stand.
+    /// When it ends unless the borrower's motion begins or ends before.
     pub fn next_deadline(&self) -> Instant {
         self.idle_until
             .map_or(self.until, |idle| idle.min(self.until))
     }
 }
 
-/// The same curve, with no track above this power: both are scaled alike.
+/// The same curve with no track above this power: both tracks are scaled alike.
 pub fn capped(setpoint: Setpoint, power: Percent) -> Setpoint {
     let most = f64::from(power.get()) / 100.0 * f64::from(TrackPower::MAX);
     let (left, right) = (
@@ -96,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn a_loan_that_nobody_uses_is_over_soon() {
+    fn an_unused_loan_ends_soon() {
         let (mut loan, now) = loan();
         loan.note(false, now + 1000 * MS);
         assert!(!loan.is_over(now + 1499 * MS));

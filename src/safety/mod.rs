@@ -1,14 +1,14 @@
-//! The rules that keep the robot from harm: pure state machines. Facts and the time go in, acts
-//! come out; nothing here waits, asks the clock, or knows a socket or a script's VM.
+//! The rules that keep the robot from harm, as pure state machines: facts and the time go in, acts
+//! come out. Nothing here blocks, reads the clock, or knows a socket or a script's VM.
 //!
-//! [`Watchdog`] is the whole; its parts can be read one by one: [`Arbiter`] (who may drive),
-//! [`Tracks`] (the setpoint sent, and how often), [`BatteryGuard`] (which battery reports count,
-//! and when the level is low), [`Drain`] (how fast it empties), [`DockTracker`] (whether the robot
-//! is docked, and on what evidence), [`Docking`] (the way home), [`Recovery`] (what follows a
-//! failed docking), [`Loan`] and [`Leg`] (how a low robot gets elsewhere to search again),
-//! [`Rescue`] (which behaviour drives it), [`Trail`] (the robot's path from its station),
-//! [`Leases`] (which hosts are alive), [`LastWords`] (what the robot receives if the agent dies),
-//! [`Limits`] (every number).
+//! [`Watchdog`] combines all parts; each part can be read alone: [`Arbiter`] (which behaviour
+//! drives), [`Tracks`] (the setpoint sent, and how often), [`BatteryGuard`] (which battery reports
+//! count, and when the level is low), [`Drain`] (how fast the battery empties), [`DockTracker`]
+//! (whether the robot is docked, and on what evidence), [`Docking`] (one docking with its
+//! retries), [`Recovery`] (what follows a failed docking), [`Loan`] and [`Leg`] (how a robot with a
+//! low battery reaches another place to search from), [`Rescue`] (which behaviour may drive it),
+//! [`Trail`] (the robot's path from its station), [`Leases`] (which hosts are alive), [`LastWords`]
+//! (what the robot is sent if the agent dies), [`Limits`] (every number).
 
 mod act;
 mod arbiter;

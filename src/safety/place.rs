@@ -1,27 +1,27 @@
-//! Where the robot is: what it has said about that, and how long it is believed.
+//! Where the robot is: what it has reported about that, and how long each report is believed.
 //!
-//! | place | by | a script's motion | `undock` | `dock` | low battery |
+//! | place | evidence | a script's motion | `undock` | `dock` | low battery |
 //! | --- | --- | --- | --- | --- | --- |
-//! | [`DockState::Charging`] | a POWER that says so, unless it comes within 10 s after the robot has left, as asked | refused, `docked` | CHARGE_STOP | `already_docked` | stays |
-//! | [`DockState::ContactSaid`] | ENGINE 2, or the login's word | refused, `docked` | CHARGE_STOP | waits for charging | waits for charging, at most `charge_timeout`; then [`DockState::Unknown`] |
-//! | [`DockState::Left`] | ENGINE 1, the login's word, or a POWER that charges no more after CHARGE_STOP | allowed | `not_docked` | BASE_FIND | BASE_FIND |
+//! | [`DockState::Charging`] | a POWER that reports charging, unless it comes within 10 s after an ENGINE 1 that followed CHARGE_STOP | refused, `docked` | CHARGE_STOP | `already_docked` | stays |
+//! | [`DockState::ContactSaid`] | ENGINE 2, or the answer to the login | refused, `docked` | CHARGE_STOP | waits for charging | waits for charging, at most `charge_timeout`; then [`DockState::Unknown`] |
+//! | [`DockState::Left`] | ENGINE 1, the answer to the login, or, after CHARGE_STOP, a POWER that no longer reports charging | allowed | `not_docked` | BASE_FIND | BASE_FIND |
 //! | [`DockState::Unknown`] | a CHARGE_STOP that is not confirmed in time; contact without charging while low; charging that ends though contact was never reported | allowed | CHARGE_STOP | BASE_FIND | BASE_FIND |
 //!
-//! From CHARGE_STOP until the robot has confirmed it, or its time is over, motion is refused as on
-//! the station: the robot backs out by itself. What is allowed here may still be refused because the
-//! battery is low.
+//! From CHARGE_STOP until the robot has confirmed it, or its timeout is over, motion is refused as
+//! on the station: the robot backs out on its own. A low battery may still refuse what this table
+//! allows.
 
 use std::fmt;
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// Where the robot is. See the module for what each allows.
+/// Where the robot is. The module's table lists what each state allows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DockState {
-    /// On the station: it charges.
+    /// On the station and charging.
     Charging,
-    /// On the station, it has said; it does not charge.
+    /// On the station, by its own report, and not charging.
     ContactSaid,
     /// Off the station.
     Left(Evidence),
@@ -40,51 +40,52 @@ impl fmt::Display for DockState {
     }
 }
 
-/// By whose word the robot is off its station.
+/// The evidence that the robot is off its station.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Evidence {
     /// ENGINE 1.
     Engine,
     /// The answer to the login.
     Login,
-    /// A POWER without charging, after CHARGE_STOP.
+    /// A POWER that reports no charging, after CHARGE_STOP.
     Power,
 }
 
-/// Why a place is not believed any more.
+/// Why the robot is no longer believed to be on its station.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Doubt {
     /// A CHARGE_STOP was not confirmed in time.
     Leaving,
-    /// Contact has not become charging in time.
+    /// Charging has not begun in time after contact.
     Contact,
 }
 
-/// Follows what is said about the place.
+/// Tracks where the robot is, from its reports.
 #[derive(Debug, Clone)]
 pub struct DockTracker {
     place: DockState,
     charge_timeout: Duration,
-    /// The robot has spoken of contact, and of nothing else since.
+    /// The robot has reported contact, and nothing since contradicts it.
     contact: bool,
-    /// Contact is believed until then if the battery is low.
+    /// While the battery is low, contact is believed until then.
     charge_due: Option<Instant>,
-    /// CHARGE_STOP was sent; the robot's word is awaited until then.
+    /// CHARGE_STOP was sent; the robot's confirmation is awaited until then.
     leaving: Option<Instant>,
-    /// CHARGE_STOP was sent since the robot last spoke of its place.
+    /// CHARGE_STOP was sent since the robot's last report of its place.
     asked: bool,
-    /// When the robot said that it has left, as it was asked to.
+    /// When the robot reported that it has left after a CHARGE_STOP.
     left: Option<Instant>,
 }
 
 impl DockTracker {
-    /// The longest time that the robot's word is awaited after CHARGE_STOP.
+    /// The longest wait for the robot's confirmation after CHARGE_STOP.
     pub const LONGEST_LEAVING: Duration = Duration::from_secs(60);
 
-    /// How long a POWER that says "charging" may be older than ENGINE 1.
+    /// A POWER that reports charging within this time after ENGINE 1 is taken for older than ENGINE
+    /// 1.
     const JUST_LEFT: Duration = Duration::from_secs(10);
 
-    /// Nothing has been said yet.
+    /// Begins with [`DockState::Unknown`].
     pub fn new(charge_timeout: Duration) -> DockTracker {
         DockTracker {
             place: DockState::Unknown,
@@ -97,34 +98,36 @@ impl DockTracker {
         }
     }
 
-    /// Where it is.
+    /// Where the robot is.
     pub fn place(&self) -> DockState {
         self.place
     }
 
-    /// On the station, by its word or because it charges.
+    /// Whether the robot is on its station, by its own report or because it charges.
     pub fn on_station(&self) -> bool {
         matches!(self.place, DockState::Charging | DockState::ContactSaid)
     }
 
-    /// The robot has said that it is on its station, and nothing since denies it.
+    /// Whether the robot has reported that it is on its station, and nothing since contradicts it.
     pub fn has_contact(&self) -> bool {
         self.contact
     }
 
-    /// CHARGE_STOP was sent and neither confirmed nor given up.
+    /// Whether a CHARGE_STOP was sent and is neither confirmed nor given up.
     pub fn is_leaving(&self) -> bool {
         self.leaving.is_some()
     }
 
-    /// It was asked to leave, and has just said that it did: a POWER that says "charging" tells of the time before.
+    /// Whether the robot has just confirmed a CHARGE_STOP: a POWER that reports charging then is
+    /// older than that.
     pub fn has_just_left(&self, now: Instant) -> bool {
         self.left
             .is_some_and(|left| now < left + DockTracker::JUST_LEFT)
     }
 
-    /// The login has said whether it is docked. While the battery is low that word gives contact no
-    /// new time: a link that drops again and again does not keep the robot from searching.
+    /// Handles the login's answer whether the robot is docked. While the battery is low, it does
+    /// not extend the time for charging to begin: a link that drops repeatedly does not keep the
+    /// robot from searching.
     pub fn login(&mut self, docked: bool, low: bool, now: Instant) {
         self.has_spoken();
         let tried = low && self.charge_due.is_some_and(|due| due <= now);
@@ -140,7 +143,7 @@ impl DockTracker {
         }
     }
 
-    /// ENGINE 2: on the station. Said again in time it changes nothing.
+    /// ENGINE 2: on the station. A repetition before `charge_due` changes nothing.
     pub fn docked(&mut self, now: Instant) {
         self.has_spoken();
         self.contact = true;
@@ -151,7 +154,7 @@ impl DockTracker {
         }
     }
 
-    /// ENGINE 1: has left the station.
+    /// ENGINE 1: off the station.
     pub fn undocked(&mut self, now: Instant) {
         let left = self.asked.then_some(now);
         self.has_spoken();
@@ -159,7 +162,7 @@ impl DockTracker {
         self.left = left;
     }
 
-    /// A battery level came.
+    /// Handles a battery report.
     pub fn power(&mut self, charging: bool, now: Instant) {
         if charging {
             (self.place, self.charge_due) = (DockState::Charging, None);
@@ -168,27 +171,27 @@ impl DockTracker {
         }
     }
 
-    /// CHARGE_STOP was sent; the robot's word is awaited for so long, at most
+    /// CHARGE_STOP was sent; waits for the robot's confirmation for `timeout`, at most
     /// [`DockTracker::LONGEST_LEAVING`].
     pub fn leave_station(&mut self, timeout: Duration, now: Instant) {
         self.asked = true;
         self.leaving = Some(now + timeout.min(DockTracker::LONGEST_LEAVING));
     }
 
-    /// The outcome of a CHARGE_STOP is not known any more.
+    /// Gives up waiting for the confirmation of a CHARGE_STOP.
     pub fn doubt_leaving(&mut self) -> Option<Doubt> {
         self.leaving.take()?;
         self.on_station().then(|| self.doubt(Doubt::Leaving))
     }
 
-    /// The battery has become low: from now on contact has its time to become charging.
+    /// The battery has become low: from now on contact must become charging within the timeout.
     pub fn expect_charge(&mut self, now: Instant) {
         if self.place == DockState::ContactSaid {
             self.charge_due = Some(now + self.charge_timeout);
         }
     }
 
-    /// Time passes. Says why the robot is not believed to be on its station any more.
+    /// Handles timeouts. Returns why the robot is no longer believed to be on its station.
     pub fn poll(&mut self, low: bool, now: Instant) -> Option<Doubt> {
         if self.leaving.is_some_and(|until| until <= now) {
             return self.doubt_leaving();
@@ -208,14 +211,15 @@ impl DockTracker {
         [self.leaving, charge_due].into_iter().flatten().min()
     }
 
-    /// Should it charge after all, its word of contact was right.
+    /// With [`Doubt::Contact`] the report of contact stays: it was right if the robot charges after
+    /// all.
     fn doubt(&mut self, why: Doubt) -> Doubt {
         self.place = DockState::Unknown;
         self.contact &= why == Doubt::Contact;
         why
     }
 
-    /// The robot has spoken of its place: nothing of a CHARGE_STOP before is open any more.
+    /// The robot has reported its place: an earlier CHARGE_STOP is settled.
     fn has_spoken(&mut self) {
         (self.leaving, self.asked, self.left) = (None, false, None);
     }

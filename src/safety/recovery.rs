@@ -1,11 +1,11 @@
-//! The way home of a low robot, from the first search until it is released. After a search that has
-//! failed the robot goes elsewhere, because from one place a search fails again and again: driven by
-//! a behaviour that sees, to which the tracks are lent (see [`Loan`]), or blindly, in one short
-//! [`Leg`]. Only where neither is allowed does it stand and wait, and never for longer than a search is
-//! worth: standing empties the battery too.
+//! The way home of a robot with a low battery, from the first search until it is released. After a
+//! failed search the robot goes elsewhere, because a search from the same place fails again and
+//! again: driven by a behaviour that can see, to which the tracks are lent (see [`Loan`]), or
+//! blindly, in one short [`Leg`]. Only where neither is allowed does it stand and wait, and never
+//! for longer than costs as much energy as a search: standing also drains the battery.
 //!
-//! It is not known how the real robot takes a MOVE between two searches (`PROTOCOL.md`, *Not known*), so
-//! each loan and each leg ends with a stop and BASE_FIND anew.
+//! How the real robot handles a MOVE between two searches is not known (`PROTOCOL.md`, *Not
+//! known*), so each loan and each leg ends with a stop and a new BASE_FIND.
 
 use std::time::Duration;
 
@@ -14,38 +14,38 @@ use tokio::time::Instant;
 use super::{Leg, Limits, Loan};
 use crate::robot::{BehaviourId, DockEnd, Setpoint};
 
-/// What begins when it is time.
+/// What [`Recovery::poll`] begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Try {
-    /// A leg; the search follows when it is over.
+    /// A leg; the search follows when it has ended.
     Leg,
     /// A search.
     Search,
 }
 
-/// What follows a search that has failed.
+/// What follows a failed search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Next {
     /// The next search.
     Search,
-    /// The tracks are lent.
+    /// A loan of the tracks.
     Loan,
     /// A leg.
     Leg,
-    /// The robot stands still for so long.
+    /// The robot stands still for this long.
     Pause(Duration),
 }
 
-/// What may be done about a search that has failed.
+/// What may follow a failed search.
 #[derive(Debug, Clone, Copy)]
 pub struct Means {
-    /// Whom the tracks may be lent to.
+    /// The behaviour that the tracks may be lent to.
     pub rescuer: Option<BehaviourId>,
-    /// The watchdog itself may drive.
+    /// Whether the watchdog itself may drive a leg.
     pub leg: bool,
-    /// Standing for so long costs what the search has cost.
+    /// Standing for this long costs as much energy as the search did.
     pub worth: Duration,
-    /// The battery is nearly empty: no time to stand.
+    /// The battery is nearly empty: there is no time for a pause.
     pub critical: bool,
 }
 
@@ -57,11 +57,11 @@ enum RecoveryPhase {
     Lending(Loan),
     /// The watchdog drives.
     Driving(Leg),
-    /// The robot searches by itself.
+    /// The robot searches on its own.
     Searching,
 }
 
-/// From the moment the battery is low until it is not. See the module.
+/// Lives from the moment the battery becomes low until the robot is released. See the module.
 #[derive(Debug, Clone)]
 pub struct Recovery {
     began: Instant,
@@ -72,15 +72,15 @@ pub struct Recovery {
     retries: u32,
     phase: RecoveryPhase,
     searched: Option<Instant>,
-    /// The last search found no station from where the robot stands.
+    /// The last search failed because it found no station from where the robot stands.
     blind: bool,
     failures: u32,
     legs: u32,
 }
 
 impl Recovery {
-    /// From one search to the next at least, unless something has happened to the robot; and how
-    /// long nothing is said to a link that seems dead.
+    /// The shortest time from one search to the next, unless something has happened to the robot;
+    /// also the time without commands after an interruption, for a link that seems dead.
     pub const MOMENT: Duration = Duration::from_secs(1);
 
     /// The battery has become low; the first search is due.
@@ -100,8 +100,8 @@ impl Recovery {
         }
     }
 
-    /// Time passes off the station and no search is under way; `may_drive` says whether a leg is
-    /// allowed just now, and one that is not any more is over.
+    /// Advances the recovery off the station while no docking is under way; `may_drive` tells
+    /// whether a leg is allowed now: a leg that is no longer allowed ends.
     pub fn poll(&mut self, may_drive: bool, now: Instant) -> Option<Try> {
         match self.phase {
             RecoveryPhase::Waiting { until } if until <= now => Some(self.search(now)),
@@ -116,7 +116,7 @@ impl Recovery {
             RecoveryPhase::Driving(leg) if !may_drive || leg.setpoint(now).is_none() => {
                 Some(self.search(now))
             }
-            // Whatever has ended it: no report says that it failed.
+            // The search has ended, but no report says that it failed.
             RecoveryPhase::Searching => {
                 self.wait(Duration::ZERO, now);
                 self.poll(may_drive, now)
@@ -125,7 +125,7 @@ impl Recovery {
         }
     }
 
-    /// The search has failed: what follows has begun.
+    /// Handles a failed search and begins what follows.
     pub fn failed(&mut self, end: DockEnd, means: Means, now: Instant) -> Next {
         self.failures = self.failures.saturating_add(1);
         self.blind = end == DockEnd::BaseNotFound;
@@ -145,7 +145,7 @@ impl Recovery {
         }
     }
 
-    /// Twice as long each time, up to what a search is worth.
+    /// The pause doubles each time, up to the cost of a search.
     fn pause(&mut self, means: Means) -> Duration {
         if self.failures == self.retries.saturating_add(1) {
             self.next_pause = self.alarm_pause;
@@ -160,7 +160,7 @@ impl Recovery {
         }
     }
 
-    /// A loan or a leg under way is over, and the search from here comes next.
+    /// Ends a loan or a leg; the search from here comes next.
     pub fn end(&mut self, now: Instant) {
         if matches!(
             self.phase,
@@ -170,8 +170,9 @@ impl Recovery {
         }
     }
 
-    /// The robot is out of reach, or on its station. Whatever was under way is over; what comes next is
-    /// a search from wherever it is by then, after a moment at least: nothing is said to a dead link.
+    /// The robot is out of reach, or on its station: ends a search, a loan or a leg, but not a
+    /// pause. A search from wherever the robot is then follows, no sooner than [`Recovery::MOMENT`]
+    /// after what was ended: nothing is sent over a dead link.
     pub fn interrupt(&mut self, now: Instant) {
         self.blind = false;
         if !matches!(self.phase, RecoveryPhase::Waiting { .. }) {
@@ -180,20 +181,20 @@ impl Recovery {
         }
     }
 
-    /// The robot is somewhere else, or it is not known what it does: a search comes next, at once.
+    /// The robot was moved, or its activity is not known: a search comes next, at once.
     pub fn search_at_once(&mut self, now: Instant) {
         self.blind = false;
         self.phase = RecoveryPhase::Waiting { until: now };
     }
 
-    /// Whether the borrower has a motion now.
+    /// Notes whether the borrower has a motion now.
     pub fn note_motion(&mut self, moves: bool, now: Instant) {
         if let RecoveryPhase::Lending(loan) = &mut self.phase {
             loan.note(moves, now);
         }
     }
 
-    /// Whom the tracks are lent to just now.
+    /// The behaviour that the tracks are lent to now.
     pub fn borrower(&self) -> Option<BehaviourId> {
         match &self.phase {
             RecoveryPhase::Lending(loan) => Some(loan.borrower()),
@@ -201,7 +202,7 @@ impl Recovery {
         }
     }
 
-    /// What the tracks are to do; `None` unless a leg is under way.
+    /// The setpoint of the tracks; `None` unless a leg is under way.
     pub fn setpoint(&self, now: Instant) -> Option<Setpoint> {
         match self.phase {
             RecoveryPhase::Driving(leg) => leg.setpoint(now),
@@ -214,23 +215,23 @@ impl Recovery {
         self.began
     }
 
-    /// Searches that have failed.
+    /// The number of failed searches.
     pub fn failures(&self) -> u32 {
         self.failures
     }
 
-    /// More searches have failed than the robot may do without a person's help.
+    /// Whether more searches have failed than the robot may try without a person's help.
     pub fn is_alarming(&self) -> bool {
         self.failures > self.retries
     }
 
-    /// Legs begun so far.
+    /// The number of legs begun.
     pub fn legs(&self) -> u32 {
         self.legs
     }
 
-    /// When [`Recovery::poll`] has something to do or [`Recovery::setpoint`] changes, seen from `now`.
-    /// In the past: at once.
+    /// When [`Recovery::poll`] has something to do or [`Recovery::setpoint`] changes, seen from
+    /// `now`. A time in the past means at once.
     pub fn next_deadline(&self, now: Instant) -> Option<Instant> {
         match self.phase {
             RecoveryPhase::Waiting { until } => Some(until),

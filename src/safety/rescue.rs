@@ -1,25 +1,25 @@
-//! Who drives between two searches of a low robot: the `rescue` setting.
+//! The `rescue` setting: which behaviour drives between two searches of a robot with a low battery.
 
 use std::fmt;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-/// The behaviour that a low robot's tracks are lent to between two searches, a few seconds at a time.
-/// In a config: `builtin`, `off`, or the name of a `.lua` file.
+/// The behaviour that the tracks of a robot with a low battery are lent to between two searches, a
+/// few seconds at a time. In a config: `builtin`, `off`, or the name of a `.lua` file.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Rescue {
-    /// The one that comes with the program: it drives over free floor and looks for the station.
+    /// The built-in behaviour: it drives over free floor and looks for the station.
     #[default]
     Builtin,
-    /// None: the tracks are not lent.
+    /// No behaviour: the tracks are not lent.
     Off,
-    /// One of the user's own.
+    /// The user's own behaviour.
     File(PathBuf),
 }
 
-/// A `rescue` that is neither a word that we know nor a script.
+/// A `rescue` value that is neither a known keyword nor a script.
 #[derive(Debug, thiserror::Error)]
 #[error("`{0}` is neither `builtin` nor `off` nor the name of a .lua file")]
 pub struct UnknownRescue(String);
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn a_config_names_a_word_or_a_script() {
+    fn a_config_names_a_keyword_or_a_script() {
         assert_eq!(read("builtin").unwrap(), Rescue::Builtin);
         assert_eq!(read("off").unwrap(), Rescue::Off);
         let file = Rescue::File("mine/out.lua".into());
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn editors_are_told_what_a_config_may_say() {
+    fn the_schema_describes_the_setting() {
         let schema = schemars::schema_for!(crate::safety::Limits).to_value();
         let rescue = &schema["properties"]["rescue"];
         assert_eq!(rescue["pattern"], r"^(builtin|off|.+\.lua)$");
@@ -94,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_what_was_read() {
+    fn a_setting_survives_a_round_trip() {
         for text in ["builtin", "off", "out.lua"] {
             assert_eq!(String::from(read(text).unwrap()), text);
         }

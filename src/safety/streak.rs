@@ -1,5 +1,5 @@
-//! Reports in a row that bear each other out: what one report claims may be garbage, what several
-//! agree on is believed.
+//! Consecutive reports that confirm each other: a claim in a single report may be garbage; a claim
+//! on which several agree is believed.
 
 use std::time::Duration;
 
@@ -7,29 +7,29 @@ use tokio::time::Instant;
 
 use crate::wire::Power;
 
-/// Points a second that a battery on a charger may gain at most. Real ones need hours; the small
-/// ones of demonstrations need a minute.
+/// Points a second that a battery on a charger may gain at most. Real batteries need hours; the
+/// small simulated ones of demonstrations need a minute.
 pub(super) const FASTEST_CHARGE: f64 = 2.0;
 
-/// What makes a claim believed.
+/// What it takes to believe a claim.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Proof {
-    /// So many reports in a row ...
+    /// This many reports in a row ...
     pub(super) count: u32,
-    /// ... the first and the last at least so far apart ...
+    /// ... the first and the last at least this far apart ...
     pub(super) span: Duration,
-    /// ... with levels within so many points of each other, besides what charging explains.
+    /// ... with levels within this many points of each other, besides what charging explains.
     pub(super) spread: u8,
 }
 
 impl Proof {
-    /// Of a level.
+    /// For a level.
     pub(super) const LEVEL: Proof = Proof {
         count: 3,
         span: Duration::from_secs(2),
         spread: 5,
     };
-    /// Of charging, which is a sign in each report and not a number that drifts.
+    /// For charging, which is a flag in each report and not a number that drifts.
     pub(super) const CHARGING: Proof = Proof {
         count: 2,
         span: Duration::from_secs(1),
@@ -57,7 +57,7 @@ impl Run {
         }
     }
 
-    /// The run with one report more; `None` if that contradicts those before.
+    /// The run with one more report; `None` if that report contradicts the earlier ones.
     fn with(self, power: Power, spread: u8, now: Instant) -> Option<Run> {
         let (lowest, highest) = (
             self.lowest.min(power.percent),
@@ -78,7 +78,7 @@ impl Run {
     }
 }
 
-/// Counts the reports in a row that claim the same.
+/// Counts consecutive reports that make the same claim.
 #[derive(Debug, Clone)]
 pub(super) struct Streak {
     proof: Proof,
@@ -90,7 +90,8 @@ impl Streak {
         Streak { proof, run: None }
     }
 
-    /// Takes every report in; `claims` says whether this one makes the claim. True once it is proved.
+    /// Takes in each report; `claims` tells whether it makes the claim. Returns true once the claim
+    /// is proved.
     pub(super) fn see(&mut self, claims: bool, power: Power, now: Instant) -> bool {
         let longer = |run: Run| run.with(power, self.proof.spread, now);
         self.run = claims.then(|| {
@@ -102,13 +103,13 @@ impl Streak {
             .is_some_and(|run| run.count >= self.proof.count && now - run.began >= self.proof.span)
     }
 
-    /// What was claimed so far counts no more.
+    /// Drops the run of reports so far.
     pub(super) fn forget(&mut self) {
         self.run = None;
     }
 }
 
-/// True from the first report that says so, until several in a row deny it.
+/// Turns on at the first report that says so, and off when several in a row deny it.
 #[derive(Debug, Clone)]
 pub(super) struct Latch {
     on: bool,

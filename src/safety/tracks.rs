@@ -1,6 +1,6 @@
-//! What the robot was told about its tracks, and when it is to be told again: at once for a stop,
-//! at most [`Tracks::PER_SECOND`] times a second otherwise, and every [`Tracks::RESEND`] while they
-//! move.
+//! The last setpoint sent to the robot, and when to send the next one: a stop at once, any other
+//! setpoint at most [`Tracks::PER_SECOND`] times a second, and every [`Tracks::RESEND`] while the
+//! tracks move.
 
 use std::time::Duration;
 
@@ -8,25 +8,25 @@ use tokio::time::Instant;
 
 use crate::robot::Setpoint;
 
-/// Turns a wanted setpoint into the moments at which it is sent.
+/// Decides when the wanted setpoint is sent.
 #[derive(Debug, Clone)]
 pub struct Tracks {
     wanted: Setpoint,
     told: Setpoint,
     told_at: Instant,
-    /// From when on the robot may be told something but a stop.
+    /// The earliest time for the next setpoint that is not a stop.
     free: Instant,
     moving_since: Option<Instant>,
 }
 
 impl Tracks {
-    /// A setpoint that moves is repeated this often (5 Hz), for a firmware that may forget.
+    /// How often a moving setpoint is repeated (5 Hz), for a firmware that may forget it.
     pub const RESEND: Duration = Duration::from_millis(200);
     /// The most MOVE messages in a second.
     pub const PER_SECOND: u32 = 50;
     const SPACING: Duration = Duration::from_millis(1000 / Tracks::PER_SECOND as u64);
 
-    /// A robot that stands still.
+    /// Begins with the tracks at rest.
     pub fn new(now: Instant) -> Tracks {
         let stop = Setpoint::STOP;
         Tracks {
@@ -38,12 +38,12 @@ impl Tracks {
         }
     }
 
-    /// What the tracks are to do from now on; the next [`Tracks::poll`] sends it.
+    /// Sets the wanted setpoint; the next [`Tracks::poll`] sends it.
     pub fn want(&mut self, setpoint: Setpoint) {
         self.wanted = setpoint;
     }
 
-    /// The robot has been told to stop by other means, or has been logged in to anew.
+    /// Notes that the robot was stopped by other means, or that a new login has stopped it.
     pub fn told_to_stop(&mut self, now: Instant) {
         self.wanted = Setpoint::STOP;
         self.note(Setpoint::STOP, now);
@@ -58,7 +58,7 @@ impl Tracks {
         Some(self.wanted)
     }
 
-    /// When [`Tracks::poll`] has something to send. In the past: at once.
+    /// When [`Tracks::poll`] has something to send. A time in the past means at once.
     pub fn next_deadline(&self) -> Option<Instant> {
         match (self.wanted == self.told, self.wanted.is_stop()) {
             (true, true) => None,
@@ -68,12 +68,12 @@ impl Tracks {
         }
     }
 
-    /// What the robot was told last.
+    /// The last setpoint sent to the robot.
     pub fn told(&self) -> Setpoint {
         self.told
     }
 
-    /// Since when the robot has been told to move; `None` at rest.
+    /// Since when the last setpoint moves the robot; `None` at rest.
     pub fn moving_since(&self) -> Option<Instant> {
         self.moving_since
     }

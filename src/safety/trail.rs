@@ -1,6 +1,6 @@
-//! The way that the robot has come since it left its station, by what its tracks were told. Known only
-//! from an undocking that was asked for and confirmed, and only while nothing else moved the robot: a
-//! dead link, a search of its own or a sleep of the machine makes all of it worthless.
+//! The path of the robot since it left its station, from the setpoints sent to it. Known only from
+//! an undocking that was requested and confirmed, and only while nothing else moved the robot: a
+//! lost link, a search of its own or a suspended machine makes all of it worthless.
 
 use std::fmt;
 use std::time::Duration;
@@ -9,10 +9,10 @@ use tokio::time::Instant;
 
 use crate::robot::{Setpoint, Stroke, TrackPower};
 
-/// See the module.
+/// Records the path; see the module.
 #[derive(Clone)]
 pub struct Trail {
-    /// `None`: it is not known how the robot came here.
+    /// `None` if the path is not known.
     way: Option<Way>,
     told: Setpoint,
     since: Instant,
@@ -21,21 +21,21 @@ pub struct Trail {
 #[derive(Debug, Clone, Default)]
 struct Way {
     strokes: Vec<Stroke>,
-    /// Of all strokes together.
+    /// The length of all strokes together.
     length: f32,
-    /// The setpoint of the last one, if it had only one.
+    /// The setpoint of the last stroke, if it had only one.
     last: Option<Setpoint>,
 }
 
 impl Trail {
-    /// Strokes of different setpoints shorter than this become one: with the usual calibration 45 mm of
-    /// the busier track. In seconds at full power, as all lengths here.
+    /// Strokes of different setpoints shorter than this are merged: with the usual calibration 45
+    /// mm of the faster track. In seconds at full power, like all lengths here.
     pub const FINEST: f32 = 0.1;
-    /// The longest way that is remembered: about 90 m. Long before that the tracks have slipped too much
-    /// for it to lead anywhere.
+    /// The longest path that is remembered: about 90 m. Long before that the tracks have slipped
+    /// too much for the path to be of use.
     pub const LONGEST: f32 = 200.0;
 
-    /// The robot's position is not known.
+    /// Begins without a known path.
     pub fn new(now: Instant) -> Trail {
         Trail {
             way: None,
@@ -44,31 +44,31 @@ impl Trail {
         }
     }
 
-    /// The robot has just left its station, by itself.
+    /// The robot has just left its station on its own: a path begins.
     pub fn begin(&mut self, now: Instant) {
         self.since = now;
         self.way = Some(Way::default());
     }
 
-    /// How the robot came here is not known any more.
+    /// The path is no longer known.
     pub fn lose(&mut self) {
         self.way = None;
     }
 
-    /// What the tracks were told, from now on.
+    /// Notes the setpoint of the tracks from `now` on.
     pub fn tell(&mut self, setpoint: Setpoint, now: Instant) {
         self.note(now.saturating_duration_since(self.since));
         (self.since, self.told) = (now, setpoint);
     }
 
-    /// From the station to where the robot is now, and known no more: what comes next is somebody
-    /// else's. `None`: it is not known.
+    /// Returns the path from the station to the robot's position and forgets it: what follows is
+    /// not this path's part. `None` if it is not known.
     pub fn take(&mut self, now: Instant) -> Option<Vec<Stroke>> {
         self.tell(self.told, now);
         self.way.take().map(|way| way.strokes)
     }
 
-    /// The tracks have done what they were told for so long.
+    /// The tracks have followed the last setpoint for `time`.
     fn note(&mut self, time: Duration) {
         let Some(way) = &mut self.way else {
             return;
@@ -107,7 +107,7 @@ impl Way {
     }
 }
 
-/// Without the way: nothing that the watchdog decides hangs on how it looks.
+/// Omits the path: no decision of the watchdog depends on its shape.
 impl fmt::Debug for Trail {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let known = self.way.is_some();
@@ -132,7 +132,7 @@ mod tests {
         Stroke { left, right }
     }
 
-    /// The strokes of these setpoints, each for so many milliseconds.
+    /// The strokes of these setpoints, each on for its milliseconds.
     fn way(told: &[(Setpoint, u64)]) -> Option<Vec<Stroke>> {
         let mut now = Instant::now();
         let mut trail = Trail::new(now);
@@ -156,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_told_again_and_what_is_short_makes_one_stroke() {
+    fn repeated_and_short_setpoints_make_one_stroke() {
         let same = [(at(100.0, 50.0), 1000); 3];
         assert_eq!(way(&same), Some(vec![stroke(3.0, 1.5)]));
         let short = [
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stroke_of_two_setpoints_is_longer_by_neither() {
+    fn a_stroke_of_two_setpoints_is_not_extended() {
         let told = [
             (at(100.0, 0.0), 50),
             (at(0.0, 100.0), 100),
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_known_before_the_station_was_left_and_after_the_way_was_lost_or_taken() {
+    fn no_path_is_known_before_undocking_or_after_it_was_lost_or_taken() {
         let now = Instant::now();
         let mut trail = Trail::new(now);
         trail.tell(at(50.0, 50.0), now);
@@ -197,7 +197,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_tracks_did_before_is_no_part_of_it() {
+    fn motion_before_the_undocking_is_not_recorded() {
         let now = Instant::now();
         let mut trail = Trail::new(now);
         trail.tell(at(50.0, 50.0), now);
@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_too_long_to_be_believed_is_not_known() {
+    fn a_path_longer_than_the_bound_is_forgotten() {
         assert!(way(&[(at(100.0, -100.0), 200_000)]).is_some());
         assert_eq!(way(&[(at(100.0, -100.0), 200_001)]), None);
         assert_eq!(
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn the_rules_do_not_see_the_way_itself() {
+    fn the_debug_output_omits_the_path() {
         let now = Instant::now();
         let mut trail = Trail::new(now);
         assert_eq!(format!("{trail:?}"), "Trail { known: false, .. }");
@@ -227,7 +227,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_way_is_longer_than_its_bound_and_none_of_its_sums_is_lost(
+        fn no_path_exceeds_its_bound_and_its_strokes_keep_their_sums(
             told in prop::collection::vec((-4..=4i8, -4..=4i8, 0u64..5_000), 0..400),
         ) {
             let told: Vec<(Setpoint, u64)> = told

@@ -16,7 +16,7 @@ fn samples(length: usize) -> Bytes {
     Bytes::from(vec![7; length])
 }
 
-/// A queue whose clock and transport are the test's.
+/// A queue with the test's own clock and transport.
 struct Rig {
     queue: SendQueue,
     now: Instant,
@@ -36,7 +36,7 @@ impl Rig {
         self.queue.push(commands, self.now)
     }
 
-    /// Writes at most so many bytes of what is on offer; how many.
+    /// Writes at most `room` bytes of the offer; returns how many.
     fn write(&mut self, room: usize) -> usize {
         let offer = self.queue.offer(self.now, || Some(0));
         let count = offer.len().min(room);
@@ -45,12 +45,12 @@ impl Rig {
         count
     }
 
-    /// Writes all that is on offer without time passing.
+    /// Writes everything on offer without time passing.
     fn drain(&mut self) {
         while self.write(usize::MAX) > 0 {}
     }
 
-    /// What has been written: whole commands.
+    /// The commands written so far.
     fn said(&self) -> Vec<Command> {
         let (mut decoder, mut input) = (Decoder::new(), &self.out[..]);
         let mut said = Vec::new();
@@ -64,7 +64,7 @@ impl Rig {
 
 proptest! {
     #[test]
-    fn a_message_cut_anywhere_is_finished_and_later_motion_forgotten(cut in 0usize..21) {
+    fn a_partly_written_message_is_finished_and_later_motion_dropped(cut in 0usize..21) {
         let mut rig = Rig::new();
         prop_assert!(rig.push(&[GO, GO, GO]));
         rig.write(cut);
@@ -77,7 +77,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_wholly_out_is_forgotten() {
+fn written_messages_are_forgotten() {
     let mut rig = Rig::new();
     rig.push(&[GO]);
     rig.drain();
@@ -88,14 +88,14 @@ fn what_is_wholly_out_is_forgotten() {
 }
 
 #[test]
-fn what_waits_is_bounded() {
+fn the_queue_is_bounded() {
     let mut rig = Rig::new();
     let light = Command::Led {
         led: Led::Left,
         on: true,
     };
     let pushes = (0..1_000_000).take_while(|_| rig.push(std::slice::from_ref(&light)));
-    // Commands of 7 bytes, until more than 64 KiB wait.
+    // Commands of 7 bytes, until more than 64 KiB are queued.
     assert_eq!(pushes.count(), 64 * 1024 / 7 + 1);
     assert!(!rig.queue.say(&samples(128_002)) && rig.queue.say(&samples(128_000)));
     assert!(!rig.queue.say(&samples(2)));
@@ -104,7 +104,7 @@ fn what_waits_is_bounded() {
 }
 
 #[test]
-fn more_is_taken_until_more_than_the_bound_waits() {
+fn commands_are_accepted_until_the_bound_is_exceeded() {
     let mut rig = Rig::new();
     let light = Command::Led {
         led: Led::Left,
@@ -118,7 +118,7 @@ fn more_is_taken_until_more_than_the_bound_waits() {
 }
 
 #[test]
-fn what_another_process_must_say_begins_with_the_rest_of_what_is_partly_out() {
+fn the_data_for_another_process_begins_with_the_rest_of_a_partly_written_message() {
     let mut rig = Rig::new();
     rig.push(&[GO]);
     rig.write(3);
@@ -141,7 +141,7 @@ fn samples_among_commands_are_speech() {
 }
 
 #[test]
-fn a_newer_move_takes_the_place_of_those_that_wait() {
+fn a_newer_move_replaces_the_queued_ones() {
     let mut rig = Rig::new();
     rig.push(&[GO]);
     rig.push(&[GO]);
@@ -166,7 +166,7 @@ fn a_newer_move_overtakes_nothing_and_leaves_a_search_its_stop() {
 }
 
 #[test]
-fn a_move_that_takes_anothers_place_has_waited_as_long() {
+fn a_replacing_move_inherits_the_waiting_time() {
     let mut rig = Rig::new();
     let began = rig.now;
     for _ in 0..10 {
@@ -179,7 +179,7 @@ fn a_move_that_takes_anothers_place_has_waited_as_long() {
 }
 
 #[test]
-fn commands_go_before_speech_that_has_not_begun() {
+fn commands_go_before_speech_that_is_not_begun() {
     let mut rig = Rig::new();
     rig.queue.say(&samples(4096));
     rig.write(100);
@@ -194,7 +194,7 @@ fn commands_go_before_speech_that_has_not_begun() {
 }
 
 #[test]
-fn speech_waits_while_the_system_holds_much_and_a_link_that_takes_none_is_noticed() {
+fn speech_waits_for_acknowledgements_and_a_stalled_link_is_detected() {
     let mut rig = Rig::new();
     rig.queue.say(&samples(1024));
     assert!(rig.queue.offer(rig.now, || Some(4097)).is_empty());
@@ -205,7 +205,7 @@ fn speech_waits_while_the_system_holds_much_and_a_link_that_takes_none_is_notice
 }
 
 #[test]
-fn with_nothing_to_say_at_the_end_a_search_that_waits_is_still_asked_for() {
+fn without_last_words_a_queued_search_is_still_sent() {
     let mut rig = Rig::new();
     rig.push(&[GO]);
     rig.push(&[Command::STOP, DOCK]);
@@ -216,7 +216,7 @@ fn with_nothing_to_say_at_the_end_a_search_that_waits_is_still_asked_for() {
 }
 
 #[test]
-fn talk_goes_out_at_the_speed_of_speech_with_a_small_lead() {
+fn speech_is_sent_at_its_own_speed_with_a_small_lead() {
     let mut rig = Rig::new();
     let began = rig.now;
     for _ in 0..60 {
@@ -240,7 +240,7 @@ fn talk_goes_out_at_the_speed_of_speech_with_a_small_lead() {
     assert!(rig.out.len() as f64 >= wanted, "{}", rig.out.len());
 }
 
-/// What may happen to an queue.
+/// A step that changes the queue.
 #[derive(Debug, Clone)]
 enum Step {
     Push(Vec<Command>),
@@ -273,7 +273,7 @@ fn step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// The newest thing said of the tracks' fate: the last MOVE or ENGINE.
+/// The last command that decides on the tracks: a MOVE or ENGINE.
 fn last_of(commands: &[Command]) -> Option<&Command> {
     let fate = |command: &&Command| matches!(command, Command::Move { .. } | Command::Engine(_));
     commands.iter().rev().find(fate)
@@ -281,7 +281,7 @@ fn last_of(commands: &[Command]) -> Option<&Command> {
 
 proptest! {
     #[test]
-    fn no_order_of_events_cuts_a_message_or_lets_speech_go_before_a_command(
+    fn no_sequence_cuts_a_message_or_sends_speech_before_a_command(
         steps in prop::collection::vec(step(), 1..80),
     ) {
         let mut rig = Rig::new();
@@ -293,7 +293,8 @@ proptest! {
                     let half_out = rig.queue.half_out.len();
                     prop_assert!(half_out <= 1029);
                     prop_assert!(rig.push(&commands));
-                    // Were it written now, nothing but that half message would go before it.
+                    // If it were written now, nothing but the rest of that message would precede
+                    // it.
                     let offer = rig.queue.offer(rig.now, || Some(0));
                     if rig.queue.waiting > 0 {
                         prop_assert_eq!(offer.len(), half_out + rig.queue.waiting);

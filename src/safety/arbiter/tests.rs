@@ -1,4 +1,4 @@
-//! Who drives, by numbers; and against a plain model of it.
+//! Who drives: examples with numbers, and a comparison with a simple model.
 
 use proptest::prelude::*;
 
@@ -69,7 +69,7 @@ fn a_newer_setpoint_of_the_same_behaviour_ends_the_older() {
 }
 
 #[test]
-fn a_behaviour_that_is_forgotten_leaves_the_tracks_to_the_others() {
+fn the_wish_of_a_forgotten_behaviour_is_dropped() {
     let (mut arbiter, now) = (Arbiter::default(), Instant::now());
     arbiter.wish(PATROL, MotionId(1), at(40.0), None, now);
     arbiter.wish(AVOID, MotionId(1), at(-20.0), None, now);
@@ -79,7 +79,7 @@ fn a_behaviour_that_is_forgotten_leaves_the_tracks_to_the_others() {
 }
 
 #[test]
-fn time_ends_a_move() {
+fn a_timed_move_expires() {
     let (mut arbiter, now) = (Arbiter::default(), Instant::now());
     arbiter.wish(PATROL, MotionId(1), at(40.0), Some(SECOND), now);
     assert_eq!(arbiter.next_deadline(), Some(now + SECOND));
@@ -154,18 +154,19 @@ const CREW: [(BehaviourId, Priority); 5] = [
     (BehaviourId(4), Priority(10)),
 ];
 
-/// What one behaviour holds, as the model has it.
+/// What one behaviour holds in the model.
 #[derive(Debug, Clone, Copy)]
 struct Held {
     setpoint: Setpoint,
     motion: MotionId,
     until: Option<Instant>,
-    /// Of equals the one that has had the tracks, or has waited for them, longest goes first.
+    /// Its order among equals: the wish that has had the tracks, or has waited for them, longest
+    /// comes first.
     since: usize,
     silent: bool,
 }
 
-/// The rule in its plainest form: a table, searched anew each time.
+/// The rule in its simplest form: a table, searched each time.
 #[derive(Debug, Default)]
 struct Model {
     held: [Option<Held>; 5],
@@ -222,7 +223,7 @@ impl Model {
 
 proptest! {
     #[test]
-    fn the_tracks_always_follow_the_highest_that_holds_them_and_never_one_that_let_go(
+    fn the_tracks_always_follow_the_highest_wish_and_never_a_released_one(
         steps in prop::collection::vec(step(), 1..80),
     ) {
         let (mut arbiter, mut model, mut now) = (Arbiter::default(), Model::default(), Instant::now());
@@ -255,7 +256,7 @@ proptest! {
             model.follow(step, count, now);
             prop_assert_eq!(arbiter.setpoint(), model.setpoint(), "after {:?}", step);
             prop_assert_eq!(arbiter.driver(), model.driver().map(|who| CREW[who].0));
-            // Whoever lost a setpoint is told so, once, unless it is no more.
+            // A behaviour that lost its setpoint is told so once, unless it has ended.
             let holds = |held: &[Option<Held>; 5], ended: &Ended| {
                 held.iter().flatten().any(|held| held.motion == ended.motion)
             };

@@ -15,7 +15,7 @@ impl Rig {
         Rig { guard, now }
     }
 
-    /// At this level for long.
+    /// After a long time at this level.
     fn at(percent: u8) -> Rig {
         let mut rig = Rig::new();
         for _ in 0..4 {
@@ -53,7 +53,7 @@ fn one_report_at_the_low_level_is_enough() {
     let mut rig = Rig::new();
     assert_eq!(rig.hear(21, false), None);
     assert_eq!(rig.hear(20, false), low_at(20));
-    assert_eq!(rig.hear(19, false), None, "said once");
+    assert_eq!(rig.hear(19, false), None, "reported once");
     assert_eq!(
         Rig::at(90).hear(3, false),
         low_at(3),
@@ -62,7 +62,7 @@ fn one_report_at_the_low_level_is_enough() {
 }
 
 #[test]
-fn a_cause_is_told_in_words() {
+fn a_cause_has_a_description() {
     let level = LowCause::Level(Percent::saturating(20));
     assert_eq!(level.to_string(), "battery at 20 %");
     let silence = LowCause::Silence(Duration::from_secs(600));
@@ -70,14 +70,14 @@ fn a_cause_is_told_in_words() {
 }
 
 #[test]
-fn released_at_the_ok_level_by_the_third_report_that_says_so() {
+fn the_third_report_at_the_ok_level_releases() {
     let mut rig = Rig::at(20);
     for percent in [49, 50, 51, 49, 50, 80, 50] {
         assert_eq!(rig.hear(percent, false), None);
     }
     assert_eq!(rig.hear(52, false), None);
     assert_eq!(rig.hear(51, false), RELEASED);
-    assert_eq!(rig.hear(51, false), None, "said once");
+    assert_eq!(rig.hear(51, false), None, "reported once");
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn one_report_of_charging_is_not_enough_and_two_are() {
 fn on_the_contact_one_report_of_charging_is_enough_whichever_comes_first() {
     assert_eq!(Rig::at(10).hear_in(10, true, true), RELEASED);
     let mut rig = Rig::at(10);
-    assert_eq!(rig.guard.contact(), None, "contact alone is no charging");
+    assert_eq!(rig.guard.contact(), None, "contact alone is not charging");
     rig.hear(10, true);
     assert_eq!(rig.guard.contact(), RELEASED);
     assert_eq!(rig.guard.charging(), Charging::Believed);
@@ -114,7 +114,7 @@ fn two_reports_of_charging_at_levels_far_apart_contradict_each_other() {
 }
 
 #[test]
-fn a_low_level_while_charging_is_only_said_is_low_when_the_doubt_ends() {
+fn a_low_level_counts_when_an_unconfirmed_report_of_charging_expires() {
     let mut rig = Rig::at(30);
     assert_eq!(rig.hear(15, true), None);
     let due = rig.now + BatteryGuard::DOUBT;
@@ -129,7 +129,7 @@ fn a_low_level_while_charging_is_only_said_is_low_when_the_doubt_ends() {
 }
 
 #[test]
-fn off_the_station_charging_begins_anew() {
+fn after_undocking_charging_must_be_confirmed_again() {
     let mut rig = Rig::at(60);
     rig.hear(60, true);
     rig.hear(60, true);
@@ -148,14 +148,14 @@ fn silence_counts_as_low_until_good_reports() {
     assert_eq!(rig.guard.poll(due), Some(BatteryChange::BecameLow(silence)));
     assert_eq!(rig.guard.next_deadline(), None);
     rig.now = due;
-    // Those before the silence said so too.
+    // The same reports before the silence counted too.
     assert_eq!(rig.hear(80, false), RELEASED);
 }
 
 #[test]
 fn a_level_is_fresh_until_silence_counts() {
     let mut rig = Rig::new();
-    assert!(!rig.guard.is_fresh(rig.now), "never heard");
+    assert!(!rig.guard.is_fresh(rig.now), "no report yet");
     rig.hear(10, false);
     let later = |ms| rig.now + Duration::from_millis(ms);
     assert!(rig.guard.is_fresh(later(599_999)));
@@ -172,7 +172,7 @@ fn on_the_station_silence_is_excused() {
 }
 
 #[test]
-fn critical_holds_even_while_charging_and_until_three_reports_deny_it() {
+fn critical_holds_while_charging_and_until_three_reports_deny_it() {
     let mut rig = Rig::new();
     rig.hear(8, true);
     for percent in [9, 9, 8, 9, 60, 10, 9] {
@@ -238,7 +238,7 @@ fn no_charge_explains_a_level_that_falls() {
 }
 
 #[test]
-fn a_doubt_lasts_its_time_however_often_it_is_said_and_begins_anew_after_that() {
+fn repeated_reports_do_not_extend_a_doubt_and_a_later_one_begins_a_new_doubt() {
     let mut rig = Rig::at(30);
     rig.hear(30, true);
     let due = rig.now + BatteryGuard::DOUBT;
@@ -252,7 +252,7 @@ fn a_doubt_lasts_its_time_however_often_it_is_said_and_begins_anew_after_that() 
     assert_eq!(rig.guard.doubt_deadline(), Some(due + BatteryGuard::DOUBT));
 }
 
-/// What a battery at `truth` says with garbage in between, never two of it in a row.
+/// The reports of a battery at `truth` with garbage in between, never two garbage reports in a row.
 fn garbled(truth: u8) -> impl Strategy<Value = Vec<(u8, bool)>> {
     let garbage = prop_oneof![
         (0..=100u8, any::<bool>()),
@@ -295,7 +295,7 @@ proptest! {
         for (percent, charging) in before {
             rig.hear(percent, charging);
         }
-        // Whatever came last may have been garbage that a true report contradicts.
+        // The report before may have been garbage that a true report contradicts.
         let released = (0..3).any(|_| rig.hear(from, true) == RELEASED);
         prop_assert!(released || rig.guard.low().is_none());
         let levels = (1..8).map(|step| (from.max(9) + step * gain).min(100));
@@ -305,7 +305,7 @@ proptest! {
     }
 
     #[test]
-    fn a_level_borne_out_is_always_believed_by_the_third_report(
+    fn a_confirmed_level_is_always_believed_by_the_third_report(
         before in (1..=100u8).prop_flat_map(garbled),
         level in 0..=100u8,
     ) {

@@ -91,7 +91,7 @@ fn without_charging_a_behaviour_tries_again_and_a_low_robot_stays() {
 }
 
 #[test]
-fn without_charging_in_any_try_a_behaviour_hears_so() {
+fn a_docking_without_charging_in_any_attempt_ends_as_not_charging() {
     let (mut docking, now) = started(reversing(1));
     for order in [vec![DockAction::Undock], vec![]] {
         docking.engine(EngineReport::Docked, now);
@@ -103,7 +103,7 @@ fn without_charging_in_any_try_a_behaviour_hears_so() {
 }
 
 #[test]
-fn a_station_that_lets_go_before_it_charges_is_a_failed_try() {
+fn an_undocking_before_charging_is_a_failed_attempt() {
     let (mut docking, now) = started(reversing(1));
     docking.engine(EngineReport::Docked, now);
     let orders = docking.engine(EngineReport::Undocked, now + SECOND);
@@ -111,7 +111,7 @@ fn a_station_that_lets_go_before_it_charges_is_a_failed_try() {
 }
 
 #[test]
-fn contact_that_is_not_believed_any_more_is_searched_or_given_up() {
+fn lost_contact_leads_to_a_search_or_to_the_end() {
     let (mut docking, now) = started(once());
     assert!(docking.is_searching());
     assert_eq!(docking.lost_contact(Doubt::Contact, now), []);
@@ -142,7 +142,7 @@ fn cancelling_ends_the_search_or_the_reversing() {
 }
 
 #[test]
-fn on_the_station_already_nothing_is_searched() {
+fn on_the_station_no_search_begins() {
     let now = Instant::now();
     let (mut docking, orders) = Docking::start(reversing(2), true, now);
     assert_eq!(orders, []);

@@ -1,7 +1,7 @@
 use super::*;
 use proptest::prelude::*;
 
-/// A battery with a true level, and what it teaches.
+/// A battery with a true level, and the estimate learnt from it.
 struct Rig {
     drain: Drain,
     level: f64,
@@ -21,7 +21,7 @@ impl Rig {
             .level(self.level.round() as u8, charging, self.now);
     }
 
-    /// Does this for so many minutes; the level is told every five seconds.
+    /// Spends this many minutes on an activity; the level is reported every five seconds.
     fn spend(&mut self, activity: Activity, minutes: f64, rate: f64) {
         self.drain.advance(activity, self.now);
         for _ in 0..(minutes * 12.0).round() as u32 {
@@ -41,7 +41,7 @@ fn near(found: f64, expected: f64, share: f64) -> bool {
 }
 
 #[test]
-fn nothing_is_known_until_two_percent_were_seen_to_go() {
+fn no_rate_is_known_before_two_percent_have_drained() {
     let mut rig = Rig::at(80.2);
     rig.spend(Activity::Standing, 2.6, 1.0);
     assert_eq!(rig.level.round(), 78.0);
@@ -53,7 +53,7 @@ fn nothing_is_known_until_two_percent_were_seen_to_go() {
 }
 
 #[test]
-fn after_a_leap_nothing_is_known_of_the_time_that_is_left() {
+fn after_a_leap_the_minutes_left_are_unknown() {
     let mut rig = Rig::at(80.0);
     rig.spend(Activity::Standing, 6.0, 1.0);
     assert!(rig.drain.minutes_left().is_some());
@@ -67,7 +67,7 @@ fn after_a_leap_nothing_is_known_of_the_time_that_is_left() {
 }
 
 #[test]
-fn a_level_that_flickers_teaches_nothing_wrong() {
+fn a_flickering_level_does_not_distort_the_rate() {
     let mut rig = Rig::at(80.0);
     rig.drain.advance(Activity::Standing, rig.now);
     for step in 0..600u32 {
@@ -81,7 +81,7 @@ fn a_level_that_flickers_teaches_nothing_wrong() {
 }
 
 #[test]
-fn charging_is_learnt_by_itself_and_leaves_no_minutes_that_are_left() {
+fn charging_has_its_own_rate_and_no_minutes_left() {
     let mut rig = Rig::at(30.0);
     rig.spend(Activity::Standing, 5.0, 1.0);
     rig.spend(Activity::Standing, 5.0, -2.0);
@@ -92,7 +92,7 @@ fn charging_is_learnt_by_itself_and_leaves_no_minutes_that_are_left() {
 }
 
 #[test]
-fn what_happened_without_a_link_teaches_nothing() {
+fn time_without_a_link_is_not_learnt_from() {
     let mut rig = Rig::at(80.0);
     rig.spend(Activity::Standing, 6.0, 1.0);
     rig.drain.interrupt();
@@ -105,7 +105,7 @@ fn what_happened_without_a_link_teaches_nothing() {
 }
 
 #[test]
-fn fast_batteries_of_demonstrations_are_no_leaps() {
+fn the_fast_batteries_of_demonstrations_do_not_leap() {
     let mut rig = Rig::at(90.0);
     rig.drain.advance(Activity::Driving, rig.now);
     for _ in 0..4 {
@@ -117,7 +117,7 @@ fn fast_batteries_of_demonstrations_are_no_leaps() {
 }
 
 #[test]
-fn each_activity_has_its_rate_though_they_take_turns() {
+fn alternating_activities_each_have_their_rate() {
     let mut rig = Rig::at(99.0);
     for _ in 0..20 {
         rig.spend(Activity::Standing, 1.3, 0.6);
@@ -156,7 +156,7 @@ fn no_rate_is_learnt_in_no_time() {
 }
 
 #[test]
-fn what_is_not_known_of_one_activity_is_guessed_from_the_others() {
+fn an_unknown_rate_is_estimated_from_the_known_ones() {
     let mut drain = Drain::default();
     assert_eq!(drain.needs(), [1.0, 1.5, 2.0]);
     let known = |minutes| Account {
@@ -170,7 +170,7 @@ fn what_is_not_known_of_one_activity_is_guessed_from_the_others() {
 }
 
 #[test]
-fn levels_that_go_back_by_two_points_flicker_and_by_more_they_leap() {
+fn a_level_that_moves_back_flickers_up_to_two_points_and_leaps_beyond() {
     for (back, known) in [(1.0, true), (2.0, true), (3.0, false), (4.0, false)] {
         let mut rig = Rig::at(80.0);
         rig.spend(Activity::Standing, 6.0, 1.0);
@@ -181,11 +181,11 @@ fn levels_that_go_back_by_two_points_flicker_and_by_more_they_leap() {
 }
 
 #[test]
-fn five_points_are_no_leap_and_more_in_no_time_are() {
+fn a_sudden_change_of_more_than_five_points_is_a_leap() {
     for (seconds, points, known) in [(0, 5.0, true), (0, 6.0, false), (5, 15.0, false)] {
         let mut rig = Rig::at(80.0);
         rig.spend(Activity::Standing, 6.0, 1.0);
-        // From the last change of the level nothing has taken any time.
+        // No time has passed since the last change of the level.
         rig.level = rig.level.round() - 1.0;
         rig.say(false);
         rig.level -= points;
@@ -197,7 +197,7 @@ fn five_points_are_no_leap_and_more_in_no_time_are() {
 }
 
 #[test]
-fn a_charge_of_two_points_a_second_is_no_leap() {
+fn a_charge_of_two_points_a_second_is_not_a_leap() {
     let mut rig = Rig::at(5.0);
     rig.drain.advance(Activity::Standing, rig.now);
     for (seconds, level) in [(0, 5.0), (1, 6.0), (60, 80.0)] {
@@ -218,7 +218,7 @@ proptest! {
         let mut rig = Rig::at(level);
         rig.drain.advance(Activity::Standing, rig.now);
         let start = level;
-        // A report comes at least once in half a percent.
+        // A report comes at least once per half percent.
         let period = Duration::from_secs_f64((period as f64).min(30.0 / rate));
         while rig.level > start - 6.0 {
             rig.now += period;
@@ -230,7 +230,7 @@ proptest! {
     }
 
     #[test]
-    fn whatever_comes_rates_are_positive_and_finite(
+    fn all_rates_are_positive_and_finite(
         steps in prop::collection::vec((0..=100u8, any::<bool>(), 0..3usize, 0..5_000u64), 0..200),
     ) {
         let (mut drain, mut now) = (Drain::default(), Instant::now());

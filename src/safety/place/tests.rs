@@ -3,7 +3,7 @@ use super::*;
 const SECOND: Duration = Duration::from_secs(1);
 
 #[test]
-fn each_place_has_words() {
+fn each_place_has_a_description() {
     let told = [
         DockState::Charging,
         DockState::ContactSaid,
@@ -27,7 +27,7 @@ fn on_contact() -> (DockTracker, Instant) {
 }
 
 #[test]
-fn each_word_has_its_place() {
+fn each_report_sets_its_place() {
     let (mut place, now) = nowhere();
     assert_eq!(place.place(), DockState::Unknown);
     place.login(false, false, now);
@@ -37,7 +37,7 @@ fn each_word_has_its_place() {
     place.power(true, now);
     assert_eq!(place.place(), DockState::Charging);
     place.docked(now);
-    assert_eq!(place.place(), DockState::Charging, "said late");
+    assert_eq!(place.place(), DockState::Charging, "a late report");
     place.power(false, now);
     assert_eq!(place.place(), DockState::ContactSaid, "full, or no current");
     place.undocked(now);
@@ -45,7 +45,7 @@ fn each_word_has_its_place() {
 }
 
 #[test]
-fn charging_that_ends_without_a_word_of_contact_leaves_the_place_unknown() {
+fn charging_that_ends_without_reported_contact_leaves_the_place_unknown() {
     let (mut place, now) = nowhere();
     place.login(false, false, now);
     place.power(true, now);
@@ -54,7 +54,7 @@ fn charging_that_ends_without_a_word_of_contact_leaves_the_place_unknown() {
 }
 
 #[test]
-fn an_undocking_that_nobody_confirms_in_time_leaves_the_place_unknown() {
+fn an_unconfirmed_undocking_leaves_the_place_unknown() {
     let (mut place, now) = on_contact();
     place.power(true, now);
     place.leave_station(20 * SECOND, now);
@@ -68,7 +68,7 @@ fn an_undocking_that_nobody_confirms_in_time_leaves_the_place_unknown() {
 }
 
 #[test]
-fn no_word_is_awaited_for_longer_than_a_minute() {
+fn a_confirmation_is_awaited_for_a_minute_at_most() {
     let (mut place, now) = on_contact();
     place.leave_station(Duration::MAX, now);
     place.poll(false, now + 60 * SECOND);
@@ -76,7 +76,7 @@ fn no_word_is_awaited_for_longer_than_a_minute() {
 }
 
 #[test]
-fn current_that_ends_after_charge_stop_is_a_word_and_the_robot_still_backs_out() {
+fn charging_that_ends_after_charge_stop_is_evidence_and_the_robot_still_backs_out() {
     let (mut place, now) = on_contact();
     place.power(true, now);
     place.leave_station(20 * SECOND, now);
@@ -89,7 +89,7 @@ fn current_that_ends_after_charge_stop_is_a_word_and_the_robot_still_backs_out()
 }
 
 #[test]
-fn a_word_ends_the_waiting_for_one() {
+fn a_report_ends_the_wait_for_a_confirmation() {
     for docked in [true, false] {
         let (mut place, now) = on_contact();
         place.leave_station(20 * SECOND, now);
@@ -105,7 +105,7 @@ fn a_word_ends_the_waiting_for_one() {
 }
 
 #[test]
-fn contact_without_charging_is_believed_for_its_time_while_low_and_for_ever_otherwise() {
+fn contact_without_charging_expires_only_while_low() {
     let (mut place, now) = on_contact();
     place.poll(false, now + 3600 * SECOND);
     assert_eq!(place.place(), DockState::ContactSaid);
@@ -120,7 +120,7 @@ fn contact_without_charging_is_believed_for_its_time_while_low_and_for_ever_othe
 }
 
 #[test]
-fn logging_in_again_gives_contact_no_new_time_while_low() {
+fn a_new_login_does_not_extend_contact_while_low() {
     let (mut place, now) = on_contact();
     for second in 1..30 {
         place.login(true, true, now + second * SECOND);
@@ -133,7 +133,7 @@ fn logging_in_again_gives_contact_no_new_time_while_low() {
 }
 
 #[test]
-fn a_new_login_believes_contact_again_once_the_battery_was_good() {
+fn a_new_login_renews_contact_once_the_battery_was_good() {
     let (mut place, now) = on_contact();
     place.expect_charge(now);
     place.poll(true, now + 30 * SECOND);
@@ -143,7 +143,7 @@ fn a_new_login_believes_contact_again_once_the_battery_was_good() {
 }
 
 #[test]
-fn contact_that_was_tried_in_vain_is_not_believed_at_the_next_login_while_low() {
+fn expired_contact_is_not_believed_at_the_next_login_while_low() {
     let (mut place, now) = on_contact();
     assert_eq!(place.poll(true, now + 30 * SECOND), Some(Doubt::Contact));
     assert!(place.has_contact());
@@ -152,7 +152,7 @@ fn contact_that_was_tried_in_vain_is_not_believed_at_the_next_login_while_low() 
 }
 
 #[test]
-fn contact_said_again_after_its_time_has_new_time() {
+fn contact_reported_after_its_expiry_has_new_time() {
     let (mut place, now) = on_contact();
     place.docked(now + 10 * SECOND);
     assert_eq!(place.next_deadline(true), Some(now + 30 * SECOND));
@@ -161,7 +161,7 @@ fn contact_said_again_after_its_time_has_new_time() {
 }
 
 #[test]
-fn charging_that_ends_on_the_contacts_may_begin_again_in_its_time() {
+fn charging_that_ends_on_the_contacts_may_resume_in_time() {
     let (mut place, now) = on_contact();
     place.power(true, now);
     assert_eq!(place.next_deadline(true), None);
@@ -170,7 +170,7 @@ fn charging_that_ends_on_the_contacts_may_begin_again_in_its_time() {
 }
 
 #[test]
-fn who_may_have_left_is_not_on_contact_any_more() {
+fn an_unconfirmed_undocking_clears_contact() {
     let (mut place, now) = on_contact();
     place.leave_station(20 * SECOND, now);
     assert!(place.has_contact());
@@ -179,7 +179,7 @@ fn who_may_have_left_is_not_on_contact_any_more() {
 }
 
 #[test]
-fn after_a_pause_of_the_machine_an_undocking_is_in_doubt() {
+fn after_a_suspension_an_undocking_is_in_doubt() {
     let (mut place, now) = on_contact();
     place.doubt_leaving();
     assert_eq!(place.place(), DockState::ContactSaid);

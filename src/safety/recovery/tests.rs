@@ -17,7 +17,7 @@ const SEEING: Means = Means {
     ..BLIND
 };
 
-/// After the first search has begun, a while ago.
+/// The first search began a while ago.
 fn searching() -> (Recovery, Instant) {
     let now = Instant::now();
     let mut recovery = Recovery::new(&Limits::default(), now);
@@ -27,7 +27,7 @@ fn searching() -> (Recovery, Instant) {
 }
 
 #[test]
-fn a_leg_comes_at_once_and_its_search_when_it_is_over() {
+fn a_leg_begins_at_once_and_a_search_follows_it() {
     let (mut recovery, now) = searching();
     let next = recovery.failed(DockEnd::BaseNotFound, BLIND, now);
     assert_eq!((next, recovery.legs()), (Next::Leg, 1));
@@ -47,7 +47,7 @@ fn a_leg_comes_at_once_and_its_search_when_it_is_over() {
 }
 
 #[test]
-fn a_search_that_ended_without_a_word_is_followed_by_another() {
+fn a_search_that_ended_without_a_report_is_followed_by_another() {
     let (mut recovery, now) = searching();
     assert_eq!(recovery.poll(true, now), Some(Try::Search));
     assert_eq!(recovery.poll(true, now), None, "not twice in a second");
@@ -55,7 +55,7 @@ fn a_search_that_ended_without_a_word_is_followed_by_another() {
 }
 
 #[test]
-fn who_sees_drives_before_who_does_not() {
+fn a_rescuer_drives_before_a_blind_leg() {
     let (mut recovery, now) = searching();
     let next = recovery.failed(DockEnd::BaseNotFound, SEEING, now);
     assert_eq!((next, recovery.borrower()), (Next::Loan, Some(WHO)));
@@ -67,7 +67,7 @@ fn who_sees_drives_before_who_does_not() {
 }
 
 #[test]
-fn a_loan_that_nobody_uses_gives_way_to_a_leg_where_one_is_allowed() {
+fn an_unused_loan_is_followed_by_a_leg_where_one_is_allowed() {
     for (may_drive, next) in [(true, Try::Leg), (false, Try::Search)] {
         let (mut recovery, now) = searching();
         recovery.failed(DockEnd::BaseNotFound, SEEING, now);
@@ -77,7 +77,7 @@ fn a_loan_that_nobody_uses_gives_way_to_a_leg_where_one_is_allowed() {
 }
 
 #[test]
-fn only_a_station_not_found_leads_to_a_leg() {
+fn only_base_not_found_leads_to_a_leg() {
     let (mut recovery, now) = searching();
     let next = recovery.failed(DockEnd::Timeout, BLIND, now);
     assert_eq!(next, Next::Pause(5 * SECOND));
@@ -101,7 +101,7 @@ fn pauses_grow_up_to_what_a_search_is_worth() {
 }
 
 #[test]
-fn a_search_that_fails_at_once_is_worth_a_moment_and_a_nearly_empty_battery_no_pause() {
+fn an_instant_failure_has_the_shortest_pause_and_a_critical_battery_none() {
     let means = Means {
         worth: Duration::ZERO,
         ..STANDING
@@ -123,14 +123,14 @@ fn a_search_that_fails_at_once_is_worth_a_moment_and_a_nearly_empty_battery_no_p
 }
 
 #[test]
-fn a_leg_that_is_not_allowed_any_more_is_over() {
+fn a_leg_that_is_no_longer_allowed_ends() {
     let (mut recovery, now) = searching();
     recovery.failed(DockEnd::BaseNotFound, BLIND, now);
     assert_eq!(recovery.poll(false, now + SECOND), Some(Try::Search));
 }
 
 #[test]
-fn an_interruption_ends_what_is_under_way_and_no_pause() {
+fn an_interruption_ends_everything_but_a_pause() {
     let (mut recovery, now) = searching();
     recovery.failed(DockEnd::BaseNotFound, BLIND, now);
     recovery.interrupt(now);
@@ -145,7 +145,7 @@ fn an_interruption_ends_what_is_under_way_and_no_pause() {
 }
 
 #[test]
-fn an_end_in_a_pause_or_a_search_changes_nothing() {
+fn ending_a_loan_changes_nothing_in_a_pause_or_a_search() {
     let (mut recovery, now) = searching();
     recovery.end(now);
     assert_eq!(recovery.next_deadline(now), None);

@@ -1,4 +1,4 @@
-//! How acts are made: every command, answer and announcement of the watchdog.
+//! Makes the watchdog's acts: every command, answer and announcement.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use crate::safety::{Act, Ended};
 use crate::wire::{Command, Engage};
 
 impl Watchdog {
-    /// Stops the tracks in this very batch of acts, whatever was sent before.
+    /// Stops the tracks in this batch of acts, whatever was sent before.
     pub(super) fn halt(&mut self, now: Instant) {
         self.tracks.told_to_stop(now);
         let sent = |act: &Act| matches!(act, Act::Send(_));

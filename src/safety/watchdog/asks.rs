@@ -1,4 +1,4 @@
-//! What behaviours ask for that moves the tracks; docking and undocking stand in `docks`.
+//! Requests of behaviours that move the tracks; docking and undocking are in `docks`.
 
 use std::time::Duration;
 
@@ -8,8 +8,8 @@ use super::{Caller, Watchdog};
 use crate::robot::{BehaviourId, DockEnd, Intent, MotionEnd, MotionId, Priority, Setpoint};
 use crate::safety::{Ended, capped};
 
-/// The longest time that is heeded, thirty days. A host may send any, and the clock that they are
-/// added to ends somewhere.
+/// The longest duration, thirty days; longer ones are shortened to it. A host may send any
+/// duration, and adding it to the clock could overflow.
 pub(super) const LONGEST: Duration = Duration::from_secs(30 * 24 * 60 * 60);
 
 impl Watchdog {
@@ -73,8 +73,8 @@ impl Watchdog {
         self.tell_ended(over);
     }
 
-    /// The way home of a low robot is no behaviour's to stop, but for its own part of it: who has
-    /// borrowed the tracks gives them back.
+    /// No behaviour can stop the way home of a robot with a low battery, except its own part of it:
+    /// a borrower's stop returns the tracks.
     fn stop_asked(&mut self, by: BehaviourId, priority: Priority, now: Instant) {
         match self.borrower() {
             Some(borrower) if borrower == by => self.end_loan(now),

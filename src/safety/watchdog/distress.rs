@@ -1,4 +1,5 @@
-//! What is done about a low robot between two searches: loans, legs and pauses; and the alarm.
+//! What a robot with a low battery does between two searches: loans, legs and pauses; and the
+//! alarm.
 
 use std::time::Duration;
 
@@ -11,10 +12,10 @@ use crate::safety::{
 };
 use crate::wire::{Command, Led, Sound};
 
-/// What is said to sound the alarm: at full volume, whatever it was set to before.
+/// The commands that sound the alarm: at full volume, whatever volume was set before.
 pub const ALARM: [Command; 2] = [Command::Volume(100), Command::Play(Sound::Alarm)];
 
-/// A person is needed.
+/// A person's help is needed.
 #[derive(Debug, Clone)]
 pub(super) struct Alarm {
     pub(super) next: Instant,
@@ -25,27 +26,27 @@ impl Watchdog {
     /// How long the flash of the alarm stays on.
     const ALARM_FLASH: Duration = Duration::from_secs(1);
 
-    /// Whether a rescue behaviour should be there: the battery is low and the robot not on its
-    /// station. True some time before the first loan, so that there is time to start its host.
+    /// Whether a rescue behaviour should be running: the battery is low and the robot is not on its
+    /// station. True some time before the first loan, so that its host has time to start.
     pub fn wants_rescue(&self) -> bool {
         let off = self.parting || self.limits.rescue == Rescue::Off;
         !off && self.guard.low().is_some() && !self.docked()
     }
 
-    /// Whether whatever is not needed for the way home is to be switched off: the battery is nearly
-    /// empty and does not charge. Needed are the rescue behaviour's camera and the alarm.
+    /// Whether to switch off everything that the way home does not need: the battery is nearly
+    /// empty and does not charge. The rescue behaviour's camera and the alarm are needed.
     pub fn shed(&self) -> bool {
         self.guard.critical() && self.place() != DockState::Charging
     }
 
-    /// While the alarm sounds, volume, headlight and sounds are the watchdog's. It sets the volume to
-    /// 100 % each time, because a script may have set it to 0 before, and it is not set back: after
-    /// the alarm it is what the next script says.
+    /// Whether the alarm controls volume, headlight and sounds. It sets the volume to 100 % each
+    /// time, because a script may have set it to 0 before. The volume is not restored: after the
+    /// alarm it stays until the next script sets it.
     pub fn alarm_sounds(&self) -> bool {
         self.alarm.is_some() && self.online
     }
 
-    /// A search of the watchdog's own has failed: what follows begins.
+    /// Begins what follows a failed search of the watchdog's own.
     pub(super) fn go_on(&mut self, outcome: DockOutcome, now: Instant) {
         let means = self.means(outcome.took);
         let stuck = outcome.end == DockEnd::NotCharging && self.place() == DockState::Unknown;
@@ -72,12 +73,12 @@ impl Watchdog {
         );
     }
 
-    /// What may be done now about a search that took so long.
+    /// What may follow a search that took this long.
     fn means(&self, took: Duration) -> Means {
         let usable = !self.parting && !self.docked() && self.limits.rescue != Rescue::Off;
         let rates = [Activity::Searching, Activity::Standing].map(|what| self.drain.rate(what));
         let worth = match rates {
-            // A rate that is known is above zero.
+            // A known rate is above zero.
             [Some(searching), Some(standing)] => {
                 took.mul_f64((searching / standing).clamp(0.5, 2.0))
             }
@@ -91,7 +92,7 @@ impl Watchdog {
         }
     }
 
-    /// Tells a borrower of its loan, and everybody what follows, in words.
+    /// Informs a borrower of its loan, and returns a description of what follows.
     fn begin(&mut self, next: Next, now: Instant) -> String {
         let way = self.way.take();
         match next {
@@ -116,7 +117,8 @@ impl Watchdog {
         }
     }
 
-    /// Off the station and without a search under way: the next leg or the next search when it is time.
+    /// Off the station and without a docking under way: begins the next leg or search when it is
+    /// due.
     pub(super) fn continue_recovery(&mut self, now: Instant) {
         if self.docked() {
             return;
@@ -141,7 +143,7 @@ impl Watchdog {
         }
     }
 
-    /// A loan lasts while its borrower drives and lives.
+    /// Notes whether the borrower drives, and ends its loan if its host falls silent.
     fn watch_borrower(&mut self, now: Instant) {
         let Some(by) = self.borrower() else {
             return;
@@ -162,7 +164,8 @@ impl Watchdog {
         recovery.next_deadline(self.ticked)
     }
 
-    /// What is wanted of the tracks of a low robot between two searches; `None`: that they stand.
+    /// The setpoint of a robot with a low battery between two searches; `None` if the tracks stand
+    /// still.
     pub(super) fn between_searches(&self, now: Instant) -> Option<Setpoint> {
         let recovery = self.recovery.as_ref().filter(|_| self.is_recovering())?;
         if recovery.borrower().is_some() {
@@ -172,20 +175,20 @@ impl Watchdog {
         self.may_drive_a_leg().then_some(setpoint)
     }
 
-    /// Whom the tracks are lent to just now.
+    /// The behaviour that the tracks are lent to now.
     pub(super) fn borrower(&self) -> Option<BehaviourId> {
         let recovery = self.recovery.as_ref().filter(|_| self.is_recovering())?;
         recovery.borrower()
     }
 
-    /// A loan or a leg under way ends; the search follows.
+    /// Ends a loan or a leg; the search follows.
     pub(super) fn end_loan(&mut self, now: Instant) {
         if let Some(recovery) = &mut self.recovery {
             recovery.end(now);
         }
     }
 
-    /// Who the tracks may be lent to. A loan to another behaviour ends.
+    /// Sets the behaviour that the tracks may be lent to. A loan to another behaviour ends.
     pub(super) fn rescuer_is(&mut self, by: Option<BehaviourId>, now: Instant) {
         self.rescuer = by;
         if let Some(recovery) = &mut self.recovery
@@ -197,7 +200,7 @@ impl Watchdog {
         }
     }
 
-    /// Out of reach, or on the station: no loan, no leg and no search is under way any more.
+    /// Out of reach, or on the station: ends a loan, a leg or a search.
     pub(super) fn interrupt_recovery(&mut self, now: Instant) {
         self.way = None;
         self.trail.lose();
@@ -206,7 +209,8 @@ impl Watchdog {
         }
     }
 
-    /// The robot is somewhere else, or it is not known what it does: a low one searches from there now.
+    /// The robot was moved, or its activity is not known: with a low battery it searches from there
+    /// now.
     pub(super) fn search_at_once(&mut self, now: Instant) {
         if let Some(recovery) = &mut self.recovery {
             recovery.search_at_once(now);
@@ -221,12 +225,12 @@ impl Watchdog {
         self.online && !self.docked() && self.homing.is_none()
     }
 
-    /// Where the config allows it, and never at the end of a run.
+    /// Whether a leg is allowed: by the config, off the station, and before the run ends.
     fn may_drive_a_leg(&self) -> bool {
         !self.parting && !self.docked() && self.limits.recovery_legs > 0
     }
 
-    /// Leaves no light on that the alarm has switched on.
+    /// Ends the alarm and switches off the light if the alarm has switched it on.
     pub(super) fn end_alarm(&mut self) {
         if self.alarm.take().is_some_and(|alarm| alarm.flash_on) {
             self.send(Command::Led {

@@ -1,8 +1,10 @@
-//! Docking and undocking that behaviours ask for: who may, who waits, and who is told how it ended.
+//! Docking and undocking for behaviours: which requests are accepted, which wait, and their
+//! answers.
 //!
-//! A docking belongs to the callers that wait for it and has the highest of their priorities. Like a
-//! setpoint it is refused while a higher priority drives, ends as `preempted` when a higher priority
-//! wants to drive, and is given up only by its own callers and by equal or higher priorities.
+//! A docking belongs to the callers that wait for it and has the highest of their priorities. Like
+//! a setpoint, it is refused while a higher priority drives, ends as `preempted` when a higher
+//! priority wants to drive, and is cancelled only by its own callers and by equal or higher
+//! priorities.
 
 use std::time::Duration;
 
@@ -15,10 +17,10 @@ use crate::robot::{BehaviourId, DockEnd, DockPlan, Priority};
 use crate::safety::{DockLimits, DockState, Retry};
 use crate::wire::{Command, Engage};
 
-/// The shortest time of a docking: with none at all there is nothing to wait for.
+/// The shortest timeout of a docking: with none at all there would be nothing to wait for.
 const SHORTEST: Duration = Duration::from_millis(1);
 
-/// Calls that wait for one docking; what a host asks beyond that is refused.
+/// The most calls that may wait for a docking; further requests are refused.
 const MOST_CALLERS: usize = 64;
 
 impl Watchdog {
@@ -97,8 +99,8 @@ impl Watchdog {
         }
     }
 
-    /// A call that waits for a docking ends as `cancelled`, if `by` is that behaviour or one of equal or
-    /// higher priority; `None` is above all. With no call left the docking ends, unless it is the
+    /// Ends waiting docking calls as `cancelled`: those of `by` itself and those of equal or lower
+    /// priority; with `None`, all. When no call is left the docking ends, unless it is the
     /// watchdog's own.
     pub(super) fn cancel_docks(&mut self, by: Option<(BehaviourId, Priority)>, now: Instant) {
         let stays = |caller: &Caller| {
@@ -130,19 +132,19 @@ impl Watchdog {
         self.follow(orders.unwrap_or_default(), now);
     }
 
-    /// Whether the docking under way is of behaviours, all of lower priority.
+    /// Whether the docking under way belongs to behaviours that all have lower priority.
     pub(super) fn outranks_docking(&self, priority: Priority) -> bool {
         let lower = |homing: &Homing| !homing.forced && homing.priority() < Some(priority);
         self.homing.as_ref().is_some_and(lower)
     }
 
-    /// A behaviour of higher priority drives, or waits for an undocking.
+    /// Whether a behaviour of higher priority drives, or waits for an undocking.
     fn is_outranked(&self, priority: Priority) -> bool {
         let leaves = self.leaving.as_ref().map(|leaving| leaving.caller.priority);
         self.arbiter.priority().max(leaves) > Some(priority)
     }
 
-    /// A behaviour of higher priority waits for a docking.
+    /// Whether a behaviour of higher priority waits for a docking.
     fn docks_above(&self, priority: Priority) -> bool {
         let homing = self.homing.as_ref();
         homing.and_then(Homing::priority) > Some(priority)

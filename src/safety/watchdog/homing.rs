@@ -1,4 +1,4 @@
-//! Low battery and the way home: the watchdog's own docking, and a behaviour's docking that it takes
+//! Low battery and the way home: the watchdog's own docking, and behaviours' dockings that it takes
 //! over.
 
 use std::time::Duration;
@@ -10,7 +10,7 @@ use crate::robot::{DockEnd, DockPlan, Event, MotionEnd, Priority, SafetyAction, 
 use crate::safety::{Act, DockAction, DockLimits, Docking, LowCause, Recovery, Retry};
 use crate::wire::{Command, Engage};
 
-/// A docking under way and who waits for it.
+/// A docking under way and the calls that wait for it.
 #[derive(Debug, Clone)]
 pub(super) struct Homing {
     pub(super) docking: Docking,
@@ -20,7 +20,7 @@ pub(super) struct Homing {
 }
 
 impl Homing {
-    /// The highest of those that wait for it.
+    /// The highest priority of its callers.
     pub(super) fn priority(&self) -> Option<Priority> {
         self.callers.iter().map(|caller| caller.priority).max()
     }
@@ -32,7 +32,7 @@ impl Watchdog {
     /// ... for this long.
     pub(super) const BACK_OFF_TIME: Duration = Duration::from_millis(1500);
 
-    /// The rule above all others: stop and go home, in one batch of acts.
+    /// The rule with the highest precedence: stop and go home, in one batch of acts.
     pub(super) fn became_low(&mut self, cause: LowCause, now: Instant) {
         self.end_motion(MotionEnd::Safety);
         self.way = self.trail.take(now);
@@ -75,8 +75,8 @@ impl Watchdog {
         }
     }
 
-    /// Low and not on the way home: goes on with it, whatever comes next. A behaviour's docking becomes
-    /// the watchdog's own.
+    /// Starts or continues the way home if the battery is low and no docking of the watchdog's is
+    /// under way. A behaviour's docking becomes the watchdog's own.
     pub(super) fn pursue_home(&mut self, now: Instant) {
         let underway = self.homing.as_ref().is_some_and(|homing| homing.forced);
         if !self.online || self.guard.low().is_none() || underway {
@@ -91,7 +91,7 @@ impl Watchdog {
         self.continue_recovery(now);
     }
 
-    /// Begins a search of the watchdog's own, or the waiting for charging.
+    /// Begins a search of the watchdog's own or, on the station, the wait for charging.
     pub(super) fn send_home(&mut self, now: Instant) {
         let plan = DockPlan {
             timeout: self.limits.dock_timeout.get(),
@@ -135,7 +135,7 @@ impl Watchdog {
         self.pursue_home(now);
     }
 
-    /// Does what the docking wants, then looks whether it is over.
+    /// Executes the docking's actions, then checks whether it has ended.
     pub(super) fn follow(&mut self, orders: Vec<DockAction>, now: Instant) {
         for order in orders {
             match order {
@@ -162,8 +162,8 @@ impl Watchdog {
         self.answer_homing(now);
     }
 
-    /// Answers the calls that wait for a docking that is over; what follows one of the watchdog's own is
-    /// another story.
+    /// Answers the calls that wait for a docking that has ended; [`Watchdog::go_on`] handles a
+    /// failure of the watchdog's own.
     pub(super) fn answer_homing(&mut self, now: Instant) {
         let over = |homing: &mut Homing| homing.docking.outcome().is_some();
         let Some(homing) = self.homing.take_if(over) else {
@@ -188,7 +188,7 @@ impl Watchdog {
         }
     }
 
-    /// Tells the callers of the watchdog's own way home how it ended.
+    /// Tells the callers that wait for the watchdog's way home how it ended.
     pub(super) fn answer_waiting(&mut self, end: DockEnd, now: Instant) {
         let (failures, took) = self
             .recovery

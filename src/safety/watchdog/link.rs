@@ -1,5 +1,5 @@
-//! The link comes and goes, the machine sleeps, the run ends: what is said then, and what would be
-//! said if the agent died.
+//! What is sent when the link is established or lost, the machine resumes or the run ends, and what
+//! would be sent if the agent died.
 
 use tokio::time::Instant;
 
@@ -9,19 +9,19 @@ use crate::safety::LastWords;
 use crate::wire::{Command, Engage, Power};
 
 impl Watchdog {
-    /// What the robot is to hear if this is the last that is ever said to it; right after every
-    /// batch of acts has been done.
+    /// The commands to send on this link if the agent dies now; updated right after every batch of
+    /// acts.
     ///
-    /// - [`LastWords::Nothing`] on the station, and while the robot searches it because its battery
-    ///   is low.
-    /// - [`LastWords::StopAndDock`] while the battery is low otherwise: waiting for the next search,
-    ///   driven by the watchdog, or backing out of the station.
-    /// - [`LastWords::EndSearch`] during a search that a behaviour asked for: with a good battery the
-    ///   robot stands where it is until somebody knows again what it is to do.
-    /// - [`LastWords::Stop`] else.
+    /// - [`LastWords::Nothing`] on the station, and while the robot searches for it because its
+    ///   battery is low.
+    /// - [`LastWords::StopAndDock`] in all other cases of a low battery: waiting for the next
+    ///   search, driven by the watchdog or a borrower, or backing out of the station.
+    /// - [`LastWords::EndSearch`] during a search that a behaviour asked for: with a good battery
+    ///   the robot stays where it is until somebody controls it again.
+    /// - [`LastWords::Stop`] otherwise.
     ///
-    /// Without a link it is what to say in the place of a login that is given up half way: a stop,
-    /// and BASE_FIND if the battery was low and the robot not on its station when it was heard last.
+    /// Without a link, these commands are sent if a login is given up half way: a stop, and
+    /// BASE_FIND if the battery was low and the robot off its station by its last report.
     pub fn last_words(&self) -> LastWords {
         let low = self.guard.low().is_some();
         let stays = self.docked() && !self.whereabouts.is_leaving();
@@ -74,8 +74,8 @@ impl Watchdog {
         self.interrupt_recovery(now);
     }
 
-    /// After a sleep nothing old is repeated: all that was asked for ends as if the link had dropped,
-    /// the tracks stop, and a low robot searches at once.
+    /// Handles the end of a suspension. Nothing old is repeated: all requests end as if the link
+    /// had been lost, the tracks stop, and a robot with a low battery searches at once.
     pub(super) fn wake(&mut self, now: Instant) {
         if !self.online {
             return;
@@ -91,8 +91,8 @@ impl Watchdog {
         self.search_at_once(now);
     }
 
-    /// Stops whatever moves. A robot that the watchdog sends home hears of that again, since the
-    /// stop may have ended its search.
+    /// Stops all motion. If the watchdog sends the robot home, BASE_FIND is sent again, since the
+    /// stop may have ended the search.
     pub(super) fn part(&mut self, now: Instant) {
         self.parting = true;
         self.end_motion(MotionEnd::Cancelled);

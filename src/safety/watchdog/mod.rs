@@ -1,7 +1,8 @@
-//! The whole of the safety rules: facts and the time go in, acts come out.
+//! All safety rules combined: facts and the time go in, acts come out.
 //!
-//! Every command that can move the robot is made here and nowhere else. The behaviours' requests go
-//! through the [`Arbiter`], then through [`Watchdog::refusal`]; what passes goes to [`Tracks`].
+//! Every command that can move the robot is made here and nowhere else. A behaviour's motion
+//! request goes through the [`Arbiter`], then through [`Watchdog::refusal`]; if it passes,
+//! [`Tracks`] sends it.
 
 mod acts;
 mod asks;
@@ -43,27 +44,27 @@ struct Leaving {
     until: Instant,
 }
 
-/// A docking that is over.
+/// A docking that has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DockReport {
-    /// Who asked for it first; `None`: the watchdog itself.
+    /// The behaviour that asked for it first; `None` for the watchdog's own docking.
     pub by: Option<BehaviourId>,
-    /// How it went.
+    /// Its outcome.
     pub outcome: DockOutcome,
 }
 
-/// The pure safety rules. See the module.
+/// The safety rules as one state machine. See the module.
 #[derive(Debug, Clone)]
 pub struct Watchdog {
     limits: Limits,
     online: bool,
     parting: bool,
     whereabouts: DockTracker,
-    /// BASE_FIND was sent, and neither a word of the robot nor another command has ended the
+    /// BASE_FIND was sent, and neither a report of the robot nor another command has ended the
     /// search.
     searching: bool,
-    /// The link went during a search: the robot may still be at it, and a stop alone may not end
-    /// it.
+    /// The link was lost during a search: the robot may still be searching, and a stop alone may
+    /// not end that.
     search_cut_off: bool,
     guard: BatteryGuard,
     drain: Drain,
@@ -71,30 +72,30 @@ pub struct Watchdog {
     leases: Leases,
     tracks: Tracks,
     trail: Trail,
-    /// From the station to where the battery became low, until the first search from there has
-    /// failed or something else has moved the robot.
+    /// The path from the station to where the battery became low, until the first search from there
+    /// has failed or something else has moved the robot.
     way: Option<Vec<Stroke>>,
     homing: Option<Homing>,
     leaving: Option<Leaving>,
-    /// While the battery is low.
+    /// Present while the battery is low.
     recovery: Option<Recovery>,
-    /// The calls that wait for the way home of a low robot.
+    /// The calls that wait until a robot with a low battery is home.
     waiting: Vec<Caller>,
-    /// Whom the tracks may be lent to.
+    /// The behaviour that the tracks may be lent to.
     rescuer: Option<BehaviourId>,
     alarm: Option<Alarm>,
     listening: bool,
-    /// Since when the robot has moved without being heard, pauses included.
+    /// Since when the robot has moved without sending anything, pauses in the motion included.
     unheard_motion: Option<Instant>,
-    /// When the time was last looked at.
+    /// The time of the last [`Watchdog::tick`].
     ticked: Instant,
     acts: Vec<Act>,
-    /// The last docking that is over and was not reported yet.
+    /// The last docking that has ended, until it is reported.
     docked_last: Option<DockReport>,
 }
 
 impl Watchdog {
-    /// Without a link; nothing moves.
+    /// Begins without a link; nothing moves.
     pub fn new(limits: Limits, now: Instant) -> Watchdog {
         Watchdog {
             guard: BatteryGuard::new(&limits),
@@ -124,19 +125,19 @@ impl Watchdog {
         }
     }
 
-    /// The docking that has come to its end since this was asked last, if one has.
+    /// Returns the docking that has ended since the last call, if one has.
     pub fn take_dock_report(&mut self) -> Option<DockReport> {
         self.docked_last.take()
     }
 
-    /// Takes a fact in and returns what is to be done now.
+    /// Takes a fact in and returns what to do now.
     pub fn take(&mut self, fact: Fact, now: Instant) -> Vec<Act> {
         self.absorb(fact, now);
         self.tick(now)
     }
 
-    /// Takes a fact in; what is to be done comes with the next [`Watchdog::tick`] or
-    /// [`Watchdog::take`], which must follow at once. For facts that come together.
+    /// Takes a fact in without returning acts: they come with the next [`Watchdog::tick`] or
+    /// [`Watchdog::take`], which must follow immediately. For facts that arrive together.
     pub fn absorb(&mut self, fact: Fact, now: Instant) {
         match fact {
             Fact::LinkUp { docked, power } => self.link_up(docked, power, now),
@@ -163,7 +164,7 @@ impl Watchdog {
         }
     }
 
-    /// Lets time pass and returns what is to be done now.
+    /// Advances the time and returns what to do now.
     pub fn tick(&mut self, now: Instant) -> Vec<Act> {
         self.ticked = now;
         self.check_hosts(now);
@@ -181,8 +182,8 @@ impl Watchdog {
         std::mem::take(&mut self.acts)
     }
 
-    /// When [`Watchdog::tick`] has something to do, seen from its last call. May be in the past by
-    /// then: at once.
+    /// When [`Watchdog::tick`] has something to do, seen from its last call. A time in the past
+    /// means at once.
     pub fn next_deadline(&self) -> Option<Instant> {
         let homing = self
             .homing
@@ -214,7 +215,7 @@ impl Watchdog {
         .min()
     }
 
-    /// For the status line.
+    /// The state shown in the status line.
     pub fn state(&self) -> WatchdogState {
         match (&self.homing, &self.alarm) {
             _ if !self.online => WatchdogState::Offline,
@@ -226,7 +227,7 @@ impl Watchdog {
         }
     }
 
-    /// The battery counts as low, and nothing has released the robot yet.
+    /// Why the battery counts as low; `None` if it does not, or the robot was released.
     pub fn low(&self) -> Option<LowCause> {
         self.guard.low()
     }
@@ -236,7 +237,7 @@ impl Watchdog {
         self.whereabouts.place()
     }
 
-    /// On the station, by the robot's word or because it charges.
+    /// Whether the robot is on its station, by its own report or because it charges.
     pub fn docked(&self) -> bool {
         self.whereabouts.on_station()
     }
@@ -251,18 +252,18 @@ impl Watchdog {
         })
     }
 
-    /// The tracks have been told to move.
+    /// Whether the last setpoint sent to the tracks moves them.
     pub fn moving(&self) -> bool {
         self.tracks.moving_since().is_some()
     }
 
-    /// Whether the robot is anywhere but at rest: its tracks were told to move, it searches for its
+    /// Whether the robot may be in motion: its tracks were told to move, it searches for its
     /// station, or it leaves it.
     pub fn is_robot_moving(&self) -> bool {
         self.moving() || self.searching || self.leaving.is_some() || self.whereabouts.is_leaving()
     }
 
-    /// Why no behaviour may move the robot now; `None`: it may.
+    /// Why no behaviour may move the robot now; `None` if one may.
     pub fn refusal(&self) -> Option<MotionEnd> {
         if !self.online {
             Some(MotionEnd::Disconnected)
@@ -307,7 +308,8 @@ impl Watchdog {
     }
 
     fn undocked(&mut self, now: Instant) {
-        // The position of a robot that was carried off its station is not known.
+        // The position of a robot that left without being asked is not known: it may have been
+        // carried.
         if self.whereabouts.is_leaving() {
             self.trail.begin(now)
         } else {
@@ -346,7 +348,7 @@ impl Watchdog {
         }
     }
 
-    /// The one place that makes a MOVE other than a stop.
+    /// The only place that makes a MOVE other than a stop.
     fn drive(&mut self, now: Instant) {
         if !self.online {
             return;

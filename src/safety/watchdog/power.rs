@@ -1,4 +1,4 @@
-//! What follows from the battery's level and from whether it charges.
+//! Reactions to the battery's level and to charging.
 
 use tokio::time::Instant;
 
@@ -35,14 +35,14 @@ impl Watchdog {
                 self.end_motion(MotionEnd::Safety);
             }
             let reason = format!(
-                "battery at {} %: nothing moves but on the way home",
+                "battery at {} %: motion is refused except on the way home",
                 power.percent
             );
             self.notice(SafetyAction::Hold, reason);
         }
     }
 
-    /// Does what follows from news of the battery.
+    /// Executes what follows from a change of the battery's state.
     pub(super) fn believe(&mut self, change: Option<BatteryChange>, now: Instant) {
         let charging = self.charging_here();
         let orders = self.homing.as_mut().map(|homing| match charging {
@@ -73,12 +73,13 @@ impl Watchdog {
         }
     }
 
-    /// One report says that it charges and nothing bears that out yet: nothing is to drive it away.
+    /// Whether a single unconfirmed report says that the robot charges: nothing may drive it away
+    /// then.
     pub(super) fn may_charge(&self) -> bool {
         self.charging_here() == Charging::Said
     }
 
-    /// What is believed of charging, unless the robot has been sent away since it said so.
+    /// The believed charging state, unless the robot has left its station since that report.
     pub(super) fn charging_here(&self) -> Charging {
         match self.place() {
             DockState::Charging => self.guard.charging(),

@@ -1,4 +1,4 @@
-//! The rules that time enforces: silent hosts, silent streams, a silent battery.
+//! The rules that depend on time: silent hosts, silent streams, a silent battery.
 
 use tokio::time::Instant;
 
@@ -7,7 +7,7 @@ use crate::robot::{BehaviourId, DockEnd, EndReason, MotionEnd, SafetyAction};
 use crate::safety::{Act, BatteryChange, HostLife};
 
 impl Watchdog {
-    /// A host that moves the robot and shows no life: stop first, then, if it stays silent, end it.
+    /// Stops a host that moves the robot and shows no life; ends it if it stays silent.
     pub(super) fn check_hosts(&mut self, now: Instant) {
         let moving: Vec<BehaviourId> = self.arbiter.wishing().collect();
         for by in moving {
@@ -21,7 +21,7 @@ impl Watchdog {
         }
     }
 
-    /// One that stands by does no harm: it just does not get the tracks.
+    /// A silent host that stands by does no harm: it is only kept from getting the tracks.
     fn hold_silent(&mut self, by: BehaviourId, now: Instant) {
         if self.arbiter.hold(by, true) && self.arbiter.driver() == Some(by) {
             self.halt(now);
@@ -50,7 +50,8 @@ impl Watchdog {
         Some(since + self.limits.stream_silence.get())
     }
 
-    /// Blind while moving: stop, and find out whether anybody is there.
+    /// Stops a robot that moves while its stream is silent, and reconnects to find out whether it
+    /// still answers.
     pub(super) fn check_stream(&mut self, now: Instant) {
         if self.stream_deadline().is_none_or(|due| due > now) {
             return;
@@ -81,8 +82,8 @@ impl Watchdog {
         }
     }
 
-    /// A low robot that may not be on its station any more searches it. If it was on its contacts
-    /// and they do not charge, a person is needed as well.
+    /// Lets a robot with a low battery search for its station when it may no longer be on it. If
+    /// the contacts did not charge, the docking ends as failed, and the alarm calls for a person.
     pub(super) fn check_place(&mut self, now: Instant) {
         let low = self.guard.low().is_some();
         let Some(doubt) = self.whereabouts.poll(low, now).filter(|_| low) else {

@@ -1,4 +1,5 @@
-//! Levels and charging: what one report does, what several do, and what a low robot does then.
+//! Levels and charging: the effect of one report and of several, and how a robot with a low battery
+//! reacts.
 
 use super::rig::*;
 use super::*;
@@ -18,7 +19,7 @@ fn a_low_report_stops_and_sends_home_in_one_batch() {
 }
 
 #[test]
-fn a_low_report_at_rest_still_says_stop_before_base_find() {
+fn a_low_report_at_rest_still_sends_stop_before_base_find() {
     let mut rig = Rig::online(60);
     assert_eq!(
         sent(&rig.take(Fact::Power(power(10)))),
@@ -72,7 +73,7 @@ fn one_garbage_report_neither_frees_a_low_robot_nor_disturbs_its_search() {
 }
 
 #[test]
-fn while_one_report_says_charging_no_search_and_no_leg_begins() {
+fn an_unconfirmed_report_of_charging_delays_searches_and_legs() {
     let (mut rig, _) = lost(20, standing());
     rig.hear(charging(15));
     let acts = rig.pass(BatteryGuard::DOUBT - SECOND, false);
@@ -95,7 +96,7 @@ fn while_one_report_says_charging_no_search_and_no_leg_begins() {
 }
 
 #[test]
-fn the_contact_bears_charging_out_before_and_after() {
+fn contact_confirms_charging_before_and_after_the_report() {
     for contact_first in [true, false] {
         let mut rig = Rig::online(20);
         let mut facts = [
@@ -115,7 +116,7 @@ fn the_contact_bears_charging_out_before_and_after() {
 }
 
 #[test]
-fn a_docking_that_backs_off_stands_still_while_one_report_says_charging() {
+fn an_unconfirmed_report_of_charging_halts_a_docking_that_backs_off() {
     let mut rig = Rig::online(60);
     rig.ask(Intent::Dock {
         call: CallId(7),
@@ -143,7 +144,7 @@ fn a_docking_that_backs_off_stands_still_while_one_report_says_charging() {
 }
 
 #[test]
-fn it_learns_how_long_the_battery_lasts() {
+fn the_minutes_left_are_learnt() {
     let mut rig = Rig::online(60);
     assert_eq!(rig.dog.battery().unwrap().minutes_left, None);
     for percent in (50..60).rev() {
@@ -158,7 +159,7 @@ fn it_learns_how_long_the_battery_lasts() {
 }
 
 #[test]
-fn charging_releases_and_the_station_still_holds() {
+fn charging_releases_but_motion_on_the_station_is_refused() {
     let mut rig = Rig::online(20);
     rig.take(Fact::Engine(EngineReport::Docked));
     rig.take(Fact::Power(charging(20)));
@@ -167,7 +168,7 @@ fn charging_releases_and_the_station_still_holds() {
 }
 
 #[test]
-fn an_alarm_that_ends_leaves_no_light_on() {
+fn the_end_of_an_alarm_switches_its_light_off() {
     let (mut rig, _) = lost(20, standing());
     let off = Command::Led {
         led: Led::Flash,
@@ -225,7 +226,7 @@ fn a_robot_that_is_low_stays_on_its_station_though_it_charges() {
 }
 
 #[test]
-fn a_good_level_disturbs_no_motion() {
+fn a_good_level_does_not_interrupt_motion() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
     assert_eq!(rig.take(Fact::Power(power(59))), []);
@@ -233,14 +234,14 @@ fn a_good_level_disturbs_no_motion() {
 }
 
 #[test]
-fn that_the_level_is_critical_is_said_once() {
+fn a_critical_level_is_announced_once() {
     let mut rig = Rig::online(60);
     let said = |acts: Vec<Act>| {
         let mut reasons = acts.into_iter().filter_map(|act| match act {
             Act::Announce(Event::Safety { reason, .. }) => Some(reason),
             _ => None,
         });
-        reasons.any(|reason| reason.contains("nothing moves but on the way home"))
+        reasons.any(|reason| reason.contains("motion is refused except on the way home"))
     };
     assert!(!said(rig.take(Fact::Power(power(9)))));
     assert!(said(rig.take(Fact::Power(power(8)))));
@@ -255,7 +256,7 @@ fn ten_minutes_without_a_level_off_the_station_count_as_low() {
 }
 
 #[test]
-fn on_the_station_a_level_may_stay_away() {
+fn on_the_station_missing_levels_do_not_count_as_low() {
     let mut rig = Rig::with(Limits::default());
     rig.take(Fact::LinkUp {
         docked: true,
@@ -265,7 +266,7 @@ fn on_the_station_a_level_may_stay_away() {
 }
 
 #[test]
-fn the_state_says_at_a_glance_how_things_stand() {
+fn each_situation_has_its_state() {
     use WatchdogState::{Alarm, Docked, Docking, Free, LowGoingHome, Offline};
     let mut rig = Rig::with(Limits::default());
     assert_eq!(rig.dog.state(), Offline);
@@ -303,7 +304,7 @@ fn the_state_says_at_a_glance_how_things_stand() {
 }
 
 #[test]
-fn a_robot_that_charges_all_at_once_is_on_its_station_and_its_motion_is_over() {
+fn sudden_charging_means_docked_and_ends_motion() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
     let acts: Vec<Act> = (0..3).flat_map(|_| rig.hear(charging(60))).collect();

@@ -1,4 +1,4 @@
-//! Docking and undocking that behaviours ask for.
+//! Docking and undocking at the request of behaviours.
 
 use super::rig::*;
 use super::*;
@@ -52,7 +52,7 @@ fn between_a_behaviours_tries_the_robot_backs_off() {
 }
 
 #[test]
-fn low_battery_takes_a_docking_over_and_its_caller_is_served() {
+fn a_low_battery_takes_over_a_docking_and_its_caller_is_answered() {
     let mut rig = Rig::online(60);
     rig.ask(Intent::Dock {
         call: CallId(7),
@@ -70,7 +70,7 @@ fn low_battery_takes_a_docking_over_and_its_caller_is_served() {
 }
 
 #[test]
-fn a_docking_that_was_taken_over_is_given_back_at_the_ok_level() {
+fn a_docking_that_was_taken_over_is_returned_at_the_ok_level() {
     let mut rig = Rig::online(60);
     rig.ask(Intent::Dock {
         call: CallId(7),
@@ -107,7 +107,7 @@ fn cancelling_a_docking_answers_its_caller() {
 }
 
 #[test]
-fn undocking_waits_for_the_robots_word() {
+fn undocking_waits_for_the_robots_confirmation() {
     let mut rig = Rig::with(Limits::default());
     rig.take(Fact::LinkUp {
         docked: true,
@@ -131,7 +131,7 @@ fn undocking_waits_for_the_robots_word() {
 }
 
 #[test]
-fn only_the_end_of_the_one_who_asked_ends_a_docking() {
+fn a_docking_ends_only_with_its_own_caller() {
     let mut rig = Rig::online(60);
     rig.ask(Intent::Dock {
         call: CallId(7),
@@ -144,7 +144,7 @@ fn only_the_end_of_the_one_who_asked_ends_a_docking() {
 }
 
 #[test]
-fn only_the_one_who_asked_is_told_how_an_undocking_ends() {
+fn only_its_caller_is_told_how_an_undocking_ends() {
     for (gone, told_at_the_end) in [(BehaviourId(1), 1), (WHO, 0)] {
         let mut rig = Rig::with(Limits::default());
         rig.take(Fact::LinkUp {
@@ -162,7 +162,7 @@ fn only_the_one_who_asked_is_told_how_an_undocking_ends() {
 }
 
 #[test]
-fn of_two_who_wait_for_a_low_robots_docking_the_one_that_is_still_there_is_told() {
+fn the_remaining_caller_of_a_low_robots_docking_is_answered() {
     let mut rig = Rig::online(60);
     rig.dock(7);
     let other = BehaviourId(1);
@@ -186,7 +186,7 @@ fn of_two_who_wait_for_a_low_robots_docking_the_one_that_is_still_there_is_told(
 }
 
 #[test]
-fn the_end_of_a_docking_is_reported_once_with_who_asked_for_it() {
+fn the_end_of_a_docking_is_reported_once_with_its_caller() {
     let mut rig = Rig::online(60);
     rig.dock(7);
     assert_eq!(rig.dog.take_dock_report(), None);
@@ -199,7 +199,7 @@ fn the_end_of_a_docking_is_reported_once_with_who_asked_for_it() {
 }
 
 #[test]
-fn who_has_left_the_station_is_not_undocked() {
+fn a_robot_off_its_station_is_not_undocked() {
     let acts = Rig::online(80).undock(1);
     assert_eq!(
         (sent(&acts), undock_ended(&acts)),

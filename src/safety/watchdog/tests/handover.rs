@@ -1,4 +1,4 @@
-//! The tracks go from one behaviour to another without a gap or a jump: by numbers.
+//! The tracks pass from one behaviour to another without a gap or a jump: examples with numbers.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ fn priority(by: BehaviourId) -> Priority {
     }
 }
 
-/// Online, and a clock that only moves when told.
+/// A watchdog online, and a clock that only moves when told.
 struct Rig {
     dog: Watchdog,
     now: Instant,
@@ -73,7 +73,7 @@ impl Rig {
         self.take(wish)
     }
 
-    /// Lets time pass as the pilot does, with these hosts alive.
+    /// Lets time pass as the pilot does; these hosts show life.
     fn pass(&mut self, span: Duration, alive: &[BehaviourId]) -> Vec<Act> {
         let (end, mut acts) = (self.now + span, Vec::new());
         while self.now < end {
@@ -91,7 +91,7 @@ impl Rig {
     }
 }
 
-/// The MOVEs, repetitions left out.
+/// The MOVEs, without repetitions.
 fn moves(acts: &[Act]) -> Vec<i8> {
     let left = |act: &Act| match act.command() {
         Some(Command::Move { left, .. }) => Some(left),
@@ -103,7 +103,7 @@ fn moves(acts: &[Act]) -> Vec<i8> {
 }
 
 #[test]
-fn who_lets_go_and_takes_the_tracks_again_at_once_never_lets_the_lower_drive() {
+fn releasing_and_retaking_the_tracks_at_once_never_lets_the_lower_drive() {
     let mut rig = Rig::new();
     rig.drive(PATROL, 40.0);
     rig.now += 100 * MS;
@@ -135,7 +135,7 @@ fn a_silent_host_that_stands_by_is_ended_and_the_one_that_drives_is_not_disturbe
 }
 
 #[test]
-fn a_silent_host_that_drives_stands_still_before_the_lower_goes_on() {
+fn a_silent_driver_is_stopped_before_the_lower_takes_over() {
     let mut rig = Rig::new();
     let mut acts = rig.drive(PATROL, 40.0);
     rig.now += 100 * MS;
@@ -164,7 +164,7 @@ fn a_silent_host_that_stands_by_does_not_get_the_tracks() {
 }
 
 #[test]
-fn a_hand_over_to_the_same_setpoint_says_nothing_anew() {
+fn a_handover_to_the_same_setpoint_sends_nothing() {
     let mut rig = Rig::new();
     rig.drive(PATROL, 40.0);
     rig.now += 100 * MS;
@@ -193,7 +193,7 @@ fn step() -> impl Strategy<Value = Step> {
 
 proptest! {
     #[test]
-    fn the_robot_hears_the_setpoint_of_whoever_drives_and_a_stop_only_if_nobody_wants_to(
+    fn the_robot_is_sent_the_drivers_setpoint_and_a_stop_only_without_a_driver(
         steps in prop::collection::vec(step(), 1..60),
     ) {
         let mut rig = Rig::new();
@@ -225,7 +225,7 @@ proptest! {
             let wanted = rig.dog.arbiter.setpoint().left.get();
             prop_assert!(moves(&acts).iter().all(|&sent| sent == wanted), "{:?}: {:?}", step, acts);
         }
-        // Long enough for the pauses between two MOVE that have added up.
+        // Long enough for the accumulated spacing between MOVE messages.
         rig.pass(2000 * MS, &crew);
         prop_assert_eq!(rig.dog.moving(), !rig.dog.arbiter.setpoint().is_stop());
     }

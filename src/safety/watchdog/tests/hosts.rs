@@ -1,4 +1,4 @@
-//! Hosts that fall silent, and what they may ask.
+//! Hosts that fall silent, and extreme requests.
 
 use super::rig::*;
 use super::*;
@@ -30,7 +30,7 @@ fn a_silent_host_is_stopped_first_and_then_ended() {
 }
 
 #[test]
-fn a_host_that_was_silent_for_a_moment_stops_and_drives_on() {
+fn a_host_that_was_briefly_silent_stops_and_resumes() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
     assert_eq!(sent(&rig.pass(300 * MS, false)), [FORWARD, Command::STOP]);
@@ -43,7 +43,7 @@ fn a_host_that_was_silent_for_a_moment_stops_and_drives_on() {
 }
 
 #[test]
-fn a_host_that_shows_life_drives_on_and_its_setpoint_is_repeated_at_5_hz() {
+fn the_setpoint_of_a_host_that_shows_life_is_repeated_at_5_hz() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
     let acts = rig.pass(10 * SECOND, true);
@@ -52,14 +52,14 @@ fn a_host_that_shows_life_drives_on_and_its_setpoint_is_repeated_at_5_hz() {
 }
 
 #[test]
-fn a_behaviour_that_is_gone_moves_nothing_in_the_same_instant() {
+fn a_behaviour_that_has_ended_stops_at_once() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
     assert_eq!(sent(&rig.take(Fact::Gone(WHO))), [Command::STOP]);
 }
 
 #[test]
-fn no_time_that_a_host_may_send_breaks_the_clock() {
+fn no_duration_from_a_host_overflows_the_clock() {
     for time in [Duration::ZERO, Duration::MAX] {
         let mut rig = Rig::online(60);
         rig.drive(1, Some(time));
@@ -82,7 +82,7 @@ fn no_time_that_a_host_may_send_breaks_the_clock() {
 }
 
 #[test]
-fn the_longest_move_takes_thirty_days() {
+fn a_move_lasts_thirty_days_at_most() {
     let mut rig = Rig::online(60);
     rig.drive(1, Some(Duration::MAX));
     let end = rig.now + Duration::from_secs(2_592_000);
@@ -90,7 +90,7 @@ fn the_longest_move_takes_thirty_days() {
 }
 
 #[test]
-fn a_host_that_docks_without_end_fills_no_memory() {
+fn endless_docking_requests_do_not_fill_the_memory() {
     let mut rig = Rig::online(60);
     rig.ask(Intent::Dock {
         call: CallId(0),

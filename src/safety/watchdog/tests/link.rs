@@ -1,10 +1,10 @@
-//! A robot that is not heard, and a link that is not there.
+//! A silent robot, and a lost link.
 
 use super::rig::*;
 use super::*;
 
 #[test]
-fn a_leg_over_a_silent_stream_stops_and_nothing_is_said_behind_it() {
+fn a_leg_over_a_silent_stream_stops_and_nothing_is_sent_after_it() {
     let limits = Limits {
         stream_silence: crate::robot::Seconds::from_secs(1),
         ..Limits::default()
@@ -41,7 +41,7 @@ fn a_silent_stream_while_moving_stops_and_reconnects() {
 }
 
 #[test]
-fn a_stream_that_begins_late_has_its_time_and_no_more() {
+fn a_late_stream_gets_the_full_timeout_once() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
     rig.pass(10 * SECOND, true);
@@ -50,12 +50,12 @@ fn a_stream_that_begins_late_has_its_time_and_no_more() {
     rig.take(Fact::Listening(true));
     assert!(
         reconnects(&rig.pass(200 * MS, true)),
-        "said twice, heard never"
+        "reported twice, no data"
     );
 }
 
 #[test]
-fn a_robot_that_is_heard_drives_on() {
+fn a_robot_that_sends_data_keeps_driving() {
     let mut rig = Rig::online(60);
     rig.take(Fact::Listening(true));
     rig.drive(1, None);
@@ -78,7 +78,7 @@ fn a_silent_robot_without_a_stream_is_normal() {
 }
 
 #[test]
-fn a_search_that_the_link_cut_off_is_ended_after_the_reconnect() {
+fn a_search_interrupted_by_a_lost_link_is_ended_after_the_reconnect() {
     let mut rig = Rig::online(60);
     rig.dock(1);
     rig.take(Fact::LinkDown);

@@ -1,4 +1,5 @@
-//! The rules by numbers, facts and times in and acts out; and their promises over random histories.
+//! The rules by example, with facts and times in and acts out; and their promises over random
+//! histories.
 
 mod battery;
 mod docking;

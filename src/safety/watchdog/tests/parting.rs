@@ -1,4 +1,5 @@
-//! Last words, and what is said after a pause of the link or of the whole machine.
+//! Last words, and what is sent after a suspension of the link or of the machine, and at the end of
+//! a run.
 
 use super::rig::*;
 use super::*;
@@ -6,7 +7,7 @@ use crate::robot::DockPlan;
 use crate::safety::LastWords;
 
 #[test]
-fn before_a_login_and_with_a_good_battery_the_last_word_is_a_stop() {
+fn before_a_login_and_with_a_good_battery_the_last_words_are_a_stop() {
     let mut rig = Rig::with(Limits::default());
     assert_eq!(rig.dog.last_words(), LastWords::Stop);
     rig.take(Fact::LinkUp {
@@ -19,7 +20,7 @@ fn before_a_login_and_with_a_good_battery_the_last_word_is_a_stop() {
 }
 
 #[test]
-fn a_low_robot_that_searches_is_left_alone_and_one_that_does_not_is_sent() {
+fn a_low_robot_that_searches_is_left_alone_and_any_other_is_sent_home() {
     let mut rig = Rig::online(20);
     assert_eq!(rig.dog.last_words(), LastWords::Nothing);
     rig.take(Fact::Engine(EngineReport::BaseNotFound));
@@ -33,7 +34,7 @@ fn a_low_robot_that_searches_is_left_alone_and_one_that_does_not_is_sent() {
 }
 
 #[test]
-fn on_the_station_nothing_is_said_unless_the_robot_backs_out() {
+fn on_the_station_there_are_no_last_words_unless_the_robot_backs_out() {
     let mut rig = Rig::docked(charging(80));
     assert_eq!(rig.dog.last_words(), LastWords::Nothing);
     rig.undock(1);
@@ -45,7 +46,7 @@ fn on_the_station_nothing_is_said_unless_the_robot_backs_out() {
 }
 
 #[test]
-fn a_search_of_a_behaviour_with_a_good_battery_is_ended() {
+fn with_a_good_battery_a_behaviours_search_is_ended() {
     let mut rig = Rig::online(60);
     rig.dock(1);
     assert_eq!(rig.dog.last_words(), LastWords::EndSearch);
@@ -54,7 +55,7 @@ fn a_search_of_a_behaviour_with_a_good_battery_is_ended() {
 }
 
 #[test]
-fn without_a_link_the_next_words_are_those_of_a_robot_that_has_not_come_home() {
+fn without_a_link_the_last_words_send_a_low_robot_home() {
     for (rig, expected) in [
         (Rig::online(20), LastWords::StopAndDock),
         (Rig::online(60), LastWords::Stop),
@@ -68,7 +69,7 @@ fn without_a_link_the_next_words_are_those_of_a_robot_that_has_not_come_home() {
 }
 
 #[test]
-fn at_the_end_of_a_run_a_low_robot_has_heard_that_it_is_to_go_home() {
+fn at_the_end_of_a_run_a_low_robot_is_sent_home() {
     let mut rig = Rig::online(20);
     rig.take(Fact::Parting);
     assert_eq!(rig.dog.last_words(), LastWords::Nothing);
@@ -124,14 +125,14 @@ fn after_a_sleep_a_low_robot_searches_at_once() {
 }
 
 #[test]
-fn a_sleep_without_a_link_says_nothing() {
+fn a_sleep_without_a_link_sends_nothing() {
     let mut rig = Rig::online(20);
     rig.take(Fact::LinkDown);
     assert_eq!(rig.take(Fact::Suspended), []);
 }
 
 #[test]
-fn at_the_end_of_a_run_everything_stops_and_nothing_moves_any_more() {
+fn at_the_end_of_a_run_all_motion_stops_and_is_refused() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
     let acts = rig.take(Fact::Parting);
@@ -141,7 +142,7 @@ fn at_the_end_of_a_run_everything_stops_and_nothing_moves_any_more() {
 }
 
 #[test]
-fn at_the_end_of_a_run_nobody_docks_or_undocks_any_more() {
+fn at_the_end_of_a_run_docking_and_undocking_are_refused() {
     let mut rig = Rig::online(60);
     rig.take(Fact::Parting);
     let acts = rig.ask(Intent::Dock {

@@ -1,20 +1,20 @@
-//! What the place allows, and what a low robot does whose place is in doubt.
+//! What each place allows, and what a robot with a low battery does whose place is in doubt.
 
 use super::rig::*;
 use super::*;
 use crate::safety::Evidence;
 use crate::wire::Sound;
 
-/// CHARGE_STOP was sent and nobody has said anything.
-fn undocked_by_nobodys_word(percent: u8) -> Rig {
+/// CHARGE_STOP was sent and the robot has not confirmed it.
+fn with_unconfirmed_undocking(percent: u8) -> Rig {
     let mut rig = Rig::docked(power(percent));
     assert_eq!(sent(&rig.undock(1)), [LEAVE]);
     rig
 }
 
 #[test]
-fn an_undocking_that_nobody_confirms_leaves_a_robot_that_searches_when_it_becomes_low() {
-    let mut rig = undocked_by_nobodys_word(80);
+fn after_an_unconfirmed_undocking_a_robot_that_becomes_low_searches() {
+    let mut rig = with_unconfirmed_undocking(80);
     let acts = rig.pass(20 * SECOND, false);
     assert_eq!(undock_ended(&acts), Some(DockEnd::Timeout));
     assert_eq!(rig.dog.place(), DockState::Unknown);
@@ -25,8 +25,8 @@ fn an_undocking_that_nobody_confirms_leaves_a_robot_that_searches_when_it_become
 }
 
 #[test]
-fn low_while_an_undocking_is_unconfirmed_it_searches_when_its_time_is_over() {
-    let mut rig = undocked_by_nobodys_word(21);
+fn a_robot_that_becomes_low_while_undocking_searches_after_the_timeout() {
+    let mut rig = with_unconfirmed_undocking(21);
     assert_eq!(sent(&rig.take(Fact::Power(power(20)))), []);
     assert_eq!(sent(&rig.pass(19 * SECOND, false)), []);
     assert_eq!(sent(&rig.pass(2 * SECOND, false)), [Command::STOP, FIND]);
@@ -34,15 +34,15 @@ fn low_while_an_undocking_is_unconfirmed_it_searches_when_its_time_is_over() {
 }
 
 #[test]
-fn while_the_robot_backs_out_no_script_drives_and_in_an_unknown_place_it_may() {
-    let mut rig = undocked_by_nobodys_word(80);
+fn scripts_may_drive_in_an_unknown_place_but_not_while_backing_out() {
+    let mut rig = with_unconfirmed_undocking(80);
     assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
     rig.pass(20 * SECOND, false);
     assert_eq!(sent(&rig.drive(2, None)), [FORWARD]);
 }
 
 #[test]
-fn current_that_ends_while_the_robot_backs_out_lets_nobody_drive_yet() {
+fn the_end_of_charging_while_backing_out_does_not_allow_motion_yet() {
     let mut rig = Rig::docked(charging(80));
     rig.undock(1);
     rig.take(Fact::Power(power(80)));
@@ -54,7 +54,7 @@ fn current_that_ends_while_the_robot_backs_out_lets_nobody_drive_yet() {
 }
 
 #[test]
-fn a_power_that_says_charging_just_after_the_robot_has_left_as_asked_is_of_the_time_before() {
+fn charging_reported_just_after_a_requested_undocking_is_ignored_as_outdated() {
     let mut rig = Rig::docked(charging(80));
     rig.undock(1);
     rig.take(Fact::Engine(EngineReport::Undocked));
@@ -64,11 +64,11 @@ fn a_power_that_says_charging_just_after_the_robot_has_left_as_asked_is_of_the_t
     assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
     rig.pass(6 * SECOND, true);
     rig.take(Fact::Power(charging(80)));
-    assert_eq!(rig.dog.place(), DockState::Charging, "somebody put it back");
+    assert_eq!(rig.dog.place(), DockState::Charging, "it was put back");
 }
 
 #[test]
-fn a_robot_that_says_by_itself_that_it_has_left_is_believed_when_it_charges_again() {
+fn charging_after_an_unrequested_undocking_is_believed() {
     let mut rig = Rig::docked(charging(80));
     rig.take(Fact::Engine(EngineReport::Undocked));
     rig.take(Fact::Power(charging(80)));
@@ -77,7 +77,7 @@ fn a_robot_that_says_by_itself_that_it_has_left_is_believed_when_it_charges_agai
 
 #[test]
 fn in_an_unknown_place_undocking_and_docking_are_tried_again() {
-    let mut rig = undocked_by_nobodys_word(80);
+    let mut rig = with_unconfirmed_undocking(80);
     rig.pass(20 * SECOND, false);
     assert_eq!(sent(&rig.undock(2)), [LEAVE]);
     rig.pass(20 * SECOND, false);
@@ -85,7 +85,7 @@ fn in_an_unknown_place_undocking_and_docking_are_tried_again() {
 }
 
 #[test]
-fn a_wrong_word_of_the_login_is_believed_for_as_long_as_charging_may_take() {
+fn a_wrong_login_report_is_believed_until_the_charge_timeout() {
     let mut rig = Rig::docked(power(10));
     assert_eq!(sent(&rig.pass(28 * SECOND, false)), []);
     let acts = rig.pass(2 * SECOND, false);
@@ -98,7 +98,7 @@ fn a_wrong_word_of_the_login_is_believed_for_as_long_as_charging_may_take() {
 }
 
 #[test]
-fn a_link_that_drops_again_and_again_does_not_renew_that_belief() {
+fn repeated_reconnects_do_not_renew_that_belief() {
     let mut rig = Rig::docked(power(10));
     let mut acts = Vec::new();
     for _ in 0..4 {
@@ -113,7 +113,7 @@ fn a_link_that_drops_again_and_again_does_not_renew_that_belief() {
 }
 
 #[test]
-fn on_a_station_without_current_it_sounds_the_alarm_and_searches_at_once_when_it_is_lost() {
+fn on_a_station_without_current_it_sounds_the_alarm_and_searches_once_undocked() {
     let (mut rig, _) = lost(20, Limits::default());
     rig.pass(3 * SECOND, false);
     rig.take(Fact::Engine(EngineReport::Docked));
@@ -124,7 +124,7 @@ fn on_a_station_without_current_it_sounds_the_alarm_and_searches_at_once_when_it
 }
 
 #[test]
-fn a_low_robot_that_slides_off_its_station_searches_in_the_same_instant() {
+fn a_low_robot_that_slides_off_its_station_searches_at_once() {
     let mut rig = Rig::docked(power(10));
     let acts = rig.take(Fact::Engine(EngineReport::Undocked));
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
@@ -154,10 +154,10 @@ fn a_robot_that_drives_searches_or_leaves_its_station_moves() {
     rig.ask(Intent::CancelDock);
     assert!(!rig.dog.is_robot_moving());
 
-    let mut rig = undocked_by_nobodys_word(80);
+    let mut rig = with_unconfirmed_undocking(80);
     assert!(rig.dog.is_robot_moving(), "it leaves");
     rig.take(Fact::Gone(WHO));
-    assert!(rig.dog.is_robot_moving(), "it leaves for nobody");
+    assert!(rig.dog.is_robot_moving(), "it leaves without a caller");
     rig.take(Fact::Engine(EngineReport::Undocked));
     assert!(!rig.dog.is_robot_moving());
 }

@@ -1,4 +1,4 @@
-//! Docking has an owner and a priority, as the tracks have.
+//! A docking has an owner and a priority, like a setpoint.
 
 use super::rig::*;
 use super::*;
@@ -20,7 +20,7 @@ fn drive(motion: u64) -> Intent {
 }
 
 #[test]
-fn a_docking_of_lower_priority_than_whoever_drives_is_refused() {
+fn a_docking_of_lower_priority_than_the_driver_is_refused() {
     let mut rig = Rig::online(60);
     rig.ask_as(HIGH, 10, drive(1));
     let acts = rig.dock(1);
@@ -50,7 +50,7 @@ fn a_docking_ends_when_a_higher_priority_wants_to_drive() {
 }
 
 #[test]
-fn the_watchdogs_own_docking_ends_for_no_priority() {
+fn no_priority_ends_the_watchdogs_own_docking() {
     let mut rig = Rig::online(20);
     let acts = rig.ask_as(HIGH, i16::MAX, drive(1));
     assert_eq!(sent(&acts), []);
@@ -59,7 +59,7 @@ fn the_watchdogs_own_docking_ends_for_no_priority() {
 }
 
 #[test]
-fn a_docking_is_given_up_by_its_caller_and_by_equal_or_higher_priorities_only() {
+fn a_docking_is_cancelled_only_by_its_caller_and_by_equal_or_higher_priorities() {
     for give_up in [Intent::Stop, Intent::CancelDock] {
         for (by, priority, ends) in [
             (WHO, -10, true),
@@ -112,7 +112,7 @@ fn of_two_callers_the_higher_keeps_the_docking() {
 }
 
 #[test]
-fn an_undocking_gives_way_to_a_higher_one_and_to_no_lower() {
+fn an_undocking_gives_way_only_to_a_higher_one() {
     let undock = |call| Intent::Undock {
         call: CallId(call),
         timeout: 20 * SECOND,
@@ -128,7 +128,7 @@ fn an_undocking_gives_way_to_a_higher_one_and_to_no_lower() {
 }
 
 #[test]
-fn who_waits_for_charging_is_not_undocked_by_a_lower_priority() {
+fn a_docking_that_waits_for_charging_is_not_undocked_by_a_lower_priority() {
     let mut rig = Rig::docked(power(80));
     rig.ask_as(
         HIGH,
@@ -151,7 +151,7 @@ fn who_waits_for_charging_is_not_undocked_by_a_lower_priority() {
 }
 
 #[test]
-fn no_scripts_stop_touches_a_leg_of_the_watchdog() {
+fn no_script_stops_a_leg_of_the_watchdog() {
     let (mut rig, _) = lost(20, Limits::default());
     rig.pass(SECOND, false);
     assert!(rig.dog.moving());

@@ -1,4 +1,4 @@
-//! What follows a search that has failed: legs, pauses, the alarm.
+//! What follows a failed search: legs, pauses, the alarm.
 
 use super::rig::*;
 use super::*;
@@ -17,7 +17,7 @@ fn where_it_finds_no_station_it_drives_a_short_leg_and_searches_from_there() {
     );
     let acts = [acts, rig.pass(1999 * MS, false)].concat();
     assert_eq!(tracks(&acts), [(0, 0), (27, 27)]);
-    assert!(count(&acts, &LEG) >= 10, "said 5 times a second");
+    assert!(count(&acts, &LEG) >= 10, "sent 5 times a second");
     assert_eq!(sent(&rig.pass(MS, false)), [Command::STOP, FIND]);
     assert_eq!(tracks(&rig.pass(100 * SECOND, false)), [], "it searches");
     let acts = rig.take(NOT_FOUND);
@@ -61,7 +61,7 @@ fn without_legs_it_stands_in_pauses_that_grow_up_to_what_a_search_is_worth() {
 }
 
 #[test]
-fn at_the_critical_level_it_waits_for_nothing() {
+fn at_the_critical_level_there_are_no_pauses() {
     let mut rig = searching(8, standing());
     rig.pass(100 * SECOND, false);
     assert_eq!(sent(&rig.take(NOT_FOUND)), [Command::STOP, FIND]);
@@ -96,7 +96,7 @@ fn the_fourth_failure_sounds_the_alarm() {
 }
 
 #[test]
-fn the_next_search_and_the_end_of_a_leg_are_deadlines_of_their_own() {
+fn the_next_search_and_the_end_of_a_leg_are_deadlines() {
     let mut rig = searching(20, standing());
     rig.pass(100 * SECOND, false);
     rig.take(NOT_FOUND);
@@ -119,7 +119,7 @@ fn a_search_that_takes_too_long_is_cancelled_and_no_leg_follows() {
 }
 
 #[test]
-fn whatever_releases_takes_over_or_cuts_off_the_robot_ends_a_leg() {
+fn release_takeover_and_link_loss_end_a_leg() {
     let stop = || vec![Command::STOP];
     let ends = [
         (Fact::Power(charging(19)), stop()),
@@ -159,7 +159,7 @@ fn after_a_reconnect_it_searches_before_it_drives_a_leg() {
 }
 
 #[test]
-fn link_drops_do_not_begin_the_count_of_failures_anew() {
+fn lost_links_do_not_reset_the_count_of_failures() {
     let mut rig = searching(20, standing());
     for _ in 0..4 {
         rig.pass(SECOND, false);
@@ -174,7 +174,7 @@ fn link_drops_do_not_begin_the_count_of_failures_anew() {
 }
 
 #[test]
-fn who_waits_for_a_low_robots_docking_waits_through_its_failures() {
+fn a_caller_of_a_low_robots_docking_waits_through_its_failures() {
     let mut rig = searching(20, standing());
     assert_eq!(rig.dock(7), []);
     rig.pass(100 * SECOND, false);
@@ -207,7 +207,7 @@ fn load_is_shed_at_the_critical_level_unless_it_charges() {
 }
 
 #[test]
-fn a_pause_lasts_as_long_as_costs_what_the_search_has_cost() {
+fn a_pause_costs_no_more_than_its_search() {
     let limits = Limits {
         dock_pause: Seconds::from_secs(86_400),
         recovery_longest_pause: Seconds::from_secs(86_400),
@@ -219,8 +219,8 @@ fn a_pause_lasts_as_long_as_costs_what_the_search_has_cost() {
     assert_eq!(rig.dog.recovery_deadline(), Some(rig.now + 100 * SECOND));
 }
 
-/// Seconds of the longest pause after searches of 100 s, of a robot whose level falls each time after so many seconds
-/// while it stands, and while it searches.
+/// The longest pause after searches of 100 s, in seconds, of a robot whose level falls by a step
+/// after each of these numbers of seconds, while it stands and while it searches.
 fn longest_pause(standing_for: u32, searching_for: u32) -> u32 {
     let mut rig = Rig::with(standing());
     rig.take(Fact::LinkUp {
@@ -250,14 +250,14 @@ fn longest_pause(standing_for: u32, searching_for: u32) -> u32 {
 }
 
 #[test]
-fn a_pause_is_worth_a_search_by_the_rates_that_were_learnt() {
+fn the_cost_of_a_pause_uses_the_learnt_rates() {
     assert_eq!(longest_pause(60, 20), 200, "at most twice as long");
     assert_eq!(longest_pause(20, 60), 50, "at least half as long");
     assert_eq!(longest_pause(60, 40), 150);
 }
 
 #[test]
-fn a_dropped_link_is_no_failed_search() {
+fn a_lost_link_is_not_a_failed_search() {
     let mut rig = searching(20, standing());
     rig.pass(SECOND, false);
     let acts = rig.take(Fact::LinkDown);
@@ -270,7 +270,7 @@ fn a_dropped_link_is_no_failed_search() {
 }
 
 #[test]
-fn a_search_that_ends_with_the_release_is_no_failed_one() {
+fn a_search_that_the_release_ends_is_not_a_failed_one() {
     let mut rig = searching(20, standing());
     rig.pass(SECOND, false);
     let acts: Vec<Act> = (0..4).flat_map(|_| rig.hear(power(60))).collect();

@@ -1,4 +1,4 @@
-//! The tracks, lent to a rescue behaviour between two searches.
+//! Loans of the tracks to a rescue behaviour between two searches.
 
 use super::rig::*;
 use super::*;
@@ -12,7 +12,7 @@ const CAPPED: Command = Command::Move {
     right: 13,
 };
 
-/// A search has failed, and a rescue behaviour is there.
+/// A search has failed, and a rescue behaviour is running.
 fn lent(limits: Limits) -> (Rig, Vec<Act>) {
     let mut rig = searching(20, limits);
     assert!(rig.dog.wants_rescue());
@@ -31,7 +31,7 @@ fn drive(rig: &mut Rig, motion: u64) -> Vec<Act> {
     [acts, alive(rig, 20)].concat()
 }
 
-/// So many milliseconds, with the rescuer alive.
+/// Lets this many milliseconds pass; the rescuer shows life.
 fn alive(rig: &mut Rig, ms: u32) -> Vec<Act> {
     let (end, mut acts) = (rig.now + ms * MS, Vec::new());
     while rig.now < end {
@@ -42,7 +42,7 @@ fn alive(rig: &mut Rig, ms: u32) -> Vec<Act> {
 }
 
 #[test]
-fn a_loan_is_told_and_lasts_eight_seconds_at_thirty_percent() {
+fn a_loan_is_announced_and_lasts_eight_seconds_at_thirty_percent() {
     let (mut rig, acts) = lent(Limits::default());
     let loan = Event::Loan {
         seconds: 8 * SECOND,
@@ -66,7 +66,7 @@ fn a_loan_is_told_and_lasts_eight_seconds_at_thirty_percent() {
 }
 
 #[test]
-fn nobody_else_drives_and_nobody_elses_stop_counts() {
+fn during_a_loan_motion_and_stops_of_others_are_refused() {
     let (mut rig, _) = lent(Limits::default());
     drive(&mut rig, 1);
     assert_eq!(told(&rig.drive(2, None)), [ended(2, MotionEnd::Safety)]);
@@ -76,7 +76,7 @@ fn nobody_else_drives_and_nobody_elses_stop_counts() {
 }
 
 #[test]
-fn whatever_ends_a_loan_stops_and_searches_from_there() {
+fn every_end_of_a_loan_is_followed_by_a_stop_and_a_search() {
     let stop = |by| Fact::Asked {
         by,
         priority: Priority(0),
@@ -134,7 +134,7 @@ fn a_second_without_a_motion_ends_a_loan() {
 }
 
 #[test]
-fn a_loan_that_nobody_uses_gives_way_to_a_blind_leg_where_one_is_allowed() {
+fn an_unused_loan_is_followed_by_a_blind_leg_where_one_is_allowed() {
     let (mut rig, _) = lent(Limits::default());
     assert_eq!(tracks(&rig.pass(1490 * MS, false)), []);
     assert_eq!(tracks(&rig.pass(20 * MS, false)), [(27, 27)]);
@@ -143,7 +143,7 @@ fn a_loan_that_nobody_uses_gives_way_to_a_blind_leg_where_one_is_allowed() {
 }
 
 #[test]
-fn it_is_lent_at_the_critical_level_too() {
+fn loans_are_made_at_the_critical_level_too() {
     let (mut rig, _) = lent(Limits::default());
     drive(&mut rig, 1);
     rig.take(Fact::Power(power(3)));
@@ -170,7 +170,7 @@ fn a_release_of_the_robot_ends_a_loan() {
 }
 
 #[test]
-fn who_is_no_rescuer_gets_no_loan_and_off_means_off() {
+fn only_a_rescuer_gets_a_loan_and_off_disables_loans() {
     let off = Limits {
         rescue: Rescue::Off,
         ..Limits::default()

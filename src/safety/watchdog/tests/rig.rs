@@ -1,4 +1,4 @@
-//! What the tests of the rules share: a watchdog whose clock only moves when told.
+//! Shared by the tests of the rules: a watchdog whose clock only moves when told.
 
 use std::time::Duration;
 
@@ -18,7 +18,7 @@ pub(super) struct Rig {
 }
 
 impl Rig {
-    /// Logged in off the station with a level.
+    /// Logged in off the station, with this level.
     pub(super) fn online(percent: u8) -> Rig {
         let mut rig = Rig::with(Limits::default());
         rig.take(Fact::LinkUp {
@@ -41,13 +41,13 @@ impl Rig {
         self.dog.take(fact, self.now)
     }
 
-    /// A report, a second later.
+    /// A report, one second later.
     pub(super) fn hear(&mut self, power: Power) -> Vec<Act> {
         self.now += SECOND;
         self.take(Fact::Power(power))
     }
 
-    /// Logged in on the station, with a level.
+    /// Logged in on the station, with this level.
     pub(super) fn docked(power: Power) -> Rig {
         let mut rig = Rig::with(Limits::default());
         rig.take(Fact::LinkUp {
@@ -94,7 +94,7 @@ impl Rig {
         })
     }
 
-    /// Lets time pass as the pilot does: from deadline to deadline, with the host alive or not.
+    /// Lets time pass as the pilot does, from deadline to deadline, with the host alive or not.
     pub(super) fn pass(&mut self, span: Duration, alive: bool) -> Vec<Act> {
         let (end, mut acts) = (self.now + span, Vec::new());
         loop {
@@ -110,7 +110,7 @@ impl Rig {
             }
             acts.extend(self.dog.tick(self.now));
             let due = self.dog.next_deadline();
-            assert!(due.is_none_or(|due| due > self.now), "would tick for ever");
+            assert!(due.is_none_or(|due| due > self.now), "would tick forever");
             if self.now >= end {
                 return acts;
             }
@@ -173,7 +173,7 @@ pub(super) const FIND: Command = Command::Engine(Engage::Dock);
 pub(super) const CANCEL: Command = Command::Engine(Engage::CancelDock);
 pub(super) const LEAVE: Command = Command::Engine(Engage::Undock);
 
-/// Low, and the station was not found in the first four searches: the alarm.
+/// A low battery, and the station was not found in the first four searches: the alarm.
 pub(super) fn lost(percent: u8, limits: Limits) -> (Rig, Vec<Act>) {
     let mut rig = Rig::with(limits);
     rig.take(Fact::LinkUp {
@@ -191,7 +191,7 @@ pub(super) fn lost(percent: u8, limits: Limits) -> (Rig, Vec<Act>) {
     (rig, acts)
 }
 
-/// A robot that has just begun to search, with a low battery and nobody to rescue it.
+/// A robot that has just begun to search, with a low battery and without a rescue behaviour.
 pub(super) fn searching(percent: u8, limits: Limits) -> Rig {
     let mut rig = Rig::with(limits);
     rig.take(Fact::LinkUp {
@@ -214,7 +214,7 @@ pub(super) fn count(acts: &[Act], wanted: &Command) -> usize {
     sent.iter().filter(|command| *command == wanted).count()
 }
 
-/// What the tracks were told, repetitions left out.
+/// The setpoints sent to the tracks, without repetitions.
 pub(super) fn tracks(acts: &[Act]) -> Vec<(i8, i8)> {
     let setpoint = |command| match command {
         Command::Move { left, right } => Some((left, right)),

@@ -1,4 +1,4 @@
-//! The way that a low robot came, told to whom its tracks are lent first.
+//! The path of a robot with a low battery, sent with the first loan.
 
 use super::rig::*;
 use super::*;
@@ -6,13 +6,13 @@ use crate::robot::Stroke;
 
 const NOT_FOUND: Fact = Fact::Engine(EngineReport::BaseNotFound);
 const RESCUER: BehaviourId = BehaviourId(9);
-/// Of a quarter of the power for two seconds.
+/// At a quarter of the power for two seconds.
 const WAY: Stroke = Stroke {
     left: 1.0,
     right: 1.0,
 };
 
-/// Has left its station and driven for two seconds.
+/// The robot has left its station and driven for two seconds.
 fn driven() -> Rig {
     let mut rig = Rig::docked(power(90));
     rig.undock(1);
@@ -23,7 +23,8 @@ fn driven() -> Rig {
     rig
 }
 
-/// The battery is low, the first search fails after five seconds: the loan that follows, if there is one.
+/// The battery becomes low and the first search fails after five seconds: the loan that follows, if
+/// any.
 fn loan_after(mut rig: Rig) -> Option<(Duration, Option<Vec<Stroke>>)> {
     rig.take(Fact::Power(power(15)));
     rig.take(Fact::Rescuer(Some(RESCUER)));
@@ -38,7 +39,7 @@ fn loan(acts: &[Act]) -> Option<(Duration, Option<Vec<Stroke>>)> {
     })
 }
 
-/// To milliseconds.
+/// Rounded to milliseconds.
 fn rounded(way: Vec<Stroke>) -> Vec<Stroke> {
     let round = |seconds: f32| (seconds * 1000.0).round() / 1000.0;
     let stroke = |Stroke { left, right }| Stroke {
@@ -49,21 +50,21 @@ fn rounded(way: Vec<Stroke>) -> Vec<Stroke> {
 }
 
 #[test]
-fn the_first_loan_brings_the_way_since_the_station() {
+fn the_first_loan_contains_the_path_from_the_station() {
     let (low_for, way) = loan_after(driven()).unwrap();
     assert_eq!(low_for, 5 * SECOND);
     assert_eq!(way, Some(vec![WAY]));
 }
 
 #[test]
-fn the_first_words_stay_stop_and_search() {
+fn the_first_commands_are_still_stop_and_search() {
     let mut rig = driven();
     let acts = rig.take(Fact::Power(power(15)));
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
 }
 
 #[test]
-fn every_turn_is_a_stroke_of_its_own_and_standing_is_none() {
+fn each_turn_is_a_stroke_and_standing_is_not() {
     let mut rig = driven();
     rig.ask(Intent::Stop);
     rig.pass(10 * SECOND, true);
@@ -81,7 +82,7 @@ fn every_turn_is_a_stroke_of_its_own_and_standing_is_none() {
 }
 
 #[test]
-fn no_later_loan_brings_it() {
+fn no_later_loan_contains_the_path() {
     let mut rig = driven();
     rig.take(Fact::Power(power(15)));
     rig.take(Fact::Rescuer(Some(RESCUER)));
@@ -92,7 +93,7 @@ fn no_later_loan_brings_it() {
 }
 
 #[test]
-fn whatever_else_moves_the_robot_on_its_way_makes_it_unknown() {
+fn any_other_motion_makes_the_path_unknown() {
     let low = power(90);
     let up = |docked| Fact::LinkUp { docked, power: low };
     let cases: [(&str, Vec<Fact>); 5] = [
@@ -107,8 +108,8 @@ fn whatever_else_moves_the_robot_on_its_way_makes_it_unknown() {
         ),
         ("carried", vec![Fact::Engine(EngineReport::Undocked)]),
         (
-            "charges, and charges no more",
-            // The first of them may tell of the time before it left.
+            "charges, then no longer",
+            // The first of them may be older than the undocking.
             [
                 vec![Fact::Power(charging(90)); 10],
                 vec![Fact::Power(power(90))],
@@ -128,7 +129,7 @@ fn whatever_else_moves_the_robot_on_its_way_makes_it_unknown() {
 }
 
 #[test]
-fn a_search_of_the_robots_own_makes_it_unknown() {
+fn a_search_by_the_robot_makes_the_path_unknown() {
     let mut rig = driven();
     rig.dock(7);
     rig.now += SECOND;
@@ -137,7 +138,7 @@ fn a_search_of_the_robots_own_makes_it_unknown() {
 }
 
 #[test]
-fn a_robot_that_was_found_off_its_station_knows_no_way() {
+fn a_robot_first_seen_off_its_station_has_no_known_path() {
     let mut rig = Rig::online(90);
     rig.drive(1, None);
     rig.pass(2 * SECOND, true);
@@ -145,7 +146,7 @@ fn a_robot_that_was_found_off_its_station_knows_no_way() {
 }
 
 #[test]
-fn what_happens_in_the_first_search_makes_it_unknown() {
+fn an_event_during_the_first_search_makes_the_path_unknown() {
     let low = power(15);
     let up = Fact::LinkUp {
         docked: false,
@@ -170,7 +171,7 @@ fn what_happens_in_the_first_search_makes_it_unknown() {
 }
 
 #[test]
-fn a_leg_makes_it_unknown() {
+fn a_leg_makes_the_path_unknown() {
     let mut rig = driven();
     rig.take(Fact::Power(power(15)));
     rig.now += SECOND;
@@ -181,7 +182,7 @@ fn a_leg_makes_it_unknown() {
 }
 
 #[test]
-fn each_undocking_begins_a_way_of_its_own() {
+fn each_undocking_begins_a_new_path() {
     let mut rig = driven();
     rig.take(Fact::Engine(EngineReport::Docked));
     rig.hear(charging(90));

@@ -1,9 +1,9 @@
-//! Histories by lot.
+//! Random histories.
 
 use super::*;
 
 fn any_power() -> impl Strategy<Value = Power> {
-    // Beyond 100 as well: the type allows it.
+    // Includes values above 100: the type allows them.
     let percent = prop_oneof![3 => 0..=100u8, 4 => 5..=25u8, 2 => 48..=52u8, 1 => any::<u8>()];
     (percent, prop::bool::weighted(0.25))
         .prop_map(|(percent, charging)| Power { percent, charging })
@@ -15,7 +15,7 @@ fn any_news() -> impl Strategy<Value = EngineReport> {
     byte.prop_map(|byte: u8| EngineReport::from(byte))
 }
 
-/// From none at all to more than any clock can hold: a host may say what it likes.
+/// From zero to more than any clock can hold: a host may send any duration.
 fn any_duration() -> impl Strategy<Value = Duration> {
     prop_oneof![
         1 => Just(Duration::ZERO),
@@ -81,7 +81,7 @@ fn any_step() -> impl Strategy<Value = Step> {
     ]
 }
 
-/// The defaults mostly, or any that a config may hold.
+/// Mostly the defaults, otherwise any limits that a config may hold.
 pub(super) fn any_limits() -> impl Strategy<Value = Limits> {
     let time = || prop_oneof![Just(0.05), 0.05..10.0, Just(86_400.0)];
     let time = move || time().prop_map(|seconds| Seconds::new(seconds).unwrap());
@@ -138,8 +138,8 @@ pub(super) fn any_limits() -> impl Strategy<Value = Limits> {
     prop_oneof![4 => Just(Limits::default()), 1 => odd]
 }
 
-/// A robot with a low battery that does not find its station in any of the first tries, and perhaps
-/// is told to stop soon after.
+/// A robot with a low battery that does not find its station in the first attempts, and perhaps is
+/// told to stop soon after.
 fn lost() -> impl Strategy<Value = Vec<Step>> {
     let stop = prop::option::weighted(0.4, 0..2500u64);
     (9..20u8, stop).prop_map(|(percent, stop)| {

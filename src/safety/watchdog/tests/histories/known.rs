@@ -1,42 +1,43 @@
-//! What the facts of a history say: an account much simpler than the watchdog's.
+//! What the facts of a history imply: a model much simpler than the watchdog.
 
 use super::*;
 
-/// What the facts say, without any of the watchdog's rules but one: where it is free to believe good
-/// news of the battery later, it is followed, if there are reports enough for what it believes.
+/// What the facts imply, without any of the watchdog's rules but one: where the watchdog is free to
+/// believe good battery news later, the model follows it, provided that enough reports support what
+/// it believes.
 #[derive(Debug, Default)]
 pub(super) struct Known {
     pub(super) online: bool,
     pub(super) on_station: bool,
     pub(super) charging: bool,
-    /// So it does, where it was when it was asked last to leave its station.
+    /// It charges where it is: cleared by an undocking, and by a contact after an order to leave.
     pub(super) charges_here: bool,
-    /// Since when it has stood on its contacts, by its own word, without charging.
+    /// Since when it has been on its contacts, by its own report, without charging.
     pub(super) contact: Option<Instant>,
-    /// It was told to leave the station, and has said nothing since.
+    /// It was told to leave the station, and has not reported its place since.
     pub(super) told_to_leave: bool,
-    /// When it said that it has left, as it was told to.
+    /// When it reported that it has left, as it was told to.
     pub(super) left: Option<Instant>,
-    /// It was low and did not charge in time, and has said nothing since.
+    /// It was low and did not charge in time, and has not reported its place since.
     pub(super) idle: bool,
     pub(super) low: bool,
     pub(super) critical: bool,
-    /// Reports in a row that say: charging; at least ok; more than critical.
+    /// Consecutive reports of: charging; at least `ok`; more than `critical`.
     pub(super) charges: u32,
     pub(super) good: u32,
     pub(super) uncritical: u32,
-    /// One of charging came while the robot said that it is on its station.
+    /// A report of charging came while the robot reported to be on its station.
     pub(super) touched: bool,
-    /// And nobody had asked it to leave.
+    /// The same, and it had not been told to leave.
     pub(super) surely_touched: bool,
-    /// Charging is said and not believed, and since when.
+    /// Whether charging is reported and not believed, and since when it is reported.
     pub(super) doubted: bool,
     pub(super) said: Option<Instant>,
-    /// The last that was heard of a search is that it failed.
+    /// The last news of a search was that it failed.
     pub(super) not_found: bool,
     pub(super) rescuer: Option<BehaviourId>,
     pub(super) parted: bool,
-    /// From when on the battery's silence counts.
+    /// The start of the battery's silence.
     pub(super) reported: Option<Instant>,
 }
 
@@ -45,7 +46,7 @@ impl Known {
         self.on_station || self.charges_here
     }
 
-    /// On the station, and nothing gives a reason to doubt it.
+    /// Whether the robot is on its station, with no reason to doubt it.
     pub(super) fn surely_docked(&self, limits: &Limits, now: Instant) -> bool {
         self.docked() && !self.told_to_leave && !self.idle && !self.is_idle(limits, now)
     }
@@ -96,7 +97,7 @@ impl Known {
         self.contact = contact.then(|| self.contact.unwrap_or(now));
     }
 
-    /// What the watchdog has said.
+    /// Notes whether the watchdog tells the robot to leave its station.
     pub(super) fn hear(&mut self, acts: &[Act]) {
         self.told_to_leave |= sent(acts).contains(&LEAVE);
     }
@@ -128,7 +129,7 @@ impl Known {
         self.low |= !power.charging && power.percent <= limits.low.get();
     }
 
-    /// Follows the watchdog in what it believes, if it may believe that.
+    /// Adopts what the watchdog believes, after checking that it may believe it.
     pub(super) fn agree(&mut self, dog: &Watchdog, limits: &Limits) -> Kept {
         let charging = dog.guard.charging();
         prop_assert_eq!(self.charging, charging != Charging::No);
@@ -154,7 +155,7 @@ impl Known {
         Ok(())
     }
 
-    /// Whether the robot searches by itself after this moment.
+    /// Whether the robot searches on its own after this moment.
     pub(super) fn still_searches(&self, moment: &Moment<'_>, before: bool) -> bool {
         use EngineReport::{BaseNotFound, Docked};
         let over = match moment.fact {
@@ -174,7 +175,7 @@ impl Known {
         self.online && said.unwrap_or(before && !over)
     }
 
-    /// Whether a low robot may be moved: by a leg or a loan.
+    /// Whether a leg or a loan may move a robot with a low battery.
     pub(super) fn allows_the_way_home(&self, limits: &Limits, now: Instant) -> bool {
         let lost = self.low && !self.surely_docked(limits, now);
         self.online && lost && !self.parted

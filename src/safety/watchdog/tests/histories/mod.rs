@@ -33,7 +33,7 @@ fn histories() -> Config {
     Config::with_cases(cases.unwrap_or(5_000))
 }
 
-/// How a stop comes: by the behaviour that may do everything, or because the run ends.
+/// The cause of a stop: a behaviour with the highest priority, or the end of the run.
 #[derive(Debug, Clone, Copy)]
 enum Stop {
     Asked,
@@ -71,7 +71,7 @@ proptest! {
     }
 
     #[test]
-    fn a_low_robot_that_does_not_charge_is_sent_home_again_and_again_whatever_happens(
+    fn a_low_robot_that_does_not_charge_is_always_sent_home_again(
         limits in any_limits(),
         history in any_history(),
     ) {
@@ -80,7 +80,7 @@ proptest! {
     }
 
     #[test]
-    fn the_station_is_never_searched_from_the_station(limits in any_limits(), history in any_history()) {
+    fn no_search_begins_on_the_station(limits in any_limits(), history in any_history()) {
         Play::new(&limits).steps(&history, &mut |moment| {
             let Play { dog, known, now, limits, .. } = moment.play;
             let surely = known.surely_docked(limits, *now);
@@ -124,7 +124,7 @@ proptest! {
         let (was_moving, online) = (play.dog.moving(), play.known.online);
         let asked = matches!(stop, Stop::Asked);
         if asked && play.known.low {
-            // A leg of the watchdog is no script's to stop.
+            // A script may not stop a leg of the watchdog.
             return Ok(());
         }
         let asked_home = play.dog.homing.as_ref().is_some_and(|homing| !homing.forced);
@@ -140,7 +140,7 @@ proptest! {
         play.pass(60 * SECOND, &mut |moment| {
             let Play { known, limits, now, .. } = moment.play;
             let leg = known.allows_the_way_home(limits, *now);
-            prop_assert!(leg || !moment.moves(), "moves on by itself: {:?}", moment.acts);
+            prop_assert!(leg || !moment.moves(), "moves after the stop: {:?}", moment.acts);
             Ok(())
         })?;
         if let Stop::Parting = stop {

@@ -1,4 +1,4 @@
-//! Plays a history: fact after fact to a watchdog, and time between them.
+//! Plays a history: gives facts to a watchdog and lets time pass between them.
 
 use super::*;
 
@@ -6,11 +6,11 @@ use super::*;
 #[derive(Debug, Clone)]
 pub(super) enum Step {
     Fact(Fact),
-    /// Time passes and the watchdog is asked at each of its deadlines.
+    /// Time passes, and the watchdog is ticked at each of its deadlines.
     Pass(Duration),
-    /// The whole machine slept: the watchdog is asked once, when all is over.
+    /// The whole machine sleeps: the watchdog is ticked once, at the end.
     Jump(Duration),
-    /// The watchdog is asked again though no time has passed.
+    /// The watchdog is ticked though no time has passed.
     Still,
 }
 
@@ -20,14 +20,14 @@ pub(super) struct Play {
     pub(super) known: Known,
     pub(super) limits: Limits,
     pub(super) now: Instant,
-    /// When the whole machine woke up last.
+    /// When the whole machine last woke up.
     pub(super) slept: Option<Instant>,
 }
 
-/// What the watchdog wants at one moment of a history.
+/// The watchdog's output at one moment of a history.
 pub(super) struct Moment<'a> {
     pub(super) play: &'a Play,
-    /// `None`: time has passed.
+    /// `None` if time has passed instead.
     pub(super) fact: Option<&'a Fact>,
     pub(super) acts: Vec<Act>,
 }
@@ -40,7 +40,7 @@ impl Moment<'_> {
             .any(|command| moves(command) && *command != Command::STOP)
     }
 
-    /// A low robot may be moved, and is not for longer than until then.
+    /// Checks that a robot with a low battery may be moved, and only until `ends`.
     pub(super) fn drives_until(&self, ends: Instant) -> Kept {
         let Play {
             dog,
@@ -114,7 +114,7 @@ impl Play {
         self.show(None, acts, see)
     }
 
-    /// After very many deadlines the rest of the span is slept over.
+    /// After very many deadlines the rest of the span is skipped as if the machine slept.
     pub(super) fn pass(
         &mut self,
         span: Duration,

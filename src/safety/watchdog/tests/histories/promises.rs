@@ -1,20 +1,20 @@
-//! What must hold at every moment of a history while the battery is low.
+//! Invariants at every moment of a history while the battery is low.
 
 use super::*;
 
-/// What moves a low robot: legs of the watchdog's own, and loans.
+/// What moves a robot with a low battery: legs of the watchdog, and loans.
 #[derive(Debug, Default)]
 pub(super) struct WayHome {
     /// Since when it moves.
     moves: Option<Instant>,
-    /// Since when the tracks are lent, and to whom.
+    /// Since when the tracks are lent, and to which behaviour.
     lent: Option<(Instant, BehaviourId)>,
 }
 
 impl WayHome {
     const LONGEST_LEG: Duration = Leg::TURN.saturating_add(Leg::LONGEST);
 
-    /// While low: whatever moves is a leg, slow and short, or a loan, both allowed.
+    /// While low: any motion is an allowed leg, slow and short, or an allowed loan.
     pub(super) fn see(&mut self, moment: &Moment<'_>) -> Kept {
         let Play { dog, known, .. } = moment.play;
         self.see_loan(moment)?;
@@ -71,12 +71,12 @@ impl WayHome {
     }
 }
 
-/// Since when a low robot waits for BASE_FIND.
+/// Since when a robot with a low battery waits for BASE_FIND.
 #[derive(Debug, Default)]
 pub(super) struct LongestWait(Option<Instant>);
 
 impl LongestWait {
-    /// Low, online and not charging, it hears BASE_FIND again within this time.
+    /// A robot that is low, online and not charging is sent BASE_FIND again within this time.
     fn longest(limits: &Limits) -> Duration {
         let moment = Duration::from_secs(1);
         let pause = limits.recovery_longest_pause.get().max(moment);

@@ -1,8 +1,8 @@
-//! What the histories reach, by name.
+//! The situations that the histories reach, by name.
 
 use super::*;
 
-/// Names what a moment shows.
+/// Names the situations at one moment.
 fn seen(moment: &Moment<'_>) -> Vec<String> {
     let Play { dog, known, .. } = moment.play;
     let mut seen = vec![format!("state {:?}", dog.state())];
@@ -11,7 +11,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     let forced = homing.is_some_and(|homing| homing.forced);
     note("moves", moment.moves());
     note("searches", moment.sends(&FIND));
-    note("gives the search up", moment.sends(&CANCEL));
+    note("cancels the search", moment.sends(&CANCEL));
     note(
         "sounds the alarm",
         moment.sends(&Command::Play(Sound::Alarm)),
@@ -27,10 +27,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     note("low on the station", dog.low().is_some() && known.docked());
     note("critical", dog.guard.critical());
     let said = dog.guard.charging() == Charging::Said;
-    note(
-        "low, and charging is only said",
-        said && dog.low().is_some(),
-    );
+    note("low with unconfirmed charging", said && dog.low().is_some());
     note(
         "low when the doubt ends",
         moment.fact.is_none() && known.charges > 0 && dog.low().is_some() && !known.docked(),
@@ -48,7 +45,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
         low_moves && dog.guard.critical(),
     );
     let loan = |event: &Event| matches!(event, Event::Loan { .. });
-    note("tells of a loan", told(&moment.acts).iter().any(loan));
+    note("announces a loan", told(&moment.acts).iter().any(loan));
     note("searches under alarm", alarm && moment.sends(&FIND));
     note(
         "stands still under alarm, off the station",
@@ -89,7 +86,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     note("backs out", dog.whereabouts.is_leaving());
     note(&format!("last words {:?}", dog.last_words()), true);
     note(
-        "an engine code nobody knows",
+        "an unknown engine code",
         matches!(moment.fact, Some(Fact::Engine(EngineReport::Unknown(_)))),
     );
     for act in &moment.acts {
@@ -109,7 +106,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     seen
 }
 
-/// What [`seen`] must have named in the end.
+/// All names that [`seen`] must have returned in the end.
 fn all_there_is() -> Vec<String> {
     let ends = |what: &str, ends: &[DockEnd]| {
         let named = ends.iter().map(|end| format!("{what} {end:?}"));
@@ -129,7 +126,7 @@ fn all_there_is() -> Vec<String> {
         .filter(|end| *end != DockEnd::NotDocked)
         .collect();
     let mut all = [ends("dock", &of_docking), ends("undock", &of_undocking)].concat();
-    // That a robot is held, its script sees; the watchdog never says so.
+    // `Blocked` is detected by the script; the watchdog never reports it.
     let of_motion = MotionEnd::ALL
         .iter()
         .filter(|end| **end != MotionEnd::Blocked);
@@ -148,13 +145,13 @@ fn all_there_is() -> Vec<String> {
         "state Alarm",
         "moves",
         "searches",
-        "gives the search up",
+        "cancels the search",
         "backs off",
         "drives a leg",
         "lends the tracks",
         "drives in a loan",
         "drives at the critical level",
-        "tells of a loan",
+        "announces a loan",
         "asked to stop in a leg",
         "searches under alarm",
         "stands still under alarm, off the station",
@@ -162,14 +159,14 @@ fn all_there_is() -> Vec<String> {
         "low by silence",
         "low on the station",
         "critical",
-        "low, and charging is only said",
+        "low with unconfirmed charging",
         "low when the doubt ends",
         "sounds the alarm",
         "several wish to drive",
         "asked to stop while it moves",
         "a behaviour waits for the watchdog's docking",
         "the run ends while low",
-        "an engine code nobody knows",
+        "an unknown engine code",
         "place unknown",
         "place unknown while low",
         "backs out",
@@ -184,7 +181,7 @@ fn all_there_is() -> Vec<String> {
 }
 
 #[test]
-fn histories_reach_all_there_is_to_reach() {
+fn histories_reach_every_situation() {
     let mut runner = TestRunner::deterministic();
     let mut reached = BTreeMap::<String, u32>::new();
     for _ in 0..2000 {
