@@ -21,7 +21,7 @@ pub struct Finding {
     pub file: String,
     /// The line, from 1.
     pub line: u32,
-    /// From 1, in characters.
+    /// The column, from 1, in characters.
     pub column: u32,
     /// Number of characters of the line that are marked; at least 1.
     pub width: u32,

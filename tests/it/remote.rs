@@ -173,7 +173,7 @@ async fn without_its_token_nobody_asks_and_what_needs_the_robot_alone_is_refused
     )
     .await;
     assert_eq!(
-        (code, text.contains("does not let us in")),
+        (code, text.contains("denies access")),
         (Some(3), true),
         "{text}"
     );
