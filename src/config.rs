@@ -37,7 +37,7 @@ use crate::timetable::{Quiet, Rule, Timetable};
 use crate::vision::{Camera, Colour};
 use crate::yaml;
 
-/// Where scripts save pictures unless the config says something else.
+/// Default data folder.
 const DATA_FOLDER: &str = "spykee-data";
 
 /// The contents of a config file; everything is optional.
@@ -70,7 +70,7 @@ pub struct Config {
     pub catch_up: Span,
     /// What `spykee serve` does while no behaviour runs, and as which user it runs.
     pub service: Service,
-    /// The numbers of the safety rules.
+    /// The limits of the safety rules.
     pub watchdog: safety::Limits,
     /// The link's time limits.
     pub link: link::Options,
@@ -134,8 +134,8 @@ impl Default for Config {
     }
 }
 
-/// The camera's numbers, checked where they stand: the eyes know no config. A field of view that is
-/// named alone is that of a lens without distortion.
+/// Reads the camera's numbers and checks them here, since the vision module does not depend on the
+/// config. A field of view given alone means a lens without distortion.
 fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
@@ -169,18 +169,18 @@ fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
 /// Why a config cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
-    /// Not readable.
+    /// The file cannot be read.
     #[error("cannot read the config {path}: {source}")]
     Read {
-        /// Which.
+        /// The file.
         path: String,
-        /// The system's words.
+        /// The error of the system.
         source: std::io::Error,
     },
-    /// Not valid; line and column are in the text.
+    /// The content is not valid; the reason includes line and column.
     #[error("{path}: {reason}")]
     Invalid {
-        /// Which.
+        /// The file.
         path: String,
         /// What is wrong and where.
         reason: String,
@@ -196,17 +196,17 @@ impl Config {
         Config::of_text(&Config::read(path)?, path)
     }
 
-    /// The data folder, with a folder for each behaviour.
+    /// Returns the data folder, with a folder for each behaviour.
     pub fn data_folder(&self) -> &Path {
         self.data.as_deref().unwrap_or(Path::new(DATA_FOLDER))
     }
 
-    /// Whose clock counts.
+    /// Returns the configured time zone; by default the computer's.
     pub fn zone(&self) -> Zone {
         self.time_zone.clone().unwrap_or_else(Zone::system)
     }
 
-    /// When `spykee serve` starts what.
+    /// Returns the timetable of `spykee serve`.
     pub fn timetable(&self) -> Timetable {
         Timetable {
             rules: self.schedule.clone(),
@@ -216,7 +216,7 @@ impl Config {
         }
     }
 
-    /// What the pilot of a run goes by.
+    /// Returns the settings for the pilot of a run.
     pub fn pilot(&self, simulated: bool, seed: u64) -> Settings {
         Settings {
             limits: self.watchdog.clone(),
@@ -227,7 +227,7 @@ impl Config {
         }
     }
 
-    /// What a script of this name is started with; `chunk` is its file as messages show it.
+    /// Returns the options for a script of this name; `chunk` is the file name shown in messages.
     pub fn script(
         &self,
         name: impl Into<String>,
@@ -282,7 +282,7 @@ impl Config {
         Ok(config)
     }
 
-    /// Parses a text; `name` is what errors call it.
+    /// Parses a text; `name` identifies it in errors.
     ///
     /// # Errors
     /// [`ConfigError::Invalid`].
@@ -314,15 +314,15 @@ impl Config {
             .map_err(|error| invalid(error.to_string()))?;
         if let (Some(target), None) = (config.notify.needs_broker(), &config.mqtt.host) {
             return Err(invalid(format!(
-                "notify.targets.{target}: its topic is one of the broker that `mqtt: {{ host: ... }}` \
-                 names, and none is named"
+                "notify.targets.{target}: it publishes to the broker of `mqtt: {{ host: ... }}`, but the \
+                 config names none"
             )));
         }
         Ok(config)
     }
 }
 
-/// An unknown key with the nearest valid one; other complaints as they are.
+/// Adds the nearest valid key to an error about an unknown key; leaves other errors unchanged.
 fn in_words(complaint: &str) -> String {
     let parts = complaint
         .split_once("unknown field `")
