@@ -38,7 +38,7 @@ impl Refusal {
     pub fn viewer_only() -> Refusal {
         Refusal::new(
             StatusCode::FORBIDDEN,
-            "viewers may look and stop the robot, and nothing else",
+            "viewers may only watch and stop the robot",
         )
     }
 }
