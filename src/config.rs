@@ -55,7 +55,7 @@ pub struct Config {
     #[serde(deserialize_with = "behaviours::entries", skip_serializing)]
     #[schemars(with = "Vec<schema::Behaviour>")]
     pub behaviours: Vec<Entry>,
-    /// When `spykee serve` starts which behaviour.
+    /// The timetable of `spykee serve`.
     pub schedule: Vec<Rule>,
     /// The time zone, such as `Europe/Rome` [default: the computer's].
     #[schemars(with = "Option<String>")]
@@ -76,7 +76,7 @@ pub struct Config {
     pub link: link::Options,
     /// When the robot's streams are on; `off` forbids them.
     pub streams: Streams,
-    /// What a script may use.
+    /// The resources that a script may use.
     pub limits: script::Limits,
     /// The conversion of track power to speed.
     pub calibration: Calibration,
@@ -161,7 +161,7 @@ fn camera<'de, D: Deserializer<'de>>(from: D) -> Result<Camera, D::Error> {
         Ok(camera)
     } else {
         Err(serde::de::Error::custom(
-            "such a distortion folds the picture: expected numbers nearer to 0, or a narrower hfov",
+            "this distortion folds the picture: expected numbers nearer to 0, or a narrower hfov",
         ))
     }
 }

@@ -143,7 +143,10 @@ impl Ring {
             return Err(io::Error::other(words));
         }
         if !self.day.take(length, Instant::now()) {
-            let words = format!("{} bytes of pictures a day are used up", self.day.per_day());
+            let words = format!(
+                "the limit of {} bytes of pictures per day is used up",
+                self.day.per_day()
+            );
             return Err(io::Error::other(words));
         }
         let next = match self.next {

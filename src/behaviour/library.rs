@@ -46,7 +46,7 @@ pub enum LibraryError {
         "module '{module}' was not found in the behaviour's folder: there is no {wanted}.lua{hint}"
     )]
     Missing {
-        /// As the script wrote it.
+        /// The module's name, as the script wrote it.
         module: String,
         /// The part of it that is missing.
         wanted: String,
@@ -56,7 +56,7 @@ pub enum LibraryError {
     /// Several files have this name.
     #[error("module '{module}': there are {}; keep one of them", .files.join(" and "))]
     Ambiguous {
-        /// As the script wrote it.
+        /// The module's name, as the script wrote it.
         module: String,
         /// Their names.
         files: Vec<String>,
@@ -67,7 +67,7 @@ pub enum LibraryError {
          behaviour's own folder"
     )]
     Link {
-        /// As the script wrote it.
+        /// The module's name, as the script wrote it.
         module: String,
         /// The link.
         name: String,
@@ -75,7 +75,7 @@ pub enum LibraryError {
     /// The name belongs to something else, such as a folder or a pipe.
     #[error("module '{module}': {name} is not a file")]
     NotAFile {
-        /// As the script wrote it.
+        /// The module's name, as the script wrote it.
         module: String,
         /// The name of what is not a file.
         name: String,
@@ -83,7 +83,7 @@ pub enum LibraryError {
     /// A file or folder cannot be opened or read.
     #[error("module '{module}': cannot {verb} {name}: {source}")]
     Io {
-        /// As the script wrote it.
+        /// The module's name, as the script wrote it.
         module: String,
         /// What failed: `open`, `list` or `read`.
         verb: &'static str,

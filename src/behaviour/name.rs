@@ -10,9 +10,7 @@ pub const MAX_NAME: usize = 64;
 
 /// Why a name is not allowed. The name is displayed in a sanitised form.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "a behaviour cannot be called `{shown}`: {why}; give it another `name:` or its file another name"
-)]
+#[error("a behaviour cannot be called `{shown}`: {why}; set another `name:` or rename the file")]
 pub struct NameError {
     shown: String,
     why: &'static str,

@@ -99,7 +99,7 @@ impl StoreWriter {
         let renamed = Folder::open(&self.folder).and_then(|folder| folder.rename(NAME, BAD));
         let kept = match renamed {
             Ok(()) => format!("kept aside as {BAD}"),
-            Err(error) => format!("it cannot be kept aside either: {error}"),
+            Err(error) => format!("it cannot be renamed either: {error}"),
         };
         let file = file.display();
         format!(

@@ -226,7 +226,7 @@ impl Supervisor {
                     }
                     Ok(None) => return None,
                     Err(error) => {
-                        debug!("a host broke the pipe: {error}");
+                        debug!("the pipe to a host broke: {error}");
                         return None;
                     }
                 },

@@ -1,4 +1,5 @@
-//! Messages on the socket: a 4-byte length, then the version and the message in postcard's encoding.
+//! The messages on the socket: a 4-byte length, then the version and the message in postcard's
+//! encoding.
 
 use std::io;
 

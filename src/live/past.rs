@@ -54,7 +54,8 @@ pub(super) struct Past {
 pub(super) struct Happened {
     /// The time, in milliseconds since 1970.
     pub at: i64,
-    /// `dock`, `undock`, `safety`, `given_up`, `start_missed`, `started`, `ended`, `picture` or `lost`.
+    /// `dock`, `undock`, `safety`, `given_up`, `start_missed`, `started`, `ended`, `picture`, or
+    /// `lost`.
     pub kind: String,
     /// The behaviour, if it is an event of one.
     pub behaviour: String,

@@ -101,7 +101,8 @@ pub(super) struct Docking {
     /// The same as `end`, if it failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// `done`, `already_docked`, `not_docked`, `base_not_found`, `timeout` and so on, as in scripts.
+    /// `done`, `already_docked`, `not_docked`, `base_not_found`, `timeout`, and so on, as in
+    /// scripts.
     pub end: &'static str,
     /// Attempts made; absent for an undocking.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -45,7 +45,7 @@ impl Scribe {
         }
         Some(match std::mem::take(&mut self.left_out) {
             0 => String::new(),
-            left_out => format!(" ({left_out} lines about the broker's messages were left out)"),
+            left_out => format!(" ({left_out} lines about the broker's messages were dropped)"),
         })
     }
 }

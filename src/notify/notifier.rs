@@ -200,7 +200,7 @@ impl Desk {
         };
         let mut notice = notice.clone();
         if before > 0 {
-            notice.text += &format!(" ({before} messages before this one were left out)");
+            notice.text += &format!(" ({before} messages before this one were dropped)");
         }
         match Queue::open(data, name).and_then(|queue| queue.add(&notice)) {
             Ok(0) => {}

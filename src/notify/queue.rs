@@ -99,10 +99,10 @@ impl Queue {
         self.names().map_or(0, |names| names.len())
     }
 
-    /// It was told, or never will be.
+    /// Removes a message that was sent or will never be.
     pub(super) fn remove(&self, name: &str) {
         if let Err(error) = self.folder.remove(name) {
-            tracing::debug!("a message's file stays: {error}");
+            tracing::debug!("the file of a message cannot be removed: {error}");
         }
     }
 

@@ -100,7 +100,8 @@ impl Rules {
             } => {
                 let why = failed_docking(*end)?;
                 let by = by.as_deref().unwrap_or("the watchdog");
-                let text = format!("docking failed after {seconds:.0} s: {why} (asked by {by})");
+                let text =
+                    format!("docking failed after {seconds:.0} s: {why} (requested by {by})");
                 self.once(Rule::NotDocked, "", text, now)
             }
             Occurrence::Ended {

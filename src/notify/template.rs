@@ -25,7 +25,7 @@ pub(super) enum Slot {
 
 /// An unknown placeholder.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{{{0}}} is not known; {known} are", known = known())]
+#[error("unknown placeholder {{{0}}}; valid are {known}", known = known())]
 pub struct UnknownName(String);
 
 fn known() -> String {

@@ -87,9 +87,13 @@ fn ask(request: Request<Vec<u8>>, limit: Duration) -> Delivery {
 fn delivery_of(status: u16) -> Delivery {
     match status {
         200..=299 => Delivery::Done,
-        400 | 405 | 411 | 413 | 415 | 422 => Delivery::Refused(format!("it answers {status}")),
-        401 | 403 => Delivery::Later(format!("it answers {status}: is the token right?")),
-        status => Delivery::Later(format!("it answers {status}")),
+        400 | 405 | 411 | 413 | 415 | 422 => {
+            Delivery::Refused(format!("it responds with the status {status}"))
+        }
+        401 | 403 => Delivery::Later(format!(
+            "it responds with the status {status}: is the token right?"
+        )),
+        status => Delivery::Later(format!("it responds with the status {status}")),
     }
 }
 
@@ -98,12 +102,12 @@ fn failed(error: &ureq::Error, limit: Duration) -> Delivery {
     use ureq::Error::{BadUri, HostNotFound, Io, Timeout, TooManyRedirects};
     Delivery::Later(match error {
         Timeout(_) => format!("it does not answer within {} s", limit.as_secs_f64()),
-        HostNotFound => "its host is not known".to_owned(),
+        HostNotFound => "its host name cannot be resolved".to_owned(),
         Io(error) => format!("no connection: {error}"),
         TooManyRedirects => "too many redirects".to_owned(),
         BadUri(_) => return Delivery::Refused("its url is not valid".to_owned()),
         ureq::Error::ConnectionFailed => "no connection".to_owned(),
-        _ => "no connection, or no HTTP on it".to_owned(),
+        _ => "no connection, or no HTTP server there".to_owned(),
     })
 }
 

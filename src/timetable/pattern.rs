@@ -1,4 +1,5 @@
-//! A pattern of times, such as `0 9,21 * * *`: minute, hour, day of the month, month, day of the week.
+//! A pattern of times, such as `0 9,21 * * *`: minute, hour, day of the month, month, and day of
+//! the week.
 
 use std::fmt;
 use std::str::FromStr;
