@@ -42,7 +42,7 @@ pub struct CheckContext {
     paths: BTreeSet<String>,
     /// The colours defined in the config.
     colours: Vec<String>,
-    /// The script's file; its modules are in the same folder.
+    /// The script's file; relative module paths start from its folder.
     file: Option<PathBuf>,
     /// Accept every global: there is no VM that knows them.
     open_globals: bool,

@@ -1,4 +1,4 @@
-//! Checks given parameter values against the script's declaration, if that is a constant.
+//! Checks given parameter values against the script's declaration, if that consists of constants.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,8 @@ use super::kinds::{Kinds, ValueKind};
 use super::tree::{Entry, Expr, ExprKind};
 use crate::script::{Declaration, GivenParam, ParamValue, param_values};
 
-/// Returns what is wrong with the given values; `None` also if the declaration is not constant.
+/// Returns what is wrong with the given values; `None` also if the declaration cannot be evaluated
+/// without running the script.
 pub(super) fn refused(
     kinds: &Kinds<'_>,
     table: &Expr,

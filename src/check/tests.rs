@@ -237,7 +237,7 @@ fn hostile_scripts_are_checked_within_bounds() {
 }
 
 /// Fragments of scripts, valid and invalid.
-const SOUP: [&str; 76] = [
+const FRAGMENTS: [&str; 76] = [
     "local",
     "function",
     "end",
@@ -320,7 +320,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
     #[test]
-    fn no_sequence_of_fragments_causes_a_panic(words in prop::collection::vec(prop::sample::select(&SOUP[..]), 0..60)) {
+    fn no_sequence_of_fragments_causes_a_panic(words in prop::collection::vec(prop::sample::select(&FRAGMENTS[..]), 0..60)) {
         let source = words.join(" ");
         let _ = checked(source.as_bytes());
         let _ = explain("test.lua:1: attempt to index nil with 'x'", "test.lua", &source);

@@ -83,8 +83,8 @@ impl Client {
         matches!(self.way, Way::Web(_))
     }
 
-    /// Sends one errand and waits for the answer at most this long. Dropping the future cancels the
-    /// errand.
+    /// Sends one errand and waits for the answer at most this long. Dropping the future cancels an
+    /// errand on this computer; a remote one is cancelled only when this process ends.
     ///
     /// # Errors
     /// See [`AskError`].
