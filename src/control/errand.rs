@@ -150,7 +150,7 @@ pub struct Overview {
     pub docked: bool,
     /// Whether the battery is low and the watchdog therefore controls the robot.
     pub low: bool,
-    /// The battery level, once it is reliable.
+    /// The battery level, if a plausible one is known.
     pub battery: Option<Battery>,
     /// The running behaviours.
     pub behaviours: Vec<Aboard>,

@@ -38,7 +38,7 @@ pub struct Report {
     pub docked: bool,
     /// Whether the battery is low and the watchdog therefore controls the robot.
     pub low: bool,
-    /// The battery level, once it is reliable.
+    /// The battery level, if a plausible one is known.
     pub battery: Option<Level>,
     /// The running behaviours.
     pub behaviours: Vec<Runs>,

@@ -1,6 +1,6 @@
 //! Passes a notification to a program of the owner: the text on its standard input, the rest as
-//! arguments and in its environment. The program and its descendants are killed when the timeout
-//! has passed.
+//! arguments and in its environment. When it ends or the timeout has passed, it and all its
+//! descendants are killed.
 
 use std::io::Write as _;
 use std::os::unix::process::CommandExt as _;
