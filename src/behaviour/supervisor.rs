@@ -42,8 +42,7 @@ impl Default for Handle {
 }
 
 impl Handle {
-    /// Lets the script say its last words and ends it by force after 0.7 s. The first reason is
-    /// kept.
+    /// Lets the script say its last words; ends it by force after 0.7 s. The first reason is kept.
     pub fn stop(&self, reason: EndReason) {
         self.stop
             .send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
@@ -178,8 +177,7 @@ impl Supervisor {
         (self, ending)
     }
 
-    /// Serves the behaviour until it has ended; `None` if its host ended without reporting a
-    /// reason.
+    /// Serves the behaviour until it has ended; `None` if its host ended without a report.
     async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Option<Ending> {
         let (mut last_moment, mut running) = (None, false);
         let picture = self.inbox.picture();
@@ -273,8 +271,7 @@ impl Supervisor {
                 return;
             }
             FromHost::Output(Output::Module(name)) => {
-                // Only a compromised host requests more than the queue holds; such a request is
-                // dropped.
+                // Only a compromised host requests more than the queue holds: drop the request.
                 let _ = self.host.modules.try_send(name);
                 return;
             }

@@ -161,8 +161,7 @@ impl Envoy {
     fn meet(&mut self, robot: RobotInfo) {
         let another = self.robot.as_ref().map(|known| &known.uid) != Some(&robot.uid);
         if another {
-            // The connection in the name of another robot breaks, and the broker publishes its
-            // will.
+            // Breaks the connection in another robot's name: the broker publishes its will.
             self.topics = topics(&self.account, &robot.uid);
             self.side = Side::Pause(Instant::now());
             self.told = Published::default();
@@ -217,8 +216,7 @@ impl Envoy {
         self.due.get_or_insert(soon);
     }
 
-    /// Publishes what the broker does not know yet, in a fixed order; if the queue is full, the
-    /// rest follows later.
+    /// Publishes what the broker does not know yet, in order; the rest later if the queue is full.
     fn tell(&mut self) {
         self.due = None;
         if self.try_tell() == Err(Full) {
