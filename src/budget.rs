@@ -1,16 +1,16 @@
-//! Limits for the disk and for the log's reader: bytes per day, and lines that are logged once and
-//! then counted. Pure: the time is an argument.
+//! Limits that protect the disk and the readers of the log: bytes per day, and messages that are
+//! logged once and then counted. Pure: the time is an argument.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
 const DAY: Duration = Duration::from_secs(86_400);
-/// This part of a day's bytes may be spent at once; the rest comes evenly. So no flood in one
-/// minute silences the rest of the day, and no 24 hours have more than the day's bytes.
+/// This part of the daily budget may be spent at once; the rest accrues evenly. So a flood in one
+/// minute does not use up the rest of the day, and no period of 24 hours exceeds the daily budget.
 const AT_ONCE: f64 = 1.0 / 24.0;
 
-/// Bytes of a day.
+/// A daily budget, in bytes or other units.
 #[derive(Debug, Clone)]
 pub struct Budget {
     per_day: u64,
@@ -19,7 +19,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// So many bytes in any 24 hours.
+    /// Creates a budget of this many bytes in any 24 hours.
     pub fn new(per_day: u64) -> Budget {
         Budget {
             per_day,
@@ -28,7 +28,7 @@ impl Budget {
         }
     }
 
-    /// Spends bytes; false, and nothing is spent, if there are not so many left.
+    /// Spends bytes. Returns false, and spends nothing, if not enough are left.
     pub fn take(&mut self, bytes: u64, now: Instant) -> bool {
         let most = self.per_day as f64 * AT_ONCE;
         let since = self
@@ -44,14 +44,14 @@ impl Budget {
         enough
     }
 
-    /// What a day has.
+    /// Returns the daily budget.
     pub fn per_day(&self) -> u64 {
         self.per_day
     }
 }
 
-/// Things of which one is said in each span of time; the others are counted. The caller's kinds
-/// must be few.
+/// Limits repeated messages: one of each kind per interval is reported, the others are counted. The
+/// number of kinds must be small.
 #[derive(Debug, Clone)]
 pub struct Repeats<K> {
     every: Duration,
@@ -59,7 +59,7 @@ pub struct Repeats<K> {
 }
 
 impl<K: PartialEq> Repeats<K> {
-    /// One of a kind in each of these spans.
+    /// Allows one message of each kind per interval.
     pub fn new(every: Duration) -> Repeats<K> {
         Repeats {
             every,
@@ -67,7 +67,8 @@ impl<K: PartialEq> Repeats<K> {
         }
     }
 
-    /// Whether to say this one, and how many of its kind were not said since the last time.
+    /// Returns `Some` if this message should be reported, with the number of suppressed messages of
+    /// its kind since the last report.
     pub fn note(&mut self, kind: K, now: Instant) -> Option<u64> {
         let Some((_, at, held)) = self.said.iter_mut().find(|(known, ..)| *known == kind) else {
             self.said.push((kind, now, 0));
@@ -88,7 +89,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn an_hours_share_may_come_at_once_and_the_rest_comes_evenly() {
+    fn an_hours_share_may_be_spent_at_once_and_the_rest_accrues_evenly() {
         let mut now = Instant::now();
         let mut budget = Budget::new(2400);
         assert!(budget.take(100, now));
@@ -100,7 +101,7 @@ mod tests {
     }
 
     #[test]
-    fn one_of_a_kind_is_said_a_minute_and_the_others_are_counted() {
+    fn one_of_a_kind_is_reported_per_minute_and_the_others_are_counted() {
         let minute = Duration::from_secs(60);
         let (mut repeats, mut now) = (Repeats::new(minute), Instant::now());
         assert_eq!(repeats.note(7, now), Some(0));
@@ -115,7 +116,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_day_has_more_than_its_bytes(asks in proptest::collection::vec((0u64..90_000, 0u64..400), 1..300)) {
+        fn no_day_exceeds_its_budget(asks in proptest::collection::vec((0u64..90_000, 0u64..400), 1..300)) {
             let start = Instant::now();
             let (mut now, mut spent) = (start, Vec::new());
             let mut budget = Budget::new(10_000);

@@ -1,6 +1,6 @@
-//! The time of day. What depends on the date asks this module; everything else uses `tokio::time`. In a
-//! laboratory the wall clock is virtual too: it starts at a given date and advances with the
-//! runtime's clock.
+//! The time of day. Code that depends on the date uses this module; everything else uses
+//! `tokio::time`. In a laboratory the wall clock is virtual too: it starts at a given date and
+//! advances with the runtime's clock.
 
 mod error;
 mod span;
@@ -20,13 +20,13 @@ pub use span::Span;
 pub use until::until;
 pub use zone::Zone;
 
-/// Before this the clock of a computer is not set: no version of this program is older.
+/// An earlier date means that the computer's clock is not set: no version of this program is older.
 const PLAUSIBLE: i64 = 1_767_225_600; // 2026-01-01T00:00:00Z
-/// When virtual time begins by default: a Thursday morning.
+/// Default start of virtual time: a Thursday morning.
 const VIRTUAL: i64 = 1_767_258_000; // 2026-01-01T09:00:00Z
 
 thread_local! {
-    /// The date on this thread's wall, and when it was that.
+    /// This thread's virtual date, and the instant at which it was set.
     static WALL: Cell<Option<(Timestamp, Instant)>> = const { Cell::new(None) };
 }
 
@@ -37,26 +37,26 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// One that shows this now, and goes on from there as the computer's clock does.
+    /// Returns a clock that shows this date now and then advances with the computer's clock.
     pub fn set_to(date: Timestamp) -> Clock {
         Clock {
             offset: date.duration_since(Timestamp::now()),
         }
     }
 
-    /// One that is so many milliseconds ahead of the computer's.
+    /// Returns a clock that is this many milliseconds ahead of the computer's.
     pub fn ahead(millis: i64) -> Clock {
         Clock {
             offset: SignedDuration::from_millis(millis),
         }
     }
 
-    /// How far it is ahead of the computer's, in milliseconds.
+    /// Returns how far this clock is ahead of the computer's, in milliseconds.
     pub fn offset_millis(self) -> i64 {
         i64::try_from(self.offset.as_millis()).unwrap_or(0)
     }
 
-    /// What time it is; in a laboratory the virtual time.
+    /// Returns the current time; in a laboratory the virtual time.
     pub fn now(self) -> Timestamp {
         let virtually = WALL.get().map(|(date, at)| {
             let passed = SignedDuration::try_from(at.elapsed()).unwrap_or(SignedDuration::MAX);
@@ -67,25 +67,26 @@ impl Clock {
     }
 }
 
-/// From now on the time on this thread is virtual, and it is this date; `None`: the usual one. For
+/// Makes the time on this thread virtual, starting at this date; `None`: at the default date. For
 /// laboratories.
 pub fn begin_virtual(date: Option<Timestamp>) {
     let usual = || Timestamp::from_second(VIRTUAL).unwrap_or(Timestamp::UNIX_EPOCH);
     WALL.set(Some((date.unwrap_or_else(usual), Instant::now())));
 }
 
-/// Whether a clock that shows this has been set at all: a computer without a battery for its clock
-/// begins in the past.
+/// Whether a clock that shows this time has been set: a computer without a battery for its clock
+/// starts in the past.
 pub fn is_plausible(now: Timestamp) -> bool {
     now.as_second() >= PLAUSIBLE
 }
 
-/// A date as people write it, such as `2026-03-29 01:30`, without a zone.
+/// A date and time of day without a zone, such as `2026-03-29 01:30`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Date(DateTime);
 
 impl Date {
-    /// The instant in this zone; of one that does not exist there, or twice, the next or the first.
+    /// Returns the instant in this zone. For a time that the zone skips, returns a later one; for a
+    /// time that occurs twice, the first.
     pub fn at(self, zone: &Zone) -> Timestamp {
         let zoned = zone.time_zone().to_ambiguous_zoned(self.0).compatible();
         zoned.map_or(Timestamp::MAX, |zoned| zoned.timestamp())
@@ -101,12 +102,12 @@ impl FromStr for Date {
     }
 }
 
-/// As people read it: `Sun 2026-03-29 01:30`.
+/// Formats a time for people: `Sun 2026-03-29 01:30`.
 pub fn words(time: &Zoned) -> String {
     time.strftime("%a %Y-%m-%d %H:%M").to_string()
 }
 
-/// A length of time as people read it, in hours, minutes and whole seconds: `1:02:05`.
+/// Formats a duration for people, in hours, minutes and whole seconds: `1:02:05`.
 pub fn hours(time: Duration) -> String {
     let seconds = time.as_secs();
     let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
@@ -118,13 +119,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_length_of_time_is_hours_minutes_and_seconds() {
+    fn a_duration_is_shown_in_hours_minutes_and_seconds() {
         assert_eq!(hours(Duration::from_secs(3725)), "1:02:05");
         assert_eq!(hours(Duration::from_secs(90_061)), "25:01:01");
     }
 
     #[test]
-    fn a_date_is_an_instant_of_its_zone_across_changes_of_the_clock() {
+    fn a_date_becomes_an_instant_of_its_zone_across_clock_changes() {
         let rome: Zone = "Europe/Rome".parse().unwrap();
         let at = |text: &str| text.parse::<Date>().unwrap().at(&rome).to_string();
         assert_eq!(at("2026-01-05 09:00"), "2026-01-05T08:00:00Z");
@@ -142,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_was_set_goes_on_from_there() {
+    fn a_clock_that_was_set_advances_from_there() {
         let date = Timestamp::from_second(VIRTUAL).unwrap();
         let clock = Clock::set_to(date);
         let passed = clock.now().duration_since(date);
@@ -152,7 +153,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn virtual_time_goes_with_the_runtime() {
+    async fn virtual_time_advances_with_the_runtime() {
         begin_virtual(None);
         let began = Clock::default().now();
         assert_eq!(began.to_string(), "2026-01-01T09:00:00Z");

@@ -1,10 +1,10 @@
-//! Requests to an active run: through a private socket in the data folder other programs of the
-//! same user send one request each. The run's own pilot handles them as requests of a person, with
-//! a priority above every behaviour; the watchdog's rules hold for them too.
+//! Requests to an active run: other programs of the same user connect to a private socket in the
+//! data folder and send one request each. The run's own pilot handles them as a person's requests,
+//! with a priority above every behaviour; the watchdog's rules apply to them too.
 //!
-//! The socket is not served on the driving core. Few clients are served at a time; each sends one
-//! request of bounded length in time, or is disconnected. A run on another computer takes the same
-//! errands, and gives the same answers, through its JSON API.
+//! The socket is not served on the driving core. The number of clients served at a time is limited;
+//! each sends one request of bounded length within a timeout, or is disconnected. A run on another
+//! computer accepts the same errands and gives the same answers through its JSON API.
 
 mod client;
 mod desk;

@@ -1,6 +1,6 @@
-//! Untrusted files and folders. Reads only regular files of bounded length: a pipe, a device or a
-//! folder instead is an error and never blocks. Writes stay within one opened folder and follow no
-//! symbolic link in it.
+//! Access to untrusted files and folders. Reads only regular files of bounded length: a pipe, a
+//! device or a folder is an error and never blocks. Writes stay within one opened folder and follow
+//! no symbolic link in it.
 
 use std::fs::{DirBuilder, File};
 use std::io::{self, Read as _, Write as _};
@@ -14,27 +14,27 @@ use rustix::fs::{
 };
 use rustix::io::Errno;
 
-/// Unfinished files begin so; what a run that was killed has left of them is swept away.
+/// Prefix of unfinished files; those left behind by a killed run are removed later.
 const UNFINISHED: &str = ".unfinished";
-/// What is read from a folder at most, in names.
+/// Maximum number of folder entries that are read.
 const MAX_NAMES: usize = 100_000;
 
 /// Why a file cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
-    /// The system says so.
+    /// An error of the system.
     #[error("{0}")]
     Io(#[from] io::Error),
     /// It is something else, such as a folder or a pipe.
     #[error("it is {0}, not a file")]
     NoFile(&'static str),
-    /// Longer than is read.
+    /// The file is longer than the limit.
     #[error("it is longer than {most} bytes")]
     TooLong {
-        /// What is read at most.
+        /// The limit.
         most: u64,
     },
-    /// Bytes that are no UTF-8.
+    /// The content is not UTF-8.
     #[error("it is not UTF-8")]
     NoText,
 }
@@ -54,7 +54,7 @@ impl From<ReadError> for io::Error {
     }
 }
 
-/// All bytes of a regular file of at most `most` bytes. Never waits for anything but the disk.
+/// Reads a regular file of at most `most` bytes. Blocks on nothing but the disk.
 ///
 /// # Errors
 /// See [`ReadError`].
@@ -62,7 +62,7 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     content(open(CWD, path, OFlags::empty())?, most)
 }
 
-/// The beginning of a regular file, at most `most` bytes of it.
+/// Reads the beginning of a regular file, at most `most` bytes.
 ///
 /// # Errors
 /// See [`ReadError`].
@@ -70,7 +70,7 @@ pub fn read_beginning(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     beginning(open(CWD, path, OFlags::empty())?, most)
 }
 
-/// As [`read`], of a text.
+/// Same as [`read`], for a text.
 ///
 /// # Errors
 /// See [`ReadError`].
@@ -78,11 +78,11 @@ pub fn read_text(path: &Path, most: u64) -> Result<String, ReadError> {
     String::from_utf8(read(path, most)?).map_err(|_| ReadError::NoText)
 }
 
-/// The content of a file that others may not read, nor write: it belongs to this user, and its mode
-/// gives nothing to the group or others. Not through a symbolic link.
+/// Reads a private file: it must belong to this user, with no access for the group or others. Does
+/// not follow a symbolic link.
 ///
 /// # Errors
-/// See [`ReadError`]; a file that others can read is one of them.
+/// See [`ReadError`]; also if other users have access to the file.
 pub fn read_private(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     let file = open(CWD, path, OFlags::NOFOLLOW).map_err(|error| match error {
         ReadError::Io(error) if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
@@ -93,13 +93,13 @@ pub fn read_private(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     let stat = fstat(&file)?;
     let others = Mode::from_raw_mode(stat.st_mode).intersects(Mode::RWXG | Mode::RWXO);
     if others || stat.st_uid != rustix::process::geteuid().as_raw() {
-        let words = "others can read it; it must be its owner's alone: chmod 600";
+        let words = "other users can read it; only its owner may have access: chmod 600";
         return Err(io::Error::new(io::ErrorKind::PermissionDenied, words).into());
     }
     content(file, most)
 }
 
-/// Whether the group or others may read or change this file.
+/// Whether the group or others have access to this file.
 pub fn is_shared(path: &Path) -> bool {
     let Ok(stat) = statat(CWD, path, AtFlags::empty()) else {
         return false;
@@ -107,7 +107,8 @@ pub fn is_shared(path: &Path) -> bool {
     Mode::from_raw_mode(stat.st_mode).intersects(Mode::RWXG | Mode::RWXO)
 }
 
-/// Opened without waiting for the other end of a pipe, and without becoming a terminal's program.
+/// Opens a file without waiting for the other end of a pipe, and without acquiring a controlling
+/// terminal.
 fn open(
     at: impl std::os::fd::AsFd,
     path: impl rustix::path::Arg,
@@ -118,7 +119,7 @@ fn open(
 }
 
 fn content(file: OwnedFd, most: u64) -> Result<Vec<u8>, ReadError> {
-    // One byte more: a file may grow while it is read.
+    // Read one byte more: the file may grow while it is read.
     let bytes = beginning(file, most.saturating_add(1))?;
     if bytes.len() as u64 > most {
         Err(ReadError::TooLong { most })
@@ -137,7 +138,7 @@ fn beginning(file: OwnedFd, most: u64) -> Result<Vec<u8>, ReadError> {
     Ok(bytes)
 }
 
-/// What something is that is no regular file.
+/// Names the type of something that is not a regular file; `None` for a regular file.
 fn no_file(stat: &Stat) -> Option<&'static str> {
     Some(match FileType::from_raw_mode(stat.st_mode) {
         FileType::RegularFile => return None,
@@ -150,26 +151,27 @@ fn no_file(stat: &Stat) -> Option<&'static str> {
     })
 }
 
-/// A folder that is open. What is done in it stays in it, whatever changes on the disk meanwhile.
+/// An open folder. All operations stay within it, whatever changes on the disk meanwhile.
 #[derive(Debug)]
 pub struct Folder(OwnedFd);
 
 /// A regular file in a folder.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Item {
-    /// When it was written last: seconds of the epoch and nanoseconds.
+    /// Time of the last write: seconds since the epoch, and nanoseconds.
     pub written: (i64, i64),
     /// Its name.
     pub name: String,
-    /// Its length.
+    /// Its length in bytes.
     pub bytes: u64,
 }
 
 impl Folder {
-    /// Makes a folder, and those above it, for this user alone; one that is there stays as it is.
+    /// Opens a folder; creates it and its parents, with access for this user only, if it does not
+    /// exist.
     ///
     /// # Errors
-    /// Whatever the system says; a symbolic link in its place.
+    /// Any error of the system; a symbolic link in its place.
     pub fn make(path: &Path) -> io::Result<Folder> {
         match Folder::open(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
@@ -180,23 +182,23 @@ impl Folder {
         }
     }
 
-    /// Opens a folder that is there.
+    /// Opens an existing folder.
     ///
     /// # Errors
-    /// Whatever the system says; a symbolic link in its place.
+    /// Any error of the system; a symbolic link in its place.
     pub fn open(path: &Path) -> io::Result<Folder> {
         let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
         match openat(CWD, path, flags, Mode::empty()) {
             Ok(folder) => Ok(Folder(folder)),
             Err(Errno::LOOP | Errno::NOTDIR) if is_link(path) => Err(io::Error::other(format!(
-                "{} is a symbolic link: it could lead anywhere, so nothing is kept there",
+                "{} is a symbolic link: it could point anywhere, so nothing is stored there",
                 path.display()
             ))),
             Err(error) => Err(error.into()),
         }
     }
 
-    /// The content of a regular file of at most `most` bytes; `None` if there is none of this name.
+    /// Reads a regular file of at most `most` bytes; `None` if there is none of this name.
     ///
     /// # Errors
     /// See [`ReadError`].
@@ -213,18 +215,19 @@ impl Folder {
         }
     }
 
-    /// All of the new content under this name, or still what was there; readable by this user only.
+    /// Replaces a file atomically: it holds either all of the new content or all of the old. Only
+    /// this user has access to it.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn replace(&self, name: &str, bytes: &[u8]) -> io::Result<()> {
         self.put(name, bytes, false)
     }
 
-    /// As [`Folder::replace`], and on the disk when it returns.
+    /// Same as [`Folder::replace`], and the content is on the disk when it returns.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn replace_durably(&self, name: &str, bytes: &[u8]) -> io::Result<()> {
         self.put(name, bytes, true)
     }
@@ -247,26 +250,26 @@ impl Folder {
         if durably { Ok(fsync(&self.0)?) } else { Ok(()) }
     }
 
-    /// Gives a file another name, in the place of one that has it.
+    /// Renames a file, replacing a file of the new name.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn rename(&self, from: &str, to: &str) -> io::Result<()> {
         Ok(renameat(&self.0, from, &self.0, to)?)
     }
 
-    /// Removes a file; a symbolic link itself, not what it leads to.
+    /// Removes a file; of a symbolic link, the link itself, not its target.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn remove(&self, name: &str) -> io::Result<()> {
         Ok(unlinkat(&self.0, name, AtFlags::empty())?)
     }
 
-    /// Its regular files.
+    /// Lists its regular files.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn items(&self) -> io::Result<Vec<Item>> {
         let mut items = Vec::new();
         for entry in Dir::read_from(&self.0)?.take(MAX_NAMES) {
@@ -279,10 +282,10 @@ impl Folder {
         Ok(items)
     }
 
-    /// One of its regular files; `None` if there is none of this name.
+    /// Returns one of its regular files; `None` if there is none of this name.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn item(&self, name: &str) -> io::Result<Option<Item>> {
         let stat = match statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW) {
             Err(Errno::NOENT) => return Ok(None),
@@ -298,10 +301,10 @@ impl Folder {
         }))
     }
 
-    /// Removes what runs that were killed have left unfinished.
+    /// Removes the unfinished files of killed runs, and files whose names start with `beginning`.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn sweep(&self, beginning: &str) -> io::Result<()> {
         for item in self.items()? {
             if item.name.starts_with(UNFINISHED) || item.name.starts_with(beginning) {
@@ -311,10 +314,10 @@ impl Folder {
         Ok(())
     }
 
-    /// Bytes that this user can still write to its disk.
+    /// Returns the number of bytes that this user can still write to its disk.
     ///
     /// # Errors
-    /// Whatever the system says.
+    /// Any error of the system.
     pub fn free(&self) -> io::Result<u64> {
         let disk = fstatvfs(&self.0)?;
         Ok(disk.f_bavail.saturating_mul(disk.f_frsize))

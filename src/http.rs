@@ -1,5 +1,5 @@
-//! HTTP for people and programs: a bounded server on one address, and a guard in front of
-//! everything it serves. Knows no robot.
+//! HTTP for people and programs: a server with bounded resources on one address, and a guard in
+//! front of everything it serves. Independent of the robot.
 //!
 //! The guard answers three questions about each request before anything else sees it. Is it meant
 //! for us (`Host`, against DNS rebinding)? Did our own page send it (`Origin`)? Who sends it

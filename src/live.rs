@@ -1,12 +1,12 @@
-//! The page, to see a robot and steer it from a browser, and what programs use by HTTP: the JSON
+//! The web page for watching and steering a robot, and the HTTP interface for programs: the JSON
 //! API, health and metrics.
 //!
-//! It has a thread and a runtime of its own. The driving core never waits for it: it reads channels
-//! in which the newest value wins, and a person's requests go through a seat in front of the pilot
-//! like those of any behaviour, with the same watchdog. A slow viewer loses frames, then the
-//! connection.
+//! It runs on a separate thread with its own runtime. The driving core never waits for it: it reads
+//! channels in which the newest value replaces older ones, and a person's requests go through a
+//! pilot's seat like those of any behaviour, under the same watchdog. A slow viewer loses frames
+//! first, then the connection.
 //!
-//! A person who steers by hand sends setpoints; each is valid for 0.3 s (`wheel`). STOP is not a
+//! A person who drives by hand sends setpoints; each is valid for 0.3 s (`wheel`). STOP is not a
 //! setpoint but a latch: it holds the robot until a person releases it.
 
 mod api;

@@ -2,17 +2,17 @@
 //! parser's time grows with the square of the depth of nesting, so a text that nests deeper than
 //! any valid one is refused.
 
-/// The longest text: more than a thousand lines. What nests in a way that is not noticed below
-/// costs the square of this.
+/// Maximum length of a text, in bytes: more than a thousand lines. Nesting that the check below
+/// does not detect costs time proportional to the square of this.
 pub const MAX_LEN: u64 = 128 * 1024;
-/// The deepest nesting of brackets and braces, or of items and keys on one line.
+/// Maximum nesting depth of brackets and braces, or of items and keys on one line.
 const MAX_DEPTH: usize = 64;
 
-/// Why a text is not parsed: too much for the parser.
+/// Why a text is not parsed: it would take the parser too long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{what} at line {line} column {column}")]
 pub struct Refused {
-    /// In words.
+    /// The reason, in words.
     pub what: &'static str,
     /// Counted from 1.
     pub line: usize,
@@ -20,10 +20,10 @@ pub struct Refused {
     pub column: usize,
 }
 
-/// Whether a text may be parsed.
+/// Checks whether a text may be parsed.
 ///
 /// # Errors
-/// What is too much, with its place.
+/// The limit that is exceeded, and its position.
 pub fn examine(text: &str) -> Result<(), Refused> {
     if text.len() as u64 > MAX_LEN {
         return Err(refused("the text is too long", 1, 1));
@@ -41,7 +41,7 @@ fn refused(what: &'static str, line: usize, column: usize) -> Refused {
     Refused { what, line, column }
 }
 
-/// Follows brackets outside of quotes and comments, as an honest text has them.
+/// Tracks brackets outside quotes and comments, for texts that are not crafted to deceive it.
 #[derive(Default)]
 struct Scan {
     depth: usize,
@@ -49,7 +49,7 @@ struct Scan {
 }
 
 impl Scan {
-    /// The column where it is too deep.
+    /// Scans a line; returns the column where the nesting is too deep.
     fn line(&mut self, line: &str) -> Option<usize> {
         let (mut before, mut indicators, mut leading) = (' ', 0, true);
         let mut chars = (1..).zip(line.chars()).peekable();
@@ -62,11 +62,11 @@ impl Scan {
                 Some(_) => {}
                 None => match c {
                     '#' if before.is_whitespace() => return None,
-                    // Within a plain word a quote is a letter.
+                    // Within a plain scalar a quote is an ordinary character.
                     '"' | '\'' if !before.is_alphanumeric() => self.quote = Some(c),
                     '[' | '{' => self.depth += 1,
                     ']' | '}' => self.depth = self.depth.saturating_sub(1),
-                    // Each of `- - - ? ? a` nests what follows.
+                    // Each indicator in `- - - ? ? a` nests what follows.
                     '-' | '?' | ':' if leading => indicators += 1,
                     c if !c.is_whitespace() => leading = false,
                     _ => {}
@@ -81,7 +81,7 @@ impl Scan {
     }
 }
 
-/// A line of nothing but one sign, such as a rule of dashes in a text.
+/// Whether a line consists of dashes only, such as a horizontal rule in a text.
 fn is_rule(line: &str) -> bool {
     let line = line.trim();
     !line.is_empty() && line.chars().all(|c| c == '-')
@@ -94,7 +94,7 @@ mod tests {
     use serde_yaml::Value;
 
     #[test]
-    fn what_nests_too_deeply_is_refused_with_its_place() {
+    fn a_text_nested_too_deeply_is_refused_with_its_position() {
         for (text, at) in [
             ("{a: ".repeat(800), (1, 257)),
             ("[".repeat(800), (1, 65)),
@@ -119,9 +119,10 @@ mod tests {
         assert!(serde_yaml::from_str::<Value>(&dashes).is_ok());
     }
 
-    /// The worst that gets past the look: its length bounds it. The times are printed for people.
+    /// The worst texts that pass the check: the maximum length bounds their cost. The times are
+    /// printed for information.
     #[test]
-    fn what_hides_its_depth_ends_all_the_same() {
+    fn texts_with_undetected_nesting_are_still_parsed_in_bounded_time() {
         for unit in ["{\"]\": ", "{'}': ", "{a\": ", "- a\n ", "&a ", "{? "] {
             let text = unit.repeat(MAX_LEN as usize / unit.len());
             let began = std::time::Instant::now();
@@ -132,7 +133,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_text_makes_it_panic(text in "[-\\[\\]{}\"'#?:a \n]{0,300}") {
+        fn no_text_causes_a_panic(text in "[-\\[\\]{}\"'#?:a \n]{0,300}") {
             let _ = examine(&text);
         }
     }

@@ -1,10 +1,10 @@
-//! Which part of a frame on its way a host does not have yet.
+//! Tracks which part of an incoming frame a host has already received.
 
 use bytes::Bytes;
 
 use crate::robot::Coming;
 
-/// What a host was given of the frame on its way.
+/// The part of the incoming frame that was already passed to a host.
 #[derive(Debug, Default)]
 pub(super) struct Ahead {
     seq: u64,
@@ -12,9 +12,10 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    /// What has come since the last call, and how many bytes came before it.
+    /// Returns the bytes received since the last call and their offset in the frame; `None` if
+    /// there are none.
     pub(super) fn rest(&mut self, Coming { seq, jpeg }: &Coming) -> Option<(usize, Bytes)> {
-        // What is shorter than before is a frame of another connection.
+        // Fewer bytes than before: the number belongs to a frame of a new connection.
         if *seq != self.seq || jpeg.len() < self.passed {
             (self.seq, self.passed) = (*seq, 0);
         }
@@ -28,7 +29,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_byte_is_passed_on_once_and_every_frame_from_its_start() {
+    fn each_byte_is_passed_once_and_each_frame_from_its_start() {
         let mut ahead = Ahead::default();
         let mut rest = |seq, jpeg: &'static [u8]| {
             let jpeg = Bytes::from_static(jpeg);
@@ -39,7 +40,7 @@ mod tests {
         assert_eq!(rest(1, b"ab"), None);
         assert_eq!(rest(1, b"abcd"), part(2, b"cd"));
         assert_eq!(rest(2, b"abcdef"), part(0, b"abcdef"));
-        // The connection was lost, and the frame with that number is another one.
+        // After a lost connection the same number belongs to a different frame.
         assert_eq!(rest(2, b"xy"), part(0, b"xy"));
     }
 }

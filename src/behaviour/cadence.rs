@@ -1,8 +1,8 @@
-//! When the next frame is due: cameras send them at a pace.
+//! Predicts when the next frame is due: cameras send frames at a steady rate.
 //!
-//! Shortly before it is due, a host looks at the last frame once more ([`Script::rehearse`]): code and
-//! buffers that have not been used since then have left the processor's caches, and a frame would be
-//! answered later. `scripts/bench-reaction` measures it.
+//! Shortly before that time, a host processes the last frame once more ([`Script::rehearse`]): code
+//! and buffers that have not been used since then have left the processor's caches, which would
+//! delay the reaction to the next frame. `scripts/bench-reaction` measures this.
 //!
 //! [`Script::rehearse`]: crate::script::Script::rehearse
 
@@ -10,12 +10,13 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// How long before a frame is due its host prepares: longer than looking takes and than a camera strays.
+/// How long before a frame is due its host prepares: longer than the analysis takes, and longer
+/// than the camera's jitter.
 const LEAD: Duration = Duration::from_millis(4);
-/// Frames that come faster follow each other closely enough.
+/// At this period and below, the caches stay warm and no preparation is needed.
 const SHORTEST: Duration = Duration::from_millis(16);
 
-/// The pace at which frames come.
+/// The frame rate, measured from the arrival times.
 #[derive(Debug, Default)]
 pub(super) struct Cadence {
     last: Option<Instant>,
@@ -24,7 +25,7 @@ pub(super) struct Cadence {
 }
 
 impl Cadence {
-    /// A frame has come.
+    /// Records the arrival of a frame.
     pub(super) fn came(&mut self, at: Instant) {
         let period = self.last.map(|last| at.saturating_duration_since(last));
         let before = std::mem::replace(&mut self.period, period);
@@ -39,12 +40,12 @@ impl Cadence {
         };
     }
 
-    /// When to prepare for the next frame, if its time is known.
+    /// When to prepare for the next frame; `None` if its time is unknown.
     pub(super) fn prepare_at(&self) -> Option<Instant> {
         self.prepare_at
     }
 
-    /// It is prepared for, or on its way already.
+    /// Cancels the preparation: it is done, or the frame is already arriving.
     pub(super) fn prepared(&mut self) {
         self.prepare_at = None;
     }
@@ -57,7 +58,7 @@ mod tests {
     const PERIOD: Duration = Duration::from_millis(66);
 
     #[tokio::test(start_paused = true)]
-    async fn the_next_frame_of_a_steady_pace_is_prepared_for_once_and_before_it_is_due() {
+    async fn with_a_steady_rate_each_frame_is_prepared_for_once_before_it_is_due() {
         let (mut cadence, begin) = (Cadence::default(), Instant::now());
         cadence.came(begin);
         cadence.came(begin + PERIOD);
@@ -69,7 +70,7 @@ mod tests {
     }
 
     #[tokio::test(start_paused = true)]
-    async fn a_pace_that_changes_and_frames_that_come_at_once_are_not_prepared_for() {
+    async fn no_preparation_for_an_unsteady_rate_or_closely_spaced_frames() {
         let (mut cadence, begin) = (Cadence::default(), Instant::now());
         for at in [0, 66, 132] {
             cadence.came(begin + Duration::from_millis(at));

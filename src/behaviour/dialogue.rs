@@ -1,27 +1,27 @@
-//! What a person at a prompt and a behaviour say to each other. Bounded in both directions: neither
-//! ever waits for the other.
+//! The messages between a user at a prompt and a behaviour. The queues are bounded in both
+//! directions, and neither side ever waits for the other.
 
 use tokio::sync::mpsc;
 
 use super::message::ToHost;
 use crate::script::{Ending, Evaluated, LogLine};
 
-/// Orders that may wait for the behaviour.
+/// Capacity of the queue of commands to the behaviour.
 const MAX_COMMANDS: usize = 16;
-/// What may wait for the person; the last place is kept for answers.
+/// Capacity of the queue to the user; its last slot is reserved for answers.
 const MAX_SAID: usize = 512;
 
-/// What the person wants.
+/// A command from the user.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PromptCommand {
-    /// Run this; answered by [`Said::Evaluated`].
+    /// Run this text; answered by [`Said::Evaluated`].
     Evaluate {
-        /// Luau.
+        /// The Luau source text.
         text: String,
         /// Whether further lines may follow.
         more: bool,
     },
-    /// Tracks, tasks and handlers come to rest.
+    /// Stop the tracks, the tasks and the handlers.
     Interrupt,
 }
 
@@ -34,20 +34,20 @@ impl From<PromptCommand> for ToHost {
     }
 }
 
-/// What the behaviour answers.
+/// A message from the behaviour.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Said {
-    /// It may be spoken to from now on.
+    /// The behaviour accepts commands from now on.
     Ready,
-    /// A log line of it.
+    /// A log line of the behaviour.
     Line(LogLine),
-    /// What became of the last [`PromptCommand::Evaluate`].
+    /// The outcome of the last [`PromptCommand::Evaluate`].
     Evaluated(Evaluated),
-    /// It has ended, and a new one begins.
+    /// The behaviour has ended, and a new one starts.
     Ended(Ending),
 }
 
-/// The behaviour's side.
+/// The behaviour's end of the two queues.
 #[derive(Debug)]
 pub struct Dialogue {
     orders: mpsc::Receiver<PromptCommand>,
@@ -55,14 +55,14 @@ pub struct Dialogue {
 }
 
 impl Dialogue {
-    /// With the ends of the person's side.
+    /// Creates the queues; also returns the user's ends of them.
     pub fn new() -> (mpsc::Sender<PromptCommand>, mpsc::Receiver<Said>, Dialogue) {
         let (order, orders) = mpsc::channel(MAX_COMMANDS);
         let (said, hear) = mpsc::channel(MAX_SAID);
         (order, hear, Dialogue { orders, said })
     }
 
-    /// A line is dropped when the person's side does not keep up.
+    /// Sends a message to the user. A log line is dropped if the user's side does not keep up.
     pub(super) fn say(&self, said: Said) {
         let room = self.said.capacity() > 1 || !matches!(said, Said::Line(_));
         if room {
@@ -71,7 +71,7 @@ impl Dialogue {
     }
 }
 
-/// The next command; pending for ever without a prompt.
+/// Returns the next command. Without a prompt, or once it is closed, it never completes.
 pub(super) async fn next(dialogue: &mut Option<Dialogue>) -> PromptCommand {
     if let Some(dialogue) = dialogue
         && let Some(order) = dialogue.orders.recv().await

@@ -1,6 +1,7 @@
-//! Marked copies of what a script looked at, in a folder for a person to see: the newest hundred,
-//! drawn and written by a thread of their own, so that neither a script's budget nor the way from a
-//! frame to the tracks ever waits for them. What comes while that thread is busy is not kept.
+//! Saves marked copies of the frames that a script analysed, for people to view: the newest
+//! hundred, in a folder. A separate thread draws and writes them, so that they neither use the
+//! script's budget nor delay the reaction to a frame. Frames that arrive while that thread is busy
+//! are not saved.
 
 use std::io;
 use std::path::PathBuf;
@@ -16,31 +17,31 @@ use crate::files::Folder;
 use crate::script::{Limits, Sighting};
 use crate::vision::{Decoder, Mark, annotate};
 
-/// Pictures in the folder; then the oldest is written over.
+/// Maximum number of pictures in the folder; after that the oldest is overwritten.
 const PICTURES: usize = 100;
-/// The longest file, in bytes.
+/// Maximum length of a file, in bytes.
 const LONGEST: usize = 512 * 1024;
-/// Qualities that are tried until a picture is short enough.
+/// JPEG qualities, tried in this order until the file is short enough.
 const QUALITIES: [u8; 2] = [85, 40];
 
-/// See the module. Dropping it waits for the picture that is being written: what a script saw last
-/// is what a person wants to see most.
+/// See the module. Dropping it waits until the last pictures are written, since the last frame a
+/// script saw is usually the most interesting one.
 #[derive(Debug)]
 pub(super) struct Gallery {
-    /// Taken in drop, which ends the thread.
+    /// Taken in `drop`, which ends the thread.
     sightings: Option<SyncSender<Sighting>>,
-    /// `None` once it has been told.
+    /// Delivers the first error; `None` once it was reported.
     trouble: Option<Receiver<String>>,
     thread: Option<JoinHandle<()>>,
-    /// In virtual time: waits rather than leave one out.
+    /// For virtual time: waits for the thread instead of skipping a frame.
     patient: bool,
 }
 
 impl Gallery {
-    /// Of the pictures in this folder.
+    /// Starts the thread that writes to this folder.
     ///
     /// # Errors
-    /// If the system gives no thread.
+    /// If the system cannot start a thread.
     pub(super) fn open(folder: PathBuf, limits: &Limits) -> io::Result<Gallery> {
         let (sightings, waiting) = sync_channel::<Sighting>(1);
         let (complaints, trouble) = sync_channel(1);
@@ -51,7 +52,7 @@ impl Gallery {
                 let mut ring = ring;
                 for sighting in waiting {
                     if let Err(error) = ring.keep(&sighting) {
-                        // The first is enough, and is told once.
+                        // Only the first error is reported.
                         let _ = complaints.try_send(error.to_string());
                     }
                 }
@@ -64,14 +65,16 @@ impl Gallery {
         })
     }
 
-    /// For virtual time, in which every thread is slow: [`Gallery::offer`] waits for the one before.
+    /// For virtual time, in which any thread appears slow: [`Gallery::offer`] waits until the
+    /// previous picture was taken from the queue.
     pub(super) fn patient(self) -> Gallery {
         let mut patient = self;
         patient.patient = true;
         patient
     }
 
-    /// Keeps it, unless the one before is not written yet. Never waits, if it is not patient.
+    /// Queues a picture to be written; skips it if the queue is full. Never waits, unless the
+    /// gallery is patient.
     pub(super) fn offer(&self, sighting: Sighting) {
         let Some(sightings) = &self.sightings else {
             return;
@@ -83,7 +86,8 @@ impl Gallery {
         }
     }
 
-    /// Why one was not kept, the first time that happens. Each is tried anew.
+    /// Returns why a picture was not saved, once: for the first failure. Later pictures are tried
+    /// regardless.
     pub(super) fn trouble(&mut self) -> Option<String> {
         let trouble = self.trouble.as_ref()?.try_recv().ok()?;
         self.trouble = None;
@@ -100,11 +104,11 @@ impl Drop for Gallery {
     }
 }
 
-/// Files `00.jpg` to `99.jpg`, written in turn.
+/// The files `00.jpg` to `99.jpg`, written in rotation.
 struct Ring {
     folder: PathBuf,
     decoder: Decoder,
-    /// The next to write; `None` before the first.
+    /// Number of the next file; `None` before the first write.
     next: Option<usize>,
     day: Budget,
     free: u64,
@@ -122,7 +126,7 @@ impl Ring {
     }
 
     fn keep(&mut self, sighting: &Sighting) -> io::Result<()> {
-        // What cannot be decoded is not to be seen; it is counted elsewhere.
+        // A frame that cannot be decoded is skipped; it is counted elsewhere.
         let Ok(image) = self.decoder.decode(&sighting.frame.jpeg) else {
             return Ok(());
         };
@@ -139,7 +143,10 @@ impl Ring {
             return Err(io::Error::other(words));
         }
         if !self.day.take(length, Instant::now()) {
-            let words = format!("{} bytes of pictures a day are used up", self.day.per_day());
+            let words = format!(
+                "the limit of {} bytes of pictures per day is used up",
+                self.day.per_day()
+            );
             return Err(io::Error::other(words));
         }
         let next = match self.next {
@@ -156,7 +163,8 @@ fn name(number: usize) -> String {
     format!("{number:02}.jpg")
 }
 
-/// Where an earlier run left off, so that the folder always holds the newest.
+/// The number after the newest file of an earlier run, so that the folder always holds the newest
+/// pictures.
 fn behind_newest(folder: &Folder) -> io::Result<usize> {
     let mut written = [None; PICTURES];
     for item in folder.items()? {
@@ -164,7 +172,8 @@ fn behind_newest(folder: &Folder) -> io::Result<usize> {
             written[number] = Some(item.written);
         }
     }
-    // Clocks of disks are coarse: of several of one moment, the last is the one whose follower is older.
+    // File times are coarse: of several files with the same time, the last written is the one whose
+    // successor is older.
     let is_last = |number: &usize| written[(number + 1) % PICTURES] < written[*number];
     let newest = (0..PICTURES)
         .filter(is_last)
@@ -226,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_hundred_stay_and_are_private() {
+    fn the_newest_hundred_are_kept_and_are_private() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("a/b");
         let mut ring = Ring::new(folder.clone(), &Limits::default());
@@ -243,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_one_is_written_before_the_end() {
+    fn the_last_picture_is_written_before_the_drop_returns() {
         let root = tempfile::tempdir().unwrap();
         let gallery = Gallery::open(root.path().to_owned(), &Limits::default()).unwrap();
         gallery.offer(sighting(1));
@@ -264,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_cannot_be_written_to_is_told_once() {
+    fn a_folder_that_cannot_be_written_is_reported_once() {
         let root = tempfile::tempdir().unwrap();
         let file = root.path().join("file");
         fs::write(&file, "").unwrap();
@@ -282,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn no_picture_is_too_long_for_the_folder() {
+    fn no_picture_exceeds_the_maximum_length() {
         let mut state = 1_u32;
         let noise = RgbImage::from_fn(1280, 1024, |_, _| {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

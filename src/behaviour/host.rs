@@ -1,5 +1,5 @@
-//! The child side: one VM, its scheduler and its eyes, and a pipe to the agent. No robot socket, no
-//! secrets, few rights.
+//! The host (child side): one VM with its scheduler and vision, and a pipe to the agent. It has no
+//! robot socket, no secrets and few rights.
 
 use std::ffi::OsString;
 use std::io;
@@ -21,16 +21,16 @@ use crate::robot::{EndReason, Finding};
 use crate::script::{Ending, Level, LogLine, Output, Script, Seen, Sighting};
 use crate::walls::{Room, confine};
 
-/// While a setpoint of the script is on, the agent hears from the host at least this often; a
+/// Longest interval between messages to the agent while a setpoint of the script is active; a
 /// quarter of what the watchdog allows.
 const BEAT: Duration = Duration::from_millis(50);
-/// Otherwise at least this often; a quarter of the least that a config may allow.
+/// The same interval otherwise; a quarter of the smallest limit that a config may set.
 const IDLE_BEAT: Duration = Duration::from_millis(500);
-/// Stack of a thread that runs a VM, bytes: Luau's deepest legal recursion needs 2.1 MiB of it in a
-/// debug build.
+/// Stack size of a thread that runs a VM, in bytes. Luau's deepest legal recursion needs 2.1 MiB in
+/// a debug build.
 pub const STACK: usize = 8 << 20;
 
-/// The life of a host process, from its confinement to its exit code. The arguments are its room.
+/// Runs a host process, from its confinement to its exit code. The arguments describe its `Room`.
 pub fn host_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
     let life = std::thread::Builder::new()
         .name("vm".into())
@@ -65,11 +65,11 @@ fn over_stdin() -> io::Result<()> {
     })
 }
 
-/// Serves one script over any byte streams. Returns when the script has ended, or when the agent is
-/// gone.
+/// Serves one script over any byte streams. Returns when the script has ended or the agent has
+/// closed the stream.
 ///
 /// # Errors
-/// If the stream breaks or carries what is no message.
+/// If the stream breaks or carries an invalid message.
 pub async fn host(
     reader: impl AsyncRead + Send + Unpin + 'static,
     writer: impl AsyncWrite + Send + Unpin + 'static,
@@ -77,14 +77,14 @@ pub async fn host(
     serve(reader, writer, Time::Real).await
 }
 
-/// Whether time waits for a disk.
+/// Whether the host runs in real or in virtual time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Time {
     Real,
     Virtual,
 }
 
-/// As [`host`]. In virtual time no thread's pace may change what happens.
+/// Same as [`host`]. In virtual time the speed of other threads must not affect the result.
 pub(super) async fn serve(
     reader: impl AsyncRead + Send + Unpin + 'static,
     writer: impl AsyncWrite + Send + Unpin + 'static,
@@ -150,25 +150,25 @@ struct Host {
     script: Script,
     inbox: Receiver<ToHost>,
     outbox: Sender<FromHost>,
-    /// A frame was asked for and has not come yet.
+    /// A frame was requested and has not arrived yet.
     frame_asked: bool,
-    /// The last frame that came is damaged.
+    /// The last frame that arrived was damaged.
     damaged: bool,
-    /// What has come of the next frame.
+    /// The bytes of the next frame received so far.
     coming: Vec<u8>,
-    /// The pace at which frames come.
+    /// Predicts when the next frame is due.
     cadence: Cadence,
-    /// Where a person can see what the script sees.
+    /// Saves marked frames for people to view.
     gallery: Option<Gallery>,
-    /// People look on.
+    /// Whether to report findings to viewers.
     findings: bool,
-    /// Where the script's store is kept.
+    /// Writes the script's store to its file.
     store: Option<StoreWriter>,
-    /// In virtual time no sign of life is expected.
+    /// In virtual time no idle sign of life is sent.
     time: Time,
 }
 
-/// Gives the script what its store held; a warning if that is damaged.
+/// Loads the script's store from its file. Returns a warning if the file is damaged.
 fn restore(script: &mut Script, store: &StoreWriter) -> Option<String> {
     let restored = match store.read() {
         Ok(Some(file)) => script.restore(&file).map_err(io::Error::from),
@@ -180,7 +180,7 @@ fn restore(script: &mut Script, store: &StoreWriter) -> Option<String> {
         .map(|error| store.set_aside(&error.to_string()))
 }
 
-/// A line of ours in the script's log.
+/// A warning of the host in the script's log.
 fn warning(text: String) -> FromHost {
     FromHost::Output(Output::Log(LogLine {
         level: Level::Warn,
@@ -191,7 +191,8 @@ fn warning(text: String) -> FromHost {
 }
 
 impl Host {
-    /// Hears how things stand until it may go; false if the agent is gone.
+    /// Processes the initial messages until the agent sends `Go`. Returns false if the agent closed
+    /// the stream.
     async fn prepare(&mut self) -> io::Result<bool> {
         while let Some(message) = self.inbox.next().await? {
             if let ToHost::Go = message {
@@ -241,7 +242,7 @@ impl Host {
             }
             self.script.run_ready(Instant::now());
         };
-        // Its motion has ended already: nothing is held up by the disk.
+        // The motion has already ended, so the disk delays nothing important.
         let last = self.script.take_store();
         if let Some(trouble) = self.store.as_mut().and_then(|one| one.finish(last)) {
             self.outbox.send(&unwritten(&trouble)).await?;
@@ -249,7 +250,7 @@ impl Host {
         self.outbox.send(&FromHost::Ended(ending)).await
     }
 
-    /// When the store can be written, if it has changed.
+    /// When the store can be written next; `None` if it has not changed.
     fn writes_at(&self) -> Option<Instant> {
         let store = self.store.as_ref()?;
         let waits = self.script.has_store_changed() || store.is_behind();
@@ -290,7 +291,8 @@ impl Host {
         }
     }
 
-    /// After everything else: nothing waits for pictures.
+    /// Reports and saves the frame that the script analysed. Runs after the output, which must not
+    /// wait for pictures.
     async fn show(&mut self) -> io::Result<()> {
         let sighting = self.script.take_sighting();
         if let Some(sighting) = sighting.as_ref().filter(|_| self.findings) {
@@ -305,7 +307,7 @@ impl Host {
         let Some(trouble) = gallery.trouble() else {
             return Ok(());
         };
-        let text = format!("a marked frame is not kept: {trouble}");
+        let text = format!("a marked frame was not saved: {trouble}");
         self.outbox.send(&warning(text)).await
     }
 
@@ -355,9 +357,7 @@ fn found(sighting: &Sighting) -> FromHost {
 }
 
 fn unwritten(trouble: &str) -> FromHost {
-    warning(format!(
-        "the store is not written as it should be: {trouble}"
-    ))
+    warning(format!("problem writing the store: {trouble}"))
 }
 
 #[cfg(test)]

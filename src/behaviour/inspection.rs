@@ -1,5 +1,5 @@
-//! Looks at a script as [`check`](crate::check) does, in a confined process of its own: the
-//! compiler reads untrusted source text.
+//! Runs [`check`](crate::check) on a script in a separate, confined process, since the compiler
+//! reads untrusted source text.
 
 use std::ffi::OsString;
 use std::io;
@@ -14,58 +14,59 @@ use crate::check::{CheckContext, Finding, Required, Severity, check, required};
 use crate::script::Options;
 use crate::walls::{self, Room, Worker, WorkerError};
 
-/// What its process is started for.
+/// The hidden argument that selects this purpose of the process.
 pub const INSPECTION: &str = "check";
-/// A text of the longest kind takes a small part of it.
+/// Time limit of an inspection; a text of the maximum length takes a small part of it.
 const LIMIT: Duration = Duration::from_secs(10);
 
 #[derive(Serialize, Deserialize)]
 struct Question {
     source: Vec<u8>,
     options: Options,
-    /// Where it is, as seen from the behaviour's folder.
+    /// The folder of the file, relative to the behaviour's folder.
     folder: String,
 }
 
-/// What was found in one file.
+/// The result of inspecting one file.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Inspected {
-    /// In the order of the file.
+    /// The findings, in the order of the file.
     pub findings: Vec<Finding>,
-    /// The modules that it requires.
+    /// The modules that the file requires.
     pub required: Vec<Required>,
 }
 
-/// Why a text could not be looked at.
+/// Why a text could not be inspected.
 #[derive(Debug, thiserror::Error)]
 pub enum InspectionError {
-    /// Question or answer is no message.
+    /// The request or the reply cannot be encoded or decoded.
     #[error(transparent)]
     Message(#[from] postcard::Error),
-    /// The process gave no answer.
+    /// The process gave no reply.
     #[error(transparent)]
     Worker(#[from] WorkerError),
 }
 
-/// Starts such processes.
+/// Starts inspection processes.
 #[derive(Debug, Clone)]
 pub struct Inspector(Worker);
 
 impl Inspector {
-    /// Of this executable, which must be `spykee`.
+    /// Uses this executable, which must be `spykee`.
     pub fn new(executable: PathBuf) -> Inspector {
         Inspector(Worker::new(executable, INSPECTION))
     }
 
-    /// Of the running executable.
+    /// Uses the running executable.
     ///
     /// # Errors
-    /// If the system does not tell where it is.
+    /// If the path of the executable cannot be determined.
     pub fn of_this_executable() -> io::Result<Inspector> {
         Worker::of_this_executable(INSPECTION).map(Inspector)
     }
 
-    /// Looks at a text; `folder` is where its file is, as seen from the behaviour's folder. Blocks.
+    /// Inspects a text. `folder` is the folder of its file, relative to the behaviour's folder.
+    /// Blocks.
     ///
     /// # Errors
     /// See [`InspectionError`].
@@ -89,10 +90,11 @@ impl Inspector {
         Ok(postcard::from_bytes(&answer)?)
     }
 
-    /// What refuses a script with these options; mere warnings are left out.
+    /// Returns the errors that prevent the script from running with these options, without the
+    /// warnings.
     ///
     /// # Errors
-    /// As of [`Inspector::inspect`].
+    /// See [`Inspector::inspect`].
     pub fn errors(
         &self,
         source: &[u8],
@@ -104,7 +106,7 @@ impl Inspector {
     }
 }
 
-/// The life of such a process. The arguments are its room.
+/// Runs an inspection process. The arguments describe its `Room`.
 pub fn inspection_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
     walls::answer(arguments, STACK, |question| {
         let Question {

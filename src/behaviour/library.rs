@@ -1,8 +1,9 @@
-//! Where `require` finds files: the folder of one behaviour's script, read by the agent. A host names
-//! what it wants and gets text; it has no right to open files there itself.
+//! Finds the files for `require` in the folder of one behaviour's script. The agent reads them: a
+//! host sends a module name and gets text; it has no right to open files there itself.
 //!
-//! A path is walked name by name, each opened within the folder before it and none of them through
-//! a symbolic link, so that nothing outside can be reached, whatever changes on the disk meanwhile.
+//! A path is walked component by component. Each is opened relative to the folder before it, and
+//! symbolic links are not followed, so that nothing outside can be reached even if the disk changes
+//! meanwhile.
 
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -18,12 +19,12 @@ use rustix::io::Errno;
 
 use crate::script::{MAX_SOURCE, ModuleFile, ModuleName, suggestion};
 
-/// A module's file ends so.
+/// Extensions of module files.
 const ENDINGS: [&str; 2] = [".lua", ".luau"];
-/// Names of a folder that are looked at.
+/// Maximum number of folder entries that are read.
 const MAX_NAMES: usize = 10_000;
 
-/// Why a module cannot be had, in words for the script's author.
+/// Why a module cannot be loaded, in words for the script's author.
 #[derive(Debug, thiserror::Error)]
 pub enum LibraryError {
     /// There is no folder to look in.
@@ -45,7 +46,7 @@ pub enum LibraryError {
         "module '{module}' was not found in the behaviour's folder: there is no {wanted}.lua{hint}"
     )]
     Missing {
-        /// As the script wrote it.
+        /// The module's name, as the script wrote it.
         module: String,
         /// The part of it that is missing.
         wanted: String,
@@ -55,34 +56,34 @@ pub enum LibraryError {
     /// Several files have this name.
     #[error("module '{module}': there are {}; keep one of them", .files.join(" and "))]
     Ambiguous {
-        /// As the script wrote it.
+        /// The module's name, as the script wrote it.
         module: String,
         /// Their names.
         files: Vec<String>,
     },
-    /// Links are not followed.
+    /// A component is a symbolic link, which is not followed, or is not a folder.
     #[error(
-        "module '{module}': {name} is a symbolic link or no folder; modules must be files in the \
+        "module '{module}': {name} is a symbolic link or not a folder; modules must be files in the \
          behaviour's own folder"
     )]
     Link {
-        /// As the script wrote it.
+        /// The module's name, as the script wrote it.
         module: String,
         /// The link.
         name: String,
     },
-    /// Such as a folder or a pipe.
+    /// The name belongs to something else, such as a folder or a pipe.
     #[error("module '{module}': {name} is not a file")]
     NotAFile {
-        /// As the script wrote it.
+        /// The module's name, as the script wrote it.
         module: String,
-        /// What is no file.
+        /// The name of what is not a file.
         name: String,
     },
     /// A file or folder cannot be opened or read.
     #[error("module '{module}': cannot {verb} {name}: {source}")]
     Io {
-        /// As the script wrote it.
+        /// The module's name, as the script wrote it.
         module: String,
         /// What failed: `open`, `list` or `read`.
         verb: &'static str,
@@ -93,7 +94,7 @@ pub enum LibraryError {
     },
 }
 
-/// See the module. Clones are the same library.
+/// See the module. Clones share the same state.
 #[derive(Debug, Clone, Default)]
 pub struct Library {
     folder: Option<PathBuf>,
@@ -101,7 +102,7 @@ pub struct Library {
 }
 
 impl Library {
-    /// Of the modules in this folder and below.
+    /// Serves the modules in this folder and below.
     pub fn new(folder: PathBuf) -> Library {
         Library {
             folder: Some(folder),
@@ -109,13 +110,13 @@ impl Library {
         }
     }
 
-    /// Every file that was read so far.
+    /// Returns every file read so far.
     pub fn files(&self) -> Vec<PathBuf> {
         let files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
         files.iter().cloned().collect()
     }
 
-    /// Reads a module. Blocks for as long as the disk does.
+    /// Reads a module. Blocks on disk access.
     ///
     /// # Errors
     /// See [`LibraryError`].
@@ -158,7 +159,7 @@ fn folder_flags() -> OFlags {
     OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC
 }
 
-/// A folder within a folder, which is not a link to elsewhere.
+/// Opens a subfolder, unless it is a symbolic link.
 fn enter(at: &OwnedFd, segment: &str, shown: &str) -> Result<OwnedFd, LibraryError> {
     let near = exact(at, segment, &[""], shown)?;
     let Some(segment) = near else {
@@ -168,13 +169,13 @@ fn enter(at: &OwnedFd, segment: &str, shown: &str) -> Result<OwnedFd, LibraryErr
     openat(at, &*segment, flags, Mode::empty()).map_err(|error| refused(&segment, shown, error))
 }
 
-/// The file's name with its ending.
+/// Returns the module's file name, with its extension.
 fn find(at: &OwnedFd, last: &str, shown: &str) -> Result<String, LibraryError> {
     exact(at, last, &ENDINGS, shown)?.ok_or_else(|| missing(at, last, shown))
 }
 
-/// The one name of the folder that is the wanted one with one of the endings, letter by letter: also
-/// where the disk itself does not tell large letters from small ones.
+/// Returns the folder entry that is `wanted` plus one of the endings. The comparison is
+/// case-sensitive even if the file system is not.
 fn exact(
     at: &OwnedFd,
     wanted: &str,
@@ -245,7 +246,8 @@ fn failed(shown: &str, verb: &'static str, name: &str, source: io::Error) -> Lib
     }
 }
 
-/// One byte more than a module may have, so that a longer one is told as such.
+/// Reads at most one byte more than a module may have, so that a longer one can be reported as too
+/// long.
 fn read(at: &OwnedFd, name: &str, shown: &str) -> Result<Vec<u8>, LibraryError> {
     let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let file = openat(at, name, flags | OFlags::NOCTTY, Mode::empty());
@@ -278,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn files_of_the_folder_are_read_and_counted() {
+    fn files_in_the_folder_are_read_and_listed() {
         let root = tempfile::tempdir().unwrap();
         fs::create_dir(root.path().join("lib")).unwrap();
         fs::write(root.path().join("lib/pid.luau"), "return 1").unwrap();
@@ -292,7 +294,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_outside_is_reached() {
+    fn files_outside_the_folder_are_not_reachable() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("behaviours");
         fs::create_dir_all(folder.join("real")).unwrap();
@@ -310,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told() {
+    fn errors_name_the_problem() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path();
         fs::write(folder.join("pid.lua"), "").unwrap();

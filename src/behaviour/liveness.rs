@@ -1,25 +1,25 @@
-//! Whether a host still shows signs of life.
+//! Detects hosts that no longer show signs of life.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// A host that has been silent for too long is waited for once more for so long: a machine that stalls
-/// as a whole must not end its scripts.
+/// Extra time, granted once, to a host that was silent for too long: a stall of the whole machine
+/// must not end its scripts.
 const SILENCE_GRACE: Duration = Duration::from_millis(500);
 
-/// When a running host was last heard, and for how long it may be silent.
+/// When a running host last sent a message, and how long it may be silent.
 #[derive(Debug)]
 pub(super) struct Liveness {
     pub(super) limit: Duration,
-    /// Once it runs.
+    /// Time of the last message; `None` until the host runs.
     heard: Option<Instant>,
-    /// It is waited for once more.
+    /// End of the extra time, if it was granted.
     grace: Option<Instant>,
 }
 
 impl Liveness {
-    /// Counts from when it is first heard.
+    /// Starts to count at the first call of [`Liveness::heard`].
     pub(super) fn new(limit: Duration) -> Liveness {
         Liveness {
             limit,
@@ -32,12 +32,13 @@ impl Liveness {
         (self.heard, self.grace) = (Some(Instant::now()), None);
     }
 
-    /// When it has been too long.
+    /// When the silence will have lasted too long.
     pub(super) fn deadline(&self) -> Option<Instant> {
         self.grace.or(self.heard.map(|heard| heard + self.limit))
     }
 
-    /// The deadline has passed: whether that is the end of the host.
+    /// To be called when the deadline has passed. Returns whether the host must be ended; grants
+    /// the extra time the first time.
     pub(super) fn is_over(&mut self) -> bool {
         self.grace.replace(Instant::now() + SILENCE_GRACE).is_some()
     }

@@ -1,5 +1,6 @@
-//! What of a host's lines reaches the log. An honest host bounds its script's lines itself; this holds
-//! also for one that has been broken: lines a second, bytes a day, and the length of each.
+//! Limits how many of a host's lines reach the log: lines per second, bytes per day, and the length
+//! of each line. An honest host limits its script's lines itself; this limit also holds for a
+//! compromised host.
 
 use std::time::Duration;
 
@@ -8,16 +9,17 @@ use tokio::time::Instant;
 use crate::budget::{Budget, Repeats};
 use crate::script::{Level, LogLine};
 
-/// Lines of one second: an honest host sends 100, and a few of its own.
+/// Maximum number of lines per second. An honest host sends at most 100, and a few of its own.
 const MAX_LINES: u32 = 120;
 const WINDOW: Duration = Duration::from_secs(1);
-/// How often is said that lines were left out.
+/// Minimum interval between two reports of dropped lines.
 const SAID_EVERY: Duration = Duration::from_secs(60);
-/// The longest text, and the longest of a field, in characters; an honest host cuts them shorter.
+/// Maximum length of a text, a field name and a field value, in characters; an honest host cuts
+/// them shorter.
 const LONGEST: usize = 4096;
-/// Most fields of a line.
+/// Maximum number of fields per line.
 const MAX_FIELDS: usize = 64;
-/// What a line costs besides its text: time, level, names.
+/// Bytes counted for each line besides its text: time, level, names.
 const OVERHEAD: usize = 80;
 
 /// See the module.
@@ -29,19 +31,20 @@ pub(super) struct LogLimiter {
     said: Repeats<()>,
 }
 
-/// What becomes of a line.
+/// The outcome for a line.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Fate {
-    /// It is written, perhaps shorter.
+    /// The line is written, possibly shortened.
     Written(LogLine),
-    /// It is not, which is to be said: so many before it were not either.
+    /// The line is dropped, and this must be reported, with the number of lines dropped since the
+    /// last report.
     LeftOut(u64),
-    /// It is not, and has been said lately.
+    /// The line is dropped; a recent report already said so.
     Silent,
 }
 
 impl LogLimiter {
-    /// Of a behaviour that may log so many bytes a day.
+    /// Creates the limiter of a behaviour that may log this many bytes per day.
     pub(super) fn new(per_day: u64) -> LogLimiter {
         LogLimiter {
             day: Budget::new(per_day),
@@ -93,7 +96,7 @@ fn cost(line: &LogLine) -> u64 {
     (OVERHEAD + line.text.len() + fields) as u64
 }
 
-/// A script's line in the agent's log.
+/// Writes a script's line to the agent's log.
 pub(super) fn log(behaviour: &str, line: &LogLine) {
     let fields: Vec<String> = line
         .fields
@@ -129,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_is_cut_to_so_many_lines_a_second_and_said_once_a_minute() {
+    fn a_flood_is_limited_per_second_and_reported_once_a_minute() {
         let (mut log_limiter, mut now) = (LogLimiter::new(1 << 30), Instant::now());
         let passed = (0..10_000)
             .filter(|_| written(&mut log_limiter, now))
@@ -146,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn a_day_has_its_bytes_and_a_line_its_length() {
+    fn bytes_per_day_and_line_length_are_limited() {
         let (mut log_limiter, mut now) = (LogLimiter::new(24 * 1000), Instant::now());
         let mut passed = 0;
         for _ in 0..3600 {

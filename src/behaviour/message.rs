@@ -1,5 +1,5 @@
-//! What agent and host say to each other. Both sides are bounded: a message is at most
-//! [`super::pipe::MAX_MESSAGE_LEN`] bytes, and what is not understood ends the host.
+//! The messages between agent and host. A message has at most [`super::pipe::MAX_MESSAGE_LEN`]
+//! bytes in either direction, and a message that cannot be decoded ends the host.
 
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
@@ -8,14 +8,14 @@ use super::library::Library;
 use crate::robot::{EndReason, Event, Finding, Frame, ParamValue};
 use crate::script::{Ending, ModuleFile, ModuleName, NoModule, Options, Output};
 
-/// A script and all it needs; no secrets.
+/// A script and everything it needs to run, without secrets.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Launch {
-    /// The script's text, as it stands in its file.
+    /// The script's text, exactly as in its file.
     pub source: Vec<u8>,
     /// The VM's options.
     pub options: Options,
-    /// Where `require` finds files. Stays with the agent.
+    /// Where `require` finds files. Not sent to the host.
     #[serde(skip)]
     pub library: Library,
 }
@@ -23,40 +23,40 @@ pub struct Launch {
 /// From the agent to the host.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum ToHost {
-    /// Load this; answered by [`FromHost::Ready`] or [`FromHost::Ended`].
+    /// Load this script; answered by [`FromHost::Ready`] or [`FromHost::Ended`].
     Load(Box<Launch>),
-    /// Run.
+    /// Run the loaded script.
     Go,
-    /// Something has happened.
+    /// An event for the script.
     Event(Event),
     /// A frame, in answer to [`FromHost::WantFrame`].
     Frame(Frame),
-    /// More of the frame on its way, in answer to [`FromHost::WantFrame`].
+    /// A further part of the frame that is being received, in answer to [`FromHost::WantFrame`].
     Ahead {
-        /// Bytes of it that came before.
+        /// Offset of this part in the frame, in bytes.
         at: usize,
         /// A part of the JPEG.
         jpeg: Bytes,
     },
-    /// Run what a person typed; answered by [`Output::Evaluated`].
+    /// Run a text that a user typed; answered by [`Output::Evaluated`].
     Evaluate {
-        /// Luau.
+        /// The Luau source text.
         text: String,
         /// Whether further lines may follow.
         more: bool,
     },
-    /// A person gives a parameter another value.
+    /// A user changes the value of a parameter.
     Turn {
-        /// Which.
+        /// The name of the parameter.
         name: String,
-        /// This.
+        /// Its new value.
         value: ParamValue,
     },
-    /// Bring to rest what typed lines have begun.
+    /// Stop the tracks, tasks and handlers that typed lines have started.
     Interrupt,
-    /// In answer to [`Output::Module`]: its file, or why there is none.
+    /// In answer to [`Output::Module`]: the module's file, or why it cannot be loaded.
     Module(ModuleName, Result<ModuleFile, NoModule>),
-    /// Come to an end within half a second.
+    /// End within half a second.
     Stop(EndReason),
 }
 
@@ -65,22 +65,22 @@ pub enum ToHost {
 pub enum FromHost {
     /// Loaded without an error.
     Ready,
-    /// The script asks for something, or has something to say.
+    /// A request or an output of the script.
     Output(Output),
-    /// Nothing to say, but alive.
+    /// A sign of life, without further content.
     Alive,
-    /// One frame, newer than the last, as soon as there is one.
+    /// Requests one frame newer than the last, as soon as there is one.
     WantFrame {
-        /// Also what has come of it.
+        /// Also send the parts of it that have already been received.
         ahead: bool,
-        /// The last one was damaged: the one before it will do.
+        /// The last frame was damaged: the one before it is also acceptable.
         damaged: bool,
     },
-    /// What the script found in a frame, for people who look on.
+    /// The objects that the script found in a frame, for viewers.
     Found {
         /// The frame's number.
         frame: u64,
-        /// The things.
+        /// The objects found.
         list: Vec<Finding>,
     },
     /// The script has ended; the host exits.

@@ -1,6 +1,6 @@
-//! A behaviour's process: the host that runs its VM (child side), its [`Supervisor`] (agent side)
-//! and the messages between them. The agent runs no Lua and no decoder; what crashes here, crashes
-//! alone.
+//! The process of a behaviour: the host that runs its VM (child side), its [`Supervisor`] (agent
+//! side) and the messages between them. The agent runs no Lua and no image decoder, so a crash in a
+//! host affects only its own behaviour.
 
 mod ahead;
 mod cadence;

@@ -1,24 +1,22 @@
-//! What a behaviour is called: in the log, and as the folder of what it keeps. So a name leads
-//! nowhere, and shows as what it is.
+//! The name of a behaviour, which appears in the log and is the name of its data folder. A name
+//! must therefore not contain path separators or unprintable characters.
 
 use std::path::Path;
 
 use crate::clean;
 
-/// The longest name, in characters.
+/// Maximum length of a name, in characters.
 pub const MAX_NAME: usize = 64;
 
-/// Why a behaviour cannot be called so. The name is shown in a harmless form.
+/// Why a name is not allowed. The name is displayed in a sanitised form.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "a behaviour cannot be called `{shown}`: {why}; give it another `name:` or its file another name"
-)]
+#[error("a behaviour cannot be called `{shown}`: {why}; set another `name:` or rename the file")]
 pub struct NameError {
     shown: String,
     why: &'static str,
 }
 
-/// The name of a behaviour in this file: its own without what follows the last dot.
+/// Returns the name of the behaviour in this file: the file name without its last extension.
 ///
 /// # Errors
 /// See [`NameError`].
@@ -30,7 +28,7 @@ pub fn name_of(file: &Path) -> Result<String, NameError> {
     }
 }
 
-/// Whether a behaviour may be called so.
+/// Checks that a behaviour may have this name.
 ///
 /// # Errors
 /// See [`NameError`].
@@ -42,9 +40,9 @@ pub fn validate_name(name: &str) -> Result<(), NameError> {
     } else if name.chars().count() > MAX_NAME {
         "it has more than 64 characters"
     } else if name.contains(['/', '\\', ':']) {
-        "it could lead elsewhere"
+        "it contains a slash, a backslash or a colon"
     } else if clean::line(name) != name {
-        "it has characters that do not show"
+        "it contains unprintable characters"
     } else {
         return Ok(());
     };
@@ -75,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn names_that_lead_elsewhere_or_do_not_show_are_refused() {
+    fn names_with_separators_or_unprintable_characters_are_refused() {
         for file in [
             "...lua",
             "..lua",
@@ -99,7 +97,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_good_name_is_one_step_into_a_folder(name in "\\PC{0,20}|[./\\\\a\u{1b}\n\u{202e}]{0,8}") {
+        fn a_valid_name_is_a_single_path_component(name in "\\PC{0,20}|[./\\\\a\u{1b}\n\u{202e}]{0,8}") {
             if validate_name(&name).is_ok() {
                 let parts: Vec<_> = Path::new(&name).components().collect();
                 prop_assert!(matches!(parts[..], [std::path::Component::Normal(part)] if part == &*name));

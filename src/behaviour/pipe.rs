@@ -12,7 +12,7 @@ use tokio::sync::mpsc;
 use tokio_util::codec::{FramedRead, FramedWrite, LengthDelimitedCodec};
 use tracing::debug;
 
-/// The longest message: a script of 256 KiB or a frame of 64 KiB, with room to spare.
+/// Maximum length of a message: a script of 256 KiB or a frame of 64 KiB fits easily.
 pub(super) const MAX_MESSAGE_LEN: usize = 512 * 1024;
 
 fn codec() -> LengthDelimitedCodec {
@@ -28,7 +28,7 @@ pub(super) struct Sender<M> {
 }
 
 impl<M: Serialize> Sender<M> {
-    /// Over any byte stream.
+    /// Sends over any byte stream.
     pub(super) fn new(io: impl AsyncWrite + Send + Unpin + 'static) -> Sender<M> {
         let io: Box<dyn AsyncWrite + Send + Unpin> = Box::new(io);
         Sender {
@@ -37,13 +37,13 @@ impl<M: Serialize> Sender<M> {
         }
     }
 
-    /// Puts a message into the buffer; [`Sender::flush`] sends what is there.
+    /// Puts a message into the buffer; [`Sender::flush`] sends the buffer's content.
     pub(super) async fn feed(&mut self, message: &M) -> io::Result<()> {
         let bytes = postcard::to_allocvec(message).map_err(io::Error::other)?;
         self.sink.feed(Bytes::from(bytes)).await
     }
 
-    /// Sends what is in the buffer.
+    /// Sends the content of the buffer.
     pub(super) async fn flush(&mut self) -> io::Result<()> {
         SinkExt::<Bytes>::flush(&mut self.sink).await
     }
@@ -54,12 +54,12 @@ impl<M: Serialize> Sender<M> {
         self.flush().await
     }
 
-    /// Sends what is queued at the reader's own pace, so that one that does not read blocks no other
-    /// task. Ends with the queue or the pipe.
+    /// Sends the messages of a queue at the reader's pace, so that a host that does not read blocks
+    /// no other task. Returns when the queue is closed or the pipe breaks.
     pub(super) async fn pump(mut self, mut queue: mpsc::Receiver<M>) {
         while let Some(message) = queue.recv().await {
             if let Err(error) = self.send(&message).await {
-                debug!("a host does not listen any more: {error}");
+                debug!("cannot send to a host: {error}");
                 return;
             }
         }
@@ -88,10 +88,10 @@ impl<M: DeserializeOwned> Receiver<M> {
         }
     }
 
-    /// The next message; `None` at the end of the stream. Cancel-safe.
+    /// Returns the next message; `None` at the end of the stream. Cancel-safe.
     ///
     /// # Errors
-    /// If the stream breaks, or its bytes are no message.
+    /// If the stream breaks or its bytes are not a valid message.
     pub(super) async fn next(&mut self) -> io::Result<Option<M>> {
         let Some(bytes) = self.stream.next().await.transpose()? else {
             return Ok(None);
@@ -112,7 +112,7 @@ mod tests {
     use tokio::time::Instant;
 
     #[tokio::test]
-    async fn messages_cross_whole() {
+    async fn a_long_message_arrives_complete() {
         let (left, right) = tokio::io::duplex(100);
         let (mut sender, mut receiver) = (Sender::new(left), Receiver::<ToHost>::new(right));
         let jpeg = Bytes::from(vec![7; 60_000]);
@@ -127,7 +127,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_length_beyond_the_limit_ends_the_stream_without_reserving_it() {
+    async fn a_length_beyond_the_limit_ends_the_stream_without_allocating_it() {
         let (mut left, right) = tokio::io::duplex(100);
         left.write_all(&[0xFF, 0xFF, 0xFF, 0xFF, 1]).await.unwrap();
         assert!(Receiver::<FromHost>::new(right).next().await.is_err());

@@ -1,4 +1,4 @@
-//! Whether a behaviour that has failed is started again, and when. Pure: the time is an argument.
+//! Decides whether and when a failed behaviour is restarted. Pure: the time is an argument.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -14,26 +14,27 @@ use tokio::time::Instant;
 
 use crate::robot::{EndReason, Seconds, whole_within};
 
-/// What is done about a behaviour that has failed.
+/// What to do with a failed behaviour.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum RestartPolicy {
-    /// It stays away.
+    /// Do not restart it.
     #[default]
     Never,
-    /// It is started again, as long as that does not happen too often.
+    /// Restart it, unless it fails too often.
     OnFailure(Restarts),
 }
 
-/// How a behaviour that has failed is started again.
+/// How a failed behaviour is restarted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Restarts {
-    /// The longest pause before the first restart; each further one within the window doubles it.
+    /// Upper limit of the pause before the first restart; it doubles with each further restart
+    /// within the window.
     pub first_pause: Duration,
-    /// No pause is longer.
+    /// Upper limit of every pause.
     pub max_pause: Duration,
-    /// So many restarts within the window, and the next failure is the last.
+    /// Maximum number of restarts within the window; after that, the next failure is final.
     pub max_restarts: u32,
-    /// The window. A run this long makes all failures before it forgotten.
+    /// The length of the window. After a run of this length all earlier failures are forgotten.
     pub within: Duration,
 }
 
@@ -49,11 +50,11 @@ impl Default for Restarts {
 }
 
 impl RestartPolicy {
-    /// What a command line and a config may say.
+    /// The values that a command line and a config accept.
     pub const WORDS: [&str; 2] = ["never", "on-failure"];
 }
 
-/// A word that is no policy.
+/// A word that is not a restart policy.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is neither `never` nor `on-failure`")]
 pub struct UnknownPolicy(String);
@@ -142,10 +143,10 @@ impl<'de> Deserialize<'de> for Count {
     }
 }
 
-/// What is to be done about a behaviour that has ended.
+/// What to do with a behaviour that has ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RestartDecision {
-    /// Nothing: it has not failed, or it is not to be restarted.
+    /// Nothing: it has not failed, or the policy is not to restart it.
     Over,
     /// Start it again after a pause.
     Again {
@@ -162,14 +163,13 @@ pub enum RestartDecision {
 #[derive(Debug)]
 pub struct RestartTracker {
     policy: RestartPolicy,
-    /// When it was last started again, the oldest first; at most `max_restarts`, all within the
-    /// window.
+    /// Times of the restarts within the window, oldest first; at most `max_restarts`.
     restarts: VecDeque<Instant>,
     rng: StdRng,
 }
 
 impl RestartTracker {
-    /// The seed is that of the pauses' jitter.
+    /// `seed` determines the jitter of the pauses.
     pub fn new(policy: RestartPolicy, seed: u64) -> RestartTracker {
         RestartTracker {
             policy,
@@ -178,7 +178,8 @@ impl RestartTracker {
         }
     }
 
-    /// The behaviour has ended: what is to be done. A restart counts from when it is due.
+    /// Decides what to do with a behaviour that has ended. A restart counts from the time it is
+    /// due.
     pub fn ended(&mut self, reason: EndReason, now: Instant) -> RestartDecision {
         let restarts = match self.policy {
             RestartPolicy::OnFailure(restarts) if is_failure(reason) => restarts,
@@ -195,21 +196,21 @@ impl RestartTracker {
             .first_pause
             .saturating_mul(2_u32.saturating_pow(count))
             .min(restarts.max_pause);
-        // Drawn from the upper half, so that several do not come back in the same instant.
+        // Random in the upper half, so that several behaviours do not restart at the same instant.
         let pause = step.mul_f64(self.rng.random_range(0.5..=1.0));
         self.restarts.push_back(now + pause);
         let number = count + 1;
         RestartDecision::Again { pause, number }
     }
 
-    /// The script is another one: what the old one did is forgotten.
+    /// Forgets all restarts, because the script has changed.
     pub fn forget(&mut self) {
         self.restarts.clear();
     }
 }
 
-/// Whether a behaviour that ended so has failed. The watchdog's word, a person's and the script's
-/// own are no failures.
+/// Whether this end reason is a failure. An end caused by the watchdog, by a person or by the
+/// script itself is not one.
 pub fn is_failure(reason: EndReason) -> bool {
     matches!(
         reason,
@@ -228,7 +229,7 @@ mod tests {
         RestartTracker::new(RestartPolicy::OnFailure(Restarts::default()), seed)
     }
 
-    /// Fails again and again after runs of this length: the pauses until it is given up.
+    /// Fails repeatedly after runs of this length; returns the pauses until the tracker gives up.
     fn pauses(restarts: &mut RestartTracker, run: Duration, most: usize) -> Vec<Duration> {
         let (mut now, mut pauses) = (Instant::now(), Vec::new());
         while pauses.len() < most {
@@ -247,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn pauses_double_and_then_it_is_given_up() {
+    fn pauses_double_until_the_tracker_gives_up() {
         for seed in 0..50 {
             let pauses = pauses(&mut restarts(seed), SECOND, 100);
             assert_eq!(pauses.len(), 5);
@@ -263,7 +264,7 @@ mod tests {
     }
 
     #[test]
-    fn a_config_says_a_word_or_a_table() {
+    fn a_config_accepts_a_word_or_a_table() {
         assert_eq!(read("never"), Ok(RestartPolicy::Never));
         let usual = Restarts::default();
         assert_eq!(read("on-failure"), Ok(RestartPolicy::OnFailure(usual)));
@@ -289,21 +290,21 @@ mod tests {
     }
 
     #[test]
-    fn one_seed_pauses_alike_and_two_do_not() {
+    fn equal_seeds_give_equal_pauses_and_different_seeds_do_not() {
         let of = |seed| pauses(&mut restarts(seed), SECOND, 5);
         assert_eq!(of(3), of(3));
         assert_ne!(of(3), of(4));
     }
 
     #[test]
-    fn a_run_as_long_as_the_window_makes_failures_forgotten() {
+    fn a_run_as_long_as_the_window_resets_the_count() {
         let pauses = pauses(&mut restarts(1), Restarts::default().within, 100);
         assert_eq!(pauses.len(), 100, "never given up");
         assert!(pauses.iter().all(|&pause| pause <= SECOND), "{pauses:?}");
     }
 
     #[test]
-    fn another_script_begins_anew() {
+    fn a_changed_script_resets_the_count() {
         let mut restarts = restarts(1);
         pauses(&mut restarts, SECOND, 100);
         restarts.forget();
@@ -311,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn only_failures_are_restarted_and_only_if_wanted() {
+    fn only_failures_are_restarted_and_only_if_the_policy_says_so() {
         let now = Instant::now();
         for &reason in EndReason::ALL {
             let wanted = restarts(1).ended(reason, now);
@@ -323,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn no_restart_allowed_is_given_up_at_once() {
+    fn with_no_restarts_allowed_the_first_failure_is_final() {
         let restarts = Restarts {
             max_restarts: 0,
             ..Restarts::default()
@@ -335,7 +336,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn never_more_restarts_in_any_window_than_allowed_and_no_pause_too_long(
+        fn restarts_per_window_and_pauses_stay_within_their_limits(
             seed: u64,
             (first, longest) in (1u64..5_000, 1u64..20_000),
             max_restarts in 0u32..8,

@@ -1,5 +1,5 @@
-//! A behaviour whose host has loaded its script and does not run it yet: the host's process, the two ends of
-//! its pipe, and the modules that it asks for.
+//! A behaviour whose host has loaded its script but does not run it yet: the host's process, the
+//! two ends of its pipe, and the modules that it requests.
 
 use std::io;
 use std::time::Duration;
@@ -19,16 +19,16 @@ use super::remarks::Remarks;
 use crate::robot::{BehaviourId, EndReason, Priority};
 use crate::script::{Ending, ModuleName, NoModule};
 
-/// Messages that may wait for a host that does not read.
+/// Capacity of the queue of messages to a host.
 const MAX_WAITING: usize = 128;
-/// Modules that a host may ask for in its life; an honest one asks for fewer.
+/// Maximum number of modules that a host may request in its lifetime; an honest one requests fewer.
 const MAX_MODULES: usize = 256;
 /// How long a host may take to load its script.
 const LOAD_TIME: Duration = Duration::from_secs(5);
-/// How long a host may take to exit once it said that it has ended.
+/// How long a host may take to exit after it reported its end.
 pub(super) const EXIT_TIME: Duration = Duration::from_millis(100);
 
-/// A behaviour whose script is loaded and does not run yet.
+/// A behaviour whose script is loaded but does not run yet.
 #[derive(Debug)]
 pub struct Prepared {
     pub(super) by: BehaviourId,
@@ -39,18 +39,18 @@ pub struct Prepared {
     pub(super) to_host: mpsc::Sender<ToHost>,
     pub(super) modules: mpsc::Sender<ModuleName>,
     pump: AbortHandle,
-    /// In virtual time no sign of life is expected.
+    /// False in virtual time, in which no sign of life is expected.
     pub(super) in_real_time: bool,
     pub(super) log_limiter: LogLimiter,
     pub(super) remarks: Remarks,
 }
 
 impl Prepared {
-    /// Starts a host and has it load the script. Its pipe is served by the runtime of `core`.
+    /// Starts a host and lets it load the script. The runtime `core` serves its pipe.
     ///
     /// # Errors
-    /// The script's own failure as an [`Ending`], in words for its author; a host that cannot be
-    /// started likewise.
+    /// An [`Ending`], in words for the script's author, if the script fails to load or the host
+    /// cannot be started.
     pub async fn start(
         launcher: &Launcher,
         core: &Runtime,
@@ -100,7 +100,7 @@ impl Prepared {
         }
     }
 
-    /// The ending of a host that ended without saying why.
+    /// Describes the end of a host that exited without reporting a reason.
     pub(super) async fn broken(&mut self) -> Ending {
         let status = match timeout(EXIT_TIME, self.process.wait()).await {
             Ok(status) => status,
@@ -134,8 +134,8 @@ fn connect(
     (Receiver::new(reader), to_host, pump)
 }
 
-/// Reads modules for a host, one after the other, on a thread that may wait for a disk; or `here`,
-/// where virtual time waits for nothing else. Ends with the behaviour.
+/// Reads modules for a host, one after the other, on a thread that may block on the disk; with
+/// `here`, for virtual time, on the current thread. Ends with the behaviour.
 fn librarian(
     library: Library,
     to_host: mpsc::Sender<ToHost>,

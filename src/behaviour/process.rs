@@ -1,7 +1,7 @@
-//! Starts and ends hosts. A host is a process: this very executable with a hidden argument and the
-//! folders it may use, a socket pair as its standard input, an empty environment, and nothing else
-//! open. In a simulation with virtual time it is a task of this process, on this thread, over pipes
-//! in memory: the same code and messages, but without a process's walls.
+//! Starts and ends hosts. A host is a process: this same executable with a hidden argument and the
+//! folders it may use, a socket pair as its standard input, an empty environment, and no other open
+//! files. In a simulation with virtual time it is a task of this process, on this thread, over
+//! in-memory pipes: the same code and messages, but without the isolation of a process.
 
 use std::fmt;
 use std::io;
@@ -19,12 +19,12 @@ use super::inspection::Inspector;
 use crate::files::Folder;
 use crate::walls::{self, Room};
 
-/// The hidden argument by which the executable knows that it is to be a host.
+/// The hidden argument that makes the executable run as a host.
 pub const HOST_ARGUMENT: &str = "__host";
-/// The most of a dying host's last words that is kept.
+/// Maximum number of bytes kept of what a failing host writes to its standard error.
 const MAX_LAST_WORDS: u64 = 4096;
 
-/// Bytes that may wait in a pipe in memory: some frames. More is written as it is read.
+/// Capacity of an in-memory pipe in bytes: a few frames. A writer waits while it is full.
 const PIPE_LEN: usize = 64 * 1024;
 
 /// The agent's reading end of a host's pipe.
@@ -35,50 +35,53 @@ pub(super) type PipeWriter = Box<dyn AsyncWrite + Send + Unpin>;
 /// How to start a host.
 #[derive(Debug, Clone)]
 pub struct Launcher {
-    /// `None`: in this process.
+    /// `None`: hosts are tasks of this process.
     executable: Option<PathBuf>,
 }
 
 impl Launcher {
-    /// Hosts are started from this executable, which must be `spykee`.
+    /// Starts hosts from this executable, which must be `spykee`.
     pub fn new(executable: PathBuf) -> Launcher {
         Launcher {
             executable: Some(executable),
         }
     }
 
-    /// Hosts are tasks of this thread, for virtual time. Only within a
-    /// [`tokio::runtime::LocalRuntime`], on a thread with [`super::STACK`] of stack. Nothing but
-    /// the VM's own limits holds such a script: no landlock, no seccomp, no limits of the kernel.
+    /// Runs hosts as tasks of this thread, for virtual time. Only within a
+    /// [`tokio::runtime::LocalRuntime`], on a thread with [`super::STACK`] of stack. Only the VM's
+    /// own limits confine such a script: no Landlock, no seccomp, no kernel limits.
     pub fn in_this_thread() -> Launcher {
         Launcher { executable: None }
     }
 
-    /// Hosts are started from the running executable.
+    /// Starts hosts from the running executable.
     ///
     /// # Errors
-    /// If the system does not tell where it is.
+    /// If the path of the executable cannot be determined.
     pub fn this_executable() -> io::Result<Launcher> {
         std::env::current_exe().map(Launcher::new)
     }
 
-    /// Looks at texts in processes of the same executable; `None` in virtual time, where there is none.
+    /// Returns an inspector that uses the same executable; `None` in virtual time, which uses no
+    /// processes.
     pub fn inspector(&self) -> Option<Inspector> {
         self.executable.clone().map(Inspector::new)
     }
 
-    /// Whether hosts are tasks of this thread: then no other thread may be waited for.
+    /// Whether hosts are tasks of this thread. If so, the caller must not wait for other threads.
     pub(super) fn is_in_this_thread(&self) -> bool {
         self.executable.is_none()
     }
 
-    /// Starts a host that can open no files but those in `folders`, which are made if need be; also
-    /// the agent's ends of its pipe, which are served by the runtime of `core`. Waits for the disk and
-    /// for the new process, so never to be called on the driving core; and from a thread that lives as
-    /// long as the agent: the host dies with the thread that started it.
+    /// Starts a host that can open only files in `folders`, which are created if necessary. Also
+    /// returns the agent's ends of its pipe, which the runtime `core` serves.
+    ///
+    /// Blocks on the disk and on the new process, so it must not be called on the driving core. The
+    /// calling thread must live as long as the agent: the host dies with the thread that started
+    /// it.
     ///
     /// # Errors
-    /// Whatever the system says; a folder that is a symbolic link.
+    /// Any error of the system; a folder that is a symbolic link.
     pub(super) fn start(
         &self,
         folders: &[&Path],
@@ -126,11 +129,12 @@ fn start_task() -> (HostProcess, PipeReader, PipeWriter) {
     (process, Box::new(from_host), Box::new(to_host))
 }
 
-/// Makes a folder that only its user can look into; one that is there stays as it is. Without one
-/// nothing can be saved, which is no reason not to run.
+/// Creates a folder that only its user can access; an existing one is left unchanged. If it cannot
+/// be created nothing can be saved, but the behaviour runs anyway.
 ///
 /// # Errors
-/// A symbolic link in its place: its author would decide where this user's files are written.
+/// If there is a symbolic link in its place: the author of the link would decide where this user's
+/// files are written.
 fn make_private(folder: &Path) -> io::Result<()> {
     match Folder::make(folder) {
         Ok(_) => Ok(()),
@@ -152,15 +156,15 @@ pub struct HostProcess {
 enum Life {
     Child(Child),
     Task(JoinHandle<io::Result<()>>),
-    /// A task that has answered.
+    /// A task that has ended and whose result was taken.
     Over,
 }
 
-/// How a host came to its end, in words.
+/// How a host ended.
 #[derive(Debug)]
 pub(super) enum Exit {
     Process(ExitStatus),
-    /// Empty: nothing was wrong.
+    /// The error; empty if there was none.
     Task(String),
 }
 
@@ -175,7 +179,8 @@ impl fmt::Display for Exit {
 }
 
 impl HostProcess {
-    /// SIGKILL, and waits until the process is reaped; a task is dropped where it waits.
+    /// Sends SIGKILL and waits until the process is reaped; a task is aborted at its current await
+    /// point.
     pub(super) async fn kill(&mut self) -> io::Result<Exit> {
         match &mut self.life {
             Life::Child(child) => child.start_kill()?,
@@ -185,7 +190,7 @@ impl HostProcess {
         self.wait().await
     }
 
-    /// Waits until it has ended by itself. Cancel-safe.
+    /// Waits until the host has ended on its own. Cancel-safe.
     pub(super) async fn wait(&mut self) -> io::Result<Exit> {
         let ended = match &mut self.life {
             Life::Child(child) => return child.wait().await.map(Exit::Process),
@@ -201,7 +206,7 @@ impl HostProcess {
         }))
     }
 
-    /// What a host that has ended wrote to its standard error: nothing, unless it broke.
+    /// Returns what a host that has ended wrote to its standard error: nothing, unless it failed.
     pub(super) async fn last_words(&mut self) -> String {
         let Life::Child(child) = &mut self.life else {
             return String::new();

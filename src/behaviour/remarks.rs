@@ -1,6 +1,6 @@
-//! What of a host's remarks reaches the bus. An honest host bounds its script's entries, messages and
-//! pictures itself; this holds also for one that has been broken: so much a day, short texts, and
-//! files of its own data folder only.
+//! Limits which of a host's remarks reach the bus: a daily budget, short texts, and only files in
+//! its own data folder. An honest host limits its script's entries, messages and pictures itself;
+//! this limit also holds for a compromised host.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -13,9 +13,9 @@ use crate::clean;
 use crate::robot::{Occurrence, Remark};
 use crate::script::{self, Limits, MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 
-/// How often is said that remarks were left out.
+/// Minimum interval between two reports of dropped remarks.
 const SAID_EVERY: Duration = Duration::from_secs(60);
-/// What an entry costs besides its text.
+/// Bytes counted for each entry besides its text.
 const OVERHEAD: usize = 100;
 
 /// See the module.
@@ -28,19 +28,20 @@ pub(super) struct Remarks {
     said: Repeats<()>,
 }
 
-/// What becomes of a remark.
+/// The outcome for a remark.
 #[derive(Debug, PartialEq)]
 pub(super) enum Fate {
-    /// It is told.
+    /// It is passed on to the bus.
     Passed(Occurrence),
-    /// It is not, which is to be said: so many before it were not either.
+    /// It is dropped, and this must be reported, with the number of remarks dropped since the last
+    /// report.
     LeftOut(u64),
-    /// It is not, and has been said lately.
+    /// It is dropped; a recent report already said so.
     Silent,
 }
 
 impl Remarks {
-    /// Of a behaviour that keeps its pictures in this folder.
+    /// Creates the limiter of a behaviour whose pictures are in this folder.
     pub(super) fn new(behaviour: String, folder: Option<PathBuf>, limits: &Limits) -> Remarks {
         Remarks {
             behaviour,
@@ -58,7 +59,7 @@ impl Remarks {
         }
     }
 
-    /// `None`: no honest host says so, or too much was said today.
+    /// Converts a remark. `None` if no honest host would send it, or if today's budget is used up.
     fn occurrence(&mut self, remark: Remark, now: Instant) -> Option<Occurrence> {
         let behaviour = self.behaviour.clone();
         match remark {
@@ -97,7 +98,8 @@ impl Remarks {
         }
     }
 
-    /// A file of its own folder.
+    /// Returns the path of a picture in the behaviour's own folder; `None` if `name` is not a valid
+    /// picture name.
     fn file(&self, name: &str) -> Option<PathBuf> {
         let folder = self.folder.as_ref()?;
         (script::picture_name(name).as_deref() == Some(name)).then(|| folder.join(name))
@@ -133,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_host_cannot_name_files_of_others() {
+    fn a_compromised_host_cannot_name_files_of_others() {
         let now = Instant::now();
         let mut remarks = remarks();
         let told = |fate| matches!(fate, Fate::Passed(_));
@@ -156,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_object_or_too_long_is_left_out() {
+    fn entries_that_are_too_long_or_not_objects_are_dropped() {
         let now = Instant::now();
         let long = format!("{{\"a\":\"{}\"}}", "x".repeat(MAX_ENTRY));
         for json in ["", "1", "[1]", "{\"a\":", long.as_str()] {
@@ -171,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_is_cut_to_the_days_budget_and_said_once_a_minute() {
+    fn a_flood_is_limited_to_the_daily_budget_and_reported_once_a_minute() {
         let (mut remarks, now) = (remarks(), Instant::now());
         let fates: Vec<_> = (0..1000)
             .map(|_| remarks.admit(notice(None), now))

@@ -1,8 +1,9 @@
-//! The file of a script's store, in its data folder: read at the start, written by a thread of its
-//! own, so that neither the script nor a frame ever waits for a disk.
+//! Reads and writes the file of a script's store, in its data folder. The file is read at the start
+//! and written by a separate thread, so that neither the script nor a frame ever waits for the
+//! disk.
 //!
-//! A file is never half written: its new content is written beside it, brought to the disk and then
-//! given its name. A damaged file is kept aside as `.bad`.
+//! Writes are atomic: the new content goes to a temporary file, which is synced to the disk and
+//! then renamed. A damaged file is kept as `.bad`.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -18,15 +19,15 @@ use crate::script::Limits;
 
 /// The file's name.
 const NAME: &str = "store.json";
-/// What a damaged one is called.
+/// The name given to a damaged file.
 const BAD: &str = "store.json.bad";
-/// What earlier versions left unfinished begins so.
+/// Prefix of the temporary files that earlier versions left behind.
 const UNFINISHED: &str = ".store-";
-/// The longest file that is read: twice what is ever written.
+/// Maximum length of a file that is read: twice the maximum that is ever written.
 const LONGEST: u64 = 2 << 20;
-/// From one write to the next: with the write itself, what is on the disk is at most 1 s old.
+/// Interval between writes: including the write itself, the file is at most 1 s old.
 const PACE: Duration = Duration::from_millis(900);
-/// The same when the day's bytes are used up.
+/// Interval between writes when the daily budget is used up.
 const SLOW_PACE: Duration = Duration::from_secs(60);
 
 /// See the module.
@@ -35,17 +36,17 @@ pub(super) struct StoreWriter {
     folder: PathBuf,
     /// `None` before the first write, and at the end.
     writer: Option<Writer>,
-    /// Not before this.
+    /// Earliest time of the next write.
     next: Option<Instant>,
-    /// What the thread was too busy for.
+    /// Content that the thread was too busy to take.
     held: Option<Vec<u8>>,
     told: Option<String>,
-    /// Nothing is written before the end: see [`StoreWriter::at_the_end`].
+    /// Writes only at the end: see [`StoreWriter::at_the_end`].
     late: bool,
     day: Budget,
-    /// So much of the disk stays free.
+    /// Bytes of the disk that must stay free.
     free: u64,
-    /// Whether it was told that the day's bytes are used up; `Some(false)`: not yet.
+    /// `Some` if the daily budget was exceeded: whether that was reported.
     slow: Option<bool>,
 }
 
@@ -57,7 +58,7 @@ struct Writer {
 }
 
 impl StoreWriter {
-    /// Of the store in this folder.
+    /// Creates the writer of the store in this folder.
     pub(super) fn new(folder: PathBuf, limits: &Limits) -> StoreWriter {
         StoreWriter {
             folder,
@@ -72,18 +73,18 @@ impl StoreWriter {
         }
     }
 
-    /// As [`StoreWriter::new`], for virtual time, in which a disk would be an hour late and a different
-    /// one each time: the file is written once, when the script ends or is ended.
+    /// Same as [`StoreWriter::new`], but for virtual time, in which a disk write would take a long
+    /// and varying time: the file is written once, when the script ends or is ended.
     pub(super) fn at_the_end(folder: PathBuf, limits: &Limits) -> StoreWriter {
         let mut writer = StoreWriter::new(folder, limits);
         writer.late = true;
         writer
     }
 
-    /// What an earlier run kept; `None` if there was none.
+    /// Returns the content that an earlier run saved; `None` if there is none.
     ///
     /// # Errors
-    /// If there is something that cannot be read.
+    /// If the file exists and cannot be read.
     pub(super) fn read(&self) -> io::Result<Option<Vec<u8>>> {
         match Folder::open(&self.folder) {
             Ok(folder) => Ok(folder.read(NAME, LONGEST)?),
@@ -92,13 +93,13 @@ impl StoreWriter {
         }
     }
 
-    /// Keeps a damaged file aside; the warning for people.
+    /// Renames a damaged file and returns a warning for the user.
     pub(super) fn set_aside(&self, why: &str) -> String {
         let file = self.folder.join(NAME);
         let renamed = Folder::open(&self.folder).and_then(|folder| folder.rename(NAME, BAD));
         let kept = match renamed {
             Ok(()) => format!("kept aside as {BAD}"),
-            Err(error) => format!("it cannot be kept aside either: {error}"),
+            Err(error) => format!("it cannot be renamed either: {error}"),
         };
         let file = file.display();
         format!(
@@ -106,22 +107,22 @@ impl StoreWriter {
         )
     }
 
-    /// When the next content may be offered.
+    /// Earliest time at which [`StoreWriter::offer`] may be called again; `None`: at any time.
     pub(super) fn next(&self) -> Option<Instant> {
         self.next
     }
 
-    /// Whether something waits for its time.
+    /// Whether content is waiting to be written.
     pub(super) fn is_behind(&self) -> bool {
         self.held.is_some() && !self.late
     }
 
-    /// Whether it may be given something now.
+    /// Whether [`StoreWriter::offer`] may be called now.
     pub(super) fn is_due(&self, now: Instant) -> bool {
         self.next.is_none_or(|next| now >= next)
     }
 
-    /// Writes the newest content, soon. Never waits.
+    /// Hands the newest content to the writing thread. Never waits.
     pub(super) fn offer(&mut self, newest: Option<Vec<u8>>, now: Instant) {
         let Some(content) = newest.or_else(|| self.held.take()) else {
             return;
@@ -153,7 +154,7 @@ impl StoreWriter {
         Ok(self.writer.insert(writer))
     }
 
-    /// Why something was not written, once for each reason.
+    /// Returns a problem to report, such as a failed write; not the same one twice in a row.
     pub(super) fn trouble(&mut self) -> Option<String> {
         if self.slow == Some(false) {
             self.slow = Some(true);
@@ -168,7 +169,7 @@ impl StoreWriter {
         new.then_some(heard)
     }
 
-    /// Writes what is left, and waits for it.
+    /// Writes the remaining content and waits for the thread. Returns its last error.
     pub(super) fn finish(&mut self, last: Option<Vec<u8>>) -> Option<String> {
         if let Some(content) = last.or_else(|| self.held.take())
             && let Ok(writer) = self.writer()
@@ -186,7 +187,8 @@ impl StoreWriter {
     }
 }
 
-/// A host that is ended by force in virtual time keeps what one in a process of its own keeps.
+/// Also writes the content if the host is ended by force in virtual time, as a host in its own
+/// process would have done.
 impl Drop for StoreWriter {
     fn drop(&mut self) {
         if let Some(content) = self.held.take().filter(|_| self.late) {
@@ -216,7 +218,8 @@ impl Writer {
     }
 }
 
-/// All of the new content under the file's name, or still all of the old.
+/// Replaces the file atomically: afterwards it holds either all of the new content or all of the
+/// old.
 fn replace(folder: &Path, content: &[u8], free: u64) -> io::Result<()> {
     let folder = Folder::make(folder)?;
     if folder.free()? < free.saturating_add(content.len() as u64) {
@@ -234,7 +237,7 @@ mod tests {
     use std::os::unix::fs::{PermissionsExt as _, symlink};
 
     #[test]
-    fn the_last_content_is_there_at_the_end_and_private() {
+    fn the_last_content_is_written_at_the_end_and_is_private() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("data");
         let mut writer = StoreWriter::new(folder.clone(), &Limits::default());
@@ -268,7 +271,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_run_left_unfinished_does_no_harm() {
+    fn leftover_temporary_files_are_removed() {
         let root = tempfile::tempdir().unwrap();
         fs::write(root.path().join(".store-77"), "{\"a\": ").unwrap();
         fs::write(root.path().join(NAME), "{}").unwrap();
@@ -293,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn a_link_in_the_place_of_folder_or_file_is_not_followed() {
+    fn a_symbolic_link_as_folder_or_file_is_not_followed() {
         let root = tempfile::tempdir().unwrap();
         let path = |name: &str| root.path().join(name);
         fs::create_dir(path("elsewhere")).unwrap();
@@ -318,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_store_that_writes_more_than_its_days_bytes_is_written_once_a_minute() {
+    fn a_store_over_its_daily_budget_is_written_once_a_minute() {
         let root = tempfile::tempdir().unwrap();
         let limits = Limits {
             store_bytes_a_day: 48,
@@ -337,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_disk_is_left_alone() {
+    fn nothing_is_written_to_a_full_disk() {
         let root = tempfile::tempdir().unwrap();
         let limits = Limits {
             free_bytes: 1 << 50,
@@ -350,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_cannot_be_written_to_is_told() {
+    fn a_folder_that_cannot_be_written_is_reported() {
         let root = tempfile::tempdir().unwrap();
         let file = root.path().join("file");
         fs::write(&file, "").unwrap();

@@ -1,7 +1,8 @@
-//! The agent side of one behaviour that runs: passes messages on in both directions, and sees to it that a host that has ended, for whatever reason, moves nothing any more.
+//! The agent side of one running behaviour: forwards messages in both directions, and ensures that
+//! a host that has ended, for whatever reason, no longer moves the robot.
 //!
-//! Messages are passed on by the driving core. What may wait for the system, to start a host, to read
-//! a module for it, to find out why it ended, is done by the caller's runtime.
+//! The driving core forwards the messages. Work that may block on the system (starting a host,
+//! reading a module for it, finding out why it ended) runs on the caller's runtime.
 
 use std::time::Duration;
 
@@ -23,7 +24,7 @@ use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{Bus, Coming, EndReason, Findings, Lookout, Pictures, Remark, Turned};
 use crate::script::{Ending, LogLine, Output};
 
-/// How long a script's last words may take (`API.md`, `script.on_stop`), and the host's way out.
+/// Time limit for a script's last words (`API.md`, `script.on_stop`) plus the exit of its host.
 const STOP_TIME: Duration = Duration::from_millis(700);
 
 /// Tells a running behaviour to end.
@@ -41,14 +42,14 @@ impl Default for Handle {
 }
 
 impl Handle {
-    /// The script may say its last words and is ended by force after 0.7 s. The first reason stays.
+    /// Lets the script say its last words; ends it by force after 0.7 s. The first reason is kept.
     pub fn stop(&self, reason: EndReason) {
         self.stop
             .send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
     }
 }
 
-/// A behaviour that is prepared to run.
+/// Supervises a prepared behaviour while it runs.
 #[derive(Debug)]
 pub struct Supervisor {
     host: Prepared,
@@ -56,23 +57,23 @@ pub struct Supervisor {
     inbox: EventReceiver,
     frames: watch::Receiver<Pictures>,
     last_frame: u64,
-    /// The frame that it got before that.
+    /// The frame passed on before that.
     last_but_one: u64,
     frame_wanted: bool,
-    /// The host decodes ahead what it gets of a frame.
+    /// The host wants partial frames, to decode them early.
     ahead_wanted: bool,
     ahead: Ahead,
     dropped: u64,
     dialogue: Option<Dialogue>,
     liveness: Option<Liveness>,
     lookout: Lookout,
-    /// Parameters that people change.
+    /// Parameter changes by users.
     turned: broadcast::Receiver<Turned>,
     bus: Bus,
 }
 
 impl Supervisor {
-    /// Brings a prepared behaviour aboard: the pilot knows it from now on.
+    /// Registers a prepared behaviour with the pilot.
     pub async fn board(
         host: Prepared,
         role: Role,
@@ -108,13 +109,13 @@ impl Supervisor {
         }
     }
 
-    /// What its script has done or wants that is not the robot's is told on this bus.
+    /// Publishes the script's remarks (entries, notices, pictures) on this bus.
     #[must_use]
     pub fn with_bus(self, bus: Bus) -> Supervisor {
         Supervisor { bus, ..self }
     }
 
-    /// What it finds in frames is told here.
+    /// Publishes the script's findings in frames, and its parameters, through this lookout.
     #[must_use]
     pub fn with_lookout(self, lookout: Lookout) -> Supervisor {
         Supervisor {
@@ -124,7 +125,7 @@ impl Supervisor {
         }
     }
 
-    /// A person at a prompt types lines for the script and reads its output.
+    /// Connects a prompt, whose user types lines for the script and reads its output.
     #[must_use]
     pub fn with_dialogue(self, dialogue: Dialogue) -> Supervisor {
         Supervisor {
@@ -133,16 +134,16 @@ impl Supervisor {
         }
     }
 
-    /// Its host is ended if it shows no life for so long, whether it drives or not. While it drives the
-    /// watchdog is stricter.
+    /// Sets how long the host may be silent before it is ended, whether it drives or not. While it
+    /// drives, the watchdog is stricter.
     #[must_use]
     pub fn with_longest_silence(self, limit: Duration) -> Supervisor {
         let liveness = self.host.in_real_time.then(|| Liveness::new(limit));
         Supervisor { liveness, ..self }
     }
 
-    /// Runs the behaviour to its end, its messages served by the runtime of `core`. The moment it has
-    /// ended the pilot knows.
+    /// Runs the behaviour to its end; the runtime `core` serves its messages. The pilot is informed
+    /// as soon as it has ended.
     pub async fn run(self, handle: Handle, core: &Runtime) -> Ending {
         let (requests, by) = (self.requests.clone(), self.host.by);
         let served = core.spawn(self.serve_to_the_end(handle.stop.subscribe()));
@@ -152,7 +153,7 @@ impl Supervisor {
         };
         let ending = match ending {
             Some(ending) => ending,
-            // Why it broke takes time to find out; its motion has stopped by then.
+            // Finding out why the host failed takes time; its motion has stopped by then.
             None => supervisor.host.broken().await,
         };
         supervisor.reap().await;
@@ -167,12 +168,16 @@ impl Supervisor {
         let _ = self.requests.send(Request::Gone(self.host.by)).await;
         self.lookout.console().forget(&self.host.name);
         if self.dropped > 0 {
-            warn!(behaviour = %self.host.name, dropped = self.dropped, "events did not reach it");
+            warn!(
+                behaviour = %self.host.name,
+                dropped = self.dropped,
+                "messages to its host were dropped, because it did not read them in time"
+            );
         }
         (self, ending)
     }
 
-    /// Until it has ended; `None` if its host has, without a word.
+    /// Serves the behaviour until it has ended; `None` if its host ended without a report.
     async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Option<Ending> {
         let (mut last_moment, mut running) = (None, false);
         let picture = self.inbox.picture();
@@ -219,7 +224,7 @@ impl Supervisor {
                     }
                     Ok(None) => return None,
                     Err(error) => {
-                        debug!("a host broke the pipe: {error}");
+                        debug!("the pipe to a host broke: {error}");
                         return None;
                     }
                 },
@@ -266,7 +271,7 @@ impl Supervisor {
                 return;
             }
             FromHost::Output(Output::Module(name)) => {
-                // A host that asks for more than there is room for is compromised, and gets nothing.
+                // Only a compromised host requests more than the queue holds: drop the request.
                 let _ = self.host.modules.try_send(name);
                 return;
             }
@@ -305,8 +310,8 @@ impl Supervisor {
         }
     }
 
-    /// The newest frame, if it is newer than the last one that was passed on, or the part of the
-    /// next frame that has come.
+    /// Passes on the newest frame if it is newer than the last one passed on, or else the received
+    /// part of the next frame.
     fn pass_picture(&mut self) {
         let Pictures { newest, coming, .. } = self.frames.borrow().clone();
         let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
@@ -317,8 +322,8 @@ impl Supervisor {
         self.pass_on(ToHost::Frame(frame));
     }
 
-    /// The last frame that was passed on is damaged: the one before it, unless it was passed on too or
-    /// a newer one has come.
+    /// Replaces a damaged frame: passes on the frame before it, unless that one was passed on too
+    /// or a newer one has arrived.
     fn pass_before(&mut self) {
         let Pictures { newest, before, .. } = self.frames.borrow().clone();
         let still_newest = newest.is_some_and(|frame| frame.seq == self.last_frame);
@@ -338,7 +343,7 @@ impl Supervisor {
         }
     }
 
-    /// Whether the message found room.
+    /// Queues a message to the host. Returns false if the queue is full.
     fn pass_on(&mut self, message: ToHost) -> bool {
         let sent = self.host.to_host.try_send(message).is_ok();
         self.dropped += u64::from(!sent);
@@ -370,7 +375,7 @@ impl Supervisor {
         )
     }
 
-    /// No host outlives its behaviour.
+    /// Ends the host process, so that no host outlives its behaviour.
     async fn reap(&mut self) {
         if timeout(EXIT_TIME, self.host.process.wait()).await.is_ok() {
             return;

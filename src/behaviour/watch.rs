@@ -1,8 +1,9 @@
-//! Sees that a script's file, or one of the modules that it has loaded, was saved, and reads the script.
+//! Detects that a script's file, or a module that it has loaded, was saved, and reads the script
+//! again.
 //!
-//! Looks at the file four times a second instead of asking the kernel for news of it: that costs
-//! next to nothing, and works on network folders and for every way in which editors save, be it in
-//! several writes or by renaming over.
+//! Polls the file four times a second instead of using kernel notifications: polling costs next to
+//! nothing, and works on network folders and however an editor saves, in several writes or by
+//! renaming.
 
 use std::collections::BTreeMap;
 use std::fs::Metadata;
@@ -20,27 +21,28 @@ use super::library::Library;
 use crate::files;
 use crate::script::MAX_SOURCE;
 
-/// How often a file is looked at.
+/// Polling interval.
 const PERIOD: Duration = Duration::from_millis(250);
-/// A save is over when the file has stayed the same for so long.
+/// A save is complete when the file has not changed for this long.
 const SETTLED: Duration = Duration::from_millis(200);
 
 /// A script's new text.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Reload {
-    /// As it stands in the file.
+    /// The text, exactly as in the file.
     pub source: Vec<u8>,
 }
 
-/// Reads a script: at most one byte more than it may have, so that a longer one is told as such.
+/// Reads a script: at most one byte more than it may have, so that a longer one can be reported as
+/// too long.
 ///
 /// # Errors
-/// Whatever the system says; what is no file, such as a pipe.
+/// Any error of the system; if it is not a regular file but, for example, a pipe.
 pub fn read_source(file: &Path) -> io::Result<Vec<u8>> {
     Ok(files::read_beginning(file, MAX_SOURCE as u64 + 1)?)
 }
 
-/// A script's file and its modules under watch.
+/// Watches a script's file and its modules.
 #[derive(Debug)]
 pub struct Watched {
     file: PathBuf,
@@ -50,8 +52,8 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// From how the file is now: to be called before it is read for the first time, so that no save
-    /// is missed.
+    /// Starts from the file's current state. To be called before the file is first read, so that no
+    /// save is missed.
     pub fn new(file: PathBuf) -> Watched {
         let saves = Saves::new(mark(&file));
         Watched {
@@ -62,14 +64,14 @@ impl Watched {
         }
     }
 
-    /// From now on also the modules that this library has read.
+    /// Also watches the modules that this library has read.
     #[must_use]
     pub fn with_modules(self, library: Library) -> Watched {
         Watched { library, ..self }
     }
 
-    /// Sends the text after every save, until the receiver is dropped. A save of the same text
-    /// counts: so a script that has ended is started again.
+    /// Sends the text after every save, until the receiver is dropped. Saving an unchanged text
+    /// counts too: this is how a script that has ended is started again.
     pub async fn run(mut self, reloads: mpsc::Sender<Reload>) {
         loop {
             tokio::select! {
@@ -92,7 +94,8 @@ impl Watched {
         }
     }
 
-    /// A module that is seen for the first time was only just read.
+    /// Whether a module was saved. A module that appears for the first time has just been read and
+    /// does not count.
     fn is_module_saved(&mut self, marks: Vec<(PathBuf, Option<Mark>)>, now: Instant) -> bool {
         let mut saved = false;
         for (file, mark) in marks {
@@ -105,7 +108,7 @@ impl Watched {
         saved
     }
 
-    /// The text, unless it changes under our hands: then the save was not over.
+    /// Returns the text, unless the file changes while it is read: then the save was not complete.
     async fn read(&mut self, before: Option<Mark>) -> Option<Vec<u8>> {
         let file = self.file.clone();
         let read = spawn_blocking(move || (read_source(&file), mark(&file)));
@@ -123,7 +126,7 @@ impl Watched {
     }
 }
 
-/// What tells a saved file from the one before, without reading it.
+/// File metadata that changes with every save, so that the file need not be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Mark {
     inode: (u64, u64),
@@ -141,7 +144,7 @@ impl From<Metadata> for Mark {
     }
 }
 
-/// `None` while there is no such file.
+/// Returns the file's current mark; `None` if there is no such file.
 fn mark(file: &Path) -> Option<Mark> {
     std::fs::metadata(file).ok().map(Mark::from)
 }
@@ -151,7 +154,7 @@ fn marks(files: Vec<PathBuf>) -> Vec<(PathBuf, Option<Mark>)> {
     files.into_iter().map(marked).collect()
 }
 
-/// Tells when a save is over: a debounce. Pure: the time is an argument.
+/// Debounces changes to detect when a save is complete. Pure: the time is an argument.
 #[derive(Debug)]
 struct Saves<M> {
     taken: Option<M>,
@@ -163,8 +166,7 @@ impl<M: Copy + PartialEq> Saves<M> {
         Saves { taken, seen: None }
     }
 
-    /// Whether there is a file that differs from the one that was taken last, and has stayed as it is
-    /// for a while.
+    /// Whether the file differs from the one taken last and has not changed for a while.
     fn is_over(&mut self, mark: Option<M>, now: Instant) -> bool {
         let Some(mark) = mark.filter(|mark| Some(*mark) != self.taken) else {
             self.seen = None;
@@ -178,7 +180,7 @@ impl<M: Copy + PartialEq> Saves<M> {
         now >= since + SETTLED
     }
 
-    /// The file was read in this state.
+    /// Records that the file was read in this state.
     fn taken(&mut self, mark: Option<M>) {
         (self.taken, self.seen) = (mark, None);
     }
@@ -192,7 +194,7 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
 
     #[test]
-    fn a_save_in_several_writes_is_one() {
+    fn a_save_in_several_writes_counts_once() {
         let (mut saves, now) = (Saves::new(Some(1)), Instant::now());
         assert!(!saves.is_over(Some(1), now), "as it was");
         assert!(!saves.is_over(Some(2), now + 250 * MS), "just written");
@@ -204,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_comes_later_is_a_save() {
+    fn a_file_that_appears_later_counts_as_a_save() {
         let (mut saves, now) = (Saves::new(None), Instant::now());
         assert!(!saves.is_over(None, now));
         assert!(!saves.is_over(Some(1), now));
@@ -213,7 +215,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn only_what_is_new_and_has_settled_is_taken_and_the_last_save_always(
+        fn only_new_and_settled_states_are_taken_and_always_the_last(
             looks in prop::collection::vec((prop::option::of(0u8..4), 1u32..400), 0..100),
             last in 0u8..4,
         ) {
@@ -238,7 +240,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_saved_file_is_read_and_a_rename_over_it_too() {
+    async fn a_file_is_read_after_a_save_and_after_a_rename() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("script.lua");
         std::fs::write(&file, "one").unwrap();

@@ -1,5 +1,6 @@
-//! A failed run in words for people: which expression was nil, why it may be, and the line with a
-//! caret. The VM tells the line and what it could not do; the tree tells what stands there.
+//! Explains a failed run in plain words: which expression was nil, why that may be, and the source
+//! line with a caret. The VM reports the line and the failed operation; the syntax tree shows the
+//! expressions on that line.
 
 mod failures;
 mod reasons;
@@ -14,15 +15,15 @@ use super::lexer::Span;
 use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
 use super::{CheckContext, parser, walk};
 
-/// What could not be done, and where.
+/// What failed, and where.
 struct Remark {
     at: Span,
     message: String,
     help: String,
 }
 
-/// The text of an error, such as `a.lua:3: attempt to index nil with 'cx'`, in words, with the
-/// source line; `None` if it is not of this file.
+/// Explains an error such as `a.lua:3: attempt to index nil with 'cx'` in plain words, with the
+/// source line. `None` if it is not in this file or needs no explanation.
 pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
     let rest = text.strip_prefix(chunk)?.strip_prefix(':')?;
     let (line, words) = rest.split_once(": ")?;
@@ -40,7 +41,7 @@ pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
             .iter()
             .any(|call| whole.of(source).contains(call))
     {
-        // The script's own words need no explanation.
+        // An error that the script raised itself needs no explanation.
         return None;
     }
     let remark = remark.unwrap_or(Remark {
@@ -48,7 +49,7 @@ pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
         message: words.to_owned(),
         help: String::new(),
     });
-    // The caret stands on the line that the VM tells, whatever stands around it.
+    // The caret must be on the line that the VM reports.
     let at = if remark.at.start >= whole.start && remark.at.start <= whole.end {
         remark.at
     } else {
@@ -62,7 +63,7 @@ pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
     ))
 }
 
-/// A line without its indentation.
+/// Returns the span of a line, without its indentation.
 fn line_span(source: &str, number: usize) -> Option<Span> {
     let start: usize = source
         .split_inclusive('\n')
@@ -77,7 +78,7 @@ fn line_span(source: &str, number: usize) -> Option<Span> {
     })
 }
 
-/// What needs no tree.
+/// Explains an error without a syntax tree.
 fn general(words: &str, at: Span) -> Option<Remark> {
     let said = |message: &str, help: &str| {
         Some(Remark {
@@ -94,7 +95,7 @@ fn general(words: &str, at: Span) -> Option<Remark> {
     }
     if words.contains("attempt to call a") || words.contains("attempt to call missing") {
         return said(
-            "what is called here is not a function",
+            "the value called here is not a function",
             "check the spelling of its name",
         );
     }
@@ -143,11 +144,11 @@ fn general(words: &str, at: Span) -> Option<Remark> {
 
 struct Scene<'a> {
     source: &'a str,
-    /// All that begins or ends on the line, in the order of the text.
+    /// The expressions that overlap the line, in the order of the text.
     exprs: Vec<&'a Expr>,
     statements: Vec<&'a Statement>,
     kinds: Kinds<'a>,
-    /// What local variables begin as: the value, and which of its results.
+    /// The initial values of local variables: the expression, and the index of its result.
     begins: BTreeMap<LocalId, (&'a Expr, usize)>,
 }
 
@@ -235,7 +236,7 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// Every statement, outer ones first, those of functions too.
+/// Visits every statement, outer ones first, including those in functions.
 fn each_statement<'a>(block: &'a Block, visit: &mut dyn FnMut(&'a Statement)) {
     for statement in block {
         visit(statement);
@@ -252,7 +253,7 @@ fn each_statement<'a>(block: &'a Block, visit: &mut dyn FnMut(&'a Statement)) {
     }
 }
 
-/// The blocks of the functions in an expression, those within them left out.
+/// Collects the blocks of the functions in an expression, without functions nested in them.
 fn outer_functions<'a>(expr: &'a Expr, bodies: &mut Vec<&'a Block>) {
     if let ExprKind::Function(body) = &expr.kind {
         return bodies.push(&body.block);

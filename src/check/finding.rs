@@ -1,41 +1,41 @@
-//! What is wrong in a script, where, and how it is shown: the line with a caret below.
+//! A finding: what is wrong in a script, where, and how it is shown (the line with a caret below).
 
 use serde::{Deserialize, Serialize};
 
 use super::lexer::Span;
 
-/// How bad it is.
+/// The severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
-    /// It cannot work.
+    /// The script cannot work.
     Error,
-    /// It works, but hardly as meant.
+    /// The script works, but probably not as intended.
     Warning,
 }
 
-/// One thing that is wrong.
+/// One problem in a script.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Finding {
-    /// The file as it was named.
+    /// The file, as it was named by the caller.
     pub file: String,
-    /// From 1.
+    /// The line, from 1.
     pub line: u32,
-    /// From 1, in characters.
+    /// The column, from 1, in characters.
     pub column: u32,
-    /// How many characters of the line it is about; at least 1.
+    /// Number of characters of the line that are marked; at least 1.
     pub width: u32,
-    /// How bad.
+    /// The severity.
     pub severity: Severity,
-    /// What is wrong, in one sentence without its full stop.
+    /// What is wrong, in one sentence without a full stop.
     pub message: String,
     /// What to do, if that is not clear from the message.
     pub help: Option<String>,
-    /// The line.
+    /// The source line.
     pub source: String,
 }
 
-/// No more of a line is shown, in characters.
+/// Maximum length of the source line shown, in characters.
 const LONGEST_LINE: usize = 160;
 
 impl Finding {
@@ -77,12 +77,12 @@ impl Finding {
         }
     }
 
-    /// Such as `patrol.lua:3:7`.
+    /// Returns the position, such as `patrol.lua:3:7`.
     pub fn place(&self) -> String {
         format!("{}:{}:{}", self.file, self.line, self.column)
     }
 
-    /// The line and a caret below it, and what to do.
+    /// Returns the line, the carets below it, and the help.
     pub fn excerpt(&self) -> String {
         let number = self.line.to_string();
         let margin = " ".repeat(number.len());
@@ -93,12 +93,13 @@ impl Finding {
         text
     }
 
-    /// Place, message and excerpt, without the severity: for where that stands already.
+    /// Returns position, message and excerpt, without the severity, which the caller shows itself.
     pub fn text(&self) -> String {
         format!("{}: {}\n{}", self.place(), self.message, self.excerpt())
     }
 
-    /// Blanks up to the column, tabs where the line has tabs, and carets as wide as it is.
+    /// Returns the line of carets: blanks up to the column (tabs where the line has tabs), and
+    /// carets below the marked characters.
     pub fn carets(&self) -> String {
         let column = self.column.saturating_sub(1) as usize;
         let length = self.source.chars().count();

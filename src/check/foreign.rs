@@ -1,8 +1,8 @@
-//! What people write who come from another language, and where a function of ours lives.
+//! Help for names from other programming languages, and for functions used without their namespace.
 
 use crate::api;
 
-/// Names of other languages, and what is meant by them here.
+/// Names from other languages, and what to write instead.
 const MEANT: [(&str, &str); 32] = [
     ("null", "it is written nil"),
     ("None", "it is written nil"),
@@ -61,7 +61,7 @@ pub(super) fn meant(name: &str) -> Option<&'static str> {
     found.map(|(_, meant)| *meant)
 }
 
-/// Where a function of this name lives.
+/// Says where a function of this name belongs.
 pub(super) fn belongs_to(name: &str) -> Option<String> {
     let text = api::choices().find(|choice| (choice.names)().contains(&name));
     if let Some(choice) = text {

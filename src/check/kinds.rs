@@ -1,5 +1,6 @@
-//! What an expression is, as far as the file itself tells: constants, results of our calls, payloads
-//! of events. What is not certain is [`ValueKind::Unknown`], and is not complained about.
+//! Determines what kind of value an expression has, as far as the file itself shows: constants,
+//! results of API calls, payloads of events. What is not certain is [`ValueKind::Unknown`] and
+//! never leads to a finding.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,21 +15,21 @@ pub(super) enum ValueKind<'a> {
     Boolean,
     Number(Option<f64>),
     Text(Option<&'a str>),
-    /// A table that is written out here.
+    /// A table constructor in this file.
     Table(&'a Expr),
     Function(Option<&'a Body>),
     Native(&'static Function),
     Namespace(&'a str),
-    /// What `require("@spykee/...")` gives.
+    /// The result of `require("@spykee/...")`.
     Module(&'static Namespace),
     Object(&'static Object),
-    /// What `params.declare` gives, of the table that is written out there.
+    /// The result of `params.declare`, with the table constructor passed to it.
     Params(&'a Expr),
     List(&'static Type),
 }
 
 impl ValueKind<'_> {
-    /// In a few words, for messages; `None` for what is not known.
+    /// Describes the kind for messages; `None` if it is unknown.
     pub(super) fn words(&self) -> Option<String> {
         Some(match self {
             ValueKind::Unknown => return None,
@@ -48,17 +49,17 @@ impl ValueKind<'_> {
     }
 }
 
-/// What is known of names.
+/// What is known about names.
 pub(super) struct Kinds<'a> {
     pub(super) tree: &'a Tree,
-    /// Every path that a live VM has.
+    /// Every path (such as `robot.move`) that exists in a live VM.
     pub(super) paths: &'a BTreeSet<String>,
     /// Globals that the script sets.
     pub(super) globals: BTreeSet<&'a str>,
-    /// Fields that the script sets, of whatever.
+    /// Fields that the script sets on any table.
     pub(super) fields: BTreeSet<&'a str>,
     pub(super) locals: BTreeMap<LocalId, ValueKind<'a>>,
-    /// Local variables whose text is one of a set of names.
+    /// Local variables that hold one of a fixed set of names.
     choices: BTreeMap<LocalId, &'static Choice>,
 }
 
@@ -87,7 +88,7 @@ impl<'a> Kinds<'a> {
         kinds
     }
 
-    /// Notes what the statements of a block set.
+    /// Records the names that the statements of a block set.
     fn note_block(&mut self, block: &'a Block) {
         for statement in block {
             self.note(statement);
@@ -101,7 +102,7 @@ impl<'a> Kinds<'a> {
         let targets: Vec<&Expr> = match &statement.kind {
             StatementKind::Assign(targets, _) => targets.iter().collect(),
             StatementKind::Function(target, _) => vec![target],
-            // Changes what is there already.
+            // A compound assignment changes an existing value.
             StatementKind::Compound(target, ..) => match target.kind {
                 ExprKind::Field(..) => vec![target],
                 _ => Vec::new(),
@@ -124,14 +125,14 @@ impl<'a> Kinds<'a> {
         }
     }
 
-    /// Remembers what a local variable is, unless it changes later.
+    /// Records the kind of a local variable, unless it is reassigned later.
     pub(super) fn bind(&mut self, id: LocalId, kind: ValueKind<'a>) {
         if !self.tree.locals[id.0].changes {
             self.locals.insert(id, kind);
         }
     }
 
-    /// Whether a global name is a namespace, and not one that the script has made.
+    /// Whether a global name is a namespace of the VM that the script has not replaced.
     pub(super) fn namespace(&self, name: &str) -> bool {
         let inside = format!("{name}.");
         let from = self.paths.range(inside.clone()..).next();
@@ -201,7 +202,7 @@ impl<'a> Kinds<'a> {
         }
     }
 
-    /// What a call gives as its result of this number, from 0.
+    /// Returns the kind of a call's result with this index, from 0.
     pub(super) fn result(&self, call: &'a Expr, number: usize) -> ValueKind<'a> {
         let (function, arguments) = match &call.kind {
             ExprKind::Call(callee, arguments) => match self.of(callee) {
@@ -223,7 +224,7 @@ impl<'a> Kinds<'a> {
             Some(Type::Payload) => self.payload(arguments),
             _ if function.path == "require" => self.module(arguments),
             _ if function.path == "params.declare" => self.params(arguments),
-            // Results that are left out make a call a missing argument of another.
+            // These calls may return no result at all, which passed on would be a missing argument.
             Some(_) if number == 0 && matches!(function.path, "robot.move" | "robot.drive") => {
                 ValueKind::Unknown
             }
@@ -241,8 +242,8 @@ impl<'a> Kinds<'a> {
         names.map_or(ValueKind::Unknown, |_| ValueKind::Params(table))
     }
 
-    /// Notes that a local variable is a result of this number of a call, which may be one of a set of
-    /// names.
+    /// Records that a local variable holds the result with this index of a call, if that result is
+    /// one of a fixed set of names.
     pub(super) fn bind_choice(&mut self, id: LocalId, call: &'a Expr, number: usize) {
         let function = match &call.kind {
             ExprKind::Call(callee, _) => match self.of(callee) {
@@ -258,7 +259,7 @@ impl<'a> Kinds<'a> {
         }
     }
 
-    /// The set of names that the text of an expression is one of.
+    /// Returns the set of names of which an expression is one.
     pub(super) fn choice(&self, expr: &'a Expr) -> Option<&'static Choice> {
         match &expr.bare().kind {
             ExprKind::Local(id) => self.choices.get(id).copied(),
@@ -276,7 +277,7 @@ impl<'a> Kinds<'a> {
         }
     }
 
-    /// The module of the runtime that a call of `require` gives.
+    /// Returns the built-in module that a call of `require` loads.
     fn module(&self, arguments: &'a [Expr]) -> ValueKind<'a> {
         let name = match arguments.first().map(|path| self.of(path)) {
             Some(ValueKind::Text(Some(path))) => path.strip_prefix("@spykee/"),
@@ -286,7 +287,7 @@ impl<'a> Kinds<'a> {
         module.map_or(ValueKind::Unknown, ValueKind::Module)
     }
 
-    /// What handlers of the event get that the first argument names.
+    /// Returns the kind of the payload of the event that the first argument names.
     pub(super) fn payload(&self, arguments: &'a [Expr]) -> ValueKind<'a> {
         let Some(ValueKind::Text(Some(name))) = arguments.first().map(|name| self.of(name)) else {
             return ValueKind::Unknown;
@@ -330,7 +331,7 @@ impl<'a> Kinds<'a> {
 }
 
 impl ValueKind<'_> {
-    /// The kind without its value.
+    /// Returns the kind without its constant value.
     fn of_any_value(self) -> Self {
         match self {
             ValueKind::Number(_) => ValueKind::Number(None),
@@ -341,7 +342,7 @@ impl ValueKind<'_> {
     }
 }
 
-/// The names in a table that is written out, if all of them are.
+/// Returns the keys of a table constructor, if all its entries have the form `name = value`.
 pub(super) fn parameters(table: &Expr) -> Option<Vec<&str>> {
     let ExprKind::Table(entries) = &table.kind else {
         return None;
@@ -353,7 +354,7 @@ pub(super) fn parameters(table: &Expr) -> Option<Vec<&str>> {
     names.collect()
 }
 
-/// What stands behind a name in such a table.
+/// Returns the value of a key in such a table.
 fn parameter<'a>(table: &'a Expr, name: &str) -> Option<&'a Expr> {
     let ExprKind::Table(entries) = &table.kind else {
         return None;
@@ -372,7 +373,7 @@ fn computed(operator: &str, a: f64, b: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-/// What a value of a defined type is.
+/// Returns the kind of a value of an API type.
 pub(super) fn of_type<'a>(kind: &'static Type) -> ValueKind<'a> {
     of_owned(*kind)
 }
@@ -388,7 +389,7 @@ fn of_owned<'a>(kind: Type) -> ValueKind<'a> {
     }
 }
 
-/// Whether a function's block returns any value; those of functions in it do not count.
+/// Whether a function's block returns any value; functions nested in it do not count.
 pub(super) fn returns(block: &Block) -> bool {
     block.iter().any(|statement| match &statement.kind {
         StatementKind::Return(values) => !values.is_empty(),

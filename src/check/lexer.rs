@@ -1,7 +1,7 @@
-//! Luau's words: text to tokens. Never fails: what is no token of Luau is [`TokenKind::Stray`], and
-//! [`super::syntax`] may know what was meant.
+//! The lexer: splits Luau source text into tokens. Never fails: what is not a Luau token becomes
+//! [`TokenKind::Stray`], and [`super::syntax`] may know what was meant.
 
-/// A piece of the source, in bytes.
+/// A range of the source, in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 pub(crate) struct Span {
     pub(crate) start: usize,
@@ -21,7 +21,7 @@ impl Span {
     }
 }
 
-/// What a token is.
+/// The kind of a token.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TokenKind {
     Name,
@@ -33,10 +33,10 @@ pub(super) enum TokenKind {
     PieceBefore,
     /// From the backtick or the closing brace to the backtick that ends it.
     PieceLast,
-    /// A string or long comment without its end.
+    /// An unterminated string or long comment.
     Unfinished,
     Symbol,
-    /// Nothing that Luau knows.
+    /// A character that is not part of any Luau token.
     Stray,
     End,
 }
@@ -52,14 +52,14 @@ pub(super) const KEYWORDS: [&str; 21] = [
     "nil", "not", "or", "repeat", "return", "then", "true", "until", "while",
 ];
 
-/// The longest first.
+/// Longer symbols come before their prefixes.
 const SYMBOLS: [&str; 41] = [
     "...", "..=", "//=", "::", "==", "~=", "<=", ">=", "->", "..", "//", "+=", "-=", "*=", "/=",
     "%=", "^=", "+", "-", "*", "/", "%", "^", "#", "<", ">", "=", "(", ")", "{", "}", "[", "]",
     ";", ":", ",", ".", "?", "|", "&", "@",
 ];
 
-/// All tokens, with one [`TokenKind::End`] behind them.
+/// Returns all tokens, followed by one [`TokenKind::End`].
 pub(super) fn tokens(source: &str) -> Vec<Token> {
     let mut lexer = Lexer {
         source,
@@ -79,7 +79,7 @@ pub(super) fn tokens(source: &str) -> Vec<Token> {
 struct Lexer<'a> {
     source: &'a str,
     at: usize,
-    /// Of each open brace, whether it stands in an interpolated string.
+    /// For each open brace, whether it belongs to an interpolated string.
     braces: Vec<bool>,
 }
 
@@ -116,7 +116,7 @@ impl Lexer<'_> {
         Token { kind, span }
     }
 
-    /// Blanks and comments; a token only for a comment without an end.
+    /// Skips blanks and comments. Returns a token only for an unterminated comment.
     fn skip_blank(&mut self) -> Option<Token> {
         loop {
             let rest = self.rest();
@@ -185,7 +185,7 @@ impl Lexer<'_> {
         }
     }
 
-    /// A backslash and what belongs to it; `\z` takes the blanks behind it along.
+    /// Skips an escape sequence; `\z` includes the blanks after it.
     fn skip_escape(&mut self) {
         let z = self.byte(1) == b'z';
         self.at = (self.at + 2).min(self.source.len());
@@ -197,7 +197,7 @@ impl Lexer<'_> {
         }
     }
 
-    /// A piece of an interpolated string; stands on its backtick or closing brace.
+    /// Reads a piece of an interpolated string, starting at its backtick or closing brace.
     fn piece(&mut self) -> TokenKind {
         self.at += 1;
         loop {
@@ -219,7 +219,7 @@ impl Lexer<'_> {
         }
     }
 
-    /// How many `=` the long bracket here has.
+    /// Returns the number of `=` in the long bracket at this position, if there is one.
     fn long_bracket(&self) -> Option<usize> {
         let inside = self.rest().strip_prefix('[')?;
         let level = inside.len() - inside.trim_start_matches('=').len();

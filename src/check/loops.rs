@@ -1,10 +1,10 @@
-//! Loops that can neither wait nor end.
+//! Detects loops that can neither wait nor end.
 
 use super::kinds::{Kinds, ValueKind};
 use super::tree::{Block, Expr, ExprKind, Statement, StatementKind, each_in_expr};
 use crate::api::Function;
 
-/// Calls are followed so deep into functions of the script.
+/// Maximum depth to which calls of the script's own functions are followed.
 const DEEPEST: u32 = 8;
 
 pub(super) fn always_true(condition: &Expr) -> bool {
@@ -14,7 +14,7 @@ pub(super) fn always_true(condition: &Expr) -> bool {
     )
 }
 
-/// Whether anything in a loop's block might wait or leave the loop.
+/// Whether anything in a loop's block may wait or leave the loop.
 pub(super) fn may_pause(kinds: &Kinds<'_>, block: &Block) -> bool {
     block.iter().any(|statement| pauses(kinds, statement, 0))
 }
@@ -98,7 +98,8 @@ fn is_call(expr: &Expr) -> bool {
     found
 }
 
-/// A function of the language that neither waits nor raises nor calls the script.
+/// Whether this is a standard function that never waits, raises no error and calls no script
+/// function.
 fn is_quick(kinds: &Kinds<'_>, callee: &Expr) -> bool {
     match &callee.kind {
         ExprKind::Global(name) => {

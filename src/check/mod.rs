@@ -1,9 +1,9 @@
-//! Checks a script before it runs: syntax, names, calls of the API, modules. And explains the VM's
-//! error of a script that failed in plain words: [`explain`].
+//! Checks a script before it runs: syntax, names, API calls, modules. Also explains the VM's error
+//! message of a failed script in plain words: [`explain`].
 //!
-//! The compiler judges syntax; for the rest the script is read into a tree. There are no false
-//! positives: what the file alone cannot tell is left to the run. The work is bounded whatever the
-//! file contains, and no part of the script runs.
+//! The compiler checks the syntax; for the rest the script is parsed into a tree. There are no
+//! false positives: what cannot be determined from the file alone is left to the run. The work is
+//! bounded whatever the file contains, and no part of the script runs.
 
 mod explain;
 mod finding;
@@ -35,25 +35,25 @@ pub use finding::{Finding, Severity};
 use lexer::Span;
 pub use required::{Required, required};
 
-/// What a script finds around itself.
+/// The environment in which a script is checked.
 #[derive(Debug, Clone)]
 pub struct CheckContext {
-    /// Every path that a live VM has.
+    /// Every path (such as `robot.move`) that exists in a live VM.
     paths: BTreeSet<String>,
-    /// Colours of the config.
+    /// The colours defined in the config.
     colours: Vec<String>,
-    /// The script's file, beside which its modules are.
+    /// The script's file; relative module paths start from its folder.
     file: Option<PathBuf>,
-    /// No global is unknown: there is no VM to ask.
+    /// Accept every global: there is no VM that knows them.
     open_globals: bool,
-    /// Values from outside for what the script declares.
+    /// Values given for the parameters that the script declares.
     params: BTreeMap<String, GivenParam>,
-    /// What the config says of the robot's streams.
+    /// The config's settings for the robot's streams.
     streams: Streams,
 }
 
 impl CheckContext {
-    /// Of a script with these options, which is in this file.
+    /// Creates the context for a script with these options in this file.
     pub fn new(options: &Options, file: Option<&Path>) -> CheckContext {
         let script = if file.is_some_and(is_scenario) {
             Script::on_empty_stage(options.clone(), Instant::now())
@@ -72,7 +72,7 @@ impl CheckContext {
         }
     }
 
-    /// Only what is defined, without a VM.
+    /// Creates a context from the API definitions only, without a VM.
     fn defined() -> CheckContext {
         let functions = api::functions();
         let constants = api::constants().map(|one| one.path.to_owned());
@@ -94,7 +94,7 @@ impl CheckContext {
         self.colours.iter().cloned().chain(known).collect()
     }
 
-    /// Why there is no such module.
+    /// Returns why there is no such module; `None` if there may be one.
     fn missing_module(&self, path: &str) -> Option<String> {
         let beside = path.starts_with("./") || path.starts_with("../");
         if !beside {
@@ -109,7 +109,8 @@ impl CheckContext {
     }
 }
 
-/// Whether it is a file, as far as this process may know: it may have fewer rights than its user.
+/// Whether this is a file. True also if permission is denied, since this process may have fewer
+/// rights than its user.
 fn may_be_file(path: &Path) -> bool {
     match path.metadata() {
         Ok(metadata) => metadata.is_file(),
@@ -117,7 +118,8 @@ fn may_be_file(path: &Path) -> bool {
     }
 }
 
-/// What refuses a script with these options, whose chunk is its file; mere warnings are left out.
+/// Returns the errors that prevent a script with these options from running, without the warnings.
+/// The options' chunk name is the script's file.
 pub fn errors(source: &[u8], options: &Options) -> Vec<Finding> {
     let surroundings = CheckContext::new(options, Some(Path::new(&options.chunk)));
     let mut findings = check(source, &options.chunk, &surroundings);
@@ -125,14 +127,14 @@ pub fn errors(source: &[u8], options: &Options) -> Vec<Finding> {
     findings
 }
 
-/// Whether a file's script tries behaviours rather than being one: `*_test.lua`, and the
-/// `check.lua` of a lesson.
+/// Whether a file is a scenario that tests behaviours: `*_test.lua`, or the `check.lua` of a
+/// lesson.
 fn is_scenario(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     name.ends_with("_test.lua") || name == "check.lua"
 }
 
-/// All that is wrong with a script, as far as can be told without running it.
+/// Returns everything wrong with a script that can be detected without running it.
 pub fn check(source: &[u8], chunk: &str, surroundings: &CheckContext) -> Vec<Finding> {
     let text = match read_text(source, chunk) {
         Ok(text) => text,
@@ -147,13 +149,13 @@ pub fn check(source: &[u8], chunk: &str, surroundings: &CheckContext) -> Vec<Fin
     }
 }
 
-/// Whether a source is read into a tree.
+/// Whether a source can be parsed into a tree.
 #[cfg(test)]
 fn reads(source: &str) -> bool {
     parser::parse(source).is_ok()
 }
 
-/// A file that is no script at all.
+/// The finding for a file that is not a text.
 fn unreadable(source: &[u8], chunk: &str, failure: &Failure) -> Finding {
     let text = String::from_utf8_lossy(source);
     let line = match failure {

@@ -1,4 +1,4 @@
-//! Values from outside against what a script declares, where the declaration is written out.
+//! Checks given parameter values against the script's declaration, if that consists of constants.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,8 @@ use super::kinds::{Kinds, ValueKind};
 use super::tree::{Entry, Expr, ExprKind};
 use crate::script::{Declaration, GivenParam, ParamValue, param_values};
 
-/// What is wrong with the values that were given; nothing if the declaration cannot be read here.
+/// Returns what is wrong with the given values; `None` also if the declaration cannot be evaluated
+/// without running the script.
 pub(super) fn refused(
     kinds: &Kinds<'_>,
     table: &Expr,

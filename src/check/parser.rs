@@ -1,5 +1,6 @@
-//! Tokens to a tree. The compiler judges syntax; this only has to understand what is right, and
-//! gives up, with the place, on what it does not. Depth is bounded, work is linear.
+//! The parser: turns tokens into a tree. The compiler checks the syntax; this parser only has to
+//! understand valid sources, and otherwise gives up and reports the position. Its depth is bounded,
+//! its work linear.
 
 mod annotations;
 mod expressions;
@@ -10,7 +11,7 @@ use std::collections::HashMap;
 use super::lexer::{Span, Token, TokenKind, tokens};
 use super::tree::{Local, LocalId, MAX_DEPTH, Tree};
 
-/// Where a source could not be understood.
+/// The position where parsing failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Lost {
     pub(super) at: Span,
@@ -18,7 +19,7 @@ pub(crate) struct Lost {
 
 type Parsed<T> = Result<T, Lost>;
 
-/// Binary operators with their left and right strengths.
+/// Binary operators with their left and right binding power.
 const OPERATORS: [(&str, u8, u8); 16] = [
     ("or", 1, 2),
     ("and", 3, 4),
@@ -37,10 +38,10 @@ const OPERATORS: [(&str, u8, u8); 16] = [
     ("%", 11, 12),
     ("^", 16, 15),
 ];
-/// Of `not`, `-`, `#`.
+/// Binding power of `not`, `-` and `#`.
 const UNARY: u8 = 14;
 
-/// The tree of a source.
+/// Parses a source into a tree.
 pub(crate) fn parse(source: &str) -> Parsed<Tree> {
     let mut parser = Parser {
         source,
@@ -139,7 +140,7 @@ impl<'a> Parser<'a> {
         token.kind == TokenKind::Name && token.span.of(self.source) == text
     }
 
-    /// Whether an interpolated string begins there, and does not go on.
+    /// Whether an interpolated string begins at this token, as opposed to continuing.
     fn begins_pieces(&self, by: usize) -> bool {
         let token = self.ahead(by);
         let piece = matches!(token.kind, TokenKind::PieceBefore | TokenKind::PieceLast);

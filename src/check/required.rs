@@ -1,4 +1,4 @@
-//! The modules that a script requires by names that are written out.
+//! Finds the modules that a script requires by constant names.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,24 +8,24 @@ use super::parser;
 use super::tree::{Expr, ExprKind};
 use crate::script::{ModuleName, Target, read_text, resolve};
 
-/// One of a script's own modules, and where it is required first.
+/// One of a script's own modules, and where it is first required.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Required {
-    /// Which, as seen from the behaviour's folder.
+    /// The module's name, relative to the behaviour's folder.
     pub name: ModuleName,
     at: Span,
 }
 
 impl Required {
-    /// That it cannot be had, told where it is required.
+    /// Creates the finding that this module cannot be loaded, at the position where it is required.
     pub fn refused(&self, (source, chunk): (&[u8], &str), why: &str) -> Option<Finding> {
         let text = std::str::from_utf8(source).ok()?;
         Some(Finding::new((chunk, text), self.at, Severity::Error, why))
     }
 }
 
-/// The modules that a file requires; `folder` is where it is, as seen from the behaviour's folder.
-/// None of a file that cannot be read.
+/// Returns the modules that a file requires. `folder` is the file's folder, relative to the
+/// behaviour's folder. Empty if the file cannot be parsed.
 pub fn required(source: &[u8], folder: &str) -> Vec<Required> {
     let mut found: Vec<Required> = Vec::new();
     let text = read_text(source, "").ok();
@@ -43,7 +43,7 @@ pub fn required(source: &[u8], folder: &str) -> Vec<Required> {
     found
 }
 
-/// Of `require("./lib/pid")`.
+/// Returns the path argument of a call such as `require("./lib/pid")`.
 fn path(expr: &Expr) -> Option<(&str, Span)> {
     let ExprKind::Call(callee, arguments) = &expr.kind else {
         return None;
@@ -69,7 +69,7 @@ mod tests {
     }
 
     #[test]
-    fn modules_are_named_from_the_behaviours_folder_and_each_once() {
+    fn modules_are_named_relative_to_the_behaviours_folder_and_only_once() {
         let source =
             "local a = require('./a')\nif a then print(require('../b.lua'), require('./a')) end";
         assert_eq!(names(source, "lib"), ["lib/a", "b"]);

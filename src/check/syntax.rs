@@ -1,5 +1,5 @@
-//! The compiler's complaint in words for people who write their first scripts: what was probably
-//! meant, and the place with its column, which the compiler does not tell.
+//! Rephrases the compiler's error for people who write their first scripts: what was probably
+//! meant, and the position with its column, which the compiler does not report.
 
 mod gaps;
 mod habits;
@@ -8,13 +8,13 @@ use super::finding::{Finding, Severity};
 use super::lexer::{Span, Token, TokenKind, tokens};
 use super::parser;
 
-/// A source with its tokens, and where the compiler gave up.
+/// A source with its tokens, and the line and words of the compiler's error.
 struct Scene<'a> {
     source: &'a str,
     tokens: Vec<Token>,
     line: usize,
     words: &'a str,
-    /// Where lines end.
+    /// Positions of the line ends.
     ends: Vec<usize>,
 }
 
@@ -25,7 +25,7 @@ struct Remark {
     help: String,
 }
 
-/// The finding for a complaint such as `a.lua:3: Expected 'then' when parsing if statement`.
+/// Returns the finding for an error such as `a.lua:3: Expected 'then' when parsing if statement`.
 pub(super) fn finding((chunk, source): (&str, &str), complaint: &str) -> Finding {
     let rest = complaint.strip_prefix(chunk).unwrap_or(complaint);
     let rest = rest.strip_prefix(':').unwrap_or(rest);
@@ -47,7 +47,7 @@ pub(super) fn finding((chunk, source): (&str, &str), complaint: &str) -> Finding
 
 impl Scene<'_> {
     fn remark(&self) -> Remark {
-        // The most certain first.
+        // The most certain rules first.
         let rules: [fn(&Self) -> Option<Remark>; 16] = [
             Self::quotes,
             Self::unfinished,
@@ -82,7 +82,7 @@ impl Scene<'_> {
         self.ends.partition_point(|end| *end < token.span.start) + 1
     }
 
-    /// The tokens of the line where the compiler gave up.
+    /// Returns the tokens of the line that the compiler reports.
     fn on_line(&self) -> Vec<Token> {
         self.of_line(self.line)
     }
@@ -95,7 +95,8 @@ impl Scene<'_> {
             .collect()
     }
 
-    /// That line and the one before it: a line that is cut short is noticed on the next.
+    /// Returns the tokens of that line and of the last non-empty line before it: an incomplete line
+    /// is only noticed on the next one.
     fn around(&self) -> Vec<Token> {
         let mut tokens = self.last_line_before();
         tokens.extend(self.on_line());
@@ -110,7 +111,8 @@ impl Scene<'_> {
         before.map_or_else(Vec::new, |token| self.of_line(self.line_of(token)))
     }
 
-    /// Where it is: where our own parser was lost, if that is the line; else the line's first word.
+    /// Returns the position of the error: where our own parser failed, if that is on the line;
+    /// otherwise the whole line.
     fn place(&self) -> Span {
         if let Err(lost) = parser::parse(self.source)
             && self.ends.partition_point(|end| *end < lost.at.start) + 1 == self.line
@@ -142,7 +144,7 @@ fn closing(open: &str) -> &'static str {
     }
 }
 
-/// `'then'` as people read it, `identifier` as `a name`.
+/// Formats a token of the compiler's message: `'then'` in backticks, `identifier` as `a name`.
 fn word(text: &str) -> String {
     match text {
         "identifier" => "a name".to_owned(),

@@ -1,5 +1,5 @@
-//! `check` and the words of failures: the corpus of broken scripts, no false alarms, no input that
-//! brings it down.
+//! Tests of `check` and `explain`: the corpus of broken scripts, no false alarms, no input that
+//! makes them panic.
 
 use std::path::{Path, PathBuf};
 
@@ -26,7 +26,7 @@ fn errors(source: &str) -> Vec<String> {
 }
 
 #[test]
-fn who_counts_on_a_stream_that_the_config_keeps_off_is_warned() {
+fn use_of_a_stream_that_the_config_keeps_off_is_a_warning() {
     let options = Options {
         streams: Streams {
             video: Use::Off,
@@ -80,7 +80,7 @@ fn scripts(folder: &str) -> Vec<(PathBuf, Vec<u8>)> {
         .collect()
 }
 
-/// What a script of the corpus promises: by whom, in which line, in which words.
+/// Reads the expectation of a script in the corpus: who reports the error, its line and its words.
 fn promise(source: &str) -> (String, u32, String) {
     let line = source
         .lines()
@@ -92,7 +92,7 @@ fn promise(source: &str) -> (String, u32, String) {
 }
 
 #[test]
-fn each_broken_script_gets_the_message_that_it_promises() {
+fn each_broken_script_gets_the_message_that_it_expects() {
     let corpus = scripts("tests/broken");
     assert!(corpus.len() >= 70, "{}", corpus.len());
     let mut wrong = Vec::new();
@@ -127,7 +127,7 @@ fn each_broken_script_gets_the_message_that_it_promises() {
 }
 
 #[test]
-fn what_is_right_is_not_complained_about() {
+fn correct_scripts_have_no_findings() {
     for (path, source) in scripts("behaviours") {
         let surroundings = CheckContext::new(&Options::new("test", "test.lua"), Some(&path));
         let found = check(&source, "test.lua", &surroundings);
@@ -145,7 +145,7 @@ fn what_is_right_is_not_complained_about() {
 }
 
 #[test]
-fn scripts_that_are_unusual_but_right_are_not_complained_about() {
+fn unusual_but_correct_scripts_have_no_findings() {
     for source in [
         "local t = { n = 1 } t.x, t['y'] = 1, 2 for k, v in t do print(k, v) end",
         "local function f(...) local a, b = ... return select('#', ...), a, b end print(f(1, 2))",
@@ -187,7 +187,7 @@ fn scripts_that_are_unusual_but_right_are_not_complained_about() {
 }
 
 #[test]
-fn all_that_compiles_is_read_into_a_tree() {
+fn every_script_that_compiles_can_be_parsed() {
     for folder in ["behaviours", "tests/hostile", "tests/broken"] {
         for (path, source) in scripts(folder) {
             let Ok(text) = String::from_utf8(source.clone()) else {
@@ -236,8 +236,8 @@ fn hostile_scripts_are_checked_within_bounds() {
     }
 }
 
-/// Pieces of scripts, right and wrong ones.
-const SOUP: [&str; 76] = [
+/// Fragments of scripts, valid and invalid.
+const FRAGMENTS: [&str; 76] = [
     "local",
     "function",
     "end",
@@ -320,20 +320,20 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
     #[test]
-    fn no_soup_of_words_brings_it_down(words in prop::collection::vec(prop::sample::select(&SOUP[..]), 0..60)) {
+    fn no_sequence_of_fragments_causes_a_panic(words in prop::collection::vec(prop::sample::select(&FRAGMENTS[..]), 0..60)) {
         let source = words.join(" ");
         let _ = checked(source.as_bytes());
         let _ = explain("test.lua:1: attempt to index nil with 'x'", "test.lua", &source);
     }
 
     #[test]
-    fn no_text_brings_it_down(bytes in prop::collection::vec(any::<u8>(), 0..200), text in "\\PC{0,100}") {
+    fn no_text_causes_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..200), text in "\\PC{0,100}") {
         let _ = checked(&bytes);
         let _ = checked(text.as_bytes());
     }
 
     #[test]
-    fn a_right_script_that_was_cut_anywhere_is_shown_with_its_place(cut in 0usize..4000) {
+    fn findings_in_a_truncated_script_have_a_position(cut in 0usize..4000) {
         let source = include_str!("../../behaviours/patrol.lua");
         let mut cut = cut.min(source.len());
         while !source.is_char_boundary(cut) {
@@ -346,7 +346,7 @@ proptest! {
     }
 
     #[test]
-    fn every_error_of_the_vm_is_explained_without_harm(line in 0usize..40, what in "(attempt to (index nil with '[a-z]{1,4}'|call a nil value|perform arithmetic \\((add|unm)\\) on nil( and number)?|compare nil < number|concatenate nil with string|get length of a nil value|iterate over a nil value)|invalid 'for' limit \\(number expected, got nil\\)|invalid argument #[0-9] to 'floor' \\(number expected, got nil\\)|robot.move: left must be x)") {
+    fn explaining_an_error_of_the_vm_never_panics(line in 0usize..40, what in "(attempt to (index nil with '[a-z]{1,4}'|call a nil value|perform arithmetic \\((add|unm)\\) on nil( and number)?|compare nil < number|concatenate nil with string|get length of a nil value|iterate over a nil value)|invalid 'for' limit \\(number expected, got nil\\)|invalid argument #[0-9] to 'floor' \\(number expected, got nil\\)|robot.move: left must be x)") {
         let source = include_str!("../../behaviours/patrol.lua");
         let text = format!("test.lua:{line}: {what}");
         if let Some(words) = explain(&text, "test.lua", source) {

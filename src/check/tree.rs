@@ -2,10 +2,10 @@
 
 use super::lexer::Span;
 
-/// Beyond this depth no tree is made: people do not nest so deep, and walking stays bounded.
+/// Maximum depth of a tree: people do not nest deeper, and it bounds the recursion of tree walks.
 pub(super) const MAX_DEPTH: u32 = 160;
 
-/// A local variable, by its place in [`Tree::locals`].
+/// A local variable, as an index into [`Tree::locals`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct LocalId(pub(super) usize);
 
@@ -13,9 +13,9 @@ pub(crate) struct LocalId(pub(super) usize);
 pub(crate) struct Local {
     pub(super) name: String,
     pub(super) span: Span,
-    /// Assigned anywhere after its declaration.
+    /// Whether it is assigned anywhere after its declaration.
     pub(super) changes: bool,
-    /// A parameter of a function or a variable of a loop.
+    /// Whether it is a function parameter or a loop variable.
     pub(super) bound: bool,
 }
 
@@ -91,7 +91,7 @@ pub(super) enum ExprKind {
     Table(Vec<Entry>),
     /// `if a then b else c`: conditions and values.
     Choose(Vec<Expr>),
-    /// In parentheses, or with a type behind it.
+    /// An expression in parentheses or with a type cast.
     Inner(Box<Expr>),
 }
 
@@ -103,7 +103,7 @@ pub(super) enum Entry {
 }
 
 impl Expr {
-    /// Without parentheses around it.
+    /// Returns the expression without parentheses and type casts.
     pub(super) fn bare(&self) -> &Expr {
         let mut expr = self;
         while let ExprKind::Inner(inner) = &expr.kind {
@@ -112,7 +112,7 @@ impl Expr {
         expr
     }
 
-    /// The expressions directly within it; of a function nothing.
+    /// Returns the direct subexpressions; none for a function.
     pub(super) fn parts(&self) -> Vec<&Expr> {
         match &self.kind {
             ExprKind::Pieces(all) | ExprKind::Choose(all) => all.iter().collect(),
@@ -128,7 +128,7 @@ impl Expr {
 }
 
 impl Entry {
-    /// What stands behind this name, if the entry has it.
+    /// Returns the value, if the entry has this name.
     pub(super) fn named(&self, key: &str) -> Option<&Expr> {
         match self {
             Entry::Named(name, _, value) if name == key => Some(value),
@@ -151,7 +151,7 @@ impl Entry {
 }
 
 impl Statement {
-    /// The expressions directly within it.
+    /// Returns the direct subexpressions.
     pub(super) fn exprs(&self) -> Vec<&Expr> {
         use StatementKind as S;
         match &self.kind {
@@ -169,7 +169,7 @@ impl Statement {
         }
     }
 
-    /// The blocks directly within it, those of functions too.
+    /// Returns the direct inner blocks, including those of function statements.
     pub(super) fn blocks(&self) -> Vec<&Block> {
         use StatementKind as S;
         match &self.kind {

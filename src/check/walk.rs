@@ -1,5 +1,5 @@
-//! Walks a tree and says what cannot work: names that do not exist, calls that do not fit, loops
-//! that never wait. Whatever depends on more than the file tells is left to the run.
+//! Walks a tree and reports what cannot work: names that do not exist, calls with wrong arguments,
+//! loops that never wait. What depends on more than the file shows is left to the run.
 
 mod arguments;
 mod calls;
@@ -20,11 +20,11 @@ pub(super) struct Walk<'a> {
     /// File and source.
     text: (&'a str, &'a str),
     findings: Vec<Finding>,
-    /// What is found when enough was said; it is counted only.
+    /// Findings beyond the maximum, which are only counted.
     surplus: Surplus,
 }
 
-/// So much is said of one file.
+/// Maximum number of findings per file.
 const MAX_FINDINGS: usize = 200;
 
 /// See [`Walk::surplus`].
@@ -32,7 +32,7 @@ const MAX_FINDINGS: usize = 200;
 struct Surplus {
     errors: usize,
     warnings: usize,
-    /// Written to and never read.
+    /// A dummy finding for callers to write to; never reported.
     spare: Option<Finding>,
 }
 
@@ -44,7 +44,7 @@ impl Surplus {
         }
     }
 
-    /// In place of all that was counted.
+    /// Returns one finding that stands for all that were only counted.
     fn summary(&self, text: (&str, &str)) -> Option<Finding> {
         let (severity, count) = match (self.errors, self.warnings) {
             (0, 0) => return None,
@@ -58,7 +58,7 @@ impl Surplus {
     }
 }
 
-/// All that is wrong in a tree, in the order of the text.
+/// Returns all findings of a tree, in the order of the text.
 pub(super) fn walk<'a>(
     tree: &'a Tree,
     text: (&'a str, &'a str),
@@ -67,7 +67,7 @@ pub(super) fn walk<'a>(
     walked(tree, text, surroundings).0
 }
 
-/// The same, with what is known of the names afterwards.
+/// Same as [`walk`], but also returns what is then known about the names.
 pub(super) fn walked<'a>(
     tree: &'a Tree,
     text: (&'a str, &'a str),
@@ -114,7 +114,8 @@ impl<'a> Walk<'a> {
         self.findings.len() >= MAX_FINDINGS
     }
 
-    /// What was probably meant; nothing when enough was said, as looking for it takes long.
+    /// Suggests a similar name; empty when the maximum of findings is reached, as the search takes
+    /// long.
     pub(super) fn near<'n>(&self, wrong: &str, known: impl IntoIterator<Item = &'n str>) -> String {
         if self.has_said_enough() {
             String::new()
@@ -212,7 +213,7 @@ impl<'a> Walk<'a> {
                 (None, Some(last)) if matches!(last.kind, ExprKind::Varargs) => ValueKind::Unknown,
                 (None, _) => ValueKind::Nothing,
             };
-            // A table written out here may be filled later.
+            // A table may get more fields later.
             let kind = match kind {
                 ValueKind::Table(_) => ValueKind::Unknown,
                 kind => kind,
@@ -221,12 +222,12 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// A local name that hides a namespace makes its calls unreachable.
+    /// Warns of a local variable that hides a namespace of the API.
     fn hides(&mut self, id: LocalId) {
         let tree = self.kinds.tree;
         let local = &tree.locals[id.0];
         let ours = !local.name.is_empty() && api::namespace(&local.name).is_some();
-        // `local params = params.declare{...}` is how it is meant.
+        // `local params = params.declare{...}` is the intended use.
         let usual = local.name == "params";
         if ours && !usual && self.kinds.namespace(&local.name) {
             let message = format!(
@@ -268,7 +269,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// A function in the place of a condition is true, whatever it would answer.
+    /// Warns of a function used as a condition without a call: it is always true.
     fn condition(&mut self, condition: &'a Expr) {
         self.expr(condition);
         let mut parts = vec![condition];

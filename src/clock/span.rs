@@ -1,4 +1,4 @@
-//! A length of time as people write it: `90s`, `30m`, `1h30m`, `7d`, or a number of seconds.
+//! A duration as people write it: `90s`, `30m`, `1h30m`, `7d`, or a number of seconds.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,26 +9,26 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::error::ClockError;
 
-/// The longest: a year.
+/// The maximum: a year.
 const LONGEST: u64 = 366 * 86_400;
 const UNITS: [(char, u64); 4] = [('d', 86_400), ('h', 3_600), ('m', 60), ('s', 1)];
 
-/// A length of time in whole seconds, at most a year.
+/// A duration in whole seconds, at most a year.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Span(u64);
 
 impl Span {
-    /// Of so many minutes.
+    /// Creates a span of this many minutes.
     pub const fn minutes(minutes: u64) -> Span {
         Span(minutes * 60)
     }
 
-    /// Of so many seconds, at most a year.
+    /// Creates a span of this many seconds, at most a year.
     pub fn seconds(seconds: u64) -> Span {
         Span(seconds.min(LONGEST))
     }
 
-    /// As the rest of the program counts.
+    /// Returns the span as a [`Duration`].
     pub fn get(self) -> Duration {
         Duration::from_secs(self.0)
     }
@@ -90,12 +90,12 @@ impl<'de> Deserialize<'de> for Span {
             type Value = Span;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a length of time such as 90s, 30m, 1h30m or 7d, at most 366d")
+                f.write_str("a duration such as 90s, 30m, 1h30m or 7d, at most 366d")
             }
 
             fn visit_str<E: Error>(self, text: &str) -> Result<Span, E> {
                 text.parse().map_err(|why: ClockError| {
-                    E::custom(format_args!("{why}, expected such a one"))
+                    E::custom(format_args!("{why}, expected at most 366d"))
                 })
             }
 
@@ -116,7 +116,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn what_people_write_is_read() {
+    fn durations_are_parsed() {
         let seconds = |text: &str| text.parse::<Span>().map(|span| span.0);
         assert_eq!(seconds("90s"), Ok(90));
         assert_eq!(seconds("1h30m"), Ok(5400));
@@ -138,13 +138,13 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_is_read_back(seconds in 0..=LONGEST) {
+        fn a_formatted_span_parses_to_the_same_value(seconds in 0..=LONGEST) {
             let span = Span(seconds);
             prop_assert_eq!(span.to_string().parse(), Ok(span));
         }
 
         #[test]
-        fn no_text_makes_it_panic(text in ".{0,40}") {
+        fn no_text_causes_a_panic(text in ".{0,40}") {
             let _ = text.parse::<Span>();
         }
     }

@@ -2,7 +2,8 @@
 
 use tokio::time::{Instant, sleep_until};
 
-/// Sleeps until the deadline; without one, for ever. Cancel-safe, for the branches of `select!`.
+/// Sleeps until the deadline; without one, never returns. Cancel-safe, for the branches of
+/// `select!`.
 pub async fn until(deadline: Option<Instant>) {
     match deadline {
         Some(deadline) => sleep_until(deadline).await,

@@ -1,5 +1,5 @@
-//! A time zone by its name, such as `Europe/Rome`. The rules are built into the program: they are
-//! the same in a confined process and on a computer without any.
+//! A time zone by its name, such as `Europe/Rome`. The rules are built into the program, so they
+//! are also available in a confined process and on a computer without a time zone database.
 
 use std::fmt;
 use std::str::FromStr;
@@ -20,7 +20,7 @@ pub struct Zone {
 }
 
 impl Zone {
-    /// Universal time.
+    /// Returns universal time.
     pub fn utc() -> Zone {
         Zone {
             name: "UTC".to_owned(),
@@ -28,24 +28,24 @@ impl Zone {
         }
     }
 
-    /// The computer's, if it has one with a name that we know; universal time otherwise.
+    /// Returns the computer's time zone if its name is known; otherwise universal time.
     pub fn system() -> Zone {
         let system = TimeZone::system();
         let named = system.iana_name().and_then(|name| name.parse().ok());
         named.unwrap_or_else(Zone::utc)
     }
 
-    /// Such as `Europe/Rome`.
+    /// Returns the name, such as `Europe/Rome`.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The instant as it is here.
+    /// Converts an instant to the local time of this zone.
     pub fn time(&self, instant: Timestamp) -> Zoned {
         instant.to_zoned(self.rules.clone())
     }
 
-    /// Its rules.
+    /// Returns the rules of the zone.
     pub fn time_zone(&self) -> &tz::TimeZone {
         &self.rules
     }

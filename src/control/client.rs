@@ -1,4 +1,4 @@
-//! The asking side.
+//! The client side.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -12,29 +12,29 @@ use super::folder::Folder;
 use super::pipe::Pipe;
 use super::web::Remote;
 
-/// How long a run may take to say how things stand.
+/// Timeout for a run's reply to [`Errand::Overview`].
 const OVERVIEW: Duration = Duration::from_secs(3);
-/// And one on another computer, its name and its secrets included.
+/// The same for a run on another computer, including name resolution and login.
 const CONNECTING: Duration = Duration::from_secs(8);
 
-/// A run that is on.
+/// An active run.
 #[derive(Debug, Clone)]
 pub struct Client {
     way: Way,
-    /// How things stood when it was found.
+    /// The run's state when it was found.
     pub overview: Overview,
 }
 
-/// How it is asked.
+/// How the run is reached.
 #[derive(Debug, Clone)]
 enum Way {
-    /// By its private socket in this data folder.
+    /// Through its private socket in this data folder.
     Socket(PathBuf),
-    /// By its JSON API.
+    /// Through its JSON API.
     Web(Remote),
 }
 
-/// The runs of this data folder that are on, and how many more there are that do not answer.
+/// Returns the active runs of this data folder, and the number of further runs that do not answer.
 pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
     let Ok(folder) = Folder::open(data) else {
         return (vec![], 0);
@@ -46,7 +46,7 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
                 way: Way::Socket(data.to_owned()),
                 overview: *overview,
             }),
-            // The run is just ending.
+            // The run is about to end.
             Ok(_) | Err(AskError::Ended) => {}
             Err(_) => silent += 1,
         }
@@ -55,7 +55,7 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
 }
 
 impl Client {
-    /// The run that is served there.
+    /// Connects to the run that this service hosts.
     ///
     /// # Errors
     /// See [`AskError`].
@@ -70,7 +70,7 @@ impl Client {
         }
     }
 
-    /// As people call it: by its process here, by its address elsewhere.
+    /// The name shown to people: the process on this computer, the address of a remote run.
     pub fn name(&self) -> String {
         match &self.way {
             Way::Socket(_) => format!("process {}", self.overview.pid),
@@ -78,12 +78,13 @@ impl Client {
         }
     }
 
-    /// It is asked by its API: what goes beyond that is not to be had.
+    /// Whether the run is reached through its API, which offers nothing beyond the errands.
     pub fn is_remote(&self) -> bool {
         matches!(self.way, Way::Web(_))
     }
 
-    /// Asks for one thing, and waits so long for the answer. Dropping the wait gives the errand up.
+    /// Sends one errand and waits for the answer at most this long. Dropping the future cancels an
+    /// errand on this computer; a remote one is cancelled only when this process ends.
     ///
     /// # Errors
     /// See [`AskError`].
@@ -98,7 +99,7 @@ impl Client {
     }
 }
 
-/// On a thread of its own; the service gives up an errand when the process that asked ends.
+/// Sends the errand from a separate thread; the service cancels it when the calling process ends.
 async fn ask_web(remote: Remote, errand: &Errand, limit: Duration) -> Result<Answer, AskError> {
     let errand = errand.clone();
     let asked = tokio::task::spawn_blocking(move || remote.ask(&errand, limit));

@@ -1,4 +1,4 @@
-//! The run's side: takes errands and does them.
+//! The run's side: receives errands and performs them.
 
 use std::io;
 use std::path::Path;
@@ -24,67 +24,68 @@ use crate::timetable::View;
 use crate::vision::validate_markers;
 use crate::wire::Stream;
 
-/// Clients that are served at a time; more wait in the system's queue.
+/// Maximum number of clients served at a time; more wait in the system's queue.
 const MOST_CLIENTS: usize = 8;
-/// How long a client may take to ask.
+/// Timeout for receiving a client's errand.
 const ASKING: Duration = Duration::from_secs(2);
-/// How long a client may take to read its answer.
+/// Timeout for sending the answer to a client.
 const ANSWERING: Duration = Duration::from_secs(5);
-/// How long the pilot may take to say who is aboard.
+/// Timeout for the pilot's list of running behaviours.
 const CREW: Duration = Duration::from_secs(1);
-/// How long a robot that was let go of may take to let us in again.
+/// Timeout for connecting again to a robot whose link was released.
 const REACH: Duration = Duration::from_millis(3500);
-/// The pause after a connection that the system could not give.
+/// Pause after a failed `accept`.
 const PAUSE: Duration = Duration::from_millis(200);
-/// The number of the first person; behaviours are numbered from 0, and the last number is the rescue
-/// behaviour's.
+/// The first ID of a person's seat; behaviours are numbered from 0, and the last number belongs to
+/// the rescue behaviour.
 const FIRST_PERSON: u16 = 0xF000;
-/// Persons' numbers; many more than are served at a time.
+/// Number of IDs for persons; many more than are served at a time.
 const PERSONS: u16 = 0x0FF0;
-/// A person is above all behaviours.
+/// Priority of a person: above all behaviours.
 const PERSON: Priority = Priority(i16::MAX);
 
-/// A run, as its desk needs to know it.
+/// The handles through which a desk controls its run.
 #[derive(Debug, Clone)]
 pub struct Run {
-    /// Where its pilot is asked.
+    /// Requests to the pilot.
     pub requests: mpsc::Sender<Request>,
-    /// Where its behaviours are started and stopped.
+    /// Starts and stops behaviours.
     pub roster: Roster,
     /// The newest status.
     pub status: watch::Receiver<Status>,
-    /// What the camera shows.
+    /// The frames of the camera.
     pub pictures: watch::Receiver<Pictures>,
     /// Ends the run.
     pub stop: CancellationToken,
-    /// When the robot's streams are on.
+    /// The config's settings for the robot's streams.
     pub streams: Streams,
-    /// The robot as the run was told to reach it.
+    /// The robot's address as given to the run.
     pub target: String,
-    /// In this program.
+    /// Whether the robot is simulated in this program.
     pub simulated: bool,
-    /// Since when.
+    /// Start time of the run.
     pub began: Instant,
-    /// What comes next.
+    /// The next start of the timetable, and whether it is a quiet hour.
     pub view: watch::Receiver<View>,
-    /// How long it takes from a frame to a track command.
+    /// Times from a frame to a track command.
     pub reactions: Reactions,
 }
 
-/// The socket of a run. Dropping it takes it away.
+/// The socket of a run. Dropping it removes the socket.
 #[derive(Debug)]
 pub struct Desk(Bound);
 
 impl Desk {
-    /// Opens it in this data folder. Waits for the disk: not to be called on the driving core.
+    /// Opens the socket in this data folder. Blocks on the disk: must not be called on the driving
+    /// core.
     ///
     /// # Errors
-    /// What the system says; the run cannot be asked then.
+    /// Any error of the system; the run then accepts no errands.
     pub fn open(data: &Path) -> io::Result<Desk> {
         Folder::make(data)?.bind().map(Desk)
     }
 
-    /// Serves for ever.
+    /// Serves clients; returns only on an error.
     ///
     /// # Errors
     /// If the socket cannot be served at all.
@@ -99,7 +100,7 @@ impl Desk {
                         clients.spawn(serve(stream, run.clone()));
                     }
                     Err(error) => {
-                        debug!("a client could not be let in: {error}");
+                        debug!("cannot accept a client: {error}");
                         sleep(PAUSE).await;
                     }
                 },
@@ -108,17 +109,20 @@ impl Desk {
     }
 }
 
-/// One client: one errand. A client that hangs up cancels it.
+/// Serves one errand of one client. A client that disconnects cancels it.
 async fn serve(stream: UnixStream, run: Run) {
     let mut pipe = Pipe::new(stream);
     let errand = match timeout(ASKING, pipe.receive::<Errand>()).await {
         Ok(Ok(Some(errand))) => errand,
         Ok(Ok(None)) => return,
-        Ok(Err(error)) => return debug!("a client talks nonsense: {error}"),
-        Err(_) => return debug!("a client asks nothing"),
+        Ok(Err(error)) => return debug!("a client sent an invalid request: {error}"),
+        Err(_) => return debug!("a client sent no request in time"),
     };
     if !matches!(errand, Errand::Overview | Errand::Behaviours) {
-        info!("a person asks from outside: {}", errand.words());
+        info!(
+            "a person's request from another program: {}",
+            errand.words()
+        );
     }
     let answer = tokio::select! {
         answer = run.perform(errand) => answer,
@@ -130,8 +134,8 @@ async fn serve(stream: UnixStream, run: Run) {
 }
 
 impl Run {
-    /// Does one thing for a person, by the same rules from a tool, a page or a broker.
-    /// Dropping the wait gives it up.
+    /// Performs one errand of a person. The same rules apply whether it comes from a tool, the page
+    /// or a broker. Dropping the future cancels it.
     pub async fn perform(&self, errand: Errand) -> Answer {
         let errand = match errand {
             Errand::Overview => return self.overview().await,
@@ -152,7 +156,7 @@ impl Run {
         }
     }
 
-    /// Whether the robot is there; a released link is dialled again.
+    /// Whether the robot is connected; a released link is connected again first.
     async fn reach(&self) -> bool {
         let mut status = self.status.clone();
         if status.borrow().link == LinkState::Released {
@@ -163,7 +167,7 @@ impl Run {
         self.status.borrow().link == LinkState::Up
     }
 
-    /// What is dropped without an answer further down is refused in words here.
+    /// Refuses here, with a reason, what lower layers would drop without an answer.
     fn allowed(&self, errand: &Errand) -> Result<(), &'static str> {
         let status = *self.status.borrow();
         let (stream, length) = match errand {
@@ -184,9 +188,11 @@ impl Run {
         } else if length > MAX_SPEECH {
             Err("that is too long to say at once")
         } else if lights_and_sounds && status.safety == WatchdogState::Alarm {
-            Err("the battery is low and the alarm sounds: lights and sounds are the watchdog's")
+            Err(
+                "the battery is low and the alarm sounds: only the watchdog controls lights and sounds",
+            )
         } else if status.shed && (lights_and_sounds || stream.is_some()) {
-            Err("the battery is nearly empty: what is left of it is for the way home")
+            Err("the battery is nearly empty: the rest is reserved for the way to the station")
         } else {
             Ok(())
         }
@@ -237,7 +243,7 @@ impl Run {
         })
     }
 
-    /// The tracks rest at once; then the run comes to its end, so that nothing drives on.
+    /// Stops the tracks at once, then ends the run, so that nothing keeps driving.
     async fn halt(&self) -> Answer {
         let stopped = self.stop_tracks().await;
         self.stop.cancel();
@@ -248,8 +254,8 @@ impl Run {
         self.seat("a person").await?.intend(Intent::Stop).await
     }
 
-    /// The tracks rest at once, and all behaviours end, so that nothing drives on. Unlike [`Errand::Stop`]
-    /// it does not end a run that stays.
+    /// Stops the tracks at once and ends all behaviours, so that nothing keeps driving. Unlike
+    /// [`Errand::Stop`], it does not end the run itself.
     pub async fn rest(&self) -> Answer {
         let stopped = self.stop_tracks().await;
         let mut ending = JoinSet::new();
@@ -260,7 +266,7 @@ impl Run {
             let (roster, name) = (self.roster.clone(), member.name.clone());
             ending.spawn(async move { roster.stop(&name).await });
         }
-        // A behaviour that ended by itself meanwhile needs no stop.
+        // A behaviour that has ended meanwhile needs no stop.
         ending.join_all().await;
         answer(stopped)
     }
@@ -271,7 +277,7 @@ impl Run {
         let number = |pictures: &Pictures| pictures.newest.as_ref().map(|frame| frame.seq);
         let last = number(&pictures.borrow());
         seat.intend(Intent::Stream { stream, on: true }).await?;
-        // By number: a laboratory's time is another than the asker's.
+        // Compare numbers, not times: a laboratory's clock differs from the client's.
         let new = |pictures: &Pictures| {
             let newest = pictures.newest.as_ref();
             number(pictures) != last
@@ -286,10 +292,11 @@ impl Run {
         })
     }
 
-    /// A person's seat in front of the pilot, above all behaviours; `name` is what the log calls him.
+    /// Joins the pilot with a person's seat, whose priority is above all behaviours. `name` appears
+    /// in the log.
     ///
     /// # Errors
-    /// [`SeatError::Closed`]: the run is over.
+    /// [`SeatError::Closed`]: the run has ended.
     pub async fn seat(&self, name: &str) -> Result<Seat, SeatError> {
         static COUNT: AtomicU16 = AtomicU16::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed) % PERSONS;
@@ -297,10 +304,10 @@ impl Run {
         Seat::join(self.requests.clone(), by, name, PERSON, Role::Person).await
     }
 
-    /// STOP: from now on nothing moves the robot until the stop is released.
+    /// Sets or releases STOP. While it is set, nothing moves the robot.
     ///
     /// # Errors
-    /// [`SeatError::Closed`]: the run is over, and the robot was stopped at its end.
+    /// [`SeatError::Closed`]: the run has ended, and the robot was stopped at its end.
     pub async fn hold(&self, on: bool) -> Result<(), SeatError> {
         let asked = self.requests.send(Request::Halt(on)).await;
         asked.map_err(|_| SeatError::Closed)
@@ -334,7 +341,7 @@ impl Run {
         }))
     }
 
-    /// The robot and who is aboard; `None` if the pilot does not say so in time.
+    /// Returns the robot and the running behaviours; `None` if the pilot does not reply in time.
     pub async fn aboard(&self) -> Option<Crew> {
         timeout(CREW, self.crew()).await.ok().flatten()
     }

@@ -1,4 +1,4 @@
-//! What a run may be asked for, and what it answers.
+//! The requests that a run accepts, and its answers.
 
 use std::time::Duration;
 
@@ -11,23 +11,23 @@ use crate::robot::{Battery, DockEnd, DockPlan, EndReason, Percent, Priority, Rob
 use crate::timetable::View;
 use crate::wire::{Led, Sound};
 
-/// The most speech in one errand: half a minute, s16, mono, 16 kHz.
+/// Maximum length of speech in one errand, in bytes: half a minute of s16, mono, 16 kHz.
 pub const MAX_SPEECH: usize = 30 * 32_000;
 
-/// One thing that a person wants of a run.
+/// One request of a person to a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Errand {
-    /// How things stand.
+    /// The state of the run.
     Overview,
     /// Drive to the station.
     Dock(DockPlan),
-    /// Leave the station, and wait so long for the robot's word.
+    /// Leave the station, and wait at most this long for the robot's confirmation.
     Undock(Duration),
     /// Stop the robot, and end the run.
     Stop,
     /// Switch a light.
     Led {
-        /// Which.
+        /// Which light.
         led: Led,
         /// On or off.
         on: bool,
@@ -40,24 +40,24 @@ pub enum Errand {
     Volume(Percent),
     /// Speak: s16 little-endian, mono, 16 kHz; at most [`MAX_SPEECH`] bytes.
     Say(Vec<u8>),
-    /// A picture that the camera takes from now on, waited for as long as this.
+    /// A picture taken by the camera after the request, with this timeout.
     Picture(Duration),
-    /// Which behaviours there are, and how it is with each.
+    /// List the behaviours and their states.
     Behaviours,
     /// Start or end a behaviour.
     Behaviour {
-        /// Which.
+        /// The behaviour's name.
         name: String,
-        /// What is to become of it.
+        /// The change.
         change: Change,
     },
 }
 
 impl Errand {
-    /// For the log.
+    /// Describes the errand for the log.
     pub(super) fn words(&self) -> String {
         match self {
-            Errand::Overview => "how things stand".to_owned(),
+            Errand::Overview => "the state of the run".to_owned(),
             Errand::Dock(_) => "dock".to_owned(),
             Errand::Undock(_) => "undock".to_owned(),
             Errand::Stop => "stop; the run ends".to_owned(),
@@ -68,22 +68,22 @@ impl Errand {
             Errand::Volume(percent) => format!("volume {percent}"),
             Errand::Say(_) => "talk".to_owned(),
             Errand::Picture(_) => "a picture".to_owned(),
-            Errand::Behaviours => "which behaviours there are".to_owned(),
+            Errand::Behaviours => "the list of behaviours".to_owned(),
             Errand::Behaviour { name, change } => format!("{} behaviour {name:?}", change.verb()),
         }
     }
 }
 
-/// What is to become of a behaviour.
+/// A change of a behaviour's state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Change {
-    /// It begins.
+    /// Start it.
     Start,
-    /// It begins, and is ended after it has run for so long.
+    /// Start it, and end it after this time.
     StartFor(Duration),
-    /// It ends.
+    /// Stop it.
     Stop,
-    /// It ends if it runs, and begins anew from its file.
+    /// Stop it if it runs, and start it again from its file.
     Restart,
 }
 
@@ -97,80 +97,80 @@ impl Change {
     }
 }
 
-/// What becomes of an [`Errand`].
+/// The result of an [`Errand`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Answer {
-    /// How things stand.
+    /// The state of the run.
     Overview(Box<Overview>),
     /// How a docking ended.
     Docked {
-        /// How.
+        /// The outcome.
         end: DockEnd,
-        /// Tries made.
+        /// Attempts made.
         attempts: u32,
         /// Time taken.
         took: Duration,
     },
     /// How an undocking ended.
     Undocked(DockEnd),
-    /// The pilot has been asked.
+    /// The request was passed to the pilot.
     Done,
     /// A JPEG.
     Picture(Vec<u8>),
-    /// No picture came in time.
+    /// No picture arrived in time.
     NoPicture,
-    /// All behaviours that are known or run.
+    /// All behaviours that are known or running.
     Behaviours(Vec<Listed>),
-    /// The robot is out of reach just now; the run is connecting anew.
+    /// The robot is not connected; the run is reconnecting.
     Offline,
-    /// It is not done, for this reason.
+    /// The errand was refused, for this reason.
     Refused(String),
 }
 
-/// How things stand with a run.
+/// The state of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Overview {
-    /// Of the run's process.
+    /// The process ID of the run.
     pub pid: u32,
-    /// The robot as the run was told to reach it.
+    /// The robot's address as given to the run.
     pub target: String,
-    /// In the run's own program.
+    /// Whether the robot is simulated in the run's own program.
     pub simulated: bool,
-    /// How long it has been running.
+    /// How long the run has been active.
     pub running: Duration,
-    /// The link is up.
+    /// Whether the link is up.
     pub online: bool,
-    /// What the robot has said of itself, if it was ever there.
+    /// The robot's own information, if it was ever connected.
     pub robot: Option<RobotInfo>,
-    /// What the watchdog is at, in words.
+    /// The state of the watchdog, in words.
     pub state: String,
-    /// Where the robot is, in words.
+    /// The robot's place, in words.
     pub place: String,
-    /// On its station, as far as is known.
+    /// Whether the robot is on its station, as far as is known.
     pub docked: bool,
-    /// The watchdog has the robot: its battery is low.
+    /// Whether the battery is low and the watchdog therefore controls the robot.
     pub low: bool,
-    /// The battery, as far as it is believed.
+    /// The battery level, if a plausible one is known.
     pub battery: Option<Battery>,
-    /// The behaviours that run now.
+    /// The running behaviours.
     pub behaviours: Vec<Aboard>,
     /// The next start of the timetable, if there is one.
     pub next: Option<Next>,
-    /// It is a quiet hour.
+    /// Whether it is a quiet hour.
     pub quiet: bool,
 }
 
 /// A start of the timetable.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Next {
-    /// When; seconds since 1970.
+    /// The time, in seconds since 1970.
     pub at: i64,
     /// The behaviour.
     pub behaviour: String,
 }
 
 impl Next {
-    /// What a service will do next.
+    /// The next start in this view, if there is one.
     pub fn of(view: &View) -> Option<Next> {
         let next = view.next.as_ref();
         next.map(|(at, behaviour)| Next {
@@ -179,7 +179,7 @@ impl Next {
         })
     }
 
-    /// When.
+    /// The time.
     pub fn time(&self) -> Timestamp {
         Timestamp::from_second(self.at).unwrap_or(Timestamp::MAX)
     }
@@ -188,20 +188,20 @@ impl Next {
 /// A behaviour of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Listed {
-    /// What it is called.
+    /// The behaviour's name.
     pub name: String,
-    /// Who wins when several want to drive.
+    /// Its priority when several behaviours want to drive.
     pub priority: Priority,
     /// `idle`, `loading`, `running` or `ending`.
     pub state: String,
     /// How long it has been running.
     pub running: Option<Duration>,
-    /// How it ended for the last time in this run.
+    /// How it last ended in this run.
     pub ending: Option<(EndReason, String)>,
 }
 
 impl Listed {
-    /// How it is with a behaviour of a run.
+    /// Describes a behaviour of a run.
     pub(super) fn of(member: &Member) -> Listed {
         let (state, running) = match member.state {
             MemberState::Idle => ("idle", None),

@@ -1,4 +1,4 @@
-//! Why a run did not answer, by whichever way it was asked.
+//! Why a run did not answer, locally or remotely.
 
 use std::io;
 use std::time::Duration;
@@ -6,19 +6,19 @@ use std::time::Duration;
 /// Why a run did not answer.
 #[derive(Debug, thiserror::Error)]
 pub enum AskError {
-    /// Not in time.
+    /// No answer in time.
     #[error("the run does not answer within {:.0} s", .0.as_secs_f64())]
     Silent(Duration),
-    /// It ended before it had answered.
+    /// The run ended before it answered.
     #[error("the run has ended")]
     Ended,
-    /// What the system says.
-    #[error("the run cannot be asked: {0}")]
+    /// An error of the system.
+    #[error("the run cannot be reached: {0}")]
     Io(#[from] io::Error),
-    /// A service on another computer does not let us in.
-    #[error("the service does not let us in: {0}")]
+    /// A service on another computer denies access.
+    #[error("the service denies access: {0}")]
     Denied(String),
-    /// A service on another computer answers with a status that means nothing here.
-    #[error("the service answers {0}: is it of another version?")]
+    /// A service on another computer replies with an unexpected HTTP status.
+    #[error("the service replies with the HTTP status {0}: is it a different version?")]
     Strange(u16),
 }

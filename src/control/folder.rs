@@ -1,5 +1,5 @@
-//! The folder of the sockets: private, one socket for each run, named after its process. Sockets are
-//! reached through the open folder: a path may be longer than a socket's address.
+//! The private folder of the sockets: one socket for each run, named after its process ID. Sockets
+//! are addressed through the open folder, since a full path may be too long for a socket address.
 
 use std::fs::{DirBuilder, Permissions};
 use std::io;
@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{AtFlags, Mode, OFlags, fchmod, fstat, open, unlinkat};
 
-/// In the data folder, beside the behaviours' own.
+/// Name of the folder, in the data folder beside those of the behaviours.
 const NAME: &str = ".run";
 const SUFFIX: &str = ".sock";
-/// For its user only.
+/// Access for the user only.
 const PRIVATE: u32 = 0o700;
-/// Runs of one data folder that are looked at.
+/// Maximum number of runs per data folder that are considered.
 const MOST_RUNS: usize = 32;
 
 /// The open folder.
@@ -23,15 +23,15 @@ const MOST_RUNS: usize = 32;
 pub(super) struct Folder {
     path: PathBuf,
     open: OwnedFd,
-    /// The data folder was not there before.
+    /// Whether the data folder was created by this call.
     new: bool,
 }
 
 impl Folder {
-    /// Opens the folder, and makes it if need be.
+    /// Opens the folder, and creates it if necessary.
     ///
     /// # Errors
-    /// The system's error, or it belongs to another user.
+    /// Any error of the system; if the folder belongs to another user.
     pub(super) fn make(data: &Path) -> io::Result<Folder> {
         let (path, new) = (data.join(NAME), !data.exists());
         DirBuilder::new()
@@ -46,7 +46,7 @@ impl Folder {
     /// Opens the folder.
     ///
     /// # Errors
-    /// There is none, or it belongs to another user.
+    /// If the folder does not exist or belongs to another user.
     pub(super) fn open(data: &Path) -> io::Result<Folder> {
         let path = data.join(NAME);
         let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
@@ -60,14 +60,14 @@ impl Folder {
         Ok(Folder { path, open, new })
     }
 
-    /// A socket of this process.
+    /// Creates the socket of this process.
     ///
     /// # Errors
-    /// What the system says.
+    /// Any error of the system.
     pub(super) fn bind(&self) -> io::Result<Bound> {
         let name = name_of(std::process::id());
         self.sweep();
-        // Of an earlier process with our number.
+        // Left behind by an earlier process with the same ID.
         let _ = unlinkat(&self.open, &name, AtFlags::empty());
         let listener = UnixListener::bind(self.way_to(&name))?;
         std::fs::set_permissions(self.path.join(&name), Permissions::from_mode(0o600))?;
@@ -81,16 +81,16 @@ impl Folder {
         })
     }
 
-    /// Connections to all runs that listen.
+    /// Connects to all runs that listen.
     pub(super) fn connect_all(&self) -> Vec<UnixStream> {
         let names = self.names().into_iter();
         names.filter_map(|name| self.connect(&name).ok()).collect()
     }
 
-    /// A connection to the run of this process.
+    /// Connects to the run with this process ID.
     ///
     /// # Errors
-    /// It does not listen any more.
+    /// If it no longer listens.
     pub(super) fn connect_to(&self, pid: u32) -> io::Result<UnixStream> {
         self.connect(&name_of(pid))
     }
@@ -101,7 +101,7 @@ impl Folder {
         Ok(stream)
     }
 
-    /// Takes away what killed runs have left.
+    /// Removes the sockets of killed runs.
     fn sweep(&self) {
         for name in self.names() {
             let refused = |error: &io::Error| error.kind() == io::ErrorKind::ConnectionRefused;
@@ -131,13 +131,13 @@ fn name_of(pid: u32) -> String {
     format!("{pid}{SUFFIX}")
 }
 
-/// A socket that listens. Dropping it takes it away, and those folders that it needed and that are
-/// empty then.
+/// A listening socket. Dropping it removes the socket, and the folders created for it if they are
+/// then empty.
 #[derive(Debug)]
 pub(super) struct Bound {
     pub(super) listener: UnixListener,
     path: PathBuf,
-    /// The data folder was made for it.
+    /// Whether the data folder was created for it.
     new: bool,
 }
 
@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_socket_is_private_and_gone_with_its_run() {
+    fn the_socket_is_private_and_removed_with_its_run() {
         let home = tempfile::tempdir().unwrap();
         let data = home.path().join("a".repeat(150)).join("data");
         let folder = Folder::make(&data).unwrap();
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_run_has_left_is_swept_away_and_nothing_else() {
+    fn only_sockets_of_killed_runs_are_removed() {
         let home = tempfile::tempdir().unwrap();
         let folder = Folder::make(home.path()).unwrap();
         let kept = home.path().join("kept");
@@ -187,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_others_may_look_into_is_closed_to_them() {
+    fn a_folder_that_others_may_access_is_made_private() {
         let home = tempfile::tempdir().unwrap();
         let path = home.path().join(NAME);
         std::fs::create_dir(&path).unwrap();

@@ -1,4 +1,5 @@
-//! Messages on the socket: a 4-byte length, then the version and the message in postcard's encoding.
+//! The messages on the socket: a 4-byte length, then the version and the message in postcard's
+//! encoding.
 
 use std::io;
 
@@ -11,16 +12,17 @@ use tokio_util::codec::{Framed, LengthDelimitedCodec};
 
 use super::errand::MAX_SPEECH;
 
-/// Counts up with every change of what is said; both ends may be of different builds.
+/// Protocol version, incremented with every change of the messages; the two ends may be different
+/// builds.
 const VERSION: u16 = 2;
-/// The longest message: speech, and some bytes.
+/// Maximum length of a message: speech, and some bytes.
 const MAX_MESSAGE_LEN: usize = MAX_SPEECH + 1024;
 
 /// One end of a connection.
 pub(super) struct Pipe(Framed<UnixStream, LengthDelimitedCodec>);
 
 impl Pipe {
-    /// Over a connected socket.
+    /// Uses a connected socket.
     pub(super) fn new(stream: UnixStream) -> Pipe {
         let codec = LengthDelimitedCodec::builder()
             .max_frame_length(MAX_MESSAGE_LEN)
@@ -31,16 +33,16 @@ impl Pipe {
     /// Sends a message.
     ///
     /// # Errors
-    /// It is too long, or the other end is gone.
+    /// If the message is too long, or the other end has disconnected.
     pub(super) async fn send<M: Serialize>(&mut self, message: &M) -> io::Result<()> {
         let bytes = postcard::to_allocvec(&(VERSION, message)).map_err(io::Error::other)?;
         self.0.send(Bytes::from(bytes)).await
     }
 
-    /// Waits for a message; `None`: the other end has hung up. Cancel-safe.
+    /// Waits for a message; `None` if the other end has disconnected. Cancel-safe.
     ///
     /// # Errors
-    /// What comes is too long, no message, or one of another version.
+    /// If the message is too long, invalid, or of another version.
     pub(super) async fn receive<M: DeserializeOwned>(&mut self) -> io::Result<Option<M>> {
         let Some(bytes) = self.0.next().await.transpose()? else {
             return Ok(None);
@@ -49,7 +51,7 @@ impl Pipe {
         if version != VERSION {
             return Err(io::Error::new(
                 io::ErrorKind::Unsupported,
-                "the other program is of another version",
+                "the other program is a different version",
             ));
         }
         postcard::from_bytes(rest)
@@ -78,7 +80,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_message_that_is_too_long_is_refused_before_it_comes() {
+    async fn a_message_that_is_too_long_is_refused_before_it_is_read() {
         use tokio::io::AsyncWriteExt;
         let (mut near, far) = UnixStream::pair().unwrap();
         near.write_all(&u32::MAX.to_be_bytes()).await.unwrap();

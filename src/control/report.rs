@@ -1,4 +1,4 @@
-//! How things stand with a run, as JSON: what `spykee status --json` prints and `/api/run` answers.
+//! The state of a run as JSON: the output of `spykee status --json` and the answer of `/api/run`.
 
 use std::time::Duration;
 
@@ -9,42 +9,42 @@ use super::errand::{Next, Overview};
 use crate::robot::channel::Aboard;
 use crate::robot::{Battery, Percent, Priority, RobotInfo};
 
-/// How things stand with a run.
+/// The state of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Report {
-    /// Of the run's process.
+    /// The process ID of the run.
     pub process: u32,
-    /// The address by which the run reaches the robot.
+    /// The robot's address as given to the run.
     pub robot: String,
-    /// In the run's own program.
+    /// Whether the robot is simulated in the run's own program.
     pub simulated: bool,
-    /// How long it has been running, in whole seconds.
+    /// How long the run has been active, in whole seconds.
     pub seconds: u64,
-    /// The link is up.
+    /// Whether the link is up.
     pub online: bool,
-    /// What the robot says of itself, if it was ever there: such as `SPYKEE0001`.
+    /// The robot's own ID, such as `SPYKEE0001`, if it was ever connected.
     pub uid: Option<String>,
     /// The robot's name.
     pub name: Option<String>,
-    /// Such as `1.0.22`.
+    /// The robot's firmware version, such as `1.0.22`.
     pub firmware: Option<String>,
     /// `host:port` of the connection.
     pub address: Option<String>,
-    /// What the watchdog is at, in words.
+    /// The state of the watchdog, in words.
     pub state: String,
-    /// Where the robot is, in words.
+    /// The robot's place, in words.
     pub place: String,
-    /// On its station, as far as is known.
+    /// Whether the robot is on its station, as far as is known.
     pub docked: bool,
-    /// The battery is low, and the watchdog has the robot.
+    /// Whether the battery is low and the watchdog therefore controls the robot.
     pub low: bool,
-    /// The battery, as far as it is believed.
+    /// The battery level, if a plausible one is known.
     pub battery: Option<Level>,
-    /// The behaviours that run now.
+    /// The running behaviours.
     pub behaviours: Vec<Runs>,
     /// The next start of the timetable, if there is one.
     pub next: Option<Start>,
-    /// It is a quiet hour.
+    /// Whether it is a quiet hour.
     pub quiet: bool,
 }
 
@@ -53,25 +53,25 @@ pub struct Report {
 pub struct Level {
     /// 0..=100.
     pub percent: u8,
-    /// On the charger.
+    /// Whether the battery is being charged.
     pub charging: bool,
     /// Estimated time until it is empty, at the recent consumption.
     pub minutes_left: Option<f32>,
 }
 
-/// A behaviour that runs.
+/// A running behaviour.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Runs {
-    /// What it is called.
+    /// The behaviour's name.
     pub name: String,
-    /// Who wins when several want to drive.
+    /// Its priority when several behaviours want to drive.
     pub priority: i16,
 }
 
 /// A start of the timetable.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Start {
-    /// When, in RFC 3339, universal time: `2026-05-04T07:00:00Z`.
+    /// The time in UTC, in RFC 3339 format: `2026-05-04T07:00:00Z`.
     #[schemars(extend("format" = "date-time"))]
     pub at: String,
     /// The behaviour.
@@ -127,7 +127,7 @@ impl From<&Overview> for Report {
     }
 }
 
-/// Of a run that was asked by its API.
+/// Converts the report of a run that was reached through its API.
 impl From<Report> for Overview {
     fn from(report: Report) -> Overview {
         let simulated = report.simulated;
@@ -178,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_told_as_json_is_understood_as_it_was_meant() {
+    fn a_report_survives_json_unchanged() {
         let overview = Overview {
             pid: 7,
             target: "10.0.0.2".to_owned(),

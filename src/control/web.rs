@@ -1,5 +1,5 @@
-//! A run on another computer, asked by its JSON API: each errand is one of the calls that
-//! `/api/openapi.json` describes, and its answer is that of the private socket.
+//! A run on another computer, reached through its JSON API: each errand is one of the calls that
+//! `/api/openapi.json` describes, and has the same answer as through the private socket.
 
 use std::io;
 use std::time::Duration;
@@ -15,26 +15,26 @@ use crate::clean;
 use crate::clock::Span;
 use crate::robot::{DockEnd, EndReason, Priority};
 
-/// The longest answer: a picture.
+/// Maximum length of a reply, in bytes: that of a picture.
 const LONGEST: u64 = 4 << 20;
-/// Words of an answer that are shown.
+/// Maximum length of a refusal that is shown, in characters.
 const SHOWN: usize = 300;
 
-/// Where a service is, and what it is shown to be let in.
+/// The address of a service, and the token for access to it.
 #[derive(Debug, Clone)]
 pub struct Remote {
     url: String,
     token: Option<HeaderValue>,
 }
 
-/// Why there can be no service there.
+/// Why a service's address or token is invalid.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RemoteError {
-    /// It is no address of a service.
-    #[error("`{0}` is no address of a service: expected http://HOST:PORT or https://HOST")]
+    /// The text is not the address of a service.
+    #[error("`{0}` is not the address of a service: expected http://HOST:PORT or https://HOST")]
     Url(String),
-    /// It cannot stand in a header field.
-    #[error("the token has characters that no token has")]
+    /// The token is not valid in a header field.
+    #[error("the token contains characters that are not allowed in a token")]
     Token,
 }
 
@@ -65,12 +65,12 @@ impl Remote {
         Ok(Remote { url, token })
     }
 
-    /// As it was named.
+    /// The address, without a trailing slash.
     pub fn url(&self) -> &str {
         &self.url
     }
 
-    /// Asks for one thing, and waits so long for the answer, in the caller's thread.
+    /// Sends one errand and waits for the answer at most this long. Blocks the calling thread.
     ///
     /// # Errors
     /// See [`AskError`].
@@ -83,7 +83,7 @@ impl Remote {
             .uri(format!("{}{}", self.url, call.path))
             .header("content-type", kind)
             .body(body);
-        // Scheme, host and path were looked at; what is in the path is encoded.
+        // Scheme, host and path were checked, and names in the path are percent-encoded.
         let mut request = request.map_err(|error| AskError::Io(io::Error::other(error)))?;
         if let Some(token) = &self.token {
             request.headers_mut().insert("authorization", token.clone());
@@ -108,7 +108,7 @@ impl Remote {
     }
 }
 
-/// One call of the API; with a body and its kind it is a POST.
+/// One API call: a POST if it has a content type and body, else a GET.
 struct Call {
     path: String,
     body: Option<(&'static str, Vec<u8>)>,
@@ -168,12 +168,12 @@ impl Call {
     }
 }
 
-/// Whole ones, at least one.
+/// Rounds up to whole seconds, at least one.
 fn seconds(time: Duration) -> u64 {
     time.as_secs_f64().ceil().max(1.0) as u64
 }
 
-/// As a part of a path.
+/// Percent-encodes a name as one segment of a path.
 fn encoded(name: &str) -> String {
     let byte = |byte: u8| match byte {
         b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' => char::from(byte).to_string(),
@@ -182,7 +182,7 @@ fn encoded(name: &str) -> String {
     name.bytes().map(byte).collect()
 }
 
-/// How a docking ended, whether well or not.
+/// The result of a docking or undocking, successful or not.
 #[derive(Deserialize)]
 struct Docking {
     end: DockEnd,
@@ -236,20 +236,18 @@ fn understand(errand: &Errand, status: u16, body: Vec<u8>) -> Result<Answer, Ask
 
 fn read<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T, AskError> {
     let strange = |error: serde_json::Error| {
-        AskError::Io(io::Error::other(format!(
-            "its answer is not understood: {error}"
-        )))
+        AskError::Io(io::Error::other(format!("invalid reply: {error}")))
     };
     serde_json::from_slice(body).map_err(strange)
 }
 
-/// The sentence of a refusal, harmless for a terminal.
+/// Returns the sentence of a refusal, sanitised for a terminal.
 fn why(body: &[u8]) -> String {
     let body: Result<Value, _> = serde_json::from_slice(body);
     let sentence = body
         .ok()
         .and_then(|body| body["error"].as_str().map(clean::line));
-    let sentence = sentence.unwrap_or_else(|| "it does not say why".to_owned());
+    let sentence = sentence.unwrap_or_else(|| "no reason given".to_owned());
     sentence.chars().take(SHOWN).collect()
 }
 
@@ -288,7 +286,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_address_is_one_of_a_service_and_a_token_shows_itself_nowhere() {
+    fn addresses_are_validated_and_the_token_is_never_shown() {
         let remote = Remote::new("http://10.0.0.7:7788/", Some("s3cr3t")).unwrap();
         assert_eq!(remote.url(), "http://10.0.0.7:7788");
         assert!(!format!("{remote:?}").contains("s3cr3t"));
@@ -311,13 +309,13 @@ mod tests {
     }
 
     #[test]
-    fn a_name_stays_within_its_part_of_the_path() {
+    fn a_name_stays_within_its_segment_of_the_path() {
         assert_eq!(encoded("guard-2"), "guard-2");
         assert_eq!(encoded("a/../b?c"), "a%2F%2E%2E%2Fb%3Fc");
     }
 
     #[test]
-    fn an_answer_means_what_that_of_the_socket_means() {
+    fn replies_map_to_the_same_answers_as_on_the_socket() {
         let overview =
             |status, body: &str| understand(&Errand::StopSound, status, body.as_bytes().to_vec());
         assert_eq!(overview(200, "{}").unwrap(), Answer::Done);

@@ -30,7 +30,7 @@ fn only_regular_files_of_bounded_length_are_read() {
 }
 
 #[test]
-fn a_private_file_is_its_owners_alone_and_no_link() {
+fn a_private_file_is_accessible_to_its_owner_only_and_not_a_link() {
     let root = tempfile::tempdir().unwrap();
     let (file, link) = (root.path().join("secret"), root.path().join("link"));
     fs::write(&file, "x").unwrap();
@@ -65,7 +65,7 @@ fn a_folder_that_is_a_link_is_refused_and_links_in_it_are_not_followed() {
     folder.replace("a.jpg", b"new").unwrap();
     assert_eq!(fs::read(path("secret")).unwrap(), b"secret");
     assert_eq!(folder.read("a.jpg", 100).unwrap().unwrap(), b"new");
-    // Also under the name that is used while a file is not finished.
+    // Also under the temporary name of an unfinished file.
     symlink(path("secret"), path("deep/er/.unfinished-b.jpg")).unwrap();
     folder.replace_durably("b.jpg", b"new").unwrap();
     assert_eq!(fs::read(path("secret")).unwrap(), b"secret");
@@ -75,7 +75,7 @@ fn a_folder_that_is_a_link_is_refused_and_links_in_it_are_not_followed() {
 }
 
 #[test]
-fn what_was_left_unfinished_is_swept_away() {
+fn unfinished_files_are_removed() {
     let root = tempfile::tempdir().unwrap();
     let folder = Folder::open(root.path()).unwrap();
     fs::write(root.path().join(".unfinished-a"), "x").unwrap();

@@ -1,4 +1,4 @@
-//! Who may come in: passwords of the config, tokens of programs, sessions of browsers.
+//! Access control: the config's passwords, the tokens of programs, the sessions of browsers.
 
 use std::net::{IpAddr, SocketAddr};
 use std::path::Path;
@@ -16,17 +16,17 @@ use super::secret::Digest;
 use super::sessions::Sessions;
 use crate::files;
 
-/// Bytes of a password's file, and of a password.
+/// Maximum length of a password file and of a password, in bytes.
 const MAX_FILE_LEN: u64 = 4096;
 const MAX_PASSWORD: usize = 1024;
 
 /// Why access cannot be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
-    /// Everybody in reach of that address could drive.
+    /// Anyone who can reach that address could drive the robot.
     #[error(
-        "{0} can be reached from elsewhere, and neither a password nor a token is there: \
-         `spykee token new NAME` makes one, `live: {{ driver_password_file: FILE }}` names one"
+        "{0} can be reached from elsewhere, but there is neither a password nor a token: \
+         `spykee token new NAME` creates a token, `live: {{ driver_password_file: FILE }}` sets a password"
     )]
     Open(SocketAddr),
     /// A password cannot be read.
@@ -42,12 +42,12 @@ pub enum AccessError {
     Tokens(#[from] KeyringError),
 }
 
-/// Why a visitor was not let in.
+/// Why access was denied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Denied {
-    #[error("that is not the password")]
+    #[error("wrong password or token")]
     Wrong,
-    #[error("too many tries: wait {} s", .0.as_secs() + 1)]
+    #[error("too many attempts: wait {} s", .0.as_secs() + 1)]
     TooMany(Duration),
 }
 
@@ -62,8 +62,8 @@ pub struct Access {
 }
 
 impl Access {
-    /// As the options and the tokens of this data folder say, for a server on this address. Waits for
-    /// the disk.
+    /// Sets up access according to the options and the tokens of this data folder, for a server on
+    /// this address. Blocks on the disk.
     ///
     /// # Errors
     /// See [`AccessError`].
@@ -92,7 +92,7 @@ impl Access {
         }
     }
 
-    /// No login is needed: loopback, and neither a password nor a token.
+    /// Whether no login is needed: on loopback, with neither a password nor a token.
     pub fn is_open(&self) -> bool {
         self.passwords.is_empty() && self.keyring.is_empty()
     }
@@ -103,12 +103,12 @@ impl Access {
     }
 
     /// # Errors
-    /// Not meant for us, or of another site's page.
+    /// If the request is not addressed to us, or comes from another site's page.
     pub(super) fn validate(&self, request: Addressed<'_>) -> Result<(), Reason> {
         self.names.validate(request)
     }
 
-    /// A session for who knows a password, or a token.
+    /// Opens a session with a password or a token.
     ///
     /// # Errors
     /// See [`Denied`].
@@ -124,7 +124,7 @@ impl Access {
         Ok((lock(&self.sessions).open(role, now), role))
     }
 
-    /// All are compared: how long it takes tells nothing.
+    /// Compares all of them, so that the time taken reveals nothing.
     fn role_of(&self, password: &str) -> Option<Role> {
         let digest = Digest::of(password);
         let mut known = self.keyring.find(password).map(|token| token.role);
@@ -140,7 +140,7 @@ impl Access {
         lock(&self.sessions).close(session);
     }
 
-    /// Who comes with this session, or without any.
+    /// Returns the visitor with this session, or without any.
     pub(super) fn of_session(&self, session: Option<&str>) -> Option<Visitor> {
         let role = if self.is_open() {
             Some(Role::Driver)
@@ -150,10 +150,10 @@ impl Access {
         role.map(|role| Visitor { role, token: None })
     }
 
-    /// Who comes with this token.
+    /// Returns the visitor with this token.
     ///
     /// # Errors
-    /// See [`Denied`]: wrong ones are counted.
+    /// See [`Denied`]; wrong tokens count as attempts.
     pub(super) fn of_token(&self, from: IpAddr, token: &str) -> Result<Visitor, Denied> {
         lock(&self.attempts)
             .take(from, Instant::now())
@@ -165,7 +165,7 @@ impl Access {
     }
 }
 
-/// For as long as it takes to look something up.
+/// Locks shared state; only for short lookups.
 fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -180,7 +180,7 @@ fn password(path: &Path) -> Result<String, AccessError> {
     let text = String::from_utf8(bytes).map_err(|_| refused("it is not UTF-8".to_owned()))?;
     match text.lines().next().unwrap_or_default() {
         line if line.chars().count() < 8 => Err(refused(
-            "its first line is no password of at least 8 characters".to_owned(),
+            "its first line is not a password of at least 8 characters".to_owned(),
         )),
         line => Ok(line.to_owned()),
     }
@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn off_loopback_nobody_comes_in_without_a_password() {
+    fn off_loopback_a_password_is_required() {
         assert!(matches!(
             access("0.0.0.0:1", None),
             Err(AccessError::Open(_))
@@ -235,14 +235,14 @@ mod tests {
     }
 
     #[test]
-    fn with_a_password_loopback_needs_it_too_for_a_proxy_comes_from_there() {
+    fn with_a_password_loopback_needs_it_too_because_of_proxies() {
         let guarded = access("127.0.0.1:1", Some("correct horse")).unwrap();
         assert!(!guarded.is_open());
         assert_eq!(guarded.of_session(None), None);
     }
 
     #[test]
-    fn guessing_is_slow_and_the_right_password_does_not_help_a_guesser() {
+    fn guessing_is_slow_even_if_a_guess_is_right() {
         let guarded = access("127.0.0.1:1", Some("correct horse")).unwrap();
         let wrong = || guarded.log_in(HERE, "guess");
         let denied = (0..20).map(|_| wrong().unwrap_err());

@@ -1,5 +1,5 @@
-//! How often a visitor may try to log in: a few times at once, then slowly. Pure: the time is an
-//! argument.
+//! Limits how often a visitor may try to log in: a few attempts at once, then slowly. Pure: the
+//! time is an argument.
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -7,16 +7,16 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// Tries at once, of one address and of all together.
+/// Attempts at once, from one address and from all together.
 const OF_ONE: u32 = 5;
 const OF_ALL: u32 = 50;
-/// How long it takes until one more is free.
+/// Time until one more attempt is allowed.
 const REFILL_OF_ONE: Duration = Duration::from_secs(20);
 const REFILL_OF_ALL: Duration = Duration::from_secs(2);
-/// Addresses that are remembered.
+/// Maximum number of addresses that are remembered.
 const MOST_ADDRESSES: usize = 1024;
 
-/// Tries that are free, and since when that has been so.
+/// A token bucket: the attempts used, and the time of its last refill.
 #[derive(Debug, Clone, Copy)]
 struct Bucket {
     used: u32,
@@ -31,7 +31,7 @@ impl Bucket {
         }
     }
 
-    /// Gives back what time has freed.
+    /// Refills the bucket according to the elapsed time.
     fn refill(&mut self, every: Duration, now: Instant) {
         while self.used > 0 && now.saturating_duration_since(self.since) >= every {
             self.since += every;
@@ -42,7 +42,7 @@ impl Bucket {
         }
     }
 
-    /// How long to wait for the next, if none is free.
+    /// Returns how long to wait for the next attempt, if none is allowed now.
     fn wait(&self, most: u32, every: Duration, now: Instant) -> Option<Duration> {
         let waits = (self.since + every).saturating_duration_since(now);
         (self.used >= most).then_some(waits)
@@ -64,10 +64,10 @@ impl Attempts {
         }
     }
 
-    /// Takes a try.
+    /// Uses up one attempt.
     ///
     /// # Errors
-    /// How long to wait first.
+    /// How long to wait before the next attempt.
     pub(super) fn take(&mut self, address: IpAddr, now: Instant) -> Result<(), Duration> {
         self.each.retain(|_, bucket| {
             bucket.refill(REFILL_OF_ONE, now);
@@ -86,7 +86,7 @@ impl Attempts {
         Ok(())
     }
 
-    /// A try that was right counts for nothing.
+    /// Returns the attempt of a successful login, which does not count.
     pub(super) fn give_back(&mut self, address: IpAddr) {
         if let Some(bucket) = self.each.get_mut(&address) {
             bucket.used = bucket.used.saturating_sub(1);
@@ -104,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sixth_wrong_try_waits_and_others_do_not() {
+    fn the_sixth_failed_attempt_must_wait_and_other_addresses_need_not() {
         let now = Instant::now();
         let mut attempts = Attempts::new(now);
         (0..OF_ONE).for_each(|_| attempts.take(address(1), now).unwrap());
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn many_addresses_together_are_slow_too_and_memory_is_bounded() {
+    fn many_addresses_together_are_limited_too_and_memory_is_bounded() {
         let now = Instant::now();
         let mut attempts = Attempts::new(now);
         let tries = (0..200).filter(|last| attempts.take(address(*last), now).is_ok());
@@ -125,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn a_try_that_was_right_counts_for_nothing() {
+    fn a_successful_attempt_does_not_count() {
         let now = Instant::now();
         let mut attempts = Attempts::new(now);
         for _ in 0..3 * OF_ONE {

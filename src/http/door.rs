@@ -1,8 +1,8 @@
-//! The listening socket: so many connections at a time, and each of them asks in time and reads what
-//! it is answered.
+//! The listening socket: it limits the number of connections and the time that each may take to
+//! send its request and to read the response.
 //!
-//! A connection carries one request (`Connection: close`), so that the time for its head counts from
-//! the beginning. That for its body is kept at the gate.
+//! A connection carries one request (`Connection: close`), so that the timeout for its head counts
+//! from the start. The gate enforces the timeout for the body.
 
 use std::future::Future;
 use std::io;
@@ -21,13 +21,13 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Instant, Sleep, sleep, sleep_until};
 use tracing::debug;
 
-/// How long a request's head may take.
+/// Timeout for a request's head.
 const HEAD: Duration = Duration::from_secs(5);
-/// How long nothing of an answer may be taken.
+/// How long the client may read nothing of a response.
 const STALL: Duration = Duration::from_secs(15);
-/// Connections at a time besides those of viewers.
+/// Maximum number of connections besides those of viewers.
 const SPARE: usize = 64;
-/// The pause after a connection that the system could not give.
+/// Pause after a failed `accept`.
 const PAUSE: Duration = Duration::from_millis(200);
 
 /// See the module.
@@ -38,20 +38,20 @@ pub struct Door {
 }
 
 impl Door {
-    /// Opens it, for so many viewers.
+    /// Opens the socket, for this many viewers.
     ///
     /// # Errors
-    /// The address is taken, or not of this machine.
+    /// If the address is in use or does not belong to this machine.
     pub async fn open(address: SocketAddr, viewers: u16) -> io::Result<Door> {
         let listener = TcpListener::bind(address).await?;
         let room = Arc::new(Semaphore::new(usize::from(viewers) + SPARE));
         Ok(Door { listener, room })
     }
 
-    /// Where it is.
+    /// Returns the socket's address.
     ///
     /// # Errors
-    /// What the system says.
+    /// Any error of the system.
     pub fn address(&self) -> io::Result<SocketAddr> {
         self.listener.local_addr()
     }
@@ -63,18 +63,18 @@ impl Listener for Door {
 
     async fn accept(&mut self) -> (Connection, SocketAddr) {
         loop {
-            // More wait in the system's queue. The semaphore is never closed.
+            // Further connections wait in the system's queue. The semaphore is never closed.
             let Ok(permit) = self.room.clone().acquire_owned().await else {
                 std::future::pending().await
             };
             match self.listener.accept().await {
                 Ok((stream, address)) => {
-                    // Small messages go out at once; without that they are only late.
+                    // Send small messages at once. A failure only delays them.
                     let _ = stream.set_nodelay(true);
                     return (Connection::new(stream, permit), address);
                 }
                 Err(error) => {
-                    debug!("a connection could not be let in: {error}");
+                    debug!("cannot accept a connection: {error}");
                     sleep(PAUSE).await;
                 }
             }
@@ -89,14 +89,14 @@ impl Listener for Door {
 /// The other end of a connection.
 #[derive(Debug, Clone)]
 pub struct Peer {
-    /// Where it is.
+    /// Its address.
     pub address: SocketAddr,
-    /// Its head has come.
+    /// Whether the request's head has arrived.
     heard: Arc<AtomicBool>,
 }
 
 impl Peer {
-    /// The request's head has come in time.
+    /// Records that the request's head has arrived in time.
     pub(super) fn heard(&self) {
         self.heard.store(true, Ordering::Relaxed);
     }
@@ -111,13 +111,13 @@ impl Connected<IncomingStream<'_, Door>> for Peer {
     }
 }
 
-/// A connection that asks in time.
+/// A connection with timeouts.
 #[derive(Debug)]
 pub struct Connection {
     stream: TcpStream,
     heard: Arc<AtomicBool>,
     head: Pin<Box<Sleep>>,
-    /// While something waits to be written.
+    /// Set while a write is pending.
     stall: Option<Pin<Box<Sleep>>>,
     _permit: OwnedSemaphorePermit,
 }
@@ -133,7 +133,8 @@ impl Connection {
         }
     }
 
-    /// Whether the other end has taken nothing for too long; `progress` says that it takes something.
+    /// Returns an error if the other end has read nothing for too long. `progress`: it has just
+    /// read something.
     fn stalls(&mut self, context: &mut Context<'_>, progress: bool) -> io::Result<()> {
         if progress {
             self.stall = None;

@@ -1,4 +1,5 @@
-//! What every request passes: the guard before it is served, the headers of its answer after.
+//! The middleware that every request passes: the guard before it is served, the response headers
+//! after.
 
 use std::io;
 use std::sync::Arc;
@@ -21,11 +22,11 @@ use super::guard::{Addressed, Reason};
 use super::refusal::Refusal;
 use super::role::{Role, Visitor};
 
-/// How long the body of a request may take.
+/// Timeout for the body of a request.
 const BODY: Duration = Duration::from_secs(15);
-/// The session's cookie.
+/// Name of the session's cookie.
 pub(super) const COOKIE: &str = "spykee_session";
-/// The page loads what we serve and nothing else; nothing in it is run but our own files.
+/// The page may load only what we serve, and run only our own scripts.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
                       connect-src 'self'; font-src 'self'; manifest-src 'self'; base-uri 'none'; \
                       form-action 'self'; frame-ancestors 'none'";
@@ -47,7 +48,7 @@ const HEADERS: [(HeaderName, &str); 6] = [
     ),
 ];
 
-/// Middleware: judges a request, finds out who sends it, and completes the answer.
+/// Middleware: checks a request, identifies the visitor, and adds headers to the response.
 pub async fn guarded(
     State(access): State<Arc<Access>>,
     ConnectInfo(peer): ConnectInfo<Peer>,
@@ -65,8 +66,8 @@ pub async fn guarded(
     completed(response)
 }
 
-/// The same body; what has not come in time is an error. Without that a few who send theirs without end
-/// would keep everybody else out.
+/// Adds the timeout to a body. Without it, a few clients that send endless bodies could lock out
+/// all others.
 fn in_time(body: Body) -> Body {
     let until = Instant::now() + BODY;
     let pieces = unfold(Some(body.into_data_stream()), move |pieces| async move {
@@ -111,14 +112,14 @@ fn admit(
     }
 }
 
-/// Of a header that must not be there twice.
+/// Returns the value of a header that must not occur twice.
 fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
     let mut all = headers.get_all(name).iter();
     let first = all.next()?.to_str().ok();
     first.filter(|_| all.next().is_none())
 }
 
-/// Of the cookies, ours.
+/// Returns the session cookie.
 pub(super) fn session(headers: &HeaderMap) -> Option<&str> {
     let cookies = headers
         .get_all(header::COOKIE)
@@ -151,7 +152,7 @@ fn completed(mut response: Response) -> Response {
     response
 }
 
-/// Who sends a request, if that is known.
+/// The visitor who sends a request, if known.
 #[derive(Debug, Clone)]
 pub(super) struct Somebody(pub(super) Option<Visitor>);
 
@@ -166,7 +167,7 @@ impl<S: Sync> FromRequestParts<S> for Visitor {
     }
 }
 
-/// A visitor who may drive.
+/// A visitor with the role of a driver.
 #[derive(Debug, Clone)]
 pub struct Driver(pub Visitor);
 

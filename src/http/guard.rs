@@ -1,8 +1,9 @@
-//! Is a request meant for us, and does it come from our own page? Pure.
+//! Checks that a request is addressed to us and comes from our own page. Pure.
 //!
-//! A web page elsewhere can have its own name lead to our address (DNS rebinding), and any page can
-//! send requests here. The first has a `Host` that is not ours, the second an `Origin` that is not
-//! the `Host`; browsers let no page forge either.
+//! The owner of another web page can make its host name resolve to our address (DNS rebinding), and
+//! any page can send requests to us. The first case is detected by a `Host` that is not ours, the
+//! second by an `Origin` that differs from the `Host`; browsers do not let a page forge either
+//! header.
 
 use std::net::{IpAddr, SocketAddr};
 
@@ -15,24 +16,24 @@ pub(super) struct Addressed<'a> {
     pub origin: Option<&'a str>,
     /// Its `Sec-Fetch-Site`, if it has one.
     pub site: Option<&'a str>,
-    /// It asks for something to be done, or opens a WebSocket.
+    /// Whether it is more than a GET or HEAD request, or opens a WebSocket.
     pub acts: bool,
 }
 
-/// Why a request is turned away.
+/// Why a request is rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Reason {
-    /// Another name than ours, or none.
+    /// The `Host` is not one of our names, or is missing.
     #[error(
-        "this address is not ours: `live: {{ hosts: [NAME] }}` names those by which browsers may come"
+        "unknown host name in the request: add it to the config with `live: {{ hosts: [NAME] }}`"
     )]
     Host,
-    /// A page of another site.
+    /// The request comes from another site's page.
     #[error("the request comes from another site's page")]
     Origin,
 }
 
-/// The names by which we are reached.
+/// The host names under which we are reached.
 #[derive(Debug, Clone)]
 pub(super) struct Names {
     listen: SocketAddr,
@@ -66,8 +67,8 @@ impl Names {
         }
     }
 
-    /// `localhost` and addresses of this machine by number are ours: no other site has them for a name.
-    /// Of names only those that were said.
+    /// `localhost` and the numeric addresses of this machine are ours: no other site can have them
+    /// as a name. Other names must be listed in the config.
     fn is_ours(&self, host: &str) -> bool {
         let (name, port) = split(host);
         if self.more.iter().any(|more| more == host || more == name) {
@@ -89,7 +90,7 @@ fn reaches_loopback(ip: IpAddr) -> bool {
     ip.is_loopback() || ip.is_unspecified()
 }
 
-/// Name and port; an IPv6 address stands in brackets.
+/// Splits name and port; an IPv6 address is in brackets.
 fn split(host: &str) -> (&str, Option<&str>) {
     match host.rsplit_once(':') {
         Some((name, port)) if !port.contains(']') => (name, Some(port)),
@@ -117,7 +118,7 @@ mod tests {
     }
 
     #[test]
-    fn only_our_own_names_are_answered() {
+    fn only_our_own_names_are_accepted() {
         let here = "127.0.0.1:7788";
         for good in [
             "127.0.0.1:7788",
@@ -151,7 +152,7 @@ mod tests {
     }
 
     #[test]
-    fn another_sites_page_is_turned_away() {
+    fn requests_of_another_sites_page_are_rejected() {
         let here = "127.0.0.1:7788";
         let ask = |origin| validate(here, here, Some(origin));
         assert_eq!(ask("http://127.0.0.1:7788"), Ok(()));
@@ -182,12 +183,12 @@ mod tests {
             "a link may lead here"
         );
         assert_eq!(from(Some("same-origin"), true), Ok(()));
-        assert_eq!(from(None, true), Ok(()), "a program is no page");
+        assert_eq!(from(None, true), Ok(()), "a program is not a page");
     }
 
     proptest! {
         #[test]
-        fn no_header_makes_it_panic_and_no_stranger_is_let_in(host in "\\PC{0,40}", origin in "\\PC{0,40}") {
+        fn no_header_causes_a_panic_and_unknown_hosts_are_rejected(host in "\\PC{0,40}", origin in "\\PC{0,40}") {
             let verdict = validate("127.0.0.1:7788", &host, Some(&origin));
             let known = host.to_ascii_lowercase();
             let ours = known.starts_with("127.0.0.1") || known.starts_with("localhost")

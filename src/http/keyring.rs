@@ -1,4 +1,5 @@
-//! Tokens of programs: random, shown once, kept as digests in a private file of the data folder.
+//! The tokens of programs: random, shown once, stored as digests in a private file of the data
+//! folder.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,18 +10,18 @@ use super::role::Role;
 use super::secret::{Digest, random};
 use crate::files::{self, Folder};
 
-/// In the data folder, beside the behaviours' own.
+/// Name of the folder, in the data folder beside those of the behaviours.
 const FOLDER: &str = ".access";
 const FILE: &str = "tokens.json";
 const MAX_LEN: u64 = 64 * 1024;
-/// Tokens of one data folder.
+/// Maximum number of tokens per data folder.
 const MOST: usize = 100;
-/// Characters of a name.
+/// Maximum length of a name, in characters.
 const LONGEST_NAME: usize = 40;
-/// All tokens begin so, so that people and scanners know one when they see it.
+/// Prefix of all tokens, by which people and secret scanners recognise them.
 pub(super) const PREFIX: &str = "spykee_";
 
-/// A token that is known.
+/// A known token.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Key {
@@ -29,32 +30,32 @@ struct Key {
     digest: Digest,
 }
 
-/// What may be told of a token.
+/// The public information about a token.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Listed {
-    /// What its owner calls it.
+    /// The name given by its owner.
     pub name: String,
-    /// What it is good for.
+    /// The role that it grants.
     pub role: Role,
 }
 
 /// Why tokens cannot be read or changed.
 #[derive(Debug, thiserror::Error)]
 pub enum KeyringError {
-    /// The file is there and not usable; no token is accepted then.
+    /// The file exists but is unusable; no token is accepted.
     #[error("cannot use the tokens in {path}: {why}")]
     Broken {
-        /// Which.
+        /// The file.
         path: String,
         /// Why.
         why: String,
     },
-    /// Not writable.
+    /// The file cannot be written.
     #[error("cannot write the tokens to {path}: {source}")]
     Write {
-        /// Where.
+        /// The file.
         path: String,
-        /// The system's words.
+        /// The error of the system.
         source: io::Error,
     },
     /// A name that is taken, empty or too long, or too many tokens.
@@ -70,10 +71,10 @@ pub struct Keyring {
 }
 
 impl Keyring {
-    /// Reads them; none if there is no file. Waits for the disk.
+    /// Reads the tokens; none if there is no file. Blocks on the disk.
     ///
     /// # Errors
-    /// [`KeyringError::Broken`]: also if others can read or write the file.
+    /// [`KeyringError::Broken`], also if other users can read or write the file.
     pub fn open(data: &Path) -> Result<Keyring, KeyringError> {
         let folder = data.join(FOLDER);
         let path = folder.join(FILE);
@@ -93,7 +94,7 @@ impl Keyring {
         Ok(Keyring { folder, keys })
     }
 
-    /// Makes a token and keeps its digest: the one time that it is seen.
+    /// Creates a token and stores its digest. The token itself is only returned here.
     ///
     /// # Errors
     /// See [`KeyringError`].
@@ -118,8 +119,8 @@ impl Keyring {
         Ok(token)
     }
 
-    /// Takes a token away; whether there was one of this name. A run that is on learns of it when it is
-    /// started anew.
+    /// Removes a token. Returns whether there was one of this name. An active run uses the change
+    /// after its next start.
     ///
     /// # Errors
     /// [`KeyringError::Write`].
@@ -132,7 +133,7 @@ impl Keyring {
         self.write().map(|()| true)
     }
 
-    /// What there is.
+    /// Lists the tokens.
     pub fn list(&self) -> Vec<Listed> {
         let listed = |key: &Key| Listed {
             name: key.name.clone(),
@@ -141,10 +142,10 @@ impl Keyring {
         self.keys.iter().map(listed).collect()
     }
 
-    /// Whose token it is.
+    /// Returns the entry of a token, if it is known.
     pub(super) fn find(&self, token: &str) -> Option<Listed> {
         let digest = Digest::of(token);
-        // All are compared: how long it takes tells nothing.
+        // Compare all of them, so that the time taken reveals nothing.
         let mut found = None;
         for key in &self.keys {
             if key.digest.is(&digest) {
@@ -202,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_others_can_read_or_that_is_broken_lets_nobody_in() {
+    fn a_file_that_others_can_read_or_that_is_broken_is_refused() {
         let data = tempfile::tempdir().unwrap();
         Keyring::open(data.path())
             .unwrap()

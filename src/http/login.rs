@@ -17,7 +17,7 @@ use super::refusal::Refusal;
 use super::role::{Role, Visitor};
 use super::sessions::LIFE;
 
-/// Bytes of a password with its wrapping.
+/// Maximum length of a request body with a password, in bytes.
 const MAX_BODY: usize = 8 * 1024;
 
 #[derive(Deserialize)]
@@ -26,18 +26,18 @@ struct Credentials {
     password: String,
 }
 
-/// Who asks, and whether he could log in.
+/// The visitor's role, and whether a login is possible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Me {
-    /// What he may do; null: he has to log in first.
+    /// The visitor's role; null: a login is required.
     pub role: Option<Role>,
-    /// No login is needed here.
+    /// Whether no login is needed.
     pub open: bool,
-    /// There is a password to log in with.
+    /// Whether there is a password to log in with.
     pub password: bool,
 }
 
-/// `/api/me`, `/api/login`, `/api/logout`.
+/// Returns the routes `/api/me`, `/api/login` and `/api/logout`.
 pub fn routes(access: Arc<Access>) -> Router {
     Router::new()
         .route("/api/me", get(me))
@@ -67,11 +67,11 @@ async fn log_in(
     let (session, role) = access
         .log_in(peer.address.ip(), &password)
         .map_err(denied)?;
-    tracing::info!(from = %peer.address.ip(), role = role.name(), "somebody logs in to the page");
+    tracing::info!(from = %peer.address.ip(), role = role.name(), "a visitor logs in to the page");
     let origin = headers
         .get(header::ORIGIN)
         .and_then(|origin| origin.to_str().ok());
-    // Behind a proxy that speaks TLS.
+    // The page is behind a TLS proxy.
     let secure = origin.is_some_and(|origin| origin.starts_with("https://"));
     let me = Me {
         role: Some(role),
@@ -97,7 +97,7 @@ fn with_cookie(mut response: Response, session: &str, age: u64, secure: bool) ->
     let secure = if secure { "; Secure" } else { "" };
     let cookie =
         format!("{COOKIE}={session}; HttpOnly; SameSite=Strict; Path=/; Max-Age={age}{secure}");
-    // Hexadecimal digits and our own words: always a header.
+    // Always a valid header value: it consists of hexadecimal digits and fixed text.
     if let Ok(cookie) = HeaderValue::from_str(&cookie) {
         response.headers_mut().insert(header::SET_COOKIE, cookie);
     }

@@ -1,4 +1,4 @@
-//! What the config may say of the page and the API.
+//! The config's options for the page and the API.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
@@ -6,9 +6,9 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Where the page is by default.
+/// Default address of the page.
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);
-/// Viewers at a time, unless the config says something else.
+/// Default maximum number of viewers.
 const VIEWERS: u16 = 32;
 const MOST_VIEWERS: u64 = 1000;
 
@@ -16,7 +16,7 @@ const MOST_VIEWERS: u64 = 1000;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
-    /// Where the page and the API are served, `IP:PORT`. Beyond loopback a password or a token is
+    /// The address of the page and the API, `IP:PORT`. Beyond loopback a password or a token is
     /// required.
     #[schemars(with = "Option<String>")]
     pub listen: Option<SocketAddr>,
@@ -26,7 +26,7 @@ pub struct Options {
     pub driver_password_file: Option<PathBuf>,
     /// The first line of this file is the password of those who may only look, and stop the robot.
     pub viewer_password_file: Option<PathBuf>,
-    /// Viewers at a time, 1..=1000.
+    /// The maximum number of viewers at a time, 1..=1000.
     #[serde(deserialize_with = "viewers")]
     #[schemars(range(min = 1, max = 1000))]
     pub viewers: u16,
@@ -45,7 +45,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// Where it listens, once it is wanted at all.
+    /// Returns the address to listen on.
     pub fn address(&self) -> SocketAddr {
         self.listen.unwrap_or(LISTEN)
     }

@@ -1,4 +1,4 @@
-//! What is answered to a request that is not served: a status and one sentence, as JSON.
+//! The response to a request that is refused: a status and one sentence, as JSON.
 
 use axum::Json;
 use axum::http::StatusCode;
@@ -6,7 +6,7 @@ use axum::response::{IntoResponse, Response};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Why a request is not served.
+/// Why a request is refused.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{error}")]
 pub struct Refusal {
@@ -14,14 +14,14 @@ pub struct Refusal {
     error: String,
 }
 
-/// As it is sent.
+/// The JSON body.
 #[derive(Debug, Serialize, JsonSchema)]
 struct Body<'a> {
     error: &'a str,
 }
 
 impl Refusal {
-    /// With a sentence for a person.
+    /// Creates a refusal with a sentence for people.
     pub fn new(status: StatusCode, error: impl Into<String>) -> Refusal {
         Refusal {
             status,
@@ -29,16 +29,16 @@ impl Refusal {
         }
     }
 
-    /// Not logged in.
+    /// The visitor is not logged in.
     pub fn unknown() -> Refusal {
         Refusal::new(StatusCode::UNAUTHORIZED, "log in first, or send a token")
     }
 
-    /// He may not do that.
+    /// The visitor's role does not permit the request.
     pub fn viewer_only() -> Refusal {
         Refusal::new(
             StatusCode::FORBIDDEN,
-            "viewers may look and stop the robot, and nothing else",
+            "viewers may only watch and stop the robot",
         )
     }
 }

@@ -1,22 +1,22 @@
-//! Who asks, and what that is good for.
+//! Visitors and their roles.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What a visitor may do. One who may look may also stop the robot.
+/// What a visitor may do. A viewer may also stop the robot.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Role {
-    /// Look, and stop the robot.
+    /// Watch, and stop the robot.
     Viewer,
-    /// All that the page and the API can do.
+    /// Everything that the page and the API offer.
     Driver,
 }
 
 impl Role {
-    /// The word that people use.
+    /// Returns the name of the role.
     pub fn name(self) -> &'static str {
         match self {
             Role::Viewer => "viewer",
@@ -25,11 +25,11 @@ impl Role {
     }
 }
 
-/// A visitor who was let in.
+/// A visitor with access.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Visitor {
-    /// What he may do.
+    /// The visitor's role.
     pub role: Role,
-    /// The name of the token that he came with, if he did.
+    /// The name of the token used, if any.
     pub token: Option<String>,
 }

@@ -1,13 +1,14 @@
-//! Secrets as they are kept: their SHA-256 digests alone, compared in constant time.
+//! Secrets are stored only as SHA-256 digests, which are compared in constant time.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use sha2::{Digest as _, Sha256};
 use subtle::ConstantTimeEq as _;
 
-/// Random bytes of a token or a session: 256 bits cannot be guessed, so they need no slow hash.
+/// Number of random bytes in a token or session: 256 bits cannot be guessed, so no slow hash is
+/// needed.
 const RANDOM: usize = 32;
 
-/// Of a secret; shows nothing of it.
+/// The digest of a secret. Its debug output reveals nothing.
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub(super) struct Digest([u8; 32]);
 
@@ -16,7 +17,7 @@ impl Digest {
         Digest(Sha256::digest(secret.as_bytes()).into())
     }
 
-    /// Takes as long whether they are alike or not.
+    /// Compares two digests in constant time.
     pub(super) fn is(&self, other: &Digest) -> bool {
         self.0.ct_eq(&other.0).into()
     }
@@ -45,7 +46,7 @@ impl<'de> Deserialize<'de> for Digest {
     }
 }
 
-/// A new secret, 64 hexadecimal digits.
+/// Returns a new secret of 64 hexadecimal digits.
 pub(super) fn random() -> String {
     hex(&rand::random::<[u8; RANDOM]>())
 }
@@ -70,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_digest_is_that_of_the_standard_and_shows_nothing() {
+    fn a_digest_matches_the_standard_and_its_debug_output_reveals_nothing() {
         // FIPS 180-2, appendix B.1.
         let digest = Digest::of("abc");
         let text = serde_json::to_string(&digest).unwrap();
@@ -82,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn no_two_secrets_are_alike_and_broken_digests_are_refused() {
+    fn secrets_differ_and_invalid_digests_are_refused() {
         assert_ne!(random(), random());
         assert_eq!(random().len(), 64);
         for wrong in ["\"\"", "\"abc\"", "\"zz\"", "7"] {

@@ -1,4 +1,4 @@
-//! Who is logged in: sessions in memory, which end with the program.
+//! The sessions of logged-in visitors, kept in memory only: they end with the program.
 
 use std::time::Duration;
 
@@ -7,9 +7,9 @@ use tokio::time::Instant;
 use super::role::Role;
 use super::secret::{Digest, random};
 
-/// Sessions at a time; the oldest makes room.
+/// Maximum number of sessions; the oldest one is removed to make room.
 const MOST: usize = 256;
-/// How long one lives.
+/// Lifetime of a session.
 pub(super) const LIFE: Duration = Duration::from_secs(7 * 24 * 60 * 60);
 
 #[derive(Debug)]
@@ -24,7 +24,7 @@ struct Session {
 pub(super) struct Sessions(Vec<Session>);
 
 impl Sessions {
-    /// A new one; its secret.
+    /// Opens a session and returns its secret.
     pub(super) fn open(&mut self, role: Role, now: Instant) -> String {
         let secret = random();
         if self.0.len() >= MOST {
@@ -39,7 +39,7 @@ impl Sessions {
         secret
     }
 
-    /// Whose it is.
+    /// Returns the role of the session with this secret.
     pub(super) fn role(&mut self, secret: &str, now: Instant) -> Option<Role> {
         self.0.retain(|session| session.until > now);
         let digest = Digest::of(secret);
@@ -49,7 +49,7 @@ impl Sessions {
             .map(|session| session.role)
     }
 
-    /// Ends it.
+    /// Ends the session with this secret.
     pub(super) fn close(&mut self, secret: &str) {
         let digest = Digest::of(secret);
         self.0.retain(|session| !session.digest.is(&digest));

@@ -1,4 +1,4 @@
-//! Why a journal cannot be used, for people and for the recorder, which tries again.
+//! Why a journal cannot be used. The recorder decides by this error how to continue.
 
 use std::io;
 
@@ -6,33 +6,33 @@ use rusqlite::ErrorCode;
 
 use super::schema::SchemaError;
 
-/// So many bytes of the disk stay free: below that nothing is written.
+/// Bytes of the disk that must stay free: below that nothing is written.
 pub(super) const FREE: u64 = 16 << 20;
 
 /// Why a journal cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum JournalError {
-    /// The system says so.
+    /// An error of the system.
     #[error("{path}: {source}")]
     Io {
-        /// Of what.
+        /// The file or folder.
         path: String,
-        /// Its words.
+        /// The error.
         source: io::Error,
     },
-    /// SQLite says so.
+    /// An error of SQLite.
     #[error("{0}")]
     Sql(#[from] rusqlite::Error),
-    /// It is of another version.
+    /// The file has a newer version.
     #[error("{0}")]
     Version(String),
-    /// It is another program's, or another program has altered it.
+    /// The file belongs to another program, or another program has changed it.
     #[error("{0}")]
     Foreign(String),
     /// The disk is nearly full.
     #[error("the disk has less than {FREE} bytes left")]
     Disk,
-    /// No thread to write it.
+    /// The system cannot start a thread.
     #[error("no thread for the journal: {0}")]
     Thread(io::Error),
 }
@@ -48,7 +48,7 @@ impl From<SchemaError> for JournalError {
 }
 
 impl JournalError {
-    /// The file is no journal any more.
+    /// Whether the file is not, or no longer, a journal.
     pub(super) fn is_damage(&self) -> bool {
         match self {
             JournalError::Foreign(_) => true,
@@ -60,7 +60,7 @@ impl JournalError {
         }
     }
 
-    /// The file has reached its size.
+    /// Whether the file has reached its maximum size.
     pub(super) fn is_full(&self) -> bool {
         let JournalError::Sql(error) = self else {
             return false;

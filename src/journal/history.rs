@@ -1,4 +1,4 @@
-//! Reads a journal, also while it is being written.
+//! Reads a journal, even while it is being written.
 
 use std::path::Path;
 use std::time::Duration;
@@ -12,21 +12,21 @@ use super::error::JournalError;
 use super::ledger::{FILE, folder};
 use super::schema;
 
-/// So long a reader waits for a writer.
+/// How long a reader waits for a writer.
 const BUSY: Duration = Duration::from_secs(5);
 
-/// One thing that the journal remembers. As JSON one flat object.
+/// One record of the journal. As JSON, one flat object.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Record {
-    /// When; in JSON as RFC 3339 in UTC.
+    /// The time; in JSON as RFC 3339 in UTC.
     #[serde(serialize_with = "rfc3339")]
     pub at: Timestamp,
-    /// Counts the agents that have written; pairs the start of a run with its end.
+    /// The number of the agent's session; pairs the start of a run with its end.
     pub session: i64,
-    /// The robot's uid, if one was there.
+    /// The robot's uid, if one was connected.
     pub robot: Option<String>,
-    /// `event` and all that belongs to it: see [`Occurrence`](crate::robot::Occurrence). The battery's
-    /// level is of event `battery`; `lost` says that `count` happenings could not be written.
+    /// `event` and its fields: see [`Occurrence`](crate::robot::Occurrence). The event of a battery
+    /// level is `battery`; `lost` means that `count` events could not be written.
     #[serde(flatten)]
     pub data: Map<String, Value>,
 }
@@ -36,12 +36,12 @@ fn rfc3339<S: Serializer>(at: &Timestamp, to: S) -> Result<S::Ok, S::Error> {
 }
 
 impl Record {
-    /// What kind of event.
+    /// Returns the kind of event.
     pub fn kind(&self) -> &str {
         self.text("event")
     }
 
-    /// A text of the event; empty if it has none.
+    /// Returns a text field of the event; empty if it has none.
     pub fn text(&self, key: &str) -> &str {
         self.data
             .get(key)
@@ -49,50 +49,51 @@ impl Record {
             .unwrap_or_default()
     }
 
-    /// A number of the event.
+    /// Returns a numeric field of the event.
     pub fn number(&self, key: &str) -> Option<f64> {
         self.data.get(key).and_then(Value::as_f64)
     }
 
-    /// Whether something is true of the event.
+    /// Returns a boolean field of the event; false if it has none.
     pub fn is(&self, key: &str) -> bool {
         self.data.get(key).and_then(Value::as_bool).unwrap_or(false)
     }
 }
 
-/// Which events.
+/// The kinds of events to read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kinds {
-    /// All, but for the battery's level.
+    /// All except battery levels.
     All,
-    /// Of these kinds.
+    /// Only these kinds.
     Of(&'static [&'static str]),
 }
 
-/// From when to when, both included, and of which robot.
+/// The period, both ends included, and the robot to read.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Span {
-    /// `None`: from the beginning.
+    /// The start; `None`: from the beginning.
     pub since: Option<Timestamp>,
-    /// `None`: until now.
+    /// The end; `None`: until now.
     pub until: Option<Timestamp>,
-    /// The uid of a robot; `None`: of all.
+    /// The uid of a robot; `None`: all robots.
     pub robot: Option<String>,
-    /// The newest so many; `None`: all.
+    /// Maximum number of records, the newest; `None`: all.
     pub newest: Option<u32>,
 }
 
-/// A journal that is read.
+/// A journal opened for reading.
 #[derive(Debug)]
 pub struct History(Connection);
 
 impl History {
-    /// The journal of a data folder; `None` if there is none.
+    /// Opens the journal of a data folder; `None` if there is none.
     ///
     /// # Errors
-    /// It cannot be read, or a newer program has written it.
+    /// If it cannot be read, or a newer program has written it.
     pub fn open(data: &Path) -> Result<Option<History>, JournalError> {
-        // SQLite follows no link to the file; its folder is resolved first.
+        // SQLite must not follow a symbolic link to the file, so only the folder's path is
+        // resolved.
         let Ok(folder) = folder(data).canonicalize() else {
             return Ok(None);
         };
@@ -113,14 +114,14 @@ impl History {
             return Err(newer.into());
         }
         schema::validate(&connection, found)?;
-        // Made, and not written yet.
+        // Version 0: created, but not written yet.
         Ok((found > 0).then_some(History(connection)))
     }
 
-    /// Events of these kinds, in the order in which they happened.
+    /// Returns events of these kinds, in the order in which they happened.
     ///
     /// # Errors
-    /// It cannot be read.
+    /// If the journal cannot be read.
     pub fn records(&self, kinds: &Kinds, span: &Span) -> Result<Vec<Record>, JournalError> {
         let (mut conditions, mut values) = span.conditions();
         if let Kinds::Of(kinds) = kinds {
@@ -132,17 +133,17 @@ impl History {
         self.read("event", columns, &conditions, values, span, |row| {
             let text: String = row.get(3)?;
             let data = serde_json::from_str(&text).unwrap_or_else(|_| {
-                // Written by hand, or damaged: still something has happened.
+                // Edited by hand, or damaged: still shows that something happened.
                 Map::from_iter([("event".to_owned(), json!("unreadable"))])
             });
             Ok(data)
         })
     }
 
-    /// The battery's levels, in their order.
+    /// Returns the battery levels, in their order.
     ///
     /// # Errors
-    /// It cannot be read.
+    /// If the journal cannot be read.
     pub fn battery(&self, span: &Span) -> Result<Vec<Record>, JournalError> {
         let (conditions, values) = span.conditions();
         let columns = "at, session, robot, percent, charging";
@@ -171,7 +172,7 @@ impl History {
             format!("WHERE {}", conditions.join(" AND "))
         };
         let limit = span.newest.map_or(-1, i64::from);
-        // As they happened, whatever the clock showed: it may have been set back in between.
+        // In the order of writing, not of time: the clock may have been set back in between.
         let select =
             format!("SELECT {columns} FROM {table} {condition} ORDER BY rowid DESC LIMIT {limit}");
         let mut statement = self.0.prepare(&select)?;

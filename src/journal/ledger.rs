@@ -1,4 +1,5 @@
-//! The journal's file: opened, written, kept within its size. All of it may wait for a disk.
+//! The journal's file: opens it, writes it, and keeps it within its maximum size. All of this may
+//! block on the disk.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -14,23 +15,23 @@ use super::row::{Content, Row};
 use super::schema;
 use crate::files::Folder;
 
-/// The journal's folder within the data folder. No behaviour has a folder of this name.
+/// Name of the journal's folder in the data folder. No behaviour can have a folder of this name.
 const FOLDER: &str = ".journal";
-/// Its file.
+/// Name of the journal's file.
 pub(super) const FILE: &str = "journal.db";
-/// So long a write waits for another process that writes.
+/// How long a write waits for another process that writes.
 const BUSY: Duration = Duration::from_secs(5);
-/// After so many pages the log of writes goes into the file.
+/// Number of pages after which the write-ahead log is copied into the file.
 const CHECKPOINT_PAGES: u32 = 256;
-/// The log of writes is cut to this when it is empty, in bytes.
+/// Length to which an empty write-ahead log is truncated, in bytes.
 const LOG_LEN: u32 = 1 << 20;
 
-/// The journal's folder of a data folder.
+/// Returns the journal's folder in a data folder.
 pub fn folder(data: &Path) -> PathBuf {
     data.join(FOLDER)
 }
 
-/// The journal's file of a data folder.
+/// Returns the journal's file in a data folder.
 pub fn journal_file(data: &Path) -> PathBuf {
     folder(data).join(FILE)
 }
@@ -45,8 +46,8 @@ pub(super) struct Ledger {
 }
 
 impl Ledger {
-    /// Opens the journal of a data folder, makes it if there is none, and begins a session at this time
-    /// of day.
+    /// Opens the journal of a data folder, creates it if there is none, and starts a session at
+    /// this time.
     pub(super) fn open(
         data: &Path,
         options: Options,
@@ -64,14 +65,15 @@ impl Ledger {
             return Err(JournalError::Disk);
         }
         if private.item(FILE).map_err(failed)?.is_none() {
-            // For this user alone; SQLite gives its other files the mode of this one.
+            // Creates it with access for this user only; SQLite gives its other files the same
+            // mode.
             private.replace(FILE, b"").map_err(failed)?;
         }
         let mut connection = connect(&path).map_err(failed)??;
         schema::migrate(&mut connection)?;
         let pages = options.max_mib.saturating_mul(1 << 20) / page_size(&connection)?;
         let most = u32::try_from(pages + pages / 4 + 256).unwrap_or(u32::MAX);
-        // What a clean-up cannot keep within bounds in time, this does.
+        // A hard limit, in case the periodic clean-up is too late.
         connection.pragma_update(None, "max_page_count", most)?;
         let began = now.as_millisecond();
         connection.execute(
@@ -87,7 +89,7 @@ impl Ledger {
         })
     }
 
-    /// Renames a file that is not a journal any more. Returns its new name.
+    /// Renames a file that is not, or no longer, a journal. Returns its new name.
     pub(super) fn set_aside(data: &Path, now: Timestamp) -> io::Result<String> {
         let private = Folder::open(&folder(data))?;
         let aside = format!("{FILE}.damaged-{}", now.as_second());
@@ -98,8 +100,8 @@ impl Ledger {
         Ok(aside)
     }
 
-    /// Writes all rows, or none, and how many happenings are lost at this time of day. On the disk when
-    /// it returns.
+    /// Writes all rows or none, with a record of the number of lost events at this time. The data
+    /// is on the disk when it returns.
     pub(super) fn write(
         &mut self,
         rows: &[Row],
@@ -123,7 +125,7 @@ impl Ledger {
         Ok(transaction.commit()?)
     }
 
-    /// The session is over.
+    /// Records the end of the session.
     pub(super) fn end(&self, now: Timestamp) -> Result<(), JournalError> {
         let ended = now.as_millisecond();
         let update = "UPDATE session SET ended = ? WHERE id = ?";
@@ -132,8 +134,8 @@ impl Ledger {
         Ok(())
     }
 
-    /// Forgets what is too old at this time of day, then the oldest until the file is small enough. How
-    /// many rows went.
+    /// Deletes the rows that are too old at this time, then the oldest ones until the file is small
+    /// enough. Returns the number of deleted rows.
     pub(super) fn forget(&mut self, now: Timestamp) -> Result<u64, JournalError> {
         let gone = retention::forget(&self.connection, &self.options, now)?;
         if gone > 0 {
@@ -146,7 +148,8 @@ impl Ledger {
     }
 }
 
-/// The connection of a writer. SQLite follows no link to the file; its folder is resolved first.
+/// Opens the connection of a writer. SQLite must not follow a symbolic link to the file, so only
+/// the folder's path is resolved.
 fn connect(folder: &Path) -> io::Result<Result<Connection, rusqlite::Error>> {
     let path = folder.canonicalize()?.join(FILE);
     let flags = OpenFlags::SQLITE_OPEN_READ_WRITE
@@ -157,14 +160,14 @@ fn connect(folder: &Path) -> io::Result<Result<Connection, rusqlite::Error>> {
 
 fn prepared(connection: Connection) -> Result<Connection, rusqlite::Error> {
     connection.busy_timeout(BUSY)?;
-    // Of an empty file only.
+    // Has an effect on an empty file only.
     connection.pragma_update(None, "auto_vacuum", "INCREMENTAL")?;
     connection.pragma_update(None, "journal_mode", "WAL")?;
-    // What was committed is on the disk, also when the power fails.
+    // Committed data survives a power failure.
     connection.pragma_update(None, "synchronous", "FULL")?;
     connection.pragma_update(None, "wal_autocheckpoint", CHECKPOINT_PAGES)?;
     connection.pragma_update(None, "journal_size_limit", LOG_LEN)?;
-    // In KiB: little is ever read twice.
+    // In KiB, small because little is read twice.
     connection.pragma_update(None, "cache_size", -512)?;
     Ok(connection)
 }
@@ -231,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn its_files_are_this_users_alone() {
+    fn its_files_are_private() {
         let data = tempfile::tempdir().unwrap();
         let mut ledger = Ledger::open(data.path(), Options::default(), &about(), now()).unwrap();
         ledger.write(&[event(1, "x")], 0, now()).unwrap();
@@ -267,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_old_is_forgotten_and_the_oldest_makes_room() {
+    fn old_rows_are_deleted_and_the_oldest_make_room() {
         let data = tempfile::tempdir().unwrap();
         let options = Options {
             keep_days: 10,
@@ -302,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_full_file_takes_nothing_in_part_and_takes_more_when_there_is_room() {
+    fn a_full_file_takes_all_rows_or_none_and_more_when_there_is_room() {
         let data = tempfile::tempdir().unwrap();
         let options = Options {
             max_mib: 1,
@@ -329,7 +332,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_is_no_journal_is_known_as_damage_and_set_aside() {
+    fn a_file_that_is_not_a_journal_counts_as_damaged_and_is_renamed() {
         let data = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder(data.path())).unwrap();
         std::fs::write(journal_file(data.path()), vec![7; 8192]).unwrap();

@@ -1,5 +1,5 @@
-//! A journal in a laboratory. Its time stands still while the disk works, so that journal needs no thread:
-//! what happened at a moment of virtual time is written at that moment.
+//! The journal in a laboratory. Its time stands still while the disk works, so the journal needs no
+//! thread: events are written at the moment of virtual time at which they are due.
 
 use std::path::Path;
 
@@ -11,8 +11,8 @@ use super::recorder::Recorder;
 use crate::clock::Clock;
 use crate::robot::Bus;
 
-/// A journal that is being written on the laboratory's own thread. Dropping it is a power cut: what
-/// waits to be written then is lost, and the session has no end.
+/// A journal that is written on the laboratory's own thread. Dropping it simulates a power cut:
+/// rows that are not written yet are lost, and the session has no end.
 #[derive(Debug)]
 pub struct LabJournal {
     stop: CancellationToken,
@@ -20,8 +20,8 @@ pub struct LabJournal {
 }
 
 impl LabJournal {
-    /// Remembers in this data folder all that is said on the bus from now on. To be called within a
-    /// laboratory. Whatever is wrong with the file is said in the log, and tried again.
+    /// Records the bus's events from now on in this data folder. Must be called within a
+    /// laboratory. Problems with the file are logged, and the write is retried.
     pub fn start(bus: &Bus, data: &Path, options: Options, about: About) -> LabJournal {
         let stop = CancellationToken::new();
         let recorder = Recorder::new(data, options, about, Clock::default());
@@ -29,10 +29,10 @@ impl LabJournal {
         LabJournal { stop, task }
     }
 
-    /// Waits until all that was said on the bus is written and the file is closed.
+    /// Waits until all events on the bus are written and the file is closed.
     pub async fn finish(mut self) {
         self.stop.cancel();
-        // One that has panicked has said so.
+        // A panic of the task was already reported.
         let _ = (&mut self.task).await;
     }
 }

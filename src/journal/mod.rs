@@ -1,10 +1,9 @@
-//! The record of what happened: a SQLite file in the data folder with the events of an agent's bus.
-//! Links, the battery's level, docks, alarms, runs and their endings, pictures, and entries of
-//! scripts.
+//! The journal: a SQLite file in the data folder with the events of an agent's bus: connections,
+//! the battery level, dockings, alarms, runs and their endings, pictures, and entries of scripts.
 //!
-//! A thread of its own writes it. If the disk is full, slow or gone, that thread waits but the bus
-//! does not: events that do not fit are counted, and the count is written once there is room. A
-//! process that is killed loses the events of its last half second.
+//! A separate thread writes it. If the disk is full, slow or missing, that thread waits but the bus
+//! does not: events that do not fit into the queue are counted, and the count is written once there
+//! is room. A process that is killed loses the events of its last half second.
 
 mod error;
 mod history;

@@ -1,4 +1,4 @@
-//! The `journal:` section of the config, and whose journal it is.
+//! The `journal:` section of the config, and the agent that the journal describes.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -46,12 +46,12 @@ pub enum When {
     Off,
 }
 
-/// The agent whose journal it is.
+/// The agent that the journal describes.
 #[derive(Debug, Clone)]
 pub struct About {
-    /// The robot as it is reached.
+    /// The robot's address.
     pub target: String,
-    /// A simulated one.
+    /// Whether the robot is simulated.
     pub simulated: bool,
 }
 

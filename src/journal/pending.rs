@@ -1,4 +1,5 @@
-//! What waits to be written: which happenings become rows, and when. Pure: the time is an argument.
+//! The rows waiting to be written: decides which events become rows, and when to write them. Pure:
+//! the time is an argument.
 
 use std::time::Duration;
 
@@ -7,25 +8,26 @@ use tokio::time::Instant;
 use super::row::{Content, Row};
 use crate::robot::{Battery, Occurrence};
 
-/// Rows that wait for a disk at most; what comes on top is counted.
+/// Maximum number of rows waiting for the disk; further events are only counted.
 const MOST_WAITING: usize = 2000;
-/// Rows of a minute; a robot that says a thousand times a second that it docks fills no disk.
+/// Maximum number of rows per minute: a robot that reports a docking a thousand times a second must
+/// not fill the disk.
 const MOST_A_MINUTE: u32 = 600;
 const MINUTE: Duration = Duration::from_secs(60);
-/// Rows that come within this time are written together.
+/// Rows within this time are written together.
 const TOGETHER: Duration = Duration::from_millis(250);
-/// The pause after a write that failed.
+/// Pause after a failed write.
 const AGAIN: Duration = Duration::from_secs(5);
 
 /// See the module.
 #[derive(Debug, Default)]
 pub(super) struct Pending {
     rows: Vec<Row>,
-    /// Happenings that are not among the rows.
+    /// Number of events that are not among the rows.
     lost: u64,
-    /// That was there last.
+    /// The robot that was connected last.
     robot: Option<String>,
-    /// While the link is up.
+    /// The battery level, while the link is up.
     battery: Option<Battery>,
     sampled: Option<Instant>,
     minute: Option<(Instant, u32)>,
@@ -33,7 +35,7 @@ pub(super) struct Pending {
 }
 
 impl Pending {
-    /// Something has happened, at this time of day.
+    /// Adds an event that happened at this time.
     pub(super) fn hear(&mut self, what: &Occurrence, at: i64, now: Instant) {
         match what {
             Occurrence::LinkUp { robot, .. } => self.robot = Some(robot.uid.clone()),
@@ -46,18 +48,18 @@ impl Pending {
         self.push(Content::of(what), at, now);
     }
 
-    /// So many happenings were not heard.
+    /// Counts events that were missed.
     pub(super) fn miss(&mut self, count: u64, now: Instant) {
         self.lost += count;
         self.due.get_or_insert(now + TOGETHER);
     }
 
-    /// When [`Pending::sample`] has something to do.
+    /// When [`Pending::sample`] should be called next.
     pub(super) fn samples_at(&self) -> Option<Instant> {
         self.battery.and(self.sampled).map(|at| at + MINUTE)
     }
 
-    /// The battery of this minute, if nothing was heard of it since the last.
+    /// Adds the battery level once a minute if there was no battery event in the meantime.
     pub(super) fn sample(&mut self, at: i64, now: Instant) {
         if self.samples_at().is_none_or(|due| now < due) {
             return;
@@ -84,23 +86,23 @@ impl Pending {
         rows < MOST_A_MINUTE
     }
 
-    /// When there is something to write.
+    /// When the rows should be written; `None` if there are none.
     pub(super) fn due(&self) -> Option<Instant> {
         self.due
     }
 
-    /// What is to be written now, and how many happenings are not among it.
+    /// Returns the rows to write, and the number of lost events.
     pub(super) fn rows(&self) -> (&[Row], u64) {
         (&self.rows, self.lost)
     }
 
-    /// All of it is written.
+    /// Records that all of them were written.
     pub(super) fn written(&mut self) {
         self.rows.clear();
         (self.lost, self.due) = (0, None);
     }
 
-    /// None of it is; it is tried again.
+    /// Records that the write failed; it is retried after a pause.
     pub(super) fn failed(&mut self, now: Instant) {
         self.due = Some(now + AGAIN);
     }
@@ -125,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn the_battery_is_noted_at_each_change_and_each_minute_while_the_link_is_up() {
+    fn the_battery_is_recorded_at_each_change_and_each_minute_while_the_link_is_up() {
         let (mut pending, mut now) = (Pending::default(), Instant::now());
         pending.hear(&battery(70), 0, now);
         pending.hear(&battery(69), 1, now);
@@ -141,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_name_the_robot_that_was_there() {
+    fn rows_name_the_connected_robot() {
         let (mut pending, now) = (Pending::default(), Instant::now());
         let robot = RobotInfo {
             uid: "SPYKEE7".to_owned(),
@@ -158,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flood_is_cut_and_every_lost_happening_is_counted() {
+    fn a_flood_is_limited_and_every_lost_event_is_counted() {
         let (mut pending, mut now) = (Pending::default(), Instant::now());
         for _ in 0..10_000 {
             pending.hear(&down(), 0, now);
@@ -173,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_waits_and_then_is_counted() {
+    fn rows_that_cannot_be_written_wait_and_then_are_counted() {
         let (mut pending, mut now) = (Pending::default(), Instant::now());
         for minute in 0..10_u64 {
             for _ in 0..500 {

@@ -19,13 +19,13 @@ use crate::budget::Repeats;
 use crate::clock::{Clock, until};
 use crate::robot::{Bus, Heard, Listener};
 
-/// How often the journal is looked over for what is too old.
+/// How often rows that are too old are deleted.
 const FORGET_EVERY: Duration = Duration::from_secs(3600);
-/// How often is said that it cannot be written.
+/// Minimum interval between two reports of failed writes.
 const SAID_EVERY: Duration = Duration::from_secs(600);
 
-/// A journal that is being written. Dropping it asks its thread to write what it has, and to end;
-/// [`Journal::finish`] waits for that.
+/// A journal that is being written. Dropping it tells its thread to write the waiting rows and to
+/// end; [`Journal::finish`] waits for that.
 #[derive(Debug)]
 pub struct Journal {
     stop: CancellationToken,
@@ -33,12 +33,12 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Remembers in this data folder all that is said on the bus from now on, with the time that this
-    /// clock shows. Waits for no disk.
+    /// Records the bus's events from now on in this data folder, with the time of this clock. Does
+    /// not wait for the disk.
     ///
     /// # Errors
-    /// If the system gives no thread. Whatever is wrong with the file is said in the log, and tried
-    /// again.
+    /// If the system cannot start a thread. Problems with the file are logged, and the write is
+    /// retried.
     pub fn start(
         bus: &Bus,
         data: &Path,
@@ -61,15 +61,15 @@ impl Journal {
         Ok(Journal { stop, ended })
     }
 
-    /// Waits, at most so long, until all that was said on the bus is written and the file is closed.
-    /// Whether it is.
+    /// Waits at most this long until all events on the bus are written and the file is closed.
+    /// Returns whether that is done.
     pub fn finish(self, limit: Duration) -> bool {
         self.stop.cancel();
-        // Ends when the thread has dropped its end; nothing is ever sent.
+        // Returns when the thread has dropped its end; nothing is ever sent.
         let ended = self.ended.recv_timeout(limit);
         let done = ended == Err(mpsc::RecvTimeoutError::Disconnected);
         if !done {
-            warn!("the end of the journal is not written: its disk is too slow");
+            warn!("the end of the journal was not written: its disk is too slow");
         }
         done
     }
@@ -81,7 +81,7 @@ impl Drop for Journal {
     }
 }
 
-/// Hears what is said on the bus, and writes it.
+/// Listens to the bus and writes the journal.
 pub(super) struct Recorder {
     data: PathBuf,
     options: Options,
@@ -105,15 +105,14 @@ impl Recorder {
         }
     }
 
-    /// The time of day of a moment that is not long ago. A clock that was put right in between counts as
-    /// it is now.
+    /// Returns the time of day of a recent instant, according to the clock's current setting.
     fn wall(&self, at: Instant) -> Timestamp {
         let ago = SignedDuration::try_from(at.elapsed()).unwrap_or_default();
         let now = self.clock.now();
         now.checked_sub(ago).unwrap_or(now)
     }
 
-    /// Until `stop` is cancelled or all speakers are gone; then it writes what waits, and ends.
+    /// Runs until `stop` is cancelled or the bus is closed; then writes the waiting rows and ends.
     pub(super) async fn live(mut self, mut listener: Listener, stop: CancellationToken) {
         let mut forgets = Instant::now();
         loop {
@@ -142,7 +141,7 @@ impl Recorder {
         self.end();
     }
 
-    /// False: there will be no more.
+    /// Adds an event. Returns false if the bus is closed.
     fn hear(&mut self, heard: Heard) -> bool {
         let now = Instant::now();
         match heard {
@@ -198,12 +197,14 @@ impl Recorder {
         }
     }
 
-    /// A file that is no journal makes room for a new one, and is kept.
+    /// Renames and keeps a file that is not a journal, so that a new journal can be created.
     fn set_aside(&mut self, error: &JournalError) {
         self.ledger = None;
         match Ledger::set_aside(&self.data, self.clock.now()) {
             Ok(aside) => {
-                warn!("the journal is damaged ({error}); it is kept as {aside}, a new one begins")
+                warn!(
+                    "the journal is damaged ({error}); it is kept as {aside}, and a new one is created"
+                )
             }
             Err(why) => self.said_once(why),
         }
@@ -211,14 +212,16 @@ impl Recorder {
 
     fn said_once(&mut self, why: io::Error) {
         if self.said.note((), Instant::now()).is_some() {
-            warn!("the damaged journal cannot be set aside: {why}");
+            warn!("the damaged journal cannot be renamed: {why}");
         }
     }
 
     fn forget(&mut self) {
         let now = self.clock.now();
         match self.ledger.as_mut().map(|ledger| ledger.forget(now)) {
-            Some(Ok(gone)) if gone > 0 => info!(gone, "the journal has forgotten its oldest rows"),
+            Some(Ok(gone)) if gone > 0 => {
+                info!(gone, "the oldest rows of the journal were deleted")
+            }
             Some(Err(error)) => debug!("the journal cannot be cleaned up: {error}"),
             _ => {}
         }
@@ -236,7 +239,7 @@ impl Recorder {
         }
         let now = self.clock.now();
         if let Some(Err(error)) = self.ledger.as_ref().map(|ledger| ledger.end(now)) {
-            debug!("the journal's session has no end: {error}");
+            debug!("the end of the journal's session cannot be written: {error}");
         }
     }
 }

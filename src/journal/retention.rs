@@ -1,4 +1,4 @@
-//! Keeps a journal's file within its age and its size.
+//! Keeps a journal's file within its maximum age and size.
 
 use jiff::Timestamp;
 use rusqlite::{Connection, params};
@@ -6,15 +6,15 @@ use rusqlite::{Connection, params};
 use super::error::JournalError;
 use super::options::Options;
 
-/// What is forgotten in one go, so that no transaction grows large.
+/// Maximum number of rows deleted at once, so that no transaction grows large.
 const FORGOTTEN_AT_ONCE: i64 = 2000;
-/// Of a file that is too large, this part of each table goes in one go.
+/// If the file is too large, one row in this many of each table is deleted at once.
 const PART: i64 = 16;
-/// So many goes in one clean-up.
+/// Maximum number of deletions in one clean-up.
 const MOST_GOES: u32 = 200;
 
-/// Forgets what is too old at this time of day, then the oldest until the file is small enough. How
-/// many rows went.
+/// Deletes the rows that are too old at this time, then the oldest ones until the file is small
+/// enough. Returns the number of deleted rows.
 pub(super) fn forget(
     connection: &Connection,
     options: &Options,
@@ -47,7 +47,8 @@ pub(super) fn forget(
     Ok(gone)
 }
 
-/// The oldest rows of each table that are older than this; of so many rows at most so many.
+/// Deletes the oldest rows of each table, only those before this time. `most` maps the number of
+/// rows of a table to the maximum number to delete.
 fn forget_some(
     connection: &Connection,
     before: i64,
@@ -66,7 +67,7 @@ fn forget_some(
     Ok(went as u64)
 }
 
-/// What the file holds, free pages left out.
+/// Returns the size of the file's content in bytes, without free pages.
 pub(super) fn bytes(connection: &Connection) -> Result<u64, JournalError> {
     let number = |name: &str| {
         let query = |row: &rusqlite::Row<'_>| row.get::<_, i64>(0);
@@ -76,7 +77,7 @@ pub(super) fn bytes(connection: &Connection) -> Result<u64, JournalError> {
     Ok(u64::try_from(pages).unwrap_or(0) * page_size(connection)?)
 }
 
-/// In bytes.
+/// Returns the size of a page in bytes.
 pub(super) fn page_size(connection: &Connection) -> Result<u64, rusqlite::Error> {
     let size: i64 = connection.pragma_query_value(None, "page_size", |row| row.get(0))?;
     Ok(u64::try_from(size).unwrap_or(4096).max(512))

@@ -1,22 +1,22 @@
-//! What the journal writes of a happening.
+//! The journal's rows: how an event is stored.
 
 use serde_json::{Value, json};
 
 use crate::robot::{Battery, Occurrence};
 
-/// The longest text of an event, as JSON, in bytes; an entry of a script is shorter.
+/// Maximum length of an event as JSON, in bytes; an entry of a script is shorter.
 const LONGEST: usize = 16 * 1024;
 
 /// A row of the journal, its time in milliseconds of the epoch.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Row {
     pub(super) at: i64,
-    /// Of the robot that was there.
+    /// The uid of the connected robot.
     pub(super) robot: Option<String>,
     pub(super) content: Content,
 }
 
-/// Which table it goes to, and with what.
+/// The content of a row; the variant determines the table.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Content {
     Battery {
@@ -43,7 +43,7 @@ impl Content {
             return Content::of_battery(battery);
         }
         let kind = what.kind();
-        // An occurrence has no key that JSON could not have.
+        // Serialisation cannot fail: all keys of an occurrence are strings.
         let data =
             serde_json::to_string(what).unwrap_or_else(|_| json!({ "event": kind }).to_string());
         let data = if data.len() > LONGEST {
@@ -58,7 +58,7 @@ impl Content {
         }
     }
 
-    /// So many happenings are not in the journal.
+    /// Creates the record of this many lost events.
     pub(super) fn of_lost(count: u64) -> Content {
         let data: Value = json!({ "event": "lost", "count": count });
         Content::Event {

@@ -1,9 +1,9 @@
-//! The tables, and how an older file becomes a newer one. `user_version` says how many of the steps a
-//! file has behind it.
+//! The tables, and the migration of older files. `user_version` is the number of migration steps
+//! already applied to a file.
 
 use rusqlite::{Connection, TransactionBehavior};
 
-/// One step for each version, never changed once it is out.
+/// One migration step for each version, never changed once it is released.
 const STEPS: &[&str] = &["
     CREATE TABLE session (
         id INTEGER PRIMARY KEY,
@@ -43,21 +43,21 @@ pub(super) enum SchemaError {
     /// A newer program has written it.
     #[error("a newer spykee has written it (version {found}; this one knows {VERSION})")]
     Newer { found: usize },
-    /// Its tables are not those that this program makes.
+    /// Its tables differ from those that this program creates.
     #[error("its tables are not those of a journal")]
     Foreign,
-    /// SQLite's words.
+    /// An error of SQLite.
     #[error(transparent)]
     Sql(#[from] rusqlite::Error),
 }
 
-/// The steps that a file has behind it.
+/// Returns the number of steps already applied to a file.
 pub(super) fn version(connection: &Connection) -> rusqlite::Result<usize> {
     let version: u32 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
     Ok(version as usize)
 }
 
-/// What a file is made of: tables, indices, and what another program may have added.
+/// Returns all objects in a file: tables, indices, and what another program may have added.
 fn parts(connection: &Connection) -> rusqlite::Result<Vec<[Option<String>; 3]>> {
     let select = "SELECT type, name, sql FROM sqlite_schema ORDER BY type, name";
     let mut select = connection.prepare(select)?;
@@ -65,11 +65,11 @@ fn parts(connection: &Connection) -> rusqlite::Result<Vec<[Option<String>; 3]>> 
     rows.collect()
 }
 
-/// Whether a file of this version is made of the same as one that this program has made, to the letter.
-/// A foreign view or trigger could run without end, whenever it is read or written.
+/// Checks that a file has exactly the objects that this program creates in this version. A foreign
+/// view or trigger could run endlessly whenever the file is read or written.
 ///
 /// # Errors
-/// [`SchemaError::Foreign`], or SQLite's words.
+/// [`SchemaError::Foreign`], or an error of SQLite.
 pub(super) fn validate(connection: &Connection, version: usize) -> Result<(), SchemaError> {
     validate_by(STEPS, connection, version)
 }
@@ -86,7 +86,8 @@ fn validate_by(steps: &[&str], connection: &Connection, version: usize) -> Resul
     }
 }
 
-/// Brings a file, an empty one too, to this program's version: all steps that are missing, or none.
+/// Migrates a file, including an empty one, to this program's version: applies all missing steps,
+/// or none.
 pub(super) fn migrate(connection: &mut Connection) -> Result<(), SchemaError> {
     migrate_by(STEPS, connection)
 }
@@ -111,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_older_file_takes_the_steps_it_lacks_and_keeps_what_it_has() {
+    fn an_older_file_gets_the_missing_steps_and_keeps_its_data() {
         let mut connection = Connection::open_in_memory().unwrap();
         migrate(&mut connection).unwrap();
         let add = "INSERT INTO battery VALUES (1, 1, NULL, 50, 0)";
@@ -135,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_with_somebody_elses_parts_is_refused() {
+    fn a_file_with_foreign_objects_is_refused() {
         for foreign in [
             "CREATE TRIGGER t AFTER INSERT ON event BEGIN DELETE FROM event; END",
             "DROP TABLE event; CREATE VIEW event AS SELECT 1 AS at",
@@ -157,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn a_newer_file_is_refused_in_words() {
+    fn a_newer_file_is_refused_with_an_explanation() {
         let mut connection = Connection::open_in_memory().unwrap();
         connection.pragma_update(None, "user_version", 99).unwrap();
         let error = migrate(&mut connection).unwrap_err();

@@ -1,4 +1,4 @@
-//! What programs ask by HTTP: health, figures, and what `spykee status`, `behaviour` and `robot` do.
+//! The HTTP API: health, metrics, and the functions of `spykee status`, `behaviour` and `robot`.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -23,23 +23,23 @@ use crate::http::{Driver, Refusal, Visitor};
 use crate::pilot::LinkState;
 use crate::robot::DockPlan;
 
-/// Bytes of what is asked for; speech is longer.
+/// Maximum length of a request body, in bytes; speech may be longer.
 const MAX_BODY: usize = 16 * 1024;
-/// The most days of the past in one answer.
+/// Maximum number of days of history in one response.
 const MOST_DAYS: u8 = 31;
-/// How long a picture may take unless told, and at most.
+/// Timeout for a picture: default and maximum.
 const PICTURE: Duration = Duration::from_secs(5);
 const LONGEST_PICTURE: Duration = Duration::from_secs(600);
-/// One search for the station at most, and how often it may be tried again.
+/// Maximum duration of one search for the station, and maximum number of retries.
 const LONGEST_SEARCH: Duration = Duration::from_secs(3600);
 const MOST_RETRIES: u32 = 20;
-/// How long an undocking may take at most.
+/// Maximum timeout for an undocking.
 const LONGEST_UNDOCKING: Duration = Duration::from_secs(600);
 
 type Shared = State<Arc<Hub>>;
 type Reply<T> = Result<Json<T>, Refusal>;
 
-/// Everything but the page itself.
+/// Returns all routes except those of the page's files.
 pub(super) fn routes(hub: Arc<Hub>) -> Router {
     Router::new()
         .route("/healthz", get(healthz))
@@ -76,7 +76,7 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
         .with_state(hub)
 }
 
-/// Reveals nothing private, so it needs no login.
+/// Needs no login, since it reveals nothing private.
 async fn healthz(State(hub): Shared) -> Response {
     let live = hub.is_alive();
     let ready = live && hub.run.status.borrow().link == LinkState::Up;
@@ -101,7 +101,7 @@ async fn live(
     visitor: Visitor,
     upgrade: WebSocketUpgrade,
 ) -> Result<Response, Refusal> {
-    let full = || Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "too many look already");
+    let full = || Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "too many viewers");
     let ticket = Ticket::admit(&hub, &visitor).ok_or_else(full)?;
     let upgrade = upgrade
         .max_message_size(viewer::MAX_MESSAGE)
@@ -121,7 +121,7 @@ async fn status(State(hub): Shared, _: Visitor) -> Json<state::State> {
     ))
 }
 
-/// As `spykee status --json` tells it.
+/// Returns the same data as `spykee status --json`.
 async fn run(State(hub): Shared, _: Visitor) -> Reply<Report> {
     match hub.run.perform(Errand::Overview).await {
         Answer::Overview(overview) => Ok(Json(Report::from(&*overview))),
@@ -144,7 +144,7 @@ async fn change(
         return order(hub, who, PageCommand::Behaviour { name, change }).await;
     };
     if change != Turn::Start || lasts.get().is_zero() {
-        let why = "`for` goes with `start`, and is a second at least";
+        let why = "`for` is allowed only with `start`, and must be at least one second";
         return Err(Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, why));
     }
     let change = Change::StartFor(lasts.get());
@@ -162,12 +162,12 @@ async fn tune(
 
 async fn script(State(hub): Shared, _: Visitor, Path(name): Path<String>) -> Reply<Text> {
     let found = scripts::find(&hub.known.borrow().scripts, &name).cloned();
-    let unknown = || Refusal::new(StatusCode::NOT_FOUND, "no script of that name is known");
+    let unknown = || Refusal::new(StatusCode::NOT_FOUND, "there is no script of that name");
     let script = found.ok_or_else(unknown)?;
     read(&hub, move |_| scripts::text(&script)).await.map(Json)
 }
 
-/// Waits for the disk on another thread.
+/// Runs work that blocks on the disk on another thread.
 async fn read<T: Send + 'static>(
     hub: &Hub,
     work: impl FnOnce(&std::path::Path) -> T + Send + 'static,
@@ -179,14 +179,14 @@ async fn read<T: Send + 'static>(
     read.map_err(|_| broken())
 }
 
-/// Of how many days.
+/// The query of `/api/history`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Days {
     days: Option<u8>,
 }
 
-/// None without a journal.
+/// `None` without a journal.
 async fn history(State(hub): Shared, _: Visitor, Query(asked): Query<Days>) -> Reply<Option<Past>> {
     let days = asked.days.unwrap_or(1).clamp(1, MOST_DAYS);
     let past = read(&hub, move |data| past::past(data, days)).await?;
@@ -197,7 +197,7 @@ async fn history(State(hub): Shared, _: Visitor, Query(asked): Query<Days>) -> R
     })
 }
 
-/// None without a timetable.
+/// `None` without a timetable.
 async fn schedule(State(hub): Shared, _: Visitor) -> Json<Option<Vec<past::Start>>> {
     let known = hub.known.borrow();
     let names: Vec<String> = known.scripts.iter().map(|one| one.name.clone()).collect();
@@ -205,7 +205,7 @@ async fn schedule(State(hub): Shared, _: Visitor) -> Json<Option<Vec<past::Start
     Json(known.timetable.as_ref().map(starts))
 }
 
-/// One that a behaviour has kept.
+/// Returns a picture that a behaviour has saved.
 async fn kept(
     State(hub): Shared,
     _: Visitor,
@@ -227,7 +227,7 @@ async fn picture(
         Answer::Picture(jpeg) => Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response()),
         Answer::Refused(why) => Err(Refusal::new(StatusCode::CONFLICT, why)),
         Answer::NoPicture => {
-            let why = "no picture came in time";
+            let why = "no picture arrived in time";
             Err(Refusal::new(StatusCode::GATEWAY_TIMEOUT, why))
         }
         _ => Err(out_of_reach()),
@@ -255,12 +255,13 @@ async fn undock(State(hub): Shared, _: Driver, body: Option<Json<TimeLimit>>) ->
     docking(hub.run.perform(Errand::Undock(limit)).await)
 }
 
-/// At least a second, and at most so long.
+/// Limits a timeout to at least one second and at most `most`.
 fn time_limit(seconds: u64, most: Duration) -> Duration {
     Duration::from_secs(seconds.max(1)).min(most)
 }
 
-/// One that has not worked is a conflict with how things stand, and says how it ended all the same.
+/// Converts the result of a docking or undocking. A failure is a 409 (conflict with the current
+/// state), which also contains the result.
 fn docking(answer: Answer) -> Response {
     let (end, attempts, took) = match answer {
         Answer::Docked {
@@ -288,7 +289,7 @@ fn docking(answer: Answer) -> Response {
     (status, Json(docking)).into_response()
 }
 
-/// Anybody who may look may stop the robot.
+/// Every viewer may stop the robot.
 async fn stop(State(hub): Shared, _: Visitor) -> Reply<Outcome> {
     held(hub.stop().await.is_ok())
 }
@@ -298,7 +299,7 @@ async fn let_go(State(hub): Shared, _: Driver) -> Reply<Outcome> {
 }
 
 fn held(ok: bool) -> Reply<Outcome> {
-    let text = if ok { "" } else { "the run is over" };
+    let text = if ok { "" } else { "the run has ended" };
     outcome((ok, text.to_owned()))
 }
 
@@ -330,7 +331,8 @@ async fn order(State(hub): Shared, _: Driver, order: PageCommand) -> Reply<Outco
     }
 }
 
-/// A robot that is out of reach will be there again: that is no conflict.
+/// Converts an answer. A robot out of reach is a 503, not a conflict, since it is expected to
+/// reconnect.
 fn done(answer: Answer) -> Reply<Outcome> {
     match answer {
         Answer::Offline => Err(out_of_reach()),
@@ -342,7 +344,7 @@ fn out_of_reach() -> Refusal {
     Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "the robot is out of reach")
 }
 
-/// What is not done is a conflict with how things stand.
+/// Converts a result: a failure is a 409 (conflict with the current state).
 fn outcome((ok, text): Done) -> Reply<Outcome> {
     if ok {
         Ok(Json(Outcome { ok, text }))

@@ -1,5 +1,5 @@
-//! The camera for viewers: one seat wants the stream while anybody looks, and the newest frame is in a
-//! place where each viewer takes it when he is ready.
+//! The camera for viewers: one seat requests the stream while there are viewers, and a channel
+//! holds the newest frame, which each viewer takes when ready.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -13,11 +13,11 @@ use crate::robot::{Frame, Intent};
 use crate::vision::validate_markers;
 use crate::wire::Stream;
 
-/// The stream stays on for so long after the last viewer.
+/// How long the stream stays on after the last viewer.
 const LINGER: Duration = Duration::from_secs(2);
 
-/// Behaviours get a frame first: sending it to many viewers keeps a small machine busy for longer than
-/// a behaviour needs for its answer, so viewers get it so much later.
+/// Delay of frames for viewers. Behaviours get a frame first: sending it to many viewers keeps a
+/// small machine busy for longer than a behaviour needs to react.
 const AFTER_BEHAVIOURS: Duration = Duration::from_millis(5);
 
 /// See the module.
@@ -28,7 +28,7 @@ pub(super) struct Camera {
     bytes: AtomicU64,
 }
 
-/// One who looks; until it is dropped.
+/// A registered viewer of the camera, until dropped.
 #[derive(Debug)]
 pub(super) struct Look<'a>(&'a Camera);
 
@@ -49,23 +49,23 @@ impl Camera {
         }
     }
 
-    /// Looks from now on.
+    /// Registers a viewer.
     pub(super) fn look(&self) -> Look<'_> {
         self.viewers.send_modify(|viewers| *viewers += 1);
         Look(self)
     }
 
-    /// The newest frame, whenever there is a newer one.
+    /// Returns a channel with the newest frame.
     pub(super) fn frames(&self) -> watch::Receiver<Option<Frame>> {
         self.newest.subscribe()
     }
 
-    /// Bytes of all frames that have come.
+    /// Returns the total bytes of all frames passed on.
     pub(super) fn bytes(&self) -> u64 {
         self.bytes.load(Ordering::Relaxed)
     }
 
-    /// Passes frames on until the run is over.
+    /// Passes frames on until the run has ended.
     pub(super) async fn serve(&self, run: &Run) {
         tokio::join!(self.pass_on(run), self.want(run));
     }
@@ -85,14 +85,14 @@ impl Camera {
         }
     }
 
-    /// While there is a viewer, and a little longer, the stream is wanted.
+    /// Requests the stream while there are viewers, and for a while after.
     async fn want(&self, run: &Run) {
         let mut viewers = self.viewers.subscribe();
         while viewers.wait_for(|viewers| *viewers > 0).await.is_ok() {
             let Err(error) = watch_on(run, &mut viewers).await else {
                 continue;
             };
-            tracing::debug!("the page cannot have the camera just now: {error}");
+            tracing::debug!("the page cannot get the camera stream now: {error}");
             if run.requests.is_closed() {
                 return;
             }

@@ -1,6 +1,6 @@
-//! What a person at the page or a program by the API may want done, and how it is done: through the
-//! run's desk, so that there is one definition of each errand, or on the simulated world, with the
-//! words of scenarios.
+//! The commands of a person at the page or a program at the API, and their execution: by the run's
+//! desk, so that there is one definition of each errand, or on the simulated world, with the
+//! operations of scenarios.
 
 use std::time::Duration;
 
@@ -15,30 +15,30 @@ use crate::robot::{DockEnd, DockPlan, ParamValue, Percent};
 use crate::sim::{Fault, Handle, Point, Pose};
 use crate::wire;
 
-/// How long an undocking may take.
+/// Default timeout for an undocking.
 pub(super) const UNDOCK: Duration = Duration::from_secs(15);
-/// Places are no farther away than this, metres.
+/// Maximum absolute value of a coordinate, in metres.
 const FAR: f64 = 1000.0;
 
-/// One thing to do.
+/// One command.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
 #[schemars(rename = "Order")]
 pub(super) enum PageCommand {
     /// Drive to the station.
     Dock,
-    /// Leave it.
+    /// Leave the station.
     Undock,
     /// Switch a light.
     Led {
-        /// Which.
+        /// The light.
         light: Light,
         /// On or off.
         on: bool,
     },
     /// Play a sound, such as `laser`; `spykee robot play --help` lists them.
     Play {
-        /// Its name.
+        /// The name of the sound.
         sound: String,
     },
     /// Stop the music.
@@ -50,9 +50,9 @@ pub(super) enum PageCommand {
     },
     /// Start, stop or restart a behaviour.
     Behaviour {
-        /// Which.
+        /// The behaviour.
         name: String,
-        /// What is to become of it.
+        /// The change.
         change: Turn,
     },
     /// Change a parameter that a running behaviour has declared as live.
@@ -66,20 +66,20 @@ pub(super) enum PageCommand {
     },
     /// Change the simulated world.
     Sim {
-        /// What.
+        /// The change.
         change: Change,
     },
 }
 
-/// What is to become of a behaviour.
+/// A change of a behaviour's state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Turn {
-    /// It begins.
+    /// Start it.
     Start,
-    /// It ends.
+    /// Stop it.
     Stop,
-    /// It ends if it runs, and begins anew from its file.
+    /// Stop it if it runs, and start it again from its file.
     Restart,
 }
 
@@ -99,13 +99,13 @@ impl From<Turn> for control::Change {
 pub(super) enum Light {
     /// The headlight.
     Flash,
-    /// The left one.
+    /// The left light.
     Left,
-    /// The right one.
+    /// The right light.
     Right,
 }
 
-/// A change of the simulated world, with the words of scenarios (`sim:place` and so on).
+/// A change of the simulated world, as in scenarios (`sim:place` and so on).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "sim", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum Change {
@@ -115,12 +115,12 @@ pub(super) enum Change {
         x: f64,
         /// Metres.
         y: f64,
-        /// Radians; as before unless given.
+        /// Radians; unchanged unless given.
         heading: Option<f64>,
     },
     /// Put a ball somewhere, at rest.
     PlaceBall {
-        /// 1 is the world's first.
+        /// The ball's number; 1 is the world's first.
         number: usize,
         /// Metres.
         x: f64,
@@ -132,53 +132,53 @@ pub(super) enum Change {
         /// 0..=100.
         percent: f64,
     },
-    /// Make all light so many times as bright as in the world.
+    /// Scale the brightness of all light by this factor.
     Light {
         /// 0..=10.
         factor: f64,
     },
-    /// A tone at the microphone.
+    /// Play a tone at the microphone.
     Noise {
         /// Its loudness, -90..=-3 dBFS.
         dbfs: f64,
         /// 0.1..=60.
         seconds: f64,
     },
-    /// The station cannot be found, or can again.
+    /// Hide the station from the robot's search, or show it again.
     HideStation {
-        /// It cannot.
+        /// Hide it.
         hidden: bool,
     },
-    /// The station has no current, or has it again.
+    /// Switch the station's charging current off, or on again.
     BreakCharger {
-        /// It has none.
+        /// Switch it off.
         broken: bool,
     },
     /// Begin a fault, as in the YAML of `spykee sim --faults`.
     Fault {
-        /// `fault` is its name; the rest are its numbers.
+        /// `fault` is its name; the other keys are its parameters.
         fault: Map<String, Value>,
     },
     /// End all faults.
     ClearFaults,
-    /// Hold the simulation's own clock, or let it go on.
+    /// Pause the simulation's own clock, or resume it.
     Pause {
-        /// Hold it.
+        /// Pause it.
         paused: bool,
     },
-    /// Let a paused clock go on for 0.1 s.
+    /// Advance a paused clock by 0.1 s.
     Step,
-    /// Let the clock go so many times as fast as the one on the wall.
+    /// Run the clock this many times as fast as real time.
     Speed {
         /// 1..=100.
         factor: f64,
     },
 }
 
-/// What became of it: done or not, and in words.
+/// The result of a command: success, and a text.
 pub(super) type Done = (bool, String);
 
-/// Does it. Dropping the wait gives it up.
+/// Executes a command. Dropping the future cancels it.
 pub(super) async fn perform(order: PageCommand, run: &Run, sim: Option<&Simulation>) -> Done {
     match errand(order) {
         Ok(errand) => in_words(run.perform(errand).await),
@@ -191,12 +191,13 @@ pub(super) async fn perform(order: PageCommand, run: &Run, sim: Option<&Simulati
             (PageCommand::Play { sound }, _) => {
                 (false, format!("there is no sound `{}`", short(&sound)))
             }
-            _ => (false, "this robot is no simulated one".to_owned()),
+            _ => (false, "this robot is not simulated".to_owned()),
         },
     }
 }
 
-/// What the run's desk can do for it; what that cannot is given back.
+/// Converts a command to an errand for the run's desk; returns it unchanged if the desk cannot
+/// execute it.
 pub(super) fn errand(order: PageCommand) -> Result<Errand, Box<PageCommand>> {
     Ok(match order {
         PageCommand::Dock => Errand::Dock(DockPlan::DEFAULT),
@@ -238,7 +239,7 @@ pub(super) fn in_words(answer: Answer) -> Done {
         }
         Answer::Docked { end, .. } => (good(end), end.name().to_owned()),
         Answer::Undocked(end) => (good(end), end.name().to_owned()),
-        Answer::NoPicture => (false, "no picture came in time".to_owned()),
+        Answer::NoPicture => (false, "no picture arrived in time".to_owned()),
         Answer::Offline => (false, "the robot is out of reach".to_owned()),
         Answer::Refused(why) => (false, why),
     }
@@ -258,7 +259,7 @@ fn told(altered: Result<(), impl std::fmt::Display>) -> Done {
     }
 }
 
-/// Why the simulation is not altered.
+/// Why the simulation cannot be changed.
 #[derive(Debug, thiserror::Error)]
 enum AlterError {
     #[error("{0} is out of range")]
@@ -323,7 +324,7 @@ fn within(is: bool, what: &'static str) -> Result<(), AlterError> {
     is.then_some(()).ok_or(AlterError::Range(what))
 }
 
-/// As in the YAML of `spykee sim --faults`, which is JSON too.
+/// Starts a fault, given as in the YAML of `spykee sim --faults`, of which JSON is a subset.
 fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), AlterError> {
     let list = json!({ "faults": [fault] }).to_string();
     let faults = Fault::list_from_yaml(&list, "fault")
@@ -332,7 +333,7 @@ fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), AlterError> {
     Ok(())
 }
 
-/// Errors echo little of what they are given.
+/// Truncates a text, so that errors echo little of their input.
 fn short(text: &str) -> String {
     text.chars().take(40).collect()
 }

@@ -1,4 +1,4 @@
-//! The battery's level so far, for its plot: bounded, coarser the longer ago.
+//! The history of the battery level, for its plot: bounded in size, coarser for older values.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -7,9 +7,9 @@ use tokio::time::Instant;
 
 use crate::robot::Battery;
 
-/// Points that are kept; then every other one of the older half is forgotten.
+/// Maximum number of points; beyond that, every other point of the older half is deleted.
 const MOST: usize = 600;
-/// A level that does not change is noted so often.
+/// Interval at which an unchanged level is recorded.
 const EVERY: Duration = Duration::from_secs(30);
 
 #[derive(Debug, Clone, Copy)]
@@ -24,7 +24,8 @@ struct Point {
 pub(super) struct History(VecDeque<Point>);
 
 impl History {
-    /// Takes a level down if it is new, or the last one is old; whether it was.
+    /// Records a level if it has changed or the last record is old. Returns whether it was
+    /// recorded.
     pub(super) fn note(&mut self, battery: Battery, at: Instant) -> bool {
         let (percent, charging) = (battery.percent.get(), battery.charging);
         let same = |last: &Point| (last.percent, last.charging) == (percent, charging);
@@ -47,7 +48,7 @@ impl History {
         true
     }
 
-    /// Seconds before now, percent, charging; oldest first.
+    /// Returns seconds before now, percent, charging; oldest first.
     pub(super) fn points(&self, now: Instant) -> Vec<(f32, u8, bool)> {
         let ago = |at| now.saturating_duration_since(at).as_secs_f32();
         self.0
@@ -71,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn a_month_fits_and_the_newest_and_the_oldest_are_there() {
+    fn a_month_fits_and_includes_the_newest_and_the_oldest() {
         let (mut history, start) = (History::default(), Instant::now());
         for hour in 0..24 * 30 {
             let at = start + Duration::from_secs(3600) * hour;

@@ -1,4 +1,5 @@
-//! What all viewers of a run share: what they are shown, made once for all, and who drives.
+//! The state shared by all viewers of a run: the messages, which are built once for all viewers,
+//! and the current driver.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -23,15 +24,15 @@ use crate::agent::SeatError;
 use crate::control::Run;
 use crate::robot::{Findings, Heard, Listener, Occurrence, RobotInfo};
 
-/// How often is looked whether anything is new.
+/// Polling interval for changes.
 const LOOK: Duration = Duration::from_millis(100);
-/// How often the behaviours are told anew, for the time that they have been running.
+/// How often the behaviours are sent, to update their running times.
 const BEHAVIOURS: Duration = Duration::from_secs(1);
-/// How often the pilot is asked whether it lives.
+/// How often the pilot is checked for a response.
 const PULSE: Duration = Duration::from_secs(1);
-/// Threads that may wait for the disk for viewers.
+/// Maximum number of threads that read the disk for viewers.
 const READERS: usize = 2;
-/// Findings that a viewer may be behind.
+/// Number of findings that a viewer may lag behind.
 const FOUND: usize = 32;
 
 /// See the module.
@@ -40,7 +41,7 @@ pub(super) struct Hub {
     pub(super) sim: Option<Simulation>,
     pub(super) known: watch::Receiver<Known>,
     pub(super) data: PathBuf,
-    /// So many read the disk at a time.
+    /// Limits the number of concurrent disk reads.
     pub(super) reading: Semaphore,
     pub(super) camera: Camera,
     pub(super) book: Book,
@@ -53,14 +54,14 @@ pub(super) struct Hub {
     pub(super) history: Mutex<History>,
     people: Mutex<Folk>,
     robot: watch::Sender<Option<RobotInfo>>,
-    /// The pilot answers.
+    /// Whether the pilot responds.
     alive: AtomicBool,
     pub(super) most_viewers: usize,
-    /// STOP holds: its seat is kept until this is false.
+    /// Whether STOP holds; its seat is kept until this is false.
     pub(super) held: watch::Sender<bool>,
 }
 
-/// Who looks, and who has the wheel.
+/// The number of viewers, and the viewer that has the wheel.
 #[derive(Debug, Default)]
 pub(super) struct Folk {
     pub(super) viewers: usize,
@@ -98,7 +99,7 @@ impl Hub {
         })
     }
 
-    /// For as long as it takes to look something up.
+    /// Locks the viewers; only for short lookups.
     pub(super) fn folk(&self) -> MutexGuard<'_, Folk> {
         self.people.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -111,10 +112,11 @@ impl Hub {
         self.robot.borrow().clone()
     }
 
-    /// STOP: first the robot, at once; then the viewer that drives by hand, and all behaviours.
+    /// Executes STOP: stops the robot at once, takes the wheel from the viewer that drives, and
+    /// holds the tracks against all behaviours.
     ///
     /// # Errors
-    /// The run is over.
+    /// If the run has ended.
     pub(super) async fn stop(&self) -> Result<(), SeatError> {
         let halted = self.run.hold(true).await;
         self.folk().driver = None;
@@ -124,16 +126,16 @@ impl Hub {
         halted
     }
 
-    /// The robot may move again.
+    /// Releases STOP: the robot may move again.
     ///
     /// # Errors
-    /// The run is over.
+    /// If the run has ended.
     pub(super) async fn let_go(&self) -> Result<(), SeatError> {
         self.held.send_replace(false);
         self.run.hold(false).await
     }
 
-    /// Whether the pilot answers. It is asked once a second, however often this is.
+    /// Whether the pilot responds. It is checked once a second, however often this is called.
     pub(super) fn is_alive(&self) -> bool {
         self.alive.load(Ordering::Relaxed)
     }
@@ -148,13 +150,13 @@ impl Hub {
         }
     }
 
-    /// By the clock of the run, which may be a simulated one.
+    /// Returns the time of the run's clock, which may be simulated.
     pub(super) fn now(&self) -> Instant {
         let tempo = self.sim.as_ref().and_then(|sim| sim.tempo.as_ref());
         tempo.map_or_else(Instant::now, |tempo| self.run.began + tempo.now())
     }
 
-    /// Serves what is shared for as long as the run is on.
+    /// Serves the shared parts until the run has ended.
     pub(super) async fn serve(self: Arc<Hub>, bus: Listener) {
         let (camera, found) = (self.camera.serve(&self.run), self.pass_on_found());
         let pulse = self.feel_pulse();
@@ -191,7 +193,7 @@ impl Hub {
         }
     }
 
-    /// Hears what happens.
+    /// Handles the events of the bus.
     async fn listen(&self, mut bus: Listener) {
         if let Some(crew) = self.run.aboard().await {
             self.robot.send_if_modified(|robot| {
@@ -209,13 +211,13 @@ impl Hub {
                         self.robot.send_replace(Some(robot.clone()));
                     }
                 }
-                Heard::Missed(missed) => tracing::debug!("the page has missed {missed} happenings"),
+                Heard::Missed(missed) => tracing::debug!("the page has missed {missed} events"),
                 Heard::Closed => return,
             }
         }
     }
 
-    /// Makes the messages that all viewers are sent, whenever something is new.
+    /// Builds the messages for all viewers whenever something has changed.
     async fn look(&self) {
         let mut rate = Rate::new(self.now());
         let mut beat = interval(LOOK);
@@ -256,7 +258,7 @@ impl Hub {
         }
     }
 
-    /// All behaviours as they are now.
+    /// Returns the current state of all behaviours.
     pub(super) fn list(&self) -> Vec<Behaviour> {
         let (members, knobs) = (self.run.roster.members(), self.run.roster.knobs());
         let (known, members, knobs) = (self.known.borrow(), members.borrow(), knobs.borrow());
@@ -273,7 +275,7 @@ impl Hub {
     }
 }
 
-/// As text; what cannot be written says nothing.
+/// Serialises a message; empty if that fails.
 pub(super) fn text(message: &impl Serialize) -> Utf8Bytes {
     serde_json::to_string(message).map_or_else(|_| Utf8Bytes::default(), Utf8Bytes::from)
 }

@@ -1,5 +1,6 @@
-//! The program's log for people at the page: tapped where it is written, kept for a while in bounded
-//! memory. Who writes never waits for it: what does not fit is left out and counted.
+//! The program's log for people at the page: captured where it is written, and kept for a while in
+//! bounded memory. Writing to the log never waits for this: lines that do not fit are dropped and
+//! counted.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,16 +15,16 @@ use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
-/// Lines that may wait to be kept.
+/// Capacity of the queue from the log to the page.
 const MAX_WAITING: usize = 512;
-/// Lines that are kept for later viewers.
+/// Number of lines kept for later viewers.
 const KEPT: usize = 400;
-/// Lines that a viewer may be behind.
+/// Number of lines that a viewer may lag behind.
 const BEHIND: usize = 256;
-/// Characters of a line.
+/// Maximum length of a line, in characters.
 const LONGEST: usize = 2000;
 
-/// Where lines go, once there is a viewer. The program has one log.
+/// Receives the lines, once the page is tapped into the log. The program has one log.
 static TAP: OnceLock<mpsc::Sender<Line>> = OnceLock::new();
 static LEFT_OUT: AtomicU64 = AtomicU64::new(0);
 
@@ -34,19 +35,19 @@ pub struct Line {
     pub at: u64,
     /// `error`, `warn`, `info`, `debug` or `trace`.
     pub level: &'static str,
-    /// Which behaviour's, if it is one's.
+    /// The behaviour, if a behaviour logged it.
     pub behaviour: Option<String>,
     /// The line of its script.
     pub line: Option<u64>,
-    /// What it says.
+    /// The text.
     pub text: String,
 }
 
-/// A layer that taps the log.
+/// A tracing layer that copies log lines for the page.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct LogTap;
 
-/// The lines from now on. Once in the program's life: `None` afterwards.
+/// Starts to copy log lines and returns them. Works once per process: `None` afterwards.
 pub fn tap() -> Option<mpsc::Receiver<Line>> {
     let (lines, received) = mpsc::channel(MAX_WAITING);
     TAP.set(lines).ok().map(|()| received)
@@ -109,7 +110,7 @@ impl Reading {
             "message" => self.text = value.to_owned(),
             "behaviour" => self.behaviour = Some(value.to_owned()),
             "line" => self.line = value.parse().ok(),
-            // Bounded before it is all put together.
+            // Limit the length before the fields are joined.
             _ if self.fields.len() < LONGEST => {
                 self.fields.push_str(&format!(" {name}={value}"));
             }
@@ -136,7 +137,7 @@ impl Visit for Reading {
     }
 }
 
-/// Milliseconds since 1970, for people to read.
+/// Returns the time in milliseconds since 1970, for display.
 pub(super) fn now() -> u64 {
     let since = SystemTime::now()
         .duration_since(UNIX_EPOCH)
@@ -144,7 +145,7 @@ pub(super) fn now() -> u64 {
     u64::try_from(since.as_millis()).unwrap_or(u64::MAX)
 }
 
-/// The lines that are kept.
+/// Keeps the newest lines and distributes new ones.
 #[derive(Debug)]
 pub(super) struct Book {
     kept: Mutex<VecDeque<Line>>,
@@ -159,13 +160,13 @@ impl Book {
         }
     }
 
-    /// Keeps what comes, for ever.
+    /// Stores incoming lines; never returns.
     pub(super) async fn keep(&self, mut lines: mpsc::Receiver<Line>) {
         while let Some(line) = lines.recv().await {
             self.write(line);
             let missed = LEFT_OUT.swap(0, Ordering::Relaxed);
             if missed > 0 {
-                let text = format!("{missed} lines came too fast for the page and are left out");
+                let text = format!("{missed} lines were dropped: they came too fast for the page");
                 let (level, behaviour, line) = ("warn", None, None);
                 self.write(Line {
                     at: now(),
@@ -185,11 +186,12 @@ impl Book {
             kept.pop_front();
         }
         kept.push_back(line.clone());
-        // Fails without viewers. Under the lock, so that no viewer sees a line twice or never.
+        // Fails without viewers. Sent under the lock, so that no viewer sees a line twice or misses
+        // one.
         let _ = self.news.send(line);
     }
 
-    /// What there was, and what comes.
+    /// Returns the kept lines, and a receiver for new ones.
     pub(super) fn read(&self) -> (Vec<Line>, broadcast::Receiver<Line>) {
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         (kept.iter().cloned().collect(), self.news.subscribe())
@@ -212,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn the_newest_lines_are_kept_and_who_is_slow_is_told_how_many_he_missed() {
+    fn the_newest_lines_are_kept_and_slow_viewers_learn_how_many_they_missed() {
         let book = Book::new();
         let (none, mut slow) = book.read();
         assert!(none.is_empty());
@@ -225,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_is_read_with_behaviour_place_and_fields_and_is_bounded() {
+    fn a_line_has_behaviour_position_and_fields_and_is_bounded() {
         let mut reading = Reading::default();
         reading.field("message", "hello");
         reading.field("behaviour", "patrol");

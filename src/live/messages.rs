@@ -1,6 +1,6 @@
-//! What page and server say to each other over the WebSocket: one JSON object a message. Frames of the
-//! camera are binary: four bytes number, four bytes age in milliseconds, both big-endian, then the JPEG
-//! as it came.
+//! The messages between page and server over the WebSocket: one JSON object per message. Frames of
+//! the camera are binary: four bytes number, four bytes age in milliseconds, both big-endian, then
+//! the JPEG as received from the robot.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -18,36 +18,36 @@ use crate::robot::Finding;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
 pub(super) enum FromPage {
-    /// What the page shows now; nothing else is sent.
+    /// What the page shows now. Only that is sent.
     Watch(Watch),
-    /// The last frame was shown: the next, please.
+    /// The last frame was shown; requests the next one.
     Taken,
-    /// What the others call this viewer.
+    /// Sets the name of this viewer.
     Name {
         /// At most 24 characters.
         name: String,
     },
-    /// Stop the robot and hold it. Anybody may.
+    /// Stop the robot and hold it. Every viewer may do this.
     Stop,
-    /// Let go of it.
+    /// Release the stop.
     LetGo,
     /// Take the wheel, or leave it.
     Wheel {
-        /// Take it.
+        /// True to take it.
         take: bool,
     },
-    /// Drive so for 0.3 s at most; for the viewer that has the wheel.
+    /// Drive with this power for at most 0.3 s; only for the viewer that has the wheel.
     Drive {
         /// Percent of full power, -100..=100.
         left: f64,
         /// Percent of full power, -100..=100.
         right: f64,
     },
-    /// Do something; answered by `answer` with the same number.
+    /// Execute a command; answered by `answer` with the same number.
     Order {
-        /// Counts up.
+        /// A number chosen by the page.
         id: u32,
-        /// What.
+        /// The command.
         order: PageCommand,
     },
 }
@@ -58,7 +58,7 @@ pub(super) enum FromPage {
 pub(super) struct Watch {
     /// The camera's frames.
     pub camera: bool,
-    /// What scripts found in them.
+    /// The objects that scripts found in the frames.
     pub found: bool,
     /// The map of a simulation.
     pub map: bool,
@@ -72,72 +72,72 @@ pub(super) struct Watch {
 pub(super) enum ToPage<'a> {
     /// The first message.
     Hello(Hello),
-    /// How things stand.
+    /// The state of the run.
     State(&'a State),
-    /// The battery so far: seconds before now, percent, charging.
+    /// The history of the battery: seconds before now, percent, charging.
     Battery {
         /// Oldest first.
         points: Vec<(f32, u8, bool)>,
     },
-    /// The simulated world as it is at first.
+    /// The fixed parts of the simulated world.
     World(&'a Place),
-    /// What moves in it.
+    /// The moving parts of the simulated world.
     Map(&'a Map),
     /// Lines of the log, oldest first.
     Log {
-        /// These.
+        /// The lines.
         lines: Vec<Line>,
-        /// So many before them were not sent: the viewer was too slow.
+        /// The number of lines before them that were not sent, because the viewer was too slow.
         missed: u64,
     },
     /// The behaviours.
     Behaviours {
-        /// In the order of the run.
+        /// The behaviours, in the order of the run.
         list: Vec<Behaviour>,
     },
-    /// What a script found in a frame.
+    /// The objects that a script found in a frame.
     Found {
-        /// Which behaviour.
+        /// The behaviour.
         behaviour: String,
         /// The frame's number.
         frame: u64,
-        /// The things.
+        /// The objects found.
         marks: Vec<Found>,
     },
-    /// What became of an order.
+    /// The result of a command.
     Answer {
-        /// That of the order.
+        /// The number of the command.
         id: u32,
-        /// It was done.
+        /// Whether it was executed.
         ok: bool,
-        /// In words, if there is something to say.
+        /// The reason or result in words; may be empty.
         text: String,
     },
-    /// Something that only this viewer is told, such as that another viewer has the wheel.
+    /// A message for this viewer only, such as that another viewer has the wheel.
     Notice {
         /// A key of the page's texts.
         key: &'static str,
-        /// Goes into the text.
+        /// A name to insert into the text.
         name: String,
     },
 }
 
-/// Who looks at what.
+/// The viewer and the run.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub(super) struct Hello {
-    /// Of the program.
+    /// The program's version.
     pub version: &'static str,
     /// The viewer's number.
     pub you: u32,
-    /// What he may do.
+    /// The viewer's role.
     pub role: Role,
-    /// There is a simulated world to see and to change.
+    /// Whether there is a simulated world.
     pub world: bool,
-    /// The config lets the camera be on.
+    /// Whether the config allows the camera.
     pub camera: bool,
 }
 
-/// One thing that was found, in pixels of the frame.
+/// An object found in a frame, in pixels.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Found {
     /// Left edge.
@@ -148,7 +148,7 @@ pub(super) struct Found {
     pub w: u32,
     /// Height.
     pub h: u32,
-    /// What: the colour's name, the track's id.
+    /// A label: the colour's name, the track's id.
     pub text: String,
 }
 
@@ -158,7 +158,7 @@ impl From<Finding> for Found {
     }
 }
 
-/// The JSON Schema of all messages, for the page and for other clients.
+/// Returns the JSON Schema of all messages, for the page and for other clients.
 pub fn schema() -> Value {
     json!({
         "from_page": schemars::schema_for!(FromPage),
@@ -166,10 +166,10 @@ pub fn schema() -> Value {
     })
 }
 
-/// What a page says with this text, written again as it was understood.
+/// Parses a message of a page and serialises it again.
 ///
 /// # Errors
-/// If it is no message of a page: the parser's words.
+/// The parser's error, if the text is not a valid message of a page.
 pub fn understood(text: &str) -> serde_json::Result<String> {
     serde_json::to_string(&serde_json::from_str::<FromPage>(text)?)
 }
@@ -180,7 +180,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn a_message_with_a_word_too_many_is_refused() {
+    fn a_message_with_unknown_or_missing_fields_is_refused() {
         let read = |text: &str| serde_json::from_str::<FromPage>(text);
         assert_eq!(read("{\"type\":\"stop\"}").unwrap(), FromPage::Stop);
         let watch = Watch {
@@ -206,7 +206,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_text_makes_it_panic(text in "\\PC{0,200}") {
+        fn no_text_causes_a_panic(text in "\\PC{0,200}") {
             let _ = serde_json::from_str::<FromPage>(&text);
         }
     }

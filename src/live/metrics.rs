@@ -1,4 +1,4 @@
-//! Figures for Prometheus, in its text format.
+//! Metrics for Prometheus, in its text format.
 
 use prometheus_client::encoding::{EncodeLabelSet, EncodeMetric, MetricEncoder, NoLabelSet, text};
 use prometheus_client::metrics::MetricType;
@@ -13,25 +13,25 @@ use crate::control::Run;
 use crate::pilot::{LinkState, Reactions, Tally};
 use crate::robot::Occurrence;
 
-/// The watchdog's acts, by kind.
+/// Label of the watchdog's actions.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Act {
     action: &'static str,
 }
 
-/// Dockings by how they ended.
+/// Label of dockings, by result.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Dock {
     code: &'static str,
 }
 
-/// Behaviours that have ended, by reason.
+/// Label of ended behaviours, by reason.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct End {
     reason: &'static str,
 }
 
-/// Of the pilot, as a histogram.
+/// The pilot's reaction times as a histogram.
 #[derive(Debug)]
 struct FrameToMove(Reactions);
 
@@ -71,7 +71,7 @@ pub(super) struct Metrics {
     ends: Family<End, Counter>,
 }
 
-/// A new figure, registered.
+/// Creates and registers a metric.
 fn figure<M: Metric + Clone + Default>(registry: &mut Registry, name: &str, help: &str) -> M {
     let figure = M::default();
     registry.register(name, help, figure.clone());
@@ -86,19 +86,19 @@ impl Metrics {
         let left = Gauge::<f64, AtomicU64>::default();
         one.register_with_unit(
             "battery_left",
-            "Until it is empty; NaN: unknown",
+            "Estimated time until the battery is empty; NaN: unknown",
             Unit::Seconds,
             left.clone(),
         );
         one.register_with_unit(
             "camera",
-            "Frames that have come",
+            "Bytes of all frames received",
             Unit::Bytes,
             bytes.clone(),
         );
         one.register_with_unit(
             "frame_to_move",
-            "From the last byte of a frame to the first MOVE after it that a behaviour asked for",
+            "From the last byte of a frame to the first MOVE after it requested by a behaviour",
             Unit::Seconds,
             FrameToMove(reactions),
         );
@@ -106,28 +106,28 @@ impl Metrics {
             bytes,
             percent: figure(one, "battery_percent", "Level of the battery; NaN: unknown"),
             left,
-            charging: figure(one, "battery_charging", "1 while it charges"),
-            low: figure(one, "battery_low", "1 while the watchdog has the robot"),
+            charging: figure(one, "battery_charging", "1 while the battery is charging"),
+            low: figure(
+                one,
+                "battery_low",
+                "1 while the battery is low and the watchdog controls the robot",
+            ),
             docked: figure(one, "docked", "1 on the station"),
             halted: figure(one, "stopped_by_person", "1 while STOP holds"),
             up: figure(one, "link_up", "1 while the robot is connected"),
-            viewers: figure(one, "viewers", "Pages that are open"),
-            frames: figure(one, "camera_frames", "Frames that have come"),
+            viewers: figure(one, "viewers", "Open pages"),
+            frames: figure(one, "camera_frames", "Frames received"),
             links: figure(one, "link_logins", "Logins at the robot"),
             losses: figure(one, "link_losses", "Lost links"),
-            acts: figure(one, "safety_acts", "What the watchdog did"),
-            docks: figure(one, "docks", "Dockings by how they ended"),
-            starts: figure(
-                one,
-                "behaviour_starts",
-                "Behaviours that were started, or started again",
-            ),
+            acts: figure(one, "safety_acts", "Actions of the watchdog, by kind"),
+            docks: figure(one, "docks", "Dockings, by result"),
+            starts: figure(one, "behaviour_starts", "Starts and restarts of behaviours"),
             ends: figure(one, "behaviour_ends", "Behaviours that ended, by reason"),
             registry,
         }
     }
 
-    /// Something has happened.
+    /// Counts an event.
     pub(super) fn count(&self, what: &Occurrence) {
         match what {
             Occurrence::LinkUp { .. } => drop(self.links.inc()),
@@ -154,7 +154,7 @@ impl Metrics {
         }
     }
 
-    /// The text, as things stand.
+    /// Returns the metrics as text, with the current values.
     pub(super) fn text(&self, run: &Run, viewers: usize, bytes: u64) -> String {
         let status = *run.status.borrow();
         let battery = status.battery;
@@ -174,7 +174,7 @@ impl Metrics {
             .inc_by(status.frames.saturating_sub(self.frames.get()));
         self.bytes.inc_by(bytes.saturating_sub(self.bytes.get()));
         let mut page = String::new();
-        // Writing to a text does not fail.
+        // Writing to a string cannot fail.
         let _ = text::encode(&mut page, &self.registry);
         page
     }

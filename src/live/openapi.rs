@@ -1,4 +1,4 @@
-//! The API's description for programs (OpenAPI 3.1), its shapes from the Rust types.
+//! The description of the API for programs (OpenAPI 3.1), with schemas derived from the Rust types.
 
 use schemars::generate::{SchemaGenerator, SchemaSettings};
 use serde_json::{Map, Value, json};
@@ -10,16 +10,16 @@ use super::state::State;
 use crate::control::Report;
 use crate::http::Me;
 
-/// What a call takes.
+/// The request body of a call.
 enum Body {
     Nothing,
     Json(Value),
-    /// It may be left out.
+    /// An optional JSON body.
     Optional(Value),
     Samples,
 }
 
-/// What it gives.
+/// The response body of a call.
 enum Gives {
     Json(Value),
     Kind(&'static str),
@@ -28,14 +28,14 @@ enum Gives {
 struct Call {
     path: &'static str,
     about: &'static str,
-    /// Who may: anyone, `viewer` or `driver`.
+    /// The required role, `viewer` or `driver`; `None`: anyone.
     role: Option<&'static str>,
-    /// `None`: GET.
+    /// `None` for a GET request.
     takes: Option<Body>,
     gives: Gives,
 }
 
-/// The whole document.
+/// Returns the whole document.
 pub(super) fn document() -> Value {
     let settings = SchemaSettings::draft2020_12().with(|settings| {
         settings.definitions_path = "/components/schemas".into();
@@ -52,8 +52,8 @@ pub(super) fn document() -> Value {
         "openapi": "3.1.0",
         "info": {
             "title": "spykee", "version": env!("CARGO_PKG_VERSION"),
-            "description": "What a run of spykee shows and does. Off loopback, or with a password, a \
-                            token is needed: `spykee token new NAME`.",
+            "description": "The API of a run of spykee. Off loopback, or with a password, a token is \
+                            required: `spykee token new NAME`.",
         },
         "paths": paths,
         "components": {
@@ -123,7 +123,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     );
     get(
         "/api/behaviours/{name}/pictures/{file}",
-        "A picture that a behaviour has kept.",
+        "A picture that a behaviour has saved.",
         Some("viewer"),
         Gives::Kind("image/jpeg"),
     );
@@ -163,7 +163,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     );
     post(
         "/api/let-go",
-        "The robot may move again.",
+        "Release STOP: the robot may move again.",
         "driver",
         Body::Nothing,
     );
@@ -212,12 +212,12 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     let dockings = [
         (
             "/api/dock",
-            "Drive to the station. Answers when the robot is there, or with 409 when it has given up.",
+            "Drive to the station. Responds when the robot is there, or with 409 if the docking failed.",
             shape_of::<Dock>(generator),
         ),
         (
             "/api/undock",
-            "Leave the station. Answers when the robot has left, or with 409 when it has not.",
+            "Leave the station. Responds when the robot has left, or with 409 if it has not.",
             shape_of::<TimeLimit>(generator),
         ),
     ];
@@ -243,7 +243,7 @@ fn operation(call: Call) -> Value {
         Gives::Kind(kind) => json!({ kind: {} }),
     };
     let failure = json!({
-        "description": "Why not.",
+        "description": "The reason for the failure.",
         "content": { "application/json": { "schema": {
             "type": "object", "properties": { "error": { "type": "string" } }, "required": ["error"],
         } } },
@@ -295,7 +295,7 @@ fn operation(call: Call) -> Value {
 mod tests {
     use super::*;
 
-    /// All references that a value has.
+    /// Collects all references in a value.
     fn references(value: &Value, found: &mut Vec<String>) {
         match value {
             Value::Object(map) => map.iter().for_each(|(key, value)| match value.as_str() {
@@ -307,7 +307,7 @@ mod tests {
         }
     }
 
-    /// Paths and methods of the routes, as the source has them.
+    /// Extracts the paths and methods of the routes from the source.
     fn routes(source: &str) -> std::collections::BTreeSet<(String, &'static str)> {
         let routes = source.split(".route(").skip(1).map(|route| {
             let path = route.split('"').nth(1).unwrap().to_owned();
@@ -316,7 +316,7 @@ mod tests {
             } else {
                 "get"
             };
-            // The next route's method is its own.
+            // Ignore the method of the next route.
             let post = route.find("post(").unwrap_or(usize::MAX);
             let get = route.find("get(").unwrap_or(usize::MAX);
             (path, if get < post { "get" } else { method })
@@ -346,14 +346,14 @@ mod tests {
     }
 
     #[test]
-    fn the_description_is_whole() {
+    fn all_references_in_the_description_resolve() {
         let document = document();
         let mut found = Vec::new();
         references(&document, &mut found);
         assert!(!found.is_empty());
         for path in found {
             let place = path.trim_start_matches('#');
-            assert!(document.pointer(place).is_some(), "{path} leads nowhere");
+            assert!(document.pointer(place).is_some(), "{path} does not resolve");
         }
     }
 }

@@ -1,10 +1,10 @@
-//! The files of the page, as they are in the program.
+//! The files of the page, embedded in the program.
 
 use axum::Router;
 use axum::http::header;
 use axum::routing::get;
 
-/// Path, kind, content.
+/// Path, content type, content.
 const FILES: &[(&str, &str, &str)] = &[
     (
         "/",
@@ -36,12 +36,12 @@ const FILES: &[(&str, &str, &str)] = &[
 ];
 const JS: &str = "text/javascript; charset=utf-8";
 
-/// All of them.
+/// Returns the routes of all files.
 pub(super) fn routes() -> Router {
     FILES
         .iter()
         .fold(Router::new(), |router, &(path, kind, content)| {
-            // The next program has other files.
+            // Another version of the program has other files.
             let headers = [
                 (header::CONTENT_TYPE, kind),
                 (header::CACHE_CONTROL, "no-cache"),
@@ -55,7 +55,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_on_the_page_comes_from_elsewhere_or_stands_in_line() {
+    fn the_page_has_no_external_resources_and_no_inline_code() {
         for (path, kind, content) in FILES {
             assert!(!content.contains("https://"), "{path}");
             assert!(
@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn every_module_that_is_imported_is_there() {
+    fn every_imported_module_exists() {
         for (path, _, content) in FILES.iter().filter(|file| file.1 == JS) {
             for line in content.lines().filter(|line| line.starts_with("import")) {
                 let name = line

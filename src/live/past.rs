@@ -1,5 +1,5 @@
-//! What was and what will be: the journal's days, the pictures that behaviours kept, and the timetable.
-//! Reading waits for the disk, so it is done on a thread of its own, a few at a time.
+//! Past and future: the journal, the pictures that behaviours saved, and the timetable. Reading
+//! blocks on the disk, so it runs on separate threads, a few at a time.
 
 use std::path::Path;
 
@@ -15,15 +15,15 @@ use crate::script::picture_name;
 use crate::timetable::{Reason, Timetable, outlook};
 use crate::vision::validate_markers;
 
-/// Levels of the battery in one answer; more are thinned out.
+/// Maximum number of battery levels in one response; more are thinned out.
 const LEVELS: usize = 600;
-/// Events in one answer: the newest.
+/// Maximum number of events in one response: the newest.
 const EVENTS: u32 = 200;
-/// Starts that are foreseen.
+/// Number of future starts shown.
 const STARTS: usize = 6;
-/// Bytes of a picture.
+/// Maximum size of a picture, in bytes.
 const MAX_PICTURE: u64 = 4 << 20;
-/// What people want to see of the past.
+/// The kinds of events shown.
 const KINDS: Kinds = Kinds::Of(&[
     "dock",
     "undock",
@@ -36,51 +36,52 @@ const KINDS: Kinds = Kinds::Of(&[
     "lost",
 ]);
 
-/// The days that the journal remembers.
+/// The history of some days.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Past {
-    /// From when, milliseconds since 1970.
+    /// Start of the period, in milliseconds since 1970.
     pub since: i64,
-    /// Until when.
+    /// End of the period, in milliseconds since 1970.
     pub until: i64,
-    /// When, percent, charging; oldest first, thinned out.
+    /// Time, percent, charging; oldest first, thinned out.
     pub battery: Vec<(i64, f64, bool)>,
-    /// What happened; oldest first, the newest so many.
+    /// The newest events, up to a maximum; oldest first.
     pub events: Vec<Happened>,
 }
 
-/// One thing that happened.
+/// One event.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Happened {
-    /// When, milliseconds since 1970.
+    /// The time, in milliseconds since 1970.
     pub at: i64,
-    /// `dock`, `undock`, `safety`, `given_up`, `start_missed`, `started`, `ended`, `picture` or `lost`.
+    /// `dock`, `undock`, `safety`, `given_up`, `start_missed`, `started`, `ended`, `picture`, or
+    /// `lost`.
     pub kind: String,
-    /// Whose, if it is a behaviour's.
+    /// The behaviour, if it is an event of one.
     pub behaviour: String,
-    /// How it ended, what the watchdog did, or why.
+    /// The result, the action of the watchdog, or the reason.
     pub code: String,
-    /// In words, perhaps none; of a picture its file's name.
+    /// A text, possibly empty; for a picture, its file name.
     pub text: String,
 }
 
-/// One start to come.
+/// One future start.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub(super) struct Start {
-    /// When, by the robot's own clock on the wall.
+    /// The local time in the timetable's time zone.
     pub at: String,
     /// The behaviour.
     pub run: String,
-    /// When it is ended, if it has not ended by itself.
+    /// When it is ended, if it has not ended on its own.
     pub until: Option<String>,
     /// `quiet`, `overlap` or `unknown`.
     pub notes: Vec<&'static str>,
 }
 
-/// The newest days, if there is a journal.
+/// Returns the history of the last days, if there is a journal.
 ///
 /// # Errors
-/// It cannot be read.
+/// If the journal cannot be read.
 pub(super) fn past(data: &Path, days: u8) -> Result<Option<Past>, JournalError> {
     let Some(history) = History::open(data)? else {
         return Ok(None);
@@ -106,7 +107,7 @@ pub(super) fn past(data: &Path, days: u8) -> Result<Option<Past>, JournalError> 
     }))
 }
 
-/// Evenly, with the newest.
+/// Thins out the levels evenly, keeping the newest.
 fn thin(levels: &[Record]) -> Vec<(i64, f64, bool)> {
     let step = levels.len().div_ceil(LEVELS).max(1);
     let kept = levels.iter().rev().step_by(step);
@@ -143,7 +144,7 @@ fn happened(record: &Record) -> Happened {
     }
 }
 
-/// A picture that a behaviour has kept; `None` if there is none of this name.
+/// Reads a picture that a behaviour has saved; `None` if there is none of this name.
 pub(super) fn picture(data: &Path, behaviour: &str, name: &str) -> Option<Vec<u8>> {
     validate_name(behaviour).ok()?;
     picture_name(name).filter(|clean| clean == name)?;
@@ -152,7 +153,7 @@ pub(super) fn picture(data: &Path, behaviour: &str, name: &str) -> Option<Vec<u8
     validate_markers(&bytes).ok().map(|_| bytes)
 }
 
-/// What the timetable will do from now on.
+/// Returns the next starts of the timetable.
 pub(super) fn starts(table: &Timetable, known: &[String], clock: Clock) -> Vec<Start> {
     let words = |at: Timestamp| clock::words(&table.zone.time(at));
     let starts = outlook(table, known, clock.now(), STARTS);
@@ -180,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_name_leads_out_of_a_behaviours_own_pictures() {
+    fn only_pictures_in_the_behaviours_own_folder_are_accessible() {
         let data = tempfile::tempdir().unwrap();
         let jpeg = include_bytes!("../../tests/fixtures/ball-422.jpg");
         std::fs::create_dir(data.path().join("patrol")).unwrap();

@@ -1,4 +1,4 @@
-//! The behaviours of a run as people at the page see them, with the texts of their scripts.
+//! The behaviours of a run for the page, with the texts of their scripts.
 
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use crate::files;
 use crate::robot::{Knob, Knobs};
 use crate::timetable::Timetable;
 
-/// Bytes of a script that are shown.
+/// Maximum length of a script that is shown, in bytes.
 const MAX_LEN: u64 = 256 * 1024;
 
 /// A script of the run.
@@ -22,18 +22,18 @@ pub struct Script {
     pub name: String,
     /// Its file.
     pub file: PathBuf,
-    /// Its text when it was started.
+    /// Its text at the start of the behaviour.
     pub source: String,
-    /// The values of its parameters that were given.
+    /// The given values of its parameters.
     pub params: Vec<(String, String)>,
 }
 
-/// What is known of a run besides what runs; it may change.
+/// Further information about a run, which may change.
 #[derive(Debug, Clone, Default)]
 pub struct Known {
     /// Its scripts.
     pub scripts: Vec<Script>,
-    /// Its timetable and the clock that this goes by, if it has one.
+    /// Its timetable and the clock that it uses, if it has one.
     pub timetable: Option<(Timetable, Clock)>,
 }
 
@@ -51,19 +51,19 @@ impl From<Vec<Script>> for Known {
 pub(super) struct Behaviour {
     /// Its name.
     pub name: String,
-    /// Its script's file, if that is known.
+    /// Its script's file, if known.
     pub file: Option<String>,
-    /// Who wins when several want to drive.
+    /// Its priority when several behaviours want to drive.
     pub priority: i16,
     /// `idle`, `loading`, `running` or `ending`.
     pub state: &'static str,
-    /// Seconds that it has been running.
+    /// How long it has been running, in seconds.
     pub running: Option<u64>,
-    /// The values of its parameters that were given.
+    /// The given values of its parameters.
     pub params: Vec<(String, String)>,
-    /// The parameters that it has declared, while it runs.
+    /// The parameters that it has declared, while it is running.
     pub knobs: Vec<Knob>,
-    /// How it ended for the last time.
+    /// How it last ended.
     pub ending: Option<End>,
 }
 
@@ -72,9 +72,9 @@ pub(super) struct Behaviour {
 pub(super) struct End {
     /// `done`, `error`, `cpu`, `memory`, `cancelled`, `safety`, `reload` or `shutdown`.
     pub reason: &'static str,
-    /// In words.
+    /// The reason in words.
     pub text: String,
-    /// The line of its script, if the words name one.
+    /// The line of its script, if the text names one.
     pub line: Option<u64>,
 }
 
@@ -87,11 +87,12 @@ pub(super) struct Text {
     pub file: String,
     /// Its text.
     pub text: String,
-    /// The file has changed since the behaviour was started: lines may be elsewhere.
+    /// Whether the file has changed since the behaviour was started, so that line numbers may
+    /// differ.
     pub changed: bool,
 }
 
-/// All behaviours that are known or run.
+/// Returns all behaviours that are known or running.
 pub(super) fn behaviours(
     scripts: &[Script],
     members: &[Member],
@@ -148,14 +149,15 @@ fn behaviour(script: Option<&Script>, member: &Member, knobs: &[Knob], now: Inst
     }
 }
 
-/// Of `FILE:12: ...`.
+/// Returns the line number in a text such as `FILE:12: ...`.
 fn line_of(text: &str, file: &str) -> Option<u64> {
     let rest = text.split_once(file)?.1.strip_prefix(':')?;
     let digits: String = rest.chars().take_while(char::is_ascii_digit).collect();
     digits.parse().ok()
 }
 
-/// The text as it is in its file now, or else as it was started. Waits for the disk.
+/// Returns the current text of the file, or the text at the start if the file cannot be read.
+/// Blocks on the disk.
 pub(super) fn text(script: &Script) -> Text {
     let now = read(&script.file);
     let changed = now.as_ref().is_some_and(|now| *now != script.source);
@@ -176,7 +178,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_error_leads_to_its_line() {
+    fn the_line_of_an_error_is_found() {
         let text = "a/b.lua:12: attempt to index nil";
         assert_eq!(line_of(text, "a/b.lua"), Some(12));
         assert_eq!(line_of(text, "c.lua"), None);

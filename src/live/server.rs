@@ -1,4 +1,4 @@
-//! The page's thread: its runtime, its server, and what it is served from.
+//! The page's thread: its runtime and its server.
 
 use std::io;
 use std::net::SocketAddr;
@@ -21,42 +21,42 @@ use crate::control::Run;
 use crate::http::{self, Access, AccessError, Door, Options, Peer};
 use crate::robot::Listener;
 
-/// What there is to see and to steer.
+/// The run that the page shows and controls.
 pub struct Shown {
     /// The run.
     pub run: Run,
     /// Its simulated robot, if it has one.
     pub sim: Option<Simulation>,
-    /// Its scripts and its timetable; they may become others.
+    /// Its scripts and its timetable; they may change.
     pub known: watch::Receiver<Known>,
-    /// What happens in it.
+    /// Its events.
     pub bus: Listener,
-    /// Its log, if it is tapped: see [`tap`](super::tap).
+    /// Its log lines, if they are copied: see [`tap`](super::tap).
     pub log: Option<tokio::sync::mpsc::Receiver<Line>>,
-    /// Where its tokens, its journal and the pictures of its behaviours are.
+    /// The folder of its tokens, its journal and the pictures of its behaviours.
     pub data: PathBuf,
 }
 
-/// Why there is no page.
+/// Why the page cannot be served.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
-    /// No visitor could be let in, or any.
+    /// Access cannot be set up: no visitor could log in, or anyone could.
     #[error(transparent)]
     Access(#[from] AccessError),
-    /// No socket.
+    /// The socket cannot be opened.
     #[error("the page cannot be served at {address}: {source}")]
     Socket {
-        /// Where.
+        /// The address.
         address: SocketAddr,
-        /// The system's words.
+        /// The error of the system.
         source: io::Error,
     },
-    /// No thread, or no runtime.
+    /// The system cannot start a thread or a runtime.
     #[error("the page cannot be served: {0}")]
     System(#[from] io::Error),
 }
 
-/// A page that is served. Dropping it ends it: who drives by hand drives no more.
+/// A running page server. Dropping it ends the server, and driving by hand.
 #[derive(Debug)]
 pub struct Live {
     address: SocketAddr,
@@ -65,7 +65,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// Serves it from now on, on a thread of its own. Waits until the socket is there.
+    /// Starts the server on a separate thread. Waits until the socket is open.
     ///
     /// # Errors
     /// See [`LiveError`].
@@ -103,7 +103,7 @@ impl Live {
         }
     }
 
-    /// What to type into a browser on this machine.
+    /// Returns the page's address for a browser on this machine.
     pub fn url(&self) -> String {
         let mut address = self.address;
         if address.ip().is_unspecified() {
@@ -128,11 +128,11 @@ impl Drop for Live {
 
 async fn open(shown: &Shown, options: &Options) -> Result<(Door, Arc<Access>), LiveError> {
     let address = options.address();
-    // Before the socket: who may not come in must not be able to knock.
+    // Check the access before the socket is opened.
     Access::new(options, address, &shown.data)?;
     let door = Door::open(address, options.viewers).await;
     let door = door.map_err(|source| LiveError::Socket { address, source })?;
-    // With the port that it has, which matters to `Host`.
+    // Use the actual port, which matters for the check of `Host`.
     let access = Access::new(options, door.address()?, &shown.data)?;
     Ok((door, Arc::new(access)))
 }
@@ -158,6 +158,6 @@ async fn serve(door: Door, access: Arc<Access>, shown: Shown, options: &Options)
         .layer(middleware::from_fn_with_state(access, http::guarded));
     let service = router.into_make_service_with_connect_info::<Peer>();
     if let Err(error) = axum::serve(door, service).await {
-        tracing::error!("the page is not served any more: {error}");
+        tracing::error!("the page is no longer served: {error}");
     }
 }

@@ -1,4 +1,4 @@
-//! The shapes of what the JSON API takes and gives.
+//! The JSON types of the API's requests and responses.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -7,29 +7,29 @@ use super::command::{Light, Turn};
 use crate::clock::Span;
 use crate::robot::{ParamValue, Percent};
 
-/// Whether the program serves, and whether the robot does.
+/// The health of the program and the robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
 pub(super) struct Health {
-    /// The pilot answers.
+    /// Whether the pilot responds.
     pub live: bool,
-    /// The robot is connected.
+    /// Whether the robot is connected.
     pub ready: bool,
 }
 
-/// What became of what was asked for.
+/// The result of a request.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub(super) struct Outcome {
-    /// It was done.
+    /// Whether it was executed.
     pub ok: bool,
-    /// In words, such as how a docking ended.
+    /// The result in words, such as how a docking ended.
     pub text: String,
 }
 
-/// A light and whether it is to be on.
+/// A light and its new state.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Lamp {
-    /// Which.
+    /// The light.
     pub light: Light,
     /// On or off.
     pub on: bool,
@@ -43,7 +43,7 @@ pub(super) struct Tune {
     pub sound: String,
 }
 
-/// How loud.
+/// The volume.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Volume {
@@ -51,7 +51,7 @@ pub(super) struct Volume {
     pub percent: Percent,
 }
 
-/// A parameter of a behaviour, and what it is to be.
+/// A parameter of a behaviour and its new value.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Tuned {
@@ -61,29 +61,29 @@ pub(super) struct Tuned {
     pub value: ParamValue,
 }
 
-/// What is to become of a behaviour.
+/// A change of a behaviour's state.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Become {
-    /// This.
+    /// The change.
     pub change: Turn,
-    /// With `start`: it is ended after this time, such as `30m`.
+    /// With `start`: end it after this time, such as `30m`.
     #[serde(rename = "for")]
     #[schemars(with = "Option<String>")]
     pub lasts: Option<Span>,
 }
 
-/// A docking; what is left out is as `robot.dock` has it.
+/// A docking; the defaults are those of `robot.dock`.
 #[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Dock {
-    /// The longest search of one try, 1..=3600 s.
+    /// Maximum duration of one search, 1..=3600 s.
     pub seconds: Option<u64>,
-    /// Tries after the first, 0..=20.
+    /// Number of retries, 0..=20.
     pub retries: Option<u32>,
 }
 
-/// How long something may take.
+/// A timeout.
 #[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct TimeLimit {
@@ -91,22 +91,23 @@ pub(super) struct TimeLimit {
     pub seconds: Option<u64>,
 }
 
-/// How a docking or undocking ended, whether well or not.
+/// The result of a docking or undocking, successful or not.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Docking {
-    /// The robot is where it was wanted.
+    /// Whether it succeeded.
     pub ok: bool,
-    /// As `end`.
+    /// The same as `end`.
     pub text: String,
-    /// As `end`, if it did not work.
+    /// The same as `end`, if it failed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
-    /// `done`, `already_docked`, `not_docked`, `base_not_found`, `timeout` and so on, as in scripts.
+    /// `done`, `already_docked`, `not_docked`, `base_not_found`, `timeout`, and so on, as in
+    /// scripts.
     pub end: &'static str,
-    /// Tries made; not of an undocking.
+    /// Attempts made; absent for an undocking.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attempts: Option<u32>,
-    /// Time taken; not of an undocking.
+    /// Time taken; absent for an undocking.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
 }

@@ -1,4 +1,4 @@
-//! How things stand, as the page is told: words are keys of the page's table of texts.
+//! The state of the run for the page. Its words are keys of the page's table of texts.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use crate::robot::{RobotInfo, Use};
 use crate::safety::{DockState, WatchdogState};
 use crate::wire::Stream;
 
-/// Over how long frames are counted.
+/// Period over which frames are counted.
 const RATE: Duration = Duration::from_secs(1);
 
 /// See the module.
@@ -19,43 +19,43 @@ const RATE: Duration = Duration::from_secs(1);
 pub(super) struct State {
     /// `connecting`, `up`, `lost` or `released`.
     pub link: &'static str,
-    /// What the watchdog is at: `offline`, `free`, `docked`, `docking`, `going_home` or `alarm`.
+    /// The state of the watchdog: `offline`, `free`, `docked`, `docking`, `going_home` or `alarm`.
     pub safety: &'static str,
-    /// Where the robot is: `charging`, `contact`, `off` or `unknown`.
+    /// The robot's place: `charging`, `contact`, `off` or `unknown`.
     pub place: &'static str,
-    /// On the station, as far as is known.
+    /// Whether the robot is on the station, as far as is known.
     pub docked: bool,
-    /// The battery is low and the watchdog has the robot.
+    /// Whether the battery is low and the watchdog therefore controls the robot.
     pub low: bool,
-    /// STOP: a person has stopped the robot, and the stop still holds.
+    /// Whether a person has stopped the robot with STOP, and the stop still holds.
     pub halted: bool,
-    /// The battery, if it is known.
+    /// The battery, if known.
     pub battery: Option<Level>,
     /// The power of the left and the right track, percent.
     pub tracks: [i8; 2],
     /// The headlight, the left and the right light; null: unknown.
     pub lights: [Option<bool>; 3],
-    /// The last sound that it was told to play.
+    /// The last sound that the robot was told to play.
     pub sound: Option<&'static str>,
-    /// How many there were.
+    /// The number of sounds so far.
     pub sounds: u32,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: u32,
-    /// The robot, if it was ever there.
+    /// The robot, if it was ever connected.
     pub robot: Option<Robot>,
-    /// The address by which the run reaches the robot.
+    /// The robot's address as given to the run.
     pub target: String,
-    /// In the run's own program.
+    /// Whether the robot is simulated in the run's own program.
     pub simulated: bool,
-    /// Whole seconds since the run began.
+    /// Whole seconds since the start of the run.
     pub running: u64,
-    /// Who drives by hand.
+    /// The viewer that drives by hand.
     pub driver: Option<Person>,
-    /// How many look.
+    /// The number of viewers.
     pub viewers: usize,
     /// The next start of the timetable, if there is one.
     pub next: Option<Start>,
-    /// It is a quiet hour.
+    /// Whether it is a quiet hour.
     pub quiet: bool,
 }
 
@@ -64,7 +64,7 @@ pub(super) struct State {
 pub(super) struct Level {
     /// 0..=100.
     pub percent: u8,
-    /// On the charger.
+    /// Whether it is being charged.
     pub charging: bool,
     /// Estimated time until it is empty, at the recent consumption.
     pub minutes_left: Option<f32>,
@@ -73,22 +73,22 @@ pub(super) struct Level {
 /// The robot.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub(super) struct Robot {
-    /// What it says of itself.
+    /// Its own name.
     pub name: String,
-    /// Such as `SPYKEE0001`.
+    /// Its ID, such as `SPYKEE0001`.
     pub uid: String,
-    /// Such as `1.0.22`.
+    /// Its firmware version, such as `1.0.22`.
     pub firmware: String,
-    /// Where it is.
+    /// Its network address.
     pub address: String,
 }
 
 /// A viewer.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
 pub(super) struct Person {
-    /// His number.
+    /// The viewer's number.
     pub id: u32,
-    /// What the others call him.
+    /// The viewer's name.
     pub name: String,
 }
 
@@ -103,7 +103,7 @@ impl From<&RobotInfo> for Robot {
     }
 }
 
-/// Frames a second.
+/// Measures the frame rate.
 #[derive(Debug)]
 pub(super) struct Rate {
     since: Instant,
@@ -131,14 +131,14 @@ impl Rate {
     }
 }
 
-/// Who looks and who drives.
+/// The driver and the number of viewers.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct People {
     pub(super) driver: Option<Person>,
     pub(super) viewers: usize,
 }
 
-/// As it is now.
+/// Returns the current state.
 pub(super) fn state(
     run: &Run,
     robot: Option<&RobotInfo>,
@@ -178,7 +178,7 @@ pub(super) fn state(
     }
 }
 
-/// Whether the config lets the camera be on.
+/// Whether the config allows the camera.
 pub(super) fn has_camera(run: &Run) -> bool {
     run.streams.usage(Stream::Video) != Use::Off
 }

@@ -1,4 +1,4 @@
-//! One who looks: his name, his role, and the wheel if he has it.
+//! The ticket of one viewer: name, role, and the wheel if the viewer has it.
 
 use std::future::Future;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -14,10 +14,10 @@ use crate::http::{Role, Visitor};
 use crate::lab::Factor;
 use crate::robot::Setpoint;
 
-/// Counts the viewers of this program.
+/// The number of the next viewer.
 static NUMBER: AtomicU32 = AtomicU32::new(1);
 
-/// One who looks, until it is dropped: then he has not the wheel any more.
+/// A viewer, until dropped. Dropping it releases the wheel.
 pub(super) struct Ticket {
     hub: Arc<Hub>,
     pub(super) id: u32,
@@ -32,21 +32,21 @@ impl Drop for Ticket {
     }
 }
 
-/// Why the wheel is not had.
+/// Why the wheel cannot be taken.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum NoWheel {
-    /// Viewers do not drive.
+    /// The role does not permit driving.
     Viewer,
     /// STOP holds.
     Halted,
-    /// The simulation's clock does not go as the one on the wall.
+    /// The simulation's clock does not run at real time.
     Hurried,
-    /// He has it.
+    /// The viewer of this name has it.
     Taken(String),
 }
 
 impl Ticket {
-    /// One more looks; `None`: there are too many.
+    /// Admits a viewer; `None` if there are too many.
     pub(super) fn admit(hub: &Arc<Hub>, visitor: &Visitor) -> Option<Ticket> {
         let mut folk = hub.folk();
         if folk.viewers >= hub.most_viewers {
@@ -67,7 +67,7 @@ impl Ticket {
         &self.hub
     }
 
-    /// What the others call him.
+    /// Sets the name that other viewers see.
     pub(super) fn rename(&self, name: &str) {
         let name = crate::clean::line(name)
             .chars()
@@ -89,7 +89,8 @@ impl Ticket {
         }
     }
 
-    /// Takes the wheel: the task to be run that drives from now on.
+    /// Takes the wheel. Returns the driving task, which the caller must run; `None` if this viewer
+    /// already has the wheel.
     ///
     /// # Errors
     /// See [`NoWheel`].
@@ -118,7 +119,7 @@ impl Ticket {
         Ok(Some(wheel::drive(self.hub.run.clone(), name, wished)))
     }
 
-    /// He drives so from now on, for a moment; whether he has the wheel.
+    /// Sets the setpoint, which is valid for 0.3 s. Returns whether this viewer has the wheel.
     pub(super) fn wish(&self, setpoint: Setpoint) -> bool {
         let hurried = is_hurried(&self.hub);
         let mut folk = self.hub.folk();
@@ -128,7 +129,8 @@ impl Ticket {
         };
         let drives = !hurried && wishes.send((setpoint, Instant::now())).is_ok();
         if !drives {
-            // The seat has ended: the watchdog, or the run, has taken it away. Or its time is another.
+            // The watchdog or the run has ended the seat, or the simulation no longer runs in real
+            // time.
             folk.driver = None;
         }
         drives
@@ -146,7 +148,7 @@ impl Ticket {
     }
 }
 
-/// A person's hands go by the clock on the wall: he drives only if the run does, too.
+/// Whether the run's clock differs from real time, in which a person cannot drive by hand.
 fn is_hurried(hub: &Hub) -> bool {
     let tempo = hub.sim.as_ref().and_then(|sim| sim.tempo.as_ref());
     tempo.is_some_and(|tempo| {

@@ -1,8 +1,9 @@
-//! One page that is open: a task reads what it says and does it at once; another sends what it shows.
+//! One open page: one task reads its messages and handles them at once; another sends it what it
+//! shows.
 //!
-//! A viewer who is slow gets fewer frames, for the next is sent when the last was taken; other messages
-//! are those that are newest when there is room. If one cannot be sent for [`SENDING`], or nothing is
-//! heard for [`SILENCE`], the connection is closed.
+//! A slow viewer gets fewer frames, since the next is sent only when an earlier one was taken; of
+//! other messages it gets the newest when there is room. If a message cannot be sent within
+//! [`SENDING`], or the page is silent for [`SILENCE`], the connection is closed.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -25,31 +26,31 @@ use super::world;
 use crate::http::Role;
 use crate::robot::{Frame, Setpoint};
 
-/// The longest message of a page.
+/// Maximum length of a page's message, in bytes.
 pub(super) const MAX_MESSAGE: usize = 16 * 1024;
-/// How long one message may take to be sent.
+/// Timeout for sending one message.
 const SENDING: Duration = Duration::from_secs(10);
-/// How long a page may say nothing, not even that it lives.
+/// How long a page may be silent, without even a pong.
 const SILENCE: Duration = Duration::from_secs(20);
-/// How often it is asked whether it lives.
+/// Interval between pings.
 const PING: Duration = Duration::from_secs(5);
-/// Messages of a page in a second; an honest one sends twenty.
+/// Maximum number of a page's messages per second; an honest page sends twenty.
 const MOST_MESSAGES: u32 = 200;
-/// Orders that are under way at a time.
+/// Maximum number of commands in progress.
 const MOST_ORDERS: usize = 8;
-/// Words that may wait for this viewer alone.
+/// Capacity of the queue of messages for this viewer only.
 const MAX_WAITING: usize = 64;
-/// Frames that are on their way to a page.
+/// Maximum number of frames sent and not yet taken.
 const FRAMES: u32 = 2;
-/// Lines of the log in one message.
+/// Maximum number of log lines in one message.
 const MOST_LINES: usize = 100;
 
 type Sink = SplitSink<WebSocket, Message>;
 
-/// What the reader tells the writer.
+/// The channels from the reader to the writer.
 struct Wants {
     watch: watch::Sender<Watch>,
-    /// Frames that were taken.
+    /// Number of frames taken.
     taken: watch::Sender<u32>,
     words: mpsc::Sender<Utf8Bytes>,
 }
@@ -97,24 +98,24 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
         match message {
             Ok(Some(Ok(Message::Text(said)))) if reader.is_patient() => reader.hear(&said).await,
             Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if reader.is_patient() => {}
-            // Closed, broken, silent, too fast, or binary.
+            // Closed, broken, silent, too many messages, or binary.
             _ => return,
         }
     }
 }
 
-/// What a page says. Dropping it leaves the wheel.
+/// Handles the messages of a page. Dropping it leaves the wheel.
 struct Reader {
     ticket: Ticket,
     wants: Wants,
     orders: Vec<AbortOnDropHandle<()>>,
     wheel: Option<AbortOnDropHandle<()>>,
-    /// Since when messages are counted, and how many there were.
+    /// Start of the current counting period, and the number of messages in it.
     window: (Instant, u32),
 }
 
 impl Reader {
-    /// Counts a message; false: there are too many.
+    /// Counts a message. Returns false if there are too many.
     fn is_patient(&mut self) -> bool {
         if self.window.0.elapsed() >= Duration::from_secs(1) {
             self.window = (Instant::now(), 0);
@@ -127,7 +128,7 @@ impl Reader {
         let message = match serde_json::from_str(said) {
             Ok(message) => message,
             Err(error) => {
-                tracing::debug!("a page talks nonsense: {error}");
+                tracing::debug!("a page sent an invalid message: {error}");
                 return self.notice("nonsense", String::new());
             }
         };
@@ -170,7 +171,8 @@ impl Reader {
         self.wheel = None;
     }
 
-    /// A page that does not have the wheel, or says numbers that are none, moves nothing.
+    /// Sets the page's setpoint. Has no effect if the page does not have the wheel; invalid numbers
+    /// mean stop.
     fn drive(&mut self, left: f64, right: f64) {
         let setpoint = Setpoint::from_percent(left, right).unwrap_or(Setpoint::STOP);
         if !self.ticket.wish(setpoint) {
@@ -182,14 +184,17 @@ impl Reader {
         self.orders.retain(|order| !order.is_finished());
         let words = self.wants.words.clone();
         let answer = move |(ok, said): (bool, String)| {
-            // A page that does not read its answers loses them.
+            // Dropped if the page does not read its answers.
             let _ = words.try_send(text(&ToPage::Answer { id, ok, text: said }));
         };
         if self.ticket.role != Role::Driver {
-            return answer((false, "viewers may look and stop the robot".to_owned()));
+            return answer((
+                false,
+                "viewers may only watch and stop the robot".to_owned(),
+            ));
         }
         if self.orders.len() >= MOST_ORDERS {
-            return answer((false, "too much is asked for at once".to_owned()));
+            return answer((false, "too many commands at once".to_owned()));
         }
         let hub = self.ticket.hub().clone();
         let doing = tokio::spawn(async move {
@@ -206,17 +211,17 @@ impl Reader {
     }
 }
 
-/// What a page is shown.
+/// Sends a page what it shows.
 struct Writer {
     hub: Arc<Hub>,
     watched: watch::Receiver<Watch>,
     taken: watch::Receiver<u32>,
     said: mpsc::Receiver<Utf8Bytes>,
-    /// Frames.
+    /// Number of frames sent.
     sent: u32,
 }
 
-/// What the page shows beside what all pages do.
+/// The optional parts that the page shows.
 #[derive(Default)]
 struct Shows {
     map: Option<watch::Receiver<Utf8Bytes>>,
@@ -225,7 +230,7 @@ struct Shows {
 }
 
 impl Writer {
-    /// Until something cannot be sent.
+    /// Runs until a message cannot be sent.
     async fn run(mut self, mut sink: Sink, hello: Utf8Bytes) {
         if self.show(&mut sink, hello).await.is_none() {
             let frame = CloseFrame {
@@ -281,10 +286,10 @@ impl Writer {
         }
     }
 
-    /// That were sent and not taken yet.
+    /// Number of frames sent and not yet taken.
     fn frames_under_way(&self) -> u32 {
         let under_way = self.sent.wrapping_sub(*self.taken.borrow());
-        // One that takes more than it was sent gets no more than others.
+        // A page that reports more frames taken than were sent gets no advantage.
         if under_way > u32::MAX / 2 {
             0
         } else {
@@ -327,7 +332,7 @@ impl Writer {
     }
 }
 
-/// Number and age before the JPEG as it came.
+/// Packs a frame: number, age, and the JPEG as received.
 fn packed(frame: &Frame, now: Instant) -> Bytes {
     let age = now.saturating_duration_since(frame.at).as_millis();
     let mut packed = BytesMut::with_capacity(8 + frame.jpeg.len());
@@ -359,7 +364,7 @@ async fn next_found(found: &mut Option<broadcast::Receiver<Utf8Bytes>>) -> Utf8B
     }
 }
 
-/// Those that have come, in one message.
+/// Waits for log lines and returns all waiting ones in one message.
 async fn lines(log: &mut Option<broadcast::Receiver<Line>>) -> Utf8Bytes {
     let Some(news) = log else {
         return std::future::pending().await;
@@ -388,7 +393,7 @@ async fn send_text(sink: &mut Sink, text: Utf8Bytes) -> Option<()> {
     }
 }
 
-/// `None`: the page is gone, or too slow.
+/// Sends a message; `None` if the page is gone or too slow.
 async fn send(sink: &mut Sink, message: Message) -> Option<()> {
     timeout(SENDING, sink.send(message)).await.ok()?.ok()
 }

@@ -1,8 +1,9 @@
-//! Driving by hand: a seat in front of the pilot, above all behaviours, for one person at a time.
+//! Driving by hand: a pilot's seat with a priority above all behaviours, for one person at a time.
 //!
-//! The viewer that has the wheel has the tracks, which rest until he says otherwise. A setpoint lives 0.3 s;
-//! then they rest again. The seat shows life from the task that judges this, so that if the task is
-//! stuck or gone, the watchdog stops the robot: by the seat's end at once, by its silence in 0.25 s.
+//! The viewer that has the wheel controls the tracks, which stand still without a setpoint. A
+//! setpoint is valid for 0.3 s. The task that enforces this also sends the seat's signs of life, so
+//! that the watchdog stops the robot if the task fails: at once if the seat ends, after 0.25 s if
+//! it is silent.
 
 use std::time::Duration;
 
@@ -15,25 +16,25 @@ use crate::clock::until;
 use crate::control::Run;
 use crate::robot::{Event, Setpoint};
 
-/// How long a setpoint lives.
+/// How long a setpoint is valid.
 pub(super) const LIFE: Duration = Duration::from_millis(300);
 /// How often the seat sends a sign of life; the watchdog stops the tracks after 0.25 s without one.
 const BEAT: Duration = Duration::from_millis(50);
 
-/// How long STOP waits before it takes the tracks again.
+/// Pause before STOP takes the tracks again.
 const AGAIN: Duration = Duration::from_millis(200);
 
-/// A setpoint and when it came.
+/// A setpoint and the time it was received.
 pub(super) type Wish = (Setpoint, Instant);
 
-/// Drives as its viewer asks until it stops asking. Leaving the seat stops the robot, or lets the
-/// next in line go on.
+/// Drives with the viewer's setpoints until the viewer leaves the wheel. Leaving the seat stops the
+/// robot, or lets the behaviour with the next lower priority drive.
 pub(super) async fn drive(run: Run, name: String, mut wishes: watch::Receiver<Wish>) {
     info!("{name} drives by hand");
     if let Err(error) = steer(&run, &name, &mut wishes).await {
-        info!("{name} cannot drive any more: {error}");
+        info!("{name} can no longer drive by hand: {error}");
     } else {
-        info!("{name} drives no more");
+        info!("{name} has stopped driving by hand");
     }
 }
 
@@ -56,7 +57,7 @@ async fn steer(run: &Run, name: &str, wishes: &mut watch::Receiver<Wish>) -> Res
                 }
                 let (setpoint, came) = *wishes.borrow_and_update();
                 let dies = came + LIFE;
-                // Of one that has waited too long nothing is left.
+                // Ignore a setpoint that has already expired.
                 let alive = !setpoint.is_stop() && dies > Instant::now();
                 ends = alive.then_some(dies);
                 seat.drive(if alive { setpoint } else { Setpoint::STOP }).await?;
@@ -67,13 +68,14 @@ async fn steer(run: &Run, name: &str, wishes: &mut watch::Receiver<Wish>) -> Res
     }
 }
 
-/// STOP's own seat: behaviours below it have not the tracks, and are told so, until it is dropped.
+/// Holds the tracks with a separate seat while STOP is set: behaviours, which have a lower
+/// priority, do not get the tracks and are informed of that.
 pub(super) async fn hold(run: Run, mut held: watch::Receiver<bool>) {
     let holding = async {
         let mut seat = run.seat("STOP").await?;
         let mut beat = interval(BEAT);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        // When the tracks are to be taken (again): they cannot be had on the station or without a link.
+        // When to take the tracks (again): this fails on the station or without a link.
         let mut take = Some(Instant::now());
         loop {
             tokio::select! {
@@ -96,7 +98,7 @@ pub(super) async fn hold(run: Run, mut held: watch::Receiver<bool>) {
     }
 }
 
-/// Also if no viewer is left who could let go of it here.
+/// Waits until STOP is released; also returns if the hub no longer exists.
 async fn until_free(held: &mut watch::Receiver<bool>) {
     let _ = held.wait_for(|held| !held).await;
 }

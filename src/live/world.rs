@@ -1,5 +1,5 @@
-//! The simulated world for the page's map: what stands there, once; what moves, again and again.
-//! Metres; x to the right, y upwards; radians, counterclockwise from x.
+//! The simulated world for the page's map: the fixed parts, sent once, and the moving parts, sent
+//! repeatedly. Metres, with x to the right and y upwards; radians, counterclockwise from x.
 
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -7,16 +7,16 @@ use serde::Serialize;
 use crate::lab::{Going, Tempo};
 use crate::sim::{Handle, Paint, Point, Pose, RADIUS, What};
 
-/// Places of the way that are sent to who begins to look.
+/// Maximum number of points of the robot's path that a new viewer gets.
 const WAY: usize = 600;
-/// Collisions that are marked: the newest.
+/// Maximum number of collisions shown: the newest.
 const BUMPS: usize = 30;
 
 /// A simulated robot in this program, and its world.
 pub struct Simulation {
-    /// Both.
+    /// The robot and its world.
     pub robot: Handle,
-    /// A hold on its clock, if it has one of its own.
+    /// Control of its clock, if it has its own.
     pub tempo: Option<Tempo>,
 }
 
@@ -26,18 +26,18 @@ impl From<Handle> for Simulation {
     }
 }
 
-/// As a world is at first.
+/// The fixed parts of a world, and its initial state.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Place {
     /// Its name.
     pub name: String,
-    /// Of the room.
+    /// Width of the room.
     pub width: f64,
-    /// Of the room.
+    /// Depth of the room.
     pub depth: f64,
-    /// Of the robot, seen from above.
+    /// Radius of the robot, seen from above.
     pub radius: f64,
-    /// Corners of inner walls.
+    /// The corners of the inner walls.
     pub walls: Vec<Vec<[f64; 2]>>,
     /// Boxes on the floor.
     pub furniture: Vec<Shape>,
@@ -57,16 +57,16 @@ pub(super) struct Place {
     pub signs: Vec<Round>,
     /// Corners of the charging station.
     pub station: Vec<[f64; 2]>,
-    /// The outline of what its beacon reaches.
+    /// The outline of its beacon's range.
     pub beacon: Vec<[f64; 2]>,
-    /// The way so far.
+    /// The robot's path so far.
     pub way: Vec<[f64; 2]>,
 }
 
-/// Something with corners.
+/// A polygonal object.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Shape {
-    /// Its name, perhaps none.
+    /// Its name; may be empty.
     pub name: String,
     /// `#rrggbb`.
     pub colour: String,
@@ -74,16 +74,16 @@ pub(super) struct Shape {
     pub corners: Vec<[f64; 2]>,
 }
 
-/// Something round.
+/// A round object.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Round {
-    /// Its name, perhaps none; a sign's text.
+    /// Its name, or a sign's text; may be empty.
     pub name: String,
     /// `#rrggbb`.
     pub colour: String,
-    /// Its middle.
+    /// Its centre.
     pub at: [f64; 2],
-    /// Its radius; of a lamp how far it reaches.
+    /// Its radius; for a lamp, its range.
     pub radius: f64,
 }
 
@@ -94,47 +94,47 @@ pub(super) struct Tape {
     pub colour: String,
     /// Metres.
     pub width: f64,
-    /// It is a ring.
+    /// Whether it is a closed ring.
     pub closed: bool,
     /// Its corners.
     pub through: Vec<[f64; 2]>,
-    /// The radius by which they are rounded.
+    /// The radius of the rounded corners.
     pub rounding: f64,
 }
 
-/// What moves.
+/// The moving parts of the world.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Map {
     /// Simulated seconds since the start.
     pub time: f64,
-    /// What its clock does, if it has one of its own.
+    /// The state of its clock, if it has its own.
     pub clock: Option<Clock>,
     /// The robot: x, y, heading.
     pub robot: [f64; 3],
-    /// It runs into something.
+    /// Whether it is blocked by an obstacle.
     pub blocked: bool,
-    /// It searches its station.
+    /// Whether it is searching for its station.
     pub searching: bool,
     /// The battery's true level, percent.
     pub battery: f64,
     /// Metres driven.
     pub distance: f64,
-    /// How often it ran into something.
+    /// Number of collisions.
     pub collisions: u64,
-    /// Where the balls are.
+    /// The positions of the balls.
     pub balls: Vec<[f64; 2]>,
-    /// Where the people are.
+    /// The positions of the people.
     pub walkers: Vec<[f64; 2]>,
-    /// Where it ran into what, the newest last.
+    /// The position and obstacle of each collision, newest last.
     pub bumps: Vec<(f64, f64, String)>,
 }
 
-/// A clock that people hold.
+/// The state of a simulation's own clock.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub(super) struct Clock {
-    /// It stands.
+    /// Whether it is paused.
     pub paused: bool,
-    /// So many simulated seconds a second, 1..=100.
+    /// Simulated seconds per second, 1..=100.
     pub factor: f64,
 }
 
@@ -168,7 +168,7 @@ fn rectangle(middle: Point, length: f64, width: f64, heading: f64) -> Vec<[f64; 
     ]
 }
 
-/// The world as it is at first, with the way so far.
+/// Returns the fixed parts of the world, with the robot's path so far.
 pub(super) fn place(sim: &Handle) -> Place {
     let world = sim.world();
     let round = |name: &str, paint, at: Point, radius| Round {
@@ -240,7 +240,7 @@ pub(super) fn place(sim: &Handle) -> Place {
     }
 }
 
-/// Evenly thinned out, with the newest place.
+/// Returns the robot's path, evenly thinned out, with the newest point.
 fn way(sim: &Handle) -> Vec<[f64; 2]> {
     sim.look_back(|trace| {
         let places: Vec<Point> = trace.samples().map(|sample| sample.pose.point()).collect();
@@ -252,7 +252,7 @@ fn way(sim: &Handle) -> Vec<[f64; 2]> {
     })
 }
 
-/// What moves, as it is now.
+/// Returns the current state of the moving parts.
 pub(super) fn map(simulation: &Simulation) -> Map {
     let Simulation { robot: sim, tempo } = simulation;
     let state = sim.state();

@@ -1,11 +1,11 @@
-//! What can be asked of an agent by its broker, and the answers.
+//! The orders that an agent accepts from its broker, and its answers.
 
 use serde::{Deserialize, Serialize};
 
-/// The longest order.
+/// Maximum length of an order, in bytes.
 const LONGEST: usize = 1024;
 
-/// One thing that is asked. As text a word (`stop`, `run patrol`), or JSON with an `id` that comes back in
+/// One order. Its text is a word (`stop`, `run patrol`), or JSON with an `id` that is returned in
 /// the answer: `{"order": "run patrol", "id": "7"}`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum BrokerCommand {
@@ -23,25 +23,25 @@ pub enum BrokerCommand {
     Snapshot,
     /// Start this behaviour.
     Run(String),
-    /// From now on `start` starts this behaviour.
+    /// Choose the behaviour that `start` starts.
     Choose(String),
 }
 
-/// Why a text is no order.
+/// Why a text is not a valid order.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BrokerCommandError {
-    /// Longer than any order.
-    #[error("it is longer than any order")]
+    /// Longer than any valid order.
+    #[error("it is longer than any valid order")]
     TooLong,
     /// Not UTF-8.
-    #[error("it is no text")]
+    #[error("it is not UTF-8 text")]
     NoText,
-    /// Begins like JSON and is not valid, or lacks a field.
-    #[error("it is no order in JSON ({0}): {{\"order\": \"stop\", \"id\": \"1\"}} is one")]
+    /// Begins like JSON, but is invalid or lacks a field.
+    #[error("it is not an order in JSON ({0}), such as {{\"order\": \"stop\", \"id\": \"1\"}}")]
     Json(String),
     /// No such order.
     #[error(
-        "`{0}` is no order; there are start, stop, return_to_base, dock, undock, locate, snapshot and \
+        "`{0}` is not an order; the orders are start, stop, return_to_base, dock, undock, locate, snapshot and \
          run NAME"
     )]
     Unknown(String),
@@ -54,7 +54,7 @@ struct Written {
 }
 
 impl BrokerCommand {
-    /// Reads one, with its id if it has one.
+    /// Parses an order, with its id if it has one.
     ///
     /// # Errors
     /// See [`BrokerCommandError`].
@@ -87,10 +87,10 @@ impl BrokerCommand {
         })
     }
 
-    /// As JSON, to be asked with an id.
+    /// Formats the order as JSON, with an id.
     pub fn to_json(&self, id: &str) -> String {
         let (order, id) = (self.to_string(), Some(id.to_owned()));
-        // A struct of texts can always be written.
+        // Serialising a struct of strings cannot fail.
         serde_json::to_string(&Written { order, id }).unwrap_or_default()
     }
 }
@@ -110,16 +110,16 @@ impl std::fmt::Display for BrokerCommand {
     }
 }
 
-/// What became of an order.
+/// The result of an order.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Answer {
     /// The order, in words.
     pub order: String,
-    /// As the order had it.
+    /// The id of the order, if it had one.
     pub id: Option<String>,
-    /// It was done.
+    /// Whether the order was executed.
     pub done: bool,
-    /// How it ended, or why it was not done.
+    /// How it ended, or why it was not executed.
     pub text: Option<String>,
 }
 
@@ -139,18 +139,18 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_order_is_refused_in_words() {
+    fn an_invalid_order_is_refused_with_an_explanation() {
         let refused = |bytes: &[u8]| BrokerCommand::parse(bytes).unwrap_err().to_string();
         assert!(refused(b"fly").contains("return_to_base"));
-        assert!(refused(b"run ").contains("no order"));
+        assert!(refused(b"run ").contains("not an order"));
         assert!(refused(b"{\"id\": \"7\"}").contains("order"));
-        assert!(refused(&[0xff]).contains("no text"));
+        assert!(refused(&[0xff]).contains("not UTF-8"));
         assert!(refused(&[b'a'; 2000]).contains("longer"));
     }
 
     proptest! {
         #[test]
-        fn no_payload_makes_it_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        fn no_payload_causes_a_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
             let _ = BrokerCommand::parse(&bytes);
         }
     }

@@ -1,4 +1,5 @@
-//! What Home Assistant is told of the entities that there are: one device, by device-based discovery.
+//! The discovery payload that describes the agent's entities to Home Assistant: one device, by
+//! device-based discovery.
 //! <https://www.home-assistant.io/integrations/mqtt/#device-discovery-payload>
 
 use serde_json::{Map, Value, json};
@@ -7,7 +8,7 @@ use super::presence::Presence;
 use super::topics::Topics;
 use crate::robot::RobotInfo;
 
-/// What an event entity may say; battery and watchdog are in the state.
+/// The event types of the event entity; battery and watchdog are in the state.
 pub(super) const EVENTS: [&str; 12] = [
     "link_up",
     "link_down",
@@ -23,7 +24,7 @@ pub(super) const EVENTS: [&str; 12] = [
     "notify",
 ];
 
-/// The payload of the discovery topic.
+/// Builds the payload of the discovery topic.
 pub(super) fn discovery(topics: &Topics, robot: &RobotInfo, behaviours: &[String]) -> Value {
     let online = Presence::Online.word();
     json!({
@@ -130,8 +131,8 @@ impl Components<'_> {
 mod tests {
     use super::*;
 
-    /// What Home Assistant is told, to the letter: a change here is seen by everybody who has the robot
-    /// in it.
+    /// The exact payload for Home Assistant: a change here is visible to every user of the
+    /// integration.
     const GOLDEN: &str = include_str!("discovery/golden.json");
 
     fn robot() -> RobotInfo {
@@ -145,11 +146,11 @@ mod tests {
     }
 
     #[test]
-    fn home_assistant_is_told_of_one_device_to_the_letter() {
+    fn the_discovery_payload_is_exactly_the_golden_one() {
         let topics = Topics::new("spykee", "homeassistant", "SPYKEE0001");
         let behaviours = ["patrol".to_owned(), "guard".to_owned()];
         let mut told = discovery(&topics, &robot(), &behaviours);
-        // Grows with each release.
+        // Changes with each release.
         told["origin"]["sw_version"] = "0".into();
         let golden: Value = serde_json::from_str(GOLDEN).unwrap();
         let text = serde_json::to_string_pretty(&told).unwrap();
@@ -158,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn without_behaviours_there_is_nothing_to_choose_from() {
+    fn without_behaviours_there_is_no_select_entity() {
         let topics = Topics::new("spykee", "homeassistant", "SPYKEE0001");
         let told = discovery(&topics, &robot(), &[]);
         assert_eq!(told["components"]["behaviour"], Value::Null);

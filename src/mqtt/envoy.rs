@@ -1,4 +1,4 @@
-//! Speaks for an agent at its broker: says how things stand whenever that changes, and takes orders.
+//! Represents an agent at its broker: publishes its state whenever it changes, and accepts orders.
 
 use std::time::Duration;
 
@@ -23,15 +23,15 @@ use crate::control::{Next, Run};
 use crate::link::{self, Backoff};
 use crate::robot::{Heard, Listener, Occurrence, RobotInfo};
 
-/// Changes within this time are told together.
+/// Changes within this time are published together.
 const GATHER: Duration = Duration::from_millis(100);
-/// How long the last words may take.
+/// Timeout for closing the connection.
 const GOODBYE: Duration = Duration::from_secs(1);
-/// How long orders may take that are under way at the end.
+/// How long orders in progress at the end may take.
 const ANSWERS: Duration = Duration::from_millis(500);
-/// The longest name of a behaviour that can be chosen, in bytes.
+/// Maximum length of the name of a chosen behaviour, in bytes.
 const LONGEST_CHOICE: usize = 256;
-/// A connection that lived so long was a good one: the next pause is short.
+/// After a connection that lasted this long, the next pause is short again.
 const GOOD: Duration = Duration::from_secs(60);
 
 pub(super) struct Envoy {
@@ -43,30 +43,30 @@ pub(super) struct Envoy {
     robot: Option<RobotInfo>,
     topics: Topics,
     side: Side,
-    /// When what has changed is told.
+    /// When to publish what has changed.
     due: Option<Instant>,
-    /// Said by the broker already, on this line.
+    /// What was already published on this connection.
     told: Published,
     backoff: Backoff,
     rng: StdRng,
-    /// Events that found no room.
+    /// Number of events dropped because the queue was full.
     dropped: u64,
-    /// What the last break was, so that it is logged once.
+    /// Whether the loss of the connection was logged already.
     complained: bool,
     scribe: Scribe,
 }
 
-/// How it is with the line.
+/// The state of the connection.
 enum Side {
-    /// The robot has not said who it is.
+    /// The robot's uid is not known yet.
     Nameless,
-    /// Until then.
+    /// Waiting until this instant to connect again.
     Pause(Instant),
     Dialing(Line),
     Up(Line, Instant),
 }
 
-/// What the broker knows on this line.
+/// What was published on this connection.
 #[derive(Default)]
 struct Published {
     subscribed: bool,
@@ -75,7 +75,7 @@ struct Published {
     state: Option<Value>,
 }
 
-/// What has come.
+/// The next thing to handle.
 enum Turn {
     Stop,
     Heard(Heard),
@@ -112,7 +112,7 @@ impl Envoy {
         }
     }
 
-    /// Until it is stopped, or the agent is no more.
+    /// Runs until it is stopped or the agent has ended.
     pub(super) async fn live(mut self, stop: &CancellationToken) {
         let mut status = self.run.status.clone();
         let mut members = self.run.roster.members();
@@ -157,11 +157,11 @@ impl Envoy {
         self.touch();
     }
 
-    /// The robot says who it is: that is the agent's name at the broker.
+    /// Takes over the identity of the robot, whose uid is the agent's name at the broker.
     fn meet(&mut self, robot: RobotInfo) {
         let another = self.robot.as_ref().map(|known| &known.uid) != Some(&robot.uid);
         if another {
-            // A line of another robot breaks, and the broker says so.
+            // Breaks the connection in another robot's name: the broker publishes its will.
             self.topics = topics(&self.account, &robot.uid);
             self.side = Side::Pause(Instant::now());
             self.told = Published::default();
@@ -174,8 +174,8 @@ impl Envoy {
             topic: self.topics.connection(),
             payload: Presence::ConnectionBroken.word(),
         };
-        // The same name each time: a broker that still holds an old line of ours lets go of it, and says
-        // its will, before it lets us in.
+        // The same client ID each time: a broker that still holds our old connection closes it, and
+        // publishes its will, before it accepts the new one.
         let client = format!("spykee-{}", self.topics.id);
         self.told = Published::default();
         self.side = Side::Dialing(Line::dial(&self.account, &client, Some(will)));
@@ -185,7 +185,7 @@ impl Envoy {
         match word {
             Word::Up => {
                 if let Side::Dialing(line) = std::mem::replace(&mut self.side, Side::Nameless) {
-                    info!("{} is at the broker", self.topics.id);
+                    info!("{} is connected to the broker", self.topics.id);
                     self.side = Side::Up(line, Instant::now());
                     self.complained = false;
                     self.due = Some(Instant::now());
@@ -204,19 +204,19 @@ impl Envoy {
         if !self.complained {
             self.complained = true;
             let (host, port) = self.account.options.address().unwrap_or_default();
-            warn!("no broker at {host}:{port}: {why}; connecting again and again");
+            warn!("no broker at {host}:{port}: {why}; retrying");
         }
         let pause = self.backoff.next(&mut self.rng);
         self.side = Side::Pause(Instant::now() + pause);
     }
 
-    /// Something may be another: to be told soon.
+    /// Something may have changed: schedules publishing it soon.
     fn touch(&mut self) {
         let soon = Instant::now() + GATHER;
         self.due.get_or_insert(soon);
     }
 
-    /// Tells what the broker does not know yet, in this order; what finds no room is told later.
+    /// Publishes what the broker does not know yet, in order; the rest later if the queue is full.
     fn tell(&mut self) {
         self.due = None;
         if self.try_tell() == Err(Full) {
@@ -257,7 +257,7 @@ impl Envoy {
         Ok(())
     }
 
-    /// Home Assistant's event entity, and other subscribers.
+    /// Publishes an event for Home Assistant's event entity and other subscribers.
     fn announce(&mut self, what: &Occurrence) {
         let Side::Up(line, _) = &self.side else {
             return;
@@ -273,7 +273,7 @@ impl Envoy {
             self.dropped += 1;
             debug!(
                 dropped = self.dropped,
-                "the broker is slow: an event is left out"
+                "the broker is slow: an event was dropped"
             );
         }
     }
@@ -281,7 +281,7 @@ impl Envoy {
     fn obey(&mut self, message: &Message) {
         if message.topic == self.topics.birth() {
             if &message.payload[..] == b"online" {
-                // It knows nothing yet.
+                // Home Assistant has just started and knows nothing yet.
                 self.told = Published {
                     subscribed: true,
                     ..Published::default()
@@ -295,24 +295,24 @@ impl Envoy {
         } else if message.topic == self.topics.behaviour() {
             choice(&message.payload).map(|order| (order, None))
         } else {
-            // A broker may send anything; this was not subscribed to.
+            // A broker may send anything; we did not subscribe to this topic.
             return;
         };
         if message.retained {
             let topic = &message.topic;
             return self.scribe.warn(&format!(
-                "an order that the broker has kept is ignored, it may be old: {topic}"
+                "a retained order is ignored, because it may be old: {topic}"
             ));
         }
         let (order, id) = match read {
             Ok(read) => read,
             Err(error) => {
-                let line = format!("an order by the broker is not understood: {error}");
+                let line = format!("invalid order from the broker: {error}");
                 return self.scribe.warn(&line);
             }
         };
         self.scribe
-            .info(&format!("a person asks by the broker: {order}"));
+            .info(&format!("a person's order from the broker: {order}"));
         let members = self.members();
         if let BrokerCommand::Choose(name) = &order {
             if !self.report.choose(name, &members) {
@@ -329,7 +329,7 @@ impl Envoy {
         let Answer { order, text, .. } = &answer;
         if !answer.done {
             let why = text.as_deref().unwrap_or_default();
-            let line = format!("the broker asked for {order}, which is not done: {why}");
+            let line = format!("the order `{order}` from the broker was not executed: {why}");
             self.scribe.warn(&line);
         }
         let Side::Up(line, _) = &self.side else {
@@ -339,7 +339,7 @@ impl Envoy {
         let said = line.say(&self.topics.answer(), text);
         let shown = picture.map(|jpeg| line.say(&self.topics.picture(), jpeg));
         if said == Err(Full) || shown == Some(Err(Full)) {
-            debug!("the broker is slow: an answer is left out");
+            debug!("the broker is slow: an answer was dropped");
         }
     }
 
@@ -347,9 +347,9 @@ impl Envoy {
         self.run.roster.members().borrow().clone()
     }
 
-    /// What happened last, and goodbye.
+    /// Publishes the last events and the offline state, then disconnects.
     async fn part(mut self) {
-        // A stop ends runs: who asked for it is told all the same.
+        // A stop order may have caused this end; its answer is still sent.
         let deadline = Instant::now() + ANSWERS;
         self.errands.give_up_driving();
         while !self.errands.is_empty() {
@@ -377,7 +377,7 @@ fn topics(account: &Account, uid: &str) -> Topics {
     Topics::new(&options.prefix, &options.discovery_prefix, uid)
 }
 
-/// The name of a behaviour.
+/// Parses the name of a chosen behaviour.
 fn choice(payload: &[u8]) -> Result<BrokerCommand, BrokerCommandError> {
     if payload.len() > LONGEST_CHOICE {
         return Err(BrokerCommandError::TooLong);
@@ -386,7 +386,7 @@ fn choice(payload: &[u8]) -> Result<BrokerCommand, BrokerCommandError> {
     Ok(BrokerCommand::Choose(name.trim().to_owned()))
 }
 
-/// What the line has to say, or the time to make one. Cancel-safe.
+/// Waits for a message of the connection, or for the time to connect. Cancel-safe.
 async fn turn(side: &mut Side) -> Turn {
     match side {
         Side::Dialing(line) | Side::Up(line, _) => Turn::Line(line.next().await),

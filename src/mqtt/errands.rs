@@ -1,4 +1,5 @@
-//! Does what is asked: each order as a task of its own, few at a time, dockings one after the other.
+//! Executes orders: each in a separate task, a limited number at a time, dockings one after the
+//! other.
 
 use std::time::Duration;
 
@@ -9,27 +10,27 @@ use crate::control::{self, Change, Errand, Run};
 use crate::robot::{DockEnd, DockPlan};
 use crate::wire::Sound;
 
-/// Orders under way; further ones are refused, but for a stop.
+/// Maximum number of orders in progress; further ones are refused, except stops.
 const MOST: usize = 8;
-/// Stops under way; one more changes nothing.
+/// Maximum number of orders in progress including stops; another stop would change nothing.
 const MOST_STOPS: usize = 32;
-/// How long an undocking may take.
+/// Timeout for an undocking.
 const UNDOCKING: Duration = Duration::from_secs(15);
-/// How long a picture may take.
+/// Timeout for a picture.
 const PICTURE: Duration = Duration::from_secs(5);
 
-/// An order that is over.
+/// A finished order.
 pub(super) struct Over {
     pub(super) answer: Answer,
-    /// What was photographed.
+    /// The picture taken, if any.
     pub(super) picture: Option<Vec<u8>>,
 }
 
-/// The orders under way.
+/// The orders in progress.
 pub(super) struct Errands {
     run: Run,
     tasks: JoinSet<Over>,
-    /// The errand that drives the robot.
+    /// The task of the order that drives the robot.
     drive: Option<AbortHandle>,
 }
 
@@ -39,7 +40,7 @@ impl Errands {
         Errands { run, tasks, drive }
     }
 
-    /// Begins with one. `chosen` is what `start` starts.
+    /// Starts an order. `chosen` is the behaviour that `start` starts.
     pub(super) fn begin(
         &mut self,
         order: BrokerCommand,
@@ -48,7 +49,7 @@ impl Errands {
     ) {
         let drives = matches!(order, BrokerCommand::Dock | BrokerCommand::Undock);
         if drives || order == BrokerCommand::Stop {
-            // Who asked for the last one is gone: the pilot gives it up.
+            // Cancel the previous docking or undocking: the pilot then ends it.
             self.give_up_driving();
         }
         if self.tasks.len() >= MOST_STOPS {
@@ -59,7 +60,7 @@ impl Errands {
         let task = self.tasks.spawn(async move {
             let words = order.to_string();
             let (done, picture) = if full {
-                (Err("too much is asked for at once".to_owned()), None)
+                (Err("too many orders at once".to_owned()), None)
             } else {
                 perform(&run, order, chosen).await
             };
@@ -81,24 +82,24 @@ impl Errands {
         }
     }
 
-    /// Gives up the docking under way.
+    /// Cancels the docking or undocking in progress.
     pub(super) fn give_up_driving(&mut self) {
         if let Some(last) = self.drive.take() {
             last.abort();
         }
     }
 
-    /// None is under way.
+    /// Whether no order is in progress.
     pub(super) fn is_empty(&self) -> bool {
         self.tasks.is_empty()
     }
 
-    /// Waits for the next that is over; for ever if none is under way. Cancel-safe.
+    /// Waits for the next finished order; never returns if none is in progress. Cancel-safe.
     pub(super) async fn next(&mut self) -> Over {
         loop {
             match self.tasks.join_next().await {
                 Some(Ok(over)) => return over,
-                // Given up for a newer one.
+                // Cancelled in favour of a newer one.
                 Some(Err(_)) => {}
                 None => std::future::pending().await,
             }
@@ -121,7 +122,7 @@ async fn perform(
             None => return (Err("there is no behaviour to start".to_owned()), None),
         },
         BrokerCommand::Run(name) => Errand::Behaviour { name, change },
-        // Done where the choice is kept.
+        // The envoy handles this, since it keeps the choice.
         BrokerCommand::Choose(_) => return (Ok(None), None),
         BrokerCommand::Dock => Errand::Dock(DockPlan::default()),
         BrokerCommand::Undock => Errand::Undock(UNDOCKING),
@@ -143,8 +144,8 @@ fn outcome_of(answer: control::Answer) -> Done {
                 _ => Err(words),
             }
         }
-        control::Answer::NoPicture => Err("no picture came in time".to_owned()),
-        control::Answer::Offline => Err("the robot is out of reach just now".to_owned()),
+        control::Answer::NoPicture => Err("no picture arrived in time".to_owned()),
+        control::Answer::Offline => Err("the robot is out of reach".to_owned()),
         control::Answer::Refused(why) => Err(why),
         _ => Ok(None),
     }

@@ -1,4 +1,4 @@
-//! All agents of a broker, as one client sees them.
+//! All agents at a broker, as seen by one client.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -11,44 +11,44 @@ use super::line::{Account, Full, Line, Message, Word};
 use super::presence::Presence;
 use super::topics::Topics;
 
-/// How long a broker may take to let us in and say what it has.
+/// Timeout for the connection and the subscriptions.
 const OPENING: Duration = Duration::from_secs(10);
-/// What a broker has kept it says at once: after such a silence that was all.
+/// A broker sends retained messages at once: after this long without a message, all have arrived.
 const SILENCE: Duration = Duration::from_millis(700);
-/// What it has kept ends by then, however much more it has to say.
+/// Upper limit of the time spent on retained messages, however many there are.
 const LISTENING: Duration = Duration::from_secs(5);
-/// The longest state that is read, in bytes.
+/// Maximum length of a state that is read, in bytes.
 const LONGEST_STATE: usize = 16 << 10;
-/// More agents are not listed.
+/// Maximum number of agents listed.
 const MOST: usize = 10_000;
 
-/// Why the fleet cannot be asked.
+/// Why the fleet cannot be reached.
 #[derive(Debug, thiserror::Error)]
 pub enum FleetError {
-    /// There is no line to the broker.
+    /// There is no connection to the broker.
     #[error("no broker at {host}:{port}: {why}")]
     Broker {
-        /// Its name.
+        /// The broker's host name.
         host: String,
-        /// Its port.
+        /// The broker's port.
         port: u16,
-        /// In words.
+        /// The reason, in words.
         why: String,
     },
 }
 
-/// An agent that has been at the broker.
+/// An agent known to the broker.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
-    /// Its robot's uid, as topics have it.
+    /// Its robot's uid, as used in topics.
     pub robot: String,
-    /// Whether it is there.
+    /// Whether it is connected.
     pub presence: Presence,
-    /// What it said last of how things stand; `Null` if that is unknown.
+    /// The last state that it published; `Null` if unknown.
     pub state: Value,
 }
 
-/// A visit to a broker.
+/// A connection to a broker, and the agents found there.
 #[derive(Debug)]
 pub struct Fleet {
     account: Account,
@@ -57,7 +57,7 @@ pub struct Fleet {
 }
 
 impl Fleet {
-    /// Goes to the broker and looks who is there.
+    /// Connects to the broker and lists its agents.
     ///
     /// # Errors
     /// See [`FleetError`].
@@ -73,7 +73,7 @@ impl Fleet {
         Ok(fleet)
     }
 
-    /// Everybody who was found, in the order of the names.
+    /// Returns the agents found, in the order of their names.
     pub fn found(&self) -> impl Iterator<Item = &Found> {
         self.found.values()
     }
@@ -94,7 +94,7 @@ impl Fleet {
                 Ok(Word::Acknowledged) => {}
                 Ok(Word::Lost(why)) => return Err(why),
                 Err(_) if missing <= 0 => return Ok(()),
-                Err(_) => return Err("it does not let us listen in time".to_owned()),
+                Err(_) => return Err("it did not confirm the subscriptions in time".to_owned()),
             }
             if missing <= 0 {
                 let now = Instant::now();
@@ -134,17 +134,17 @@ impl Fleet {
         found.state = state.unwrap_or(found.state.take());
     }
 
-    /// Whose topic it is, and which.
+    /// Splits a topic into the robot and the rest.
     fn place<'a>(&self, topic: &'a str) -> Option<(&'a str, &'a str)> {
         let rest = topic.strip_prefix(&self.account.options.prefix)?;
         rest.strip_prefix('/')?.split_once('/')
     }
 
-    /// Asks these agents for something, and waits for their answers, at most so long. Who does not answer
-    /// in time is not in what it returns.
+    /// Sends an order to these agents and waits for their answers at most this long. The result
+    /// lacks agents that did not answer in time.
     ///
     /// # Errors
-    /// If the broker goes away; what was answered until then is lost.
+    /// If the connection to the broker breaks; answers received until then are lost.
     pub async fn ask(
         &mut self,
         robots: &[String],
@@ -167,7 +167,7 @@ impl Fleet {
         let (mut answers, mut waiting) = (BTreeMap::new(), robots.iter());
         let mut next = waiting.next();
         while answers.len() < robots.len() && Instant::now() < until {
-            // What finds no room is asked when something of it has gone.
+            // If the queue is full, the remaining orders follow when it has room.
             while let Some(robot) = next {
                 let topics = Topics::new(&self.account.options.prefix, "", robot);
                 let payload = order.to_json(id).into_bytes();
@@ -198,7 +198,7 @@ impl Fleet {
         (answer.id.as_deref() == Some(id)).then(|| (robot.to_owned(), answer))
     }
 
-    /// Leaves.
+    /// Disconnects.
     pub async fn leave(self) {
         self.line.close(Duration::from_secs(1)).await;
     }
@@ -211,5 +211,5 @@ impl Fleet {
 }
 
 fn in_words(_: Full) -> String {
-    "it takes nothing".to_owned()
+    "its queue is full".to_owned()
 }

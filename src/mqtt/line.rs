@@ -1,5 +1,5 @@
-//! One connection to a broker: everything that is rumqttc's. A connection that breaks is not mended but
-//! made anew, so that nothing of an old one is ever sent later.
+//! One connection to a broker: everything that depends on rumqttc. A broken connection is not
+//! resumed but replaced by a new one, so that messages queued on the old one are never sent later.
 
 use std::time::Duration;
 
@@ -13,21 +13,21 @@ use tokio::task::JoinHandle;
 
 use crate::config;
 
-/// What may wait for the broker.
+/// Capacity of the queue to the broker.
 const MOST_WAITING: usize = 64;
-/// What may have come and not been taken yet.
+/// Capacity of the queue of received messages.
 const MOST_COMING: usize = 64;
-/// The longest message that is taken: an order, a state, a birth.
+/// Maximum length of a received message (an order, a state, a birth message), in bytes.
 const LONGEST_COMING: usize = 64 << 10;
-/// The longest message that is sent: a picture.
+/// Maximum length of a sent message (a picture), in bytes.
 pub(super) const LONGEST_SENT: usize = 1 << 20;
-/// A broker answers within this time.
+/// Timeout for the connection, in seconds.
 const CONNECTING: u64 = 10;
 
-/// A broker and who we are there; the secrets are read already.
+/// A broker and our account there; the secrets have already been read.
 #[derive(Clone)]
 pub struct Account {
-    /// What the config says.
+    /// The `mqtt:` section of the config.
     pub options: config::Mqtt,
     /// The password of its user.
     pub password: Option<String>,
@@ -41,41 +41,42 @@ impl std::fmt::Debug for Account {
     }
 }
 
-/// A message that came.
+/// A received message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Message {
     pub(super) topic: String,
     pub(super) payload: Bytes,
-    /// It was said before we listened.
+    /// Whether it was retained by the broker from before our subscription.
     pub(super) retained: bool,
 }
 
-/// What a line has to say.
+/// An event on a connection.
 #[derive(Debug)]
 pub(super) enum Word {
-    /// The broker has let us in.
+    /// The broker has accepted the connection.
     Up,
-    /// A message came.
+    /// A message was received.
     Message(Message),
-    /// The broker has everything that waited for its word.
+    /// The broker has confirmed a subscription.
     Subscribed,
-    /// A message of ours has arrived.
+    /// The broker has confirmed a message of ours.
     Acknowledged,
-    /// The line is gone.
+    /// The connection is lost, for this reason.
     Lost(String),
 }
 
-/// What the broker says if the line breaks.
+/// The message that the broker publishes if the connection breaks.
 pub(super) struct Will {
     pub(super) topic: String,
     pub(super) payload: &'static str,
 }
 
-/// No room for a message: the broker is slower than we are.
+/// The queue is full: the broker is slower than we are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Full;
 
-/// A connection under way or up. Dropping it breaks it: the broker then says the will.
+/// A connection in progress or established. Dropping it breaks it, and the broker publishes the
+/// will.
 #[derive(Debug)]
 pub(super) struct Line {
     client: AsyncClient,
@@ -90,7 +91,7 @@ impl Drop for Line {
 }
 
 impl Line {
-    /// Begins to connect, as this client.
+    /// Starts to connect, with this client ID.
     pub(super) fn dial(account: &Account, client: &str, will: Option<Will>) -> Line {
         let (host, port) = account.options.address().unwrap_or(("localhost", 1883));
         let mut options = MqttOptions::new(client, host, port);
@@ -124,30 +125,31 @@ impl Line {
         }
     }
 
-    /// Waits for the next word; after [`Word::Lost`] the same again. Cancel-safe.
+    /// Waits for the next event; after [`Word::Lost`], returns [`Word::Lost`] each time.
+    /// Cancel-safe.
     pub(super) async fn next(&mut self) -> Word {
         let lost = || Word::Lost("the connection is closed".to_owned());
         self.words.recv().await.unwrap_or_else(lost)
     }
 
-    /// Has these topics come.
+    /// Subscribes to a topic.
     pub(super) fn subscribe(&self, topic: &str) -> Result<(), Full> {
         let asked = self.client.try_subscribe(topic, QoS::AtLeastOnce);
         asked.map_err(|_| Full)
     }
 
-    /// Says something that everybody hears who is there now.
+    /// Publishes a message to the current subscribers.
     pub(super) fn say(&self, topic: &str, payload: Vec<u8>) -> Result<(), Full> {
         self.publish(topic, false, payload)
     }
 
-    /// Says something that the broker keeps for those who come later.
+    /// Publishes a retained message, which later subscribers receive too.
     pub(super) fn keep(&self, topic: &str, payload: Vec<u8>) -> Result<(), Full> {
         self.publish(topic, true, payload)
     }
 
     fn publish(&self, topic: &str, retain: bool, payload: Vec<u8>) -> Result<(), Full> {
-        // A line that carries more than it may breaks.
+        // A message that exceeds the maximum packet size would break the connection.
         if payload.len() + topic.len() + 64 > LONGEST_SENT {
             tracing::warn!("a message for the broker is too long: {topic}");
             return Ok(());
@@ -158,7 +160,7 @@ impl Line {
         said.map_err(|_| Full)
     }
 
-    /// Says goodbye once all that waits is said, and waits for that at most so long.
+    /// Disconnects after all queued messages are sent, and waits for that at most this long.
     pub(super) async fn close(mut self, limit: Duration) {
         if self.client.try_disconnect().is_err() {
             return;
@@ -168,7 +170,7 @@ impl Line {
     }
 }
 
-/// Drives the connection until it is lost, or its reader is dropped.
+/// Drives the connection until it is lost or its receiver is dropped.
 async fn pump(mut events: EventLoop, say: mpsc::Sender<Word>) {
     loop {
         let word = match events.poll().await {

@@ -1,5 +1,5 @@
-//! One message to a broker, on a connection of its own: for those who have something to say now and then,
-//! and want to know that it has arrived.
+//! Publishes a single message to a broker on a separate connection: for callers that publish
+//! occasionally and need a confirmation.
 
 use std::time::Duration;
 
@@ -8,26 +8,26 @@ use tokio::time::timeout;
 
 use super::line::{Account, LONGEST_SENT, Line, Word};
 
-/// How long a name lookup may still take when all else is done, and the goodbye.
+/// Timeout for the disconnection, and for a name lookup still in progress at the end.
 const END: Duration = Duration::from_millis(200);
 
-/// Why a message has not arrived.
+/// Why a message was not published.
 #[derive(Debug, thiserror::Error)]
 pub enum PostError {
-    /// It never will.
-    #[error("it is longer than {LONGEST_SENT} bytes, which no broker here takes")]
+    /// The message is too long to be sent.
+    #[error("it is longer than {LONGEST_SENT} bytes, the maximum for a message")]
     TooLong,
-    /// In the connection's words.
+    /// The connection failed.
     #[error("no connection with the broker: {0}")]
     Line(String),
-    /// The broker hangs.
+    /// The broker did not confirm the message in time.
     #[error("the broker did not confirm it within {} s", .0.as_secs_f64())]
     Silent(Duration),
 }
 
-/// Publishes a message that the broker does not keep, and waits until it has it: blocks, at most so long
-/// and a little. A broker that lets this user not publish there takes the message all the same, and says
-/// nothing (MQTT 3.1.1).
+/// Publishes a message that is not retained, and waits until the broker confirms it. Blocks
+/// slightly longer than `limit` at most. If this user may not publish there, the broker still
+/// confirms the message without an error (MQTT 3.1.1).
 ///
 /// # Errors
 /// See [`PostError`].
@@ -53,7 +53,7 @@ pub fn publish(
 }
 
 async fn send(account: &Account, topic: &str, payload: Vec<u8>) -> Result<(), PostError> {
-    // A unique name: a second client of the same name would end the first.
+    // A unique client ID: a second client with the same ID would disconnect the first.
     let client = format!("spykee-post-{:016x}", rand::random::<u64>());
     let mut line = Line::dial(account, &client, None);
     let mut waiting = Some(payload);
@@ -63,7 +63,7 @@ async fn send(account: &Account, topic: &str, payload: Vec<u8>) -> Result<(), Po
                 let Some(payload) = waiting.take() else {
                     continue;
                 };
-                let full = |_| PostError::Line("it takes nothing".to_owned());
+                let full = |_| PostError::Line("its queue is full".to_owned());
                 line.say(topic, payload).map_err(full)?;
             }
             Word::Acknowledged => break,

@@ -1,16 +1,16 @@
-//! Whether an agent is at its broker, as the broker keeps it.
+//! Whether an agent is connected to its broker, as retained there.
 
 use serde::{Deserialize, Serialize};
 
-/// Whether an agent is at its broker, in the words of VDA 5050.
+/// Whether an agent is connected to its broker, in the terms of VDA 5050.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum Presence {
-    /// It is.
+    /// The agent is connected.
     Online,
-    /// It has logged off.
+    /// The agent has disconnected.
     Offline,
-    /// It is gone, or out of reach: the broker says so for it.
+    /// The connection broke: the broker publishes this on the agent's behalf.
     ConnectionBroken,
 }
 
@@ -21,7 +21,7 @@ impl Presence {
         Presence::ConnectionBroken,
     ];
 
-    /// As it stands in the topic.
+    /// Returns the word used as the payload.
     pub fn word(self) -> &'static str {
         match self {
             Presence::Online => "ONLINE",
@@ -30,7 +30,7 @@ impl Presence {
         }
     }
 
-    /// `None`: no such word.
+    /// Parses a payload; `None` if it is not one of the words.
     pub(super) fn of(payload: &[u8]) -> Option<Presence> {
         let mut all = Presence::ALL.into_iter();
         all.find(|presence| presence.word().as_bytes() == payload)

@@ -1,4 +1,4 @@
-//! How things stand, as the broker is told: pure.
+//! The state as published to the broker. Pure.
 
 use std::collections::BTreeMap;
 
@@ -11,24 +11,24 @@ use crate::pilot::{LinkState, Status};
 use crate::robot::{DockEnd, Occurrence};
 use crate::safety::WatchdogState;
 
-/// Behaviours whose failures are remembered.
+/// Maximum number of behaviours whose failures are remembered.
 const MOST_FAILURES: usize = 32;
 
-/// What has to be remembered of what happened.
+/// Builds the published state, and remembers what it needs of past events.
 #[derive(Debug, Default)]
 pub(super) struct Report {
     /// Why the link was lost.
     lost: Option<String>,
     /// How the last docking failed, if it did.
     dock: Option<DockEnd>,
-    /// Behaviours that failed and have not started since, with their last words.
+    /// Behaviours that failed and have not started since, with their error messages.
     failures: BTreeMap<String, String>,
-    /// What `start` starts, if one was chosen.
+    /// The behaviour chosen for `start`, if any.
     chosen: Option<String>,
 }
 
 impl Report {
-    /// Takes note of something that has happened.
+    /// Records an event.
     pub(super) fn hear(&mut self, what: &Occurrence) {
         match what {
             Occurrence::LinkUp { .. } => self.lost = None,
@@ -67,7 +67,7 @@ impl Report {
         }
     }
 
-    /// What `start` starts: the chosen behaviour, else the first.
+    /// Returns the behaviour that `start` starts: the chosen one, or else the first.
     pub(super) fn chosen(&self, members: &[Member]) -> Option<String> {
         let known = |name: &&String| members.iter().any(|member| member.name == **name);
         let chosen = self.chosen.as_ref().filter(known);
@@ -76,7 +76,7 @@ impl Report {
             .or_else(|| members.first().map(|member| member.name.clone()))
     }
 
-    /// From now on `start` starts this one. False: no behaviour has this name.
+    /// Chooses the behaviour that `start` starts. Returns false if no behaviour has this name.
     pub(super) fn choose(&mut self, name: &str, members: &[Member]) -> bool {
         let known = members.iter().any(|member| member.name == name);
         if known {
@@ -85,7 +85,7 @@ impl Report {
         known
     }
 
-    /// What a person should look at, in words.
+    /// Describes the problem that needs a person's attention, if there is one.
     fn reason(&self, status: &Status) -> Option<String> {
         match (status.link, status.safety) {
             (LinkState::Connecting, _) => Some("the robot has not answered yet".to_owned()),
@@ -109,7 +109,7 @@ impl Report {
         }
     }
 
-    /// The payload of the topic `state`.
+    /// Builds the payload of the topic `state`.
     pub(super) fn state(&self, status: &Status, members: &[Member], next: Option<&Next>) -> Value {
         let running: Vec<&str> = members
             .iter()
@@ -136,7 +136,7 @@ impl Report {
     }
 }
 
-/// In Home Assistant's words for a vacuum.
+/// Returns the activity in Home Assistant's terms for a vacuum.
 fn activity(status: &Status, running: bool) -> &'static str {
     match (status.link, status.safety) {
         (LinkState::Connecting | LinkState::Lost, _) | (_, WatchdogState::Alarm) => "error",
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_robot_is_at_is_said_in_home_assistants_words() {
+    fn the_activity_is_in_home_assistants_terms() {
         let report = Report::default();
         let said = |status: Status, runs| {
             let state = report.state(&status, &[member("patrol", runs)], None);
@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn start_starts_what_is_chosen_or_else_the_first() {
+    fn start_starts_the_chosen_behaviour_or_else_the_first() {
         let mut report = Report::default();
         let members = [member("a", false), member("b", false)];
         assert_eq!(report.chosen(&[]), None);
@@ -243,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn the_next_start_is_told_as_home_assistant_reads_times() {
+    fn the_next_start_has_the_time_format_of_home_assistant() {
         let next = Next {
             at: 1_790_000_000,
             behaviour: "patrol".to_owned(),

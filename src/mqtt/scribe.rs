@@ -1,15 +1,15 @@
-//! What is logged of strangers' doings: anybody at a broker can send orders without end, and no disk is
-//! filled with them.
+//! Logs messages caused by clients of the broker, within a daily budget: any client can send
+//! endless orders, which must not fill the disk.
 
 use tokio::time::Instant;
 use tracing::{info, warn};
 
 use crate::budget::Budget;
 
-/// Bytes of a day.
+/// Bytes per day.
 const PER_DAY: u64 = 1 << 20;
 
-/// Writes lines within a budget, and counts those that are left out.
+/// Writes log lines within a budget, and counts those that are dropped.
 #[derive(Debug)]
 pub(super) struct Scribe {
     budget: Budget,
@@ -36,7 +36,8 @@ impl Scribe {
         }
     }
 
-    /// Whether this one is written, and what is to be said of those before it.
+    /// Returns `None` if the line must be dropped; otherwise a remark about dropped lines, to be
+    /// appended, which may be empty.
     fn take(&mut self, line: &str, now: Instant) -> Option<String> {
         if !self.budget.take(line.len() as u64, now) {
             self.left_out += 1;
@@ -44,7 +45,7 @@ impl Scribe {
         }
         Some(match std::mem::take(&mut self.left_out) {
             0 => String::new(),
-            left_out => format!(" ({left_out} lines about the broker's messages were left out)"),
+            left_out => format!(" ({left_out} lines about the broker's messages were dropped)"),
         })
     }
 }
@@ -55,7 +56,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn a_flood_is_cut_and_counted_and_later_lines_are_written() {
+    fn a_flood_is_limited_and_counted_and_later_lines_are_written() {
         let (mut scribe, mut now) = (Scribe::new(), Instant::now());
         let line = "x".repeat(100);
         let written = (0..10_000).filter(|_| scribe.take(&line, now).is_some());

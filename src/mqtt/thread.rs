@@ -1,4 +1,4 @@
-//! The thread that speaks with the broker.
+//! The thread that communicates with the broker.
 
 use std::io;
 use std::sync::mpsc;
@@ -12,18 +12,19 @@ use super::line::Account;
 use crate::control::Run;
 use crate::robot::Bus;
 
-/// The longest wait for a name lookup, when all else is done.
+/// Timeout for a name lookup still in progress at the end.
 const LOOKUP: Duration = Duration::from_millis(100);
 
-/// Why there is no broker.
+/// Why the connection to the broker cannot be started.
 #[derive(Debug, thiserror::Error)]
 pub enum MqttError {
-    /// The system gives no thread.
+    /// The system cannot start a thread.
     #[error("no thread for the broker: {0}")]
     Thread(#[from] io::Error),
 }
 
-/// An agent at a broker. Dropping it asks its thread to say goodbye; [`Mqtt::finish`] waits for that.
+/// An agent at a broker. Dropping it tells its thread to disconnect; [`Mqtt::finish`] waits for
+/// that.
 #[derive(Debug)]
 pub struct Mqtt {
     stop: CancellationToken,
@@ -31,11 +32,12 @@ pub struct Mqtt {
 }
 
 impl Mqtt {
-    /// Says at this broker what happens on the bus from now on, and brings what is asked there to the
-    /// run. It connects once the robot has said who it is, and again and again. Waits for no network.
+    /// Publishes the bus's events from now on at this broker, and passes orders from there to the
+    /// run. Connects once the robot's uid is known, and reconnects whenever the connection is lost.
+    /// Does not wait for the network.
     ///
     /// # Errors
-    /// If the system gives no thread.
+    /// If the system cannot start a thread.
     pub fn start(bus: &Bus, run: Run, account: Account) -> Result<Mqtt, MqttError> {
         let stop = CancellationToken::new();
         let (alive, ended) = mpsc::sync_channel::<()>(1);
@@ -52,10 +54,11 @@ impl Mqtt {
         Ok(Mqtt { stop, ended })
     }
 
-    /// Waits, at most so long, until the broker has the last words. Whether it ended in time.
+    /// Waits at most this long until the last messages are published. Returns whether the thread
+    /// ended in time.
     pub fn finish(self, limit: Duration) -> bool {
         self.stop.cancel();
-        // Ends when the thread has dropped its end; nothing is ever sent.
+        // Returns when the thread has dropped its end; nothing is ever sent.
         let ended = self.ended.recv_timeout(limit);
         ended == Err(mpsc::RecvTimeoutError::Disconnected)
     }

@@ -1,6 +1,6 @@
-//! The names under which an agent is found at a broker: `PREFIX/ROBOT/...`, with the robot's uid.
+//! The topics of an agent at a broker: `PREFIX/ROBOT/...`, with the robot's uid.
 
-/// The longest name of a robot in a topic.
+/// Maximum length of a robot's name in a topic, in characters.
 const LONGEST_ID: usize = 64;
 
 /// The topics of one agent.
@@ -8,12 +8,12 @@ const LONGEST_ID: usize = 64;
 pub(super) struct Topics {
     base: String,
     discovery: String,
-    /// The robot's uid, as far as topics can have it.
+    /// The robot's uid, reduced to characters that are safe in topics.
     pub(super) id: String,
 }
 
 impl Topics {
-    /// Of the robot with this uid.
+    /// Returns the topics of the robot with this uid.
     pub(super) fn new(prefix: &str, discovery: &str, uid: &str) -> Topics {
         let id = id_of(uid);
         Topics {
@@ -23,53 +23,54 @@ impl Topics {
         }
     }
 
-    /// Whether the agent is there: see [`Presence`](super::presence::Presence). Retained.
+    /// The agent's presence: see [`Presence`](super::presence::Presence). Retained.
     pub(super) fn connection(&self) -> String {
         format!("{}/connection", self.base)
     }
 
-    /// How things stand, as JSON. Retained.
+    /// The state, as JSON. Retained.
     pub(super) fn state(&self) -> String {
         format!("{}/state", self.base)
     }
 
-    /// What happens, as JSON.
+    /// Events, as JSON.
     pub(super) fn event(&self) -> String {
         format!("{}/event", self.base)
     }
 
-    /// Pictures that were asked for, as JPEG.
+    /// Requested pictures, as JPEG.
     pub(super) fn picture(&self) -> String {
         format!("{}/picture", self.base)
     }
 
-    /// What became of orders, as JSON.
+    /// Results of orders, as JSON.
     pub(super) fn answer(&self) -> String {
         format!("{}/answer", self.base)
     }
 
-    /// Where orders are taken.
+    /// Orders to the agent.
     pub(super) fn command(&self) -> String {
         format!("{}/command", self.base)
     }
 
-    /// Where the behaviour is chosen that `start` starts.
+    /// The choice of the behaviour that `start` starts.
     pub(super) fn behaviour(&self) -> String {
         format!("{}/behaviour/set", self.base)
     }
 
-    /// Where Home Assistant reads what entities there are. Retained.
+    /// The description of the entities for Home Assistant. Retained.
     pub(super) fn discovery(&self) -> String {
         format!("{}/device/{}/config", self.discovery, self.id)
     }
 
-    /// Where Home Assistant says that it has just started.
+    /// Home Assistant's birth message, sent when it starts.
     pub(super) fn birth(&self) -> String {
         format!("{}/status", self.discovery)
     }
 }
 
-/// A uid as part of a topic: it comes from a robot, and could hold what means something in topics.
+/// Converts a uid to a part of a topic: it comes from a robot and could contain characters with a
+/// meaning in topics.
 pub(super) fn id_of(uid: &str) -> String {
     let plain = |c: char| {
         if c.is_ascii_alphanumeric() || matches!(c, '-' | '_') {

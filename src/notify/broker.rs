@@ -1,5 +1,5 @@
-//! A message at the broker of MQTT that the config names. This room knows no broker: its owner
-//! brings the way there.
+//! Sends a notification to the config's MQTT broker. This module does not depend on MQTT: the
+//! caller supplies the function that publishes.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -9,21 +9,22 @@ use super::delivery::Delivery;
 use super::notice::Notice;
 use super::options::Target;
 
-/// What is to be published.
+/// The message to publish.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Letter {
-    /// Where.
+    /// The topic.
     pub topic: String,
-    /// What.
+    /// The payload.
     pub payload: Vec<u8>,
-    /// How long it may take until the broker has it.
+    /// Timeout for the broker's confirmation.
     pub limit: Duration,
 }
 
-/// Publishes a letter and waits until the broker has it; it may block. None: the config names no broker.
+/// Publishes a letter and waits for the broker's confirmation; may block. `None` if the config
+/// names no broker.
 pub type Post = Option<Arc<dyn Fn(Letter) -> Delivery + Send + Sync>>;
 
-/// Publishes it.
+/// Publishes a notification to this topic.
 pub(super) fn send(
     (target, topic): (&Target, &str),
     post: &Post,

@@ -1,5 +1,6 @@
-//! A message to a program of the owner's: the text on its standard input, the rest as arguments and in
-//! its environment. It and all that it starts are ended when their time is over.
+//! Passes a notification to a program of the owner: the text on its standard input, the rest as
+//! arguments and in its environment. When it ends or the timeout has passed, it and all its
+//! descendants are killed.
 
 use std::io::Write as _;
 use std::os::unix::process::CommandExt as _;
@@ -14,10 +15,10 @@ use super::notice::Notice;
 use super::options::Target;
 use super::template::{Slot, fill};
 
-/// How often is looked whether it has ended.
+/// Polling interval for the end of the program.
 const LOOK_EVERY: Duration = Duration::from_millis(25);
 
-/// Runs it to its end.
+/// Runs the program to its end.
 pub(super) fn send(target: &Target, notice: &Notice, picture: Option<&Path>) -> Delivery {
     let words: Vec<String> = target
         .command
@@ -66,7 +67,7 @@ fn to_the_end(mut child: Child, notice: &Notice, limit: Duration) -> Delivery {
             Err(error) => break Delivery::Later(error.to_string()),
         }
     };
-    // Also what it has left behind: the group lives as long as one of them does.
+    // Also kills what it has left running: the group exists as long as any of its processes.
     let _ = kill_process_group(Pid::from_child(&child), Signal::KILL);
     let _ = child.wait();
     ended
@@ -95,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn it_reads_the_text_and_knows_the_rest_and_no_shell_sees_them() {
+    fn it_gets_text_arguments_and_environment_without_a_shell() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("told");
         let script = "{ cat; echo \"|$1|$SPYKEE_EVENT|$SPYKEE_PICTURE\"; } > \"$0\"";
@@ -109,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn one_that_hangs_is_ended_with_all_that_it_started() {
+    fn a_program_that_hangs_is_killed_with_its_descendants() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("pid");
         let script = "sleep 600 & echo $! > \"$0\"; wait";
@@ -136,11 +137,11 @@ mod tests {
             }
             std::thread::sleep(Duration::from_millis(5));
         }
-        panic!("it lives on: {:?}", state());
+        panic!("it is still running: {:?}", state());
     }
 
     #[test]
-    fn a_program_that_fails_or_is_not_there_is_tried_again() {
+    fn a_program_that_fails_or_is_missing_is_retried() {
         assert!(matches!(run(&["false"], 10.0), Delivery::Later(_)));
         let told = run(&["/no/such/program"], 10.0);
         assert!(

@@ -1,4 +1,5 @@
-//! What a webhook or a broker is sent: a text, JSON, a picture, or a form with both.
+//! The content sent to a webhook or broker: a text, JSON, a picture, or a form with text and
+//! picture.
 
 use std::borrow::Cow;
 
@@ -8,14 +9,14 @@ use super::notice::Notice;
 use super::options::{PictureWay, Target};
 use super::template::{Slot, fill, fill_json};
 
-/// What is sent.
+/// The content of a message.
 #[derive(Debug, PartialEq)]
 pub(super) struct Content {
     pub(super) kind: Cow<'static, str>,
     pub(super) bytes: Vec<u8>,
 }
 
-/// The content of a message by this target's templates.
+/// Builds the content of a message from this target's templates.
 pub(super) fn content(
     target: &Target,
     token: &str,
@@ -66,13 +67,13 @@ fn fields(json: Option<Value>, text: impl Fn() -> String) -> Vec<(String, String
         .collect()
 }
 
-/// Separates the parts of a form. It is random, so no text and no picture of a script or a
-/// robot makes a part of its own.
+/// Returns the separator of a form's parts. It is random, so that no text or picture of a script or
+/// robot can contain it and add a part.
 fn boundary() -> String {
     format!("spykee-{:032x}", rand::random::<u128>())
 }
 
-/// Of a form; names of fields come from the config, their texts from anywhere.
+/// Encodes a form. The field names come from the config, their texts from any source.
 fn form(boundary: &str, fields: &[(String, String)], name: &str, picture: &[u8]) -> Vec<u8> {
     let quoted = |text: &str| text.replace(['"', '\r', '\n', '\\'], "_");
     let mut bytes = Vec::new();

@@ -1,12 +1,12 @@
-//! What becomes of a message.
+//! The result of a delivery.
 
-/// What became of a message.
+/// The result of a delivery.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Delivery {
-    /// It has arrived.
+    /// The message was delivered.
     Done,
-    /// It has not, and may later; in words.
+    /// It was not delivered, and a retry may succeed; the reason in words.
     Later(String),
-    /// It has not and never will; in words.
+    /// It was not delivered, and a retry cannot succeed; the reason in words.
     Refused(String),
 }

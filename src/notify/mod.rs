@@ -1,9 +1,9 @@
-//! Notifications for people who are elsewhere: by rules, the events of an agent's bus go to the
-//! webhooks, broker topics and commands of the config.
+//! Notifications for people who are elsewhere: rules select events of an agent's bus and send them
+//! to the webhooks, broker topics and commands of the config.
 //!
 //! A thread listens and puts messages into queues on the disk; a thread for each target sends them.
-//! If a target hangs, refuses or is gone, its own bounded queue waits, with growing pauses between
-//! attempts; nothing else waits. A target's secrets appear in no log, no error and no queue.
+//! If a target hangs, refuses or is unreachable, its own bounded queue is retried with growing
+//! pauses; nothing else waits. A target's secrets appear in no log, no error and no queue.
 
 mod broker;
 mod command;

@@ -1,4 +1,4 @@
-//! A message and why it is sent.
+//! A notification and the rule that caused it.
 
 use std::path::PathBuf;
 
@@ -34,7 +34,7 @@ pub enum Rule {
 }
 
 impl Rule {
-    /// As the config writes it.
+    /// Returns the name used in the config.
     pub fn name(self) -> &'static str {
         match self {
             Rule::Alarm => "alarm",
@@ -50,23 +50,23 @@ impl Rule {
     }
 }
 
-/// A message.
+/// A notification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Notice {
-    /// Why.
+    /// The rule that caused it.
     pub rule: Rule,
-    /// What people read.
+    /// The text for people.
     pub text: String,
     /// The robot's name or uid; `spykee` while none is known.
     pub robot: String,
-    /// When it happened, in milliseconds of the epoch.
+    /// When it happened, in milliseconds since the epoch.
     pub at: i64,
     /// A JPEG in the data folder of the behaviour that saved it.
     pub picture: Option<PathBuf>,
 }
 
 impl Notice {
-    /// When it happened, RFC 3339, in UTC.
+    /// Returns when it happened, as RFC 3339 in UTC.
     pub fn time(&self) -> String {
         let at = Timestamp::from_millisecond(self.at).unwrap_or_default();
         at.strftime("%Y-%m-%dT%H:%M:%SZ").to_string()

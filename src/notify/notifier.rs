@@ -1,4 +1,4 @@
-//! The thread that listens to the bus and says what people are told.
+//! The thread that listens to the bus and queues notifications.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -22,15 +22,16 @@ use super::share::Share;
 use crate::clock::until;
 use crate::robot::{Bus, Heard, Listener};
 
-/// Why there are no notifications.
+/// Why notifications cannot be started.
 #[derive(Debug, thiserror::Error)]
 pub enum NotifyError {
-    /// The system gives no thread.
+    /// The system cannot start a thread.
     #[error("no thread for notifications: {0}")]
     Thread(io::Error),
 }
 
-/// Notifications at work. Dropping it asks its threads to end; [`Notifier::finish`] waits for that.
+/// The running notifications. Dropping it tells its threads to end; [`Notifier::finish`] waits for
+/// that.
 #[derive(Debug)]
 pub struct Notifier {
     stop: CancellationToken,
@@ -38,11 +39,12 @@ pub struct Notifier {
 }
 
 impl Notifier {
-    /// Tells the targets of these options what is said on the bus from now on; `tokens` are theirs by
-    /// name, `post` is the way to the broker for those that are topics. What waits is kept in this data folder. Waits for no disk and no network.
+    /// Notifies the targets of these options of events on the bus from now on. `tokens` holds the
+    /// targets' tokens by name; `post` publishes to the broker for targets that are topics. Waiting
+    /// messages are stored in this data folder. Does not wait for disk or network.
     ///
     /// # Errors
-    /// If the system gives no threads.
+    /// If the system cannot start the threads.
     pub fn start(
         bus: &Bus,
         data: &Path,
@@ -94,11 +96,11 @@ impl Notifier {
         Ok(Notifier { stop, ended })
     }
 
-    /// Waits, at most so long, until all that was to be told is told. What is not stays in its queue on
-    /// the disk for the next program. Whether all was tried.
+    /// Waits at most this long until all waiting messages were tried once more. Messages not sent
+    /// stay in the queue on the disk for the next program. Returns whether all were tried.
     pub fn finish(self, limit: Duration) -> bool {
         self.stop.cancel();
-        // Ends when every thread has dropped its end; nothing is ever sent.
+        // Returns when every thread has dropped its end; nothing is ever sent.
         let ended = self.ended.recv_timeout(limit);
         ended == Err(mpsc::RecvTimeoutError::Disconnected)
     }
@@ -110,7 +112,7 @@ impl Drop for Notifier {
     }
 }
 
-/// Where messages for one target are handed in.
+/// Accepts messages for one target.
 struct Desk {
     name: String,
     target: super::Target,
@@ -147,7 +149,7 @@ impl Voice {
         }
     }
 
-    /// False: there will be no more.
+    /// Handles an event. Returns false if the bus is closed.
     fn hear(&mut self, heard: &Heard) -> bool {
         match heard {
             Heard::Happening(one) => {
@@ -193,25 +195,25 @@ impl Desk {
         let Some(before) = self.share.take(Instant::now()) else {
             return debug!(
                 target = name,
-                "too many messages in an hour: one is left out"
+                "too many messages in an hour: one was dropped"
             );
         };
         let mut notice = notice.clone();
         if before > 0 {
-            notice.text += &format!(" ({before} messages before this one were left out)");
+            notice.text += &format!(" ({before} messages before this one were dropped)");
         }
         match Queue::open(data, name).and_then(|queue| queue.add(&notice)) {
             Ok(0) => {}
             Ok(gone) => warn!(
                 target = name,
-                gone, "too many messages wait: the oldest are gone"
+                gone, "too many messages are waiting: the oldest were deleted"
             ),
             Err(error) => warn!(
                 target = name,
-                "a message is lost, it cannot be kept: {error}"
+                "a message is lost, because it cannot be stored: {error}"
             ),
         }
-        // If there is no room it is awake already.
+        // If the channel is full, the sender is already awake.
         let _ = self.wake.try_send(());
     }
 }

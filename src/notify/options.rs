@@ -11,13 +11,13 @@ use super::notice::Rule;
 use super::template::{self, UnknownName};
 use crate::robot::{Seconds, whole_within};
 
-/// More targets are refused: each has a thread.
+/// Maximum number of targets, since each has a thread.
 const MOST_TARGETS: usize = 8;
-/// The longest name of a target.
+/// Maximum length of a target's name, in bytes.
 const LONGEST_NAME: usize = 40;
-/// The longest topic.
+/// Maximum length of a topic, in bytes.
 const LONGEST_TOPIC: usize = 200;
-/// What a webhook may be asked with.
+/// HTTP methods allowed for a webhook.
 const METHODS: &[&str] = &["POST", "PUT", "PATCH"];
 
 /// Which messages go to which targets.
@@ -32,7 +32,7 @@ pub struct Options {
     pub per_hour: u64,
     /// A robot that is out of reach for this many seconds is reported: 600.
     pub unreachable_after: Seconds,
-    /// By name.
+    /// The targets, by name.
     pub targets: BTreeMap<String, Target>,
 }
 
@@ -65,7 +65,7 @@ pub struct Target {
     pub body: Option<String>,
     /// The JSON that it is sent; the strings in it are filled in.
     pub json: Option<Value>,
-    /// How a picture goes with it; to a topic `none` or `body`.
+    /// How a picture is sent with it; to a topic `none` or `body`.
     pub picture: PictureWay,
     /// A file with `{token}` in its first line.
     pub token_file: Option<PathBuf>,
@@ -98,7 +98,7 @@ impl Default for Target {
     }
 }
 
-/// How a picture goes with a message to a webhook or a topic.
+/// How a picture is sent with a message to a webhook or a topic.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 #[schemars(rename = "NotifyPicture")]
@@ -114,12 +114,12 @@ pub enum PictureWay {
 }
 
 impl Target {
-    /// Whether it is told of this.
+    /// Whether the target is notified of this event.
     pub fn wants(&self, rule: Rule) -> bool {
         rule == Rule::Test || self.on.as_ref().is_none_or(|rules| rules.contains(&rule))
     }
 
-    /// All its texts that are filled in.
+    /// Returns all texts in which placeholders are replaced.
     fn templates(&self) -> Vec<&str> {
         let mut texts: Vec<&str> = self
             .url
@@ -191,59 +191,59 @@ impl Target {
     }
 }
 
-/// What contradicts itself in a target.
+/// Errors and contradictions in a target.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TargetError {
-    /// Nothing to send to, or several things.
+    /// No destination, or several.
     #[error("it needs one of `url`, `topic` and `command`")]
     Ways,
-    /// A text fills in what there is not.
+    /// A text contains an unknown placeholder.
     #[error(transparent)]
     Template(#[from] UnknownName),
-    /// A text wants a token that is not given.
+    /// A text contains `{token}`, but no token is given.
     #[error("`{{token}}` needs `token_file` or `token_env`")]
     NoToken,
-    /// A token that no text fills in.
+    /// A token is given, but no text contains `{token}`.
     #[error("its token is not used: write {{token}} where it belongs")]
     UnusedToken,
-    /// Another scheme.
+    /// The URL has another scheme.
     #[error("its url must begin with https:// or http://")]
     Url,
-    /// Another method.
+    /// The HTTP method is not allowed.
     #[error("its method must be one of {}", METHODS.join(", "))]
     Method,
-    /// Two bodies.
+    /// Both `body` and `json` are given.
     #[error("it has both `body` and `json`; one of them is sent")]
     TwoBodies,
-    /// A token on a command line.
+    /// A token is given for a command.
     #[error("a command cannot have a token: it would show in lists of processes")]
     TokenOfCommand,
-    /// Not a topic, or a pattern of topics.
+    /// Not a valid topic, or a pattern of topics.
     #[error(
         "its topic must be one topic, such as `house/robot`, at most {LONGEST_TOPIC} bytes, without \
          +, # and braces"
     )]
     Topic,
-    /// A token for a topic.
+    /// A token is given for a topic.
     #[error("a topic takes no token: the broker's is `mqtt.password_file`")]
     TokenOfTopic,
-    /// A form for a topic.
+    /// A picture as a form is requested for a topic.
     #[error("a topic takes a picture as `body` only, or none")]
     PictureOfTopic,
 }
 
-/// What is wrong in [`Options`].
+/// Errors in [`Options`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum OptionsError {
     /// Too many targets.
     #[error("notify: at most {MOST_TARGETS} targets")]
     TooMany,
-    /// No name of a target.
+    /// The name of a target is not valid.
     #[error(
         "notify.targets: the name `{0}` may have letters, digits, - and _, at most {LONGEST_NAME}"
     )]
     Name(String),
-    /// A target.
+    /// A target is not valid.
     #[error("notify.targets.{name}: {source}")]
     Target {
         /// Its name.
@@ -254,13 +254,13 @@ pub enum OptionsError {
 }
 
 impl Options {
-    /// The first target, by name, that needs the broker of `mqtt:`.
+    /// Returns the first target, by name, that needs the broker of `mqtt:`.
     pub fn needs_broker(&self) -> Option<&str> {
         let mut targets = self.targets.iter();
         targets.find_map(|(name, target)| target.topic.as_ref().map(|_| name.as_str()))
     }
 
-    /// What no type can say.
+    /// Checks what the types cannot express.
     ///
     /// # Errors
     /// See [`OptionsError`].
@@ -297,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn what_makes_no_target_is_refused_in_words() {
+    fn an_invalid_target_is_refused_with_an_explanation() {
         for (target, words) in [
             ("{}", "one of `url`, `topic` and `command`"),
             ("{ url: 'http://a', command: [x] }", "one of `url`"),

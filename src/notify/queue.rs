@@ -1,5 +1,5 @@
-//! Messages that wait for a target, one file each, so that they outlive the program. Bounded: the
-//! oldest make room, and what is older than a day is not worth telling.
+//! The queue of messages for a target, one file each, so that they survive a restart. Bounded: the
+//! oldest are deleted to make room, and messages older than a day are not sent.
 
 use std::io;
 use std::path::Path;
@@ -9,20 +9,20 @@ use rustix::fs::{FlockOperation, flock};
 use super::notice::Notice;
 use crate::files::{Folder, Item};
 
-/// Messages of one target; the oldest make room.
+/// Maximum number of messages for one target.
 pub(super) const MOST: usize = 100;
-/// How long a message may wait, in milliseconds.
+/// Maximum age of a message, in milliseconds.
 const LONGEST: i64 = 86_400_000;
-/// The folder within the data folder.
+/// Name of the folder in the data folder.
 const FOLDER: &str = ".notify";
-/// No message is longer, as JSON, in bytes.
+/// Maximum length of a message as JSON, in bytes.
 const MAX_LEN: u64 = 64 * 1024;
 
 /// See the module.
 #[derive(Debug)]
 pub(super) struct Queue {
     folder: Folder,
-    /// Of this process's lock, which it holds while it lives.
+    /// The open folder on which this process takes its lock.
     lock: std::fs::File,
     holds: bool,
 }
@@ -35,7 +35,7 @@ pub(super) struct Waiting {
 }
 
 impl Queue {
-    /// The queue of a target in this data folder.
+    /// Opens the queue of a target in this data folder.
     pub(super) fn open(data: &Path, target: &str) -> io::Result<Queue> {
         Folder::make(data)?;
         Folder::make(&data.join(FOLDER))?;
@@ -49,7 +49,7 @@ impl Queue {
         })
     }
 
-    /// Adds a message. How many had to go for it.
+    /// Adds a message. Returns how many old messages were deleted to make room.
     pub(super) fn add(&self, notice: &Notice) -> io::Result<u64> {
         let names = self.names()?;
         let last = names.last().and_then(|name| number(name)).unwrap_or(0);
@@ -64,7 +64,8 @@ impl Queue {
         Ok(gone)
     }
 
-    /// Whether this process may send what waits: one does, of several with one data folder.
+    /// Takes the lock, or returns false if another process holds it: of several processes with the
+    /// same data folder, only one sends.
     pub(super) fn is_ours(&mut self) -> bool {
         if !self.holds {
             let exclusive = FlockOperation::NonBlockingLockExclusive;
@@ -73,7 +74,8 @@ impl Queue {
         self.holds
     }
 
-    /// The oldest message that is still worth telling at this time, in milliseconds of the epoch.
+    /// Returns the oldest message that is not too old at this time, in milliseconds since the
+    /// epoch.
     pub(super) fn oldest(&self, now: i64) -> io::Result<Option<Waiting>> {
         for name in self.names()? {
             let read = self.folder.read(&name, MAX_LEN);
@@ -85,22 +87,22 @@ impl Queue {
                 Some(notice) if is_fresh(&notice, now) => {
                     return Ok(Some(Waiting { name, notice }));
                 }
-                // Too old, or no message at all.
+                // Too old, or not a valid message.
                 _ => self.remove(&name),
             }
         }
         Ok(None)
     }
 
-    /// How many wait.
+    /// Number of waiting messages.
     pub(super) fn len(&self) -> usize {
         self.names().map_or(0, |names| names.len())
     }
 
-    /// It was told, or never will be.
+    /// Removes a message that was sent or will never be.
     pub(super) fn remove(&self, name: &str) {
         if let Err(error) = self.folder.remove(name) {
-            tracing::debug!("a message's file stays: {error}");
+            tracing::debug!("the file of a message cannot be removed: {error}");
         }
     }
 
@@ -114,7 +116,8 @@ impl Queue {
     }
 }
 
-/// A clock that was wrong makes no message old.
+/// Whether a message is less than a day old. One from the future, after a change of the clock,
+/// counts as new.
 fn is_fresh(notice: &Notice, now: i64) -> bool {
     now.saturating_sub(notice.at) < LONGEST
 }
@@ -139,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn the_oldest_is_told_first_and_a_new_program_goes_on() {
+    fn the_oldest_is_sent_first_and_a_new_program_continues() {
         let data = tempfile::tempdir().unwrap();
         let queue = Queue::open(data.path(), "phone").unwrap();
         queue.add(&notice("one", 5)).unwrap();
@@ -155,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_bounded_and_what_is_old_or_garbage_goes() {
+    fn it_is_bounded_and_old_or_invalid_messages_are_deleted() {
         let data = tempfile::tempdir().unwrap();
         let queue = Queue::open(data.path(), "phone").unwrap();
         let gone: u64 = (0..MOST as i64 + 7)
@@ -173,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_programs_one_sends() {
+    fn only_one_of_two_programs_sends() {
         let data = tempfile::tempdir().unwrap();
         let mut one = Queue::open(data.path(), "phone").unwrap();
         let mut two = Queue::open(data.path(), "phone").unwrap();

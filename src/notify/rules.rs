@@ -1,4 +1,4 @@
-//! Which happenings people are told of, and in which words. Pure: the time is an argument.
+//! Decides which events become notifications, and with which text. Pure: the time is an argument.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -10,12 +10,12 @@ use tokio::time::Instant;
 use super::notice::Rule;
 use crate::robot::{Battery, DockEnd, EndReason, Occurrence, SafetyAction};
 
-/// The same is told again after so long at the earliest.
+/// Minimum interval between two notifications of the same problem.
 const AGAIN: Duration = Duration::from_secs(600);
-/// The longest text, in characters.
+/// Maximum length of a text, in characters.
 const LONGEST: usize = 1000;
 
-/// What is to be told.
+/// A notification to be sent.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Said {
     pub(super) rule: Rule,
@@ -23,13 +23,13 @@ pub(super) struct Said {
     pub(super) picture: Option<PathBuf>,
 }
 
-/// The link, as far as it matters to people.
+/// The state of the link, for notifications.
 #[derive(Debug)]
 enum Link {
     Up,
-    /// Since when, and why.
+    /// Down since this instant, for this reason.
     Down(Instant, Option<String>),
-    /// It has been told.
+    /// Down, and reported.
     Missing,
 }
 
@@ -41,12 +41,12 @@ pub(super) struct Rules {
     robot: Option<String>,
     battery: Option<Battery>,
     low: bool,
-    /// When each was told, by what it was about.
+    /// When each problem was last reported, by rule and subject.
     told: BTreeMap<(Rule, String), Instant>,
 }
 
 impl Rules {
-    /// The robot is not there yet.
+    /// Starts with a robot that is not connected yet.
     pub(super) fn new(unreachable_after: Duration, now: Instant) -> Rules {
         Rules {
             unreachable_after,
@@ -58,12 +58,12 @@ impl Rules {
         }
     }
 
-    /// The robot's name, as far as it is known.
+    /// The robot's name; `spykee` while unknown.
     pub(super) fn robot(&self) -> &str {
         self.robot.as_deref().unwrap_or("spykee")
     }
 
-    /// Something has happened.
+    /// Handles an event.
     pub(super) fn hear(&mut self, what: &Occurrence, now: Instant) -> Option<Said> {
         match what {
             Occurrence::LinkUp { robot, .. } => {
@@ -100,7 +100,8 @@ impl Rules {
             } => {
                 let why = failed_docking(*end)?;
                 let by = by.as_deref().unwrap_or("the watchdog");
-                let text = format!("docking failed after {seconds:.0} s: {why} (asked by {by})");
+                let text =
+                    format!("docking failed after {seconds:.0} s: {why} (requested by {by})");
                 self.once(Rule::NotDocked, "", text, now)
             }
             Occurrence::Ended {
@@ -142,7 +143,7 @@ impl Rules {
         }
     }
 
-    /// When [`Rules::poll`] has something to say.
+    /// When [`Rules::poll`] should be called next.
     pub(super) fn deadline(&self) -> Option<Instant> {
         match &self.link {
             Link::Down(since, _) => Some(*since + self.unreachable_after),
@@ -150,7 +151,7 @@ impl Rules {
         }
     }
 
-    /// Lets time pass.
+    /// Reports a robot that has been out of reach for too long.
     pub(super) fn poll(&mut self, now: Instant) -> Option<Said> {
         if self.deadline().is_none_or(|deadline| now < deadline) {
             return None;
@@ -174,7 +175,7 @@ impl Rules {
         }
     }
 
-    /// Unless people were told lately.
+    /// Returns the notification, unless the same problem was reported recently.
     fn once(&mut self, rule: Rule, about: &str, text: String, now: Instant) -> Option<Said> {
         self.told
             .retain(|_, at| now.saturating_duration_since(*at) < AGAIN);
@@ -204,7 +205,7 @@ fn failed_docking(end: DockEnd) -> Option<&'static str> {
     }
 }
 
-/// What a script says of its entry.
+/// Formats the fields of a script's entry.
 fn fields(data: &Value) -> String {
     let Some(map) = data.as_object().filter(|map| !map.is_empty()) else {
         return String::new();

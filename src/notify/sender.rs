@@ -1,4 +1,4 @@
-//! The thread of one target: sends what waits in its queue, with growing pauses while it cannot.
+//! The thread of one target: sends the messages in its queue, with growing pauses after failures.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -17,16 +17,16 @@ use super::queue::Queue;
 use super::webhook;
 use crate::files::Folder;
 
-/// The first pause after a failure; each is twice the one before ...
+/// The first pause after a failure; each further one is twice as long ...
 const FIRST_PAUSE: Duration = Duration::from_secs(5);
-/// ... up to this.
+/// ... up to this maximum.
 const LONGEST_PAUSE: Duration = Duration::from_secs(900);
-/// How often the queue is looked at unasked: another program may have left something there.
+/// Polling interval of the queue: another program may have left messages there.
 const LOOK_EVERY: Duration = Duration::from_secs(30);
-/// A larger picture is left out, in bytes.
+/// Maximum size of a picture, in bytes; a larger one is not sent.
 const LARGEST_PICTURE: u64 = 8 << 20;
 
-/// Sends one message now; `post` is the way to the broker.
+/// Sends one message now; `post` publishes to the broker.
 pub fn deliver(target: &Target, token: &str, post: &Post, notice: &Notice) -> Delivery {
     let picture = || {
         let wanted = target.picture != PictureWay::None;
@@ -40,7 +40,7 @@ pub fn deliver(target: &Target, token: &str, post: &Post, notice: &Notice) -> De
     }
 }
 
-/// The JPEG that a script has saved; `None` if it is gone, or something else.
+/// Reads the JPEG that a script has saved; `None` if it no longer exists or is not a JPEG.
 fn read_picture(path: &Path) -> Option<Vec<u8>> {
     let (folder, name) = (path.parent()?, path.file_name()?.to_str()?);
     let read = Folder::open(folder).ok()?.read(name, LARGEST_PICTURE);
@@ -48,7 +48,7 @@ fn read_picture(path: &Path) -> Option<Vec<u8>> {
     bytes.starts_with(&[0xff, 0xd8]).then_some(bytes)
 }
 
-/// A target at work.
+/// Sends the messages of one target.
 pub(super) struct Sender {
     pub(super) name: String,
     pub(super) target: Target,
@@ -58,7 +58,7 @@ pub(super) struct Sender {
 }
 
 impl Sender {
-    /// Until its last waker is dropped; what waits then is tried once more.
+    /// Runs until the last waker is dropped; then tries the waiting messages once more.
     pub(super) fn live(self, woken: &Receiver<()>) {
         let (mut pause, mut is_last) = (None, false);
         loop {
@@ -76,7 +76,7 @@ impl Sender {
         }
     }
 
-    /// Sends what waits; false at the first that cannot be sent now.
+    /// Sends the waiting messages. Returns false at the first one that cannot be sent now.
     fn send_all(&self) -> bool {
         let mut queue = match Queue::open(&self.data, &self.name) {
             Ok(queue) => queue,
@@ -99,7 +99,7 @@ impl Sender {
                     queue.remove(&waiting.name);
                 }
                 Delivery::Refused(why) => {
-                    warn!(target = self.name, "a message is given up: {why}");
+                    warn!(target = self.name, "a message was dropped: {why}");
                     queue.remove(&waiting.name);
                 }
                 Delivery::Later(why) => {
@@ -116,8 +116,8 @@ impl Sender {
     }
 }
 
-/// Waits until then; a new message ends that, unless it is a pause after a failure. True: there will be
-/// no more.
+/// Waits until this instant; a new message ends the wait, unless it is a pause after a failure.
+/// Returns true if there will be no more messages.
 fn wait(woken: &Receiver<()>, until: Instant, is_pause: bool) -> bool {
     loop {
         let left = until.saturating_duration_since(Instant::now());

@@ -1,5 +1,5 @@
-//! How many messages a target gets: so many in an hour, some of them at once. Pure: the time is an
-//! argument.
+//! Limits the number of messages to a target: an hourly rate, with a burst of a third of it. Pure:
+//! the time is an argument.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ pub(super) struct Share {
     per_hour: f64,
     left: f64,
     at: Instant,
-    /// Left out since the last one that was let through.
+    /// Messages dropped since the last one that was allowed.
     left_out: u64,
 }
 
@@ -32,7 +32,8 @@ impl Share {
         (per_hour / 3.0).max(1.0)
     }
 
-    /// `None`: one more is too many. Else how many were before it.
+    /// Allows one message, and returns the number of messages dropped before it; `None` if this one
+    /// must be dropped.
     pub(super) fn take(&mut self, now: Instant) -> Option<u64> {
         let passed = now.saturating_duration_since(self.at).as_secs_f64();
         self.at = now;
@@ -52,7 +53,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_third_comes_at_once_the_rest_evenly_and_the_next_knows_what_was_left_out() {
+    fn a_third_is_allowed_at_once_the_rest_evenly_and_drops_are_counted() {
         let mut now = Instant::now();
         let mut share = Share::new(30, now);
         let burst = (0..50).filter(|_| share.take(now).is_some()).count();

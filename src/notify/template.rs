@@ -1,4 +1,4 @@
-//! Texts with names in braces that are filled in, each so that it stays what it is: a part of a URL, a
+//! Texts with placeholders in braces. Values are escaped for their context: a part of a URL, a
 //! header field, a text in JSON.
 
 use std::fmt::Write as _;
@@ -7,25 +7,25 @@ use serde_json::Value;
 
 use super::notice::Notice;
 
-/// What can stand in braces.
+/// The known placeholders.
 const NAMES: &[&str] = &["text", "event", "robot", "time", "picture", "token"];
-/// Texts within texts of a JSON value.
+/// Maximum nesting depth of a JSON value that is searched for texts.
 const DEEPEST: u32 = 16;
 
-/// Where a text goes.
+/// The context of a text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Slot {
-    /// As it is.
+    /// Plain text, not escaped.
     Plain,
-    /// What is filled in is a part of a path or query.
+    /// A URL: values are percent-encoded.
     Url,
-    /// One line; what is no ASCII is written as RFC 2047 has it.
+    /// A header field: one line; non-ASCII text is encoded according to RFC 2047.
     Header,
 }
 
-/// A name in braces that is not known.
+/// An unknown placeholder.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{{{0}}} is not known; {known} are", known = known())]
+#[error("unknown placeholder {{{0}}}; valid are {known}", known = known())]
 pub struct UnknownName(String);
 
 fn known() -> String {
@@ -33,10 +33,10 @@ fn known() -> String {
     known.join(", ")
 }
 
-/// Whether all names in braces are known.
+/// Checks that all placeholders are known.
 ///
 /// # Errors
-/// Names the placeholder that is unknown.
+/// Names the unknown placeholder.
 pub(super) fn check(template: &str) -> Result<(), UnknownName> {
     for name in parts(template).filter_map(|part| part.err()) {
         if !NAMES.contains(&name) {
@@ -46,7 +46,7 @@ pub(super) fn check(template: &str) -> Result<(), UnknownName> {
     Ok(())
 }
 
-/// The text with all names filled in.
+/// Replaces all placeholders in a text.
 pub(super) fn fill(template: &str, notice: &Notice, token: &str, place: Slot) -> String {
     let mut filled = String::new();
     for part in parts(template) {
@@ -67,7 +67,7 @@ pub(super) fn fill(template: &str, notice: &Notice, token: &str, place: Slot) ->
     }
 }
 
-/// The same of every text in a JSON value.
+/// Replaces all placeholders in every text of a JSON value.
 pub(super) fn fill_json(template: &Value, notice: &Notice, token: &str) -> Value {
     match template {
         Value::String(text) => Value::String(fill(text, notice, token, Slot::Plain)),
@@ -84,7 +84,7 @@ pub(super) fn fill_json(template: &Value, notice: &Notice, token: &str) -> Value
     }
 }
 
-/// All texts in a JSON value.
+/// Collects all texts in a JSON value.
 pub(super) fn texts<'a>(value: &'a Value, found: &mut Vec<&'a str>) {
     fn walk<'a>(value: &'a Value, found: &mut Vec<&'a str>, depth: u32) {
         match value {
@@ -101,7 +101,8 @@ pub(super) fn texts<'a>(value: &'a Value, found: &mut Vec<&'a str>) {
     walk(value, found, DEEPEST);
 }
 
-/// Text as it stands (`Ok`), and names in braces (`Err`). A brace that holds no word is text.
+/// Splits a template into literal text (`Ok`) and names in braces (`Err`). Braces without a valid
+/// name are literal text.
 fn parts(template: &str) -> impl Iterator<Item = Result<&str, &str>> {
     let mut rest = template;
     std::iter::from_fn(move || {
@@ -121,7 +122,7 @@ fn parts(template: &str) -> impl Iterator<Item = Result<&str, &str>> {
     })
 }
 
-/// The name in braces that a text begins with, and what follows it.
+/// Returns the name in braces at the start of a text, and the text after it.
 fn name_at(text: &str) -> Option<(&str, &str)> {
     let (name, behind) = text.strip_prefix('{')?.split_once('}')?;
     let word = |c: char| c.is_ascii_alphanumeric() || c == '_';
@@ -155,7 +156,7 @@ fn encode(text: &str, encoded: &mut String) {
     }
 }
 
-/// One line of ASCII.
+/// Converts a text to one line of ASCII.
 fn header(text: &str) -> String {
     let line: String = text
         .chars()
@@ -221,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_filled_in_stays_within_its_place() {
+    fn values_are_escaped_for_their_context() {
         assert_eq!(
             filled("http://h/{text}?q=1", Slot::Url),
             "http://h/a%20b%26c%20%22q%22%20%C3%A4%0D%0AX%3A%20y?q=1"
@@ -238,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn base64_is_that_of_the_rfc() {
+    fn base64_matches_the_rfc() {
         for (bytes, text) in [
             ("", ""),
             ("f", "Zg=="),

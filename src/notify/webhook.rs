@@ -1,4 +1,4 @@
-//! A message to a webhook.
+//! Sends a notification to a webhook.
 
 use std::time::Duration;
 
@@ -10,11 +10,11 @@ use super::notice::Notice;
 use super::options::Target;
 use super::template::{Slot, fill};
 
-/// So often a webhook may send us elsewhere.
+/// Maximum number of redirects.
 const REDIRECTS: u32 = 3;
 
-/// Sends it, and waits for the answer. What goes wrong is told without the address, which may hold
-/// a secret.
+/// Sends the request and waits for the response. Errors do not contain the address, which may
+/// include a secret.
 pub(super) fn send(
     target: &Target,
     url: &str,
@@ -28,7 +28,7 @@ pub(super) fn send(
     }
 }
 
-/// What is no request once all names in braces are filled in.
+/// Why no valid request results after the placeholders are replaced.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RequestError {
     /// The address.
@@ -39,10 +39,10 @@ pub enum RequestError {
     Header(String),
 }
 
-/// What a webhook is asked with, all names in braces filled in.
+/// Builds the request to a webhook, with all placeholders replaced.
 ///
 /// # Errors
-/// See [`RequestError`], which has neither the address nor the token.
+/// See [`RequestError`], which contains neither the address nor the token.
 pub fn request(
     target: &Target,
     url: &str,
@@ -82,27 +82,32 @@ fn ask(request: Request<Vec<u8>>, limit: Duration) -> Delivery {
     }
 }
 
-/// What will never do better is given up; a wrong token may be put right.
+/// Interprets the status: failures that a retry cannot fix are final; a wrong token may still be
+/// corrected.
 fn delivery_of(status: u16) -> Delivery {
     match status {
         200..=299 => Delivery::Done,
-        400 | 405 | 411 | 413 | 415 | 422 => Delivery::Refused(format!("it answers {status}")),
-        401 | 403 => Delivery::Later(format!("it answers {status}: is the token right?")),
-        status => Delivery::Later(format!("it answers {status}")),
+        400 | 405 | 411 | 413 | 415 | 422 => {
+            Delivery::Refused(format!("it responds with the status {status}"))
+        }
+        401 | 403 => Delivery::Later(format!(
+            "it responds with the status {status}: is the token right?"
+        )),
+        status => Delivery::Later(format!("it responds with the status {status}")),
     }
 }
 
-/// In words without the address.
+/// Describes an error without the address.
 fn failed(error: &ureq::Error, limit: Duration) -> Delivery {
     use ureq::Error::{BadUri, HostNotFound, Io, Timeout, TooManyRedirects};
     Delivery::Later(match error {
         Timeout(_) => format!("it does not answer within {} s", limit.as_secs_f64()),
-        HostNotFound => "its host is not known".to_owned(),
+        HostNotFound => "its host name cannot be resolved".to_owned(),
         Io(error) => format!("no connection: {error}"),
-        TooManyRedirects => "it sends us elsewhere again and again".to_owned(),
+        TooManyRedirects => "too many redirects".to_owned(),
         BadUri(_) => return Delivery::Refused("its url is not valid".to_owned()),
         ureq::Error::ConnectionFailed => "no connection".to_owned(),
-        _ => "no connection, or no HTTP on it".to_owned(),
+        _ => "no connection, or no HTTP server there".to_owned(),
     })
 }
 
@@ -128,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn a_text_a_json_and_a_picture_are_what_each_service_wants() {
+    fn text_json_and_pictures_match_the_format_of_each_service() {
         let (body, request) = of(Target::default(), Some(b"jpeg"));
         assert_eq!(body, "somebody is there");
         assert_eq!(
@@ -169,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_header_field_that_is_none_is_refused_without_its_value() {
+    fn an_invalid_header_field_is_refused_without_showing_its_value() {
         let target = Target {
             headers: [("no header".to_owned(), "{token}".to_owned())].into(),
             ..Target::default()

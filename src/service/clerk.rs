@@ -1,4 +1,4 @@
-//! Sees to it that what the timetable and the idle robot want is done: asks the state machines
+//! Executes the decisions of the timetable and of the idle robot: polls their state machines
 //! whenever something has changed, and gives the orders.
 
 use std::collections::BTreeSet;
@@ -20,7 +20,7 @@ use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request};
 use crate::timetable::{Act, Facts, Notice, Planner, Record};
 
-/// The longest pause between two looks.
+/// Longest interval between two polls.
 const LONGEST: Duration = Duration::from_secs(15);
 
 /// See the module.
@@ -33,11 +33,11 @@ pub(super) struct Clerk {
     duties: Duties,
     idle: IdleRobot,
     orders: Orders,
-    /// Those that run or are about to, when it was looked last.
+    /// The behaviours that were running or loading at the last poll.
     running: BTreeSet<String>,
-    /// Those that run always and were not started yet.
+    /// Permanent behaviours that were not started yet.
     waiting: BTreeSet<String>,
-    /// The way home of an idle robot.
+    /// The order that sends the idle robot to its station.
     way_home: Option<tokio::task::AbortHandle>,
     quiet: Quiet,
     kept: Option<Record>,
@@ -76,8 +76,8 @@ impl Clerk {
         }
     }
 
-    /// Works until it is dropped. After `stop` nothing is done any more: what runs then is under
-    /// way for the next service.
+    /// Works until it is dropped. Does nothing after `stop`, so that behaviours running then stay
+    /// recorded as under way for the next service.
     pub(super) async fn work(
         mut self,
         mut reloads: mpsc::Receiver<Reload>,
@@ -98,8 +98,8 @@ impl Clerk {
         }
     }
 
-    /// Looks at how things stand, and gives the orders that follow. How long to wait for the next
-    /// look.
+    /// Polls the state machines and gives the resulting orders. Returns the time to wait until the
+    /// next poll.
     fn step(&mut self) -> Duration {
         let (now, at) = (self.clock.now(), Instant::now());
         let status = *self.status.borrow_and_update();
@@ -135,7 +135,7 @@ impl Clerk {
         self.planner.pause(now, at).min(idle).min(LONGEST)
     }
 
-    /// The planner hears of each that has ended.
+    /// Returns the running behaviours, and informs the planner of those that have ended.
     fn see_members(&mut self) -> BTreeSet<String> {
         let members = self.members.borrow_and_update();
         let running = members.iter().filter(|one| one.state != MemberState::Idle);
@@ -150,7 +150,7 @@ impl Clerk {
         running
     }
 
-    /// As soon as the robot is connected.
+    /// Starts the permanent behaviours as soon as the robot is connected.
     fn begin_always(&mut self, up: bool) {
         let waiting = self
             .waiting
@@ -167,7 +167,7 @@ impl Clerk {
         if quiet == self.quiet {
             return;
         }
-        // A pilot that has no room for it now is asked at the next look.
+        // If the pilot's queue is full, the next poll tries again.
         if self.requests.try_send(Request::Quiet(quiet)).is_ok() {
             self.quiet = quiet;
             words::tell_quiet(quiet);
@@ -245,10 +245,11 @@ impl Clerk {
         }
     }
 
-    /// One that finds no room is wished anew when the link has changed.
+    /// Sends a request to the pilot. If its queue is full, the wish is repeated after the next
+    /// change of the link.
     fn ask(&self, request: Request) {
         if self.requests.try_send(request).is_err() {
-            warn!("the pilot has too much to do");
+            warn!("the pilot's queue is full: a request was dropped");
         }
     }
 
@@ -289,11 +290,11 @@ impl Clerk {
         }
     }
 
-    /// What did not change goes on.
+    /// Applies new duties. Behaviours that have not changed keep running.
     async fn reload(&mut self, reload: Reload) {
         let Reload { duties, changed } = reload;
         if let Err(why) = self.orders.define(duties.blueprints.clone()).await {
-            return error!("the new settings are not taken: {why}");
+            return error!("the new settings were not applied: {why}");
         }
         let known: BTreeSet<&str> = duties.blueprints.iter().map(|one| one.name()).collect();
         for run in self.running.clone() {
@@ -318,7 +319,7 @@ impl Clerk {
         info!("the new settings are in effect");
     }
 
-    /// Written when something begins or ends, not with each look.
+    /// Writes the record when something starts or ends, not at each poll.
     fn keep_record(&mut self) {
         let Some(file) = &self.listeners.file else {
             return;
@@ -329,7 +330,7 @@ impl Clerk {
         }
     }
 
-    /// What the system's manager shows.
+    /// Updates the view and the status line of the service manager.
     fn say(&mut self, status: &Status, now: jiff::Timestamp) {
         let next = self.planner.next_start();
         let next = next.filter(|_| clock::is_plausible(now));

@@ -1,5 +1,6 @@
-//! Tells the system's manager how the service is: systemd, or what listens at `$NOTIFY_SOCKET`. A
-//! thread of its own does the telling: a manager that does not read blocks nothing.
+//! Notifies the service manager of the service's state: systemd, or whatever listens at
+//! `$NOTIFY_SOCKET`. A separate thread sends the notifications, so that a manager that does not
+//! read blocks nothing.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -8,7 +9,7 @@ use sd_notify::NotifyState;
 use tokio::sync::Notify;
 use tokio::time::Instant;
 
-/// Messages that may wait; more are dropped, and told anew with the next change.
+/// Capacity of the queue. Further messages are dropped; the next change sends the current state.
 const WAITING: usize = 16;
 
 enum ManagerMessage {
@@ -25,7 +26,7 @@ pub struct Herald {
 }
 
 impl Herald {
-    /// Tells the manager that the environment names.
+    /// Creates the herald for the manager named by the environment.
     pub fn of_environment() -> Herald {
         if std::env::var_os("NOTIFY_SOCKET").is_none() {
             return Herald::default();
@@ -37,29 +38,30 @@ impl Herald {
                 messages: Some(messages),
             },
             Err(error) => {
-                tracing::warn!("the system's manager cannot be notified: no thread: {error}");
+                tracing::warn!("the service manager cannot be notified: no thread: {error}");
                 Herald::default()
             }
         }
     }
 
-    /// The service has begun.
+    /// Reports that the service has started.
     pub fn ready(&self) {
         self.say(ManagerMessage::Ready);
     }
 
-    /// One line that says what it does.
+    /// Reports a status line.
     pub fn status(&self, text: impl Into<String>) {
         self.say(ManagerMessage::Status(text.into()));
     }
 
-    /// It comes to its end.
+    /// Reports that the service is stopping.
     pub fn stopping(&self) {
         self.say(ManagerMessage::Stopping);
     }
 
-    /// Passes the beats of the driving core on to the manager's watchdog, if it has one, as often as it
-    /// wants to hear them. There is no timer: without beats nothing is passed on. Never returns.
+    /// Forwards the heartbeats of the driving core to the manager's watchdog, if it has one, four
+    /// times per watchdog timeout. There is no timer: without heartbeats nothing is forwarded.
+    /// Never returns.
     pub async fn pass_on(&self, beats: Arc<Notify>) -> std::convert::Infallible {
         let Some(timeout) = sd_notify::watchdog_enabled() else {
             return std::future::pending().await;
@@ -87,7 +89,7 @@ fn tell(messages: &Receiver<ManagerMessage>) {
     let mut failed = false;
     let mut send = |state: &[NotifyState<'_>]| {
         if let (Err(error), false) = (sd_notify::notify(state), failed) {
-            tracing::warn!("the system's manager cannot be notified: {error}");
+            tracing::warn!("the service manager cannot be notified: {error}");
             failed = true;
         }
     };
@@ -101,7 +103,7 @@ fn tell(messages: &Receiver<ManagerMessage>) {
     }
 }
 
-/// A line's end would begin another message.
+/// Removes line breaks, which would begin another message.
 fn one_line(text: &str) -> String {
     text.replace(['\n', '\r'], " ")
 }

@@ -1,5 +1,5 @@
-//! What becomes of a robot while nothing runs: it is sent to its station, and perhaps let go of. A state
-//! machine: facts and the time go in, a wish comes out.
+//! Handles an idle robot: while no behaviour runs, it is sent to its station, and its link may be
+//! released there. A state machine: takes facts and the time, returns a wish.
 
 use std::time::Duration;
 
@@ -8,33 +8,33 @@ use tokio::time::Instant;
 use super::IdlePolicy;
 use crate::pilot::LinkState;
 
-/// After a docking that has failed: the first pause, doubled each time, and the longest.
+/// Pause after a failed docking: the first one; it doubles each time, up to the maximum.
 const PAUSE: Duration = Duration::from_secs(300);
 const LONGEST_PAUSE: Duration = Duration::from_secs(3600);
 
-/// How things stand.
+/// The current state.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Facts {
     pub(super) now: Instant,
-    /// A behaviour runs, is about to, or is due.
+    /// A behaviour runs, is loading, or is due.
     pub(super) busy: bool,
     pub(super) link: LinkState,
-    /// On its station, as far as is known.
+    /// The robot is on its station, as far as is known.
     pub(super) docked: bool,
-    /// The watchdog has the robot.
+    /// The battery is low, and the watchdog controls the robot.
     pub(super) low: bool,
 }
 
-/// What is to be done.
+/// What to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Wish {
-    /// Send it to its station.
+    /// Send the robot to its station.
     Dock,
-    /// Leave it: something wants to run.
+    /// Cancel the docking: a behaviour wants to run.
     LeaveBe,
-    /// Let go of the link.
+    /// Release the link.
     Release,
-    /// Dial again.
+    /// Connect again.
     Take,
 }
 
@@ -42,11 +42,11 @@ pub(super) enum Wish {
 #[derive(Debug)]
 pub(super) struct IdleRobot {
     policy: IdlePolicy,
-    /// Since when nothing runs and the robot is there.
+    /// Since when no behaviour runs and the robot is connected.
     since: Option<Instant>,
     docking: bool,
     failures: u32,
-    /// No docking before.
+    /// Earliest time of the next docking.
     next: Option<Instant>,
     asked: Option<LinkState>,
 }
@@ -67,12 +67,12 @@ impl IdleRobot {
         self.policy = policy;
     }
 
-    /// It is under way to its station by our wish.
+    /// Whether a docking that this module requested is in progress.
     pub(super) fn is_docking(&self) -> bool {
         self.docking
     }
 
-    /// How the docking has ended.
+    /// Records the result of the docking.
     pub(super) fn docked(&mut self, done: bool, now: Instant) {
         self.docking = false;
         if done {
@@ -84,7 +84,7 @@ impl IdleRobot {
         self.failures += 1;
     }
 
-    /// What is to be done now.
+    /// Returns what to do now.
     pub(super) fn poll(&mut self, facts: Facts) -> Option<Wish> {
         if self.asked.is_some_and(|link| link != facts.link) {
             self.asked = None;
@@ -121,13 +121,13 @@ impl IdleRobot {
         Some(Wish::Dock)
     }
 
-    /// When to ask again, if nothing happens.
+    /// When to poll again if nothing happens before.
     pub(super) fn next_deadline(&self) -> Option<Instant> {
         let idle = self.since.map(|since| since + self.policy.after);
         idle.max(self.next)
     }
 
-    /// Wished once for as long as the link stays as it is.
+    /// Returns the wish if the link is in state `of`, but only once until the link changes.
     fn once(&mut self, link: LinkState, of: LinkState, wish: Wish) -> Option<Wish> {
         if link != of || self.asked == Some(of) {
             return None;
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn an_idle_robot_is_sent_home_after_a_while_and_let_go_of_there() {
+    fn an_idle_robot_is_sent_home_after_a_while_and_released_there() {
         let (mut idle, mut facts) = idle(true);
         assert_eq!(idle.poll(facts), None);
         facts.now += MINUTE;
@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn who_keeps_the_link_lets_nobody_in() {
+    fn without_the_release_policy_the_link_is_kept() {
         let (mut idle, mut facts) = idle(false);
         facts.docked = true;
         for _ in 0..10 {
@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn a_start_calls_the_docking_off_and_a_low_robot_is_the_watchdogs() {
+    fn a_start_cancels_the_docking_and_a_low_battery_prevents_it() {
         let (mut idle, mut facts) = idle(false);
         idle.poll(facts);
         facts.now += MINUTE;
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_station_that_is_not_found_is_looked_for_more_and_more_rarely() {
+    fn failed_dockings_are_retried_with_growing_pauses() {
         let (mut idle, mut facts) = idle(false);
         idle.poll(facts);
         let (begin, mut tries) = (facts.now, Vec::new());

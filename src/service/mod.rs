@@ -1,9 +1,9 @@
-//! A service: an agent that runs permanently, and what starts and ends behaviours in it. It is
-//! composed of the agent, the [timetable](crate::timetable), and the handling of an idle robot;
+//! A service: an agent that runs permanently, with the parts that start and end behaviours in it.
+//! It consists of the agent, the [timetable](crate::timetable), and the handling of an idle robot;
 //! journal, broker and page work beside it, through the agent's handles.
 //!
-//! Nothing here is on the driving core: a service that hangs does not affect the watchdog, the
-//! running behaviours and their ends, and systemd notices (see [`Herald`]).
+//! Nothing here runs on the driving core: a service that hangs does not affect the watchdog, the
+//! running behaviours and their ends, or the watchdog notifications to systemd (see [`Herald`]).
 
 mod clerk;
 mod herald;
@@ -31,23 +31,23 @@ use crate::robot::channel::Quiet;
 pub use crate::timetable::View;
 use crate::timetable::{Planner, Record, Timetable};
 
-/// What a service does: all that a reload may change.
+/// What a service does: everything that a reload may change.
 #[derive(Debug, Clone)]
 pub struct Duties {
     /// All behaviours.
     pub blueprints: Vec<Blueprint>,
-    /// Those that are started as soon as the robot is there.
+    /// Names of the behaviours that are started as soon as the robot is connected.
     pub always: Vec<String>,
-    /// When the others are.
+    /// The timetable of the other behaviours.
     pub table: Timetable,
-    /// The alarm is quiet in quiet hours too.
+    /// Whether quiet hours also silence the alarm.
     pub quiet_alarm: bool,
-    /// What becomes of an idle robot.
+    /// What to do with an idle robot.
     pub idle: IdlePolicy,
 }
 
 impl Duties {
-    /// What must not be heard or seen at this time.
+    /// Returns which sounds and lights are suppressed at this time.
     fn quiet(&self, now: Timestamp) -> Quiet {
         let quiet = self.table.quiet.filter(|_| is_plausible(now));
         match quiet.filter(|quiet| quiet.covers(now, &self.table.zone)) {
@@ -58,27 +58,27 @@ impl Duties {
     }
 }
 
-/// What becomes of an idle robot.
+/// What to do with an idle robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct IdlePolicy {
-    /// On its station it is let go of.
+    /// Whether to release its link when it is on its station.
     pub release: bool,
-    /// So long after the last behaviour has ended.
+    /// How long after the end of the last behaviour the robot counts as idle.
     pub after: Duration,
-    /// Off its station it is sent there.
+    /// Whether to send it to its station when it is off it.
     pub dock: bool,
 }
 
-/// New duties, and what of the running behaviours they touch.
+/// New duties, and the behaviours affected by the change.
 #[derive(Debug)]
 pub struct Reload {
-    /// From now on.
+    /// The new duties.
     pub duties: Duties,
-    /// Behaviours of which something has changed: those that run are restarted.
+    /// Behaviours whose definition has changed; the running ones are restarted.
     pub changed: Vec<String>,
 }
 
-/// Who is told by the clerk.
+/// The listeners that the clerk informs.
 struct Listeners {
     file: Option<RecordFile>,
     herald: Herald,
@@ -86,25 +86,26 @@ struct Listeners {
     view: watch::Sender<View>,
 }
 
-/// A service that has not begun.
+/// A service that has not started yet.
 pub struct Service {
-    /// It stays; its plan has no behaviours of its own.
+    /// The permanent agent; its plan contains no behaviours.
     pub agent: Agent,
     /// The newest status of robot and watchdog.
     pub status: watch::Receiver<Status>,
     /// The time of day.
     pub clock: Clock,
-    /// What it does.
+    /// The duties at the start.
     pub duties: Duties,
-    /// What was under way when the last one ended, and where that is kept; none: nothing is kept.
+    /// What was under way when the previous service ended, and the file where this is recorded;
+    /// without a file nothing is recorded.
     pub record: (Record, Option<RecordFile>),
-    /// Who tells the system's manager.
+    /// Notifies the service manager.
     pub herald: Herald,
-    /// Where starts that did not happen are told: that of the agent's plan.
+    /// Publishes missed starts; the bus of the agent's plan.
     pub bus: Bus,
-    /// Where it publishes what comes next, for display: see [`View::channel`].
+    /// Publishes the next start, for display: see [`View::channel`].
     pub view: watch::Sender<View>,
-    /// New duties.
+    /// Receives new duties.
     pub reloads: mpsc::Receiver<Reload>,
 }
 
@@ -112,7 +113,7 @@ impl Service {
     /// Runs until `stop` is cancelled.
     ///
     /// # Errors
-    /// As [`Agent::run`].
+    /// See [`Agent::run`].
     pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
         let Service {
             agent,

@@ -1,5 +1,5 @@
-//! The orders that the service has given and that are not answered yet. Nobody waits for one: a script
-//! that takes its time to load keeps neither the timetable nor the idle robot waiting.
+//! The orders given by the service whose results are outstanding. They run concurrently: a script
+//! that loads slowly delays neither the timetable nor the idle robot.
 
 use std::collections::BTreeSet;
 use std::future::Future;
@@ -11,12 +11,13 @@ use crate::agent::{Blueprint, Docked, Roster, RosterError, Seat, SeatError};
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, DockPlan, Priority};
 
-/// The seat from which an idle robot is sent home; behind the persons', before the rescue behaviour's.
+/// The seat from which an idle robot is sent home; its number is between those of the persons and
+/// of the rescue behaviour.
 const ME: BehaviourId = BehaviourId(0xFFFD);
-/// Behind everybody.
+/// The lowest priority.
 const LAST: Priority = Priority(i16::MIN);
 
-/// What was ordered, and how that went.
+/// The result of an order.
 #[derive(Debug)]
 pub(super) enum Outcome {
     /// A start.
@@ -31,7 +32,7 @@ pub(super) enum Outcome {
 pub(super) struct Orders {
     roster: Roster,
     given: JoinSet<Outcome>,
-    /// Of behaviours, and not answered yet.
+    /// Behaviours with an outstanding order.
     names: BTreeSet<String>,
 }
 
@@ -44,12 +45,12 @@ impl Orders {
         }
     }
 
-    /// No behaviour's order waits for its answer.
+    /// Whether no behaviour has an outstanding order.
     pub(super) fn is_empty(&self) -> bool {
         self.names.is_empty()
     }
 
-    /// An order of this behaviour waits for its answer.
+    /// Whether this behaviour has an outstanding order.
     pub(super) fn has(&self, run: &str) -> bool {
         self.names.contains(run)
     }
@@ -83,16 +84,16 @@ impl Orders {
         self.given.spawn(order);
     }
 
-    /// Sends the idle robot to its station. Aborting it is giving up.
+    /// Sends the idle robot to its station. Aborting the returned task cancels the docking.
     pub(super) fn send_home(&mut self, requests: mpsc::Sender<Request>) -> AbortHandle {
         self.given
             .spawn(async move { Outcome::Home(send_home(requests).await) })
     }
 
-    /// The next answer. Cancel-safe; `None` while none is under way.
+    /// Returns the next result; `None` while no order is outstanding. Cancel-safe.
     pub(super) async fn next(&mut self) -> Option<Outcome> {
         loop {
-            // One that was called off says nothing.
+            // An aborted order has no result.
             if let Ok(outcome) = self.given.join_next().await? {
                 if let Outcome::Started(run, _) | Outcome::Changed(run, _) = &outcome {
                     self.names.remove(run);
@@ -102,16 +103,16 @@ impl Orders {
         }
     }
 
-    /// Replaces what the roster knows.
+    /// Replaces the behaviours of the roster.
     ///
     /// # Errors
-    /// As [`Roster::define`].
+    /// See [`Roster::define`].
     pub(super) async fn define(&self, blueprints: Vec<Blueprint>) -> Result<(), RosterError> {
         self.roster.define(blueprints).await
     }
 }
 
-/// Gives way to everybody. Dropping it is giving up.
+/// Docks with the lowest priority. Dropping the future cancels the docking.
 async fn send_home(requests: mpsc::Sender<Request>) -> Result<Docked, SeatError> {
     let seat = Seat::join(requests, ME, "an idle robot", LAST, Role::Person).await;
     seat?.dock(DockPlan::DEFAULT).await

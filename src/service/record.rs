@@ -1,5 +1,5 @@
-//! What the timetable has under way, kept in a file: after a power cut the next service goes on with
-//! it. Written off the caller's thread; a disk that is slow or full blocks nothing.
+//! The file that records the runs that the timetable has under way, so that the next service can
+//! resume them after a power cut. A separate thread writes it; a slow or full disk blocks nothing.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,13 +10,13 @@ use std::time::Duration;
 use crate::files::Folder;
 use crate::timetable::Record;
 
-/// Its name, in the data folder.
+/// Name of the file, in the data folder.
 const NAME: &str = "schedule.json";
-/// The longest that is read.
+/// Maximum length of a file that is read.
 const MAX_LEN: u64 = 1 << 16;
-/// Records that may wait for the disk; the newest is written.
+/// Capacity of the queue to the writing thread, which writes the newest record.
 const WAITING: usize = 4;
-/// After this a record that could not be written is tried again.
+/// Time until a failed write is retried.
 const AGAIN: Duration = Duration::from_secs(10);
 
 /// See the module.
@@ -30,8 +30,8 @@ enum Writer {
 }
 
 impl RecordFile {
-    /// Reads what there is in this data folder, and keeps what comes there. What cannot be read is said
-    /// in the log, and nothing is known then.
+    /// Reads the record in this data folder, and opens the file for new ones. If the file cannot be
+    /// read, this is logged and the record is empty.
     pub fn open(data: &Path) -> (Record, Option<RecordFile>) {
         let Some((record, disk)) = Disk::open(data) else {
             return (Record::default(), None);
@@ -43,8 +43,8 @@ impl RecordFile {
         (record, started.is_ok().then_some(file))
     }
 
-    /// The same for a laboratory, whose time stands still while the disk works: what is kept is written
-    /// at once, by the caller's thread.
+    /// Same as [`RecordFile::open`] for a laboratory, whose time stands still while the disk works:
+    /// records are written at once, on the caller's thread.
     pub fn open_in_lab(data: &Path) -> (Record, Option<RecordFile>) {
         match Disk::open(data) {
             Some((record, disk)) => (record, Some(RecordFile(Writer::Here(Arc::new(disk))))),
@@ -52,8 +52,8 @@ impl RecordFile {
         }
     }
 
-    /// Keeps this from now on, and says whether it does. Never waits: when the disk takes nothing, this
-    /// one is left out, to be given again.
+    /// Queues a record to be written; returns whether it was accepted. Does not wait for the disk:
+    /// if the queue is full, the record is dropped, and the caller has to pass it again.
     pub(super) fn keep(&self, record: Record) -> bool {
         match &self.0 {
             Writer::Thread(records) => records.try_send(record).is_ok(),
@@ -62,7 +62,7 @@ impl RecordFile {
     }
 }
 
-/// Whether a record is to be written: when something begins or ends, and every hour.
+/// Whether a record must be written: when something starts or ends, and every hour.
 pub(super) fn is_news(old: Option<&Record>, record: &Record) -> bool {
     old.is_none_or(|old| {
         let passed = record.looked.zip(old.looked);
@@ -71,7 +71,7 @@ pub(super) fn is_news(old: Option<&Record>, record: &Record) -> bool {
     })
 }
 
-/// Where it is kept.
+/// The file on the disk.
 #[derive(Debug)]
 struct Disk {
     folder: Folder,
@@ -80,7 +80,7 @@ struct Disk {
 }
 
 impl Disk {
-    /// Also what is there.
+    /// Opens the folder and reads the existing record.
     fn open(data: &Path) -> Option<(Record, Disk)> {
         let folder = match Folder::make(data) {
             Ok(folder) => folder,
@@ -117,9 +117,9 @@ impl Disk {
         })
     }
 
-    /// Whether it is written.
+    /// Writes the record. Returns false if that failed.
     fn write(&self, record: &Record) -> bool {
-        // A record has no key that JSON could not have.
+        // Serialisation cannot fail: all keys of a record are strings.
         let Ok(bytes) = serde_json::to_vec(record) else {
             return true;
         };
@@ -133,8 +133,8 @@ impl Disk {
     }
 }
 
-/// Until nobody has records any more. One that could not be written is tried again unless a newer one
-/// has come.
+/// Writes records until the queue is closed. A failed write is retried, unless a newer record has
+/// arrived.
 fn write_all(disk: &Disk, records: &Receiver<Record>) {
     let mut unwritten: Option<Record> = None;
     loop {
@@ -160,7 +160,7 @@ mod tests {
     use crate::timetable::UnderWay;
 
     #[test]
-    fn what_is_kept_is_there_for_the_next_one_and_garbage_is_nothing() {
+    fn a_record_survives_a_restart_and_an_invalid_file_is_ignored() {
         let home = tempfile::tempdir().unwrap();
         let (none, file) = RecordFile::open(home.path());
         assert_eq!(none, Record::default());
@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn in_a_laboratory_it_is_written_before_time_goes_on() {
+    fn in_a_laboratory_records_are_written_at_once() {
         let home = tempfile::tempdir().unwrap();
         let (_, file) = RecordFile::open_in_lab(home.path());
         let record = Record {
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_full_disk_did_not_take_is_given_again() {
+    fn a_failed_write_can_be_repeated() {
         let home = tempfile::tempdir().unwrap();
         let (_, file) = RecordFile::open_in_lab(home.path());
         // A folder in the file's place takes no record.

@@ -2,20 +2,21 @@
 
 use std::path::Path;
 
-/// What differs from house to house.
+/// The settings of the unit that differ between installations.
 #[derive(Debug, Clone)]
 pub struct Unit<'a> {
-    /// The program.
+    /// The program's path.
     pub program: &'a Path,
-    /// Its config.
+    /// The config's path.
     pub config: &'a Path,
-    /// A file with the robot's password, which the manager hands over; none: the robot's usual one.
+    /// A file with the robot's password, which systemd passes to the service; `None`: the robot's
+    /// default password.
     pub password: Option<&'a Path>,
-    /// A user of this computer who runs it; none: systemd makes one, called spykee.
+    /// The user that runs the service; `None`: systemd creates one, called spykee.
     pub user: Option<&'a str>,
 }
 
-/// The text of the unit.
+/// Returns the text of the unit.
 pub fn unit(unit: &Unit<'_>) -> String {
     let (program, config) = (escaped(unit.program), escaped(unit.config));
     let password = unit.password.map_or_else(String::new, |path| {
@@ -32,7 +33,7 @@ pub fn unit(unit: &Unit<'_>) -> String {
         .replace("@PASSWORD@\n", &password)
 }
 
-/// As a word of a unit's line.
+/// Escapes a path for a line of the unit.
 fn escaped(path: &Path) -> String {
     let text = path.display().to_string().replace('%', "%%");
     if text.contains([' ', '"', '\\', '\'']) {
@@ -49,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_unit_names_program_config_and_password_and_nothing_else_is_left_open() {
+    fn all_placeholders_of_the_unit_are_filled() {
         let of = Unit {
             program: Path::new("/opt/my robot/spykee"),
             config: Path::new("/etc/spykee/100%.yaml"),

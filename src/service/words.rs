@@ -1,4 +1,4 @@
-//! What a service says of itself, for people.
+//! The service's log messages and status line.
 
 use jiff::Timestamp;
 use tracing::{info, warn};
@@ -10,7 +10,8 @@ use crate::robot::DockEnd;
 use crate::robot::channel::Quiet;
 use crate::timetable::Notice;
 
-/// Says in the log what the timetable has to tell. A start that did not happen: whose, and why.
+/// Logs a notice of the timetable. For a start that did not happen, returns the behaviour and the
+/// reason.
 pub(super) fn tell<'a>(told: &'a Notice, zone: &Zone) -> Option<(&'a str, &'static str)> {
     let time = |at: &Timestamp| clock::words(&zone.time(*at));
     match told {
@@ -48,7 +49,7 @@ pub(super) fn tell<'a>(told: &'a Notice, zone: &Zone) -> Option<(&'a str, &'stat
     }
 }
 
-/// Says in the log what is quiet from now on.
+/// Logs a change of the quiet hours.
 pub(super) fn tell_quiet(quiet: Quiet) {
     match quiet {
         Quiet::Off => info!("quiet hours are over"),
@@ -57,7 +58,7 @@ pub(super) fn tell_quiet(quiet: Quiet) {
     }
 }
 
-/// Says in the log how an idle robot came home, and whether it did.
+/// Logs the result of sending an idle robot to its station. Returns whether it arrived.
 pub(super) fn tell_home(ended: &Result<Docked, SeatError>) -> bool {
     let why = match ended {
         Ok(Docked {
@@ -74,7 +75,8 @@ pub(super) fn tell_home(ended: &Result<Docked, SeatError>) -> bool {
     false
 }
 
-/// What the system's manager shows: the robot, what runs, and what comes next.
+/// Returns the status line for the service manager: the robot, the running behaviours, and the next
+/// start.
 pub(super) fn status<'a>(
     status: &Status,
     running: impl Iterator<Item = &'a str>,
@@ -88,7 +90,7 @@ pub(super) fn status<'a>(
     };
     let running: Vec<&str> = running.collect();
     let running = if running.is_empty() {
-        "nothing runs".to_owned()
+        "no behaviour runs".to_owned()
     } else {
         running.join(", ")
     };

@@ -1,61 +1,62 @@
-//! What the planner wants done, and what a person should know of it.
+//! The planner's decisions, and its notices for people.
 
 use std::time::Duration;
 
 use jiff::Timestamp;
 
-/// What is to be done.
+/// A decision of the planner.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Act {
-    /// Start a behaviour. How that went is told by [`Planner::ended`](super::Planner::ended), if it failed.
+    /// Start a behaviour. If that fails, the caller reports it with
+    /// [`Planner::ended`](super::Planner::ended).
     Start {
-        /// Which.
+        /// The behaviour.
         run: String,
-        /// When that was planned.
+        /// The planned time.
         planned: Timestamp,
-        /// It will be ended after this.
+        /// It will be ended after this time.
         lasts: Option<Duration>,
-        /// It was under way when the program ended.
+        /// Whether this resumes a run that was under way when the program ended.
         resumed: bool,
     },
     /// End a behaviour: its time is over.
     End {
-        /// Which.
+        /// The behaviour.
         run: String,
     },
-    /// Tell a person.
+    /// Inform people.
     Tell(Notice),
 }
 
-/// What a person should know.
+/// A notice for people.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Notice {
-    /// A start was missed: the program did not run then.
+    /// Starts were missed: the program did not run, or the clock was not set.
     Missed {
-        /// Which behaviour.
+        /// The behaviour.
         run: String,
-        /// The newest that was missed.
+        /// The planned time of the latest missed start.
         planned: Timestamp,
-        /// How many.
+        /// The number of missed starts.
         count: usize,
     },
-    /// A start was missed: there was no robot until it was too late.
+    /// A start was missed: no robot was connected before it was too late.
     NoRobot {
-        /// Which behaviour.
+        /// The behaviour.
         run: String,
-        /// When that was planned.
+        /// The planned time.
         planned: Timestamp,
     },
-    /// A start is refused: the behaviour still runs.
+    /// A start was skipped: the behaviour still runs.
     Overlap {
-        /// Which behaviour.
+        /// The behaviour.
         run: String,
-        /// When that was planned.
+        /// The planned time.
         planned: Timestamp,
     },
-    /// The clock was set, by so many seconds.
+    /// The clock was set.
     ClockSet {
-        /// Negative: back.
+        /// By how many seconds; negative: back.
         seconds: i64,
     },
 }

@@ -1,45 +1,45 @@
-//! What the timetable will do, and what it will not and why.
+//! Predicts the starts of the timetable, and which will not happen and why.
 
 use jiff::Timestamp;
 
 use super::Timetable;
 
-/// The most lines that are looked for behind one another.
+/// Maximum number of predicted starts.
 const MOST: usize = 10_000;
 
-/// One start to come.
+/// One future start.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Outlook {
-    /// When.
+    /// The time.
     pub at: Timestamp,
     /// The behaviour.
     pub run: String,
-    /// When it is ended, if it has not ended by itself.
+    /// When it is ended, if it has not ended on its own.
     pub until: Option<Timestamp>,
-    /// What is to be said of it.
+    /// Remarks about this start.
     pub reasons: Vec<Reason>,
 }
 
 impl Outlook {
-    /// Whether it will be started, as far as can be foreseen.
+    /// Whether the behaviour will be started, as far as can be predicted.
     pub fn happens(&self) -> bool {
         self.reasons.iter().all(|reason| *reason == Reason::Quiet)
     }
 }
 
-/// What is to be said of a start to come.
+/// A remark about a future start.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reason {
-    /// It makes no sound and shows no bright light then.
+    /// It is a quiet hour: no sounds and no headlight.
     Quiet,
-    /// It still runs from the start before.
+    /// It still runs from an earlier start.
     Overlap,
-    /// The config has no such behaviour.
+    /// The config has no behaviour of this name.
     Unknown,
 }
 
 impl Timetable {
-    /// What is wrong with the names, in the order of the rules: those that no behaviour has.
+    /// Returns the names in the rules that no behaviour has, in the order of the rules.
     pub fn unknown<'a>(&'a self, known: &[String]) -> Vec<&'a str> {
         let runs = self.rules.iter().map(|rule| rule.run.as_str());
         runs.filter(|run| !known.iter().any(|name| name == run))
@@ -47,7 +47,8 @@ impl Timetable {
     }
 }
 
-/// The next starts after an instant, if all goes as planned; `known` are the config's behaviours.
+/// Returns the next starts after an instant, assuming that every run lasts as planned. `known` are
+/// the config's behaviours.
 pub fn outlook(
     table: &Timetable,
     known: &[String],

@@ -1,4 +1,5 @@
-//! A pattern of times, such as `0 9,21 * * *`: minute, hour, day of the month, month, day of the week.
+//! A pattern of times, such as `0 9,21 * * *`: minute, hour, day of the month, month, and day of
+//! the week.
 
 use std::fmt;
 use std::str::FromStr;
@@ -14,10 +15,10 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::error::TimetableError;
 use crate::clock::Zone;
 
-/// Times of the clock on the wall that are looked at before the search is given up: the clock is never
-/// put back so far that more of them come twice.
+/// Maximum number of wall clock times that a search tries: the clock is never put back so far that
+/// more of them occur twice.
 const MOST_TRIES: u32 = 4 * 60;
-/// The longest pattern.
+/// Maximum length of a pattern, in bytes.
 const MAX_LEN: usize = 200;
 
 /// See the module.
@@ -25,12 +26,12 @@ const MAX_LEN: usize = 200;
 pub struct Pattern {
     text: String,
     cron: Cron,
-    /// It names no hours.
+    /// Whether it names no hours.
     intervals: bool,
 }
 
 impl Pattern {
-    /// The first time after this instant; `None`: there is none.
+    /// Returns the first time after this instant; `None` if there is none.
     pub fn next_after(&self, after: Timestamp, zone: &Zone) -> Option<Timestamp> {
         if self.intervals {
             let next = self.cron.find_next_occurrence(&zone.time(after), false);
@@ -47,7 +48,7 @@ impl Pattern {
         None
     }
 
-    /// As if the clock were never changed.
+    /// Returns the next wall clock time, ignoring clock changes.
     fn next_on_the_wall(&self, after: DateTime) -> Option<DateTime> {
         let after = after.to_zoned(TimeZone::UTC).ok()?;
         let next = self.cron.find_next_occurrence(&after, false).ok()?;
@@ -55,7 +56,8 @@ impl Pattern {
     }
 }
 
-/// When the clock first shows this, or first shows something later because this is left out.
+/// Returns the instant at which the clock first shows this time, or, if the time is skipped, the
+/// instant of the clock change.
 fn first_instant(at: DateTime, zone: &TimeZone) -> Option<Timestamp> {
     let ambiguous = zone.to_ambiguous_zoned(at);
     match ambiguous.offset() {
@@ -81,13 +83,13 @@ impl FromStr for Pattern {
         if text.len() > MAX_LEN {
             return Err(TimetableError::LongPattern);
         }
-        // Such a list may match no time at all, which a search through all years would find out.
+        // Such a list may match no time at all, which only a search through all years would show.
         if text
             .split_whitespace()
             .flat_map(|field| field.split(','))
             .any(str::is_empty)
         {
-            return Err(wrong("a list has a comma with nothing beside it"));
+            return Err(wrong("a list contains an empty item"));
         }
         let parser = CronParser::builder()
             .seconds(Seconds::Disallowed)
@@ -95,7 +97,7 @@ impl FromStr for Pattern {
             .build();
         let parsed = parser.parse(text);
         let cron = parsed.map_err(|error| {
-            // The parser quotes a long number several times.
+            // Limit the length: the parser quotes a long number several times.
             let why: String = error.to_string().chars().take(MAX_LEN).collect();
             wrong(why.trim_end_matches('.'))
         })?;
@@ -108,11 +110,11 @@ impl FromStr for Pattern {
             cron,
             intervals: hourly || (!nickname && hours.is_some_and(counts)),
         };
-        // A day that no year has, such as the 30th of February.
+        // Reject a day that no year has, such as the 30th of February.
         let begin = jiff::civil::date(2024, 1, 1).at(0, 0, 0, 0);
         match pattern.next_on_the_wall(begin) {
             Some(_) => Ok(pattern),
-            None => Err(wrong("no day is like that")),
+            None => Err(wrong("it matches no day")),
         }
     }
 }
@@ -162,7 +164,7 @@ mod tests {
         "Europe/Rome".parse().unwrap()
     }
 
-    /// Of this many times after a date, as the wall shows them.
+    /// Returns this many times after a date, as shown by the wall clock.
     fn times(pattern: &str, from: &str, count: usize) -> Vec<String> {
         let (pattern, zone): (Pattern, Zone) = (pattern.parse().unwrap(), rome());
         let mut at = from.parse::<crate::clock::Date>().unwrap().at(&zone);
@@ -174,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn a_list_with_nothing_beside_a_comma_is_refused() {
+    fn a_list_with_an_empty_item_is_refused() {
         for text in [
             ", 9,2 * * *",
             "0 9,,21 * * *",
@@ -183,12 +185,12 @@ mod tests {
             "0 0 1 1 ,1",
         ] {
             let error = text.parse::<Pattern>().unwrap_err().to_string();
-            assert!(error.contains("nothing beside it"), "{text}: {error}");
+            assert!(error.contains("an empty item"), "{text}: {error}");
         }
     }
 
     #[test]
-    fn nine_oclock_is_nine_oclock_on_both_sides_of_a_change() {
+    fn local_times_stay_the_same_across_a_clock_change() {
         let spring = times("0 9,21 * * *", "2026-03-28 12:00", 3);
         assert_eq!(
             spring,
@@ -202,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn what_falls_into_the_hour_that_is_left_out_begins_after_the_change_and_once() {
+    fn a_start_in_the_skipped_hour_happens_once_after_the_change() {
         let expected = ["28 02:30 +01:00", "29 03:00 +02:00", "30 02:30 +02:00"];
         assert_eq!(times("30 2 * * *", "2026-03-28 01:00", 3), expected);
         let several = times("0,30 2,14 * * *", "2026-03-29 01:00", 3);
@@ -213,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_that_comes_twice_counts_the_first_time() {
+    fn a_time_that_occurs_twice_counts_the_first_time() {
         let expected = ["24 02:30 +02:00", "25 02:30 +02:00", "26 02:30 +01:00"];
         assert_eq!(times("30 2 * * *", "2026-10-24 01:00", 3), expected);
         let several = times("0,30 2,14 * * *", "2026-10-25 01:00", 3);
@@ -224,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn intervals_go_on_through_both_changes() {
+    fn intervals_continue_through_both_changes() {
         let spring = times("*/30 * * * *", "2026-03-29 01:10", 3);
         assert_eq!(
             spring,
@@ -241,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn a_year_of_nine_and_twenty_one_has_two_starts_every_day() {
+    fn a_pattern_with_two_hours_has_two_starts_every_day_of_a_year() {
         let (pattern, zone): (Pattern, Zone) = ("0 9,21 * * *".parse().unwrap(), rome());
         let begin: crate::clock::Date = "2026-01-01 00:00".parse().unwrap();
         let (mut at, mut starts) = (begin.at(&zone), 0);
@@ -260,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_pattern_is_refused_in_words() {
+    fn an_invalid_pattern_is_refused_with_an_explanation() {
         for wrong in [
             "",
             "9:00",

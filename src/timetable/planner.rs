@@ -1,5 +1,5 @@
-//! Decides what is started and ended. A state machine: it is told the time of day and how things stand,
-//! and says what is to be done; it never waits and never asks a clock.
+//! Decides which behaviours are started and ended. A state machine: takes the time of day and other
+//! facts, returns decisions; it never waits and never reads a clock.
 
 use std::time::Duration;
 
@@ -11,25 +11,27 @@ use super::record::{Record, UnderWay};
 use super::rule::Timetable;
 use crate::clock::is_plausible;
 
-/// A start this late is still in time: the service looks at the clock several times a minute.
+/// A start this late is still on time: the service polls several times a minute.
 const GRACE: Duration = Duration::from_secs(60);
-/// The clock was set if it has gone so much more, or less, than time has passed.
+/// The clock was set if it has advanced this much more, or less, than the elapsed time.
 const SET: SignedDuration = SignedDuration::from_secs(30);
-/// A clock that was put back by less repeats no start; put back by more, the day begins anew from there.
+/// If the clock is put back by at most this, no start is repeated; if by more, planning restarts at
+/// the time it shows.
 const BACK: SignedDuration = SignedDuration::from_hours(1);
-/// Starts of one rule that are looked at when the clock has leapt; the rest was missed anyway.
+/// Maximum number of starts of one rule that are counted after a leap of the clock; the rest was
+/// missed anyway.
 const MOST_MISSED: usize = 1000;
 
-/// How things stand.
+/// The facts for a decision.
 #[derive(Debug, Clone, Copy)]
 pub struct Facts<'a> {
     /// The time of day.
     pub now: Timestamp,
-    /// The time that passes, whatever the clock shows.
+    /// The monotonic time.
     pub at: Instant,
-    /// There is a robot that could drive.
+    /// Whether a robot is connected.
     pub ready: bool,
-    /// The behaviours that run, started by the timetable or not.
+    /// The running behaviours, started by the timetable or not.
     pub running: &'a [String],
 }
 
@@ -39,7 +41,7 @@ struct Due {
     run: String,
     planned: Timestamp,
     lasts: Option<Duration>,
-    /// It was under way before, and its time may be over already when there is a robot again.
+    /// Whether this resumes an interrupted run.
     resumed: bool,
     over: Option<Instant>,
 }
@@ -49,7 +51,7 @@ struct Due {
 struct Started {
     run: String,
     planned: Timestamp,
-    /// When it is ended.
+    /// When it must be ended.
     until: Option<(Instant, Timestamp)>,
     ending: bool,
 }
@@ -59,9 +61,9 @@ struct Started {
 pub struct Planner {
     table: Timetable,
     record: Record,
-    /// What the clock showed last, and when.
+    /// The clock time at the last poll, and its monotonic time.
     seen: Option<(Timestamp, Instant)>,
-    /// Starts up to here are dealt with.
+    /// Starts up to this time are handled.
     looked: Option<Timestamp>,
     /// The next start of each rule.
     next: Vec<Option<Timestamp>>,
@@ -70,7 +72,7 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// Goes on where the record ends.
+    /// Creates a planner that continues where the record ends.
     pub fn new(table: Timetable, record: Record) -> Planner {
         Planner {
             table,
@@ -83,7 +85,7 @@ impl Planner {
         }
     }
 
-    /// Another timetable from now on. What was started goes on as it was to.
+    /// Replaces the timetable. Runs already started keep their planned end.
     pub fn replace(&mut self, table: Timetable) {
         self.due
             .retain(|due| table.rules.iter().any(|rule| rule.run == due.run));
@@ -93,24 +95,24 @@ impl Planner {
         }
     }
 
-    /// Whether a start waits for the robot.
+    /// Whether a start is waiting for the robot.
     pub fn is_due(&self) -> bool {
         !self.due.is_empty()
     }
 
-    /// The next start after what the clock showed last, and the behaviour.
+    /// Returns the next start after the last poll, and its behaviour.
     pub fn next_start(&self) -> Option<(Timestamp, &str)> {
         let next = self.next.iter().zip(&self.table.rules);
         let next = next.filter_map(|(at, rule)| Some(((*at)?, rule.run.as_str())));
         next.min()
     }
 
-    /// A behaviour has ended, or could not be started.
+    /// Records that a behaviour has ended, or could not be started.
     pub fn ended(&mut self, run: &str) {
         self.started.retain(|one| one.run != run);
     }
 
-    /// What the next program must know.
+    /// Returns the record from which the next program continues.
     pub fn record(&self) -> Record {
         let waiting = self.due.iter().filter(|due| due.resumed);
         let waiting = waiting.map(|due| (&due.run, due.planned, due.lasts));
@@ -139,18 +141,18 @@ impl Planner {
         }
     }
 
-    /// When to ask again at the latest, unless something happens.
+    /// Returns the longest time until the next poll, unless something happens before.
     pub fn pause(&self, now: Timestamp, at: Instant) -> Duration {
         let next = self.next_start().map(|(next, _)| next.duration_since(now));
         let next = next.map(|next| next.unsigned_abs());
         let ends = self.started.iter().filter_map(|one| one.until);
         let ends = ends.map(|(until, _)| until.saturating_duration_since(at));
         let soonest = ends.chain(next).min().unwrap_or(GRACE);
-        // A clock may be set meanwhile.
+        // The clock may be set meanwhile.
         soonest.clamp(Duration::from_millis(100), GRACE / 4)
     }
 
-    /// What is to be done now.
+    /// Returns what must be done now.
     pub fn poll(&mut self, facts: Facts<'_>) -> Vec<Act> {
         if !is_plausible(facts.now) {
             return Vec::new();
@@ -166,7 +168,7 @@ impl Planner {
         acts
     }
 
-    /// Whether the clock shows a time that was not dealt with yet.
+    /// Detects changes of the clock. Returns whether it shows a time that is not handled yet.
     fn see_clock(&mut self, facts: Facts<'_>, acts: &mut Vec<Act>) -> bool {
         let seen = self.seen.replace((facts.now, facts.at));
         let (Some((before, at)), Some(looked)) = (seen, self.looked) else {
@@ -186,7 +188,7 @@ impl Planner {
         facts.now >= looked
     }
 
-    /// The first look at a clock.
+    /// Initialises the planner at the first poll.
     fn begin(&mut self, facts: Facts<'_>) {
         let now = facts.now;
         let earliest = now
@@ -227,7 +229,7 @@ impl Planner {
         self.next = next.collect();
     }
 
-    /// Takes the starts whose time has come; those that are too late are told.
+    /// Collects the starts whose time has come; reports those that are too late.
     fn collect(&mut self, now: Timestamp, acts: &mut Vec<Act>) {
         for (rule, next) in self.table.rules.iter().zip(&mut self.next) {
             let recent = now.checked_sub(self.table.catch_up.get()).unwrap_or(now);

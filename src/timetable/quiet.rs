@@ -1,4 +1,4 @@
-//! Hours in which the robot makes no sound and shows no bright light.
+//! The quiet hours, in which the robot makes no sound and its headlight stays off.
 
 use std::fmt;
 use std::str::FromStr;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::error::TimetableError;
 use crate::clock::Zone;
 
-/// From one time of day to another, on the next day if that is earlier.
+/// A span from one time of day to another, which is on the next day if it is earlier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Quiet {
     from: Time,
@@ -19,7 +19,7 @@ pub struct Quiet {
 }
 
 impl Quiet {
-    /// Whether it is to be quiet at this instant.
+    /// Whether this instant is in the quiet hours.
     pub fn covers(&self, instant: Timestamp, zone: &Zone) -> bool {
         let time = zone.time(instant).time();
         if self.from <= self.to {

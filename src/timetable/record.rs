@@ -1,23 +1,24 @@
-//! What outlives the program: what was started, and until when the timetable is dealt with.
+//! The planner's state that outlives the program: the runs that were started, and up to when the
+//! timetable is handled.
 
 use serde::{Deserialize, Serialize};
 
-/// What a program that starts must know of the one before.
+/// What a new program must know of the previous one.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Record {
-    /// Starts up to here are dealt with; seconds since 1970.
+    /// Starts up to this time are handled; seconds since 1970.
     pub looked: Option<i64>,
-    /// What was started and has not ended.
+    /// The runs that were started and have not ended.
     pub under_way: Vec<UnderWay>,
 }
 
 /// A run that the timetable has started.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UnderWay {
-    /// Which behaviour.
+    /// The behaviour.
     pub run: String,
-    /// When that was planned; seconds since 1970.
+    /// The planned time; seconds since 1970.
     pub planned: i64,
-    /// When it is to be ended; seconds since 1970.
+    /// When it must be ended; seconds since 1970.
     pub until: Option<i64>,
 }

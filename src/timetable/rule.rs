@@ -1,4 +1,4 @@
-//! The timetable as the config has it.
+//! The timetable of the config.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{Pattern, Quiet};
 use crate::clock::{Span, Zone};
 
-/// One line of the timetable.
+/// One rule of the timetable.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Rule {
@@ -15,21 +15,21 @@ pub struct Rule {
     /// The start times: minute, hour, day of the month, month, day of the week.
     #[schemars(with = "String")]
     pub at: Pattern,
-    /// The longest run, such as `30m` [default: until it ends by itself].
+    /// The longest run, such as `30m` [default: until it ends on its own].
     #[serde(rename = "for", default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<String>")]
     pub lasts: Option<Span>,
 }
 
-/// All lines, and what holds for them.
+/// All rules, and the settings that apply to them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Timetable {
     /// In the order of the config.
     pub rules: Vec<Rule>,
-    /// Whose clock is meant.
+    /// The time zone of all times.
     pub zone: Zone,
-    /// When it is to be quiet.
+    /// The quiet hours.
     pub quiet: Option<Quiet>,
-    /// A start that was missed by less than this is made up for.
+    /// A start that was missed by at most this is made up for.
     pub catch_up: Span,
 }

@@ -1,19 +1,19 @@
-//! What comes next, for display.
+//! The view of the timetable for display.
 
 use jiff::Timestamp;
 use tokio::sync::watch;
 
-/// What a service will do, and does now. A run without a timetable has nothing of both.
+/// The next start and the quiet hours. Both are unset in a run without a timetable.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct View {
-    /// The next start of the timetable: when, and the behaviour.
+    /// The next start of the timetable: its time and its behaviour.
     pub next: Option<(Timestamp, String)>,
-    /// It is a quiet hour.
+    /// Whether it is a quiet hour.
     pub quiet: bool,
 }
 
 impl View {
-    /// Where a service tells, and where that is seen.
+    /// Creates the channel through which a service publishes its view.
     pub fn channel() -> (watch::Sender<View>, watch::Receiver<View>) {
         watch::channel(View::default())
     }

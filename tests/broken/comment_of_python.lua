@@ -1,4 +1,4 @@
 -- # of Python.
--- expect: check 3: this is no comment here
+-- expect: check 3: this is not a comment here
 # says hello
 print("hello")

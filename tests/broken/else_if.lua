@@ -1,5 +1,5 @@
 -- elseif in two words.
--- expect: check 6: `else if` begins a second if, which needs an end of its own
+-- expect: check 6: `else if` begins a second if, which needs its own end
 local level = 5
 if level > 50 then
 	print("much")

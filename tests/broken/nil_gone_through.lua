@@ -1,5 +1,5 @@
 -- A loop through nil.
--- expect: run 4: `seen.balls` is nil here, so nothing can be gone through
+-- expect: run 4: `seen.balls` is nil here, so a loop cannot go through it
 local seen = {}
 for _, ball in seen.balls do
 	print(ball)

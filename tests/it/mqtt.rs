@@ -95,8 +95,7 @@ async fn retained_orders_are_ignored_and_no_order_runs_twice_when_the_broker_res
     ear.waits_for_text(0, "spykee/SPYKEE0001/command", "return_to_base")
         .await;
     let run = start(&rig, &broker, IDLE);
-    run.says("an order that the broker has kept is ignored")
-        .await;
+    run.says("a retained order is ignored").await;
     ear.say("spykee/SPYKEE0001/command", "locate", false).await;
     let laser = |one: &Command| *one == Command::Play(Sound::Laser);
     rig.heard(0, laser).await;
@@ -111,7 +110,7 @@ async fn retained_orders_are_ignored_and_no_order_runs_twice_when_the_broker_res
         loop {
             ear.say("spykee/SPYKEE0001/command", "stop", false).await;
             tokio::time::sleep(Duration::from_millis(300)).await;
-            if run.text().contains("asks by the broker: stop") {
+            if run.text().contains("order from the broker: stop") {
                 return;
             }
         }

@@ -172,7 +172,7 @@ async fn a_webhook_that_fails_receives_the_message_after_a_pause() {
         (asked[0].text(), asked[1].text()),
         ("hello".into(), "hello".into())
     );
-    run.says("it answers 500").await;
+    run.says("it responds with the status 500").await;
     run.says("notification sent").await;
 }
 
@@ -296,7 +296,7 @@ async fn notify_test_reports_its_result_and_a_found_config_starts_no_program() {
     );
     let (code, text) = test(&[&["phone"], &named[..]].concat()).await;
     assert!(
-        code == Some(4) && text.contains("phone: not sent: it answers 404"),
+        code == Some(4) && text.contains("phone: not sent: it responds with the status 404"),
         "{text}"
     );
     let (code, text) = test(&[&["fax"], &named[..]].concat()).await;

@@ -173,7 +173,7 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
     )
     .await;
     assert_eq!(
-        (code, text.contains("does not let us in")),
+        (code, text.contains("denies access")),
         (Some(3), true),
         "{text}"
     );

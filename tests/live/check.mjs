@@ -332,7 +332,7 @@ const promises = {
     const page = await open(browser, run);
     await page.getByLabel("Password or token").fill("wrong one");
     await button(page, "Log in").click();
-    await page.getByText("that is not the password").waitFor();
+    await page.getByText("wrong password or token").waitFor();
     await keep(page, "login");
     await page.getByLabel("Password or token").fill("only to look");
     await button(page, "Log in").click();

@@ -10,7 +10,7 @@ use crate::script::Options;
 
 const JPEG: &[u8] = include_bytes!("../../../tests/fixtures/ball-422.jpg");
 
-/// A host of a script, and what goes in and out.
+/// Starts a host for a script; returns the agent's ends of its pipe.
 async fn host_of(source: &str) -> (Sender<ToHost>, Receiver<FromHost>) {
     let (near, far) = tokio::io::duplex(1 << 20);
     let (reader, writer) = tokio::io::split(far);
@@ -32,8 +32,8 @@ fn frame(seq: u64) -> ToHost {
     ToHost::Frame(Frame { seq, at, jpeg })
 }
 
-/// Whether the host wants to look ahead, the next time that it wants a frame; and what the script
-/// has written before.
+/// Waits for the next frame request. Returns whether it asks for partial frames, and the lines the
+/// script logged before it.
 async fn wish(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
     let mut lines = Vec::new();
     loop {
@@ -47,7 +47,7 @@ async fn wish(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
 }
 
 #[tokio::test(flavor = "local")]
-async fn a_script_that_looks_sees_the_same_frame_in_whatever_parts_it_comes() {
+async fn a_script_sees_the_same_frame_however_it_is_split_into_parts() {
     let look = "robot.on('frame', function(f) print(f:find_blobs('red')[1].pixels) end)";
     let (mut to, mut from) = host_of(look).await;
     assert!(!wish(&mut from).await.0);
@@ -67,7 +67,7 @@ async fn a_script_that_looks_sees_the_same_frame_in_whatever_parts_it_comes() {
         to.send(&frame(number as u64 + 2)).await.unwrap();
         assert_eq!(wish(&mut from).await, (true, seen.clone()));
     }
-    // A part in between was lost.
+    // A part in the middle was lost.
     let jpeg = Bytes::from_static(&JPEG[900..]);
     to.send(&ToHost::Ahead { at: 900, jpeg }).await.unwrap();
     to.send(&frame(9)).await.unwrap();
@@ -75,7 +75,7 @@ async fn a_script_that_looks_sees_the_same_frame_in_whatever_parts_it_comes() {
 }
 
 #[tokio::test(flavor = "local")]
-async fn nothing_is_decoded_for_a_script_that_does_not_look() {
+async fn partial_frames_are_not_requested_for_a_script_without_vision() {
     let (mut to, mut from) = host_of("robot.on('frame', function(f) print(f.seq) end)").await;
     wish(&mut from).await;
     to.send(&frame(1)).await.unwrap();

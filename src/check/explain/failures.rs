@@ -1,4 +1,4 @@
-//! One remark for each kind of failure that the VM knows.
+//! One explanation for each kind of failure that the VM reports.
 
 use super::super::kinds::ValueKind;
 use super::super::tree::{Expr, ExprKind, StatementKind};
@@ -31,7 +31,7 @@ impl<'a> Scene<'a> {
         let name = self.text(object);
         let message = match whole.kind {
             ExprKind::Item(..) => {
-                format!("{}, so nothing can be read of it", self.is(object, what))
+                format!("{}, so nothing can be read from it", self.is(object, what))
             }
             ExprKind::Method(..) => format!(
                 "{}, so `{name}:{key}()` cannot be called",
@@ -69,8 +69,8 @@ impl<'a> Scene<'a> {
             _ => None,
         })?;
         let help = match (&callee.kind, what) {
-            (ExprKind::Field(_, name, _), "nil") => format!("there is no function of the name `{name}` there; check its spelling"),
-            (_, "nil") => "there is no function of that name here; check its spelling, and that it is made above this line".to_owned(),
+            (ExprKind::Field(_, name, _), "nil") => format!("there is no function called `{name}` there; check its spelling"),
+            (_, "nil") => "there is no function of that name here; check its spelling, and that it is defined above this line".to_owned(),
             _ => "only functions can be called".to_owned(),
         };
         let message = format!("{}, so it cannot be called", self.is(callee, what));
@@ -122,7 +122,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// The side of an operation on this line that is not what it should be.
+    /// Finds an operation on this line and returns its operand of the wrong type.
     pub(super) fn sides<'b>(
         &self,
         operator: &str,
@@ -222,7 +222,7 @@ impl<'a> Scene<'a> {
                 StatementKind::Each(_, values, _) => values.first(),
                 _ => None,
             })?;
-        let mut remark = self.operand(list, what, "so nothing can be gone through");
+        let mut remark = self.operand(list, what, "so a loop cannot go through it");
         if what == "number" {
             remark.help = format!("to count, write for i = 1, {} do", self.text(list));
         }

@@ -1,4 +1,4 @@
-//! What is known of an expression: what it may be, and why it is nil.
+//! What is known about an expression: its possible types, and why it may be nil.
 
 use super::super::kinds::ValueKind;
 use super::super::tree::{Expr, ExprKind, each_in_expr};
@@ -6,7 +6,7 @@ use super::Scene;
 use crate::api::{self, Need};
 
 impl<'a> Scene<'a> {
-    /// Whether an expression can be of this type of the language.
+    /// Whether an expression can have this Luau type.
     pub(super) fn may_be(&self, expr: &Expr, what: &str) -> bool {
         let kind = self.kind(expr);
         match what {
@@ -63,7 +63,7 @@ impl<'a> Scene<'a> {
     }
 
     pub(super) fn kind(&self, expr: &Expr) -> ValueKind<'a> {
-        // The scene's own expressions live as long as its tree.
+        // Look up the same expression in the scene, where it has the lifetime of the tree.
         let own = self.exprs.iter().find_map(|one| {
             let mut found = None;
             each_in_expr(one, &mut |part| {
@@ -78,12 +78,12 @@ impl<'a> Scene<'a> {
 
     pub(super) fn is(&self, expr: &Expr, what: &str) -> String {
         match expr.bare().kind {
-            ExprKind::Nil => "there is nil".to_owned(),
+            ExprKind::Nil => "this is nil".to_owned(),
             _ => format!("`{}` is {} here", self.text(expr), a(what)),
         }
     }
 
-    /// Why it may be nil, and what to do.
+    /// Says why the value may be nil, and what to do.
     pub(super) fn why(&self, expr: &Expr, what: &str) -> String {
         if what != "nil" && what != "nothing" {
             return match what {
@@ -126,7 +126,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Why the result of a call, or a thing of a list, may be nil; empty if that is not known.
+    /// Says why the result of a call, or an item of a list, may be nil; empty if unknown.
     pub(super) fn reason(&self, value: &Expr, number: usize) -> String {
         match &value.bare().kind {
             ExprKind::Item(list, _) => match self.kind_anywhere(list) {
@@ -173,7 +173,7 @@ impl<'a> Scene<'a> {
         }
     }
 
-    /// Also of an expression of another line.
+    /// Same as `kind`, but also for expressions on other lines.
     pub(super) fn kind_anywhere(&self, expr: &Expr) -> ValueKind<'a> {
         let mut found = None;
         self.kinds.tree.each_expr(&mut |part| {
@@ -185,7 +185,7 @@ impl<'a> Scene<'a> {
     }
 }
 
-/// A type of the language with its article.
+/// A Luau type with its article.
 pub(super) fn a(what: &str) -> String {
     match what {
         "nil" | "nothing" | "no value" => "nil".to_owned(),

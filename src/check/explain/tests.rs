@@ -1,7 +1,7 @@
 use super::explain;
 use crate::script::tests::failure_with;
 
-/// How a broken script fails on a robot that sees nothing.
+/// The message with which a broken script fails on a robot that sees nothing.
 fn failure_of(source: &str) -> String {
     failure_with(source, explain)
 }
@@ -23,7 +23,7 @@ fn a_failure_shows_the_line_with_a_caret_below_what_was_nil() {
 }
 
 #[test]
-fn the_words_of_the_vm_become_words_for_people() {
+fn errors_of_the_vm_are_explained_in_plain_words() {
     for (source, words) in [
         (
             "local f\nf()",
@@ -35,11 +35,11 @@ fn the_words_of_the_vm_become_words_for_people() {
         ),
         (
             "print(1 + nil)",
-            "test.lua:1: there is nil, so it cannot be used in arithmetic",
+            "test.lua:1: this is nil, so it cannot be used in arithmetic",
         ),
         (
             "print(1 < nil)",
-            "test.lua:1: there is nil, so it cannot be compared with < or >",
+            "test.lua:1: this is nil, so it cannot be compared with < or >",
         ),
         (
             "table.sort({1, 'a'})",

@@ -1,4 +1,4 @@
-//! Types, which only the compiler reads: they are passed over.
+//! Type annotations, which only the compiler reads: the parser skips them.
 
 use super::super::lexer::TokenKind;
 use super::super::tree::StatementKind;
@@ -25,7 +25,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// One type: pieces joined by `|`, `&`, `->` and `?`.
+    /// Skips one type: parts joined by `|`, `&`, `->` and `?`.
     pub(super) fn skip_type(&mut self) -> Parsed<()> {
         loop {
             while matches!(self.word(), "|" | "&" | "...") {
@@ -57,7 +57,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Behind the generics of a function's type its parameters stand.
+    /// Whether the parameters of a function type follow its generics.
     pub(super) fn word_follows_generics(&self) -> bool {
         self.word() == "(" && self.before().of(self.source) == ">"
     }

@@ -46,7 +46,7 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// An expression that ends before the next token.
+    /// Builds an expression that ends before the next token.
     pub(super) fn made(&self, start: Span, kind: ExprKind) -> Parsed<Expr> {
         let mut expr = Expr {
             kind,
@@ -190,7 +190,8 @@ impl<'a> Parser<'a> {
         Ok(Entry::Item(self.expr()?))
     }
 
-    /// A name or something in parentheses, and what is read or called of it.
+    /// Parses a name or a parenthesised expression with the field accesses and calls that follow
+    /// it.
     pub(super) fn suffixed(&mut self) -> Parsed<Expr> {
         let start = self.token().span;
         let mut expr = if self.accept("(") {
@@ -272,7 +273,7 @@ fn number(text: &str) -> Option<f64> {
     text.parse().ok()
 }
 
-/// A string without its quotes. Escapes stay as they are written: names have none.
+/// Returns a string without its quotes. Escapes are kept as written: names contain none.
 fn contents(text: &str) -> String {
     let inside = match text.strip_prefix('[') {
         Some(rest) => {

@@ -80,7 +80,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Statements that begin with a name, the soft keywords among them.
+    /// Parses statements that begin with a name, including the contextual keywords.
     pub(super) fn other_statement(&mut self) -> Parsed<StatementKind> {
         let exported = self.is_name(0, "export") && self.is_name(1, "type");
         if exported || (self.is_name(0, "type") && self.ahead(1).kind == TokenKind::Name) {
@@ -149,7 +149,7 @@ impl<'a> Parser<'a> {
         Ok(StatementKind::Local(ids, values))
     }
 
-    /// Names with or without types.
+    /// Parses a list of names, with or without types.
     pub(super) fn names(&mut self) -> Parsed<Vec<(&'a str, Span)>> {
         let mut names = Vec::new();
         loop {
@@ -170,7 +170,7 @@ impl<'a> Parser<'a> {
     pub(super) fn if_statement(&mut self) -> Parsed<StatementKind> {
         let mut arms = Vec::new();
         let mut otherwise = None;
-        // On `if` or `elseif`.
+        // The current token is `if` or `elseif`.
         loop {
             self.advance();
             let condition = self.expr()?;
@@ -229,7 +229,7 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// From the parameters to `end`.
+    /// Parses a function from its parameters to its `end`.
     pub(super) fn body(&mut self) -> Parsed<Body> {
         self.skip_generics()?;
         self.expect("(")?;

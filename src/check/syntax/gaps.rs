@@ -1,11 +1,11 @@
-//! What is missing or too much: an `end`, a bracket, a value, a word.
+//! Rules for missing or superfluous elements: an `end`, a bracket, a value, a word.
 
 use super::super::lexer::{Span, Token, TokenKind};
 use super::super::parser;
 use super::{Remark, Scene, closing, word};
 
 impl Scene<'_> {
-    /// Blocks as other languages write them.
+    /// Blocks written as in other languages, with `{` or `:`, or without `then` or `do`.
     pub(super) fn blocks(&self) -> Option<Remark> {
         let tokens = self.around();
         let (at, begins) = tokens.iter().enumerate().rfind(|(_, token)| {
@@ -61,7 +61,7 @@ impl Scene<'_> {
     pub(super) fn missing_end(&self) -> Option<Remark> {
         let rest = self.words.split_once("Expected 'end' (to close '")?.1;
         let (keyword, rest) = rest.split_once('\'')?;
-        // What the compiler thinks was forgotten further in is nearer to the truth.
+        // The compiler's hint at an inner block is more precise.
         let (keyword, rest) = match rest.split_once("did you forget to close '") {
             Some((_, hint)) => hint.split_once('\'')?,
             None => (keyword, rest),

@@ -1,4 +1,4 @@
-//! What people write who come from elsewhere: quotes, comments and words of other languages.
+//! Rules for habits from other languages: quotes, comments and keywords.
 
 use super::super::lexer::{Token, TokenKind};
 use super::{Remark, Scene};
@@ -49,7 +49,7 @@ impl Scene<'_> {
         })
     }
 
-    /// Signs that are not of this language.
+    /// Symbols that this language does not have.
     pub(super) fn strangers(&self) -> Option<Remark> {
         let tokens = self.around();
         for (at, token) in tokens.iter().enumerate() {
@@ -98,12 +98,12 @@ impl Scene<'_> {
         let token = if comment { first } else { behind? };
         Some(Remark {
             at: token.span,
-            message: "this is no comment here".to_owned(),
+            message: "this is not a comment here".to_owned(),
             help: "a comment begins with --".to_owned(),
         })
     }
 
-    /// `x++`, and `x--`, whose second half is a comment.
+    /// `x++`, and `x--`, where `--` begins a comment.
     pub(super) fn steps(&self) -> Option<Remark> {
         for tokens in [self.last_line_before(), self.on_line()] {
             for pair in tokens.windows(3) {
@@ -133,7 +133,7 @@ impl Scene<'_> {
         })
     }
 
-    /// A line that begins with a word of another language.
+    /// A line that begins with a keyword of another language.
     pub(super) fn other_languages(&self) -> Option<Remark> {
         for tokens in [self.on_line(), self.last_line_before()] {
             let Some(first) = tokens
@@ -195,7 +195,7 @@ impl Scene<'_> {
         })
     }
 
-    /// `else if` opens a second `if`, which needs an `end` of its own.
+    /// `else if` opens a second `if`, which needs its own `end`.
     pub(super) fn else_if(&self) -> Option<Remark> {
         if !self.words.contains("'end'") {
             return None;
@@ -207,12 +207,13 @@ impl Scene<'_> {
         })?;
         Some(Remark {
             at: pair[0].span.to(pair[1].span),
-            message: "`else if` begins a second if, which needs an end of its own".to_owned(),
+            message: "`else if` begins a second if, which needs its own end".to_owned(),
             help: "write elseif, in one word".to_owned(),
         })
     }
 
-    /// A block in braces is noticed at its end only, for `f() {` calls `f` with a table.
+    /// A block in braces. The compiler notices it only at its end, because `f() {` is a call of `f`
+    /// with a table.
     pub(super) fn braces(&self) -> Option<Remark> {
         let lines = self
             .tokens

@@ -1,5 +1,5 @@
-//! Calls of the API against its table: how many arguments, of which types, within which
-//! bounds; and the keys of options.
+//! Checks API calls against the API's definition: number, types and bounds of the arguments, and
+//! the keys of options.
 
 use super::super::kinds::ValueKind;
 use super::super::lexer::Span;
@@ -8,7 +8,7 @@ use super::Walk;
 use crate::api::{Choice, EventName, Function, Need, Type, Value};
 use crate::wire::Stream;
 
-/// A call that is looked at.
+/// The call that is checked.
 #[derive(Clone, Copy)]
 pub(super) struct Site<'a> {
     pub(super) function: &'static Function,
@@ -57,8 +57,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// A script that counts on a stream that the config keeps off is told so when it asks for it;
-    /// it may be prepared for that.
+    /// Warns of the use of a stream that the config keeps off. Only a warning: the script may
+    /// handle that case.
     fn stream(&mut self, site: Site<'a>) {
         let text = |index: usize| match site.arguments.get(index).map(|one| self.kinds.of(one)) {
             Some(ValueKind::Text(text)) => text,
@@ -82,7 +82,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// One argument or option against what is defined.
+    /// Checks one argument or option against its definition.
     fn argument(&mut self, call: &str, value: &'static Value, argument: &'a Expr) {
         let kind = self.kinds.of(argument);
         if let (Type::Function(_) | Type::Handler, Some(path)) =
@@ -119,7 +119,8 @@ impl<'a> Walk<'a> {
         self.fits(call, value, argument, kind);
     }
 
-    /// The native that an argument calls, if what it gives is no function.
+    /// Returns the path of the API function that an argument calls, if its result is not a
+    /// function.
     fn answered_by(&self, argument: &'a Expr) -> Option<&'static str> {
         let ExprKind::Call(callee, _) = &argument.kind else {
             return None;
@@ -194,7 +195,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// What stands there, in words; the word itself for `true` and `false`.
+    /// Describes the value for messages: `true` and `false` literally.
     fn got(&self, argument: &Expr, kind: ValueKind<'_>) -> Option<String> {
         match argument.bare().kind {
             ExprKind::Boolean(on) => Some(on.to_string()),
@@ -324,7 +325,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// What may be several values, or none.
+/// Whether an expression may yield several values, or none.
 fn is_open(argument: &Expr) -> bool {
     matches!(
         argument.kind,

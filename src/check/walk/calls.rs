@@ -1,4 +1,4 @@
-//! Calls, operators and what they are given.
+//! Checks calls, operators and their operands.
 
 use super::super::kinds::ValueKind;
 use super::super::lexer::Span;
@@ -9,9 +9,9 @@ use super::arguments::Site;
 use crate::api::{self, Function, Type};
 use crate::script::{PICTURE_NAMES, picture_name};
 
-/// Two turns and a bit: more is hardly meant in radians.
+/// A little over two turns: a larger number is probably not meant in radians.
 const MOST_RADIANS: f64 = 13.0;
-/// More than a room is long.
+/// Longer than a room: a larger number is probably not meant in metres.
 const MOST_METRES: f64 = 20.0;
 
 impl<'a> Walk<'a> {
@@ -48,8 +48,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Calls of what is no native: functions of the language that do not exist, and methods called
-    /// with a dot.
+    /// Checks calls that are not API functions: unknown standard functions, and methods called with
+    /// a dot.
     pub(super) fn library(&mut self, callee: &'a Expr, arguments: &'a [Expr]) {
         let ExprKind::Field(object, name, at) = &callee.kind else {
             return;
@@ -72,7 +72,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Calls whose arguments depend on what is around the script.
+    /// Checks calls whose arguments depend on the script's environment.
     pub(super) fn special(&mut self, function: &'static Function, arguments: &'a [Expr]) {
         self.units(function, arguments);
         let [.., argument] = arguments else { return };
@@ -96,7 +96,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Numbers that are hardly meant in the unit of their row.
+    /// Warns of numbers that are probably not meant in the parameter's unit.
     fn units(&mut self, function: &'static Function, arguments: &'a [Expr]) {
         let Some(first) = arguments.first() else {
             return;
@@ -121,8 +121,8 @@ impl<'a> Walk<'a> {
         self.warning(first.span, message).help = Some(help);
     }
 
-    /// What the parameter of a function that is written out here is: an event's payload, or the
-    /// object that the row names.
+    /// Records the kind of the first parameter of an inline handler function: an event's payload,
+    /// or the object that the API's definition names.
     pub(super) fn handler(&mut self, function: &'static Function, arguments: &'a [Expr]) {
         let mut forms = function.forms();
         let short = forms.len() > 1 && forms[1].len() == arguments.len();
@@ -198,7 +198,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Arithmetic, order and joining of what is neither number nor text.
+    /// Checks arithmetic, comparison and concatenation of values that are neither numbers nor
+    /// strings.
     pub(super) fn operands(&mut self, operator: &str, left: &'a Expr, right: &'a Expr) {
         let compares = matches!(operator, "<" | ">" | "<=" | ">=");
         let counts = matches!(operator, "+" | "-" | "*" | "/" | "//" | "%" | "^");
@@ -265,7 +266,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// A text that a name of a set is compared with, and that is none of them.
+    /// Warns of a comparison of a value from a fixed set of names with a text that is not in the
+    /// set.
     fn one_of_names(&mut self, named: &'a Expr, text: &'a Expr) {
         let (Some(choice), ValueKind::Text(Some(said))) =
             (self.kinds.choice(named), self.kinds.of(text))
@@ -312,7 +314,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// What `(sim: Sim) -> ()` says of its first parameter.
+/// Returns the kind of the first parameter in a signature such as `(sim: Sim) -> ()`.
 fn first_parameter<'a>(luau: &str) -> ValueKind<'a> {
     let inside = luau.strip_prefix('(').unwrap_or_default();
     let first = inside.split([',', ')']).next().unwrap_or_default();

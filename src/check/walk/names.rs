@@ -1,4 +1,4 @@
-//! Names and fields that do not exist.
+//! Checks names and fields for existence.
 
 use super::super::foreign;
 use super::super::kinds::{ValueKind, parameters};
@@ -76,7 +76,7 @@ impl<'a> Walk<'a> {
                 let message =
                     format!("this is a list: its entries have '{name}', the list itself does not");
                 self.error(at, message).help = Some(format!(
-                    "take one of it: {list}[1].{name}; there may be none, so test it first"
+                    "take one of its entries: {list}[1].{name}; the list may be empty, so test it first"
                 ));
             }
             ValueKind::Native(function) => {
@@ -92,7 +92,8 @@ impl<'a> Walk<'a> {
         paths.contains(&format!("{owner}.{name}"))
     }
 
-    /// Namespaces of our own are strict; those of the language give nil.
+    /// Whether this is a namespace of the API. These are strict; unknown fields of Luau's own are
+    /// nil.
     pub(super) fn is_ours(&self, owner: &str) -> bool {
         !owner.is_empty() && api::namespace(owner).is_some()
     }

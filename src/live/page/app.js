@@ -1,4 +1,4 @@
-// The page: who looks, what is shown, and STOP, which is always there.
+// The page: login, layout, and the STOP button, which is always visible.
 
 import { battery } from "./battery.js";
 import { behaviours } from "./behaviours.js";
@@ -59,7 +59,7 @@ function build(app, visitor) {
   const letGo = h("button", {
     type: "button", class: "let-go driver-only", hidden: true, onclick: () => connection.send({ type: "let_go" }),
   }, t("let_go"));
-  // Before anything else hears it, wherever the keyboard is.
+  // In the capture phase, before any other listener and wherever the focus is.
   window.addEventListener("keydown", (event) => event.key === "Escape" && halt(), true);
 
   const name = h("input", {

@@ -1,11 +1,11 @@
-// The battery: level, what is left, and a plot.
+// The battery: level, time left, and a plot.
 
 import { h, s, say } from "./dom.js";
 import { t } from "./texts.js";
 
 const WIDTH = 320;
 const HEIGHT = 96;
-/** The plot shows so many seconds at least. */
+/** The plot covers at least this many seconds. */
 const SPAN = 600;
 
 export function battery(connection) {

@@ -1,10 +1,10 @@
-// The behaviours of the run: what each does, and starting and ending them.
+// The behaviours of the run: their state, and buttons to start and end them.
 
 import { clock, h, say, visible } from "./dom.js";
 import { showScript } from "./script.js";
 import { t } from "./texts.js";
 
-/** A parameter: something to change it with if it is live, or its value. Changed while nobody holds it. */
+/** A parameter: an input if it is live, otherwise its value. Not updated while the user edits it. */
 function knob(behaviour, { name, value, live, min, max, unit, choices, doc }, order) {
   const words = (now) => `${now}${unit ? ` ${unit}` : ""}`;
   const id = `knob-${behaviour}-${name}`;
@@ -40,7 +40,7 @@ function knob(behaviour, { name, value, live, min, max, unit, choices, doc }, or
   return { element: h("div", { class: "knob-row" }, label, hand, shown), update };
 }
 
-/** One of them; made once and then changed, so that the keyboard's place stays. */
+/** One behaviour; created once and then updated, so that the keyboard focus is kept. */
 function entry(name, order) {
   const dot = h("span", { class: "dot", "aria-hidden": "true" });
   const state = h("span", { class: "quiet" });
@@ -86,7 +86,7 @@ function entry(name, order) {
   }
 
   function tune(list) {
-    // Made anew only if they are others: whoever holds one keeps it.
+    // Rebuilt only if the declarations have changed, so that an input in use is kept.
     const shape = JSON.stringify(list.map((one) => ({ ...one, value: typeof one.value })));
     if (shape !== declared) {
       declared = shape;

@@ -90,7 +90,7 @@ export function camera(connection) {
     shown = url;
     image.src = url;
     if (old) {
-      // The one before may still be on its way into the picture.
+      // The previous picture may still be being displayed.
       setTimeout(() => URL.revokeObjectURL(old), 1000);
     }
   });

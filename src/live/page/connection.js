@@ -1,11 +1,11 @@
-// The WebSocket: dials again when it is lost, checks what comes, and passes it on by its kind.
+// The WebSocket: reconnects when it is lost, validates messages, and passes them on by their type.
 
 import { mistake } from "./schema.js";
 
 const FIRST_PAUSE = 300;
 const LONGEST_PAUSE = 5000;
 
-/** What arrives is given to those who listen for its kind; `frame`, `open` and `lost` are kinds too. */
+/** Passes each message to the listeners for its type; `frame`, `open` and `lost` are types too. */
 export class Connection {
   #listeners = new Map();
   #socket = null;
@@ -64,7 +64,7 @@ export class Connection {
     const message = JSON.parse(data);
     const wrong = this.#schema ? mistake(this.#schema, message) : "";
     if (wrong) {
-      console.error(`a message is not what it should be: ${wrong}`, message);
+      console.error(`invalid message: ${wrong}`, message);
       return;
     }
     if (message.type === "answer") {
@@ -74,7 +74,7 @@ export class Connection {
     this.#tell(message.type, message);
   }
 
-  /** Says something; whether somebody is there. */
+  /** Sends a message. Returns whether the connection is open. */
   send(message) {
     if (this.#socket?.readyState !== WebSocket.OPEN) {
       return false;
@@ -83,13 +83,13 @@ export class Connection {
     return true;
   }
 
-  /** From now on the page shows this too, or no longer. */
+  /** Changes which parts the page shows. */
   watch(change) {
     this.#watch = { ...this.#watch, ...change };
     this.send({ type: "watch", ...this.#watch });
   }
 
-  /** Asks for something to be done; its answer has `ok` and `text`. */
+  /** Sends a command. Resolves to its answer with `ok` and `text`. */
   order(order) {
     this.#number += 1;
     const id = this.#number;

@@ -1,11 +1,11 @@
-// Elements are made here, and nowhere from text: whatever a robot or a script says stays text.
+// Creates elements. HTML is never parsed from text, so texts of robots and scripts stay text.
 
 const SVG = "http://www.w3.org/2000/svg";
-/** Characters that do not show, or that make a text read in another order than it stands. */
+/** Characters that are invisible or change the reading direction. */
 const HIDDEN = /[\u0000-\u0008\u000b-\u001f\u007f-\u009f\u061c\u200e\u200f\u2028-\u202e\u2060\u2066-\u2069\ufeff]/g;
 const SPOKEN = ["aria-label", "title", "alt"];
 
-/** A text in which nothing hides: what would is shown as `\u202e`. */
+/** Replaces hidden characters by visible escapes such as `\u202e`. */
 export function visible(text) {
   return String(text).replace(HIDDEN, (one) => `\\u${one.charCodeAt(0).toString(16).padStart(4, "0")}`);
 }
@@ -25,17 +25,17 @@ function fill(element, attributes, children) {
   return element;
 }
 
-/** An element of HTML with attributes, listeners (`onclick`) and children. */
+/** Creates an HTML element with attributes, listeners (`onclick`) and children. */
 export function h(name, attributes = {}, ...children) {
   return fill(document.createElement(name), attributes, children);
 }
 
-/** The same of SVG. */
+/** Creates an SVG element in the same way. */
 export function s(name, attributes = {}, ...children) {
   return fill(document.createElementNS(SVG, name), attributes, children);
 }
 
-/** Changes a text only if it is another: screen readers say what changes. */
+/** Sets a text only if it differs, since screen readers announce changes. */
 export function say(element, text) {
   const shown = visible(text);
   if (element.textContent !== shown) {
@@ -43,18 +43,18 @@ export function say(element, text) {
   }
 }
 
-/** A number within two bounds. */
+/** Limits a number to a range. */
 export function within(number, low, high) {
   return Math.min(high, Math.max(low, number));
 }
 
-/** Seconds as `1:02:03`. */
+/** Formats seconds as `1:02:03`. */
 export function clock(seconds) {
   const two = (number) => String(Math.floor(number)).padStart(2, "0");
   return `${Math.floor(seconds / 3600)}:${two((seconds / 60) % 60)}:${two(seconds % 60)}`;
 }
 
-/** What is remembered on this device; nothing if the browser does not let us. */
+/** Returns a setting stored on this device; the default if storage is not available. */
 export function remembered(key, usual) {
   try {
     return localStorage.getItem(`spykee.${key}`) ?? usual;
@@ -63,11 +63,11 @@ export function remembered(key, usual) {
   }
 }
 
-/** Remembers it. */
+/** Stores a setting on this device. */
 export function remember(key, value) {
   try {
     localStorage.setItem(`spykee.${key}`, value);
   } catch {
-    // It is forgotten then.
+    // Storage is not available: the setting is lost.
   }
 }

@@ -1,5 +1,6 @@
-// Driving by hand: keys, a pad for fingers and mice, a gamepad. A setpoint is sent ten times a second
-// and lives 0.3 s; whoever lets go, hides the page or loses the connection stands still.
+// Driving by hand: keys, a pad for touch and mouse, a gamepad. A setpoint is sent ten times a
+// second and is valid for 0.3 s; the robot stops on release, when the page is hidden, or when the
+// connection is lost.
 
 import { h, remember, remembered, say, within } from "./dom.js";
 import { t } from "./texts.js";
@@ -9,7 +10,7 @@ const KEYS = {
   ArrowUp: [1, 0], KeyW: [1, 0], ArrowDown: [-1, 0], KeyS: [-1, 0],
   ArrowLeft: [0, -1], KeyA: [0, -1], ArrowRight: [0, 1], KeyD: [0, 1],
 };
-/** A gamepad's stick that nobody touches is not quite at rest. */
+/** An untouched gamepad stick does not read exactly zero. */
 const DEAD_ZONE = 0.15;
 
 export function drive(connection, order, notice) {
@@ -71,7 +72,7 @@ export function drive(connection, order, notice) {
     }
   }
 
-  /** Forward and to the right, each -1..1. */
+  /** The current input: forward and to the right, each -1..1. */
   function wish() {
     if (stick) {
       return stick;
@@ -92,7 +93,7 @@ export function drive(connection, order, notice) {
     const [ahead, aside] = wish();
     const full = Number(power.value);
     const track = (sum) => Math.round(within(sum, -1, 1) * full);
-    // Turning takes less than driving.
+    // Turning uses less power than driving.
     const [left, right] = [track(ahead + aside * 0.7), track(ahead - aside * 0.7)];
     const still = left === 0 && right === 0;
     if (!still || !resting) {

@@ -1,4 +1,4 @@
-// The log: filtered by behaviour and level; a line of a script leads to its text.
+// The log: filtered by behaviour and level; a script's line links to its source.
 
 import { h } from "./dom.js";
 import { showScript } from "./script.js";

@@ -3,7 +3,7 @@
 import { h, say } from "./dom.js";
 import { t } from "./texts.js";
 
-/** Who asks: `{ role, open, password }`. */
+/** Fetches the visitor's role and login options: `{ role, open, password }`. */
 export async function me() {
   const answer = await fetch("/api/me");
   return answer.json();
@@ -15,7 +15,7 @@ export async function logOut() {
   location.reload();
 }
 
-/** The form; resolves when somebody is in. */
+/** Shows the login form; resolves after a successful login. */
 export function logIn(app) {
   return new Promise((resolve) => {
     const input = h("input", {

@@ -1,4 +1,4 @@
-// The map of a simulated world: the robot and its way, what it ran into, and all that moves.
+// The map of a simulated world: the robot and its path, its collisions, and everything that moves.
 
 import { clock, h, say, visible } from "./dom.js";
 import { t } from "./texts.js";
@@ -18,7 +18,7 @@ export function map(connection, order) {
   let scale = 1;
 
   function palette() {
-    // Read as the canvas's own colour: then it is the one of the scheme that is shown.
+    // Resolved through the canvas's own colour, which gives the value of the active colour scheme.
     const colour = (name) => {
       canvas.style.color = `var(--${name})`;
       return getComputedStyle(canvas).color;
@@ -26,7 +26,7 @@ export function map(connection, order) {
     colours = Object.fromEntries(["floor", "wall", "ink", "quiet", "accent", "danger", "beacon", "grid", "card"].map((name) => [name, colour(name)]));
   }
 
-  /** From metres to the canvas and back; y points upwards in the world. */
+  /** Conversion from metres to the canvas and back; y points upwards in the world. */
   const x = (metres) => (metres + MARGIN) * scale;
   const y = (metres) => (world.depth - metres + MARGIN) * scale;
   const metres = (event) => {

@@ -1,14 +1,14 @@
-// What was and what will be, with a service: the journal's days and the timetable.
+// History and timetable of a service.
 
 import { h, s, say } from "./dom.js";
 import { t } from "./texts.js";
 
 const WIDTH = 600;
 const HEIGHT = 110;
-/** Both are asked for again after so long, milliseconds. */
+/** Refresh interval of both, in milliseconds. */
 const AGAIN = 60_000;
 const PICTURES = 8;
-/** What the watchdog does that people need not hear of. */
+/** Results of dockings and undockings that are not failures. */
 const GOOD = ["done", "already_docked", "not_docked"];
 
 async function ask(path) {
@@ -16,7 +16,7 @@ async function ask(path) {
   return answer?.ok ? answer.json() : null;
 }
 
-/** A name that the table of texts has, or the word itself. */
+/** Returns the text of a code, or the code itself if it has none. */
 const word = (prefix, name) => {
   const key = `${prefix}_${name}`;
   const text = t(key);
@@ -54,7 +54,7 @@ function picture({ at, behaviour, text }, time) {
   const when = time.format(new Date(at));
   const image = h("img", { src, alt: t("picture_of", { name: behaviour, when }), loading: "lazy" });
   const link = h("a", { href: src, target: "_blank", rel: "noopener" }, image);
-  // One that has made room for newer ones.
+  // The picture may have been deleted to make room for newer ones.
   image.addEventListener("error", () => link.remove());
   return link;
 }
@@ -79,7 +79,7 @@ export function past(connection) {
       return;
     }
     card.hidden = false;
-    // A young journal has not so many days to show.
+    // A new journal does not cover all the days asked for.
     const first = Math.min(told.battery[0]?.[0] ?? told.until, told.events[0]?.at ?? told.until);
     const since = Math.max(told.since, first);
     drawing.replaceChildren(...plot(told.battery, since, told.until), ...marks(told.events, since, told.until));
@@ -102,7 +102,7 @@ export function past(connection) {
   return card;
 }
 
-/** Of `Sun 2026-03-29 01:30` the time alone, if it is of the same day as the beginning. */
+/** Shortens an end such as `Sun 2026-03-29 01:30` to the time if it is on the day of the start. */
 const ending = (at, until) => (until.slice(0, -5) === at.slice(0, -5) ? until.slice(-5) : until);
 
 export function schedule(connection) {

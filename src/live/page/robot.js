@@ -1,11 +1,12 @@
-// The robot, drawn from above: lights, tracks, sounds and what it says; and what one can tell it.
+// The robot, drawn from above: lights, tracks, sounds and log lines; and controls for lights and
+// sounds.
 
 import { h, s, say } from "./dom.js";
 import { t } from "./texts.js";
 
 const SOUNDS = ["alarm", "bomb", "laser", "laugh", "engine", "robot", "bip_2", "bip_3", "bip_4", "music"];
 const LIGHTS = ["flash", "left", "right"];
-/** How long a sound or a word is shown. */
+/** How long a sound or a log line is shown, in milliseconds. */
 const SHOWN = 4000;
 
 export function robot(connection, order) {

@@ -1,6 +1,6 @@
-// Holds messages against the JSON Schema that the program makes from its own types.
+// Validates messages against the JSON Schema that the program generates from its own types.
 
-/** What is wrong with a value, or an empty text. */
+/** Returns what is wrong with a value, or an empty string. */
 export function mistake(schema, value, root = schema, at = "message") {
   if (schema === true || schema === undefined) {
     return "";
@@ -16,7 +16,7 @@ export function mistake(schema, value, root = schema, at = "message") {
     const tried = choices.filter((one) => kind === undefined || same(one));
     const wrong = tried.map((one) => mistake(one, value, root, at));
     if (!wrong.includes("")) {
-      return wrong[0] ?? `${at}: nothing of this kind is known`;
+      return wrong[0] ?? `${at}: unknown type`;
     }
   }
   if (schema.const !== undefined && schema.const !== value) {
@@ -27,7 +27,7 @@ export function mistake(schema, value, root = schema, at = "message") {
   }
   const types = schema.type === undefined ? null : [schema.type].flat();
   if (types && !types.some((type) => is(type, value))) {
-    return `${at} is no ${types.join(" or ")}`;
+    return `${at} is not of type ${types.join(" or ")}`;
   }
   if (Array.isArray(value)) {
     return items(schema, value, root, at);

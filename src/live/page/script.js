@@ -1,4 +1,4 @@
-// A script's text, with one line marked.
+// Shows a script's text, with one line marked.
 
 import { h, say } from "./dom.js";
 import { t } from "./texts.js";
@@ -11,7 +11,7 @@ const dialog = h("dialog", { class: "script", "aria-labelledby": "script-title" 
   h("div", { class: "head" }, title, close), note, code);
 document.body.append(dialog);
 
-/** Shows a behaviour's script, and marks a line. */
+/** Shows a behaviour's script and marks a line. */
 export async function showScript(name, line) {
   const answer = await fetch(`/api/behaviours/${encodeURIComponent(name)}/script`);
   const script = answer.ok ? await answer.json() : { file: name, text: "", changed: false };

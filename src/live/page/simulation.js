@@ -1,4 +1,4 @@
-// What one can change in a simulated world: the words of scenarios.
+// Controls for the simulated world, with the operations of scenarios.
 
 import { h, say } from "./dom.js";
 import { t } from "./texts.js";

@@ -182,7 +182,7 @@ const TEXTS = {
   running: ["running for {time}", "läuft seit {time}", "in funzione da {time}"],
 };
 
-/** The language's place in the table: the one that was chosen, or else the browser's. */
+/** Returns the column of the chosen language, or else of the browser's. */
 function column() {
   const wanted = [remembered("language", ""), ...navigator.languages];
   for (const language of wanted) {
@@ -197,13 +197,13 @@ function column() {
 const COLUMN = column();
 document.documentElement.lang = LANGUAGES[COLUMN];
 
-/** The language that is shown. */
+/** The current language. */
 export const language = LANGUAGES[COLUMN];
 
-/** Languages by their own names. */
+/** The languages with their native names. */
 export const languages = [["en", "English"], ["de", "Deutsch"], ["it", "Italiano"]];
 
-/** The text of a key; `{name}` is replaced. A key without a text shows itself. */
+/** Returns the text of a key with `{name}` replaced; the key itself if it has no text. */
 export function t(key, values = {}) {
   const text = TEXTS[key]?.[COLUMN] ?? key;
   return text.replace(/\{(\w+)\}/g, (whole, name) => String(values[name] ?? whole));

@@ -39,7 +39,7 @@ fn low(low: bool) -> Occurrence {
 }
 
 #[test]
-fn a_robot_that_is_away_for_long_is_told_once_and_that_it_is_back() {
+fn a_robot_out_of_reach_is_reported_once_and_its_return_too() {
     let mut now = Instant::now();
     let mut rules = Rules::new(LONG, now);
     assert_eq!(rules.hear(&up(), now), None);
@@ -47,7 +47,7 @@ fn a_robot_that_is_away_for_long_is_told_once_and_that_it_is_back() {
     rules.hear(&down(), now);
     now += LONG / 2;
     assert_eq!(rules.poll(now), None);
-    // Another failure in between changes nothing.
+    // Another failure meanwhile changes nothing.
     rules.hear(&down(), now);
     now += LONG / 2;
     let told = rules.poll(now).unwrap();
@@ -61,11 +61,15 @@ fn a_robot_that_is_away_for_long_is_told_once_and_that_it_is_back() {
             .contains("in reach again")
     );
     rules.hear(&down(), now);
-    assert_eq!(rules.hear(&up(), now), None, "a short absence is none");
+    assert_eq!(
+        rules.hear(&up(), now),
+        None,
+        "a short absence is not reported"
+    );
 }
 
 #[test]
-fn a_robot_that_was_never_there_is_told_too() {
+fn a_robot_that_was_never_connected_is_reported_too() {
     let now = Instant::now();
     let mut rules = Rules::new(LONG, now);
     assert!(
@@ -78,7 +82,7 @@ fn a_robot_that_was_never_there_is_told_too() {
 }
 
 #[test]
-fn low_is_told_when_it_becomes_low_and_each_failure_once_in_a_while() {
+fn a_low_battery_is_reported_on_change_and_each_failure_at_intervals() {
     let mut now = Instant::now();
     let mut rules = Rules::new(LONG, now);
     assert_eq!(rules.hear(&low(true), now).unwrap().rule, Rule::Low);
@@ -102,7 +106,7 @@ fn low_is_told_when_it_becomes_low_and_each_failure_once_in_a_while() {
 }
 
 #[test]
-fn each_rule_of_the_config_has_its_happening_and_its_words() {
+fn each_rule_of_the_config_has_its_event_and_its_text() {
     let behaviour = || "patrol".to_owned();
     let entry = |kind: &str| Occurrence::Entry {
         behaviour: behaviour(),
@@ -159,7 +163,7 @@ fn each_rule_of_the_config_has_its_happening_and_its_words() {
 }
 
 #[test]
-fn only_what_went_wrong_with_a_docking_is_told() {
+fn only_failed_dockings_are_reported() {
     let now = Instant::now();
     let dock = |end| Occurrence::Dock {
         by: None,

@@ -19,7 +19,7 @@ fn table(rules: &[(&str, &str, Option<&str>)], catch_up: &str) -> Timetable {
     }
 }
 
-/// A service without a robot: a clock on the wall, and time that passes.
+/// A simulated service without a robot: a wall clock, and elapsed time.
 struct World {
     planner: Planner,
     now: Timestamp,
@@ -65,7 +65,7 @@ impl World {
         }
     }
 
-    /// As the service does: until nothing is left to be done before then.
+    /// Polls as the service does until this time has passed.
     fn pass(&mut self, time: Duration) {
         let end = self.at + time;
         self.poll();
@@ -114,7 +114,7 @@ fn patrol() -> Timetable {
 }
 
 #[test]
-fn a_behaviour_starts_when_its_time_comes_and_is_ended_when_it_is_over() {
+fn a_behaviour_starts_on_time_and_is_ended_on_time() {
     let mut world = World::new(patrol(), "2026-05-04 08:00");
     world.pass(24 * 60 * MINUTE);
     assert_eq!(world.starts(), ["patrol 04 09:00", "patrol 04 21:00"]);
@@ -128,7 +128,7 @@ fn a_behaviour_starts_when_its_time_comes_and_is_ended_when_it_is_over() {
 }
 
 #[test]
-fn a_year_has_two_patrols_a_day_across_both_changes_of_the_clock() {
+fn a_year_has_two_patrols_a_day_across_both_clock_changes() {
     let mut world = World::new(patrol(), "2026-01-01 00:00");
     world.pass(365 * 24 * 60 * MINUTE);
     assert_eq!(world.starts().len(), 2 * 365);
@@ -147,7 +147,7 @@ fn nothing_starts_until_the_clock_is_plausible() {
     assert!(world.acts.is_empty());
     world.set_clock("2026-05-04 08:59");
     world.pass(2 * MINUTE);
-    // Nothing is made up for of the years before.
+    // Starts of earlier years are not made up for.
     assert_eq!(world.starts().len(), 1, "{:?}", world.acts);
 }
 
@@ -159,7 +159,7 @@ fn a_start_missed_by_less_than_catch_up_is_made_up_for_once() {
     let mut late = World::new(patrol(), "2026-05-04 09:11");
     late.pass(60 * MINUTE);
     assert!(late.starts().is_empty());
-    // The next program knows that it is made up for.
+    // The next program knows that this start was made up for.
     let record = world.planner.record();
     let mut next = World::after(patrol(), "2026-05-04 09:09", record);
     next.pass(60 * MINUTE);
@@ -167,7 +167,7 @@ fn a_start_missed_by_less_than_catch_up_is_made_up_for_once() {
 }
 
 #[test]
-fn a_service_that_did_not_run_tells_what_it_missed() {
+fn a_service_that_did_not_run_reports_what_it_missed() {
     let mut world = World::new(patrol(), "2026-05-04 08:00");
     world.pass(MINUTE);
     let record = world.planner.record();
@@ -187,7 +187,7 @@ fn a_service_that_did_not_run_tells_what_it_missed() {
 }
 
 #[test]
-fn a_run_that_a_power_cut_has_ended_goes_on_for_the_rest_of_its_time() {
+fn a_run_ended_by_a_power_cut_resumes_for_the_rest_of_its_time() {
     let mut world = World::new(patrol(), "2026-05-04 09:00");
     world.pass(5 * MINUTE);
     let record = world.planner.record();
@@ -208,7 +208,7 @@ fn a_run_that_a_power_cut_has_ended_goes_on_for_the_rest_of_its_time() {
 }
 
 #[test]
-fn a_run_that_goes_on_ends_when_it_was_to_however_late_the_robot_comes() {
+fn a_resumed_run_ends_as_planned_however_late_the_robot_connects() {
     let mut world = World::new(patrol(), "2026-05-04 09:00");
     world.pass(5 * MINUTE);
     let record = world.planner.record();
@@ -233,7 +233,7 @@ fn a_run_that_goes_on_ends_when_it_was_to_however_late_the_robot_comes() {
 }
 
 #[test]
-fn a_run_that_has_ended_does_not_go_on() {
+fn a_run_that_has_ended_is_not_resumed() {
     let mut world = World::new(patrol(), "2026-05-04 09:00");
     world.pass(5 * MINUTE);
     world.planner.ended("patrol");
@@ -244,7 +244,7 @@ fn a_run_that_has_ended_does_not_go_on() {
 }
 
 #[test]
-fn a_start_while_the_behaviour_runs_is_refused_and_told() {
+fn a_start_while_the_behaviour_runs_is_skipped_and_reported() {
     let rules = [
         ("patrol", "0 9 * * *", Some("2h")),
         ("patrol", "0 10 * * *", None),
@@ -291,7 +291,7 @@ fn a_clock_that_is_put_back_a_little_repeats_no_start() {
 }
 
 #[test]
-fn a_clock_that_is_put_back_a_day_goes_by_what_it_shows() {
+fn a_clock_that_is_put_back_a_day_counts_as_it_is() {
     let mut world = World::new(patrol(), "2026-05-04 08:59");
     world.pass(40 * MINUTE);
     world.set_clock("2026-05-03 08:58");
@@ -302,7 +302,7 @@ fn a_clock_that_is_put_back_a_day_goes_by_what_it_shows() {
 }
 
 #[test]
-fn a_leap_over_many_starts_makes_one_of_them() {
+fn a_leap_over_many_starts_causes_only_one() {
     let every = table(&[("blink", "* * * * *", Some("10s"))], "10m");
     let mut world = World::new(every, "2026-05-04 08:59");
     world.pass(MINUTE + MINUTE / 2);
@@ -313,7 +313,7 @@ fn a_leap_over_many_starts_makes_one_of_them() {
 }
 
 #[test]
-fn another_timetable_counts_from_then_on() {
+fn a_new_timetable_applies_from_then_on() {
     let mut world = World::new(patrol(), "2026-05-04 08:59");
     world.pass(10 * MINUTE);
     world
@@ -325,14 +325,14 @@ fn another_timetable_counts_from_then_on() {
         .acts
         .iter()
         .filter(|(_, act)| matches!(act, Act::End { .. }));
-    assert_eq!(ends.count(), 1, "what runs ends as it was to");
+    assert_eq!(ends.count(), 1, "the running behaviour ends as planned");
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
     #[test]
-    fn however_the_clock_is_set_no_behaviour_runs_twice_at_a_time_and_every_end_comes(
+    fn however_the_clock_is_set_no_behaviour_runs_twice_at_a_time(
         steps in prop::collection::vec((0i64..200_000, 0u64..90, any::<bool>()), 1..60),
     ) {
         let rules = [("a", "*/7 * * * *", Some("3m")), ("b", "30 2 * * *", Some("1h")), ("a", "0 9 * * *", None)];

@@ -158,7 +158,7 @@ impl Owner {
                 run.says("the page is at").await;
                 run.says("starts by the timetable").await;
                 if self.broker.is_some() {
-                    run.says("is at the broker").await;
+                    run.says("is connected to the broker").await;
                 }
                 self.service = Some(run);
                 return;
