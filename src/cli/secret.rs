@@ -246,7 +246,7 @@ mod tests {
             read("here/open")
                 .unwrap_err()
                 .report()
-                .contains("others can read it")
+                .contains("other users can read it")
         );
     }
 
