@@ -471,7 +471,7 @@ fn learning_continues_without_unusable_pictures() {
         "{error}"
     );
     let error = desk.refused("learn ahead.jpg --roi 320,0,10,10");
-    assert!(error.contains("outside of ahead.jpg"), "{error}");
+    assert!(error.contains("outside ahead.jpg"), "{error}");
 }
 
 #[test]

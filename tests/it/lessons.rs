@@ -418,7 +418,7 @@ fn invalid_requests_are_explained_and_nothing_is_overwritten() {
     for wrong in ["0", "13", "-1", "moveing", ""] {
         tells(
             &["lesson", "start", "--", wrong],
-            &["lessons 1 to 12", "lesson list"],
+            &["from 1 to 12", "lesson list"],
         );
     }
     assert_eq!(

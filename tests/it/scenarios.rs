@@ -290,7 +290,7 @@ fn invalid_calls_and_misbehaving_scripts_fail_their_scenario_with_a_message() {
         ("sim:run({ 'a.lua', prio = 3 })", "unknown field `prio`"),
         ("sim:run('a.lua', 'a.lua')", "two behaviours are called 'a'"),
         ("sim:run() sim:run()", "behaviours are running already"),
-        ("scenario('y', {}, print)", "not within another"),
+        ("scenario('y', {}, print)", "not inside another"),
         ("sim:wait_until(3, 4)", "must be a function, got 3"),
         ("sim:wait_until(print)", "seconds is missing"),
         ("while true do end", "ran longer than"),
