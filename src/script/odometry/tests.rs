@@ -169,3 +169,24 @@ fn a_blocked_robot_has_not_advanced() {
     odometry.rewind(start + Duration::from_secs(2));
     assert!((odometry.pose().x - 0.4).abs() < 0.02);
 }
+
+#[test]
+fn a_full_turn_that_began_before_a_reset_does_not_correct_the_new_pose() {
+    let (mut odometry, mut now) = odometry();
+    let (turn, mut turned, mut since_reset) = (1.0, 0.0, 0.0);
+    for step in 1..=75 {
+        now += Duration::from_millis(100);
+        odometry.advance(now, Driver::Script(Drive { forward: 0.0, turn }));
+        turned += 0.9 * turn * 0.1;
+        since_reset += 0.9 * turn * 0.1;
+        odometry.mark(now);
+        odometry.look(now, Some(room(turned)));
+        // Shortly before the camera sees the same view again.
+        if step == 65 {
+            odometry.reset();
+            since_reset = 0.0;
+        }
+    }
+    let error = odometry.pose().heading - since_reset;
+    assert!(error.abs() < 0.05, "{error}");
+}
