@@ -224,7 +224,7 @@ impl Pilot {
                 () = ending.closing.cancelled() => break,
                 () = ending.parting.cancelled(), if !parted => {
                     parted = true;
-                    self.take(Fact::Parting)
+                    self.take(Fact::RunEnding)
                 }
                 () = until(deadline) => self.tick(&mut requests).await,
                 error = progress(self.writer.as_mut()) => Err(error.into()),

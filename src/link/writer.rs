@@ -20,7 +20,7 @@ use super::unsent::unacknowledged;
 use crate::wire::Command;
 
 /// How often to check whether the robot has acknowledged the written data.
-const LOOK_AGAIN: Duration = Duration::from_millis(2);
+const RECHECK: Duration = Duration::from_millis(2);
 
 /// The write half of a [`super::Session`]. Its owner is the only code that moves the robot.
 ///
@@ -138,9 +138,9 @@ impl Writer {
     pub async fn written(&mut self) -> Result<(), LinkError> {
         self.write_ready()?;
         loop {
-            let look = self.next_look(Instant::now())?;
+            let check = self.next_check(Instant::now())?;
             let writing = std::future::poll_fn(|cx| self.poll_written(cx));
-            if let Ok(written) = timeout_at(look, writing).await {
+            if let Ok(written) = timeout_at(check, writing).await {
                 return written.map_err(|error| LinkError::from_io(error, self.dead_after));
             }
         }
@@ -166,7 +166,7 @@ impl Writer {
             if unacknowledged(direct).is_none_or(|bytes| bytes == 0) {
                 break;
             }
-            sleep(LOOK_AGAIN).await;
+            sleep(RECHECK).await;
         }
         Ok(())
     }
@@ -178,7 +178,7 @@ impl Writer {
     }
 
     /// When to check again although the robot accepts no data.
-    fn next_look(&self, now: Instant) -> Result<Instant, LinkError> {
+    fn next_check(&self, now: Instant) -> Result<Instant, LinkError> {
         let after = self.dead_after;
         let dead = self.queue.waits_since().unwrap_or(now) + after;
         if dead <= now {
@@ -245,7 +245,7 @@ impl Writer {
     pub fn say_last_words(&mut self) {
         let now = Instant::now();
         self.queue.replace_unstarted(&self.last_words, now);
-        while !self.queue.is_calm() {
+        while !self.queue.no_command_pending() {
             let offer = self.offer(now);
             match self.write_now(&offer) {
                 Ok(count @ 1..) => self.queue.advance(count, now),

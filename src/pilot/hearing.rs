@@ -88,7 +88,7 @@ impl Pilot {
 
     fn report(&mut self, report: Report) -> Result<(), LinkLost> {
         self.silence.heard(Instant::now());
-        let lost = self.take(Fact::Heard);
+        let lost = self.take(Fact::BytesReceived);
         match report {
             Report::Power(power) => {
                 self.silence.level(Instant::now());

@@ -46,7 +46,7 @@ impl Pilot {
 /// Gives the guardian the data that this writer would send last.
 pub(super) fn tell_guardian(pulse: &mut Option<Pulse>, writer: &Writer) {
     if let Some(guardian) = pulse.as_mut().and_then(Pulse::guardian) {
-        let (half_out, words) = writer.last_words();
-        guardian.note(half_out, &words);
+        let (partly_written, words) = writer.last_words();
+        guardian.note(partly_written, &words);
     }
 }

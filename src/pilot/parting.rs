@@ -40,7 +40,7 @@ impl Pilot {
     /// Sends the last words, switches the streams off, and closes the link when that has been
     /// acknowledged.
     pub(super) async fn close(mut self, mut line: Line) -> Delivery {
-        let parting = self.take(Fact::Parting);
+        let parting = self.take(Fact::RunEnding);
         let off = self.seats.streams_off();
         if let Err(lost) = parting.and_then(|()| self.send(&off)) {
             warn!("at the end: {lost}");

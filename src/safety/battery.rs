@@ -47,9 +47,9 @@ pub enum Charging {
     No,
     /// One report says so, and nothing confirms it yet. The robot stays where it is: it is not
     /// driven, and not released either.
-    Said,
+    Unconfirmed,
     /// Several reports say so, or one report while the robot reports that it is on its station.
-    Believed,
+    Confirmed,
 }
 
 /// Remembers whether the battery is low. One report is enough to be low; release takes charging or
@@ -111,7 +111,7 @@ impl BatteryGuard {
         self.low_level.see(level <= self.low, power, now);
         self.critical_level.see(level <= self.critical, power, now);
         let good = self.good.see(level >= self.ok, power, now);
-        if good || self.charging == Charging::Believed {
+        if good || self.charging == Charging::Confirmed {
             return self.release();
         }
         if level <= self.low && self.charging == Charging::No {
@@ -123,10 +123,10 @@ impl BatteryGuard {
 
     /// Handles the robot's report that it is on its station, which confirms a report of charging.
     pub fn contact(&mut self) -> Option<BatteryChange> {
-        if self.charging != Charging::Said {
+        if self.charging != Charging::Unconfirmed {
             return None;
         }
-        (self.charging, self.doubted) = (Charging::Believed, None);
+        (self.charging, self.doubted) = (Charging::Confirmed, None);
         self.release()
     }
 
@@ -211,13 +211,13 @@ impl BatteryGuard {
         let stale = self.doubt_deadline().is_some_and(|due| due <= now);
         self.charging = match self.charging {
             _ if !power.charging => Charging::No,
-            Charging::Believed => Charging::Believed,
-            _ if contact || proved => Charging::Believed,
-            _ => Charging::Said,
+            Charging::Confirmed => Charging::Confirmed,
+            _ if contact || proved => Charging::Confirmed,
+            _ => Charging::Unconfirmed,
         };
         self.doubted = match self.charging {
-            Charging::Said => self.doubted.filter(|_| !stale).or(Some(now)),
-            Charging::No | Charging::Believed => None,
+            Charging::Unconfirmed => self.doubted.filter(|_| !stale).or(Some(now)),
+            Charging::No | Charging::Confirmed => None,
         };
     }
 
@@ -239,8 +239,8 @@ impl BatteryGuard {
         let change = f64::from(level.get()) - f64::from(before.get());
         let explained = match self.charging {
             _ if change < 0.0 => BatteryGuard::FASTEST_DRAIN * seconds,
-            Charging::Believed => FASTEST_CHARGE * seconds,
-            Charging::Said | Charging::No => 0.0,
+            Charging::Confirmed => FASTEST_CHARGE * seconds,
+            Charging::Unconfirmed | Charging::No => 0.0,
         };
         change.abs() > BatteryGuard::STEP + explained
     }

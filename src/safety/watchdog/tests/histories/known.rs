@@ -36,7 +36,7 @@ pub(super) struct Known {
     /// The last news of a search was that it failed.
     pub(super) not_found: bool,
     pub(super) rescuer: Option<BehaviourId>,
-    pub(super) parted: bool,
+    pub(super) run_ended: bool,
     /// The start of the battery's silence.
     pub(super) reported: Option<Instant>,
 }
@@ -67,7 +67,7 @@ impl Known {
             Fact::LinkDown => self.online = false,
             Fact::Rescuer(by) => self.rescuer = *by,
             Fact::Gone(by) if self.rescuer == Some(*by) => self.rescuer = None,
-            Fact::Parting => self.parted = true,
+            Fact::RunEnding => self.run_ended = true,
             Fact::Engine(EngineReport::BaseNotFound) => self.not_found = true,
             Fact::Power(power) => self.power(*power, limits, now),
             Fact::Engine(EngineReport::Docked) => {
@@ -135,15 +135,15 @@ impl Known {
         prop_assert_eq!(self.charging, charging != Charging::No);
         let enough = self.touched || self.charges >= 2;
         prop_assert!(
-            enough || charging != Charging::Believed,
+            enough || charging != Charging::Confirmed,
             "one report of charging"
         );
         prop_assert!(
-            !self.surely_touched || charging != Charging::Said,
+            !self.surely_touched || charging != Charging::Unconfirmed,
             "charging on its station"
         );
-        self.doubted = charging == Charging::Said;
-        let released = charging == Charging::Believed || self.good >= 3;
+        self.doubted = charging == Charging::Unconfirmed;
+        let released = charging == Charging::Confirmed || self.good >= 3;
         prop_assert!(dog.low().is_some() || !self.low || released, "{:?}", self);
         let low = dog.guard.level().is_some_and(|level| level <= limits.low);
         let late = self.charges > 0 && !self.charging && low;
@@ -159,7 +159,7 @@ impl Known {
     pub(super) fn still_searches(&self, moment: &Moment<'_>, before: bool) -> bool {
         use EngineReport::{BaseNotFound, Docked};
         let over = match moment.fact {
-            Some(Fact::Power(_)) => moment.play.dog.guard.charging() == Charging::Believed,
+            Some(Fact::Power(_)) => moment.play.dog.guard.charging() == Charging::Confirmed,
             Some(Fact::Engine(news)) => matches!(news, Docked | BaseNotFound),
             Some(Fact::LinkDown | Fact::LinkUp { .. }) => true,
             _ => false,
@@ -178,7 +178,7 @@ impl Known {
     /// Whether a leg or a loan may move a robot with a low battery.
     pub(super) fn allows_the_way_home(&self, limits: &Limits, now: Instant) -> bool {
         let lost = self.low && !self.surely_docked(limits, now);
-        self.online && lost && !self.parted
+        self.online && lost && !self.run_ended
     }
 
     pub(super) fn end_doubt(&mut self, now: Instant) {
