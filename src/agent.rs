@@ -32,7 +32,7 @@ use crate::link::LinkError;
 use crate::pilot::{Dial, Pulse, Reactions, Settings, Status};
 use crate::robot::channel::Request;
 pub use crate::robot::{Bus, Happening, Heard, Listener, Occurrence};
-use crate::robot::{EndReason, Lookout, Pictures, Priority};
+use crate::robot::{EndReason, Pictures, Priority, ViewerChannel};
 use crate::script::Ending;
 
 /// The total time for the scripts' last words and the end of their hosts.
@@ -132,7 +132,7 @@ impl Agent {
             // Each behaviour has its own.
             stop: watch::channel(None).1,
             longest_silence: flight.longest_silence(),
-            lookout: Lookout::default(),
+            viewers: ViewerChannel::default(),
             bus: plan.bus,
         };
         let (company, roster) = Company::new(around, status.clone(), plan.blueprints);

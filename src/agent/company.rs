@@ -56,7 +56,7 @@ impl Company {
         blueprints: Vec<Blueprint>,
     ) -> (Company, Roster) {
         let members = watch::Sender::new(Vec::new());
-        let (roster, orders) = Roster::new(members.subscribe(), around.lookout.clone());
+        let (roster, orders) = Roster::new(members.subscribe(), around.viewers.clone());
         let company = Company {
             around,
             orders,

@@ -18,7 +18,7 @@ use crate::behaviour::{Launch, Launcher};
 use crate::link::LinkError;
 use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Reactions, Settings, Status};
 use crate::robot::channel::{MAX_REQUESTS, Request};
-use crate::robot::{Bus, Lookout, Pictures};
+use crate::robot::{Bus, Pictures, ViewerChannel};
 
 /// How long the last writes and the closing of the link may take.
 const LINK_END: Duration = Duration::from_millis(2500);
@@ -109,7 +109,7 @@ impl Preflight {
             frames: self.frames(),
             stop,
             longest_silence: self.longest_silence(),
-            lookout: Lookout::default(),
+            viewers: ViewerChannel::default(),
             bus: self.bus.clone(),
         };
         let standing_by = rescue::stand_by(around, launch, self.status());

@@ -18,7 +18,7 @@ use crate::behaviour::{
 };
 use crate::check;
 use crate::robot::channel::{Request, Role};
-use crate::robot::{BehaviourId, Bus, EndReason, Lookout, Occurrence, Pictures, Priority};
+use crate::robot::{BehaviourId, Bus, EndReason, Occurrence, Pictures, Priority, ViewerChannel};
 use crate::script::Ending;
 
 /// The reason to end the behaviour, once there is one.
@@ -36,7 +36,7 @@ pub(super) struct LaunchContext {
     /// The longest silence of a host that does not drive.
     pub(super) longest_silence: Duration,
     /// The channel to viewers.
-    pub(super) lookout: Lookout,
+    pub(super) viewers: ViewerChannel,
     pub(super) bus: Bus,
 }
 
@@ -142,7 +142,7 @@ impl RestartLoop {
             frames,
             core,
             longest_silence,
-            lookout,
+            viewers,
             ..
         } = self.around.clone();
         let handle = Handle::default();
@@ -153,7 +153,7 @@ impl RestartLoop {
         let supervisor = Supervisor::board(host, self.role, requests, frames)
             .await
             .with_longest_silence(longest_silence)
-            .with_lookout(lookout)
+            .with_viewers(viewers)
             .with_bus(bus);
         let mut life = pin!(supervisor.run(handle.clone(), &core));
         let (mut loading, mut successor, mut parting) = (None, None, false);

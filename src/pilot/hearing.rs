@@ -10,7 +10,7 @@ use super::lost::{HearError, LinkLost};
 use super::{FAILED_EVERY, Pilot};
 use crate::budget::Repeats;
 use crate::link::Received;
-use crate::robot::{Coming, Event, Frame, RobotInfo};
+use crate::robot::{Event, Frame, PartialFrame, RobotInfo};
 use crate::safety::Fact;
 use crate::wire::{Accepted, EngineReport, Report};
 
@@ -157,7 +157,7 @@ impl Pilot {
         self.silence.heard(Instant::now());
         let seq = self.status.borrow().frames + 1;
         self.pictures
-            .send_modify(|pictures| pictures.coming = Some(Coming { seq, jpeg }));
+            .send_modify(|pictures| pictures.partial = Some(PartialFrame { seq, jpeg }));
         self.seats.show_all();
     }
 
