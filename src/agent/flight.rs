@@ -123,7 +123,7 @@ impl Preflight {
         let flight = self
             .pilot
             .run(self.dial, self.settings, self.requests.1, ending.clone());
-        let (stopped, parting) = (stop.clone(), ending.parting.clone());
+        let (stopped, parting) = (stop.clone(), ending.stop_motion.clone());
         let part = self.core.spawn(async move {
             stopped.cancelled().await;
             parting.cancel();
@@ -187,7 +187,7 @@ impl Flight {
     /// Stops all motion for the rest of the run, except the search of a robot with a low battery;
     /// lights and sounds still work.
     pub fn part(&self) {
-        self.ending.parting.cancel();
+        self.ending.stop_motion.cancel();
     }
 
     /// Whether the battery is low and the robot is not on its station.
@@ -208,7 +208,7 @@ impl Flight {
             return Delivery::Offline;
         }
         self.part();
-        self.ending.closing.cancel();
+        self.ending.close_link.cancel();
         match timeout(LINK_END, &mut self.pilot).await {
             Ok(Ok(Ok(delivery))) => delivery,
             Ok(Ok(Err(error))) => {

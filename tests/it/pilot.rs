@@ -226,7 +226,7 @@ async fn at_the_end_a_stop_is_written_and_streams_are_switched_off() {
     test_pilot.want(Stream::Video).await;
     test_pilot.drive(50.0, Some(WAIT_LIMIT)).await;
     let moving = rig.heard_motion(0).await;
-    test_pilot.ending.parting.cancel();
+    test_pilot.ending.stop_motion.cancel();
     let end = test_pilot
         .told(|event| matches!(event, Event::MotionEnded { .. }))
         .await;
@@ -237,7 +237,7 @@ async fn at_the_end_a_stop_is_written_and_streams_are_switched_off() {
             end: MotionEnd::Cancelled
         }
     );
-    test_pilot.ending.closing.cancel();
+    test_pilot.ending.close_link.cancel();
     timeout(WAIT_LIMIT, &mut test_pilot.flight)
         .await
         .unwrap()
