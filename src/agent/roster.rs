@@ -1,6 +1,6 @@
 //! The behaviours of a running agent by name: which ones exist, which run, and a handle that
 //! starts, stops and restarts them at any time. The handle is for those who request this (a
-//! person's tool, a timetable, a page); the [`Company`](super::company) does it.
+//! person's tool, a timetable, a page); the [`BehaviourSet`](super::behaviour_set) does it.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -189,7 +189,7 @@ impl RosterError {
 /// The channel for a command's outcome.
 pub(super) type Reply = oneshot::Sender<Result<(), RosterError>>;
 
-/// A command to the company.
+/// A command to the behaviour set.
 pub(super) enum RosterCommand {
     /// Start the behaviour, and end it after this time if it still runs then.
     Start(String, Option<Duration>, Reply),
