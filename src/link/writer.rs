@@ -28,7 +28,7 @@ const RECHECK: Duration = Duration::from_millis(2);
 /// written while a caller waits for [`Writer::progress`] or [`Writer::written`].
 ///
 /// If dropped without [`Writer::close`], for example by a panic, it sends its last words like
-/// [`Writer::say_last_words`].
+/// [`Writer::send_last_words`].
 pub struct Writer {
     io: Box<dyn AsyncWrite + Send + Unpin>,
     /// A duplicate of the socket: writes without a runtime, in the middle of a panic.
@@ -242,7 +242,7 @@ impl Writer {
     /// Sends the last words without blocking, best effort: for panics and drops, inside a runtime
     /// or not. A partly written message is finished first; other queued messages are dropped: they
     /// might be motion.
-    pub fn say_last_words(&mut self) {
+    pub fn send_last_words(&mut self) {
         let now = Instant::now();
         self.queue.replace_unstarted(&self.last_words, now);
         while !self.queue.no_command_pending() {
@@ -294,7 +294,7 @@ fn poll_once<T>(
 impl Drop for Writer {
     fn drop(&mut self) {
         if self.armed {
-            self.say_last_words();
+            self.send_last_words();
         }
     }
 }

@@ -115,7 +115,7 @@ impl Line {
                     return self.dialled(result);
                 }
                 State::Up(reader) => {
-                    return match reader.hear().await {
+                    return match reader.receive().await {
                         Ok(received) => LinkEvent::Received(received),
                         Err(error) => LinkEvent::Lost(error),
                     };
@@ -143,7 +143,7 @@ impl Line {
             writer,
         ) {
             (State::Up(reader), Some(writer)) => {
-                let delivery = link::farewell(reader, writer, DELIVERY_TIMEOUT);
+                let delivery = link::close_gracefully(reader, writer, DELIVERY_TIMEOUT);
                 self.state = State::Delivering(Box::pin(delivery));
             }
             (State::Up(_), None) => self.redial(),

@@ -10,7 +10,7 @@ use super::lost::LinkLost;
 use super::pulse::Pulse;
 use super::{DELIVERY, Pilot};
 use crate::clock::until;
-use crate::link::{Delivery, farewell};
+use crate::link::{Delivery, close_gracefully};
 use crate::robot::Event;
 use crate::safety::Fact;
 
@@ -21,7 +21,7 @@ impl Pilot {
         let Some(mut writer) = self.writer.take() else {
             return line.hang_up(None);
         };
-        writer.say_last_words();
+        writer.send_last_words();
         line.hang_up(Some(writer));
         if self.released {
             info!("disconnected: {lost}; the robot is free for others")
@@ -48,7 +48,8 @@ impl Pilot {
         self.store_last_words(&mut line);
         let delivery = match (self.writer.take(), line.into_reader()) {
             (Some(writer), Some(reader)) => {
-                self.beat_during(farewell(reader, writer, DELIVERY)).await
+                self.beat_during(close_gracefully(reader, writer, DELIVERY))
+                    .await
             }
             _ => Delivery::Offline,
         };

@@ -7,7 +7,7 @@ use tracing::warn;
 
 use super::restrictions::Restrictions;
 use super::throttle::{SharedLimit, Throttle};
-use crate::robot::channel::{Aboard, EventSender, Role};
+use crate::robot::channel::{EventSender, Role, RunningBehaviour};
 use crate::robot::{BehaviourId, EndReason, Event, Priority, Streams, Use};
 use crate::wire::{Command, Stream};
 
@@ -142,11 +142,11 @@ impl Seats {
     }
 
     /// The behaviours aboard, without persons.
-    pub(super) fn aboard(&self) -> Vec<Aboard> {
+    pub(super) fn behaviours(&self) -> Vec<RunningBehaviour> {
         let behaviours = self.seats.values();
         behaviours
             .filter(|seat| seat.role != Role::Person)
-            .map(|seat| Aboard {
+            .map(|seat| RunningBehaviour {
                 name: seat.name.clone(),
                 priority: seat.priority,
             })

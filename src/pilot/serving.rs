@@ -10,7 +10,7 @@ use super::Pilot;
 use super::lost::LinkLost;
 use super::quiet_hours::QuietHours;
 use super::restrictions::Restrictions;
-use crate::robot::channel::{Crew, Quiet, Request, Role};
+use crate::robot::channel::{Quiet, Request, Role, RunningBehaviours};
 use crate::robot::{BehaviourId, CallId, DockEnd, Event, Intent, Priority};
 use crate::safety::{ALARM, Fact};
 use crate::wire::{Command, Engage, Stream};
@@ -55,10 +55,10 @@ impl Pilot {
                 self.alarm_due = true;
                 self.sound_alarm()
             }
-            Request::Crew(tell) => {
-                let (robot, aboard) = (self.info.clone(), self.seats.aboard());
+            Request::Running(tell) => {
+                let (robot, behaviours) = (self.info.clone(), self.seats.behaviours());
                 // The receiver may be gone.
-                let _ = tell.send(Crew { robot, aboard });
+                let _ = tell.send(RunningBehaviours { robot, behaviours });
                 Ok(())
             }
             Request::Halt(on) => self.halt(on),
@@ -164,7 +164,7 @@ impl Pilot {
     /// Releases the link, or reconnects: see [`Request::Release`].
     fn release(&mut self, release: bool) -> Result<(), LinkLost> {
         let away = self.watchdog.low().is_some() && !self.watchdog.docked();
-        let busy = away || !self.seats.aboard().is_empty();
+        let busy = away || !self.seats.behaviours().is_empty();
         if release && (busy || self.writer.is_none()) {
             return Ok(());
         }
