@@ -39,8 +39,8 @@
 //! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`,
 //!    which goes back through the pipe;
 //! 7. `pilot/serving.rs` turns the `Intent` into a `Fact`, and `pilot/acting.rs` passes it to the
-//!    watchdog (`safety/watchdog/asks.rs`): `safety/arbiter.rs` decides which behaviour may drive,
-//!    `safety/tracks.rs` when a command is sent;
+//!    watchdog (`safety/watchdog/requests.rs`): `safety/arbiter.rs` decides which behaviour may
+//!    drive, `safety/tracks.rs` when a command is sent;
 //! 8. `pilot/acting.rs` hands the watchdog's `Command` to `link/writer.rs`, which writes it.
 //!
 //! On the way it travels in envelopes that carry other messages too (`Received`, `LinkEvent`,

@@ -72,9 +72,9 @@ pub struct DockTracker {
     /// CHARGE_STOP was sent; the robot's confirmation is awaited until then.
     leaving: Option<Instant>,
     /// CHARGE_STOP was sent since the robot's last report of its place.
-    asked: bool,
+    charge_stop_sent: bool,
     /// When the robot reported that it has left after a CHARGE_STOP.
-    left: Option<Instant>,
+    left_at: Option<Instant>,
 }
 
 impl DockTracker {
@@ -93,8 +93,8 @@ impl DockTracker {
             contact: false,
             charge_due: None,
             leaving: None,
-            asked: false,
-            left: None,
+            charge_stop_sent: false,
+            left_at: None,
         }
     }
 
@@ -121,7 +121,7 @@ impl DockTracker {
     /// Whether the robot has just confirmed a CHARGE_STOP: a POWER that reports charging then is
     /// older than that.
     pub fn has_just_left(&self, now: Instant) -> bool {
-        self.left
+        self.left_at
             .is_some_and(|left| now < left + DockTracker::JUST_LEFT)
     }
 
@@ -156,10 +156,10 @@ impl DockTracker {
 
     /// ENGINE 1: off the station.
     pub fn undocked(&mut self, now: Instant) {
-        let left = self.asked.then_some(now);
+        let left = self.charge_stop_sent.then_some(now);
         self.settle_charge_stop();
         self.leave(Evidence::Engine);
-        self.left = left;
+        self.left_at = left;
     }
 
     /// Handles a battery report.
@@ -174,7 +174,7 @@ impl DockTracker {
     /// CHARGE_STOP was sent; waits for the robot's confirmation for `timeout`, at most
     /// [`DockTracker::LONGEST_LEAVING`].
     pub fn leave_station(&mut self, timeout: Duration, now: Instant) {
-        self.asked = true;
+        self.charge_stop_sent = true;
         self.leaving = Some(now + timeout.min(DockTracker::LONGEST_LEAVING));
     }
 
@@ -221,11 +221,11 @@ impl DockTracker {
 
     /// The robot has reported its place: an earlier CHARGE_STOP is settled.
     fn settle_charge_stop(&mut self) {
-        (self.leaving, self.asked, self.left) = (None, false, None);
+        (self.leaving, self.charge_stop_sent, self.left_at) = (None, false, None);
     }
 
-    fn leave(&mut self, word: Evidence) {
-        (self.place, self.contact, self.charge_due) = (DockState::Left(word), false, None);
+    fn leave(&mut self, evidence: Evidence) {
+        (self.place, self.contact, self.charge_due) = (DockState::Left(evidence), false, None);
     }
 
     fn charging_ended(&mut self, now: Instant) {

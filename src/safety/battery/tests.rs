@@ -117,13 +117,13 @@ fn two_reports_of_charging_at_levels_far_apart_contradict_each_other() {
 fn a_low_level_counts_when_an_unconfirmed_report_of_charging_expires() {
     let mut rig = Rig::at(30);
     assert_eq!(rig.hear(15, true), None);
-    let due = rig.now + BatteryGuard::DOUBT;
-    assert_eq!(rig.guard.doubt_deadline(), Some(due));
+    let due = rig.now + BatteryGuard::UNCONFIRMED_TIMEOUT;
+    assert_eq!(rig.guard.unconfirmed_deadline(), Some(due));
     rig.guard.excuse_silence(rig.now + SECOND);
-    assert_eq!(rig.guard.end_doubt(due - SECOND), None);
-    assert_eq!(rig.guard.end_doubt(due), low_at(15));
+    assert_eq!(rig.guard.expire_unconfirmed(due - SECOND), None);
+    assert_eq!(rig.guard.expire_unconfirmed(due), low_at(15));
     assert_eq!(rig.guard.charging(), Charging::No);
-    assert_eq!(rig.guard.doubt_deadline(), None);
+    assert_eq!(rig.guard.unconfirmed_deadline(), None);
     rig.now = due;
     assert_eq!(rig.hear(15, true), RELEASED, "late, but two in a row");
 }
@@ -241,15 +241,18 @@ fn no_charge_explains_a_level_that_falls() {
 fn repeated_reports_do_not_extend_a_doubt_and_a_later_one_begins_a_new_doubt() {
     let mut rig = Rig::at(30);
     rig.hear(30, true);
-    let due = rig.now + BatteryGuard::DOUBT;
+    let due = rig.now + BatteryGuard::UNCONFIRMED_TIMEOUT;
     for percent in [100, 30].into_iter().cycle().take(23) {
         rig.hear(percent, true);
         assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
-        assert_eq!(rig.guard.doubt_deadline(), Some(due));
+        assert_eq!(rig.guard.unconfirmed_deadline(), Some(due));
     }
     rig.hear(30, true);
     assert_eq!(rig.now, due);
-    assert_eq!(rig.guard.doubt_deadline(), Some(due + BatteryGuard::DOUBT));
+    assert_eq!(
+        rig.guard.unconfirmed_deadline(),
+        Some(due + BatteryGuard::UNCONFIRMED_TIMEOUT)
+    );
 }
 
 /// The reports of a battery at `truth` with garbage in between, never two garbage reports in a row.

@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::asks::LONGEST;
 use super::homing::Homing;
+use super::requests::LONGEST;
 use super::{Caller, Leaving, Watchdog};
 use crate::robot::{BehaviourId, DockEnd, DockPlan, Priority};
 use crate::safety::{DockLimits, DockState, Retry};

@@ -5,12 +5,12 @@
 //! [`Tracks`] sends it.
 
 mod acts;
-mod asks;
 mod docks;
 mod homing;
 mod link;
 mod power;
 mod recovery;
+mod requests;
 mod rules;
 #[cfg(test)]
 mod tests;
@@ -206,7 +206,7 @@ impl Watchdog {
             self.alarm.as_ref().map(|alarm| alarm.next),
             self.recovery_deadline(),
             silence,
-            self.guard.doubt_deadline(),
+            self.guard.unconfirmed_deadline(),
             homing,
         ]
         .into_iter()

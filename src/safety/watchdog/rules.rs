@@ -70,8 +70,12 @@ impl Watchdog {
         if !self.online {
             return;
         }
-        if self.guard.doubt_deadline().is_some_and(|due| due <= now) {
-            let change = self.guard.end_doubt(now);
+        if self
+            .guard
+            .unconfirmed_deadline()
+            .is_some_and(|due| due <= now)
+        {
+            let change = self.guard.expire_unconfirmed(now);
             self.whereabouts.power(false, now);
             self.apply_battery_change(change, now);
         }
