@@ -1,4 +1,4 @@
-//! The behaviours aboard: which events each receives, and which streams they want.
+//! The behaviours that run: which events each receives, and which streams they want.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -34,7 +34,7 @@ impl Seat {
     }
 }
 
-/// The seats of all behaviours aboard.
+/// The seats of all behaviours that run.
 #[derive(Debug, Default)]
 pub(super) struct Seats {
     seats: BTreeMap<BehaviourId, Seat>,
@@ -126,22 +126,22 @@ impl Seats {
         }
     }
 
-    /// A behaviour's role; `None` if it is not aboard.
+    /// A behaviour's role; `None` if it has no seat.
     pub(super) fn role(&self, by: BehaviourId) -> Option<Role> {
         self.seats.get(&by).map(|seat| seat.role)
     }
 
-    /// A behaviour's priority; `None` if it is not aboard.
+    /// A behaviour's priority; `None` if it has no seat.
     pub(super) fn priority(&self, by: BehaviourId) -> Option<Priority> {
         self.seats.get(&by).map(|seat| seat.priority)
     }
 
-    /// A behaviour's name; `None` if it is not aboard.
+    /// A behaviour's name; `None` if it has no seat.
     pub(super) fn name(&self, by: BehaviourId) -> Option<&str> {
         self.seats.get(&by).map(|seat| seat.name.as_str())
     }
 
-    /// The behaviours aboard, without persons.
+    /// The behaviours that run, without persons.
     pub(super) fn behaviours(&self) -> Vec<RunningBehaviour> {
         let behaviours = self.seats.values();
         behaviours
