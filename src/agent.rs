@@ -1,13 +1,13 @@
 //! Wiring and lifetimes of a run: loads the scripts, connects, runs them in parallel, and ends
 //! everything within two seconds, even if something hangs.
 
-mod aboard;
-mod company;
-mod flight;
+mod active;
+mod behaviour_set;
 mod loading;
 mod rescue;
 mod restart_loop;
 mod roster;
+mod running_pilot;
 mod seat;
 mod talk;
 mod waiting;
@@ -19,11 +19,11 @@ use tokio::sync::{mpsc, watch};
 use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 
-use self::company::Company;
-pub use self::flight::{Flight, Preflight};
+use self::behaviour_set::BehaviourSet;
 pub use self::rescue::{RESCUE_NAME, rescue};
 use self::restart_loop::LaunchContext;
 pub use self::roster::{Blueprint, BlueprintError, Member, MemberState, Roster, RosterError};
+pub use self::running_pilot::{PilotSetup, RunningPilot};
 pub use self::seat::{Docked, Seat, SeatError};
 pub use self::talk::{Talk, TalkError};
 pub use self::waiting::{Tries, until_answered};
@@ -32,7 +32,7 @@ use crate::link::LinkError;
 use crate::pilot::{Dial, Pulse, Reactions, Settings, Status};
 use crate::robot::channel::Request;
 pub use crate::robot::{Bus, Happening, Heard, Listener, Occurrence};
-use crate::robot::{EndReason, Lookout, Pictures, Priority};
+use crate::robot::{EndReason, Pictures, Priority, ViewerChannel};
 use crate::script::Ending;
 
 /// The total time for the scripts' last words and the end of their hosts.
@@ -109,59 +109,59 @@ pub enum AgentError {
 /// A run that has not begun.
 pub struct Agent {
     behaviours: Vec<Behaviour>,
-    company: Company,
+    behaviour_set: BehaviourSet,
     roster: Roster,
     launcher: Launcher,
     rescue: Option<Launch>,
     limit: Option<Duration>,
     stays: bool,
-    flight: Preflight,
+    setup: PilotSetup,
 }
 
 impl Agent {
     /// Prepares a run. Also returns the newest status of robot and watchdog.
     pub fn new(plan: Plan) -> (Agent, watch::Receiver<Status>) {
-        let flight = Preflight::new(plan.settings, plan.dial, plan.core, plan.pulse)
+        let setup = PilotSetup::new(plan.settings, plan.dial, plan.core, plan.pulse)
             .with_bus(plan.bus.clone());
-        let status = flight.status();
-        let around = LaunchContext {
+        let status = setup.status();
+        let context = LaunchContext {
             launcher: plan.launcher.clone(),
-            core: flight.core().clone(),
-            requests: flight.requests(),
-            frames: flight.frames(),
+            core: setup.core().clone(),
+            requests: setup.requests(),
+            frames: setup.frames(),
             // Each behaviour has its own.
             stop: watch::channel(None).1,
-            longest_silence: flight.longest_silence(),
-            lookout: Lookout::default(),
+            longest_silence: setup.longest_silence(),
+            viewers: ViewerChannel::default(),
             bus: plan.bus,
         };
-        let (company, roster) = Company::new(around, status.clone(), plan.blueprints);
+        let (behaviour_set, roster) = BehaviourSet::new(context, status.clone(), plan.blueprints);
         let agent = Agent {
             behaviours: plan.behaviours,
-            company,
+            behaviour_set,
             roster,
             launcher: plan.launcher,
             rescue: plan.rescue,
             limit: plan.limit,
             stays: plan.stays,
-            flight,
+            setup,
         };
         (agent, status)
     }
 
     /// The pilot's queue, for requests that no behaviour may make: see [`Request::Sleep`].
     pub fn requests(&self) -> mpsc::Sender<Request> {
-        self.flight.requests()
+        self.setup.requests()
     }
 
     /// The frames of the camera.
     pub fn pictures(&self) -> watch::Receiver<Pictures> {
-        self.flight.frames()
+        self.setup.frames()
     }
 
     /// The times from a frame to a track command.
     pub fn reactions(&self) -> Reactions {
-        self.flight.reactions()
+        self.setup.reactions()
     }
 
     /// The handle that starts and stops behaviours during the run.
@@ -178,24 +178,24 @@ impl Agent {
     pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
         let Agent {
             behaviours,
-            mut company,
+            mut behaviour_set,
             launcher,
             rescue,
             limit,
             stays,
-            mut flight,
+            mut setup,
             ..
         } = self;
         if let Some(launch) = rescue {
-            flight.stand_by(launcher, launch);
+            setup.stand_by(launcher, launch);
         }
-        let prepared = match company.prepare(behaviours).await {
+        let prepared = match behaviour_set.prepare(behaviours).await {
             Ok(prepared) => prepared,
             Err(refused) => return Ok(Outcome::refused(refused)),
         };
         let mut run = Run {
-            flight: flight.launch(&stop),
-            company,
+            pilot: setup.launch(&stop),
+            behaviour_set,
             stays,
         };
         let lived = tokio::select! {
@@ -203,7 +203,7 @@ impl Agent {
             () = stop.cancelled() => Ok(EndReason::Shutdown),
             up = run.reach() => match up {
                 Ok(()) => {
-                    run.company.begin(prepared);
+                    run.behaviour_set.begin(prepared);
                     run.live(limit, &stop).await
                 }
                 Err(error) => Err(error),
@@ -232,8 +232,8 @@ impl Outcome {
 
 /// A run under way.
 struct Run {
-    flight: Flight,
-    company: Company,
+    pilot: RunningPilot,
+    behaviour_set: BehaviourSet,
     stays: bool,
 }
 
@@ -242,8 +242,8 @@ impl Run {
     async fn reach(&mut self) -> Result<(), AgentError> {
         tokio::select! {
             biased;
-            up = self.flight.up() => up,
-            never = self.company.wait_for_robot() => match never {},
+            up = self.pilot.connected() => up,
+            never = self.behaviour_set.wait_for_robot() => match never {},
         }
     }
 
@@ -256,27 +256,27 @@ impl Run {
         let over = over(limit);
         tokio::pin!(over);
         loop {
-            let alone = self.company.is_empty() && !self.stays;
-            let home = self.flight.stay();
+            let alone = self.behaviour_set.is_empty() && !self.stays;
+            let home = self.pilot.wait_until_home();
             tokio::select! {
                 biased;
                 () = stop.cancelled() => return Ok(EndReason::Shutdown),
-                error = self.flight.lost() => return Err(error),
+                error = self.pilot.failure() => return Err(error),
                 () = &mut over => return Ok(EndReason::Shutdown),
                 stayed = home, if alone => {
                     return Ok(if stayed { EndReason::Safety } else { EndReason::Done });
                 }
-                turn = self.company.turn() => turn?,
+                turn = self.behaviour_set.turn() => turn?,
             }
         }
     }
 
     /// Ends the run: first the tracks, then the scripts' last words, then the link.
     async fn end(self, reason: EndReason, interrupted: bool) -> Result<Outcome, AgentError> {
-        self.flight.part();
-        let endings = self.company.end(reason).await;
-        let safety = reason == EndReason::Safety || self.flight.status().low;
-        self.flight.end().await;
+        self.pilot.stop_motion();
+        let endings = self.behaviour_set.end(reason).await;
+        let safety = reason == EndReason::Safety || self.pilot.status().low;
+        self.pilot.end().await;
         Ok(Outcome {
             endings,
             safety,
@@ -286,8 +286,8 @@ impl Run {
 
     /// After an internal error: drops the pilot, and its writer's drop stops the tracks.
     async fn abandon(self) {
-        drop(self.flight);
-        self.company.abandon().await;
+        drop(self.pilot);
+        self.behaviour_set.abandon().await;
     }
 }
 

@@ -9,18 +9,18 @@
 
 mod acting;
 mod core;
-mod distress;
 mod halt;
-mod hearing;
-mod heralding;
-mod hush;
 mod last_words;
 mod lights;
 mod line;
+mod link_end;
+mod link_events;
 mod lost;
-mod parting;
+mod publishing;
 mod pulse;
+mod quiet_hours;
 mod reaction;
+mod restrictions;
 mod seats;
 mod serving;
 mod shown;
@@ -45,16 +45,16 @@ use crate::safety::{Fact, Limits, Watchdog};
 use crate::wire::{Command, EngineReport};
 
 pub use self::core::DrivingCore;
-use self::distress::Distress;
 use self::halt::Halt;
-use self::hush::Hush;
 use self::lights::Lights;
 pub use self::line::Dial;
 use self::line::Line;
-use self::lost::{HearError, LinkLost};
+use self::lost::{LinkEventError, LinkLost};
 pub use self::pulse::Pulse;
+use self::quiet_hours::QuietHours;
 use self::reaction::Stopwatch;
 pub use self::reaction::{Reactions, Tally};
+use self::restrictions::Restrictions;
 use self::seats::Seats;
 pub use self::shown::Shown;
 use self::silence::{Silence, SilenceAction};
@@ -65,7 +65,7 @@ const REQUESTS_IN_A_ROW: usize = 32;
 
 /// How often the other tasks get a turn before timeouts are evaluated: once to read, once to pass
 /// on.
-const HEARINGS: usize = 2;
+const YIELDS_BEFORE_TIMEOUTS: usize = 2;
 
 /// Behaviours are told of a sequence of sounds, such as speech, once per this interval.
 const SOUND_TOLD_AGAIN: Duration = Duration::from_millis(500);
@@ -85,9 +85,9 @@ const ENGINE_EVERY: Duration = Duration::from_secs(1);
 pub struct Ending {
     /// No motion is allowed any more, except the search of a robot with a low battery; lights and
     /// sounds still work.
-    pub parting: CancellationToken,
+    pub stop_motion: CancellationToken,
     /// Close the link and return.
-    pub closing: CancellationToken,
+    pub close_link: CancellationToken,
 }
 
 /// The pilot's settings, besides the line.
@@ -122,11 +122,11 @@ pub struct Pilot {
     info: Option<RobotInfo>,
     simulated: bool,
     /// Unknown kinds of messages, and when each was last logged.
-    unknown: Repeats<hearing::UnknownKind>,
-    engine_said: Repeats<EngineReport>,
+    unknown: Repeats<link_events::UnknownKind>,
+    engine_log: Repeats<EngineReport>,
     streams_due: Option<Instant>,
     /// The state that lights, sounds and streams were last adapted to.
-    distress: Distress,
+    restrictions: Restrictions,
     /// The watchdog has taken in a fact whose acts are deferred.
     has_deferred: bool,
     /// A behaviour was given up, and the robot has not sounded the alarm for it yet.
@@ -136,7 +136,7 @@ pub struct Pilot {
     /// When the behaviours were last told of a sound.
     sounding: Option<Instant>,
     /// Quiet hours.
-    hush: Hush,
+    quiet_hours: QuietHours,
     /// The link is closed on purpose until a behaviour needs the robot.
     released: bool,
     /// Why attempts to connect have failed, and when each reason was last logged.
@@ -173,14 +173,14 @@ impl Pilot {
             info: None,
             simulated: settings.simulated,
             unknown: Repeats::new(UNKNOWN_EVERY),
-            engine_said: Repeats::new(ENGINE_EVERY),
+            engine_log: Repeats::new(ENGINE_EVERY),
             streams_due: None,
-            distress: Distress::default(),
+            restrictions: Restrictions::default(),
             has_deferred: false,
             alarm_due: false,
             moving: false,
             sounding: None,
-            hush: Hush::default(),
+            quiet_hours: QuietHours::default(),
             released: false,
             failed: Repeats::new(FAILED_EVERY),
             pulse: None,
@@ -215,28 +215,28 @@ impl Pilot {
         ending: Ending,
     ) -> Result<Delivery, LinkError> {
         let mut line = Line::new(dial, &settings.link, settings.seed, self.renew_last_words());
-        let mut parted = false;
+        let mut motion_stopped = false;
         loop {
-            self.deposit(&mut line);
+            self.store_last_words(&mut line);
             let deadline = self.next_deadline();
             let turn = tokio::select! {
                 biased;
-                () = ending.closing.cancelled() => break,
-                () = ending.parting.cancelled(), if !parted => {
-                    parted = true;
-                    self.take(Fact::Parting)
+                () = ending.close_link.cancelled() => break,
+                () = ending.stop_motion.cancelled(), if !motion_stopped => {
+                    motion_stopped = true;
+                    self.take(Fact::RunEnding)
                 }
                 () = until(deadline) => self.tick(&mut requests).await,
                 error = progress(self.writer.as_mut()) => Err(error.into()),
-                event = line.next() => match self.hear(event) {
+                event = line.next() => match self.handle_event(event) {
                     Ok(()) => Ok(()),
-                    Err(HearError::Lost(lost)) => Err(lost),
-                    Err(HearError::First(error)) => return Err(error),
+                    Err(LinkEventError::Lost(lost)) => Err(lost),
+                    Err(LinkEventError::First(error)) => return Err(error),
                 },
                 Some(request) = requests.recv() => self.serve(request),
             };
             let served = turn.and(self.serve_waiting(&mut requests));
-            if let Err(lost) = served.and_then(|()| self.follow_distress()) {
+            if let Err(lost) = served.and_then(|()| self.apply_restrictions()) {
                 self.lose(&lost, &mut line);
             }
             self.tell_motion();
@@ -295,7 +295,7 @@ impl Pilot {
     /// timeouts.
     async fn tick(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
         let woken = self.wake();
-        for _ in 0..HEARINGS {
+        for _ in 0..YIELDS_BEFORE_TIMEOUTS {
             tokio::task::yield_now().await;
         }
         let served = self.serve_waiting(requests);
@@ -354,7 +354,7 @@ impl Pilot {
     }
 
     fn publish(&mut self) {
-        self.herald_dock();
+        self.publish_docking();
         let link = match (&self.writer, &self.info) {
             (Some(_), _) => LinkState::Up,
             (None, _) if self.released => LinkState::Released,
@@ -374,7 +374,7 @@ impl Pilot {
             shown: self.shown,
             frames: self.status.borrow().frames,
         };
-        self.herald_status(&newest);
+        self.publish_status(&newest);
         self.status.send_if_modified(|status| status.update(newest));
     }
 }

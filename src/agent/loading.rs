@@ -20,7 +20,7 @@ const REACH: Duration = Duration::from_millis(3500);
 /// Creates a behaviour and has a host load it. A behaviour that is told to end meanwhile does not
 /// run.
 pub(super) async fn load(
-    around: LaunchContext,
+    context: LaunchContext,
     by: BehaviourId,
     blueprint: Blueprint,
     mut status: watch::Receiver<Status>,
@@ -29,9 +29,9 @@ pub(super) async fn load(
     let behaviour = made
         .unwrap_or(Err(BlueprintError::Internal))
         .map_err(|error| RosterError::CannotLoad(error.to_string()))?;
-    let restart_loop = RestartLoop::new(around, by, Role::Behaviour, behaviour);
+    let restart_loop = RestartLoop::new(context, by, Role::Behaviour, behaviour);
     let prepared = restart_loop.prepare().await;
-    let host = prepared.map_err(|ending| RosterError::CannotLoad(words(&ending)))?;
+    let host = prepared.map_err(|ending| RosterError::CannotLoad(describe(&ending)))?;
     // A robot whose link was released is being dialled meanwhile.
     let up = status.wait_for(|status| status.link == LinkState::Up);
     match timeout(REACH, up).await {
@@ -40,7 +40,7 @@ pub(super) async fn load(
     }
 }
 
-fn words(ending: &Ending) -> String {
+fn describe(ending: &Ending) -> String {
     let words = ending.message.as_deref();
     words.unwrap_or(ending.reason.sentence()).to_owned()
 }

@@ -46,21 +46,21 @@ pub fn rescue(choice: &Rescue, options: script::Options) -> io::Result<Option<La
 
 /// Runs the rescue behaviour whenever the watchdog wants it. Never returns while the pilot runs.
 pub(super) async fn stand_by(
-    around: LaunchContext,
+    context: LaunchContext,
     launch: Launch,
     mut status: watch::Receiver<Status>,
 ) {
     while until(true, &mut status).await {
         info!("starts the rescue behaviour, which looks for the way to the station");
         let stop = watch::Sender::new(None);
-        let around = LaunchContext {
+        let context = LaunchContext {
             stop: stop.subscribe(),
-            ..around.clone()
+            ..context.clone()
         };
         let restart_loop =
-            RestartLoop::new(around, RESCUER, Role::Rescuer, behaviour(launch.clone()));
+            RestartLoop::new(context, RESCUER, Role::Rescuer, behaviour(launch.clone()));
         let first = restart_loop.prepare().await;
-        let mut life = pin!(restart_loop.keep(first));
+        let mut life = pin!(restart_loop.run(first));
         let mut unwanted = status.clone();
         tokio::select! {
             biased;

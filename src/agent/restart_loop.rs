@@ -18,7 +18,7 @@ use crate::behaviour::{
 };
 use crate::check;
 use crate::robot::channel::{Request, Role};
-use crate::robot::{BehaviourId, Bus, EndReason, Lookout, Occurrence, Pictures, Priority};
+use crate::robot::{BehaviourId, Bus, EndReason, Occurrence, Pictures, Priority, ViewerChannel};
 use crate::script::Ending;
 
 /// The reason to end the behaviour, once there is one.
@@ -36,7 +36,7 @@ pub(super) struct LaunchContext {
     /// The longest silence of a host that does not drive.
     pub(super) longest_silence: Duration,
     /// The channel to viewers.
-    pub(super) lookout: Lookout,
+    pub(super) viewers: ViewerChannel,
     pub(super) bus: Bus,
 }
 
@@ -50,7 +50,7 @@ type Loading = Pin<Box<dyn Future<Output = Result<Loaded, Ending>> + Send>>;
 
 /// A behaviour and its restarts.
 pub(super) struct RestartLoop {
-    around: LaunchContext,
+    context: LaunchContext,
     by: BehaviourId,
     role: Role,
     priority: Priority,
@@ -66,7 +66,7 @@ pub(super) struct RestartLoop {
 
 impl RestartLoop {
     pub(super) fn new(
-        around: LaunchContext,
+        context: LaunchContext,
         by: BehaviourId,
         role: Role,
         plan: Behaviour,
@@ -79,7 +79,7 @@ impl RestartLoop {
             reloads,
         } = plan;
         RestartLoop {
-            around,
+            context,
             by,
             role,
             priority,
@@ -113,7 +113,7 @@ impl RestartLoop {
     }
 
     /// Runs until nothing is left to do. Returns the name and the last ending.
-    pub(super) async fn keep(mut self, first: Result<Prepared, Ending>) -> (String, Ending) {
+    pub(super) async fn run(mut self, first: Result<Prepared, Ending>) -> (String, Ending) {
         self.outdated = first.is_err();
         let mut next = first;
         loop {
@@ -123,10 +123,10 @@ impl RestartLoop {
                 Err(ending) => (ending, None),
             };
             report(self.name(), &ending);
-            self.tell_ended(&ending, began.elapsed());
+            self.publish_ended(&ending, began.elapsed());
             next = match successor {
-                Some(loaded) => Ok(self.succeed(loaded)),
-                None => match self.come_back(&ending).await {
+                Some(loaded) => Ok(self.adopt(loaded)),
+                None => match self.decide_next(&ending).await {
                     Some(next) => next,
                     None => return (self.launch.options.name, ending),
                 },
@@ -142,26 +142,26 @@ impl RestartLoop {
             frames,
             core,
             longest_silence,
-            lookout,
+            viewers,
             ..
-        } = self.around.clone();
+        } = self.context.clone();
         let handle = Handle::default();
-        let bus = self.around.bus.clone();
+        let bus = self.context.bus.clone();
         bus.tell(Occurrence::Started {
             behaviour: self.name().to_owned(),
         });
         let supervisor = Supervisor::board(host, self.role, requests, frames)
             .await
             .with_longest_silence(longest_silence)
-            .with_lookout(lookout)
+            .with_viewers(viewers)
             .with_bus(bus);
         let mut life = pin!(supervisor.run(handle.clone(), &core));
-        let (mut loading, mut successor, mut parting) = (None, None, false);
+        let (mut loading, mut successor, mut stopping) = (None, None, false);
         let ending = loop {
             tokio::select! {
                 biased;
-                reason = stopped(&mut self.around.stop), if !parting => {
-                    parting = true;
+                reason = stopped(&mut self.context.stop), if !stopping => {
+                    stopping = true;
                     handle.stop(reason);
                 }
                 ending = &mut life => break ending,
@@ -175,7 +175,7 @@ impl RestartLoop {
                 }
             }
         };
-        if parting {
+        if stopping {
             return (ending, None);
         }
         if let Some(loading) = loading {
@@ -185,7 +185,7 @@ impl RestartLoop {
     }
 
     /// Decides what follows an ending that no save has caused; `None`: nothing.
-    async fn come_back(&mut self, ending: &Ending) -> Option<Result<Prepared, Ending>> {
+    async fn decide_next(&mut self, ending: &Ending) -> Option<Result<Prepared, Ending>> {
         let verdict = if self.outdated {
             RestartDecision::Over
         } else {
@@ -195,7 +195,7 @@ impl RestartLoop {
             if verdict == RestartDecision::GivenUp {
                 self.give_up(ending).await;
             }
-            return self.mended(None).await.map(Ok);
+            return self.wait_for_fix(None).await.map(Ok);
         };
         let (behaviour, of) = (self.name(), self.limits());
         warn!(
@@ -205,11 +205,13 @@ impl RestartLoop {
         );
         tokio::select! {
             biased;
-            _ = stopped(&mut self.around.stop) => return None,
-            Some(reload) = saved(&mut self.reloads) => return self.mended(Some(reload)).await.map(Ok),
+            _ = stopped(&mut self.context.stop) => return None,
+            Some(reload) = saved(&mut self.reloads) => {
+                return self.wait_for_fix(Some(reload)).await.map(Ok);
+            }
             () = sleep(pause) => {}
         }
-        let mut stop = self.around.stop.clone();
+        let mut stop = self.context.stop.clone();
         tokio::select! {
             biased;
             _ = stopped(&mut stop) => None,
@@ -218,8 +220,8 @@ impl RestartLoop {
     }
 
     /// Publishes on the bus how it has ended, after running for `ran`.
-    pub(super) fn tell_ended(&self, ending: &Ending, ran: Duration) {
-        self.around.bus.tell(Occurrence::Ended {
+    pub(super) fn publish_ended(&self, ending: &Ending, ran: Duration) {
+        self.context.bus.tell(Occurrence::Ended {
             behaviour: self.name().to_owned(),
             reason: ending.reason,
             message: ending.message.clone(),
@@ -233,11 +235,11 @@ impl RestartLoop {
         let message = ending.message.as_deref().unwrap_or(reason.sentence());
         let of = self.limits();
         error!(behaviour, %reason, "given up, no restart is left {of}: {message}");
-        self.around.bus.tell(Occurrence::GivenUp {
+        self.context.bus.tell(Occurrence::GivenUp {
             behaviour: behaviour.to_owned(),
             message: message.to_owned(),
         });
-        let _ = self.around.requests.send(Request::Alarm).await;
+        let _ = self.context.requests.send(Request::Alarm).await;
     }
 
     /// The limit of restarts, such as `of 5 within 600 s`.
@@ -253,7 +255,7 @@ impl RestartLoop {
     }
 
     /// Waits for a saved text that can be loaded; `None`: no file is watched, or the run ends.
-    async fn mended(&mut self, mut reload: Option<Reload>) -> Option<Prepared> {
+    async fn wait_for_fix(&mut self, mut reload: Option<Reload>) -> Option<Prepared> {
         if !self.is_watched() {
             return None;
         }
@@ -269,14 +271,14 @@ impl RestartLoop {
                 Some(reload) => reload,
                 None => tokio::select! {
                     biased;
-                    _ = stopped(&mut self.around.stop) => return None,
+                    _ = stopped(&mut self.context.stop) => return None,
                     reload = saved(&mut self.reloads) => reload?,
                 },
             };
             let loading = self.load(source);
             match self.finish(loading).await {
-                Some(loaded) => return Some(self.succeed(loaded)),
-                None if self.around.stop.borrow().is_some() => return None,
+                Some(loaded) => return Some(self.adopt(loaded)),
+                None if self.context.stop.borrow().is_some() => return None,
                 None => {}
             }
         }
@@ -287,7 +289,7 @@ impl RestartLoop {
     async fn finish(&mut self, loading: Loading) -> Option<Loaded> {
         tokio::select! {
             biased;
-            _ = stopped(&mut self.around.stop) => None,
+            _ = stopped(&mut self.context.stop) => None,
             loaded = loading => self.accept(loaded, "nothing runs in its place"),
         }
     }
@@ -313,14 +315,14 @@ impl RestartLoop {
     }
 
     /// Adopts a new text, and forgets the earlier failures.
-    fn succeed(&mut self, loaded: Loaded) -> Prepared {
+    fn adopt(&mut self, loaded: Loaded) -> Prepared {
         self.launch.source = loaded.source;
         self.restarts.forget();
         loaded.host
     }
 
     fn load(&self, source: Vec<u8>) -> Loading {
-        let LaunchContext { launcher, core, .. } = self.around.clone();
+        let LaunchContext { launcher, core, .. } = self.context.clone();
         let (by, priority) = (self.by, self.priority);
         let launch = Launch {
             source: source.clone(),
@@ -331,7 +333,7 @@ impl RestartLoop {
             if checked {
                 // Checking a long text takes time and must not block this runtime.
                 let (text, inspector) = (launch.clone(), launcher.inspector());
-                let looked = spawn_blocking(move || look_over(&text, inspector)).await;
+                let looked = spawn_blocking(move || check_text(&text, inspector)).await;
                 looked.unwrap_or(Ok(()))?;
             }
             let host = Prepared::start(&launcher, &core, by, priority, launch).await?;
@@ -341,7 +343,7 @@ impl RestartLoop {
 }
 
 /// Refuses a text in which the check finds an error.
-fn look_over(launch: &Launch, inspector: Option<Inspector>) -> Result<(), Ending> {
+fn check_text(launch: &Launch, inspector: Option<Inspector>) -> Result<(), Ending> {
     let Launch {
         source, options, ..
     } = launch;

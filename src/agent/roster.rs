@@ -1,6 +1,6 @@
 //! The behaviours of a running agent by name: which ones exist, which run, and a handle that
 //! starts, stops and restarts them at any time. The handle is for those who request this (a
-//! person's tool, a timetable, a page); the [`Company`](super::company) does it.
+//! person's tool, a timetable, a page); the [`BehaviourSet`](super::behaviour_set) does it.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -12,7 +12,8 @@ use tokio::time::{Instant, timeout};
 
 use super::Behaviour;
 use crate::robot::{
-    BehaviourId, EndReason, Findings, Knobs, Lookout, ParamValue, Priority, Turned,
+    BehaviourId, DeclaredParams, EndReason, Findings, ParamChange, ParamValue, Priority,
+    ViewerChannel,
 };
 use crate::script::{Ending, suggestion};
 
@@ -188,7 +189,7 @@ impl RosterError {
 /// The channel for a command's outcome.
 pub(super) type Reply = oneshot::Sender<Result<(), RosterError>>;
 
-/// A command to the company.
+/// A command to the behaviour set.
 pub(super) enum RosterCommand {
     /// Start the behaviour, and end it after this time if it still runs then.
     Start(String, Option<Duration>, Reply),
@@ -205,20 +206,20 @@ pub(super) enum RosterCommand {
 pub struct Roster {
     orders: mpsc::Sender<RosterCommand>,
     members: watch::Receiver<Vec<Member>>,
-    lookout: Lookout,
+    viewers: ViewerChannel,
 }
 
 impl Roster {
     pub(super) fn new(
         members: watch::Receiver<Vec<Member>>,
-        lookout: Lookout,
+        viewers: ViewerChannel,
     ) -> (Roster, mpsc::Receiver<RosterCommand>) {
         let (orders, taken) = mpsc::channel(MAX_COMMANDS);
         (
             Roster {
                 orders,
                 members,
-                lookout,
+                viewers,
             },
             taken,
         )
@@ -280,12 +281,12 @@ impl Roster {
 
     /// Subscribes to what the behaviours find in frames; slow receivers miss some.
     pub fn findings(&self) -> broadcast::Receiver<Findings> {
-        self.lookout.look()
+        self.viewers.findings()
     }
 
     /// The parameters of the running behaviours; the receiver can wait for changes.
-    pub fn knobs(&self) -> watch::Receiver<Knobs> {
-        self.lookout.console().knobs()
+    pub fn params(&self) -> watch::Receiver<DeclaredParams> {
+        self.viewers.params().declared()
     }
 
     /// Changes a parameter of a running behaviour, until it is restarted. The behaviour makes the
@@ -293,26 +294,31 @@ impl Roster {
     ///
     /// # Errors
     /// See [`RosterError`].
-    pub fn turn(&self, behaviour: &str, name: &str, value: ParamValue) -> Result<(), RosterError> {
-        let knobs = self.knobs();
-        let knobs = knobs.borrow();
+    pub fn change_param(
+        &self,
+        behaviour: &str,
+        name: &str,
+        value: ParamValue,
+    ) -> Result<(), RosterError> {
+        let params = self.params();
+        let params = params.borrow();
         let runs = || RosterError::DoesNotRun(behaviour.to_owned());
-        let list = knobs.get(behaviour).ok_or_else(runs)?;
-        let Some(knob) = list.iter().find(|knob| knob.name == name) else {
-            let near = suggestion(name, list.iter().map(|knob| knob.name.as_str()));
+        let list = params.get(behaviour).ok_or_else(runs)?;
+        let Some(param) = list.iter().find(|param| param.name == name) else {
+            let near = suggestion(name, list.iter().map(|param| param.name.as_str()));
             let words = format!("`{behaviour}` has no parameter of this name{near}");
             return Err(RosterError::WrongParam(words));
         };
-        if !knob.live {
+        if !param.live {
             let words = format!("`{name}` cannot be changed while `{behaviour}` runs");
             return Err(RosterError::WrongParam(words));
         }
-        if !knob.allows(&value) {
-            let words = format!("`{name}` must be {}", knob.expected());
+        if !param.allows(&value) {
+            let words = format!("`{name}` must be {}", param.expected());
             return Err(RosterError::WrongParam(words));
         }
         let (behaviour, name) = (behaviour.to_owned(), name.to_owned());
-        self.lookout.console().turn(Turned {
+        self.viewers.params().change(ParamChange {
             behaviour,
             name,
             value,

@@ -94,7 +94,7 @@ impl Seat {
     ) -> Result<MotionEnd, SeatError> {
         let motion = MotionId(self.next());
         let duration = Some(duration);
-        self.intend(Intent::Move {
+        self.send_intent(Intent::Move {
             motion,
             setpoint,
             duration,
@@ -113,7 +113,7 @@ impl Seat {
     /// See [`SeatError`].
     pub async fn dock(&mut self, plan: DockPlan) -> Result<Docked, SeatError> {
         let call = CallId(self.next());
-        self.intend(Intent::Dock { call, plan }).await?;
+        self.send_intent(Intent::Dock { call, plan }).await?;
         self.wait(|event| match event {
             Event::DockEnded {
                 call: of,
@@ -136,7 +136,7 @@ impl Seat {
     /// See [`SeatError`].
     pub async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, SeatError> {
         let call = CallId(self.next());
-        self.intend(Intent::Undock { call, timeout }).await?;
+        self.send_intent(Intent::Undock { call, timeout }).await?;
         self.wait(|event| match event {
             Event::UndockEnded { call: of, end } if *of == call => Some(*end),
             _ => None,
@@ -150,14 +150,14 @@ impl Seat {
     /// See [`SeatError`].
     pub async fn say(&mut self, samples: &[u8]) -> Result<(), SeatError> {
         let (stream, on) = (Stream::AudioOut, true);
-        self.intend(Intent::Stream { stream, on }).await?;
+        self.send_intent(Intent::Stream { stream, on }).await?;
         for samples in samples.chunks(SPEECH) {
-            self.intend(Intent::Say(samples.to_vec())).await?;
+            self.send_intent(Intent::Say(samples.to_vec())).await?;
             sleep(SPEECH_TIME.mul_f64(samples.len() as f64 / SPEECH as f64)).await;
         }
         // Time to play what the robot still has in its buffer.
         sleep(SPEECH_TIME).await;
-        self.intend(Intent::Stream { stream, on: false }).await
+        self.send_intent(Intent::Stream { stream, on: false }).await
     }
 
     /// Sets the setpoint until the next command. The driver must keep showing life: see
@@ -168,7 +168,7 @@ impl Seat {
     pub async fn drive(&mut self, setpoint: Setpoint) -> Result<(), SeatError> {
         let motion = MotionId(self.next());
         let duration = None;
-        self.intend(Intent::Move {
+        self.send_intent(Intent::Move {
             motion,
             setpoint,
             duration,
@@ -188,7 +188,7 @@ impl Seat {
     ///
     /// # Errors
     /// See [`SeatError`].
-    pub async fn told(&mut self) -> Result<Event, SeatError> {
+    pub async fn next_event(&mut self) -> Result<Event, SeatError> {
         match self.inbox.next().await {
             PilotMessage::Event(event) => Ok(event),
             PilotMessage::Kill(reason) => Err(SeatError::Ended(reason)),
@@ -200,7 +200,7 @@ impl Seat {
     ///
     /// # Errors
     /// [`SeatError::Closed`].
-    pub async fn intend(&self, intent: Intent) -> Result<(), SeatError> {
+    pub async fn send_intent(&self, intent: Intent) -> Result<(), SeatError> {
         self.ask(Request::Intent(self.by, intent)).await
     }
 

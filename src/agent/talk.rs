@@ -10,7 +10,7 @@ use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 use tracing::warn;
 
-use super::{AgentError, Flight, Preflight, SCRIPTS_END};
+use super::{AgentError, PilotSetup, RunningPilot, SCRIPTS_END};
 use crate::behaviour::{
     Dialogue, Handle, Launch, Launcher, Prepared, PromptCommand, Said, Supervisor,
 };
@@ -25,7 +25,7 @@ pub struct Talk {
     /// How to start hosts.
     pub launcher: Launcher,
     /// Connects to the robot and drives it.
-    pub flight: Preflight,
+    pub setup: PilotSetup,
     /// The rescue behaviour, if any: see [`rescue`](super::rescue).
     pub rescue: Option<Launch>,
 }
@@ -46,7 +46,7 @@ struct Session {
     launch: Launch,
     launcher: Launcher,
     core: runtime::Handle,
-    flight: Flight,
+    pilot: RunningPilot,
     requests: mpsc::Sender<Request>,
     frames: watch::Receiver<Pictures>,
     /// The longest silence of a host that does not drive.
@@ -68,21 +68,21 @@ impl Talk {
         stop: CancellationToken,
     ) -> Result<bool, TalkError> {
         if let Some(launch) = self.rescue {
-            self.flight.stand_by(self.launcher.clone(), launch);
+            self.setup.stand_by(self.launcher.clone(), launch);
         }
         let mut session = Session {
             launch: self.launch,
             launcher: self.launcher,
-            core: self.flight.core().clone(),
-            requests: self.flight.requests(),
-            frames: self.flight.frames(),
-            longest_silence: self.flight.longest_silence(),
-            flight: self.flight.launch(&stop),
+            core: self.setup.core().clone(),
+            requests: self.setup.requests(),
+            frames: self.setup.frames(),
+            longest_silence: self.setup.longest_silence(),
+            pilot: self.setup.launch(&stop),
             last: 0,
         };
         let stayed = session.live(&mut orders, &said, &stop).await;
-        let safety = session.flight.is_away();
-        session.flight.end().await;
+        let safety = session.pilot.is_away();
+        session.pilot.end().await;
         stayed.map(|stayed| stayed || safety)
     }
 }
@@ -98,7 +98,7 @@ impl Session {
         tokio::select! {
             biased;
             () = stop.cancelled() => return Ok(false),
-            up = self.flight.up() => up?,
+            up = self.pilot.connected() => up?,
         }
         while let Some(ending) = self.converse(orders, said, stop).await? {
             let _ = said.send(Said::Ended(ending)).await;
@@ -106,7 +106,7 @@ impl Session {
         tokio::select! {
             biased;
             () = stop.cancelled() => Ok(false),
-            stayed = self.flight.stay() => Ok(stayed),
+            stayed = self.pilot.wait_until_home() => Ok(stayed),
         }
     }
 
@@ -127,7 +127,7 @@ impl Session {
             tokio::select! {
                 biased;
                 () = stop.cancelled() => break,
-                error = self.flight.lost() => return Err(error.into()),
+                error = self.pilot.failure() => return Err(error.into()),
                 next = orders.recv() => match next {
                     // A behaviour that does not read its lines is ended.
                     Some(next) => if order.try_send(next).is_err() { handle.stop(EndReason::Cancelled) },
@@ -142,7 +142,7 @@ impl Session {
                 }
             }
         }
-        // Stop without parting: if the battery is low, the robot is brought home first.
+        // Stop without the end of the run: if the battery is low, the robot is brought home first.
         let rest = Request::Intent(BehaviourId(self.last), Intent::Stop);
         let _ = self.requests.try_send(rest);
         handle.stop(EndReason::Shutdown);

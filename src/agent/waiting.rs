@@ -32,11 +32,11 @@ pub fn until_answered(dial: Dial, options: Options, seed: u64, tries: Tries) -> 
     let mut first = true;
     Box::new(move |last_words| {
         let (dial, options, tries) = (dial.clone(), options.clone(), tries.clone());
-        let insists = std::mem::take(&mut first);
+        let is_first = std::mem::take(&mut first);
         Box::pin(async move {
             let mut dial = dial.lock().await;
-            if insists {
-                insist(&mut dial, last_words, &options, seed, &tries).await
+            if is_first {
+                dial_until_answered(&mut dial, last_words, &options, seed, &tries).await
             } else {
                 (*dial)(last_words).await
             }
@@ -44,7 +44,7 @@ pub fn until_answered(dial: Dial, options: Options, seed: u64, tries: Tries) -> 
     })
 }
 
-async fn insist(
+async fn dial_until_answered(
     dial: &mut Dial,
     last_words: Vec<Command>,
     options: &Options,

@@ -2,7 +2,7 @@
 
 use bytes::Bytes;
 
-use crate::robot::Coming;
+use crate::robot::PartialFrame;
 
 /// The part of the incoming frame that was already passed to a host.
 #[derive(Debug, Default)]
@@ -14,7 +14,10 @@ pub(super) struct Ahead {
 impl Ahead {
     /// Returns the bytes received since the last call and their offset in the frame; `None` if
     /// there are none.
-    pub(super) fn rest(&mut self, Coming { seq, jpeg }: &Coming) -> Option<(usize, Bytes)> {
+    pub(super) fn rest(
+        &mut self,
+        PartialFrame { seq, jpeg }: &PartialFrame,
+    ) -> Option<(usize, Bytes)> {
         // Fewer bytes than before: the number belongs to a frame of a new connection.
         if *seq != self.seq || jpeg.len() < self.passed {
             (self.seq, self.passed) = (*seq, 0);
@@ -33,7 +36,7 @@ mod tests {
         let mut ahead = Ahead::default();
         let mut rest = |seq, jpeg: &'static [u8]| {
             let jpeg = Bytes::from_static(jpeg);
-            ahead.rest(&Coming { seq, jpeg })
+            ahead.rest(&PartialFrame { seq, jpeg })
         };
         let part = |at, bytes: &'static [u8]| Some((at, Bytes::from_static(bytes)));
         assert_eq!(rest(1, b"ab"), part(0, b"ab"));

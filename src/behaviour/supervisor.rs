@@ -21,7 +21,9 @@ use super::prepared::{EXIT_TIME, Prepared, ending};
 use super::remarks;
 use crate::clock::until;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
-use crate::robot::{Bus, Coming, EndReason, Findings, Lookout, Pictures, Remark, Turned};
+use crate::robot::{
+    Bus, EndReason, Findings, ParamChange, PartialFrame, Pictures, Remark, ViewerChannel,
+};
 use crate::script::{Ending, LogLine, Output};
 
 /// Time limit for a script's last words (`API.md`, `script.on_stop`) plus the exit of its host.
@@ -66,9 +68,9 @@ pub struct Supervisor {
     dropped: u64,
     dialogue: Option<Dialogue>,
     liveness: Option<Liveness>,
-    lookout: Lookout,
+    viewers: ViewerChannel,
     /// Parameter changes by users.
-    turned: broadcast::Receiver<Turned>,
+    param_changes: broadcast::Receiver<ParamChange>,
     bus: Bus,
 }
 
@@ -89,7 +91,7 @@ impl Supervisor {
             events,
         };
         let _ = requests.send(join).await;
-        let lookout = Lookout::default();
+        let viewers = ViewerChannel::default();
         Supervisor {
             host,
             requests,
@@ -103,8 +105,8 @@ impl Supervisor {
             dropped: 0,
             dialogue: None,
             liveness: None,
-            turned: lookout.console().turned(),
-            lookout,
+            param_changes: viewers.params().changes(),
+            viewers,
             bus: Bus::default(),
         }
     }
@@ -115,12 +117,12 @@ impl Supervisor {
         Supervisor { bus, ..self }
     }
 
-    /// Publishes the script's findings in frames, and its parameters, through this lookout.
+    /// Publishes the script's findings in frames, and its parameters, through this channel.
     #[must_use]
-    pub fn with_lookout(self, lookout: Lookout) -> Supervisor {
+    pub fn with_viewers(self, viewers: ViewerChannel) -> Supervisor {
         Supervisor {
-            turned: lookout.console().turned(),
-            lookout,
+            param_changes: viewers.params().changes(),
+            viewers,
             ..self
         }
     }
@@ -166,7 +168,7 @@ impl Supervisor {
     ) -> (Supervisor, Option<Ending>) {
         let ending = self.serve(&mut stop).await;
         let _ = self.requests.send(Request::Gone(self.host.by)).await;
-        self.lookout.console().forget(&self.host.name);
+        self.viewers.params().forget(&self.host.name);
         if self.dropped > 0 {
             warn!(
                 behaviour = %self.host.name,
@@ -205,9 +207,9 @@ impl Supervisor {
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
                 }
                 Some(reason) = at(last_moment) => return Some(self.killed(reason)),
-                Ok(turned) = self.turned.recv() => {
-                    if turned.behaviour == self.host.name {
-                        let (name, value) = (turned.name, turned.value);
+                Ok(change) = self.param_changes.recv() => {
+                    if change.behaviour == self.host.name {
+                        let (name, value) = (change.name, change.value);
                         self.pass_on(ToHost::Turn { name, value });
                     }
                 }
@@ -253,14 +255,14 @@ impl Supervisor {
             }
             FromHost::Found { frame, list } => {
                 let behaviour = self.host.name.clone();
-                return self.lookout.tell(Findings {
+                return self.viewers.send(Findings {
                     behaviour,
                     frame,
                     list,
                 });
             }
-            FromHost::Output(Output::Params(knobs)) => {
-                return self.lookout.console().declare(&self.host.name, knobs);
+            FromHost::Output(Output::Params(params)) => {
+                return self.viewers.params().declare(&self.host.name, params);
             }
             FromHost::Output(Output::Log(line)) => return self.write(line),
             FromHost::Output(Output::Remark(remark)) => return self.remark(remark),
@@ -313,9 +315,9 @@ impl Supervisor {
     /// Passes on the newest frame if it is newer than the last one passed on, or else the received
     /// part of the next frame.
     fn pass_picture(&mut self) {
-        let Pictures { newest, coming, .. } = self.frames.borrow().clone();
-        let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
-            return self.pass_beginning(coming);
+        let pictures = self.frames.borrow().clone();
+        let Some(frame) = pictures.newest.filter(|frame| frame.seq > self.last_frame) else {
+            return self.pass_beginning(pictures.partial);
         };
         self.last_but_one = std::mem::replace(&mut self.last_frame, frame.seq);
         self.frame_wanted = false;
@@ -336,9 +338,9 @@ impl Supervisor {
         }
     }
 
-    fn pass_beginning(&mut self, coming: Option<Coming>) {
-        let coming = coming.filter(|_| self.ahead_wanted);
-        if let Some((at, jpeg)) = coming.and_then(|coming| self.ahead.rest(&coming)) {
+    fn pass_beginning(&mut self, partial: Option<PartialFrame>) {
+        let partial = partial.filter(|_| self.ahead_wanted);
+        if let Some((at, jpeg)) = partial.and_then(|partial| self.ahead.rest(&partial)) {
             self.pass_on(ToHost::Ahead { at, jpeg });
         }
     }

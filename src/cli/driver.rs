@@ -9,7 +9,7 @@ use tokio_util::sync::CancellationToken;
 use super::interrupt::obey;
 use super::startup::{driving_core, launcher, pulse};
 use super::{Exit, Failure};
-use crate::agent::{AgentError, Docked, Flight, Preflight, Seat, SeatError};
+use crate::agent::{AgentError, Docked, PilotSetup, RunningPilot, Seat, SeatError};
 use crate::behaviour::Launch;
 use crate::pilot::{Dial, Settings, Status};
 use crate::robot::channel::{Request, Role};
@@ -32,7 +32,7 @@ pub(super) struct Driver {
     requests: mpsc::Sender<Request>,
     /// Set once the robot is connected.
     seat: Option<Seat>,
-    flight: Flight,
+    flight: RunningPilot,
 }
 
 /// Connects, lets `job` drive, and stops the robot before it disconnects, however the job ends. Any
@@ -51,7 +51,7 @@ pub(super) async fn drive(
     let work = async {
         driver.board().await?;
         let done = job(&mut driver).await;
-        let stayed = driver.flight.stay().await;
+        let stayed = driver.flight.wait_until_home().await;
         done.map(|exit| if stayed { Exit::Safety } else { exit })
     };
     let done = unless_stopped(&stop, work).await;
@@ -83,7 +83,7 @@ impl Driver {
             rescue,
         } = means;
         let pulse = pulse(settings.simulated);
-        let mut flight = Preflight::new(settings, dial, core.clone(), Some(pulse));
+        let mut flight = PilotSetup::new(settings, dial, core.clone(), Some(pulse));
         let requests = flight.requests();
         obey(core, requests.clone(), stop.clone())?;
         if let Some(rescue) = rescue {
@@ -97,7 +97,7 @@ impl Driver {
     }
 
     async fn board(&mut self) -> Result<(), Failure> {
-        self.flight.up().await.map_err(failed)?;
+        self.flight.connected().await.map_err(failed)?;
         let seat = Seat::join(
             self.requests.clone(),
             ME,
@@ -172,7 +172,7 @@ impl Driver {
     /// The failure to report. If the pilot has ended, reports the pilot's own reason.
     async fn refused(&mut self, error: SeatError) -> Failure {
         match error {
-            SeatError::Closed => failed(self.flight.lost().await),
+            SeatError::Closed => failed(self.flight.failure().await),
             SeatError::Ended(_) => Failure::new(Exit::Safety, error),
         }
     }

@@ -20,7 +20,7 @@ use super::settings::SettingsArgs;
 use super::startup::{driving_core, launcher, pulse, rescue, runtime};
 use super::terminal::Terminal;
 use super::{ConnectionArgs, Console, Exit, Failure};
-use crate::agent::{AgentError, Preflight, Talk, TalkError};
+use crate::agent::{AgentError, PilotSetup, Talk, TalkError};
 use crate::behaviour::{Launch, Library, PromptCommand, Said};
 use crate::clock::until;
 use crate::config::Config;
@@ -71,7 +71,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let talk = Talk {
         launch: launch(&config, seed)?,
         launcher: launcher()?,
-        flight: Preflight::new(settings, dial, core.handle().clone(), pulse),
+        setup: PilotSetup::new(settings, dial, core.handle().clone(), pulse),
         rescue: rescue(&config, seed)?,
     };
     let terminal = Terminal::remember();
@@ -106,7 +106,7 @@ async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<
     let (tell, told) = mpsc::channel(MAX_TOLD);
     let stop = CancellationToken::new();
     let interactive = std::io::stdin().is_terminal();
-    let (core, requests) = (talk.flight.core().clone(), talk.flight.requests());
+    let (core, requests) = (talk.setup.core().clone(), talk.setup.requests());
     let mut interruption = if interactive {
         obey_at_prompt(&core, requests, stop.clone(), terminal.clone())?;
         Some(listen(libc::SIGINT)?)

@@ -137,7 +137,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         ),
         launcher: startup::launcher()?,
         core: core.handle().clone(),
-        pulse: Some(pulse(simulated).heard_by(beats.clone())),
+        pulse: Some(pulse(simulated).notify_beats(beats.clone())),
         rescue: rescue(&config, seed)?,
         limit: args.limit,
         bus: bus.clone(),

@@ -17,7 +17,7 @@ use super::folder::{Bound, Folder};
 use super::pipe::Pipe;
 use crate::agent::{Docked, MemberState, Roster, Seat, SeatError};
 use crate::pilot::{LinkState, Reactions, Status};
-use crate::robot::channel::{Crew, Request, Role};
+use crate::robot::channel::{Request, Role, RunningBehaviours};
 use crate::robot::{BehaviourId, Intent, Pictures, Priority, Streams, Use};
 use crate::safety::WatchdogState;
 use crate::timetable::View;
@@ -224,7 +224,7 @@ impl Run {
             Errand::StopSound => Intent::StopSound,
             Errand::Volume(percent) => Intent::Volume(percent),
         };
-        seat.intend(intent).await?;
+        seat.send_intent(intent).await?;
         Ok(Answer::Done)
     }
 
@@ -251,7 +251,7 @@ impl Run {
     }
 
     async fn stop_tracks(&self) -> Result<(), SeatError> {
-        self.seat("a person").await?.intend(Intent::Stop).await
+        self.seat("a person").await?.send_intent(Intent::Stop).await
     }
 
     /// Stops the tracks at once and ends all behaviours, so that nothing keeps driving. Unlike
@@ -276,7 +276,8 @@ impl Run {
         let mut pictures = self.pictures.clone();
         let number = |pictures: &Pictures| pictures.newest.as_ref().map(|frame| frame.seq);
         let last = number(&pictures.borrow());
-        seat.intend(Intent::Stream { stream, on: true }).await?;
+        seat.send_intent(Intent::Stream { stream, on: true })
+            .await?;
         // Compare numbers, not times: a laboratory's clock differs from the client's.
         let new = |pictures: &Pictures| {
             let newest = pictures.newest.as_ref();
@@ -335,20 +336,20 @@ impl Run {
             docked: status.docked,
             low: status.low,
             battery: status.battery,
-            behaviours: crew.aboard,
+            behaviours: crew.behaviours,
             next: Next::of(&view),
             quiet: view.quiet,
         }))
     }
 
     /// Returns the robot and the running behaviours; `None` if the pilot does not reply in time.
-    pub async fn aboard(&self) -> Option<Crew> {
+    pub async fn aboard(&self) -> Option<RunningBehaviours> {
         timeout(CREW, self.crew()).await.ok().flatten()
     }
 
-    async fn crew(&self) -> Option<Crew> {
+    async fn crew(&self) -> Option<RunningBehaviours> {
         let (tell, told) = oneshot::channel();
-        self.requests.send(Request::Crew(tell)).await.ok()?;
+        self.requests.send(Request::Running(tell)).await.ok()?;
         told.await.ok()
     }
 }

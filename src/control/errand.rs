@@ -6,7 +6,7 @@ use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
 use crate::agent::{Member, MemberState};
-use crate::robot::channel::Aboard;
+use crate::robot::channel::RunningBehaviour;
 use crate::robot::{Battery, DockEnd, DockPlan, EndReason, Percent, Priority, RobotInfo};
 use crate::timetable::View;
 use crate::wire::{Led, Sound};
@@ -153,7 +153,7 @@ pub struct Overview {
     /// The battery level, if a plausible one is known.
     pub battery: Option<Battery>,
     /// The running behaviours.
-    pub behaviours: Vec<Aboard>,
+    pub behaviours: Vec<RunningBehaviour>,
     /// The next start of the timetable, if there is one.
     pub next: Option<Next>,
     /// Whether it is a quiet hour.

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::errand::{Next, Overview};
-use crate::robot::channel::Aboard;
+use crate::robot::channel::RunningBehaviour;
 use crate::robot::{Battery, Percent, Priority, RobotInfo};
 
 /// The state of a run.
@@ -150,7 +150,7 @@ impl From<Report> for Overview {
             charging: level.charging,
             minutes_left: level.minutes_left,
         });
-        let behaviours = report.behaviours.into_iter().map(|one| Aboard {
+        let behaviours = report.behaviours.into_iter().map(|one| RunningBehaviour {
             name: one.name,
             priority: Priority(one.priority),
         });
@@ -201,7 +201,7 @@ mod tests {
                 charging: true,
                 minutes_left: None,
             }),
-            behaviours: vec![Aboard {
+            behaviours: vec![RunningBehaviour {
                 name: "patrol".to_owned(),
                 priority: Priority(-3),
             }],

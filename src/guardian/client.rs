@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use tracing::{error, info, warn};
 
-use super::note::{Note, Received, Words};
+use super::note::{LastWordsData, Note, Received};
 use super::starter::{Started, Starter};
 
 /// How often the driving core must beat while there is a link; a third of the time after which the
@@ -36,7 +36,7 @@ pub struct Guardian {
 
 #[derive(Debug)]
 struct Link {
-    words: Words,
+    words: LastWordsData,
     robot: Option<OwnedFd>,
 }
 
@@ -59,13 +59,13 @@ impl Guardian {
 
     /// Guards a new link: its socket, and the last words for it.
     pub fn guard(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>) {
-        let words = Words {
+        let words = LastWordsData {
             rest: Vec::new(),
             last: last_words,
         };
         let robot = socket.try_clone_to_owned().ok();
         self.link = Some(Link { words, robot });
-        self.tell_of_link();
+        self.send_link();
     }
 
     /// Updates the data to send: the rest of a partly written message, then the last words. Sends
@@ -79,41 +79,41 @@ impl Guardian {
         }
         words.rest = rest.to_vec();
         words.last = last_words.to_vec();
-        let note = Note::Words(words.clone());
-        self.tell(&note);
+        let note = Note::LastWords(words.clone());
+        self.send_note(&note);
     }
 
     /// Sends a beat, and checks whether the guardian answers.
     pub fn beat(&mut self) {
         if self.socket.is_none() {
-            self.take_another();
+            self.adopt_replacement();
         }
         if self.link.is_none() {
             return;
         }
-        self.hear_answers();
+        self.read_answers();
         if self.unanswered >= MOST_UNANSWERED {
             return self.lose("does not answer");
         }
         self.unanswered += 1;
-        self.tell(&Note::Beat);
+        self.send_note(&Note::Beat);
     }
 
     /// Ends the guard of a link that is closed and whose last words were sent.
     pub fn release(&mut self) {
         if self.link.take().is_some() {
             self.unanswered = 0;
-            self.tell(&Note::Release);
+            self.send_note(&Note::Release);
         }
     }
 
-    fn take_another(&mut self) {
+    fn adopt_replacement(&mut self) {
         match self.starter.poll() {
             Started::Yes(socket) => {
                 info!("another guardian process watches the robot");
                 self.socket = Some(socket);
                 self.unanswered = 0;
-                self.tell_of_link();
+                self.send_link();
             }
             Started::NotYet => {}
             Started::Never if !self.given_up => {
@@ -127,7 +127,7 @@ impl Guardian {
         }
     }
 
-    fn tell_of_link(&mut self) {
+    fn send_link(&mut self) {
         let Some(Link { words, robot }) = &self.link else {
             return;
         };
@@ -136,12 +136,12 @@ impl Guardian {
         self.lose_if(sent);
     }
 
-    fn tell(&mut self, note: &Note) {
+    fn send_note(&mut self, note: &Note) {
         let sent = send(&self.socket, note, None);
         self.lose_if(sent);
     }
 
-    fn hear_answers(&mut self) {
+    fn read_answers(&mut self) {
         let mut buffer = [0; MAX_ANSWER_LEN];
         while let Some(socket) = &self.socket {
             match Note::receive(socket, &mut buffer) {

@@ -5,14 +5,14 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::note::{Note, Words};
+use super::note::{LastWordsData, Note};
 
 /// How long the driving core may be silent before the guardian acts in its place.
 pub(super) const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// The data that the guardian must write now.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct Speech {
+pub(super) struct PendingWrite {
     /// The bytes.
     pub(super) bytes: Vec<u8>,
     /// The data completes a message that the agent began. The agent, if it resumed, would complete
@@ -24,10 +24,10 @@ pub(super) struct Speech {
 #[derive(Debug, Default)]
 pub(super) struct Guard {
     /// The data to send; present while there is a link.
-    words: Option<Words>,
+    words: Option<LastWordsData>,
     beaten: Option<Instant>,
     /// The data was sent, and no beat has come since.
-    said: bool,
+    written: bool,
 }
 
 impl Guard {
@@ -40,49 +40,49 @@ impl Guard {
                     ..Guard::default()
                 };
             }
-            Note::Words(words) if self.words.is_some() => {
-                self.said &= self.words.as_ref() == Some(&words);
+            Note::LastWords(words) if self.words.is_some() => {
+                self.written &= self.words.as_ref() == Some(&words);
                 self.words = Some(words);
             }
-            Note::Words(_) => return,
-            Note::Beat => self.said = false,
+            Note::LastWords(_) => return,
+            Note::Beat => self.written = false,
             Note::Release => self.words = None,
         }
         self.beaten = Some(now);
     }
 
     /// Returns the data to send if the core has been silent for too long; once per silence.
-    pub(super) fn poll(&mut self, now: Instant) -> Option<Speech> {
+    pub(super) fn poll(&mut self, now: Instant) -> Option<PendingWrite> {
         if self.next_deadline()? > now {
             return None;
         }
-        self.speak()
+        self.take_pending()
     }
 
     /// The agent is gone: returns the data to send, even if it was sent before.
-    pub(super) fn end(&mut self) -> Option<Speech> {
-        self.speak()
+    pub(super) fn end(&mut self) -> Option<PendingWrite> {
+        self.take_pending()
     }
 
     /// When [`Guard::poll`] has something to return.
     pub(super) fn next_deadline(&self) -> Option<Instant> {
-        let listening = self.words.is_some() && !self.said;
+        let listening = self.words.is_some() && !self.written;
         self.beaten
             .filter(|_| listening)
             .map(|beaten| beaten + HEARTBEAT_TIMEOUT)
     }
 
-    fn speak(&mut self) -> Option<Speech> {
-        let Words { rest, last } = self.words.as_ref()?;
-        let speech = Speech {
+    fn take_pending(&mut self) -> Option<PendingWrite> {
+        let LastWordsData { rest, last } = self.words.as_ref()?;
+        let pending = PendingWrite {
             bytes: [rest.as_slice(), last].concat(),
             closes: !rest.is_empty(),
         };
-        self.said = true;
-        if speech.closes {
+        self.written = true;
+        if pending.closes {
             self.words = None;
         }
-        Some(speech).filter(|speech| !speech.bytes.is_empty())
+        Some(pending).filter(|pending| !pending.bytes.is_empty())
     }
 }
 
@@ -92,14 +92,14 @@ mod tests {
 
     const MS: Duration = Duration::from_millis(1);
 
-    fn words(rest: &[u8], last: &[u8]) -> Words {
-        Words {
+    fn words(rest: &[u8], last: &[u8]) -> LastWordsData {
+        LastWordsData {
             rest: rest.to_vec(),
             last: last.to_vec(),
         }
     }
 
-    fn guarding(words: Words) -> (Guard, Instant) {
+    fn guarding(words: LastWordsData) -> (Guard, Instant) {
         let (mut guard, now) = (Guard::default(), Instant::now());
         guard.take(Note::Guard(words), now);
         (guard, now)
@@ -119,8 +119,8 @@ mod tests {
     fn silence_leads_to_one_write_until_the_next_beat() {
         let (mut guard, now) = guarding(words(b"", b"stop"));
         assert_eq!(guard.next_deadline(), Some(now + HEARTBEAT_TIMEOUT));
-        let speech = guard.poll(now + HEARTBEAT_TIMEOUT).unwrap();
-        assert_eq!((&*speech.bytes, speech.closes), (&b"stop"[..], false));
+        let pending = guard.poll(now + HEARTBEAT_TIMEOUT).unwrap();
+        assert_eq!((&*pending.bytes, pending.closes), (&b"stop"[..], false));
         assert_eq!(guard.poll(now + 10 * HEARTBEAT_TIMEOUT), None);
         guard.take(Note::Beat, now + 10 * HEARTBEAT_TIMEOUT);
         assert!(guard.poll(now + 11 * HEARTBEAT_TIMEOUT).is_some());
@@ -129,9 +129,9 @@ mod tests {
     #[test]
     fn a_partly_written_message_is_finished_first_and_the_link_closed() {
         let (mut guard, now) = guarding(words(b"", b"stop"));
-        guard.take(Note::Words(words(b"rest", b"dock")), now);
-        let speech = guard.poll(now + HEARTBEAT_TIMEOUT).unwrap();
-        assert_eq!((&*speech.bytes, speech.closes), (&b"restdock"[..], true));
+        guard.take(Note::LastWords(words(b"rest", b"dock")), now);
+        let pending = guard.poll(now + HEARTBEAT_TIMEOUT).unwrap();
+        assert_eq!((&*pending.bytes, pending.closes), (&b"restdock"[..], true));
         assert_eq!(guard.end(), None, "the link is closed");
     }
 
@@ -145,7 +145,7 @@ mod tests {
     #[test]
     fn empty_last_words_are_not_sent() {
         let (mut guard, now) = guarding(words(b"", b"stop"));
-        guard.take(Note::Words(Words::default()), now);
+        guard.take(Note::LastWords(LastWordsData::default()), now);
         assert_eq!(guard.poll(now + HEARTBEAT_TIMEOUT), None);
         assert_eq!(guard.end(), None);
     }
@@ -153,7 +153,7 @@ mod tests {
     #[test]
     fn without_a_link_nothing_is_sent() {
         let mut guard = Guard::default();
-        guard.take(Note::Words(words(b"", b"stop")), Instant::now());
+        guard.take(Note::LastWords(words(b"", b"stop")), Instant::now());
         assert_eq!((guard.next_deadline(), guard.end()), (None, None));
         let (mut guard, now) = guarding(words(b"", b"stop"));
         guard.take(Note::Release, now);

@@ -16,7 +16,7 @@ pub(super) const MAX_NOTE_LEN: usize = 128 * 1024;
 
 /// The data to write to the robot if the agent cannot.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Words {
+pub(super) struct LastWordsData {
     /// The rest of a partly written message. Must come first, or the framing breaks.
     pub(super) rest: Vec<u8>,
     /// Whole messages; none if the robot is best left alone.
@@ -27,9 +27,9 @@ pub(super) struct Words {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Note {
     /// A link is open; its socket is sent along with this note.
-    Guard(Words),
+    Guard(LastWordsData),
     /// The data to write has changed.
-    Words(Words),
+    LastWords(LastWordsData),
     /// The driving core is alive.
     Beat,
     /// The link is closed; nothing is left to write.
@@ -107,7 +107,7 @@ mod tests {
         )
         .unwrap();
         let (mut near, far) = std::os::unix::net::UnixStream::pair().unwrap();
-        let words = Words {
+        let words = LastWordsData {
             rest: vec![1],
             last: vec![2, 3],
         };

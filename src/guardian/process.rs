@@ -12,7 +12,7 @@ use rustix::net::Shutdown;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::time::Instant;
 
-use super::guard::{Guard, Speech};
+use super::guard::{Guard, PendingWrite};
 use super::note::{MAX_NOTE_LEN, Note, Received};
 
 /// The hidden argument that makes the executable run as a guardian.
@@ -98,23 +98,23 @@ fn serve(notes: &impl AsFd) -> io::Result<()> {
                 }
                 Received::Nothing => break,
                 Received::End => {
-                    if let (Some(robot), Some(speech)) = (&robot, guard.end()) {
-                        write(robot, &speech.bytes);
+                    if let (Some(robot), Some(pending)) = (&robot, guard.end()) {
+                        write(robot, &pending.bytes);
                         linger(robot);
                     }
                     return Ok(());
                 }
             }
         }
-        if let (Some(robot), Some(speech)) = (&robot, guard.poll(Instant::now())) {
-            speak(robot, &speech);
+        if let (Some(robot), Some(pending)) = (&robot, guard.poll(Instant::now())) {
+            write_pending(robot, &pending);
         }
     }
 }
 
-fn speak(robot: &OwnedFd, speech: &Speech) {
-    write(robot, &speech.bytes);
-    if speech.closes {
+fn write_pending(robot: &OwnedFd, pending: &PendingWrite) {
+    write(robot, &pending.bytes);
+    if pending.closes {
         let _ = rustix::net::shutdown(robot, Shutdown::Both);
     }
 }

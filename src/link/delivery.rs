@@ -48,7 +48,7 @@ impl fmt::Display for Delivery {
 /// the robot sends meanwhile; then closes the write half, and waits briefly until the robot has
 /// closed its half. Queued speech is dropped. Send the last words before; on failure, the writer's
 /// drop sends them again.
-pub async fn farewell(mut reader: Reader, mut writer: Writer, limit: Duration) -> Delivery {
+pub async fn close_gracefully(mut reader: Reader, mut writer: Writer, limit: Duration) -> Delivery {
     writer.drop_audio();
     let acknowledged = tokio::select! {
         biased;

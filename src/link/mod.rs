@@ -20,7 +20,7 @@ mod unsent;
 mod writer;
 
 pub use backoff::Backoff;
-pub use delivery::{Delivery, farewell};
+pub use delivery::{Delivery, close_gracefully};
 pub use error::LinkError;
 pub use options::Options;
 pub use reader::{Reader, Received};

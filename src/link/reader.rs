@@ -51,10 +51,10 @@ impl Reader {
     /// Waits for the next report. Cancel-safe: a dropped wait loses nothing.
     ///
     /// # Errors
-    /// As [`Reader::hear`].
+    /// As [`Reader::receive`].
     pub async fn next(&mut self) -> Result<Report, LinkError> {
         loop {
-            if let Received::Report(report) = self.hear().await? {
+            if let Received::Report(report) = self.receive().await? {
                 return Ok(report);
             }
         }
@@ -66,7 +66,7 @@ impl Reader {
     /// [`LinkError::Closed`] at the end of the stream, also within a message;
     /// [`LinkError::Framing`] once the framing is invalid, and on every later call;
     /// [`LinkError::Dead`] when the system has given up the connection.
-    pub async fn hear(&mut self) -> Result<Received, LinkError> {
+    pub async fn receive(&mut self) -> Result<Received, LinkError> {
         // Thousands of small messages fit into one chunk: timers must run between them.
         coop::consume_budget().await;
         loop {
@@ -151,7 +151,7 @@ mod tests {
         let mut reader = reader(pieces);
         let mut told = Vec::new();
         let report = loop {
-            match reader.hear().await.unwrap() {
+            match reader.receive().await.unwrap() {
                 Received::PartOfFrame(part) => told.push(part),
                 Received::Report(report) => break report,
             }
@@ -165,7 +165,7 @@ mod tests {
             "{lens:?}"
         );
         // Only frames are passed on early.
-        let next = reader.hear().await;
+        let next = reader.receive().await;
         assert!(matches!(next, Ok(Received::Report(Report::Audio(_)))));
     }
 

@@ -19,11 +19,11 @@ const MAX_WAITING: usize = 64 * 1024;
 /// Speech is held back while more than this many bytes are not acknowledged.
 const MAX_UNACKNOWLEDGED: usize = 4 * 1024;
 /// How soon to check the unacknowledged bytes again.
-const LOOK_AGAIN: Duration = Duration::from_millis(10);
+const RECHECK: Duration = Duration::from_millis(10);
 
 /// How a queued message is treated when a newer MOVE arrives.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Sort {
+enum CommandKind {
     /// A MOVE: replaced by the newer one.
     Move,
     /// ENGINE: the MOVEs before it are kept, and stay before it.
@@ -31,12 +31,12 @@ enum Sort {
     Other,
 }
 
-impl Sort {
-    fn of(command: &Command) -> Sort {
+impl CommandKind {
+    fn of(command: &Command) -> CommandKind {
         match command {
-            Command::Move { .. } => Sort::Move,
-            Command::Engine(_) => Sort::Engine,
-            _ => Sort::Other,
+            Command::Move { .. } => CommandKind::Move,
+            Command::Engine(_) => CommandKind::Engine,
+            _ => CommandKind::Other,
         }
     }
 }
@@ -44,15 +44,15 @@ impl Sort {
 #[derive(Debug)]
 struct Message {
     bytes: Bytes,
-    sort: Sort,
+    kind: CommandKind,
     since: Instant,
 }
 
 impl Message {
     /// Whether it is still to be written when the link ends with these commands: only if there are
     /// none, and if it is an ENGINE or a stop.
-    fn outlasts(&self, last: &[Command]) -> bool {
-        let told = self.sort == Sort::Engine || self.bytes == Command::STOP.to_bytes();
+    fn is_kept_at_end(&self, last: &[Command]) -> bool {
+        let told = self.kind == CommandKind::Engine || self.bytes == Command::STOP.to_bytes();
         last.is_empty() && told
     }
 }
@@ -61,7 +61,7 @@ impl Message {
 #[derive(Debug, Default)]
 pub(super) struct SendQueue {
     /// The rest of a message that is partly written.
-    half_out: Bytes,
+    partly_written: Bytes,
     commands: VecDeque<Message>,
     /// The number of bytes in `commands`.
     waiting: usize,
@@ -91,24 +91,24 @@ impl SendQueue {
     }
 
     fn append(&mut self, command: &Command, since: Instant) {
-        let (bytes, sort) = (command.to_bytes(), Sort::of(command));
+        let (bytes, kind) = (command.to_bytes(), CommandKind::of(command));
         self.waiting += bytes.len();
-        self.commands.push_back(Message { bytes, sort, since });
+        self.commands.push_back(Message { bytes, kind, since });
     }
 
     /// Drops the queued MOVEs that these commands replace; returns since when the oldest of them
     /// was queued.
     fn supersede(&mut self, commands: &[Command]) -> Option<Instant> {
-        let mut sorts = commands.iter().map(Sort::of);
-        if sorts.find(|sort| *sort != Sort::Other) != Some(Sort::Move) {
+        let mut kinds = commands.iter().map(CommandKind::of);
+        if kinds.find(|kind| *kind != CommandKind::Other) != Some(CommandKind::Move) {
             return None;
         }
-        let fixed = |message: &Message| message.sort == Sort::Engine;
+        let fixed = |message: &Message| message.kind == CommandKind::Engine;
         let from = self.commands.iter().rposition(fixed).unwrap_or(0);
         let mut since = None;
         let tail = self.commands.split_off(from);
         for message in tail {
-            if message.sort == Sort::Move {
+            if message.kind == CommandKind::Move {
                 self.waiting -= message.bytes.len();
                 since = since.or(Some(message.since));
             } else {
@@ -133,7 +133,8 @@ impl SendQueue {
     /// kept.
     pub(super) fn replace_unstarted(&mut self, commands: &[Command], now: Instant) {
         self.drop_audio();
-        self.commands.retain(|message| message.outlasts(commands));
+        self.commands
+            .retain(|message| message.is_kept_at_end(commands));
         self.waiting = self.commands.iter().map(|one| one.bytes.len()).sum();
         self.push(commands, now);
     }
@@ -142,10 +143,10 @@ impl SendQueue {
     /// rest of a partly written message, and whole messages.
     pub(super) fn after_replacing(&self, commands: &[Command]) -> (&[u8], Vec<u8>) {
         let kept = self.commands.iter();
-        let kept = kept.filter(|message| message.outlasts(commands));
+        let kept = kept.filter(|message| message.is_kept_at_end(commands));
         let kept = kept.flat_map(|message| message.bytes.iter().copied());
         let new = commands.iter().flat_map(Command::to_bytes);
-        (&self.half_out, kept.chain(new).collect())
+        (&self.partly_written, kept.chain(new).collect())
     }
 
     /// The bytes to write now, empty if there are none: whole messages, except for the rest of a
@@ -172,12 +173,12 @@ impl SendQueue {
     }
 
     fn urgent(&self) -> usize {
-        self.half_out.len() + self.waiting
+        self.partly_written.len() + self.waiting
     }
 
     fn gather(&self) -> Bytes {
         let mut bytes = BytesMut::with_capacity(self.urgent());
-        bytes.extend_from_slice(&self.half_out);
+        bytes.extend_from_slice(&self.partly_written);
         for message in &self.commands {
             bytes.extend_from_slice(&message.bytes);
         }
@@ -193,11 +194,11 @@ impl SendQueue {
         self.stalled = None;
         self.speech.charge(count, now);
         if self.urgent() == 0 {
-            self.half_out = self.speech.first().unwrap_or_default();
+            self.partly_written = self.speech.first().unwrap_or_default();
             self.speech.advance();
         }
-        let finished = count.min(self.half_out.len());
-        drop(self.half_out.split_to(finished));
+        let finished = count.min(self.partly_written.len());
+        drop(self.partly_written.split_to(finished));
         let mut left = count - finished;
         while left > 0
             && let Some(mut message) = self.commands.pop_front()
@@ -206,7 +207,7 @@ impl SendQueue {
             let out = left.min(message.bytes.len());
             drop(message.bytes.split_to(out));
             left -= out;
-            self.half_out = message.bytes;
+            self.partly_written = message.bytes;
         }
     }
 
@@ -216,7 +217,7 @@ impl SendQueue {
     }
 
     /// Whether no command is queued and no message partly written.
-    pub(super) fn is_calm(&self) -> bool {
+    pub(super) fn no_command_pending(&self) -> bool {
         self.urgent() == 0
     }
 
@@ -230,7 +231,7 @@ impl SendQueue {
     /// When [`SendQueue::offer`] can return more than at `now`, if nothing is pushed.
     pub(super) fn next_offer(&self, now: Instant) -> Option<Instant> {
         let due = self.speech.due(now)?;
-        Some(if due > now { due } else { now + LOOK_AGAIN })
+        Some(if due > now { due } else { now + RECHECK })
     }
 }
 

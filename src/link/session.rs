@@ -7,7 +7,7 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::{Instant, timeout_at};
 
-use super::delivery::farewell;
+use super::delivery::close_gracefully;
 use super::dial::{dial, duplicate};
 use super::{LinkError, Options, Reader, Target, Writer, discover};
 use crate::wire::{Accepted, Command, Login, Power, Report};
@@ -16,7 +16,7 @@ use crate::wire::{Accepted, Command, Login, Power, Report};
 pub const MAX_EARLY_REPORTS: usize = 32;
 
 /// How long the last words may take to be acknowledged when a login has failed.
-const PARTING: Duration = Duration::from_millis(500);
+const DELIVERY_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// How long discovery may take to name the connected user.
 const WHO_TIMEOUT: Duration = Duration::from_secs(1);
@@ -111,8 +111,8 @@ async fn log_in(
         Err(error) => {
             // The robot has accepted the login, so it may be driving.
             if answers.accepted.is_some() {
-                writer.say_last_words();
-                farewell(reader, writer, PARTING).await;
+                writer.send_last_words();
+                close_gracefully(reader, writer, DELIVERY_TIMEOUT).await;
             }
             Err(error)
         }

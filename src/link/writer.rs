@@ -20,7 +20,7 @@ use super::unsent::unacknowledged;
 use crate::wire::Command;
 
 /// How often to check whether the robot has acknowledged the written data.
-const LOOK_AGAIN: Duration = Duration::from_millis(2);
+const RECHECK: Duration = Duration::from_millis(2);
 
 /// The write half of a [`super::Session`]. Its owner is the only code that moves the robot.
 ///
@@ -28,7 +28,7 @@ const LOOK_AGAIN: Duration = Duration::from_millis(2);
 /// written while a caller waits for [`Writer::progress`] or [`Writer::written`].
 ///
 /// If dropped without [`Writer::close`], for example by a panic, it sends its last words like
-/// [`Writer::say_last_words`].
+/// [`Writer::send_last_words`].
 pub struct Writer {
     io: Box<dyn AsyncWrite + Send + Unpin>,
     /// A duplicate of the socket: writes without a runtime, in the middle of a panic.
@@ -138,9 +138,9 @@ impl Writer {
     pub async fn written(&mut self) -> Result<(), LinkError> {
         self.write_ready()?;
         loop {
-            let look = self.next_look(Instant::now())?;
+            let check = self.next_check(Instant::now())?;
             let writing = std::future::poll_fn(|cx| self.poll_written(cx));
-            if let Ok(written) = timeout_at(look, writing).await {
+            if let Ok(written) = timeout_at(check, writing).await {
                 return written.map_err(|error| LinkError::from_io(error, self.dead_after));
             }
         }
@@ -166,7 +166,7 @@ impl Writer {
             if unacknowledged(direct).is_none_or(|bytes| bytes == 0) {
                 break;
             }
-            sleep(LOOK_AGAIN).await;
+            sleep(RECHECK).await;
         }
         Ok(())
     }
@@ -178,7 +178,7 @@ impl Writer {
     }
 
     /// When to check again although the robot accepts no data.
-    fn next_look(&self, now: Instant) -> Result<Instant, LinkError> {
+    fn next_check(&self, now: Instant) -> Result<Instant, LinkError> {
         let after = self.dead_after;
         let dead = self.queue.waits_since().unwrap_or(now) + after;
         if dead <= now {
@@ -242,10 +242,10 @@ impl Writer {
     /// Sends the last words without blocking, best effort: for panics and drops, inside a runtime
     /// or not. A partly written message is finished first; other queued messages are dropped: they
     /// might be motion.
-    pub fn say_last_words(&mut self) {
+    pub fn send_last_words(&mut self) {
         let now = Instant::now();
         self.queue.replace_unstarted(&self.last_words, now);
-        while !self.queue.is_calm() {
+        while !self.queue.no_command_pending() {
             let offer = self.offer(now);
             match self.write_now(&offer) {
                 Ok(count @ 1..) => self.queue.advance(count, now),
@@ -294,7 +294,7 @@ fn poll_once<T>(
 impl Drop for Writer {
     fn drop(&mut self) {
         if self.armed {
-            self.say_last_words();
+            self.send_last_words();
         }
     }
 }

@@ -104,7 +104,7 @@ impl Camera {
 async fn watch_on(run: &Run, viewers: &mut watch::Receiver<usize>) -> Result<(), SeatError> {
     let mut seat = run.seat("the page").await?;
     let (stream, on) = (Stream::Video, true);
-    seat.intend(Intent::Stream { stream, on }).await?;
+    seat.send_intent(Intent::Stream { stream, on }).await?;
     let gone = async {
         loop {
             let nobody = viewers.wait_for(|viewers| *viewers == 0).await.is_err();
@@ -118,7 +118,7 @@ async fn watch_on(run: &Run, viewers: &mut watch::Receiver<usize>) -> Result<(),
     loop {
         tokio::select! {
             () = &mut gone => return Ok(()),
-            told = seat.told() => drop(told?),
+            told = seat.next_event() => drop(told?),
         }
     }
 }

@@ -185,8 +185,8 @@ pub(super) async fn perform(order: PageCommand, run: &Run, sim: Option<&Simulati
         Err(order) => match (*order, sim) {
             (PageCommand::Sim { change }, Some(sim)) => told(alter(change, sim)),
             (PageCommand::Param { name, param, value }, _) => {
-                let turned = run.roster.turn(&name, &param, value);
-                told(turned)
+                let changed = run.roster.change_param(&name, &param, value);
+                told(changed)
             }
             (PageCommand::Play { sound }, _) => {
                 (false, format!("there is no sound `{}`", short(&sound)))

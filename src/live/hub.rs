@@ -239,7 +239,7 @@ impl Hub {
     }
 
     async fn tell(&self) {
-        let (mut members, mut knobs) = (self.run.roster.members(), self.run.roster.knobs());
+        let (mut members, mut knobs) = (self.run.roster.members(), self.run.roster.params());
         let mut beat = interval(BEHAVIOURS);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
@@ -260,7 +260,7 @@ impl Hub {
 
     /// Returns the current state of all behaviours.
     pub(super) fn list(&self) -> Vec<Behaviour> {
-        let (members, knobs) = (self.run.roster.members(), self.run.roster.knobs());
+        let (members, knobs) = (self.run.roster.members(), self.run.roster.params());
         let (known, members, knobs) = (self.known.borrow(), members.borrow(), knobs.borrow());
         scripts::behaviours(&known.scripts, &members, &knobs, self.now())
     }

@@ -9,7 +9,7 @@ use tokio::time::Instant;
 use crate::agent::{Member, MemberState};
 use crate::clock::Clock;
 use crate::files;
-use crate::robot::{Knob, Knobs};
+use crate::robot::{DeclaredParam, DeclaredParams};
 use crate::timetable::Timetable;
 
 /// Maximum length of a script that is shown, in bytes.
@@ -62,7 +62,7 @@ pub(super) struct Behaviour {
     /// The given values of its parameters.
     pub params: Vec<(String, String)>,
     /// The parameters that it has declared, while it is running.
-    pub knobs: Vec<Knob>,
+    pub knobs: Vec<DeclaredParam>,
     /// How it last ended.
     pub ending: Option<End>,
 }
@@ -96,7 +96,7 @@ pub(super) struct Text {
 pub(super) fn behaviours(
     scripts: &[Script],
     members: &[Member],
-    knobs: &Knobs,
+    knobs: &DeclaredParams,
     now: Instant,
 ) -> Vec<Behaviour> {
     let members = members.iter();
@@ -116,7 +116,12 @@ pub(super) fn find<'a>(scripts: &'a [Script], name: &str) -> Option<&'a Script> 
     scripts.iter().find(|script| script.name == name)
 }
 
-fn behaviour(script: Option<&Script>, member: &Member, knobs: &[Knob], now: Instant) -> Behaviour {
+fn behaviour(
+    script: Option<&Script>,
+    member: &Member,
+    knobs: &[DeclaredParam],
+    now: Instant,
+) -> Behaviour {
     let (state, running) = match member.state {
         MemberState::Idle => ("idle", None),
         MemberState::Loading => ("loading", None),

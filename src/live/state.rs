@@ -197,7 +197,7 @@ fn safety(state: WatchdogState) -> &'static str {
 fn place(place: DockState) -> &'static str {
     match place {
         DockState::Charging => "charging",
-        DockState::ContactSaid => "contact",
+        DockState::ContactReported => "contact",
         DockState::Left(_) => "off",
         DockState::Unknown => "unknown",
     }

@@ -63,7 +63,7 @@ async fn steer(run: &Run, name: &str, wishes: &mut watch::Receiver<Wish>) -> Res
                 seat.drive(if alive { setpoint } else { Setpoint::STOP }).await?;
             }
             _ = beat.tick() => seat.alive().await?,
-            told = seat.told() => drop(told?),
+            told = seat.next_event() => drop(told?),
         }
     }
 }
@@ -85,7 +85,7 @@ pub(super) async fn hold(run: Run, mut held: watch::Receiver<bool>) {
                     seat.drive(Setpoint::STOP).await?;
                 }
                 _ = beat.tick() => seat.alive().await?,
-                told = seat.told() => {
+                told = seat.next_event() => {
                     if let Event::MotionEnded { .. } = told? {
                         take = Some(Instant::now() + AGAIN);
                     }

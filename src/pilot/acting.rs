@@ -22,21 +22,21 @@ impl Pilot {
     pub(super) fn perform(&mut self, acts: Vec<Act>) -> Result<(), LinkLost> {
         let commands = acts.iter().filter_map(Act::command);
         let commands: Vec<Command> = commands
-            .filter(|command| self.hush.allows_alarm(command))
+            .filter(|command| self.quiet_hours.allows_alarm(command))
             .collect();
         let mut done = self.send(&commands);
         for act in acts {
             match act {
                 Act::Send(_) => {}
                 Act::Tell(by, event) => {
-                    self.herald_answer(by, &event);
+                    self.publish_undocking(by, &event);
                     self.seats.tell(by, event);
                 }
                 Act::Announce(event) => {
                     if let Event::Safety { action, reason } = &event {
                         warn!(%action, "watchdog: {reason}");
                     }
-                    self.herald_announcement(&event);
+                    self.publish_safety(&event);
                     self.seats.tell_all(&event);
                 }
                 Act::Kill(by, reason) => self.seats.kill(by, reason),
@@ -49,10 +49,10 @@ impl Pilot {
     /// Sends commands without blocking. Without a link they are dropped: the robot's next login
     /// begins with a stop.
     pub(super) fn send(&mut self, commands: &[Command]) -> Result<(), LinkLost> {
-        let commands = &*self.held(commands);
+        let commands = &*self.replace_while_halted(commands);
         for command in commands {
             if self.simulated && self.writer.is_some() {
-                self.lights.tell(command);
+                self.lights.log(command);
             }
             self.lights.note(command);
             self.shown.note(command);

@@ -22,7 +22,7 @@ const AGAIN: Duration = Duration::from_millis(200);
 pub(super) struct Halt {
     on: bool,
     /// When it was last sent.
-    said: Option<Instant>,
+    last_sent: Option<Instant>,
 }
 
 impl Halt {
@@ -38,14 +38,14 @@ impl Pilot {
         match (was, on) {
             (false, true) => {
                 warn!("stopped by a person: nothing moves the robot until a person releases it");
-                self.say_halt()
+                self.send_halt()
             }
             (true, true) => {
                 let lately = |at: Instant| at.elapsed() < AGAIN;
-                if self.halt.said.is_some_and(lately) {
+                if self.halt.last_sent.is_some_and(lately) {
                     return Ok(());
                 }
-                self.say_halt()
+                self.send_halt()
             }
             (true, false) => {
                 warn!("released by a person: the robot may move again");
@@ -57,14 +57,14 @@ impl Pilot {
         }
     }
 
-    fn say_halt(&mut self) -> Result<(), LinkLost> {
-        self.halt.said = Some(Instant::now());
+    fn send_halt(&mut self) -> Result<(), LinkLost> {
+        self.halt.last_sent = Some(Instant::now());
         self.send(&STOP)
     }
 
     /// The commands to send instead of these: while the STOP is on, each MOVE becomes a stop, and
     /// docking and undocking are dropped.
-    pub(super) fn held(&self, commands: &[Command]) -> Vec<Command> {
+    pub(super) fn replace_while_halted(&self, commands: &[Command]) -> Vec<Command> {
         let still = |command: &Command| match command {
             Command::Move { .. } => Some(Command::STOP),
             Command::Engine(Engage::Dock | Engage::Undock) => None,

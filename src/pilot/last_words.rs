@@ -7,19 +7,19 @@ use crate::link::Writer;
 use crate::wire::Command;
 
 impl Pilot {
-    /// Deposits the current last words with the writer, the line and the guardian; a released line
+    /// Stores the current last words with the writer, the line and the guardian; a released line
     /// stops dialling.
-    pub(super) fn deposit(&mut self, line: &mut Line) {
+    pub(super) fn store_last_words(&mut self, line: &mut Line) {
         line.set_last_words(self.renew_last_words());
-        line.rest(self.released);
+        line.suspend(self.released);
         if let Some(writer) = &self.writer {
             tell_guardian(&mut self.pulse, writer);
         }
     }
 
-    /// Returns the current last words and deposits them with the writer, if there is one.
+    /// Returns the current last words and stores them with the writer, if there is one.
     pub(super) fn renew_last_words(&mut self) -> Vec<Command> {
-        let last_words = self.held(&self.watchdog.last_words().commands());
+        let last_words = self.replace_while_halted(&self.watchdog.last_words().commands());
         if let Some(writer) = &mut self.writer {
             writer.set_last_words(last_words.clone());
         }
@@ -46,7 +46,7 @@ impl Pilot {
 /// Gives the guardian the data that this writer would send last.
 pub(super) fn tell_guardian(pulse: &mut Option<Pulse>, writer: &Writer) {
     if let Some(guardian) = pulse.as_mut().and_then(Pulse::guardian) {
-        let (half_out, words) = writer.last_words();
-        guardian.note(half_out, &words);
+        let (partly_written, words) = writer.last_words();
+        guardian.note(partly_written, &words);
     }
 }

@@ -40,7 +40,7 @@ impl Lights {
     }
 
     /// Logs the changes that a person beside the robot would see and hear.
-    pub(super) fn tell(&self, command: &Command) {
+    pub(super) fn log(&self, command: &Command) {
         match *command {
             Command::Led { led, on } if self.is_news(command) => {
                 let state = if on { "on" } else { "off" };

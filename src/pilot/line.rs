@@ -16,16 +16,16 @@ use crate::wire::{Accepted, Command, Power, Report};
 type Dialling = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
 
 /// How long the last words of an ended link may take to be acknowledged.
-const PARTING: Duration = Duration::from_millis(500);
+const DELIVERY_TIMEOUT: Duration = Duration::from_millis(500);
 
-type Parting = Pin<Box<dyn Future<Output = Delivery> + Send>>;
+type LastDelivery = Pin<Box<dyn Future<Output = Delivery> + Send>>;
 
 /// Makes one attempt to connect and log in, over any transport, with these last words (see
 /// [`connect`](crate::link::connect)).
 pub type Dial = Box<dyn FnMut(Vec<Command>) -> Dialling + Send>;
 
 /// A session without its reader, which stays with the line.
-pub(super) struct Greeting {
+pub(super) struct NewSession {
     pub(super) accepted: Accepted,
     pub(super) power: Power,
     pub(super) peer: SocketAddr,
@@ -36,7 +36,7 @@ pub(super) struct Greeting {
 /// An event of the line.
 pub(super) enum LinkEvent {
     /// Connected and logged in.
-    Up(Box<Greeting>),
+    Up(Box<NewSession>),
     /// Something from the robot.
     Received(Received),
     /// An open link is lost.
@@ -47,7 +47,7 @@ pub(super) enum LinkEvent {
 
 enum State {
     /// The last words are being delivered.
-    Parting(Parting),
+    Delivering(LastDelivery),
     Pausing(Pin<Box<Sleep>>),
     Dialling(Dialling),
     Up(Reader),
@@ -60,7 +60,7 @@ pub(super) struct Line {
     backoff: Backoff,
     rng: StdRng,
     last_words: Vec<Command>,
-    resting: bool,
+    suspended: bool,
 }
 
 impl Line {
@@ -78,16 +78,16 @@ impl Line {
             backoff: Backoff::new(options),
             rng: StdRng::seed_from_u64(seed),
             last_words,
-            resting: false,
+            suspended: false,
         }
     }
 
     /// Pauses or resumes attempts to connect; an open link stays open.
-    pub(super) fn rest(&mut self, rest: bool) {
-        if rest == self.resting {
+    pub(super) fn suspend(&mut self, suspend: bool) {
+        if suspend == self.suspended {
             return;
         }
-        self.resting = rest;
+        self.suspended = suspend;
         if matches!(self.state, State::Dialling(_) | State::Pausing(_)) {
             self.backoff.reset();
             self.state = State::Pausing(Box::pin(sleep(Duration::ZERO)));
@@ -103,19 +103,19 @@ impl Line {
     pub(super) async fn next(&mut self) -> LinkEvent {
         loop {
             match &mut self.state {
-                State::Parting(parting) => {
-                    debug!("at the end of a link: {}", parting.await);
+                State::Delivering(delivery) => {
+                    debug!("at the end of a link: {}", delivery.await);
                     self.redial();
                     continue;
                 }
-                State::Pausing(_) if self.resting => std::future::pending().await,
+                State::Pausing(_) if self.suspended => std::future::pending().await,
                 State::Pausing(pause) => pause.await,
                 State::Dialling(dialling) => {
                     let result = dialling.await;
                     return self.dialled(result);
                 }
                 State::Up(reader) => {
-                    return match reader.hear().await {
+                    return match reader.receive().await {
                         Ok(received) => LinkEvent::Received(received),
                         Err(error) => LinkEvent::Lost(error),
                     };
@@ -137,14 +137,14 @@ impl Line {
 
     /// Ends an open link whose last words are with its writer, and reconnects after a pause.
     pub(super) fn hang_up(&mut self, writer: Option<Writer>) {
-        let none: Parting = Box::pin(std::future::ready(Delivery::Offline));
+        let none: LastDelivery = Box::pin(std::future::ready(Delivery::Offline));
         match (
-            std::mem::replace(&mut self.state, State::Parting(none)),
+            std::mem::replace(&mut self.state, State::Delivering(none)),
             writer,
         ) {
             (State::Up(reader), Some(writer)) => {
-                let parting = link::farewell(reader, writer, PARTING);
-                self.state = State::Parting(Box::pin(parting));
+                let delivery = link::close_gracefully(reader, writer, DELIVERY_TIMEOUT);
+                self.state = State::Delivering(Box::pin(delivery));
             }
             (State::Up(_), None) => self.redial(),
             (other, _) => self.state = other,
@@ -170,7 +170,7 @@ impl Line {
         } = session;
         self.state = State::Up(reader);
         self.backoff.reset();
-        LinkEvent::Up(Box::new(Greeting {
+        LinkEvent::Up(Box::new(NewSession {
             accepted,
             power,
             peer,

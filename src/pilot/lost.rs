@@ -25,7 +25,7 @@ impl From<LinkError> for LinkLost {
 
 /// The error of a link event, by what it ends.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum HearError {
+pub(super) enum LinkEventError {
     /// The link.
     #[error(transparent)]
     Lost(#[from] LinkLost),

@@ -19,7 +19,7 @@ const SLEPT: Duration = Duration::from_secs(1);
 pub struct Pulse {
     guardian: Option<Guardian>,
     /// Notified of each beat.
-    heard: Option<Arc<Notify>>,
+    beats: Option<Arc<Notify>>,
     due: Instant,
     /// When the pilot was last seen awake, by a clock that also runs while the machine is
     /// suspended; `None` before the first beat, since a run may take a while to begin.
@@ -31,16 +31,16 @@ impl Pulse {
     pub fn new(guardian: Option<Guardian>) -> Pulse {
         Pulse {
             guardian,
-            heard: None,
+            beats: None,
             due: Instant::now(),
             awake: None,
         }
     }
 
-    /// Also notifies `heard` of each beat, for supervisors of the driving core.
+    /// Also notifies `beats` of each beat, for supervisors of the driving core.
     #[must_use]
-    pub fn heard_by(mut self, heard: Arc<Notify>) -> Pulse {
-        self.heard = Some(heard);
+    pub fn notify_beats(mut self, beats: Arc<Notify>) -> Pulse {
+        self.beats = Some(beats);
         self
     }
 
@@ -61,8 +61,8 @@ impl Pulse {
             if let Some(guardian) = &mut self.guardian {
                 guardian.beat();
             }
-            if let Some(heard) = &self.heard {
-                heard.notify_one();
+            if let Some(beats) = &self.beats {
+                beats.notify_one();
             }
         }
         self.see_awake(boot_time())

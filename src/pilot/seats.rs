@@ -1,13 +1,13 @@
-//! The behaviours aboard: which events each receives, and which streams they want.
+//! The behaviours that run: which events each receives, and which streams they want.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use tokio::time::Instant;
 use tracing::warn;
 
-use super::distress::Distress;
-use super::throttle::{Throttle, Together};
-use crate::robot::channel::{Aboard, EventSender, Role};
+use super::restrictions::Restrictions;
+use super::throttle::{SharedLimit, Throttle};
+use crate::robot::channel::{EventSender, Role, RunningBehaviour};
 use crate::robot::{BehaviourId, EndReason, Event, Priority, Streams, Use};
 use crate::wire::{Command, Stream};
 
@@ -23,8 +23,8 @@ struct Seat {
 
 impl Seat {
     /// Logs that commands were dropped, at growing intervals.
-    fn complain(&self) {
-        if let Some(count) = self.throttle.complaint() {
+    fn log_refusals(&self) {
+        if let Some(count) = self.throttle.refusals_to_log() {
             let behaviour = &self.name;
             warn!(
                 behaviour,
@@ -34,14 +34,14 @@ impl Seat {
     }
 }
 
-/// The seats of all behaviours aboard.
+/// The seats of all behaviours that run.
 #[derive(Debug, Default)]
 pub(super) struct Seats {
     seats: BTreeMap<BehaviourId, Seat>,
     streaming: BTreeSet<Stream>,
     usage: Streams,
     /// The limit for all behaviours together; `None` before the first command.
-    together: Option<Together>,
+    shared: Option<SharedLimit>,
 }
 
 impl Seats {
@@ -77,10 +77,15 @@ impl Seats {
         );
     }
 
-    /// Whether the present distress allows a behaviour this command.
-    pub(super) fn allows(&self, by: BehaviourId, command: &Command, distress: Distress) -> bool {
+    /// Whether the present restrictions allow a behaviour this command.
+    pub(super) fn allows(
+        &self,
+        by: BehaviourId,
+        command: &Command,
+        restrictions: Restrictions,
+    ) -> bool {
         let seat = self.seats.get(&by);
-        seat.is_some_and(|seat| distress.allows(seat.role, command))
+        seat.is_some_and(|seat| restrictions.allows(seat.role, command))
     }
 
     /// Whether a behaviour may send one more command that is not a motion.
@@ -88,12 +93,12 @@ impl Seats {
         let Some(seat) = self.seats.get_mut(&by) else {
             return false;
         };
-        let together = self.together.get_or_insert_with(|| Together::new(now));
+        let shared = self.shared.get_or_insert_with(|| SharedLimit::new(now));
         if !seat.throttle.admits(command, now) {
-            seat.complain();
+            seat.log_refusals();
             return false;
         }
-        if !together.admits(command, now) {
+        if !shared.admits(command, now) {
             self.refuse(by);
             return false;
         }
@@ -105,7 +110,7 @@ impl Seats {
     pub(super) fn refuse(&mut self, by: BehaviourId) {
         if let Some(seat) = self.seats.get_mut(&by) {
             seat.throttle.refuse();
-            seat.complain();
+            seat.log_refusals();
         }
     }
 
@@ -121,27 +126,27 @@ impl Seats {
         }
     }
 
-    /// A behaviour's role; `None` if it is not aboard.
+    /// A behaviour's role; `None` if it has no seat.
     pub(super) fn role(&self, by: BehaviourId) -> Option<Role> {
         self.seats.get(&by).map(|seat| seat.role)
     }
 
-    /// A behaviour's priority; `None` if it is not aboard.
+    /// A behaviour's priority; `None` if it has no seat.
     pub(super) fn priority(&self, by: BehaviourId) -> Option<Priority> {
         self.seats.get(&by).map(|seat| seat.priority)
     }
 
-    /// A behaviour's name; `None` if it is not aboard.
+    /// A behaviour's name; `None` if it has no seat.
     pub(super) fn name(&self, by: BehaviourId) -> Option<&str> {
         self.seats.get(&by).map(|seat| seat.name.as_str())
     }
 
-    /// The behaviours aboard, without persons.
-    pub(super) fn aboard(&self) -> Vec<Aboard> {
+    /// The behaviours that run, without persons.
+    pub(super) fn behaviours(&self) -> Vec<RunningBehaviour> {
         let behaviours = self.seats.values();
         behaviours
             .filter(|seat| seat.role != Role::Person)
-            .map(|seat| Aboard {
+            .map(|seat| RunningBehaviour {
                 name: seat.name.clone(),
                 priority: seat.priority,
             })
@@ -202,14 +207,14 @@ impl Seats {
     }
 
     /// The streams that behaviours or the config want and that may be on.
-    fn wanted(&self, distress: Distress) -> BTreeSet<Stream> {
+    fn wanted(&self, restrictions: Restrictions) -> BTreeSet<Stream> {
         let always = self.usage.used(Use::On);
         let always = always.map(|stream| (Role::Behaviour, stream));
         self.seats
             .values()
             .flat_map(|seat| seat.streams.iter().map(|stream| (seat.role, *stream)))
             .chain(always)
-            .filter(|(role, stream)| distress.streams(*role, *stream))
+            .filter(|(role, stream)| restrictions.allows_stream(*role, *stream))
             .map(|(_, stream)| stream)
             .filter(|stream| !self.forbids(*stream))
             .collect()
@@ -217,11 +222,15 @@ impl Seats {
 
     /// The commands that switch the robot's streams to those wanted; after a login (`anew`) all
     /// streams of the robot are off.
-    pub(super) fn stream_changes(&mut self, anew: bool, distress: Distress) -> Vec<Command> {
+    pub(super) fn stream_changes(
+        &mut self,
+        anew: bool,
+        restrictions: Restrictions,
+    ) -> Vec<Command> {
         if anew {
             self.streaming.clear();
         }
-        let wanted = self.wanted(distress);
+        let wanted = self.wanted(restrictions);
         let off = self
             .streaming
             .difference(&wanted)
@@ -241,7 +250,7 @@ impl Seats {
     pub(super) fn streams_off(&mut self) -> Vec<Command> {
         self.seats.clear();
         self.usage = Streams::default();
-        self.stream_changes(false, Distress::default())
+        self.stream_changes(false, Restrictions::default())
     }
 }
 
@@ -252,7 +261,7 @@ mod tests {
 
     const ONE: BehaviourId = BehaviourId(1);
     const TWO: BehaviourId = BehaviourId(2);
-    const USUAL: Distress = Distress {
+    const USUAL: Restrictions = Restrictions {
         shed: false,
         alarm: false,
     };
@@ -316,7 +325,7 @@ mod tests {
 
     #[test]
     fn with_a_nearly_empty_battery_only_the_rescuer_has_the_camera() {
-        let empty = Distress {
+        let empty = Restrictions {
             shed: true,
             ..USUAL
         };

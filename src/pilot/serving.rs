@@ -7,10 +7,10 @@ use bytes::Bytes;
 use tokio::time::Instant;
 
 use super::Pilot;
-use super::distress::Distress;
-use super::hush::Hush;
 use super::lost::LinkLost;
-use crate::robot::channel::{Crew, Quiet, Request, Role};
+use super::quiet_hours::QuietHours;
+use super::restrictions::Restrictions;
+use crate::robot::channel::{Quiet, Request, Role, RunningBehaviours};
 use crate::robot::{BehaviourId, CallId, DockEnd, Event, Intent, Priority};
 use crate::safety::{ALARM, Fact};
 use crate::wire::{Command, Engage, Stream};
@@ -55,15 +55,15 @@ impl Pilot {
                 self.alarm_due = true;
                 self.sound_alarm()
             }
-            Request::Crew(tell) => {
-                let (robot, aboard) = (self.info.clone(), self.seats.aboard());
+            Request::Running(tell) => {
+                let (robot, behaviours) = (self.info.clone(), self.seats.behaviours());
                 // The receiver may be gone.
-                let _ = tell.send(Crew { robot, aboard });
+                let _ = tell.send(RunningBehaviours { robot, behaviours });
                 Ok(())
             }
             Request::Halt(on) => self.halt(on),
             Request::Release(release) => self.release(release),
-            Request::Quiet(quiet) => self.hush(quiet),
+            Request::Quiet(quiet) => self.set_quiet(quiet),
             Request::Sleep(sleep) => self.sleep(sleep),
         }
     }
@@ -142,18 +142,18 @@ impl Pilot {
 
     /// Whether the current state allows a behaviour this light or sound.
     fn allows(&self, by: BehaviourId, command: &Command) -> bool {
-        let distress = Distress::of(&self.watchdog);
+        let restrictions = Restrictions::of(&self.watchdog);
         let role = self.seats.role(by).unwrap_or_default();
-        self.hush.allows(role, command) && self.seats.allows(by, command, distress)
+        self.quiet_hours.allows(role, command) && self.seats.allows(by, command, restrictions)
     }
 
     /// Begins or ends quiet hours.
-    fn hush(&mut self, quiet: Quiet) -> Result<(), LinkLost> {
-        let hush = Hush::new(quiet);
-        if std::mem::replace(&mut self.hush, hush) == hush {
+    fn set_quiet(&mut self, quiet: Quiet) -> Result<(), LinkLost> {
+        let quiet_hours = QuietHours::new(quiet);
+        if std::mem::replace(&mut self.quiet_hours, quiet_hours) == quiet_hours {
             return Ok(());
         }
-        let noise = hush.beginning(self.watchdog.alarm_sounds());
+        let noise = quiet_hours.commands_at_start(self.watchdog.alarm_sounds());
         if let Some(writer) = self.writer.as_mut().filter(|_| !noise.is_empty()) {
             writer.drop_audio();
         }
@@ -164,7 +164,7 @@ impl Pilot {
     /// Releases the link, or reconnects: see [`Request::Release`].
     fn release(&mut self, release: bool) -> Result<(), LinkLost> {
         let away = self.watchdog.low().is_some() && !self.watchdog.docked();
-        let busy = away || !self.seats.aboard().is_empty();
+        let busy = away || !self.seats.behaviours().is_empty();
         if release && (busy || self.writer.is_none()) {
             return Ok(());
         }
@@ -203,7 +203,7 @@ impl Pilot {
         self.flush_deferred()?;
         let alarm: Vec<Command> = ALARM
             .into_iter()
-            .filter(|command| self.hush.allows_alarm(command))
+            .filter(|command| self.quiet_hours.allows_alarm(command))
             .collect();
         self.send(&alarm)
     }
@@ -241,8 +241,8 @@ impl Pilot {
     /// Switches the streams that the behaviours want; `anew` after a login, which switches all
     /// streams off.
     pub(super) fn apply_streams(&mut self, anew: bool) -> Result<(), LinkLost> {
-        let distress = Distress::of(&self.watchdog);
-        let commands = self.seats.stream_changes(anew, distress);
+        let restrictions = Restrictions::of(&self.watchdog);
+        let commands = self.seats.stream_changes(anew, restrictions);
         if commands.is_empty() || self.writer.is_none() {
             return Ok(());
         }
@@ -255,9 +255,9 @@ impl Pilot {
     /// Switches off what a nearly empty battery must not feed, and the streams on again when it
     /// charges; drops queued speech when the alarm sounds or the battery is nearly empty. What the
     /// watchdog wants was sent before.
-    pub(super) fn follow_distress(&mut self) -> Result<(), LinkLost> {
-        let now = Distress::of(&self.watchdog);
-        let before = std::mem::replace(&mut self.distress, now);
+    pub(super) fn apply_restrictions(&mut self) -> Result<(), LinkLost> {
+        let now = Restrictions::of(&self.watchdog);
+        let before = std::mem::replace(&mut self.restrictions, now);
         if before == now {
             return Ok(());
         }

@@ -11,7 +11,7 @@ use crate::wire::{Command, Engage};
 /// Lights, sounds, volumes, streams and dockings: the most at once, and per second.
 const COMMANDS: f64 = 100.0;
 /// The same limit for all behaviours together.
-const TOGETHER: f64 = 200.0;
+const SHARED_COMMANDS: f64 = 200.0;
 /// The most bytes of speech at once: four seconds.
 const SPEECH: f64 = 128_000.0;
 /// Bytes of speech per second: twice the speed of speech.
@@ -53,7 +53,7 @@ impl Throttle {
 
     /// The number of refusals, when it should be logged: at the first one, and then ever more
     /// rarely.
-    pub(super) fn complaint(&self) -> Option<u64> {
+    pub(super) fn refusals_to_log(&self) -> Option<u64> {
         let refused = self.refused;
         (refused > 0 && 10_u64.pow(refused.ilog10()) == refused).then_some(refused)
     }
@@ -70,11 +70,11 @@ fn cost(command: &Command) -> f64 {
 
 /// The limit for all behaviours together, besides motion and speech.
 #[derive(Debug)]
-pub(super) struct Together(Bucket);
+pub(super) struct SharedLimit(Bucket);
 
-impl Together {
-    pub(super) fn new(now: Instant) -> Together {
-        Together(Bucket::new(TOGETHER, TOGETHER, now))
+impl SharedLimit {
+    pub(super) fn new(now: Instant) -> SharedLimit {
+        SharedLimit(Bucket::new(SHARED_COMMANDS, SHARED_COMMANDS, now))
     }
 
     /// Whether a command may be sent.
@@ -127,7 +127,7 @@ mod tests {
             assert!(throttle.admits(&second, Instant::now()));
             tokio::time::advance(Duration::from_secs(1)).await;
         }
-        assert_eq!(throttle.complaint(), None);
+        assert_eq!(throttle.refusals_to_log(), None);
     }
 
     #[test]
@@ -152,10 +152,10 @@ mod tests {
     #[test]
     fn refusals_are_logged_at_powers_of_ten() {
         let mut throttle = Throttle::new(Instant::now());
-        assert_eq!(throttle.complaint(), None);
+        assert_eq!(throttle.refusals_to_log(), None);
         let told = (0..250).filter_map(|_| {
             throttle.refuse();
-            throttle.complaint()
+            throttle.refusals_to_log()
         });
         assert_eq!(told.collect::<Vec<_>>(), [1, 10, 100]);
     }
@@ -163,11 +163,11 @@ mod tests {
     #[test]
     fn behaviours_together_share_a_limit_that_excludes_speech() {
         let start = Instant::now();
-        let mut together = Together::new(start);
-        assert!((0..TOGETHER as usize).all(|_| together.admits(&Command::StopSound, start)));
-        assert!(!together.admits(&Command::StopSound, start));
-        assert!(together.admits(&Command::Audio(vec![0; 9].into()), start));
-        assert!(together.admits(&Command::StopSound, start + Duration::from_secs(1)));
+        let mut shared = SharedLimit::new(start);
+        assert!((0..SHARED_COMMANDS as usize).all(|_| shared.admits(&Command::StopSound, start)));
+        assert!(!shared.admits(&Command::StopSound, start));
+        assert!(shared.admits(&Command::Audio(vec![0; 9].into()), start));
+        assert!(shared.admits(&Command::StopSound, start + Duration::from_secs(1)));
     }
 
     proptest! {

@@ -39,7 +39,7 @@ pub enum Request {
     /// A permanent failure has occurred that a person should know of: sound the alarm, once.
     Alarm,
     /// Return the robot and the running behaviours.
-    Crew(oneshot::Sender<Crew>),
+    Running(oneshot::Sender<RunningBehaviours>),
     /// Forbid everything, the watchdog included, to move the robot; or allow it again.
     Halt(bool),
     /// Release the link, so that another program can log in, or reconnect. The link is not released
@@ -77,18 +77,18 @@ pub enum Role {
     Person,
 }
 
-/// The robot and the behaviours aboard.
+/// The robot and the behaviours that run.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Crew {
+pub struct RunningBehaviours {
     /// The robot's identity from the last login, if there was one.
     pub robot: Option<RobotInfo>,
     /// The behaviours that run now, without persons.
-    pub aboard: Vec<Aboard>,
+    pub behaviours: Vec<RunningBehaviour>,
 }
 
 /// A running behaviour.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Aboard {
+pub struct RunningBehaviour {
     /// Its name for people.
     pub name: String,
     /// Its priority.

@@ -4,7 +4,7 @@
 use serde::{Deserialize, Serialize};
 use tokio::sync::broadcast;
 
-use super::param::Console;
+use super::param::ParamBoard;
 
 /// The most findings of one frame, and the most letters of each.
 const MOST: usize = 64;
@@ -41,24 +41,24 @@ pub struct Findings {
 /// The channel to viewers, and what else behaviours and viewers exchange: parameters. Cheap to
 /// clone.
 #[derive(Debug, Clone)]
-pub struct Lookout {
+pub struct ViewerChannel {
     found: broadcast::Sender<Findings>,
-    console: Console,
+    params: ParamBoard,
 }
 
-impl Default for Lookout {
-    fn default() -> Lookout {
-        Lookout {
+impl Default for ViewerChannel {
+    fn default() -> ViewerChannel {
+        ViewerChannel {
             found: broadcast::Sender::new(BEHIND),
-            console: Console::default(),
+            params: ParamBoard::default(),
         }
     }
 }
 
-impl Lookout {
+impl ViewerChannel {
     /// Sends findings to all viewers. A compromised host may send anything, so the length is
     /// bounded.
-    pub fn tell(&self, mut found: Findings) {
+    pub fn send(&self, mut found: Findings) {
         found.list.truncate(MOST);
         for one in &mut found.list {
             if let Some((at, _)) = one.text.char_indices().nth(LONGEST) {
@@ -70,13 +70,13 @@ impl Lookout {
     }
 
     /// Subscribes to what is found from now on.
-    pub fn look(&self) -> broadcast::Receiver<Findings> {
+    pub fn findings(&self) -> broadcast::Receiver<Findings> {
         self.found.subscribe()
     }
 
     /// The parameters of behaviours.
-    pub fn console(&self) -> &Console {
-        &self.console
+    pub fn params(&self) -> &ParamBoard {
+        &self.params
     }
 }
 
@@ -86,8 +86,8 @@ mod tests {
 
     #[test]
     fn findings_are_limited_and_a_slow_viewer_delays_nothing() {
-        let lookout = Lookout::default();
-        let mut slow = lookout.look();
+        let viewers = ViewerChannel::default();
+        let mut slow = viewers.findings();
         let text = "x".repeat(1000);
         let one = Finding {
             x: 1,
@@ -98,7 +98,7 @@ mod tests {
         };
         for frame in 0..1000 {
             let (behaviour, list) = ("a".to_owned(), vec![one.clone(); 500]);
-            lookout.tell(Findings {
+            viewers.send(Findings {
                 behaviour,
                 frame,
                 list,

@@ -18,7 +18,7 @@ pub struct Frame {
 
 /// A frame that has been received in part.
 #[derive(Debug, Clone)]
-pub struct Coming {
+pub struct PartialFrame {
     /// The number that the frame will have.
     pub seq: u64,
     /// Its first bytes.
@@ -33,14 +33,14 @@ pub struct Pictures {
     /// The one before it, for a reader that finds the newest damaged.
     pub before: Option<Frame>,
     /// The one being received.
-    pub coming: Option<Coming>,
+    pub partial: Option<PartialFrame>,
 }
 
 impl Pictures {
     /// Stores a new frame.
     pub fn push(&mut self, frame: Frame) {
         self.before = self.newest.replace(frame);
-        self.coming = None;
+        self.partial = None;
     }
 }
 

@@ -30,7 +30,8 @@ pub enum ParamValue {
 
 /// A parameter that a behaviour has declared, with its present value.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Knob {
+#[schemars(rename = "Knob")]
+pub struct DeclaredParam {
     /// Its name.
     pub name: String,
     /// Its value.
@@ -49,7 +50,7 @@ pub struct Knob {
     pub doc: String,
 }
 
-impl Knob {
+impl DeclaredParam {
     /// Whether a value has the right type and lies within the bounds.
     pub fn allows(&self, value: &ParamValue) -> bool {
         match (&self.value, value) {
@@ -108,7 +109,7 @@ impl Knob {
 
 /// A person's request to change a parameter.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Turned {
+pub struct ParamChange {
     /// The behaviour.
     pub behaviour: String,
     /// The parameter.
@@ -119,52 +120,52 @@ pub struct Turned {
 
 /// The parameters of all behaviours that run. Cheap to clone; never blocks.
 #[derive(Debug, Clone)]
-pub struct Console {
-    knobs: watch::Sender<Knobs>,
-    turned: broadcast::Sender<Turned>,
+pub struct ParamBoard {
+    declared: watch::Sender<DeclaredParams>,
+    changes: broadcast::Sender<ParamChange>,
 }
 
 /// The parameters of each behaviour, by its name.
-pub type Knobs = BTreeMap<String, Vec<Knob>>;
+pub type DeclaredParams = BTreeMap<String, Vec<DeclaredParam>>;
 
-impl Default for Console {
-    fn default() -> Console {
-        Console {
-            knobs: watch::Sender::default(),
-            turned: broadcast::Sender::new(BEHIND),
+impl Default for ParamBoard {
+    fn default() -> ParamBoard {
+        ParamBoard {
+            declared: watch::Sender::default(),
+            changes: broadcast::Sender::new(BEHIND),
         }
     }
 }
 
-impl Console {
+impl ParamBoard {
     /// Sets a behaviour's parameters, when it declares them or one has changed.
-    pub fn declare(&self, behaviour: &str, mut list: Vec<Knob>) {
+    pub fn declare(&self, behaviour: &str, mut list: Vec<DeclaredParam>) {
         list.truncate(MOST);
-        list.iter_mut().for_each(Knob::shorten);
-        self.knobs
-            .send_modify(|knobs| drop(knobs.insert(behaviour.to_owned(), list)));
+        list.iter_mut().for_each(DeclaredParam::shorten);
+        self.declared
+            .send_modify(|declared| drop(declared.insert(behaviour.to_owned(), list)));
     }
 
     /// Removes the parameters of a behaviour that has ended.
     pub fn forget(&self, behaviour: &str) {
-        self.knobs
-            .send_if_modified(|knobs| knobs.remove(behaviour).is_some());
+        self.declared
+            .send_if_modified(|declared| declared.remove(behaviour).is_some());
     }
 
     /// All declared parameters; the receiver can wait for changes.
-    pub fn knobs(&self) -> watch::Receiver<Knobs> {
-        self.knobs.subscribe()
+    pub fn declared(&self) -> watch::Receiver<DeclaredParams> {
+        self.declared.subscribe()
     }
 
     /// Passes on a change; the behaviour checks it.
-    pub fn turn(&self, turned: Turned) {
+    pub fn change(&self, change: ParamChange) {
         // Fails if no behaviour runs.
-        let _ = self.turned.send(turned);
+        let _ = self.changes.send(change);
     }
 
     /// The changes from now on.
-    pub fn turned(&self) -> broadcast::Receiver<Turned> {
-        self.turned.subscribe()
+    pub fn changes(&self) -> broadcast::Receiver<ParamChange> {
+        self.changes.subscribe()
     }
 }
 

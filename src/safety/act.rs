@@ -16,7 +16,7 @@ pub enum Fact {
     /// The link is lost.
     LinkDown,
     /// Bytes came from the robot.
-    Heard,
+    BytesReceived,
     /// A battery level was received.
     Power(Power),
     /// An ENGINE message was received.
@@ -44,7 +44,7 @@ pub enum Fact {
     Suspended,
     /// The run ends: nothing may move any more, except a robot with a low battery that searches on
     /// its own.
-    Parting,
+    RunEnding,
 }
 
 /// An output: something to do now. All commands of one batch of acts go out in one write.

@@ -47,9 +47,9 @@ pub enum Charging {
     No,
     /// One report says so, and nothing confirms it yet. The robot stays where it is: it is not
     /// driven, and not released either.
-    Said,
+    Unconfirmed,
     /// Several reports say so, or one report while the robot reports that it is on its station.
-    Believed,
+    Confirmed,
 }
 
 /// Remembers whether the battery is low. One report is enough to be low; release takes charging or
@@ -69,13 +69,13 @@ pub struct BatteryGuard {
     charging: Charging,
     charged: Streak,
     /// Since when charging has been reported but not believed.
-    doubted: Option<Instant>,
+    unconfirmed_since: Option<Instant>,
     reported: Option<Instant>,
 }
 
 impl BatteryGuard {
     /// How long one unconfirmed report of charging counts.
-    pub const DOUBT: Duration = Duration::from_secs(120);
+    pub const UNCONFIRMED_TIMEOUT: Duration = Duration::from_secs(120);
 
     /// The most points by which a level changes from one report to the next, besides ...
     const STEP: f64 = 10.0;
@@ -97,7 +97,7 @@ impl BatteryGuard {
             critical_level: Latch::new(),
             charging: Charging::No,
             charged: Streak::new(Proof::CHARGING),
-            doubted: None,
+            unconfirmed_since: None,
             reported: None,
         }
     }
@@ -111,7 +111,7 @@ impl BatteryGuard {
         self.low_level.see(level <= self.low, power, now);
         self.critical_level.see(level <= self.critical, power, now);
         let good = self.good.see(level >= self.ok, power, now);
-        if good || self.charging == Charging::Believed {
+        if good || self.charging == Charging::Confirmed {
             return self.release();
         }
         if level <= self.low && self.charging == Charging::No {
@@ -123,33 +123,33 @@ impl BatteryGuard {
 
     /// Handles the robot's report that it is on its station, which confirms a report of charging.
     pub fn contact(&mut self) -> Option<BatteryChange> {
-        if self.charging != Charging::Said {
+        if self.charging != Charging::Unconfirmed {
             return None;
         }
-        (self.charging, self.doubted) = (Charging::Believed, None);
+        (self.charging, self.unconfirmed_since) = (Charging::Confirmed, None);
         self.release()
     }
 
     /// Handles the robot's report that it has left its station.
     pub fn undocked(&mut self) {
-        (self.charging, self.doubted) = (Charging::No, None);
+        (self.charging, self.unconfirmed_since) = (Charging::No, None);
         self.charged.forget();
     }
 
     /// Discards an unconfirmed report of charging when its time is over.
-    pub fn end_doubt(&mut self, now: Instant) -> Option<BatteryChange> {
-        if self.doubt_deadline().is_none_or(|due| due > now) {
+    pub fn expire_unconfirmed(&mut self, now: Instant) -> Option<BatteryChange> {
+        if self.unconfirmed_deadline().is_none_or(|due| due > now) {
             return None;
         }
-        (self.charging, self.doubted) = (Charging::No, None);
+        (self.charging, self.unconfirmed_since) = (Charging::No, None);
         let level = self.level().filter(|level| *level <= self.low)?;
         self.become_low(LowCause::Level(level))
     }
 
-    /// When [`BatteryGuard::end_doubt`] has something to do.
-    pub fn doubt_deadline(&self) -> Option<Instant> {
-        let since = self.doubted?;
-        Some(since + BatteryGuard::DOUBT)
+    /// When [`BatteryGuard::expire_unconfirmed`] has something to do.
+    pub fn unconfirmed_deadline(&self) -> Option<Instant> {
+        let since = self.unconfirmed_since?;
+        Some(since + BatteryGuard::UNCONFIRMED_TIMEOUT)
     }
 
     /// Checks, off the station, whether the silence counts as low.
@@ -208,16 +208,16 @@ impl BatteryGuard {
 
     fn judge_charging(&mut self, power: Power, contact: bool, now: Instant) {
         let proved = self.charged.see(power.charging, power, now);
-        let stale = self.doubt_deadline().is_some_and(|due| due <= now);
+        let stale = self.unconfirmed_deadline().is_some_and(|due| due <= now);
         self.charging = match self.charging {
             _ if !power.charging => Charging::No,
-            Charging::Believed => Charging::Believed,
-            _ if contact || proved => Charging::Believed,
-            _ => Charging::Said,
+            Charging::Confirmed => Charging::Confirmed,
+            _ if contact || proved => Charging::Confirmed,
+            _ => Charging::Unconfirmed,
         };
-        self.doubted = match self.charging {
-            Charging::Said => self.doubted.filter(|_| !stale).or(Some(now)),
-            Charging::No | Charging::Believed => None,
+        self.unconfirmed_since = match self.charging {
+            Charging::Unconfirmed => self.unconfirmed_since.filter(|_| !stale).or(Some(now)),
+            Charging::No | Charging::Confirmed => None,
         };
     }
 
@@ -239,8 +239,8 @@ impl BatteryGuard {
         let change = f64::from(level.get()) - f64::from(before.get());
         let explained = match self.charging {
             _ if change < 0.0 => BatteryGuard::FASTEST_DRAIN * seconds,
-            Charging::Believed => FASTEST_CHARGE * seconds,
-            Charging::Said | Charging::No => 0.0,
+            Charging::Confirmed => FASTEST_CHARGE * seconds,
+            Charging::Unconfirmed | Charging::No => 0.0,
         };
         change.abs() > BatteryGuard::STEP + explained
     }

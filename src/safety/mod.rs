@@ -39,7 +39,7 @@ pub use leg::Leg;
 pub use limits::{Limits, LimitsError};
 pub use loan::{Loan, capped};
 pub use place::{DockState, DockTracker, Doubt, Evidence};
-pub use recovery::{Means, Next, Recovery, Try};
+pub use recovery::{AfterFailure, Recovery, RecoveryOptions, RecoveryStep};
 pub use rescue::{Rescue, UnknownRescue};
 pub use tracks::Tracks;
 pub use trail::Trail;

@@ -3,7 +3,7 @@
 //! | place | evidence | a script's motion | `undock` | `dock` | low battery |
 //! | --- | --- | --- | --- | --- | --- |
 //! | [`DockState::Charging`] | a POWER that reports charging, unless it comes within 10 s after an ENGINE 1 that followed CHARGE_STOP | refused, `docked` | CHARGE_STOP | `already_docked` | stays |
-//! | [`DockState::ContactSaid`] | ENGINE 2, or the answer to the login | refused, `docked` | CHARGE_STOP | waits for charging | waits for charging, at most `charge_timeout`; then [`DockState::Unknown`] |
+//! | [`DockState::ContactReported`] | ENGINE 2, or the answer to the login | refused, `docked` | CHARGE_STOP | waits for charging | waits for charging, at most `charge_timeout`; then [`DockState::Unknown`] |
 //! | [`DockState::Left`] | ENGINE 1, the answer to the login, or, after CHARGE_STOP, a POWER that no longer reports charging | allowed | `not_docked` | BASE_FIND | BASE_FIND |
 //! | [`DockState::Unknown`] | a CHARGE_STOP that is not confirmed in time; contact without charging while low; charging that ends though contact was never reported | allowed | CHARGE_STOP | BASE_FIND | BASE_FIND |
 //!
@@ -22,7 +22,7 @@ pub enum DockState {
     /// On the station and charging.
     Charging,
     /// On the station, by its own report, and not charging.
-    ContactSaid,
+    ContactReported,
     /// Off the station.
     Left(Evidence),
     /// On the station or off it.
@@ -33,7 +33,7 @@ impl fmt::Display for DockState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             DockState::Charging => "on its station, charging",
-            DockState::ContactSaid => "on its station, not charging",
+            DockState::ContactReported => "on its station, not charging",
             DockState::Left(_) => "off its station",
             DockState::Unknown => "unknown",
         })
@@ -72,9 +72,9 @@ pub struct DockTracker {
     /// CHARGE_STOP was sent; the robot's confirmation is awaited until then.
     leaving: Option<Instant>,
     /// CHARGE_STOP was sent since the robot's last report of its place.
-    asked: bool,
+    charge_stop_sent: bool,
     /// When the robot reported that it has left after a CHARGE_STOP.
-    left: Option<Instant>,
+    left_at: Option<Instant>,
 }
 
 impl DockTracker {
@@ -93,8 +93,8 @@ impl DockTracker {
             contact: false,
             charge_due: None,
             leaving: None,
-            asked: false,
-            left: None,
+            charge_stop_sent: false,
+            left_at: None,
         }
     }
 
@@ -105,7 +105,7 @@ impl DockTracker {
 
     /// Whether the robot is on its station, by its own report or because it charges.
     pub fn on_station(&self) -> bool {
-        matches!(self.place, DockState::Charging | DockState::ContactSaid)
+        matches!(self.place, DockState::Charging | DockState::ContactReported)
     }
 
     /// Whether the robot has reported that it is on its station, and nothing since contradicts it.
@@ -121,7 +121,7 @@ impl DockTracker {
     /// Whether the robot has just confirmed a CHARGE_STOP: a POWER that reports charging then is
     /// older than that.
     pub fn has_just_left(&self, now: Instant) -> bool {
-        self.left
+        self.left_at
             .is_some_and(|left| now < left + DockTracker::JUST_LEFT)
     }
 
@@ -129,7 +129,7 @@ impl DockTracker {
     /// not extend the time for charging to begin: a link that drops repeatedly does not keep the
     /// robot from searching.
     pub fn login(&mut self, docked: bool, low: bool, now: Instant) {
-        self.has_spoken();
+        self.settle_charge_stop();
         let tried = low && self.charge_due.is_some_and(|due| due <= now);
         if !docked {
             return self.leave(Evidence::Login);
@@ -138,28 +138,28 @@ impl DockTracker {
         if tried {
             self.doubt(Doubt::Contact);
         } else {
-            self.place = DockState::ContactSaid;
+            self.place = DockState::ContactReported;
             self.charge_due.get_or_insert(now + self.charge_timeout);
         }
     }
 
     /// ENGINE 2: on the station. A repetition before `charge_due` changes nothing.
     pub fn docked(&mut self, now: Instant) {
-        self.has_spoken();
+        self.settle_charge_stop();
         self.contact = true;
         let late = self.charge_due.is_some_and(|due| due <= now);
         if late || !self.on_station() {
-            self.place = DockState::ContactSaid;
+            self.place = DockState::ContactReported;
             self.charge_due = Some(now + self.charge_timeout);
         }
     }
 
     /// ENGINE 1: off the station.
     pub fn undocked(&mut self, now: Instant) {
-        let left = self.asked.then_some(now);
-        self.has_spoken();
+        let left = self.charge_stop_sent.then_some(now);
+        self.settle_charge_stop();
         self.leave(Evidence::Engine);
-        self.left = left;
+        self.left_at = left;
     }
 
     /// Handles a battery report.
@@ -174,7 +174,7 @@ impl DockTracker {
     /// CHARGE_STOP was sent; waits for the robot's confirmation for `timeout`, at most
     /// [`DockTracker::LONGEST_LEAVING`].
     pub fn leave_station(&mut self, timeout: Duration, now: Instant) {
-        self.asked = true;
+        self.charge_stop_sent = true;
         self.leaving = Some(now + timeout.min(DockTracker::LONGEST_LEAVING));
     }
 
@@ -186,7 +186,7 @@ impl DockTracker {
 
     /// The battery has become low: from now on contact must become charging within the timeout.
     pub fn expect_charge(&mut self, now: Instant) {
-        if self.place == DockState::ContactSaid {
+        if self.place == DockState::ContactReported {
             self.charge_due = Some(now + self.charge_timeout);
         }
     }
@@ -200,13 +200,13 @@ impl DockTracker {
         if !low {
             self.charge_due = None;
         }
-        let waits = low && self.place == DockState::ContactSaid;
+        let waits = low && self.place == DockState::ContactReported;
         waits.then(|| self.doubt(Doubt::Contact))
     }
 
     /// When [`DockTracker::poll`] has something to do.
     pub fn next_deadline(&self, low: bool) -> Option<Instant> {
-        let waits = low && self.place == DockState::ContactSaid;
+        let waits = low && self.place == DockState::ContactReported;
         let charge_due = self.charge_due.filter(|_| waits);
         [self.leaving, charge_due].into_iter().flatten().min()
     }
@@ -220,19 +220,19 @@ impl DockTracker {
     }
 
     /// The robot has reported its place: an earlier CHARGE_STOP is settled.
-    fn has_spoken(&mut self) {
-        (self.leaving, self.asked, self.left) = (None, false, None);
+    fn settle_charge_stop(&mut self) {
+        (self.leaving, self.charge_stop_sent, self.left_at) = (None, false, None);
     }
 
-    fn leave(&mut self, word: Evidence) {
-        (self.place, self.contact, self.charge_due) = (DockState::Left(word), false, None);
+    fn leave(&mut self, evidence: Evidence) {
+        (self.place, self.contact, self.charge_due) = (DockState::Left(evidence), false, None);
     }
 
     fn charging_ended(&mut self, now: Instant) {
         if self.is_leaving() {
             self.leave(Evidence::Power);
         } else if self.contact {
-            self.place = DockState::ContactSaid;
+            self.place = DockState::ContactReported;
             self.charge_due = Some(now + self.charge_timeout);
         } else {
             self.place = DockState::Unknown;

@@ -16,7 +16,7 @@ use crate::robot::{BehaviourId, DockEnd, Setpoint};
 
 /// What [`Recovery::poll`] begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Try {
+pub enum RecoveryStep {
     /// A leg; the search follows when it has ended.
     Leg,
     /// A search.
@@ -25,7 +25,7 @@ pub enum Try {
 
 /// What follows a failed search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Next {
+pub enum AfterFailure {
     /// The next search.
     Search,
     /// A loan of the tracks.
@@ -38,13 +38,13 @@ pub enum Next {
 
 /// What may follow a failed search.
 #[derive(Debug, Clone, Copy)]
-pub struct Means {
+pub struct RecoveryOptions {
     /// The behaviour that the tracks may be lent to.
     pub rescuer: Option<BehaviourId>,
     /// Whether the watchdog itself may drive a leg.
     pub leg: bool,
     /// Standing for this long costs as much energy as the search did.
-    pub worth: Duration,
+    pub longest_useful_pause: Duration,
     /// The battery is nearly empty: there is no time for a pause.
     pub critical: bool,
 }
@@ -102,13 +102,13 @@ impl Recovery {
 
     /// Advances the recovery off the station while no docking is under way; `may_drive` tells
     /// whether a leg is allowed now: a leg that is no longer allowed ends.
-    pub fn poll(&mut self, may_drive: bool, now: Instant) -> Option<Try> {
+    pub fn poll(&mut self, may_drive: bool, now: Instant) -> Option<RecoveryStep> {
         match self.phase {
             RecoveryPhase::Waiting { until } if until <= now => Some(self.search(now)),
             RecoveryPhase::Lending(loan) if loan.is_over(now) => {
                 if !loan.used() && self.blind && may_drive {
                     self.drive(now);
-                    return Some(Try::Leg);
+                    return Some(RecoveryStep::Leg);
                 }
                 self.wait(Duration::ZERO, now);
                 self.poll(may_drive, now)
@@ -126,34 +126,37 @@ impl Recovery {
     }
 
     /// Handles a failed search and begins what follows.
-    pub fn failed(&mut self, end: DockEnd, means: Means, now: Instant) -> Next {
+    pub fn failed(&mut self, end: DockEnd, options: RecoveryOptions, now: Instant) -> AfterFailure {
         self.failures = self.failures.saturating_add(1);
         self.blind = end == DockEnd::BaseNotFound;
         if end == DockEnd::NotCharging {
             self.wait(Duration::ZERO, now);
-            Next::Search
-        } else if let Some(by) = means.rescuer {
+            AfterFailure::Search
+        } else if let Some(by) = options.rescuer {
             self.phase = RecoveryPhase::Lending(Loan::start(by, self.loan_time, now));
-            Next::Loan
-        } else if self.blind && means.leg {
+            AfterFailure::Loan
+        } else if self.blind && options.leg {
             self.drive(now);
-            Next::Leg
+            AfterFailure::Leg
         } else {
-            let pause = self.pause(means);
+            let pause = self.pause(options);
             self.wait(pause, now);
-            Next::Pause(pause)
+            AfterFailure::Pause(pause)
         }
     }
 
     /// The pause doubles each time, up to the cost of a search.
-    fn pause(&mut self, means: Means) -> Duration {
+    fn pause(&mut self, options: RecoveryOptions) -> Duration {
         if self.failures == self.retries.saturating_add(1) {
             self.next_pause = self.alarm_pause;
         }
-        let longest = self.longest_pause.min(means.worth).max(Recovery::MOMENT);
+        let longest = self
+            .longest_pause
+            .min(options.longest_useful_pause)
+            .max(Recovery::MOMENT);
         let pause = self.next_pause.min(longest);
         self.next_pause = self.next_pause.saturating_mul(2).min(self.longest_pause);
-        if means.critical {
+        if options.critical {
             Duration::ZERO
         } else {
             pause
@@ -252,9 +255,9 @@ impl Recovery {
         self.legs = self.legs.saturating_add(1);
     }
 
-    fn search(&mut self, now: Instant) -> Try {
+    fn search(&mut self, now: Instant) -> RecoveryStep {
         (self.phase, self.searched) = (RecoveryPhase::Searching, Some(now));
-        Try::Search
+        RecoveryStep::Search
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::failure::printable;
 use super::nearest::suggestion;
-use crate::robot::Knob;
+use crate::robot::DeclaredParam;
 
 use super::params::{GivenParam, ParamOrigin, ParamValue};
 
@@ -59,8 +59,8 @@ pub(crate) struct Declaration {
 
 impl Declaration {
     /// The parameter with its value, as it is shown to people.
-    pub(super) fn knob(&self, name: &str, value: ParamValue) -> Knob {
-        Knob {
+    pub(super) fn declared(&self, name: &str, value: ParamValue) -> DeclaredParam {
+        DeclaredParam {
             name: name.to_owned(),
             value,
             live: self.live,
@@ -74,7 +74,7 @@ impl Declaration {
 
     /// Describes the allowed values, for messages.
     pub(crate) fn expected(&self) -> String {
-        self.knob("", self.default.clone()).expected()
+        self.declared("", self.default.clone()).expected()
     }
 
     /// Checks that the restrictions fit the type of the default and that the default satisfies
@@ -101,7 +101,7 @@ impl Declaration {
 
     /// Whether a value has the right type and lies within the bounds.
     pub(crate) fn allows(&self, value: &ParamValue) -> bool {
-        self.knob("", self.default.clone()).allows(value)
+        self.declared("", self.default.clone()).allows(value)
     }
 
     /// Converts the given value, since everything on a command line is text. Returns `None` if the

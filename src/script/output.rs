@@ -8,7 +8,7 @@ use tokio::time::Instant;
 use super::Script;
 use super::failure::printable;
 use super::modules::ModuleName;
-use crate::robot::{Intent, Knob, Remark};
+use crate::robot::{DeclaredParam, Intent, Remark};
 
 /// Largest number of intents in the queue.
 const MAX_INTENTS: usize = 256;
@@ -31,7 +31,7 @@ pub enum Output {
     /// Something that the script has done or wants and that does not concern the robot.
     Remark(Remark),
     /// The current parameters.
-    Params(Vec<Knob>),
+    Params(Vec<DeclaredParam>),
     /// The result of a line that a person typed.
     Evaluated(Evaluated),
     /// A request for the file of this module: see
@@ -168,10 +168,10 @@ impl OutputQueue {
     }
 
     /// Queues the parameters, in place of older ones that are still in the queue.
-    pub(super) fn params(&mut self, knobs: Vec<Knob>) {
+    pub(super) fn params(&mut self, params: Vec<DeclaredParam>) {
         self.waiting
             .retain(|output| !matches!(output, Output::Params(_)));
-        self.waiting.push(Output::Params(knobs));
+        self.waiting.push(Output::Params(params));
     }
 
     /// Queues the result of a line that a person typed.

@@ -109,8 +109,9 @@ impl State {
     /// Sends the parameters to the people who are watching.
     pub(super) fn show_params(&mut self) {
         let all = self.params.all.iter();
-        let knobs = all.map(|(name, (declaration, value))| declaration.knob(name, value.clone()));
-        self.output.params(knobs.collect());
+        let params =
+            all.map(|(name, (declaration, value))| declaration.declared(name, value.clone()));
+        self.output.params(params.collect());
     }
 
     pub(super) fn new(options: Options, now: Instant) -> State {

@@ -259,7 +259,7 @@ fn fact(step: Step) -> Fact {
         charge_timeout: Duration::from_secs(10),
     };
     match step {
-        Step::Wait => Fact::Heard,
+        Step::Wait => Fact::BytesReceived,
         Step::Power(percent, charging) => Fact::Power(power(percent, charging)),
         Step::Engine(news) => Fact::Engine(news),
         Step::Up { docked, percent } => Fact::LinkUp {

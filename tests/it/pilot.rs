@@ -21,7 +21,7 @@ struct TestPilot {
     requests: mpsc::Sender<Request>,
     inbox: EventReceiver,
     ending: Ending,
-    flight: JoinHandle<()>,
+    task: JoinHandle<()>,
 }
 
 fn dial(rig: &Rig) -> Dial {
@@ -49,7 +49,7 @@ impl TestPilot {
         let (requests, received) = mpsc::channel(MAX_REQUESTS);
         let ending = Ending::default();
         let run = pilot.run(dial(rig), settings, received, ending.clone());
-        let flight = tokio::spawn(async move {
+        let task = tokio::spawn(async move {
             let (ended, ()) = tokio::join!(run, beside);
             ended.unwrap();
         });
@@ -66,7 +66,7 @@ impl TestPilot {
             requests,
             inbox,
             ending,
-            flight,
+            task,
         }
     }
 
@@ -123,7 +123,7 @@ async fn a_pilot_that_is_dropped_stops_the_tracks() {
     test_pilot.connected().await;
     test_pilot.drive(50.0, Some(WAIT_LIMIT)).await;
     let moving = rig.heard_motion(0).await;
-    test_pilot.flight.abort();
+    test_pilot.task.abort();
     rig.heard_stop(moving).await;
 }
 
@@ -140,7 +140,7 @@ async fn a_panic_in_the_pilots_task_stops_the_tracks() {
     test_pilot.drive(50.0, Some(WAIT_LIMIT)).await;
     let moving = rig.heard_motion(0).await;
     rig.heard_stop(moving).await;
-    assert!(test_pilot.flight.await.unwrap_err().is_panic());
+    assert!(test_pilot.task.await.unwrap_err().is_panic());
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -226,7 +226,7 @@ async fn at_the_end_a_stop_is_written_and_streams_are_switched_off() {
     test_pilot.want(Stream::Video).await;
     test_pilot.drive(50.0, Some(WAIT_LIMIT)).await;
     let moving = rig.heard_motion(0).await;
-    test_pilot.ending.parting.cancel();
+    test_pilot.ending.stop_motion.cancel();
     let end = test_pilot
         .told(|event| matches!(event, Event::MotionEnded { .. }))
         .await;
@@ -237,8 +237,8 @@ async fn at_the_end_a_stop_is_written_and_streams_are_switched_off() {
             end: MotionEnd::Cancelled
         }
     );
-    test_pilot.ending.closing.cancel();
-    timeout(WAIT_LIMIT, &mut test_pilot.flight)
+    test_pilot.ending.close_link.cancel();
+    timeout(WAIT_LIMIT, &mut test_pilot.task)
         .await
         .unwrap()
         .unwrap();

@@ -129,7 +129,7 @@ async fn robot(
             return diagnosis.tell(Finding::fail("link", error.to_string(), error.help()));
         }
     }
-    link::farewell(session.reader, session.writer, DELIVERY).await;
+    link::close_gracefully(session.reader, session.writer, DELIVERY).await;
     Ok(())
 }
 

@@ -10,7 +10,7 @@ use crate::cli::interrupt::interruption;
 use crate::cli::running::{AT_ONCE, ask};
 use crate::cli::{Exit, Failure, block_on, print};
 use crate::control::{Client, Errand};
-use crate::link::{LinkError, farewell};
+use crate::link::{LinkError, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
 use crate::safety::{Fact, Watchdog};
 use crate::wire::{Command, Engage};
@@ -146,6 +146,6 @@ async fn once(aim: &Aim, ended: &CancellationToken) -> Result<Option<Delivery>, 
         );
     }
     Ok(Some(
-        farewell(session.reader, session.writer, DELIVERY).await,
+        close_gracefully(session.reader, session.writer, DELIVERY).await,
     ))
 }

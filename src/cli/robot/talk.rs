@@ -11,7 +11,7 @@ use crate::cli::remote::RemoteArgs;
 use crate::cli::running::{run_on, taken};
 use crate::cli::{Exit, Failure, block_on};
 use crate::config::Config;
-use crate::link::{LinkError, Session, farewell};
+use crate::link::{LinkError, Session, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
 use crate::robot::Streams;
 use crate::safety::{Act, Fact, Watchdog};
@@ -122,7 +122,7 @@ impl Talk {
     /// Disconnects when all commands are acknowledged.
     async fn end(self) -> Result<(), Failure> {
         let Session { reader, writer, .. } = self.session;
-        match farewell(reader, writer, DELIVERY).await {
+        match close_gracefully(reader, writer, DELIVERY).await {
             Delivery::NotAcknowledged { after } if self.said => {
                 let seconds = after.as_secs_f64();
                 let what = format_args!(

@@ -133,11 +133,11 @@ fn the_data_for_another_process_begins_with_the_rest_of_a_partly_written_message
 fn samples_among_commands_are_speech() {
     let mut rig = Rig::new();
     rig.push(&[Command::Audio(samples(100))]);
-    assert!(rig.queue.is_calm() && !rig.queue.is_empty());
+    assert!(rig.queue.no_command_pending() && !rig.queue.is_empty());
     rig.queue.drop_audio();
     assert!(rig.queue.is_empty());
     rig.push(&[GO]);
-    assert!(!rig.queue.is_calm());
+    assert!(!rig.queue.no_command_pending());
 }
 
 #[test]
@@ -290,14 +290,14 @@ proptest! {
             match step {
                 Step::Push(commands) => {
                     let before = rig.out.len();
-                    let half_out = rig.queue.half_out.len();
-                    prop_assert!(half_out <= 1029);
+                    let partly_written = rig.queue.partly_written.len();
+                    prop_assert!(partly_written <= 1029);
                     prop_assert!(rig.push(&commands));
                     // If it were written now, nothing but the rest of that message would precede
                     // it.
                     let offer = rig.queue.offer(rig.now, || Some(0));
                     if rig.queue.waiting > 0 {
-                        prop_assert_eq!(offer.len(), half_out + rig.queue.waiting);
+                        prop_assert_eq!(offer.len(), partly_written + rig.queue.waiting);
                     }
                     prop_assert_eq!(before, rig.out.len());
                     pushed.extend(commands);

@@ -84,12 +84,12 @@ fn the_third_report_at_the_ok_level_releases() {
 fn one_report_of_charging_is_not_enough_and_two_are() {
     let mut rig = Rig::at(10);
     assert_eq!(rig.hear(10, true), None);
-    assert_eq!(rig.guard.charging(), Charging::Said);
+    assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
     assert_eq!(rig.hear(10, false), None);
     assert_eq!(rig.guard.charging(), Charging::No);
     assert_eq!(rig.hear(10, true), None);
     assert_eq!(rig.hear(10, true), RELEASED);
-    assert_eq!(rig.guard.charging(), Charging::Believed);
+    assert_eq!(rig.guard.charging(), Charging::Confirmed);
     assert!(rig.guard.at_or_below_low());
     assert_eq!(rig.hear(10, false), low_at(10), "and low again at one");
 }
@@ -101,7 +101,7 @@ fn on_the_contact_one_report_of_charging_is_enough_whichever_comes_first() {
     assert_eq!(rig.guard.contact(), None, "contact alone is not charging");
     rig.hear(10, true);
     assert_eq!(rig.guard.contact(), RELEASED);
-    assert_eq!(rig.guard.charging(), Charging::Believed);
+    assert_eq!(rig.guard.charging(), Charging::Confirmed);
 }
 
 #[test]
@@ -109,7 +109,7 @@ fn two_reports_of_charging_at_levels_far_apart_contradict_each_other() {
     let mut rig = Rig::at(10);
     for percent in [100, 30, 70] {
         assert_eq!(rig.hear(percent, true), None);
-        assert_eq!(rig.guard.charging(), Charging::Said);
+        assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
     }
 }
 
@@ -117,13 +117,13 @@ fn two_reports_of_charging_at_levels_far_apart_contradict_each_other() {
 fn a_low_level_counts_when_an_unconfirmed_report_of_charging_expires() {
     let mut rig = Rig::at(30);
     assert_eq!(rig.hear(15, true), None);
-    let due = rig.now + BatteryGuard::DOUBT;
-    assert_eq!(rig.guard.doubt_deadline(), Some(due));
+    let due = rig.now + BatteryGuard::UNCONFIRMED_TIMEOUT;
+    assert_eq!(rig.guard.unconfirmed_deadline(), Some(due));
     rig.guard.excuse_silence(rig.now + SECOND);
-    assert_eq!(rig.guard.end_doubt(due - SECOND), None);
-    assert_eq!(rig.guard.end_doubt(due), low_at(15));
+    assert_eq!(rig.guard.expire_unconfirmed(due - SECOND), None);
+    assert_eq!(rig.guard.expire_unconfirmed(due), low_at(15));
     assert_eq!(rig.guard.charging(), Charging::No);
-    assert_eq!(rig.guard.doubt_deadline(), None);
+    assert_eq!(rig.guard.unconfirmed_deadline(), None);
     rig.now = due;
     assert_eq!(rig.hear(15, true), RELEASED, "late, but two in a row");
 }
@@ -136,7 +136,7 @@ fn after_undocking_charging_must_be_confirmed_again() {
     rig.guard.undocked();
     assert_eq!(rig.guard.charging(), Charging::No);
     rig.hear(60, true);
-    assert_eq!(rig.guard.charging(), Charging::Said);
+    assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
 }
 
 #[test]
@@ -241,15 +241,18 @@ fn no_charge_explains_a_level_that_falls() {
 fn repeated_reports_do_not_extend_a_doubt_and_a_later_one_begins_a_new_doubt() {
     let mut rig = Rig::at(30);
     rig.hear(30, true);
-    let due = rig.now + BatteryGuard::DOUBT;
+    let due = rig.now + BatteryGuard::UNCONFIRMED_TIMEOUT;
     for percent in [100, 30].into_iter().cycle().take(23) {
         rig.hear(percent, true);
-        assert_eq!(rig.guard.charging(), Charging::Said);
-        assert_eq!(rig.guard.doubt_deadline(), Some(due));
+        assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
+        assert_eq!(rig.guard.unconfirmed_deadline(), Some(due));
     }
     rig.hear(30, true);
     assert_eq!(rig.now, due);
-    assert_eq!(rig.guard.doubt_deadline(), Some(due + BatteryGuard::DOUBT));
+    assert_eq!(
+        rig.guard.unconfirmed_deadline(),
+        Some(due + BatteryGuard::UNCONFIRMED_TIMEOUT)
+    );
 }
 
 /// The reports of a battery at `truth` with garbage in between, never two garbage reports in a row.
@@ -281,7 +284,7 @@ proptest! {
             prop_assert!(rig.guard.low().is_some() && rig.guard.at_or_below_low());
             prop_assert!(rig.guard.critical() || !critical);
             prop_assert!(rig.level() <= Some(truth + 10), "{:?}", rig.level());
-            prop_assert!(rig.guard.charging() != Charging::Believed);
+            prop_assert!(rig.guard.charging() != Charging::Confirmed);
         }
     }
 
@@ -301,7 +304,7 @@ proptest! {
         let levels = (1..8).map(|step| (from.max(9) + step * gain).min(100));
         levels.for_each(|level| { rig.hear(level, true); });
         prop_assert!(!rig.guard.critical());
-        prop_assert_eq!(rig.guard.charging(), Charging::Believed);
+        prop_assert_eq!(rig.guard.charging(), Charging::Confirmed);
     }
 
     #[test]

@@ -6,7 +6,7 @@ const SECOND: Duration = Duration::from_secs(1);
 fn each_place_has_a_description() {
     let told = [
         DockState::Charging,
-        DockState::ContactSaid,
+        DockState::ContactReported,
         DockState::Left(Evidence::Login),
         DockState::Unknown,
     ];
@@ -33,13 +33,17 @@ fn each_report_sets_its_place() {
     place.login(false, false, now);
     assert_eq!(place.place(), DockState::Left(Evidence::Login));
     place.docked(now);
-    assert_eq!(place.place(), DockState::ContactSaid);
+    assert_eq!(place.place(), DockState::ContactReported);
     place.power(true, now);
     assert_eq!(place.place(), DockState::Charging);
     place.docked(now);
     assert_eq!(place.place(), DockState::Charging, "a late report");
     place.power(false, now);
-    assert_eq!(place.place(), DockState::ContactSaid, "full, or no current");
+    assert_eq!(
+        place.place(),
+        DockState::ContactReported,
+        "full, or no current"
+    );
     place.undocked(now);
     assert_eq!(place.place(), DockState::Left(Evidence::Engine));
 }
@@ -108,13 +112,13 @@ fn a_report_ends_the_wait_for_a_confirmation() {
 fn contact_without_charging_expires_only_while_low() {
     let (mut place, now) = on_contact();
     place.poll(false, now + 3600 * SECOND);
-    assert_eq!(place.place(), DockState::ContactSaid);
+    assert_eq!(place.place(), DockState::ContactReported);
     let low = now + 7200 * SECOND;
     place.expect_charge(low);
     assert_eq!(place.next_deadline(true), Some(low + 30 * SECOND));
     assert_eq!(place.next_deadline(false), None);
     place.poll(true, low + 29 * SECOND);
-    assert_eq!(place.place(), DockState::ContactSaid);
+    assert_eq!(place.place(), DockState::ContactReported);
     assert_eq!(place.poll(true, low + 30 * SECOND), Some(Doubt::Contact));
     assert_eq!(place.place(), DockState::Unknown);
 }
@@ -139,7 +143,7 @@ fn a_new_login_renews_contact_once_the_battery_was_good() {
     place.poll(true, now + 30 * SECOND);
     place.poll(false, now + 31 * SECOND);
     place.login(true, true, now + 40 * SECOND);
-    assert_eq!(place.place(), DockState::ContactSaid);
+    assert_eq!(place.place(), DockState::ContactReported);
 }
 
 #[test]
@@ -182,7 +186,7 @@ fn an_unconfirmed_undocking_clears_contact() {
 fn after_a_suspension_an_undocking_is_in_doubt() {
     let (mut place, now) = on_contact();
     place.doubt_leaving();
-    assert_eq!(place.place(), DockState::ContactSaid);
+    assert_eq!(place.place(), DockState::ContactReported);
     place.leave_station(20 * SECOND, now);
     place.doubt_leaving();
     assert_eq!(place.place(), DockState::Unknown);

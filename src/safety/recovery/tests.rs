@@ -2,17 +2,17 @@ use super::*;
 
 const SECOND: Duration = Duration::from_secs(1);
 const WHO: BehaviourId = BehaviourId(7);
-const STANDING: Means = Means {
+const STANDING: RecoveryOptions = RecoveryOptions {
     rescuer: None,
     leg: false,
-    worth: Duration::from_secs(100),
+    longest_useful_pause: Duration::from_secs(100),
     critical: false,
 };
-const BLIND: Means = Means {
+const BLIND: RecoveryOptions = RecoveryOptions {
     leg: true,
     ..STANDING
 };
-const SEEING: Means = Means {
+const SEEING: RecoveryOptions = RecoveryOptions {
     rescuer: Some(WHO),
     ..BLIND
 };
@@ -21,7 +21,7 @@ const SEEING: Means = Means {
 fn searching() -> (Recovery, Instant) {
     let now = Instant::now();
     let mut recovery = Recovery::new(&Limits::default(), now);
-    assert_eq!(recovery.poll(true, now), Some(Try::Search));
+    assert_eq!(recovery.poll(true, now), Some(RecoveryStep::Search));
     assert_eq!(recovery.next_deadline(now), None);
     (recovery, now + 60 * SECOND)
 }
@@ -30,18 +30,21 @@ fn searching() -> (Recovery, Instant) {
 fn a_leg_begins_at_once_and_a_search_follows_it() {
     let (mut recovery, now) = searching();
     let next = recovery.failed(DockEnd::BaseNotFound, BLIND, now);
-    assert_eq!((next, recovery.legs()), (Next::Leg, 1));
+    assert_eq!((next, recovery.legs()), (AfterFailure::Leg, 1));
     assert!(recovery.setpoint(now + SECOND).is_some());
     let due = recovery.next_deadline(now).unwrap();
     assert_eq!(due, now + 2 * SECOND);
     assert_eq!(recovery.next_deadline(due), Some(due), "at once");
     assert_eq!(recovery.poll(true, now + SECOND), None);
-    assert_eq!(recovery.poll(true, due), Some(Try::Search));
+    assert_eq!(recovery.poll(true, due), Some(RecoveryStep::Search));
     assert_eq!(recovery.setpoint(due), None);
     recovery.failed(DockEnd::BaseNotFound, BLIND, due);
     assert_eq!(recovery.legs(), 2);
     recovery.end(due);
-    assert_eq!(recovery.poll(true, due + SECOND), Some(Try::Search));
+    assert_eq!(
+        recovery.poll(true, due + SECOND),
+        Some(RecoveryStep::Search)
+    );
     let due = due + SECOND;
     assert_eq!(recovery.poll(true, due), None, "not twice in a second");
 }
@@ -49,7 +52,7 @@ fn a_leg_begins_at_once_and_a_search_follows_it() {
 #[test]
 fn a_search_that_ended_without_a_report_is_followed_by_another() {
     let (mut recovery, now) = searching();
-    assert_eq!(recovery.poll(true, now), Some(Try::Search));
+    assert_eq!(recovery.poll(true, now), Some(RecoveryStep::Search));
     assert_eq!(recovery.poll(true, now), None, "not twice in a second");
     assert_eq!(recovery.next_deadline(now), Some(now + SECOND));
 }
@@ -58,17 +61,17 @@ fn a_search_that_ended_without_a_report_is_followed_by_another() {
 fn a_rescuer_drives_before_a_blind_leg() {
     let (mut recovery, now) = searching();
     let next = recovery.failed(DockEnd::BaseNotFound, SEEING, now);
-    assert_eq!((next, recovery.borrower()), (Next::Loan, Some(WHO)));
+    assert_eq!((next, recovery.borrower()), (AfterFailure::Loan, Some(WHO)));
     recovery.note_motion(true, now + SECOND);
     let due = now + 8 * SECOND;
     assert_eq!(recovery.next_deadline(now), Some(due));
-    assert_eq!(recovery.poll(true, due), Some(Try::Search));
+    assert_eq!(recovery.poll(true, due), Some(RecoveryStep::Search));
     assert_eq!(recovery.borrower(), None);
 }
 
 #[test]
 fn an_unused_loan_is_followed_by_a_leg_where_one_is_allowed() {
-    for (may_drive, next) in [(true, Try::Leg), (false, Try::Search)] {
+    for (may_drive, next) in [(true, RecoveryStep::Leg), (false, RecoveryStep::Search)] {
         let (mut recovery, now) = searching();
         recovery.failed(DockEnd::BaseNotFound, SEEING, now);
         let due = now + Loan::FIRST;
@@ -80,10 +83,10 @@ fn an_unused_loan_is_followed_by_a_leg_where_one_is_allowed() {
 fn only_base_not_found_leads_to_a_leg() {
     let (mut recovery, now) = searching();
     let next = recovery.failed(DockEnd::Timeout, BLIND, now);
-    assert_eq!(next, Next::Pause(5 * SECOND));
+    assert_eq!(next, AfterFailure::Pause(5 * SECOND));
     let next = recovery.failed(DockEnd::NotCharging, SEEING, now);
-    assert_eq!(next, Next::Search);
-    assert_eq!(recovery.poll(true, now), Some(Try::Search));
+    assert_eq!(next, AfterFailure::Search);
+    assert_eq!(recovery.poll(true, now), Some(RecoveryStep::Search));
 }
 
 #[test]
@@ -91,10 +94,10 @@ fn pauses_grow_up_to_what_a_search_is_worth() {
     let (mut recovery, mut now) = searching();
     for pause in [5, 10, 20, 60, 100, 100] {
         let next = recovery.failed(DockEnd::BaseNotFound, STANDING, now);
-        assert_eq!(next, Next::Pause(pause * SECOND));
+        assert_eq!(next, AfterFailure::Pause(pause * SECOND));
         let due = recovery.next_deadline(now).unwrap();
         assert_eq!(due, now + pause * SECOND);
-        assert_eq!(recovery.poll(true, due), Some(Try::Search));
+        assert_eq!(recovery.poll(true, due), Some(RecoveryStep::Search));
         now = due + 60 * SECOND;
     }
     assert!(recovery.is_alarming());
@@ -102,31 +105,37 @@ fn pauses_grow_up_to_what_a_search_is_worth() {
 
 #[test]
 fn an_instant_failure_has_the_shortest_pause_and_a_critical_battery_none() {
-    let means = Means {
-        worth: Duration::ZERO,
+    let options = RecoveryOptions {
+        longest_useful_pause: Duration::ZERO,
         ..STANDING
     };
     let (mut recovery, now) = searching();
-    let next = recovery.failed(DockEnd::BaseNotFound, means, now);
-    assert_eq!(next, Next::Pause(SECOND));
-    let critical = Means {
+    let next = recovery.failed(DockEnd::BaseNotFound, options, now);
+    assert_eq!(next, AfterFailure::Pause(SECOND));
+    let critical = RecoveryOptions {
         critical: true,
         ..STANDING
     };
     let (mut recovery, now) = searching();
     let next = recovery.failed(DockEnd::BaseNotFound, critical, now);
-    assert_eq!(next, Next::Pause(Duration::ZERO));
-    assert_eq!(recovery.poll(true, now), Some(Try::Search));
+    assert_eq!(next, AfterFailure::Pause(Duration::ZERO));
+    assert_eq!(recovery.poll(true, now), Some(RecoveryStep::Search));
     recovery.failed(DockEnd::BaseNotFound, critical, now);
     assert_eq!(recovery.poll(true, now), None, "not twice in a second");
-    assert_eq!(recovery.poll(true, now + SECOND), Some(Try::Search));
+    assert_eq!(
+        recovery.poll(true, now + SECOND),
+        Some(RecoveryStep::Search)
+    );
 }
 
 #[test]
 fn a_leg_that_is_no_longer_allowed_ends() {
     let (mut recovery, now) = searching();
     recovery.failed(DockEnd::BaseNotFound, BLIND, now);
-    assert_eq!(recovery.poll(false, now + SECOND), Some(Try::Search));
+    assert_eq!(
+        recovery.poll(false, now + SECOND),
+        Some(RecoveryStep::Search)
+    );
 }
 
 #[test]
@@ -135,13 +144,19 @@ fn an_interruption_ends_everything_but_a_pause() {
     recovery.failed(DockEnd::BaseNotFound, BLIND, now);
     recovery.interrupt(now);
     assert_eq!(recovery.next_deadline(now), Some(now + SECOND));
-    assert_eq!(recovery.poll(true, now + SECOND), Some(Try::Search));
+    assert_eq!(
+        recovery.poll(true, now + SECOND),
+        Some(RecoveryStep::Search)
+    );
     recovery.failed(DockEnd::Timeout, STANDING, now + SECOND);
     let due = recovery.next_deadline(now);
     recovery.interrupt(now + 2 * SECOND);
     assert_eq!(recovery.next_deadline(now), due);
     recovery.search_at_once(now + 3 * SECOND);
-    assert_eq!(recovery.poll(true, now + 3 * SECOND), Some(Try::Search));
+    assert_eq!(
+        recovery.poll(true, now + 3 * SECOND),
+        Some(RecoveryStep::Search)
+    );
 }
 
 #[test]
@@ -156,5 +171,8 @@ fn ending_a_loan_changes_nothing_in_a_pause_or_a_search() {
     recovery.poll(true, now);
     recovery.failed(DockEnd::BaseNotFound, BLIND, now + SECOND);
     recovery.end(now + 2 * SECOND);
-    assert_eq!(recovery.poll(true, now + 2 * SECOND), Some(Try::Search));
+    assert_eq!(
+        recovery.poll(true, now + 2 * SECOND),
+        Some(RecoveryStep::Search)
+    );
 }

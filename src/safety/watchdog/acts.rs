@@ -53,7 +53,7 @@ impl Watchdog {
             .push(Act::Tell(by, Event::UndockEnded { call, end }));
     }
 
-    pub(super) fn notice(&mut self, action: SafetyAction, reason: String) {
+    pub(super) fn announce(&mut self, action: SafetyAction, reason: String) {
         self.acts
             .push(Act::Announce(Event::Safety { action, reason }));
     }

@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::asks::LONGEST;
 use super::homing::Homing;
+use super::requests::LONGEST;
 use super::{Caller, Leaving, Watchdog};
 use crate::robot::{BehaviourId, DockEnd, DockPlan, Priority};
 use crate::safety::{DockLimits, DockState, Retry};
@@ -54,7 +54,7 @@ impl Watchdog {
         let crowded = callers + self.waiting.len() >= MOST_CALLERS;
         if !self.online {
             Some(DockEnd::Disconnected)
-        } else if self.parting {
+        } else if self.run_ending {
             Some(DockEnd::Cancelled)
         } else if self.place() == DockState::Charging {
             Some(DockEnd::AlreadyDocked)
@@ -86,7 +86,7 @@ impl Watchdog {
         let low = self.guard.low().is_some() || self.guard.at_or_below_low();
         if !self.online {
             Some(DockEnd::Disconnected)
-        } else if self.parting {
+        } else if self.run_ending {
             Some(DockEnd::Cancelled)
         } else if left {
             Some(DockEnd::NotDocked)
@@ -129,7 +129,7 @@ impl Watchdog {
             .homing
             .as_mut()
             .map(|homing| homing.docking.cancel(end, now));
-        self.follow(orders.unwrap_or_default(), now);
+        self.execute_dock_actions(orders.unwrap_or_default(), now);
     }
 
     /// Whether the docking under way belongs to behaviours that all have lower priority.

@@ -35,7 +35,7 @@ impl Watchdog {
     /// The rule with the highest precedence: stop and go home, in one batch of acts.
     pub(super) fn became_low(&mut self, cause: LowCause, now: Instant) {
         self.end_motion(MotionEnd::Safety);
-        self.way = self.trail.take(now);
+        self.path_from_station = self.trail.take(now);
         self.whereabouts.expect_charge(now);
         if let Some(battery) = self.battery() {
             self.acts.push(Act::Announce(Event::BatteryLow(battery)));
@@ -46,7 +46,7 @@ impl Watchdog {
         } else {
             (SafetyAction::Dock, "stops and goes home")
         };
-        self.notice(action, format!("{cause}: {what}"));
+        self.announce(action, format!("{cause}: {what}"));
         self.recovery = Some(Recovery::new(&self.limits, now));
         self.pursue_home(now);
     }
@@ -58,7 +58,7 @@ impl Watchdog {
         }
         if let Some(battery) = self.battery() {
             let reason = format!("battery at {}", battery.percent);
-            self.notice(SafetyAction::Release, reason);
+            self.announce(SafetyAction::Release, reason);
             self.acts.push(Act::Announce(Event::BatteryOk(battery)));
         }
         let waiting = std::mem::take(&mut self.waiting);
@@ -123,7 +123,7 @@ impl Watchdog {
             forced: false,
             callers,
         });
-        self.follow(orders, now);
+        self.execute_dock_actions(orders, now);
     }
 
     pub(super) fn continue_homing(&mut self, now: Instant) {
@@ -131,12 +131,12 @@ impl Watchdog {
             return;
         }
         let orders = self.homing.as_mut().map(|homing| homing.docking.poll(now));
-        self.follow(orders.unwrap_or_default(), now);
+        self.execute_dock_actions(orders.unwrap_or_default(), now);
         self.pursue_home(now);
     }
 
     /// Executes the docking's actions, then checks whether it has ended.
-    pub(super) fn follow(&mut self, orders: Vec<DockAction>, now: Instant) {
+    pub(super) fn execute_dock_actions(&mut self, orders: Vec<DockAction>, now: Instant) {
         for order in orders {
             match order {
                 DockAction::Find => {
@@ -162,8 +162,8 @@ impl Watchdog {
         self.answer_homing(now);
     }
 
-    /// Answers the calls that wait for a docking that has ended; [`Watchdog::go_on`] handles a
-    /// failure of the watchdog's own.
+    /// Answers the calls that wait for a docking that has ended; a failure of the watchdog's own
+    /// goes to [`Watchdog::handle_failed_search`].
     pub(super) fn answer_homing(&mut self, now: Instant) {
         let over = |homing: &mut Homing| homing.docking.outcome().is_some();
         let Some(homing) = self.homing.take_if(over) else {
@@ -174,7 +174,7 @@ impl Watchdog {
         };
         let first = homing.callers.first().map(|caller| caller.by);
         let by = first.filter(|_| !homing.forced);
-        self.docked_last = Some(DockReport { by, outcome });
+        self.dock_report = Some(DockReport { by, outcome });
         for caller in homing.callers {
             self.answer_dock(caller, outcome.end, outcome.attempts, outcome.took);
         }
@@ -184,7 +184,7 @@ impl Watchdog {
         match outcome.end {
             DockEnd::Done | DockEnd::AlreadyDocked => self.answer_waiting(DockEnd::Done, now),
             DockEnd::Disconnected => self.answer_waiting(DockEnd::Disconnected, now),
-            _ => self.go_on(outcome, now),
+            _ => self.handle_failed_search(outcome, now),
         }
     }
 

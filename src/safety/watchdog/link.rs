@@ -48,13 +48,13 @@ impl Watchdog {
             self.send(Command::Engine(Engage::CancelDock));
             self.halt(now);
         }
-        self.hear(now);
+        self.note_received(now);
         self.search_at_once(now);
         self.power(power, now);
     }
 
-    pub(super) fn hear(&mut self, now: Instant) {
-        self.unheard_motion = self.tracks.moving_since().map(|_| now);
+    pub(super) fn note_received(&mut self, now: Instant) {
+        self.silent_motion_since = self.tracks.moving_since().map(|_| now);
     }
 
     pub(super) fn link_down(&mut self, now: Instant) {
@@ -93,8 +93,8 @@ impl Watchdog {
 
     /// Stops all motion. If the watchdog sends the robot home, BASE_FIND is sent again, since the
     /// stop may have ended the search.
-    pub(super) fn part(&mut self, now: Instant) {
-        self.parting = true;
+    pub(super) fn end_run(&mut self, now: Instant) {
+        self.run_ending = true;
         self.end_motion(MotionEnd::Cancelled);
         self.cancel_docks(None, now);
         if !self.online {

@@ -5,21 +5,21 @@
 //! [`Tracks`] sends it.
 
 mod acts;
-mod asks;
-mod distress;
 mod docks;
 mod homing;
 mod link;
 mod power;
+mod recovery;
+mod requests;
 mod rules;
 #[cfg(test)]
 mod tests;
 
 use tokio::time::Instant;
 
-pub use self::distress::ALARM;
-use self::distress::Alarm;
 use self::homing::Homing;
+pub use self::recovery::ALARM;
+use self::recovery::Alarm;
 use super::{
     Act, Arbiter, BatteryGuard, Charging, DockOutcome, DockState, DockTracker, Drain, Fact, Leases,
     Limits, LowCause, Recovery, Tracks, Trail,
@@ -58,7 +58,7 @@ pub struct DockReport {
 pub struct Watchdog {
     limits: Limits,
     online: bool,
-    parting: bool,
+    run_ending: bool,
     whereabouts: DockTracker,
     /// BASE_FIND was sent, and neither a report of the robot nor another command has ended the
     /// search.
@@ -74,7 +74,7 @@ pub struct Watchdog {
     trail: Trail,
     /// The path from the station to where the battery became low, until the first search from there
     /// has failed or something else has moved the robot.
-    way: Option<Vec<Stroke>>,
+    path_from_station: Option<Vec<Stroke>>,
     homing: Option<Homing>,
     leaving: Option<Leaving>,
     /// Present while the battery is low.
@@ -86,12 +86,12 @@ pub struct Watchdog {
     alarm: Option<Alarm>,
     listening: bool,
     /// Since when the robot has moved without sending anything, pauses in the motion included.
-    unheard_motion: Option<Instant>,
+    silent_motion_since: Option<Instant>,
     /// The time of the last [`Watchdog::tick`].
     ticked: Instant,
     acts: Vec<Act>,
     /// The last docking that has ended, until it is reported.
-    docked_last: Option<DockReport>,
+    dock_report: Option<DockReport>,
 }
 
 impl Watchdog {
@@ -103,14 +103,14 @@ impl Watchdog {
             whereabouts: DockTracker::new(limits.charge_timeout.get()),
             limits,
             online: false,
-            parting: false,
+            run_ending: false,
             searching: false,
             search_cut_off: false,
             drain: Drain::default(),
             arbiter: Arbiter::default(),
             tracks: Tracks::new(now),
             trail: Trail::new(now),
-            way: None,
+            path_from_station: None,
             homing: None,
             leaving: None,
             recovery: None,
@@ -118,16 +118,16 @@ impl Watchdog {
             rescuer: None,
             alarm: None,
             listening: false,
-            unheard_motion: None,
+            silent_motion_since: None,
             ticked: now,
             acts: Vec::new(),
-            docked_last: None,
+            dock_report: None,
         }
     }
 
     /// Returns the docking that has ended since the last call, if one has.
     pub fn take_dock_report(&mut self) -> Option<DockReport> {
-        self.docked_last.take()
+        self.dock_report.take()
     }
 
     /// Takes a fact in and returns what to do now.
@@ -142,12 +142,12 @@ impl Watchdog {
         match fact {
             Fact::LinkUp { docked, power } => self.link_up(docked, power, now),
             Fact::LinkDown => self.link_down(now),
-            Fact::Heard => self.hear(now),
+            Fact::BytesReceived => self.note_received(now),
             Fact::Power(power) => self.power(power, now),
             Fact::Engine(news) => self.engine(news, now),
             Fact::Listening(on) => {
                 if on && !self.listening {
-                    self.hear(now);
+                    self.note_received(now);
                 }
                 self.listening = on;
             }
@@ -158,9 +158,9 @@ impl Watchdog {
             } => self.asked(by, priority, intent, now),
             Fact::Alive(by) => self.leases.renew(by, now),
             Fact::Gone(by) => self.gone(by, now),
-            Fact::Rescuer(by) => self.rescuer_is(by, now),
+            Fact::Rescuer(by) => self.set_rescuer(by, now),
             Fact::Suspended => self.wake(now),
-            Fact::Parting => self.part(now),
+            Fact::RunEnding => self.end_run(now),
         }
     }
 
@@ -206,7 +206,7 @@ impl Watchdog {
             self.alarm.as_ref().map(|alarm| alarm.next),
             self.recovery_deadline(),
             silence,
-            self.guard.doubt_deadline(),
+            self.guard.unconfirmed_deadline(),
             homing,
         ]
         .into_iter()
@@ -247,7 +247,7 @@ impl Watchdog {
         let minutes = self.drain.minutes_left();
         Some(Battery {
             percent: self.guard.level()?,
-            charging: self.guard.charging() == Charging::Believed,
+            charging: self.guard.charging() == Charging::Confirmed,
             minutes_left: minutes.map(|minutes| (minutes * 10.0).round() as f32 / 10.0),
         })
     }
@@ -267,7 +267,7 @@ impl Watchdog {
     pub fn refusal(&self) -> Option<MotionEnd> {
         if !self.online {
             Some(MotionEnd::Disconnected)
-        } else if self.parting {
+        } else if self.run_ending {
             Some(MotionEnd::Cancelled)
         } else if self.guard.low().is_some() || self.guard.critical() {
             Some(MotionEnd::Safety)
@@ -296,7 +296,7 @@ impl Watchdog {
             .homing
             .as_mut()
             .map(|homing| homing.docking.engine(news, now));
-        self.follow(orders.unwrap_or_default(), now);
+        self.execute_dock_actions(orders.unwrap_or_default(), now);
         if news == EngineReport::Undocked && self.homing.is_none() {
             self.search_at_once(now);
         }
@@ -304,7 +304,7 @@ impl Watchdog {
             EngineReport::Docked => self.guard.contact(),
             _ => None,
         };
-        self.believe(change, now);
+        self.apply_battery_change(change, now);
     }
 
     fn undocked(&mut self, now: Instant) {
@@ -315,7 +315,7 @@ impl Watchdog {
         } else {
             self.trail.lose()
         }
-        self.way = None;
+        self.path_from_station = None;
         self.whereabouts.undocked(now);
         self.guard.undocked();
         self.guard.excuse_silence(now);
@@ -336,7 +336,7 @@ impl Watchdog {
         }
         self.waiting.retain(|caller| caller.by != by);
         if self.rescuer == Some(by) {
-            self.rescuer_is(None, now);
+            self.set_rescuer(None, now);
         }
         let Some(homing) = &mut self.homing else {
             return;
@@ -344,7 +344,7 @@ impl Watchdog {
         homing.callers.retain(|caller| caller.by != by);
         if homing.callers.is_empty() && !homing.forced {
             let orders = homing.docking.cancel(DockEnd::Cancelled, now);
-            self.follow(orders, now);
+            self.execute_dock_actions(orders, now);
         }
     }
 
@@ -362,7 +362,7 @@ impl Watchdog {
         }
         if let Some(setpoint) = self.tracks.poll(now) {
             if !setpoint.is_stop() {
-                self.unheard_motion.get_or_insert(now);
+                self.silent_motion_since.get_or_insert(now);
             }
             self.send(setpoint.command());
         }

@@ -29,7 +29,7 @@ impl Watchdog {
         {
             self.drain.level(percent.get(), charging, now);
         }
-        self.believe(change, now);
+        self.apply_battery_change(change, now);
         if self.guard.critical() && !was_critical {
             if self.borrower().is_none() {
                 self.end_motion(MotionEnd::Safety);
@@ -38,23 +38,23 @@ impl Watchdog {
                 "battery at {} %: motion is refused except on the way home",
                 power.percent
             );
-            self.notice(SafetyAction::Hold, reason);
+            self.announce(SafetyAction::Hold, reason);
         }
     }
 
     /// Executes what follows from a change of the battery's state.
-    pub(super) fn believe(&mut self, change: Option<BatteryChange>, now: Instant) {
+    pub(super) fn apply_battery_change(&mut self, change: Option<BatteryChange>, now: Instant) {
         let charging = self.charging_here();
         let orders = self.homing.as_mut().map(|homing| match charging {
             Charging::No => vec![],
-            Charging::Said => homing.docking.wait(),
-            Charging::Believed => homing.docking.charging(now),
+            Charging::Unconfirmed => homing.docking.wait(),
+            Charging::Confirmed => homing.docking.charging(now),
         });
-        if charging == Charging::Believed {
+        if charging == Charging::Confirmed {
             self.searching = false;
             self.end_alarm();
         }
-        self.follow(orders.unwrap_or_default(), now);
+        self.execute_dock_actions(orders.unwrap_or_default(), now);
         match change {
             Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
             Some(BatteryChange::Released) => self.released(now),
@@ -76,7 +76,7 @@ impl Watchdog {
     /// Whether a single unconfirmed report says that the robot charges: nothing may drive it away
     /// then.
     pub(super) fn may_charge(&self) -> bool {
-        self.charging_here() == Charging::Said
+        self.charging_here() == Charging::Unconfirmed
     }
 
     /// The believed charging state, unless the robot has left its station since that report.

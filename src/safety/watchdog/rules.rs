@@ -26,7 +26,7 @@ impl Watchdog {
         if self.arbiter.hold(by, true) && self.arbiter.driver() == Some(by) {
             self.halt(now);
             let silence = self.limits.host_silence.get().as_millis();
-            self.notice(
+            self.announce(
                 SafetyAction::Stop,
                 format!("a script showed no life for {silence} ms"),
             );
@@ -41,12 +41,12 @@ impl Watchdog {
         self.leases.forget(by);
         let silence = self.limits.host_silence.get() + self.limits.host_grace.get();
         let reason = format!("a script showed no life for {} ms", silence.as_millis());
-        self.notice(SafetyAction::Kill, reason);
+        self.announce(SafetyAction::Kill, reason);
         self.acts.push(Act::Kill(by, EndReason::Cpu));
     }
 
     pub(super) fn stream_deadline(&self) -> Option<Instant> {
-        let since = self.unheard_motion.filter(|_| self.listening)?;
+        let since = self.silent_motion_since.filter(|_| self.listening)?;
         Some(since + self.limits.stream_silence.get())
     }
 
@@ -56,13 +56,13 @@ impl Watchdog {
         if self.stream_deadline().is_none_or(|due| due > now) {
             return;
         }
-        self.unheard_motion = None;
+        self.silent_motion_since = None;
         self.halt(now);
         self.end_motion(MotionEnd::Disconnected);
         self.interrupt_recovery(now);
         let silence = self.limits.stream_silence.get().as_secs_f64();
         let reason = format!("no bytes from the robot for {silence} s while it moves");
-        self.notice(SafetyAction::Reconnect, reason.clone());
+        self.announce(SafetyAction::Reconnect, reason.clone());
         self.acts.push(Act::Reconnect(reason));
     }
 
@@ -70,10 +70,14 @@ impl Watchdog {
         if !self.online {
             return;
         }
-        if self.guard.doubt_deadline().is_some_and(|due| due <= now) {
-            let change = self.guard.end_doubt(now);
+        if self
+            .guard
+            .unconfirmed_deadline()
+            .is_some_and(|due| due <= now)
+        {
+            let change = self.guard.expire_unconfirmed(now);
             self.whereabouts.power(false, now);
-            self.believe(change, now);
+            self.apply_battery_change(change, now);
         }
         if self.docked() {
             self.guard.excuse_silence(now);
@@ -91,7 +95,7 @@ impl Watchdog {
         };
         if let Some(homing) = self.homing.as_mut().filter(|homing| homing.forced) {
             let orders = homing.docking.lost_contact(doubt, now);
-            self.follow(orders, now);
+            self.execute_dock_actions(orders, now);
         }
         self.search_at_once(now);
     }

@@ -30,7 +30,7 @@ use super::{
     Ending, Evaluated, Explain, Level, LogLine, ModuleFile, ModuleName, NoModule, Options, Output,
     Script,
 };
-use crate::robot::{EndReason, Event, Intent, Knob, MotionEnd, Remark, RobotInfo};
+use crate::robot::{DeclaredParam, EndReason, Event, Intent, MotionEnd, Remark, RobotInfo};
 
 /// A script and its output.
 struct Rig {
@@ -45,7 +45,7 @@ struct Rig {
     /// Remarks: output that does not concern the robot.
     remarks: Vec<Remark>,
     /// The parameters as last sent.
-    knobs: Vec<Knob>,
+    knobs: Vec<DeclaredParam>,
 }
 
 impl Rig {

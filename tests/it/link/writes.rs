@@ -124,7 +124,7 @@ async fn a_stop_after_a_partial_write_completes_the_message_and_discards_queued_
                 .is_err()
         );
         watched.make_room();
-        watched.session.writer.say_last_words();
+        watched.session.writer.send_last_words();
         let expected = [&GO_BYTES.repeat(cut.div_ceil(7))[..], STOP].concat();
         assert_eq!(watched.writes().concat(), expected, "cut at {cut}");
     }

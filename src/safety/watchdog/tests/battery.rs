@@ -76,7 +76,7 @@ fn one_garbage_report_neither_frees_a_low_robot_nor_disturbs_its_search() {
 fn an_unconfirmed_report_of_charging_delays_searches_and_legs() {
     let (mut rig, _) = lost(20, standing());
     rig.hear(charging(15));
-    let acts = rig.pass(BatteryGuard::DOUBT - SECOND, false);
+    let acts = rig.pass(BatteryGuard::UNCONFIRMED_TIMEOUT - SECOND, false);
     assert_eq!((count(&acts, &FIND), tracks(&acts)), (0, vec![]));
     assert_eq!(
         count(&rig.pass(2 * SECOND, false), &FIND),

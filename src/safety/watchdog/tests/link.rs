@@ -62,7 +62,7 @@ fn a_robot_that_sends_data_keeps_driving() {
     for _ in 0..10 {
         let acts = rig.pass(SECOND, true);
         assert!(!reconnects(&acts) && !sent(&acts).contains(&Command::STOP));
-        rig.take(Fact::Heard);
+        rig.take(Fact::BytesReceived);
     }
 }
 

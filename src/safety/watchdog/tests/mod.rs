@@ -7,12 +7,12 @@ mod handover;
 mod histories;
 mod hosts;
 mod link;
-mod parting;
 mod place;
 mod priorities;
 mod recovery;
 mod rescue;
 mod rig;
+mod run_end;
 mod way_back;
 
 use std::time::Duration;

@@ -84,7 +84,11 @@ fn the_fourth_failure_sounds_the_alarm() {
     let loud = Command::Volume(100);
     assert_eq!(sent(&acts), [Command::STOP, loud, alarm.clone(), flash]);
     assert!(rig.dog.alarm_sounds());
-    assert_eq!(sent(&rig.take(Fact::Heard)), [], "not at every occasion");
+    assert_eq!(
+        sent(&rig.take(Fact::BytesReceived)),
+        [],
+        "not at every occasion"
+    );
     let alarms = count(&rig.pass(59 * SECOND, false), &alarm);
     assert!((3..=5).contains(&alarms), "{alarms}");
     assert_eq!(told(&rig.drive(9, None)), [ended(9, MotionEnd::Safety)]);
@@ -124,7 +128,7 @@ fn release_takeover_and_link_loss_end_a_leg() {
     let ends = [
         (Fact::Power(charging(19)), stop()),
         (Fact::Engine(EngineReport::Docked), stop()),
-        (Fact::Parting, [stop(), vec![FIND]].concat()),
+        (Fact::RunEnding, [stop(), vec![FIND]].concat()),
         (Fact::Suspended, [stop(), vec![FIND]].concat()),
         (Fact::LinkDown, vec![]),
     ];

@@ -88,7 +88,7 @@ fn every_end_of_a_loan_is_followed_by_a_stop_and_a_search() {
         (Fact::Gone(RESCUER), found()),
         (Fact::Rescuer(None), found()),
         (Fact::Rescuer(Some(WHO)), found()),
-        (Fact::Parting, found()),
+        (Fact::RunEnding, found()),
         (Fact::Suspended, found()),
         (Fact::LinkDown, vec![]),
         (Fact::Engine(EngineReport::Docked), vec![Command::STOP]),
@@ -192,7 +192,7 @@ fn a_rescuer_is_wanted_while_a_low_robot_is_off_its_station() {
     assert!(!rig.dog.wants_rescue());
     rig.take(Fact::Engine(EngineReport::Undocked));
     assert!(rig.dog.wants_rescue());
-    rig.take(Fact::Parting);
+    rig.take(Fact::RunEnding);
     assert!(!rig.dog.wants_rescue());
 }
 

@@ -53,7 +53,7 @@ fn any_fact() -> impl Strategy<Value = Fact> {
         3 => login.prop_map(|(docked, power)| Fact::LinkUp { docked, power }),
         2 => Just(Fact::LinkDown),
         2 => any::<bool>().prop_map(Fact::Listening),
-        3 => Just(Fact::Heard),
+        3 => Just(Fact::BytesReceived),
         10 => any_power().prop_map(Fact::Power),
         12 => any_news().prop_map(Fact::Engine),
         8 => who().prop_map(Fact::Alive),
@@ -63,7 +63,7 @@ fn any_fact() -> impl Strategy<Value = Fact> {
             priority: Priority(by.0 as i16 / 2),
             intent,
         }),
-        1 => Just(Fact::Parting),
+        1 => Just(Fact::RunEnding),
         2 => Just(Fact::Suspended),
         4 => prop::option::weighted(0.9, who()).prop_map(Fact::Rescuer),
     ]

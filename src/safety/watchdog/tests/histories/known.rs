@@ -31,12 +31,12 @@ pub(super) struct Known {
     /// The same, and it had not been told to leave.
     pub(super) surely_touched: bool,
     /// Whether charging is reported and not believed, and since when it is reported.
-    pub(super) doubted: bool,
+    pub(super) unconfirmed: bool,
     pub(super) said: Option<Instant>,
     /// The last news of a search was that it failed.
     pub(super) not_found: bool,
     pub(super) rescuer: Option<BehaviourId>,
-    pub(super) parted: bool,
+    pub(super) run_ended: bool,
     /// The start of the battery's silence.
     pub(super) reported: Option<Instant>,
 }
@@ -67,7 +67,7 @@ impl Known {
             Fact::LinkDown => self.online = false,
             Fact::Rescuer(by) => self.rescuer = *by,
             Fact::Gone(by) if self.rescuer == Some(*by) => self.rescuer = None,
-            Fact::Parting => self.parted = true,
+            Fact::RunEnding => self.run_ended = true,
             Fact::Engine(EngineReport::BaseNotFound) => self.not_found = true,
             Fact::Power(power) => self.power(*power, limits, now),
             Fact::Engine(EngineReport::Docked) => {
@@ -80,7 +80,7 @@ impl Known {
             Fact::Engine(EngineReport::Undocked) => {
                 (self.on_station, self.charging) = (false, false);
                 self.charges_here = false;
-                (self.charges, self.touched, self.doubted) = (0, false, false);
+                (self.charges, self.touched, self.unconfirmed) = (0, false, false);
                 self.surely_touched = false;
                 self.left = self.told_to_leave.then_some(now);
                 self.told_to_leave = false;
@@ -103,7 +103,7 @@ impl Known {
     }
 
     pub(super) fn power(&mut self, power: Power, limits: &Limits, now: Instant) {
-        self.end_doubt(now);
+        self.expire_unconfirmed(now);
         let just_left = self
             .left
             .is_some_and(|left| now < left + Duration::from_secs(10));
@@ -116,7 +116,7 @@ impl Known {
         }
         (self.charging, self.reported) = (power.charging, Some(now));
         self.charges_here = power.charging;
-        self.doubted &= power.charging;
+        self.unconfirmed &= power.charging;
         let count = |counted: &mut u32, says: bool| *counted = if says { *counted + 1 } else { 0 };
         count(&mut self.charges, power.charging);
         count(&mut self.good, power.percent >= limits.ok.get());
@@ -135,15 +135,15 @@ impl Known {
         prop_assert_eq!(self.charging, charging != Charging::No);
         let enough = self.touched || self.charges >= 2;
         prop_assert!(
-            enough || charging != Charging::Believed,
+            enough || charging != Charging::Confirmed,
             "one report of charging"
         );
         prop_assert!(
-            !self.surely_touched || charging != Charging::Said,
+            !self.surely_touched || charging != Charging::Unconfirmed,
             "charging on its station"
         );
-        self.doubted = charging == Charging::Said;
-        let released = charging == Charging::Believed || self.good >= 3;
+        self.unconfirmed = charging == Charging::Unconfirmed;
+        let released = charging == Charging::Confirmed || self.good >= 3;
         prop_assert!(dog.low().is_some() || !self.low || released, "{:?}", self);
         let low = dog.guard.level().is_some_and(|level| level <= limits.low);
         let late = self.charges > 0 && !self.charging && low;
@@ -159,7 +159,7 @@ impl Known {
     pub(super) fn still_searches(&self, moment: &Moment<'_>, before: bool) -> bool {
         use EngineReport::{BaseNotFound, Docked};
         let over = match moment.fact {
-            Some(Fact::Power(_)) => moment.play.dog.guard.charging() == Charging::Believed,
+            Some(Fact::Power(_)) => moment.play.dog.guard.charging() == Charging::Confirmed,
             Some(Fact::Engine(news)) => matches!(news, Docked | BaseNotFound),
             Some(Fact::LinkDown | Fact::LinkUp { .. }) => true,
             _ => false,
@@ -178,13 +178,13 @@ impl Known {
     /// Whether a leg or a loan may move a robot with a low battery.
     pub(super) fn allows_the_way_home(&self, limits: &Limits, now: Instant) -> bool {
         let lost = self.low && !self.surely_docked(limits, now);
-        self.online && lost && !self.parted
+        self.online && lost && !self.run_ended
     }
 
-    pub(super) fn end_doubt(&mut self, now: Instant) {
-        let over = |since: Instant| now >= since + BatteryGuard::DOUBT;
-        if self.doubted && self.said.is_some_and(over) {
-            (self.charging, self.doubted) = (false, false);
+    pub(super) fn expire_unconfirmed(&mut self, now: Instant) {
+        let over = |since: Instant| now >= since + BatteryGuard::UNCONFIRMED_TIMEOUT;
+        if self.unconfirmed && self.said.is_some_and(over) {
+            (self.charging, self.unconfirmed) = (false, false);
             self.charges_here = false;
         }
     }
@@ -192,7 +192,7 @@ impl Known {
     pub(super) fn pass(&mut self, limits: &Limits, excused: bool, now: Instant) {
         self.idle |= self.is_idle(limits, now);
         if self.online {
-            self.end_doubt(now);
+            self.expire_unconfirmed(now);
         }
         match self.reported {
             Some(_) if self.online && excused => self.reported = Some(now),

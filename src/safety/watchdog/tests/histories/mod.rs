@@ -37,13 +37,13 @@ fn histories() -> Config {
 #[derive(Debug, Clone, Copy)]
 enum Stop {
     Asked,
-    Parting,
+    RunEnding,
 }
 
 impl Stop {
     fn fact(self) -> Fact {
         match self {
-            Stop::Parting => Fact::Parting,
+            Stop::RunEnding => Fact::RunEnding,
             Stop::Asked => Fact::Asked {
                 by: BehaviourId(9),
                 priority: Priority(i16::MAX),
@@ -116,7 +116,7 @@ proptest! {
     fn a_stop_is_always_possible(
         limits in any_limits(),
         history in any_history(),
-        stop in prop_oneof![Just(Stop::Asked), Just(Stop::Parting)],
+        stop in prop_oneof![Just(Stop::Asked), Just(Stop::RunEnding)],
         later in any_history(),
     ) {
         let mut play = Play::new(&limits);
@@ -129,7 +129,7 @@ proptest! {
         }
         let asked_home = play.dog.homing.as_ref().is_some_and(|homing| !homing.forced);
         play.take(&stop.fact(), &mut |moment| {
-            let must = was_moving || (online && matches!(stop, Stop::Parting));
+            let must = was_moving || (online && matches!(stop, Stop::RunEnding));
             let drives = |command: &Command| matches!(command, Command::Move { .. });
             let last = sent(&moment.acts).into_iter().rfind(drives);
             prop_assert!(last == must.then_some(Command::STOP) || last == Some(Command::STOP));
@@ -143,7 +143,7 @@ proptest! {
             prop_assert!(leg || !moment.moves(), "moves after the stop: {:?}", moment.acts);
             Ok(())
         })?;
-        if let Stop::Parting = stop {
+        if let Stop::RunEnding = stop {
             play.steps(&later, &mut |moment| {
                 let leaves = moment.sends(&Command::Engine(Engage::Undock));
                 let searches = moment.sends(&FIND) && !moment.play.known.low;

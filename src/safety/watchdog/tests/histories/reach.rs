@@ -26,7 +26,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     );
     note("low on the station", dog.low().is_some() && known.docked());
     note("critical", dog.guard.critical());
-    let said = dog.guard.charging() == Charging::Said;
+    let said = dog.guard.charging() == Charging::Unconfirmed;
     note("low with unconfirmed charging", said && dog.low().is_some());
     note(
         "low when the doubt ends",
@@ -77,7 +77,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
         "a behaviour waits for the watchdog's docking",
         forced && !dog.waiting.is_empty(),
     );
-    note("the run ends while low", dog.parting && forced);
+    note("the run ends while low", dog.run_ending && forced);
     note("place unknown", dog.place() == DockState::Unknown);
     note(
         "place unknown while low",

@@ -10,18 +10,18 @@ use super::lost::LinkLost;
 use super::pulse::Pulse;
 use super::{DELIVERY, Pilot};
 use crate::clock::until;
-use crate::link::{Delivery, farewell};
+use crate::link::{Delivery, close_gracefully};
 use crate::robot::Event;
 use crate::safety::Fact;
 
 impl Pilot {
     /// Handles a lost link: the last words are tried without blocking, and the line completes them.
     pub(super) fn lose(&mut self, lost: &LinkLost, line: &mut Line) {
-        self.deposit(line);
+        self.store_last_words(line);
         let Some(mut writer) = self.writer.take() else {
             return line.hang_up(None);
         };
-        writer.say_last_words();
+        writer.send_last_words();
         line.hang_up(Some(writer));
         if self.released {
             info!("disconnected: {lost}; the robot is free for others")
@@ -33,22 +33,23 @@ impl Pilot {
         let _ = self.perform(acts);
         self.release_guard();
         let reason = lost.to_string();
-        self.herald_loss(&reason);
+        self.publish_link_down(&reason);
         self.seats.tell_all(&Event::Disconnected { reason });
     }
 
     /// Sends the last words, switches the streams off, and closes the link when that has been
     /// acknowledged.
     pub(super) async fn close(mut self, mut line: Line) -> Delivery {
-        let parting = self.take(Fact::Parting);
+        let stopped = self.take(Fact::RunEnding);
         let off = self.seats.streams_off();
-        if let Err(lost) = parting.and_then(|()| self.send(&off)) {
+        if let Err(lost) = stopped.and_then(|()| self.send(&off)) {
             warn!("at the end: {lost}");
         }
-        self.deposit(&mut line);
+        self.store_last_words(&mut line);
         let delivery = match (self.writer.take(), line.into_reader()) {
             (Some(writer), Some(reader)) => {
-                self.beat_during(farewell(reader, writer, DELIVERY)).await
+                self.beat_during(close_gracefully(reader, writer, DELIVERY))
+                    .await
             }
             _ => Delivery::Offline,
         };

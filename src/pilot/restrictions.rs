@@ -7,17 +7,17 @@ use crate::wire::{Command, Led, Stream};
 
 /// The restrictions in force.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Distress {
+pub(super) struct Restrictions {
     /// Everything that the way home does not need is off: see [`Watchdog::shed`].
     pub(super) shed: bool,
     /// The alarm controls sounds, volume and headlight: see [`Watchdog::alarm_sounds`].
     pub(super) alarm: bool,
 }
 
-impl Distress {
+impl Restrictions {
     /// The restrictions that the watchdog demands.
-    pub(super) fn of(watchdog: &Watchdog) -> Distress {
-        Distress {
+    pub(super) fn of(watchdog: &Watchdog) -> Restrictions {
+        Restrictions {
             shed: watchdog.shed(),
             alarm: watchdog.alarm_sounds(),
         }
@@ -39,7 +39,7 @@ impl Distress {
     }
 
     /// Whether a stream that a behaviour wants may be on.
-    pub(super) fn streams(self, role: Role, stream: Stream) -> bool {
+    pub(super) fn allows_stream(self, role: Role, stream: Stream) -> bool {
         let sees = role == Role::Rescuer && stream == Stream::Video;
         sees || !self.shed
     }
@@ -50,11 +50,11 @@ mod tests {
     use super::*;
     use crate::wire::Sound;
 
-    const EMPTY: Distress = Distress {
+    const EMPTY: Restrictions = Restrictions {
         shed: true,
         alarm: false,
     };
-    const ALARM: Distress = Distress {
+    const ALARM: Restrictions = Restrictions {
         shed: false,
         alarm: true,
     };
@@ -73,12 +73,12 @@ mod tests {
 
     #[test]
     fn without_distress_everything_is_allowed() {
-        let usual = Distress::default();
+        let usual = Restrictions::default();
         let lights = [led(Led::Flash), led(Led::Left), Command::StopSound];
         for command in sounds().iter().chain(&lights) {
             assert!(usual.allows(Role::Behaviour, command), "{command:?}");
         }
-        assert!(usual.streams(Role::Behaviour, Stream::AudioIn));
+        assert!(usual.allows_stream(Role::Behaviour, Stream::AudioIn));
     }
 
     #[test]
@@ -88,7 +88,7 @@ mod tests {
                 assert!(!ALARM.allows(role, command), "{command:?}");
             }
             assert!(ALARM.allows(role, &led(Led::Left)));
-            assert!(ALARM.streams(role, Stream::AudioIn));
+            assert!(ALARM.allows_stream(role, Stream::AudioIn));
         }
         assert!(!ALARM.allows(Role::Behaviour, &led(Led::Flash)));
     }
@@ -100,18 +100,18 @@ mod tests {
                 assert!(!EMPTY.allows(role, command), "{command:?}");
             }
             assert!(EMPTY.allows(role, &Command::StopSound));
-            assert!(!EMPTY.streams(role, Stream::AudioIn));
-            assert!(!EMPTY.streams(role, Stream::AudioOut));
+            assert!(!EMPTY.allows_stream(role, Stream::AudioIn));
+            assert!(!EMPTY.allows_stream(role, Stream::AudioOut));
         }
     }
 
     #[test]
     fn only_the_rescuer_keeps_the_camera() {
-        for distress in [EMPTY, ALARM] {
-            assert!(distress.streams(Role::Rescuer, Stream::Video));
-            assert!(distress.allows(Role::Rescuer, &led(Led::Flash)));
+        for restrictions in [EMPTY, ALARM] {
+            assert!(restrictions.allows_stream(Role::Rescuer, Stream::Video));
+            assert!(restrictions.allows(Role::Rescuer, &led(Led::Flash)));
         }
-        assert!(!EMPTY.streams(Role::Behaviour, Stream::Video));
+        assert!(!EMPTY.allows_stream(Role::Behaviour, Stream::Video));
         assert!(!EMPTY.allows(Role::Behaviour, &led(Led::Flash)));
     }
 }

@@ -18,13 +18,13 @@ use crate::behaviour::{Launch, Launcher};
 use crate::link::LinkError;
 use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Reactions, Settings, Status};
 use crate::robot::channel::{MAX_REQUESTS, Request};
-use crate::robot::{Bus, Lookout, Pictures};
+use crate::robot::{Bus, Pictures, ViewerChannel};
 
 /// How long the last writes and the closing of the link may take.
 const LINK_END: Duration = Duration::from_millis(2500);
 
 /// A pilot that is not launched yet.
-pub struct Preflight {
+pub struct PilotSetup {
     pilot: Pilot,
     settings: Settings,
     dial: Dial,
@@ -36,7 +36,7 @@ pub struct Preflight {
     bus: Bus,
 }
 
-impl Preflight {
+impl PilotSetup {
     /// A pilot with these settings that connects with `dial` and will run on `core`: the runtime of
     /// a [`pilot::DrivingCore`], or in virtual time the only runtime. In real time it has a pulse.
     pub fn new(
@@ -44,10 +44,10 @@ impl Preflight {
         dial: Dial,
         core: runtime::Handle,
         pulse: Option<Pulse>,
-    ) -> Preflight {
+    ) -> PilotSetup {
         let (mut pilot, frames, status) = Pilot::new(&settings);
         pilot.set_pulse(pulse);
-        Preflight {
+        PilotSetup {
             pilot,
             settings,
             dial,
@@ -62,9 +62,9 @@ impl Preflight {
 
     /// Sets the bus on which the pilot publishes.
     #[must_use]
-    pub fn with_bus(mut self, bus: Bus) -> Preflight {
+    pub fn with_bus(mut self, bus: Bus) -> PilotSetup {
         self.pilot.set_bus(bus.clone());
-        Preflight { bus, ..self }
+        PilotSetup { bus, ..self }
     }
 
     /// The queue for requests to the pilot.
@@ -102,56 +102,56 @@ impl Preflight {
     pub fn stand_by(&mut self, launcher: Launcher, launch: Launch) {
         // The rescue behaviour is ended separately.
         let (_, stop) = watch::channel(None);
-        let around = LaunchContext {
+        let context = LaunchContext {
             launcher,
             core: self.core.clone(),
             requests: self.requests(),
             frames: self.frames(),
             stop,
             longest_silence: self.longest_silence(),
-            lookout: Lookout::default(),
+            viewers: ViewerChannel::default(),
             bus: self.bus.clone(),
         };
-        let standing_by = rescue::stand_by(around, launch, self.status());
+        let standing_by = rescue::stand_by(context, launch, self.status());
         self.rescue = Some(AbortOnDropHandle::new(tokio::spawn(standing_by)));
     }
 
-    /// Connects, and drives until the flight ends. Cancelling `stop` stops all motion at once, even
-    /// if the calling thread is blocked by the system.
-    pub fn launch(self, stop: &CancellationToken) -> Flight {
+    /// Connects, and drives until it is ended. Cancelling `stop` stops all motion at once, even if
+    /// the calling thread is blocked by the system.
+    pub fn launch(self, stop: &CancellationToken) -> RunningPilot {
         let ending = pilot::Ending::default();
-        let flight = self
+        let run = self
             .pilot
             .run(self.dial, self.settings, self.requests.1, ending.clone());
-        let (stopped, parting) = (stop.clone(), ending.parting.clone());
-        let part = self.core.spawn(async move {
+        let (stopped, motion) = (stop.clone(), ending.stop_motion.clone());
+        let stop_motion = self.core.spawn(async move {
             stopped.cancelled().await;
-            parting.cancel();
+            motion.cancel();
         });
-        Flight {
-            pilot: AbortOnDropHandle::new(self.core.spawn(flight)),
-            over: false,
+        RunningPilot {
+            pilot: AbortOnDropHandle::new(self.core.spawn(run)),
+            ended: false,
             ending,
             status: self.status,
-            _part: AbortOnDropHandle::new(part),
+            _stop_motion: AbortOnDropHandle::new(stop_motion),
             _rescue: self.rescue,
         }
     }
 }
 
 /// A running pilot. Dropping it drops the pilot, whose writer sends the watchdog's last words.
-pub struct Flight {
+pub struct RunningPilot {
     pilot: AbortOnDropHandle<Result<Delivery, LinkError>>,
     /// The pilot has ended.
-    over: bool,
+    ended: bool,
     ending: pilot::Ending,
     status: watch::Receiver<Status>,
-    _part: AbortOnDropHandle<()>,
-    /// Ends with the flight.
+    _stop_motion: AbortOnDropHandle<()>,
+    /// Ends with the pilot.
     _rescue: Option<AbortOnDropHandle<()>>,
 }
 
-impl Flight {
+impl RunningPilot {
     /// The present status of robot and watchdog.
     pub fn status(&self) -> Status {
         *self.status.borrow()
@@ -160,24 +160,24 @@ impl Flight {
     /// Waits until the robot is connected. Cancel-safe.
     ///
     /// # Errors
-    /// As [`Flight::lost`].
-    pub async fn up(&mut self) -> Result<(), AgentError> {
+    /// As [`RunningPilot::failure`].
+    pub async fn connected(&mut self) -> Result<(), AgentError> {
         let mut status = self.status.clone();
         tokio::select! {
             biased;
-            error = self.lost() => Err(error),
+            error = self.failure() => Err(error),
             _ = status.wait_for(|status| status.link == LinkState::Up) => Ok(()),
         }
     }
 
     /// Waits until the pilot ends without being told to: the first connection has
     /// failed, or the pilot has panicked. Cancel-safe.
-    pub async fn lost(&mut self) -> AgentError {
-        if self.over {
+    pub async fn failure(&mut self) -> AgentError {
+        if self.ended {
             return AgentError::Broken("the pilot");
         }
         let ended = (&mut self.pilot).await;
-        self.over = true;
+        self.ended = true;
         match ended {
             Ok(Err(error)) => AgentError::Link(error),
             Ok(Ok(_)) | Err(_) => AgentError::Broken("the pilot"),
@@ -186,8 +186,8 @@ impl Flight {
 
     /// Stops all motion for the rest of the run, except the search of a robot with a low battery;
     /// lights and sounds still work.
-    pub fn part(&self) {
-        self.ending.parting.cancel();
+    pub fn stop_motion(&self) {
+        self.ending.stop_motion.cancel();
     }
 
     /// Whether the battery is low and the robot is not on its station.
@@ -197,18 +197,18 @@ impl Flight {
 
     /// Waits until a robot with a low battery is home, also across lost links; returns at once if
     /// none is away, or the pilot has ended. Returns whether one was away. Cancel-safe.
-    pub fn stay(&self) -> impl Future<Output = bool> + Send + use<> {
-        stay(self.status.clone())
+    pub fn wait_until_home(&self) -> impl Future<Output = bool> + Send + use<> {
+        wait_until_home(self.status.clone())
     }
 
     /// Stops the tracks, then closes the link when the last commands are acknowledged, or the time
     /// for that is over.
     pub async fn end(mut self) -> Delivery {
-        if self.over {
+        if self.ended {
             return Delivery::Offline;
         }
-        self.part();
-        self.ending.closing.cancel();
+        self.stop_motion();
+        self.ending.close_link.cancel();
         match timeout(LINK_END, &mut self.pilot).await {
             Ok(Ok(Ok(delivery))) => delivery,
             Ok(Ok(Err(error))) => {
@@ -227,7 +227,7 @@ fn is_away(status: &Status) -> bool {
     status.low && !status.docked
 }
 
-async fn stay(mut status: watch::Receiver<Status>) -> bool {
+async fn wait_until_home(mut status: watch::Receiver<Status>) -> bool {
     if !is_away(&status.borrow_and_update()) {
         return false;
     }

@@ -71,7 +71,7 @@ fn without_a_link_the_last_words_send_a_low_robot_home() {
 #[test]
 fn at_the_end_of_a_run_a_low_robot_is_sent_home() {
     let mut rig = Rig::online(20);
-    rig.take(Fact::Parting);
+    rig.take(Fact::RunEnding);
     assert_eq!(rig.dog.last_words(), LastWords::Nothing);
 }
 
@@ -135,7 +135,7 @@ fn a_sleep_without_a_link_sends_nothing() {
 fn at_the_end_of_a_run_all_motion_stops_and_is_refused() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
-    let acts = rig.take(Fact::Parting);
+    let acts = rig.take(Fact::RunEnding);
     assert_eq!(sent(&acts), [Command::STOP]);
     assert_eq!(told(&acts), [ended(1, MotionEnd::Cancelled)]);
     assert_eq!(told(&rig.drive(2, None)), [ended(2, MotionEnd::Cancelled)]);
@@ -144,7 +144,7 @@ fn at_the_end_of_a_run_all_motion_stops_and_is_refused() {
 #[test]
 fn at_the_end_of_a_run_docking_and_undocking_are_refused() {
     let mut rig = Rig::online(60);
-    rig.take(Fact::Parting);
+    rig.take(Fact::RunEnding);
     let acts = rig.ask(Intent::Dock {
         call: CallId(7),
         plan: DockPlan::default(),
@@ -174,7 +174,7 @@ fn at_the_end_of_a_run_a_behaviours_docking_ends_and_the_watchdogs_goes_on() {
         call: CallId(7),
         plan: DockPlan::default(),
     });
-    assert_eq!(sent(&rig.take(Fact::Parting)), [CANCEL, Command::STOP]);
+    assert_eq!(sent(&rig.take(Fact::RunEnding)), [CANCEL, Command::STOP]);
     let mut rig = Rig::online(20);
-    assert_eq!(sent(&rig.take(Fact::Parting)), [Command::STOP, FIND]);
+    assert_eq!(sent(&rig.take(Fact::RunEnding)), [Command::STOP, FIND]);
 }

@@ -8,7 +8,8 @@ use tokio::time::Instant;
 use super::Watchdog;
 use crate::robot::{BehaviourId, DockEnd, Event, MotionEnd, SafetyAction, Setpoint};
 use crate::safety::{
-    Act, Activity, DockOutcome, DockState, HostLife, Means, Next, Recovery, Rescue, Try,
+    Act, Activity, AfterFailure, DockOutcome, DockState, HostLife, Recovery, RecoveryOptions,
+    RecoveryStep, Rescue,
 };
 use crate::wire::{Command, Led, Sound};
 
@@ -29,7 +30,7 @@ impl Watchdog {
     /// Whether a rescue behaviour should be running: the battery is low and the robot is not on its
     /// station. True some time before the first loan, so that its host has time to start.
     pub fn wants_rescue(&self) -> bool {
-        let off = self.parting || self.limits.rescue == Rescue::Off;
+        let off = self.run_ending || self.limits.rescue == Rescue::Off;
         !off && self.guard.low().is_some() && !self.docked()
     }
 
@@ -47,13 +48,13 @@ impl Watchdog {
     }
 
     /// Begins what follows a failed search of the watchdog's own.
-    pub(super) fn go_on(&mut self, outcome: DockOutcome, now: Instant) {
-        let means = self.means(outcome.took);
+    pub(super) fn handle_failed_search(&mut self, outcome: DockOutcome, now: Instant) {
+        let options = self.recovery_options(outcome.took);
         let stuck = outcome.end == DockEnd::NotCharging && self.place() == DockState::Unknown;
         let Some(recovery) = &mut self.recovery else {
             return;
         };
-        let next = recovery.failed(outcome.end, means, now);
+        let next = recovery.failed(outcome.end, options, now);
         let failures = recovery.failures();
         if recovery.is_alarming() || stuck {
             self.alarm.get_or_insert(Alarm {
@@ -67,39 +68,41 @@ impl Watchdog {
             None => SafetyAction::Dock,
         };
         let (end, next) = (outcome.end, self.begin(next, now));
-        self.notice(
+        self.announce(
             action,
             format!("docking failed ({end}) {failures} times: {next}"),
         );
     }
 
     /// What may follow a search that took this long.
-    fn means(&self, took: Duration) -> Means {
-        let usable = !self.parting && !self.docked() && self.limits.rescue != Rescue::Off;
+    fn recovery_options(&self, took: Duration) -> RecoveryOptions {
+        let usable = !self.run_ending && !self.docked() && self.limits.rescue != Rescue::Off;
         let rates = [Activity::Searching, Activity::Standing].map(|what| self.drain.rate(what));
-        let worth = match rates {
+        let longest_useful_pause = match rates {
             // A known rate is above zero.
             [Some(searching), Some(standing)] => {
                 took.mul_f64((searching / standing).clamp(0.5, 2.0))
             }
             _ => took,
         };
-        Means {
+        RecoveryOptions {
             rescuer: self.rescuer.filter(|_| usable),
             leg: self.may_drive_a_leg(),
-            worth,
+            longest_useful_pause,
             critical: self.guard.critical(),
         }
     }
 
     /// Informs a borrower of its loan, and returns a description of what follows.
-    fn begin(&mut self, next: Next, now: Instant) -> String {
-        let way = self.way.take();
+    fn begin(&mut self, next: AfterFailure, now: Instant) -> String {
+        let way = self.path_from_station.take();
         match next {
-            Next::Search => "searches again".into(),
-            Next::Leg => format!("drives short leg {}, and searches from there", self.legs()),
-            Next::Pause(pause) => format!("tries again in {:.0} s", pause.as_secs_f64()),
-            Next::Loan => {
+            AfterFailure::Search => "searches again".into(),
+            AfterFailure::Leg => {
+                format!("drives short leg {}, and searches from there", self.legs())
+            }
+            AfterFailure::Pause(pause) => format!("tries again in {:.0} s", pause.as_secs_f64()),
+            AfterFailure::Loan => {
                 let (seconds, power) = (self.limits.rescue_time.get(), self.limits.rescue_power);
                 if let Some(by) = self.borrower() {
                     let began = self.recovery.as_ref().map_or(now, Recovery::began);
@@ -131,15 +134,15 @@ impl Watchdog {
             .and_then(|recovery| recovery.poll(may_drive, now));
         match next {
             None => {}
-            Some(Try::Leg) => {
+            Some(RecoveryStep::Leg) => {
                 self.end_motion(MotionEnd::Safety);
-                let next = self.begin(Next::Leg, now);
-                self.notice(
+                let next = self.begin(AfterFailure::Leg, now);
+                self.announce(
                     SafetyAction::Dock,
                     format!("no behaviour has driven: {next}"),
                 );
             }
-            Some(Try::Search) => self.send_home(now),
+            Some(RecoveryStep::Search) => self.send_home(now),
         }
     }
 
@@ -189,7 +192,7 @@ impl Watchdog {
     }
 
     /// Sets the behaviour that the tracks may be lent to. A loan to another behaviour ends.
-    pub(super) fn rescuer_is(&mut self, by: Option<BehaviourId>, now: Instant) {
+    pub(super) fn set_rescuer(&mut self, by: Option<BehaviourId>, now: Instant) {
         self.rescuer = by;
         if let Some(recovery) = &mut self.recovery
             && recovery
@@ -202,7 +205,7 @@ impl Watchdog {
 
     /// Out of reach, or on the station: ends a loan, a leg or a search.
     pub(super) fn interrupt_recovery(&mut self, now: Instant) {
-        self.way = None;
+        self.path_from_station = None;
         self.trail.lose();
         if let Some(recovery) = &mut self.recovery {
             recovery.interrupt(now);
@@ -227,7 +230,7 @@ impl Watchdog {
 
     /// Whether a leg is allowed: by the config, off the station, and before the run ends.
     fn may_drive_a_leg(&self) -> bool {
-        !self.parting && !self.docked() && self.limits.recovery_legs > 0
+        !self.run_ending && !self.docked() && self.limits.recovery_legs > 0
     }
 
     /// Ends the alarm and switches off the light if the alarm has switched it on.

@@ -9,7 +9,7 @@ use tokio::task::JoinSet;
 use tokio::time::{Instant, timeout};
 use tracing::{error, info, warn};
 
-use super::aboard::{Aboard, Stop, members, tell};
+use super::active::{ActiveBehaviour, Stop, members, request_stop};
 use super::loading::load;
 use super::restart_loop::{LaunchContext, RestartLoop, report};
 use super::roster::{Blueprint, Member, Reply, Roster, RosterCommand, RosterError};
@@ -28,17 +28,17 @@ const MOST: usize = 32;
 const NUMBERS: u16 = 0xF000;
 
 /// A behaviour with its first host, or why it could not be started.
-type Kept = (RestartLoop, Result<Prepared, Ending>);
+type PreparedBehaviour = (RestartLoop, Result<Prepared, Ending>);
 
 /// The result of loading a script.
 type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 
 /// The behaviours of an agent; see the module.
-pub(super) struct Company {
-    around: LaunchContext,
+pub(super) struct BehaviourSet {
+    context: LaunchContext,
     orders: mpsc::Receiver<RosterCommand>,
     blueprints: Vec<Blueprint>,
-    aboard: Vec<Aboard>,
+    active: Vec<ActiveBehaviour>,
     running: JoinSet<(BehaviourId, String, Ending)>,
     loading: JoinSet<Loaded>,
     /// Each behaviour's last ending by name, in the order in which they ended.
@@ -48,20 +48,20 @@ pub(super) struct Company {
     last: u16,
 }
 
-impl Company {
+impl BehaviourSet {
     /// Begins without running behaviours. Also returns the handle.
     pub(super) fn new(
-        around: LaunchContext,
+        context: LaunchContext,
         status: watch::Receiver<Status>,
         blueprints: Vec<Blueprint>,
-    ) -> (Company, Roster) {
+    ) -> (BehaviourSet, Roster) {
         let members = watch::Sender::new(Vec::new());
-        let (roster, orders) = Roster::new(members.subscribe(), around.lookout.clone());
-        let company = Company {
-            around,
+        let (roster, orders) = Roster::new(members.subscribe(), context.viewers.clone());
+        let behaviour_set = BehaviourSet {
+            context,
             orders,
             blueprints,
-            aboard: Vec::new(),
+            active: Vec::new(),
             running: JoinSet::new(),
             loading: JoinSet::new(),
             endings: Vec::new(),
@@ -69,8 +69,8 @@ impl Company {
             status,
             last: NUMBERS - 1,
         };
-        company.publish();
-        (company, roster)
+        behaviour_set.publish();
+        (behaviour_set, roster)
     }
 
     /// Loads all scripts; returns the first that cannot be loaded, and that no file watch can
@@ -78,7 +78,7 @@ impl Company {
     pub(super) async fn prepare(
         &mut self,
         behaviours: Vec<Behaviour>,
-    ) -> Result<Vec<Kept>, (String, Ending)> {
+    ) -> Result<Vec<PreparedBehaviour>, (String, Ending)> {
         let mut prepared = Vec::new();
         for behaviour in behaviours {
             let name = &behaviour.launch.options.name;
@@ -91,12 +91,12 @@ impl Company {
                 Err(ending) if !restart_loop.is_watched() => {
                     let name = restart_loop.name().to_owned();
                     report(&name, &ending);
-                    restart_loop.tell_ended(&ending, Duration::ZERO);
+                    restart_loop.publish_ended(&ending, Duration::ZERO);
                     return Err((name, ending));
                 }
                 first => {
                     let name = restart_loop.name().to_owned();
-                    self.aboard.push(Aboard::new(by, name, stop, None));
+                    self.active.push(ActiveBehaviour::new(by, name, stop, None));
                     prepared.push((restart_loop, first));
                 }
             }
@@ -105,7 +105,7 @@ impl Company {
     }
 
     /// Starts the prepared behaviours.
-    pub(super) fn begin(&mut self, prepared: Vec<Kept>) {
+    pub(super) fn begin(&mut self, prepared: Vec<PreparedBehaviour>) {
         for (restart_loop, first) in prepared {
             self.run(restart_loop, first);
         }
@@ -114,7 +114,7 @@ impl Company {
 
     /// Whether no behaviour runs or is about to.
     pub(super) fn is_empty(&self) -> bool {
-        self.aboard.is_empty()
+        self.active.is_empty()
     }
 
     /// Executes commands until the robot is connected: nothing can be started before. Cancel-safe;
@@ -132,7 +132,7 @@ impl Company {
                     };
                     let _ = reply.send(Err(refusal));
                 }
-                order => self.obey(order),
+                order => self.execute(order),
             }
         }
         std::future::pending().await
@@ -144,19 +144,23 @@ impl Company {
     /// # Errors
     /// [`AgentError::Broken`] if a task of this program panicked.
     pub(super) async fn turn(&mut self) -> Result<(), AgentError> {
-        let next = self.aboard.iter().filter_map(Aboard::ends).min();
+        let next = self
+            .active
+            .iter()
+            .filter_map(ActiveBehaviour::deadline)
+            .min();
         tokio::select! {
             biased;
-            () = until(next) => self.end_over(Instant::now()),
+            () = until(next) => self.end_overdue(Instant::now()),
             Some(ended) = self.running.join_next() => {
                 let (by, name, ending) = ended.map_err(|_| AgentError::Broken("a supervisor"))?;
-                self.over(by, name, ending);
+                self.behaviour_ended(by, name, ending);
             }
             Some(loaded) = self.loading.join_next() => {
                 let (by, loaded) = loaded.map_err(|_| AgentError::Broken("a supervisor"))?;
                 self.loaded(by, loaded);
             }
-            Some(order) = self.orders.recv() => self.obey(order),
+            Some(order) = self.orders.recv() => self.execute(order),
             else => std::future::pending().await,
         }
         Ok(())
@@ -165,13 +169,13 @@ impl Company {
     /// Ends all behaviours with this reason, in bounded time; returns each one's last ending.
     pub(super) async fn end(mut self, reason: EndReason) -> Vec<(String, Ending)> {
         self.orders.close();
-        for one in &mut self.aboard {
-            one.again = None;
-            tell(&one.stop, reason);
+        for one in &mut self.active {
+            one.restart_reply = None;
+            request_stop(&one.stop, reason);
         }
         let scripts = async {
             while let Some(Ok((by, name, ending))) = self.running.join_next().await {
-                self.over(by, name, ending);
+                self.behaviour_ended(by, name, ending);
             }
         };
         if timeout(SCRIPTS_END, scripts).await.is_err() {
@@ -186,16 +190,16 @@ impl Company {
         self.running.shutdown().await;
     }
 
-    fn obey(&mut self, order: RosterCommand) {
+    fn execute(&mut self, order: RosterCommand) {
         match order {
-            RosterCommand::Start(name, lasts, reply) => match self.find(&name) {
+            RosterCommand::Start(name, time_limit, reply) => match self.find(&name) {
                 Some(_) => refuse(reply, RosterError::RunsAlready(name)),
-                None => self.start(&name, lasts, reply),
+                None => self.start(&name, time_limit, reply),
             },
             RosterCommand::Stop(name, reason, reply) => match self.find(&name) {
                 Some(one) => {
-                    tell(&one.stop, reason);
-                    if let Some(again) = one.again.take() {
+                    request_stop(&one.stop, reason);
+                    if let Some(again) = one.restart_reply.take() {
                         refuse(again, RosterError::StoppedFirst(name));
                     }
                     one.ended.push(reply);
@@ -210,8 +214,8 @@ impl Company {
             },
             RosterCommand::Restart(name, reply) => match self.find(&name) {
                 Some(one) => {
-                    tell(&one.stop, EndReason::Reload);
-                    if let Some(earlier) = one.again.replace(reply) {
+                    request_stop(&one.stop, EndReason::Reload);
+                    if let Some(earlier) = one.restart_reply.replace(reply) {
                         refuse(earlier, RosterError::Busy);
                     }
                 }
@@ -226,44 +230,44 @@ impl Company {
     }
 
     /// Loads the script of a behaviour that does not run.
-    fn start(&mut self, name: &str, lasts: Option<Duration>, reply: Reply) {
+    fn start(&mut self, name: &str, time_limit: Option<Duration>, reply: Reply) {
         let Some(blueprint) = self.blueprint(name).cloned() else {
             let unknown = self.unknown(name);
             return refuse(reply, unknown);
         };
-        if self.aboard.len() >= MOST {
+        if self.active.len() >= MOST {
             return refuse(reply, RosterError::Full(MOST));
         }
         let (by, stop) = (self.number(), Stop::new(None));
-        let (around, status) = (self.around(&stop), self.status.clone());
+        let (context, status) = (self.context(&stop), self.status.clone());
         self.loading
-            .spawn(async move { (by, load(around, by, blueprint, status).await) });
-        let mut one = Aboard::new(by, name.to_owned(), stop, lasts);
+            .spawn(async move { (by, load(context, by, blueprint, status).await) });
+        let mut one = ActiveBehaviour::new(by, name.to_owned(), stop, time_limit);
         one.started.push(reply);
-        self.aboard.push(one);
+        self.active.push(one);
     }
 
     fn loaded(&mut self, by: BehaviourId, loaded: Result<(RestartLoop, Prepared), RosterError>) {
-        let Some(at) = self.aboard.iter().position(|one| one.by == by) else {
+        let Some(at) = self.active.iter().position(|one| one.by == by) else {
             return;
         };
-        let stopped = *self.aboard[at].stop.borrow();
+        let stopped = *self.active[at].stop.borrow();
         match (loaded, stopped) {
             (Ok((restart_loop, host)), None) => {
-                for reply in self.aboard[at].started.drain(..) {
+                for reply in self.active[at].started.drain(..) {
                     let _ = reply.send(Ok(()));
                 }
                 self.run(restart_loop, Ok(host));
             }
             (loaded, _) => {
-                let mut one = self.aboard.remove(at);
+                let mut one = self.active.remove(at);
                 let refusal = match loaded {
                     Err(why) => {
                         error!(behaviour = one.name, "cannot be started: {why}");
                         if let RosterError::CannotLoad(why) = &why {
                             let reason = EndReason::Error;
                             let message = Some(why.clone());
-                            self.around.bus.tell(Occurrence::Ended {
+                            self.context.bus.tell(Occurrence::Ended {
                                 behaviour: one.name.clone(),
                                 reason,
                                 message: message.clone(),
@@ -286,39 +290,39 @@ impl Company {
 
     fn run(&mut self, restart_loop: RestartLoop, first: Result<Prepared, Ending>) {
         let by = restart_loop.by();
-        if let Some(one) = self.aboard.iter_mut().find(|one| one.by == by) {
+        if let Some(one) = self.active.iter_mut().find(|one| one.by == by) {
             one.since = Some(Instant::now());
         }
         self.running.spawn(async move {
-            let (name, ending) = restart_loop.keep(first).await;
+            let (name, ending) = restart_loop.run(first).await;
             (by, name, ending)
         });
     }
 
-    fn over(&mut self, by: BehaviourId, name: String, ending: Ending) {
+    fn behaviour_ended(&mut self, by: BehaviourId, name: String, ending: Ending) {
         self.keep_ending(&name, ending);
-        if let Some(at) = self.aboard.iter().position(|one| one.by == by) {
-            let one = self.aboard.remove(at);
+        if let Some(at) = self.active.iter().position(|one| one.by == by) {
+            let one = self.active.remove(at);
             self.close(one);
         }
         self.publish();
     }
 
-    fn close(&mut self, one: Aboard) {
+    fn close(&mut self, one: ActiveBehaviour) {
         for reply in one.ended {
             let _ = reply.send(Ok(()));
         }
-        if let Some(reply) = one.again {
-            self.start(&one.name, one.lasts, reply);
+        if let Some(reply) = one.restart_reply {
+            self.start(&one.name, one.time_limit, reply);
         }
     }
 
     /// Ends the behaviours whose time is over.
-    fn end_over(&mut self, now: Instant) {
-        for one in &self.aboard {
-            if one.ends().is_some_and(|ends| ends <= now) {
+    fn end_overdue(&mut self, now: Instant) {
+        for one in &self.active {
+            if one.deadline().is_some_and(|deadline| deadline <= now) {
                 info!(behaviour = one.name, "its time is over");
-                tell(&one.stop, EndReason::Cancelled);
+                request_stop(&one.stop, EndReason::Cancelled);
             }
         }
         self.publish();
@@ -335,25 +339,25 @@ impl Company {
         loop {
             self.last = (self.last + 1) % NUMBERS;
             let by = BehaviourId(self.last);
-            if !self.aboard.iter().any(|one| one.by == by) {
+            if !self.active.iter().any(|one| one.by == by) {
                 return by;
             }
         }
     }
 
     fn restart_loop(&self, by: BehaviourId, stop: &Stop, behaviour: Behaviour) -> RestartLoop {
-        RestartLoop::new(self.around(stop), by, Role::Behaviour, behaviour)
+        RestartLoop::new(self.context(stop), by, Role::Behaviour, behaviour)
     }
 
-    fn around(&self, stop: &Stop) -> LaunchContext {
+    fn context(&self, stop: &Stop) -> LaunchContext {
         LaunchContext {
             stop: stop.subscribe(),
-            ..self.around.clone()
+            ..self.context.clone()
         }
     }
 
-    fn find(&mut self, name: &str) -> Option<&mut Aboard> {
-        self.aboard.iter_mut().find(|one| one.name == name)
+    fn find(&mut self, name: &str) -> Option<&mut ActiveBehaviour> {
+        self.active.iter_mut().find(|one| one.name == name)
     }
 
     fn blueprint(&self, name: &str) -> Option<&Blueprint> {
@@ -365,7 +369,7 @@ impl Company {
     }
 
     fn publish(&self) {
-        let members = members(&self.blueprints, &self.aboard, &self.endings);
+        let members = members(&self.blueprints, &self.active, &self.endings);
         self.members.send_replace(members);
     }
 }

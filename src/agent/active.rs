@@ -1,4 +1,4 @@
-//! A behaviour of the company, from the command to start it until its end.
+//! A behaviour of the set, from the command to start it until its end.
 
 use std::time::Duration;
 
@@ -13,47 +13,47 @@ use crate::script::Ending;
 pub(super) type Stop = watch::Sender<Option<EndReason>>;
 
 /// A behaviour from the command to start it until its end.
-pub(super) struct Aboard {
+pub(super) struct ActiveBehaviour {
     pub(super) by: BehaviourId,
     pub(super) name: String,
     pub(super) stop: Stop,
     /// When it began; `None`: it is being loaded.
     pub(super) since: Option<Instant>,
     /// How long it may run before it is ended.
-    pub(super) lasts: Option<Duration>,
+    pub(super) time_limit: Option<Duration>,
     /// The callers that wait for its start.
     pub(super) started: Vec<Reply>,
     /// The callers that wait for its end.
     pub(super) ended: Vec<Reply>,
     /// Present if it is to be started again when it has ended; receives the outcome.
-    pub(super) again: Option<Reply>,
+    pub(super) restart_reply: Option<Reply>,
 }
 
-impl Aboard {
+impl ActiveBehaviour {
     /// A behaviour whose script is being loaded.
     pub(super) fn new(
         by: BehaviourId,
         name: String,
         stop: Stop,
-        lasts: Option<Duration>,
-    ) -> Aboard {
-        Aboard {
+        time_limit: Option<Duration>,
+    ) -> ActiveBehaviour {
+        ActiveBehaviour {
             by,
             name,
             stop,
             since: None,
-            lasts,
+            time_limit,
             started: Vec::new(),
             ended: Vec::new(),
-            again: None,
+            restart_reply: None,
         }
     }
 
     /// When its time is over; `None`: it has no limit, or is ending already.
-    pub(super) fn ends(&self) -> Option<Instant> {
+    pub(super) fn deadline(&self) -> Option<Instant> {
         let ending = self.stop.borrow().is_some();
-        let ends = self.since.zip(self.lasts).filter(|_| !ending);
-        ends.map(|(since, lasts)| since + lasts)
+        let limited = self.since.zip(self.time_limit).filter(|_| !ending);
+        limited.map(|(since, time_limit)| since + time_limit)
     }
 
     /// The state of the behaviour.
@@ -66,24 +66,24 @@ impl Aboard {
     }
 }
 
-/// All behaviours of a company: those of its blueprints first, then those that still run but are no
+/// All behaviours of a set: those of its blueprints first, then those that still run but are no
 /// longer in the config. `endings` holds each behaviour's last ending, by name.
 pub(super) fn members(
     blueprints: &[Blueprint],
-    aboard: &[Aboard],
+    active: &[ActiveBehaviour],
     endings: &[(String, Ending)],
 ) -> Vec<Member> {
     let known = |name: &str| blueprints.iter().any(|one| one.name() == name);
-    let rest = aboard.iter().filter(|one| !known(&one.name));
+    let rest = active.iter().filter(|one| !known(&one.name));
     let rest = rest.map(|one| (one.name.as_str(), Priority::default()));
     let all = blueprints.iter().map(|one| (one.name(), one.priority()));
     let member = |(name, priority): (&str, Priority)| {
-        let running = aboard.iter().find(|one| one.name == name);
+        let running = active.iter().find(|one| one.name == name);
         let ending = endings.iter().find(|(of, _)| of == name);
         Member {
             name: name.to_owned(),
             priority,
-            state: running.map_or(MemberState::Idle, Aboard::state),
+            state: running.map_or(MemberState::Idle, ActiveBehaviour::state),
             ending: ending.map(|(_, ending)| ending.clone()),
         }
     };
@@ -91,6 +91,6 @@ pub(super) fn members(
 }
 
 /// Tells a behaviour to end; an earlier reason is kept.
-pub(super) fn tell(stop: &Stop, reason: EndReason) {
+pub(super) fn request_stop(stop: &Stop, reason: EndReason) {
     stop.send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
 }

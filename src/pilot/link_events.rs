@@ -5,37 +5,39 @@ use bytes::Bytes;
 use tokio::time::Instant;
 use tracing::{debug, info, warn};
 
-use super::line::{Greeting, LinkEvent};
-use super::lost::{HearError, LinkLost};
+use super::line::{LinkEvent, NewSession};
+use super::lost::{LinkEventError, LinkLost};
 use super::{FAILED_EVERY, Pilot};
 use crate::budget::Repeats;
 use crate::link::Received;
-use crate::robot::{Coming, Event, Frame, RobotInfo};
+use crate::robot::{Event, Frame, PartialFrame, RobotInfo};
 use crate::safety::Fact;
 use crate::wire::{Accepted, EngineReport, Report};
 
 impl Pilot {
-    pub(super) fn hear(&mut self, event: LinkEvent) -> Result<(), HearError> {
+    pub(super) fn handle_event(&mut self, event: LinkEvent) -> Result<(), LinkEventError> {
         self.wake()?;
         match event {
-            LinkEvent::Up(greeting) => self.connected(*greeting)?,
+            LinkEvent::Up(session) => self.connected(*session)?,
             LinkEvent::Received(Received::Report(report)) => self.report(report)?,
-            LinkEvent::Received(Received::PartOfFrame(part)) => self.coming(part),
+            LinkEvent::Received(Received::PartOfFrame(part)) => self.partial_frame(part),
             LinkEvent::Lost(error) => return Err(LinkLost::from(error).into()),
-            LinkEvent::Failed(error) if self.info.is_none() => return Err(HearError::First(error)),
-            LinkEvent::Failed(error) => self.say_failed(&error.to_string()),
+            LinkEvent::Failed(error) if self.info.is_none() => {
+                return Err(LinkEventError::First(error));
+            }
+            LinkEvent::Failed(error) => self.log_failed_attempt(&error.to_string()),
         }
         Ok(())
     }
 
-    fn connected(&mut self, greeting: Greeting) -> Result<(), LinkLost> {
-        let Greeting {
+    fn connected(&mut self, session: NewSession) -> Result<(), LinkLost> {
+        let NewSession {
             accepted,
             power,
             peer,
             early,
             writer,
-        } = greeting;
+        } = session;
         let Accepted {
             uid,
             name,
@@ -57,11 +59,11 @@ impl Pilot {
         self.lights.forget();
         self.shown.lights = Default::default();
         self.silence.begin(Instant::now());
-        self.herald_link(&info, docked);
+        self.publish_link_up(&info, docked);
         self.info = Some(info);
         self.failed = Repeats::new(FAILED_EVERY);
         let mut lost = self.take(Fact::LinkUp { docked, power });
-        self.herald_battery();
+        self.publish_battery();
         self.seats.welcome_all(&self.welcome());
         for report in early {
             lost = lost.and(self.report(report));
@@ -88,17 +90,17 @@ impl Pilot {
 
     fn report(&mut self, report: Report) -> Result<(), LinkLost> {
         self.silence.heard(Instant::now());
-        let lost = self.take(Fact::Heard);
+        let lost = self.take(Fact::BytesReceived);
         match report {
             Report::Power(power) => {
                 self.silence.level(Instant::now());
-                return lost.and(self.learn(Fact::Power(power)));
+                return lost.and(self.take_battery_fact(Fact::Power(power)));
             }
             Report::Engine(report) => return lost.and(self.engine(report)),
             Report::Video(jpeg) => self.frame(jpeg),
             Report::Audio(samples) => self.seats.tell_audience(&Event::Audio(samples)),
             Report::SoundFinished => self.seats.tell_all(&Event::SoundFinished),
-            Report::Unknown(packet) => self.say_unknown(packet.kind),
+            Report::Unknown(packet) => self.log_unknown_message(packet.kind),
             Report::Accepted(_) | Report::Refused(_) => debug!("unexpected login reply"),
             Report::Config(_) | Report::Networks(_) | Report::Log(_) => {}
         }
@@ -111,13 +113,13 @@ impl Pilot {
 
     /// Takes in a fact that may change what is believed of the battery, and publishes such a
     /// change.
-    fn learn(&mut self, fact: Fact) -> Result<(), LinkLost> {
+    fn take_battery_fact(&mut self, fact: Fact) -> Result<(), LinkLost> {
         let before = self.watchdog.battery();
         let acts = self.watchdog.take(fact, Instant::now());
         if let (Some(before), Some(battery)) = (before, self.watchdog.battery()) {
             if battery.is_news_after(&before) {
                 self.seats.tell_all(&Event::Battery(battery));
-                self.herald_battery();
+                self.publish_battery();
             }
             if battery.charging != before.charging {
                 let on = battery.charging;
@@ -135,9 +137,9 @@ impl Pilot {
             EngineReport::BaseNotFound => Event::BaseNotFound,
             EngineReport::Unknown(code) => Event::Engine { code },
         };
-        self.say_engine(report);
+        self.log_engine_report(report);
         self.seats.tell_all(&event);
-        self.learn(Fact::Engine(report))
+        self.take_battery_fact(Fact::Engine(report))
     }
 
     /// Puts a frame into the slot of the newest one without decoding it: its readers validate it.
@@ -153,16 +155,16 @@ impl Pilot {
         self.seats.show_all();
     }
 
-    fn coming(&mut self, jpeg: Bytes) {
+    fn partial_frame(&mut self, jpeg: Bytes) {
         self.silence.heard(Instant::now());
         let seq = self.status.borrow().frames + 1;
         self.pictures
-            .send_modify(|pictures| pictures.coming = Some(Coming { seq, jpeg }));
+            .send_modify(|pictures| pictures.partial = Some(PartialFrame { seq, jpeg }));
         self.seats.show_all();
     }
 
     /// Logs each reason at long intervals: a robot may be out of reach for weeks.
-    fn say_failed(&mut self, error: &str) {
+    fn log_failed_attempt(&mut self, error: &str) {
         match self.failed.note(error.to_owned(), Instant::now()) {
             Some(0) => warn!("still not connected: {error}"),
             Some(repeated) => warn!(repeated, "still not connected: {error}"),
@@ -171,21 +173,21 @@ impl Pilot {
     }
 
     /// Limits the log: a broken or faked robot may repeat a report a thousand times a second.
-    fn say_engine(&mut self, report: EngineReport) {
+    fn log_engine_report(&mut self, report: EngineReport) {
         let said = match report {
             EngineReport::Unknown(code) => {
                 self.unknown.note(UnknownKind::Engine(code), Instant::now())
             }
-            known => self.engine_said.note(known, Instant::now()),
+            known => self.engine_log.note(known, Instant::now()),
         };
         match said {
-            Some(0) => info!("the robot says: {}", words(report)),
-            Some(repeated) => info!(repeated, "the robot says: {}", words(report)),
+            Some(0) => info!("the robot says: {}", describe(report)),
+            Some(repeated) => info!(repeated, "the robot says: {}", describe(report)),
             None => {}
         }
     }
 
-    fn say_unknown(&mut self, kind: u8) {
+    fn log_unknown_message(&mut self, kind: u8) {
         if let Some(repeated) = self
             .unknown
             .note(UnknownKind::Message(kind), Instant::now())
@@ -205,7 +207,7 @@ pub(super) enum UnknownKind {
     Engine(u8),
 }
 
-fn words(report: EngineReport) -> String {
+fn describe(report: EngineReport) -> String {
     match report {
         EngineReport::Docked => "on the station".to_owned(),
         EngineReport::Undocked => "off the station".to_owned(),

@@ -4,23 +4,23 @@ use super::{Pilot, Status};
 use crate::robot::{BehaviourId, DockEnd, Event, Occurrence, RobotInfo};
 
 impl Pilot {
-    pub(super) fn herald_link(&self, info: &RobotInfo, docked: bool) {
+    pub(super) fn publish_link_up(&self, info: &RobotInfo, docked: bool) {
         let robot = info.clone();
         self.bus.tell(Occurrence::LinkUp { robot, docked });
     }
 
-    pub(super) fn herald_loss(&self, reason: &str) {
+    pub(super) fn publish_link_down(&self, reason: &str) {
         let reason = reason.to_owned();
         self.bus.tell(Occurrence::LinkDown { reason });
     }
 
-    pub(super) fn herald_battery(&self) {
+    pub(super) fn publish_battery(&self) {
         if let Some(battery) = self.watchdog.battery() {
             self.bus.tell(Occurrence::Battery(battery));
         }
     }
 
-    pub(super) fn herald_announcement(&self, event: &Event) {
+    pub(super) fn publish_safety(&self, event: &Event) {
         if let Event::Safety { action, reason } = event {
             let (action, reason) = (*action, reason.clone());
             self.bus.tell(Occurrence::Safety { action, reason });
@@ -29,7 +29,7 @@ impl Pilot {
 
     /// Publishes an undocking that was tried; a refused one is not published, since a script may
     /// request thousands of them.
-    pub(super) fn herald_answer(&self, by: BehaviourId, event: &Event) {
+    pub(super) fn publish_undocking(&self, by: BehaviourId, event: &Event) {
         let Event::UndockEnded { end, .. } = event else {
             return;
         };
@@ -39,7 +39,7 @@ impl Pilot {
         }
     }
 
-    pub(super) fn herald_dock(&mut self) {
+    pub(super) fn publish_docking(&mut self) {
         let Some(report) = self.watchdog.take_dock_report() else {
             return;
         };
@@ -53,7 +53,7 @@ impl Pilot {
     }
 
     /// Publishes the watchdog's state if it differs from that in the last status.
-    pub(super) fn herald_status(&self, newest: &Status) {
+    pub(super) fn publish_status(&self, newest: &Status) {
         let before = *self.status.borrow();
         let essence = |status: &Status| (status.safety, status.low, status.docked);
         if essence(&before) != essence(newest) {

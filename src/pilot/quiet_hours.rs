@@ -5,11 +5,11 @@ use crate::wire::{Command, Led};
 
 /// The rule for quiet hours.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Hush(Quiet);
+pub(super) struct QuietHours(Quiet);
 
-impl Hush {
-    pub(super) fn new(quiet: Quiet) -> Hush {
-        Hush(quiet)
+impl QuietHours {
+    pub(super) fn new(quiet: Quiet) -> QuietHours {
+        QuietHours(quiet)
     }
 
     /// Whether a behaviour's command may be sent. A rescue behaviour may need the headlight to see
@@ -25,7 +25,7 @@ impl Hush {
 
     /// The commands that end the noise when quiet hours begin; `alarm`: the alarm sounds at
     /// present.
-    pub(super) fn beginning(self, alarm: bool) -> &'static [Command] {
+    pub(super) fn commands_at_start(self, alarm: bool) -> &'static [Command] {
         const SILENCE: &[Command] = &[
             Command::StopSound,
             Command::Led {
@@ -68,18 +68,22 @@ mod tests {
     #[test]
     fn quiet_hours_withhold_sounds_and_headlight_from_scripts_but_no_motion() {
         for quiet in [Quiet::Scripts, Quiet::WithAlarm] {
-            let hush = Hush::new(quiet);
-            let scripts = |command: &Command| hush.allows(Role::Behaviour, command);
+            let quiet_hours = QuietHours::new(quiet);
+            let scripts = |command: &Command| quiet_hours.allows(Role::Behaviour, command);
             assert!(!NOISE.iter().any(scripts));
-            assert!(NOISE.iter().all(|noise| hush.allows(Role::Person, noise)));
+            assert!(
+                NOISE
+                    .iter()
+                    .all(|noise| quiet_hours.allows(Role::Person, noise))
+            );
             for command in [Command::STOP, Command::Engine(Engage::Dock)] {
-                assert!(scripts(&command) && hush.allows_alarm(&command));
+                assert!(scripts(&command) && quiet_hours.allows_alarm(&command));
             }
         }
         assert!(
             NOISE
                 .iter()
-                .all(|noise| Hush::default().allows(Role::Behaviour, noise))
+                .all(|noise| QuietHours::default().allows(Role::Behaviour, noise))
         );
     }
 
@@ -87,7 +91,7 @@ mod tests {
     fn the_alarm_sounds_at_night_only_if_the_config_says_so() {
         let play = |command: &&Command| matches!(command, Command::Play(_));
         let sound = ALARM.iter().find(play).unwrap();
-        assert!(Hush::new(Quiet::Scripts).allows_alarm(sound));
-        assert!(!Hush::new(Quiet::WithAlarm).allows_alarm(sound));
+        assert!(QuietHours::new(Quiet::Scripts).allows_alarm(sound));
+        assert!(!QuietHours::new(Quiet::WithAlarm).allows_alarm(sound));
     }
 }
