@@ -36,7 +36,7 @@ impl State {
     fn next_input(&mut self, text: &str) -> String {
         self.inputs += 1;
         self.options.chunk = format!("input{}", self.inputs);
-        text.clone_into(&mut self.complaints.source);
+        text.clone_into(&mut self.failure_log.source);
         self.options.chunk.clone()
     }
 }

@@ -56,7 +56,7 @@ unsafe fn message_of(state: *mut ffi::lua_State) -> Option<&'static CStr> {
         BudgetVerdict::RaiseFirst(message) => {
             // SAFETY: as for the caller.
             if let Some((source, line)) = unsafe { where_is(state) } {
-                budget::remember(source, line);
+                budget::record_place(source, line);
             }
             Some(message)
         }

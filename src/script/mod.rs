@@ -18,13 +18,13 @@ mod api;
 mod arguments;
 mod blockage;
 mod budget;
-mod complaints;
 mod contact;
 mod declaration;
 mod ending;
 mod eval;
 mod events;
 mod failure;
+mod failure_log;
 mod full_turn;
 mod going;
 mod grip;
@@ -78,11 +78,11 @@ use life::{Life, is_kill};
 use state::State;
 use task::{Answer, TaskKind};
 
-pub(crate) use budget::{only_simulated, running, stuck, when_stuck};
-pub use complaints::Explain;
+pub(crate) use budget::{running, set_simulated_wall_factor, stuck, when_stuck};
 pub(crate) use declaration::{Declaration, param_values};
 pub(crate) use failure::printable;
 pub use failure::{Ending, Failure, SourceLocation};
+pub use failure_log::Explain;
 pub use modules::{ModuleFile, ModuleName, NoModule};
 pub(crate) use modules::{Target, resolve};
 pub use nearest::suggestion;
@@ -175,7 +175,7 @@ impl Script {
         let (chunk, seed) = (options.chunk.clone(), options.seed);
         let text = source.to_owned();
         let state = Rc::new(RefCell::new(State::new(options, now)));
-        state.borrow_mut().complaints.source = text;
+        state.borrow_mut().failure_log.source = text;
         sandbox::seed(&lua, seed)?;
         api::install(&lua, &state, surroundings)?;
         let main = lua.create_thread(sandbox::compile(&lua, source, &chunk)?)?;
@@ -191,7 +191,7 @@ impl Script {
     /// Sets the function that explains failures in plain words wherever they are logged or
     /// reported.
     pub fn explain_with(&mut self, explain: Explain) {
-        self.state.borrow_mut().complaints.explain = Some(explain);
+        self.state.borrow_mut().failure_log.explain = Some(explain);
     }
 
     /// Changes the value of a parameter while the script runs, on behalf of a person. A refusal is

@@ -141,7 +141,9 @@ impl State {
                 let answer = self.evaluated(outcome);
                 self.output.answer(answer);
             }
-            (TaskKind::Spawned | TaskKind::Farewell, Outcome::Failed(text)) => self.complain(&text),
+            (TaskKind::Spawned | TaskKind::Farewell, Outcome::Failed(text)) => {
+                self.log_failure(&text)
+            }
             _ => {}
         }
     }
@@ -149,7 +151,7 @@ impl State {
     /// Handles the end of one run of a subscription's function.
     fn handled(&mut self, id: SubscriptionId, outcome: &Outcome) {
         if let Outcome::Failed(text) = outcome {
-            self.complain(text);
+            self.log_failure(text);
         }
         let Some(subscription) = self.subscriptions.get_mut(&id) else {
             // The subscription was removed meanwhile, or was for one event only.

@@ -12,9 +12,9 @@ use tokio::time::Instant;
 
 use self::known::Known;
 use super::blockage::Blockage;
-use super::complaints::{Complaints, Telling};
 use super::declaration::Declaration;
 use super::events::{EventName, Subscriptions};
+use super::failure_log::{FailureLog, LogForm};
 use super::going::Going;
 use super::group::Group;
 use super::life::{Exit, Life};
@@ -67,7 +67,7 @@ pub(super) struct Declared {
 /// The state that native functions and the scheduler share.
 pub(super) struct State {
     pub(super) options: Options,
-    pub(super) complaints: Complaints,
+    pub(super) failure_log: FailureLog,
     /// Number of lines typed so far.
     pub(super) inputs: u64,
     pub(super) start: Instant,
@@ -121,7 +121,7 @@ impl State {
         let odometry = Odometry::new(now, options.calibration);
         State {
             options,
-            complaints: Complaints::default(),
+            failure_log: FailureLog::default(),
             inputs: 0,
             start: now,
             now,
@@ -265,21 +265,24 @@ impl State {
     }
 
     /// Logs a failure: the first time, and then ever more rarely for the same place.
-    pub(super) fn complain(&mut self, text: &str) {
-        let text = match self.complaints.count(text) {
-            Telling::Explained => self.explained(text),
-            Telling::Plain => text.to_owned(),
-            Telling::Counted(count) => format!("{text} ({count} times)"),
-            Telling::Silent => return,
+    pub(super) fn log_failure(&mut self, text: &str) {
+        let text = match self.failure_log.count(text) {
+            LogForm::Explained => self.explained(text),
+            LogForm::Plain => text.to_owned(),
+            LogForm::Counted(count) => format!("{text} ({count} times)"),
+            LogForm::Silent => return,
         };
         self.log(Level::Error, &text);
     }
 
     /// Explains a failure in plain words, with the line where it happened.
     pub(super) fn explained(&self, text: &str) -> String {
-        let main = (self.options.chunk.as_str(), self.complaints.source.as_str());
+        let main = (
+            self.options.chunk.as_str(),
+            self.failure_log.source.as_str(),
+        );
         let mut files = std::iter::once(main).chain(self.modules.sources());
-        let explain = self.complaints.explain;
+        let explain = self.failure_log.explain;
         let explained = explain
             .and_then(|explain| files.find_map(|(chunk, source)| explain(text, chunk, source)));
         explained.unwrap_or_else(|| text.to_owned())

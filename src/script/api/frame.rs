@@ -92,8 +92,8 @@ fn save(call: &mut Call<'_>) -> Answered {
     let now = call.state.now;
     match call.state.picture_store.save(&name, &held.frame.jpeg, now) {
         Ok(saved) => {
-            if let Some(gone) = saved.gone {
-                call.state.log(Level::Info, &gone);
+            if let Some(notice) = saved.notice {
+                call.state.log(Level::Info, &notice);
             }
             call.state.output.remark(Remark::Picture { name });
             call.reply(saved.path.to_string_lossy().into_owned())
