@@ -223,12 +223,12 @@ impl Script {
         {
             let mut state = self.state.borrow_mut();
             state.tick(now);
-            state.ring();
+            state.fire_due_timers();
         }
         let next = self.state.borrow_mut().tasks.next_ready();
         match next {
             Some(next) => self.run(next),
-            None => self.state.borrow_mut().look_where_it_goes(),
+            None => self.state.borrow_mut().examine_frame_for_motion(),
         }
         self.advance_ending();
         self.state.borrow_mut().drop_unused_streams();
@@ -292,7 +292,7 @@ impl Script {
             let mut state = self.state.borrow_mut();
             state.tick(now);
             if is_kill(reason) {
-                let before = state.before();
+                let before = state.slice_start();
                 return state.kill(reason, None, before);
             }
             state.begin_stop(reason, None);

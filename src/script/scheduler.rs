@@ -49,7 +49,7 @@ impl Outcome {
 
 impl State {
     /// Fires every timer that is due.
-    pub(super) fn ring(&mut self) {
+    pub(super) fn fire_due_timers(&mut self) {
         while let Some(due) = self.tasks.next_due(self.now) {
             match due {
                 Due::Wait(id) => self.time_out(id),
@@ -74,7 +74,7 @@ impl State {
             Wait::Beat { missed } => Answer::Beat(missed),
             Wait::Event(_) => Answer::NoEvent,
             Wait::Group(group) => {
-                self.dissolve(group);
+                self.end_group(group);
                 Answer::Refused("timeout")
             }
             Wait::Module(_) => Answer::Again,
@@ -95,28 +95,28 @@ impl State {
         if task.cancel != Cancel::No {
             return;
         }
-        task.cancel = Cancel::Told;
+        task.cancel = Cancel::Raised;
         match &mut task.phase {
-            TaskPhase::Running => task.cancel = Cancel::Asked,
+            TaskPhase::Running => task.cancel = Cancel::Requested,
             TaskPhase::Ready(_) if !task.started => self.finish(id, Outcome::Cancelled),
             TaskPhase::Ready(answer) => *answer = Answer::Cancelled,
             TaskPhase::Waiting(wait) => {
                 let wait = *wait;
-                self.give_up(wait);
+                self.cancel_wait(wait);
                 self.tasks.wake(id, Answer::Cancelled, self.now);
             }
         }
     }
 
     /// Cancels what a task was waiting for.
-    fn give_up(&mut self, wait: Wait) {
+    fn cancel_wait(&mut self, wait: Wait) {
         match wait {
             Wait::Motion(motion) if self.motion.current() == Some(motion) => {
                 self.motion.ended(motion);
                 self.output.send(Intent::Release { motion });
             }
             Wait::Dock(_) => self.output.send(Intent::CancelDock),
-            Wait::Group(group) => self.dissolve(group),
+            Wait::Group(group) => self.end_group(group),
             _ => {}
         }
     }
@@ -135,13 +135,15 @@ impl State {
         }
         match (task.kind, outcome) {
             (TaskKind::Child(group, index), outcome) => self.child_ended(group, index, outcome),
-            (TaskKind::Handler(subscription), outcome) => self.handled(subscription, &outcome),
+            (TaskKind::Handler(subscription), outcome) => {
+                self.handler_ended(subscription, &outcome)
+            }
             (TaskKind::Main, Outcome::Failed(text)) => self.fail(text),
             (TaskKind::Line, outcome) => {
                 let answer = self.evaluated(outcome);
                 self.output.answer(answer);
             }
-            (TaskKind::Spawned | TaskKind::Farewell, Outcome::Failed(text)) => {
+            (TaskKind::Spawned | TaskKind::StopHandler, Outcome::Failed(text)) => {
                 self.log_failure(&text)
             }
             _ => {}
@@ -149,7 +151,7 @@ impl State {
     }
 
     /// Handles the end of one run of a subscription's function.
-    fn handled(&mut self, id: SubscriptionId, outcome: &Outcome) {
+    fn handler_ended(&mut self, id: SubscriptionId, outcome: &Outcome) {
         if let Outcome::Failed(text) = outcome {
             self.log_failure(text);
         }
@@ -243,14 +245,14 @@ impl State {
             Outcome::Cancelled => Some(Answer::Cancelled),
         };
         if let Some(answer) = answer {
-            self.dissolve(id);
+            self.end_group(id);
             self.tasks.wake(parent, answer, self.now);
         }
     }
 
     /// Ends a group: children that have not ended are cancelled, and run their clean-up before
     /// their parent continues.
-    pub(super) fn dissolve(&mut self, id: GroupId) {
+    pub(super) fn end_group(&mut self, id: GroupId) {
         if let Some(group) = self.groups.remove(&id) {
             for child in group.children {
                 self.cancel(child);

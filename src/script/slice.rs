@@ -6,8 +6,8 @@ use mlua::thread::ThreadStatus;
 use super::Script;
 use super::api::resume_values;
 use super::budget::{self, Spent};
-use super::declaration::undeclared;
-use super::ending::Before;
+use super::declaration::no_declaration_error;
+use super::ending::SliceStart;
 use super::events::Busy;
 use super::failure::VmError;
 use super::life::Life;
@@ -28,7 +28,7 @@ enum Slice {
 impl Script {
     /// Runs one slice of a task or handler that is ready.
     pub(super) fn run(&mut self, next: Ready) {
-        let before = self.state.borrow().before();
+        let before = self.state.borrow().slice_start();
         let result = match next {
             Ready::Task(id) => self.run_task(id, before),
             Ready::Handler(id) => match self.begin_handler(id) {
@@ -67,7 +67,7 @@ impl Script {
         Ok(Some(task))
     }
 
-    fn run_task(&mut self, id: TaskId, before: Before) -> LuaResult<()> {
+    fn run_task(&mut self, id: TaskId, before: SliceStart) -> LuaResult<()> {
         let Some((thread, answer)) = self.take_answer(id) else {
             return Ok(());
         };
@@ -91,7 +91,7 @@ impl Script {
             Slice::Memory => self.out_of_memory(before),
             Slice::Waits => {}
             Slice::Over(outcome) => {
-                let stopped = self.stop_if_asked();
+                let stopped = self.stop_if_requested();
                 let outcome = if stopped { Outcome::Cancelled } else { outcome };
                 self.state.borrow_mut().finish(id, outcome);
             }
@@ -146,7 +146,7 @@ impl Script {
     fn done(&self, id: TaskId, values: LuaMultiValue) -> Outcome {
         match self.cancel_of(id) {
             Cancel::No => Outcome::Done(values),
-            Cancel::Asked | Cancel::Told => Outcome::Cancelled,
+            Cancel::Requested | Cancel::Raised => Outcome::Cancelled,
         }
     }
 
@@ -172,9 +172,9 @@ impl Script {
 
     /// Begins to stop the script if the slice has called `script.stop`; how the slice ended does
     /// not matter then.
-    fn stop_if_asked(&self) -> bool {
+    fn stop_if_requested(&self) -> bool {
         let mut state = self.state.borrow_mut();
-        let Some(reason) = state.exit.asked.take() else {
+        let Some(reason) = state.exit.stop_requested.take() else {
             return false;
         };
         state.begin_stop(EndReason::Done, reason);
@@ -195,16 +195,16 @@ impl Script {
         if state.params.names.is_some() || loading || fails {
             return None;
         }
-        undeclared(&state.options.params)
+        no_declaration_error(&state.options.params)
     }
 
-    fn broken(&self, before: Before) {
+    fn broken(&self, before: SliceStart) {
         let text = "a fault inside spykee, not of the script: please report it, with the script";
         let mut state = self.state.borrow_mut();
         state.kill(EndReason::Error, Some(text.to_owned()), before);
     }
 
-    fn over_budget(&self, spent: Spent, before: Before) {
+    fn over_budget(&self, spent: Spent, before: SliceStart) {
         let mut state = self.state.borrow_mut();
         let limit = state.options.limits.callback_budget_ms;
         let place = match spent.place {
@@ -217,7 +217,7 @@ impl Script {
         state.kill(EndReason::Cpu, Some(text), before);
     }
 
-    fn out_of_memory(&self, before: Before) {
+    fn out_of_memory(&self, before: SliceStart) {
         let mut state = self.state.borrow_mut();
         let limit = state.options.limits.memory_bytes / 1024;
         let text = format!(
@@ -228,7 +228,7 @@ impl Script {
     }
 
     /// Kills the script because the VM failed outside the script's own lines.
-    fn machine_failed(&self, error: &mlua::Error, before: Before) {
+    fn machine_failed(&self, error: &mlua::Error, before: SliceStart) {
         match VmError::of(error) {
             VmError::Memory => self.out_of_memory(before),
             VmError::Text(text) => {
@@ -240,7 +240,7 @@ impl Script {
 
     /// Kills the script if it holds too many frames even after a garbage collection, as for too
     /// much memory: frames are outside the VM's memory.
-    fn check_frames(&self, before: Before) -> LuaResult<()> {
+    fn check_frames(&self, before: SliceStart) -> LuaResult<()> {
         let (held, limit) = {
             let state = self.state.borrow();
             let held = std::rc::Rc::clone(&state.sight.held_bytes);
@@ -279,18 +279,18 @@ impl Script {
             return;
         }
         let reason = stopping.ending.reason.name();
-        let Some(farewell) = state.exit.farewells.pop_front() else {
+        let Some(handler) = state.exit.stop_handlers.pop_front() else {
             return state.end_stopped();
         };
         let now = state.now;
-        let thread = self.lua.create_thread(farewell);
+        let thread = self.lua.create_thread(handler);
         let reason = self.lua.create_string(reason);
         if let (Ok(thread), Ok(reason)) = (thread, reason) {
             let values = LuaMultiValue::from_iter([mlua::Value::String(reason)]);
             let start = Answer::Start(values);
             state
                 .tasks
-                .add(thread, TaskKind::Farewell, start, None, now);
+                .add(thread, TaskKind::StopHandler, start, None, now);
         }
     }
 }

@@ -163,7 +163,7 @@ impl State {
             self.moved = Some(self.now);
         }
         self.note_used_streams();
-        self.output.unfold(self.now);
+        self.output.roll_window(self.now);
     }
 
     /// Whether the robot has moved within the last `time`, whatever the cause.
@@ -215,7 +215,7 @@ impl State {
     }
 
     /// Examines the last frame as planned, once.
-    pub(super) fn look_where_it_goes(&mut self) {
+    pub(super) fn examine_frame_for_motion(&mut self) {
         let Some(Look { held, going, turns }) = self.sight.look.take() else {
             return;
         };
@@ -245,7 +245,11 @@ impl State {
     }
 
     /// Records what the script has found in a frame.
-    pub(super) fn saw(&mut self, held: &HeldFrame, found: impl IntoIterator<Item = Seen>) {
+    pub(super) fn record_findings(
+        &mut self,
+        held: &HeldFrame,
+        found: impl IntoIterator<Item = Seen>,
+    ) {
         if let Some(witness) = &mut self.sight.witness {
             witness.note(&held.frame, self.now, found);
         }
@@ -318,7 +322,7 @@ impl State {
             Life::Running => None,
             Life::Ended(_) => return None,
         };
-        let timers = [self.tasks.next_timer(), self.output.unfolds_at(), ending];
+        let timers = [self.tasks.next_timer(), self.output.window_end(), ending];
         timers
             .into_iter()
             .chain([self.next_stream_end()])

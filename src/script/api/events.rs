@@ -93,7 +93,7 @@ pub(super) fn listen(call: &mut Call<'_>, event: EventName) {
     let Some(stream) = event.stream() else {
         return;
     };
-    if let Err(why) = call.state.want(stream, Demand::Used)
+    if let Err(why) = call.state.need_stream(stream, Demand::WhileUsed)
         && call.state.missed.insert(event)
     {
         let text = format!("'{}' never comes: {why}", event.name());

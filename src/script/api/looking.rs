@@ -87,7 +87,7 @@ fn blobs(call: &mut Call<'_>) -> Answered {
     let options = blob_options(call)?;
     let blobs = call.state.find(&held, &colours, &options);
     let marks = blobs.iter().map(|blob| mark(blob, colours.name_of(blob)));
-    call.state.saw(&held, marks);
+    call.state.record_findings(&held, marks);
     let list = call.lua.create_table_with_capacity(blobs.len(), 0)?;
     for blob in &blobs {
         let table = blob_table(call.lua, blob, &colours.names)?;
@@ -192,7 +192,8 @@ fn line(call: &mut Call<'_>) -> Answered {
     let size = call.state.look(&held).map(Image::size);
     if let Some(whole) = size {
         let part = part.unwrap_or(whole.into()).within(whole);
-        call.state.saw(&held, line.zip(part).map(line_mark));
+        call.state
+            .record_findings(&held, line.zip(part).map(line_mark));
     }
     let Some(line) = line else {
         return call.reply(LuaValue::Nil);

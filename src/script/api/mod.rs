@@ -99,11 +99,11 @@ impl Call<'_> {
         };
         match task.cancel {
             Cancel::No => Ok(()),
-            Cancel::Asked => {
-                task.cancel = Cancel::Told;
+            Cancel::Requested => {
+                task.cancel = Cancel::Raised;
                 Err(Refusal::Cancelled)
             }
-            Cancel::Told => {
+            Cancel::Raised => {
                 budget::latch_cancelled();
                 Err(Refusal::Cancelled)
             }
@@ -160,7 +160,7 @@ impl Call<'_> {
 
     /// Switches a stream on, if it is off, until the script switches it off.
     fn switch_on(&mut self, stream: Stream) -> Result<(), Refusal> {
-        let wanted = self.state.want(stream, Demand::Asked);
+        let wanted = self.state.need_stream(stream, Demand::Explicit);
         wanted.map_err(|why| self.args.misuse(&why.to_string()))
     }
 

@@ -157,7 +157,7 @@ fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
             call.may_wait()?;
             let added = call.state.modules.add(name.as_str(), Progress::Asked);
             if added.is_ok() {
-                call.state.output.ask(name);
+                call.state.output.request_module(name);
             }
             added
         }

@@ -13,7 +13,7 @@ const CALLS: &Natives = &[
 ];
 
 /// Largest number of functions for `script.on_stop`.
-const MAX_FAREWELLS: usize = 16;
+const MAX_STOP_HANDLERS: usize = 16;
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let table = builder.namespace("script", &[CALLS])?;
@@ -30,7 +30,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
 fn stop(call: &mut Call<'_>) -> Answered {
     let reason: Option<String> = call.args.get(0)?;
     let reason = reason.map(|reason| printable(&reason, 1000));
-    call.state.exit.asked = Some(reason);
+    call.state.exit.stop_requested = Some(reason);
     budget::latch_stopped();
     call.reply(())
 }
@@ -39,12 +39,12 @@ fn stop(call: &mut Call<'_>) -> Answered {
 fn on_stop(call: &mut Call<'_>) -> Answered {
     call.must_be_running()?;
     let function = call.args.get(0)?;
-    if call.state.exit.farewells.len() >= MAX_FAREWELLS {
+    if call.state.exit.stop_handlers.len() >= MAX_STOP_HANDLERS {
         return Err(call
             .args
             .misuse("at most 16 functions can be called at the end"));
     }
-    call.state.exit.farewells.push_back(function);
+    call.state.exit.stop_handlers.push_back(function);
     call.reply(())
 }
 

@@ -126,7 +126,7 @@ fn track(call: &mut Call<'_>) -> Answered {
         let marks = tracks
             .iter()
             .map(|track| track_mark(track, &object.colours));
-        call.state.saw(&held, marks);
+        call.state.record_findings(&held, marks);
         let list = call.lua.create_table_with_capacity(tracks.len(), 0)?;
         for track in tracks {
             list.raw_push(track_table(call.lua, track, &object.colours)?)?;
@@ -205,7 +205,7 @@ fn detect(call: &mut Call<'_>) -> Answered {
     };
     let motion = object.detector.update(image);
     let marks = motion.blobs.iter().map(|blob| mark(blob, "motion"));
-    call.state.saw(&held, marks);
+    call.state.record_findings(&held, marks);
     let table = motion_table(lua, motion.score, motion.pixels, motion.blobs)?;
     call.reply(table)
 }

@@ -137,7 +137,7 @@ impl State {
     /// that it is not a valid picture is only counted: `false`.
     fn deliver_frame(&mut self, frame: Frame) -> bool {
         // For a script that is always busy: examine the last frame before its buffers are reused.
-        self.look_where_it_goes();
+        self.examine_frame_for_motion();
         let size = match validate_markers(&frame.jpeg) {
             Ok(size) => size,
             Err(error) => {
