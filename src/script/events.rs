@@ -7,8 +7,8 @@ use std::time::Duration;
 use mlua::prelude::LuaFunction;
 use tokio::time::Instant;
 
+use super::frame_state::HeldFrame;
 use super::ids::{SubscriptionId, TaskId, Timer};
-use super::sight::HeldFrame;
 use super::way_back::Waypoint;
 pub(super) use crate::api::EventName;
 use crate::robot::{Event, Percent};

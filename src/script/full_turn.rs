@@ -23,7 +23,7 @@ pub(super) struct Step {
     /// Radians to the left, estimated from tracks and camera.
     pub(super) turn: f64,
     /// Radians to the left that the tracks were commanded to turn.
-    pub(super) told: f64,
+    pub(super) commanded: f64,
     /// Metres, either way.
     pub(super) way: f64,
     /// Whether the camera saw the turn.
@@ -35,9 +35,9 @@ pub(super) struct Step {
 pub(super) struct Closed {
     /// Radians to the left: the real turn, and the turn estimated so far.
     pub(super) turned: f64,
-    pub(super) believed: f64,
+    pub(super) estimated: f64,
     /// Radians to the left that the tracks were commanded to turn.
-    pub(super) told: f64,
+    pub(super) commanded: f64,
     /// Error of the heading after it, in radians.
     pub(super) error: f64,
 }
@@ -50,7 +50,7 @@ pub(super) struct FullTurn {
     /// Error of the heading then, in radians.
     error: f64,
     turn: f64,
-    told: f64,
+    commanded: f64,
     way: f64,
     /// Radians of the turn that the camera has not seen.
     unseen: f64,
@@ -66,7 +66,7 @@ impl FullTurn {
     /// the turn if it is now a full one.
     pub(super) fn look(&mut self, skyline: &Skyline, step: Step, error: f64) -> Option<Closed> {
         self.turn += step.turn;
-        self.told += step.told;
+        self.commanded += step.commanded;
         self.way += step.way;
         self.unseen += if step.seen { 0.0 } else { step.turn.abs() };
         let begin = match &self.begin {
@@ -84,8 +84,8 @@ impl FullTurn {
         let seen = skyline.turned_since(begin, off, REACH)?;
         let closed = Closed {
             turned: full + seen,
-            believed: self.turn,
-            told: self.told,
+            estimated: self.turn,
+            commanded: self.commanded,
             error: self.error + SAME_VIEW,
         };
         *self = FullTurn::begin(skyline, closed.error);
@@ -125,16 +125,16 @@ pub(super) mod tests {
         Skyline::of(&Image::from_rgb(&picture), camera)
     }
 
-    /// Turns by `whole` radians in 60 steps, estimates each radian as `believed` radians, and
+    /// Turns by `whole` radians in 60 steps, estimates each radian as `estimated` radians, and
     /// drives `way` metres with each step.
-    fn closed(whole: f64, believed: f64, way: f64, seen: bool) -> Option<Closed> {
+    fn closed(whole: f64, estimated: f64, way: f64, seen: bool) -> Option<Closed> {
         let mut full = FullTurn::default();
         let steps = 60;
         (0..=steps).find_map(|step| {
             let turn = whole / f64::from(steps);
             let done = Step {
-                turn: turn * believed,
-                told: turn * 1.2,
+                turn: turn * estimated,
+                commanded: turn * 1.2,
                 way,
                 seen,
             };
@@ -144,13 +144,13 @@ pub(super) mod tests {
 
     #[test]
     fn a_full_turn_is_detected_in_spite_of_a_wrong_estimate() {
-        for (whole, believed) in [(6.4, 1.0), (-6.4, 1.04), (6.5, 0.96)] {
-            let Some(found) = closed(whole, believed, 0.0, true) else {
-                panic!("{whole} {believed}");
+        for (whole, estimated) in [(6.4, 1.0), (-6.4, 1.04), (6.5, 0.96)] {
+            let Some(found) = closed(whole, estimated, 0.0, true) else {
+                panic!("{whole} {estimated}");
             };
-            let turned = found.believed / believed;
+            let turned = found.estimated / estimated;
             assert!((found.turned - turned).abs() < 0.01, "{found:?} {turned}");
-            assert!((found.told - 1.2 * turned).abs() < 0.01, "{found:?}");
+            assert!((found.commanded - 1.2 * turned).abs() < 0.01, "{found:?}");
         }
     }
 

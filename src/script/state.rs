@@ -15,7 +15,7 @@ use super::blockage::Blockage;
 use super::declaration::Declaration;
 use super::events::{EventName, Subscriptions};
 use super::failure_log::{FailureLog, LogForm};
-use super::going::Going;
+use super::frame_state::{FrameState, HeldFrame, MotionCheck};
 use super::group::Group;
 use super::life::{Exit, Life};
 use super::modules::Modules;
@@ -27,12 +27,12 @@ use super::params::ParamValue;
 use super::picture_store::PictureStore;
 use super::queue::Tasks;
 use super::shares::Shares;
-use super::sight::{HeldFrame, Look, Sight};
 use super::sighting::{Seen, Sighting};
 use super::stage::Stage;
 use super::store::Store;
 use super::streams::WantedStreams;
 use super::task::{Answer, GroupId, TaskKind, Wait};
+use super::timed_motion::TimedMotion;
 use crate::robot::{Intent, MotionEnd, MotionId};
 use crate::vision::Skyline;
 
@@ -80,7 +80,7 @@ pub(super) struct State {
     pub(super) odometry: Odometry,
     pub(super) blockage: Blockage,
     pub(super) streams: WantedStreams,
-    pub(super) sight: Sight,
+    pub(super) sight: FrameState,
     pub(super) picture_store: PictureStore,
     pub(super) store: Store,
     pub(super) shares: Shares,
@@ -117,7 +117,7 @@ impl State {
         let picture_store = PictureStore::new(options.data_dir.clone(), &options.limits);
         let shares = Shares::new(&options.limits);
         let modules = Modules::new(&options.chunk);
-        let sight = Sight::new(&options);
+        let sight = FrameState::new(&options);
         let odometry = Odometry::new(now, options.calibration);
         State {
             options,
@@ -174,7 +174,7 @@ impl State {
 
     /// Whether a task can run, or a frame must be examined for the robot's own motion.
     pub(super) fn is_ready(&self) -> bool {
-        !self.has_ended() && (self.tasks.is_ready() || self.sight.look.is_some())
+        !self.has_ended() && (self.tasks.is_ready() || self.sight.motion_check.is_some())
     }
 
     /// The source of the robot's motion, as far as the script knows.
@@ -184,39 +184,42 @@ impl State {
                 Driver::Script(drive_of(setpoint, self.options.calibration))
             }
             _ if self.known.moving => Driver::Other,
-            _ => Driver::Nobody,
+            _ => Driver::None,
         }
     }
 
     /// Plans to examine a frame for the robot's own motion: for turns, and during a timed motion
     /// for a blockage. This happens after the script's own handlers, so that they are not delayed.
-    fn plan_look(&mut self, held: &Rc<HeldFrame>) {
+    fn plan_motion_check(&mut self, held: &Rc<HeldFrame>) {
         let at = held.frame.at;
         self.odometry.mark(at);
         let calibration = self.options.calibration;
-        let going = self.motion.timed().map(|(motion, setpoint, since)| Going {
-            motion,
-            since,
-            drive: drive_of(setpoint, calibration),
-            odometer: self.odometry.odometer(),
-            heading: self.odometry.pose().heading,
-        });
-        let shown = self.odometry.last_shown();
-        if shown.is_some_and(|shown| shown.most_turn() > LEAST_TURN) {
+        let timed = self
+            .motion
+            .timed()
+            .map(|(motion, setpoint, since)| TimedMotion {
+                motion,
+                since,
+                drive: drive_of(setpoint, calibration),
+                odometer: self.odometry.odometer(),
+                heading: self.odometry.pose().heading,
+            });
+        let last = self.odometry.last_track_motion();
+        if last.is_some_and(|last| last.most_turn() > LEAST_TURN) {
             self.sight.turned = Some(at);
         }
         let lately = |turned: Instant| at.saturating_duration_since(turned) < ROLLING_OUT;
         let turns = self.sight.turned.is_some_and(lately);
-        if going.is_none() && !turns {
+        if timed.is_none() && !turns {
             return self.odometry.look(at, None);
         }
         let held = Rc::clone(held);
-        self.sight.look = Some(Look { held, going, turns });
+        self.sight.motion_check = Some(MotionCheck { held, timed, turns });
     }
 
     /// Examines the last frame as planned, once.
     pub(super) fn examine_frame_for_motion(&mut self) {
-        let Some(Look { held, going, turns }) = self.sight.look.take() else {
+        let Some(MotionCheck { held, timed, turns }) = self.sight.motion_check.take() else {
             return;
         };
         let (camera, frame) = (self.options.camera, &held.frame);
@@ -224,15 +227,15 @@ impl State {
             return;
         };
         let skyline = turns.then(|| Skyline::of(image, camera));
-        let held_since = going.and_then(|going| self.blockage.look(image, frame.at, camera, going));
+        let held_since = timed.and_then(|timed| self.blockage.look(image, frame.at, camera, timed));
         self.odometry.look(frame.at, skyline);
-        if let (Some(since), Some(going)) = (held_since, going)
+        if let (Some(since), Some(timed)) = (held_since, timed)
             && self
                 .motion
                 .timed()
-                .is_some_and(|(motion, ..)| motion == going.motion)
+                .is_some_and(|(motion, ..)| motion == timed.motion)
         {
-            self.end_blocked(going.motion, since);
+            self.end_blocked(timed.motion, since);
         }
     }
 
@@ -250,8 +253,8 @@ impl State {
         held: &HeldFrame,
         found: impl IntoIterator<Item = Seen>,
     ) {
-        if let Some(witness) = &mut self.sight.witness {
-            witness.note(&held.frame, self.now, found);
+        if let Some(recorder) = &mut self.sight.recorder {
+            recorder.note(&held.frame, self.now, found);
         }
     }
 
@@ -259,8 +262,8 @@ impl State {
     pub(super) fn take_sighting(&mut self) -> Option<Sighting> {
         let newest = self.sight.newest.as_ref().map(|held| held.frame.seq);
         let busy = !self.has_ended() && self.tasks.is_ready();
-        let witness = self.sight.witness.as_mut()?;
-        witness.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
+        let recorder = self.sight.recorder.as_mut()?;
+        recorder.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
     }
 
     /// Writes a message of the runtime to the script's log.

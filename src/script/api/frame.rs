@@ -9,9 +9,9 @@ use mlua::prelude::{Lua, LuaResult, LuaValue};
 
 use super::super::arguments::{Argument, Given, Refusal};
 use super::super::events::EventName;
+use super::super::frame_state::HeldFrame;
 use super::super::output::Level;
 use super::super::picture_store::{self, NotSaved};
-use super::super::sight::HeldFrame;
 use super::{Answered, Builder, Call, Natives, events};
 use crate::robot::Remark;
 

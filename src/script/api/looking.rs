@@ -8,7 +8,7 @@
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Argument, Given, Refusal};
-use super::super::sight::HeldFrame;
+use super::super::frame_state::HeldFrame;
 use super::super::sighting::Seen;
 use super::super::state::State;
 use super::colours::Colours;

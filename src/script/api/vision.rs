@@ -7,7 +7,7 @@ use std::time::Duration;
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::Refusal;
-use super::super::sight::HeldFrame;
+use super::super::frame_state::HeldFrame;
 use super::super::sighting::Seen;
 use super::colours::{self, ColourObject, Colours};
 use super::frame;

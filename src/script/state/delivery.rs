@@ -11,8 +11,8 @@ use super::known::shows_motion;
 use crate::robot::{Event, Frame};
 use crate::script::Script;
 use crate::script::events::{EventName, Loan, Payload};
+use crate::script::frame_state::HeldFrame;
 use crate::script::output::Level;
-use crate::script::sight::HeldFrame;
 use crate::script::sound::Loudness;
 use crate::script::task::{Answer, SubscriptionId, Wait};
 use crate::script::way_back::way_back;
@@ -147,7 +147,7 @@ impl State {
         };
         let held = Rc::new(HeldFrame::new(frame, size, &self.sight.held_bytes));
         self.sight.newest = Some(Rc::clone(&held));
-        self.plan_look(&held);
+        self.plan_motion_check(&held);
         self.publish(EventName::Frame, Payload::Frame(held));
         true
     }
