@@ -109,7 +109,7 @@ pub struct Script {
     lua: Lua,
     state: Shared,
     /// Bytes in use after the last complete garbage collection.
-    tidied: usize,
+    used_after_collection: usize,
 }
 
 impl Script {
@@ -184,8 +184,12 @@ impl Script {
             .borrow_mut()
             .tasks
             .add(main, TaskKind::Main, start, None, now);
-        let tidied = 0;
-        Ok(Script { lua, state, tidied })
+        let used_after_collection = 0;
+        Ok(Script {
+            lua,
+            state,
+            used_after_collection,
+        })
     }
 
     /// Sets the function that explains failures in plain words wherever they are logged or
@@ -196,13 +200,13 @@ impl Script {
 
     /// Changes the value of a parameter while the script runs, on behalf of a person. A refusal is
     /// logged.
-    pub fn turn_param(&mut self, name: &str, value: ParamValue, now: Instant) {
+    pub fn set_live_param(&mut self, name: &str, value: ParamValue, now: Instant) {
         let mut state = self.state.borrow_mut();
         state.tick(now);
         if state.has_ended() {
             return;
         }
-        if let Err(why) = api::turn_param(&self.lua, &mut state, name, value) {
+        if let Err(why) = api::set_live_param(&self.lua, &mut state, name, value) {
             let now = state.now;
             let line = LogLine::new(Level::Warn, &why.to_string());
             state.output.log(line, now);
@@ -210,10 +214,12 @@ impl Script {
     }
 
     /// Runs one garbage collection step if enough garbage has accumulated, so that slices need not.
-    pub fn tidy(&mut self) {
+    pub fn collect_garbage_step(&mut self) {
         let used = self.lua.used_memory();
-        if used > self.tidied + self.tidied / 20 && self.lua.gc_step().unwrap_or(true) {
-            self.tidied = self.lua.used_memory();
+        if used > self.used_after_collection + self.used_after_collection / 20
+            && self.lua.gc_step().unwrap_or(true)
+        {
+            self.used_after_collection = self.lua.used_memory();
         }
     }
 

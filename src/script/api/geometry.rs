@@ -35,5 +35,5 @@ fn pixel_at(call: &mut Call<'_>) -> Answered {
 
 fn size(call: &mut Call<'_>) -> Result<Option<Size>, super::Refusal> {
     let held = subject(call)?;
-    Ok(call.state.look(&held).map(|image| image.size()))
+    Ok(call.state.image(&held).map(|image| image.size()))
 }

@@ -31,7 +31,7 @@ const LINE_MARGIN: f64 = 4.0;
 
 impl State {
     /// The picture of a frame; `None` for a damaged one, which is counted.
-    pub(super) fn look(&mut self, held: &HeldFrame) -> Option<&Image> {
+    pub(super) fn image(&mut self, held: &HeldFrame) -> Option<&Image> {
         if let Err(error) = self.sight.eyes.look(held.frame.seq, &held.frame.jpeg) {
             self.note_damage(held.frame.seq, &error);
             return None;
@@ -41,7 +41,7 @@ impl State {
     }
 
     /// The blobs of a frame; none in a damaged one.
-    pub(super) fn find(
+    pub(super) fn find_blobs(
         &mut self,
         held: &HeldFrame,
         colours: &Colours,
@@ -85,7 +85,7 @@ fn blobs(call: &mut Call<'_>) -> Answered {
     let held = subject(call)?;
     let colours = Colours::of(call, call.args.value(0))?;
     let options = blob_options(call)?;
-    let blobs = call.state.find(&held, &colours, &options);
+    let blobs = call.state.find_blobs(&held, &colours, &options);
     let marks = blobs.iter().map(|blob| mark(blob, colours.name_of(blob)));
     call.state.record_findings(&held, marks);
     let list = call.lua.create_table_with_capacity(blobs.len(), 0)?;
@@ -189,7 +189,7 @@ fn line(call: &mut Call<'_>) -> Answered {
     let colours = Colours::of(call, call.args.value(0))?;
     let part: Option<Roi> = call.args.options(1)?.get("roi")?;
     let line = call.state.find_line(&held, &colours, part);
-    let size = call.state.look(&held).map(Image::size);
+    let size = call.state.image(&held).map(Image::size);
     if let Some(whole) = size {
         let part = part.unwrap_or(whole.into()).within(whole);
         call.state
@@ -224,7 +224,11 @@ fn line_mark((line, part): (Line, Roi)) -> Seen {
 /// `frame:find_qrcodes()`: a list of `{text, corners}`.
 fn qrcodes(call: &mut Call<'_>) -> Answered {
     let held = subject(call)?;
-    let codes = call.state.look(&held).map(find_qrcodes).unwrap_or_default();
+    let codes = call
+        .state
+        .image(&held)
+        .map(find_qrcodes)
+        .unwrap_or_default();
     let list = call.lua.create_table()?;
     for code in codes {
         let corners = call.lua.create_table()?;
@@ -248,7 +252,7 @@ fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> Answe
     let part = call.args.get(0)?;
     let figure = call
         .state
-        .look(&held)
+        .image(&held)
         .map_or(0.0, |image| figure(image, part));
     call.reply(figure)
 }
@@ -261,7 +265,7 @@ fn pixel(call: &mut Call<'_>) -> Answered {
     if x < 0.0 || y < 0.0 {
         return call.reply(LuaValue::Nil);
     }
-    let image = call.state.look(&held);
+    let image = call.state.image(&held);
     match image.and_then(|image| image.pixel(x as u32, y as u32)) {
         Some([r, g, b]) => call.reply((r, g, b)),
         None => call.reply(LuaValue::Nil),

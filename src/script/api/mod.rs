@@ -19,7 +19,7 @@ mod looking;
 mod modules;
 mod motion;
 mod params;
-pub(super) use params::turn as turn_param;
+pub(super) use params::set_live as set_live_param;
 mod payload;
 mod robot;
 mod script;
@@ -40,7 +40,7 @@ use mlua::prelude::{
 
 use super::arguments::{Args, Refusal, describe};
 use super::budget;
-use super::failure::{SourceLocation, is_ours};
+use super::failure::{SourceLocation, is_runtime_frame};
 use super::sandbox::{self, Prelude};
 use super::stage::Stage;
 use super::state::State;
@@ -251,7 +251,7 @@ fn place(lua: &Lua) -> Option<SourceLocation> {
             lua.inspect_stack(level, |frame| {
                 let file = frame.source().short_src?.into_owned();
                 let line = u32::try_from(frame.current_line()?).ok()?;
-                (!is_ours(&file)).then_some(SourceLocation { file, line })
+                (!is_runtime_frame(&file)).then_some(SourceLocation { file, line })
             })
         })
         .flatten()

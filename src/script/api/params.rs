@@ -78,7 +78,7 @@ fn set(table: &LuaTable, name: &str, value: &ParamValue) -> LuaResult<()> {
 
 /// Why a parameter was not changed.
 #[derive(Debug, thiserror::Error)]
-pub(in crate::script) enum TurnError {
+pub(in crate::script) enum SetParamError {
     #[error("the script declares no parameter '{0}'")]
     Undeclared(String),
     #[error("{0} cannot be changed while the script runs")]
@@ -92,22 +92,22 @@ pub(in crate::script) enum TurnError {
 /// Changes a parameter for a person: the script's table has the new value from now on.
 ///
 /// # Errors
-/// See [`TurnError`].
-pub(in crate::script) fn turn(
+/// See [`SetParamError`].
+pub(in crate::script) fn set_live(
     lua: &Lua,
     state: &mut State,
     name: &str,
     value: ParamValue,
-) -> Result<(), TurnError> {
+) -> Result<(), SetParamError> {
     let Some((declaration, current)) = state.params.all.get_mut(name) else {
-        return Err(TurnError::Undeclared(printable(name, 60)));
+        return Err(SetParamError::Undeclared(printable(name, 60)));
     };
     if !declaration.live {
-        return Err(TurnError::Fixed(name.to_owned()));
+        return Err(SetParamError::Fixed(name.to_owned()));
     }
     if !declaration.allows(&value) {
         let (name, expected) = (name.to_owned(), declaration.expected());
-        return Err(TurnError::Refused { name, expected });
+        return Err(SetParamError::Refused { name, expected });
     }
     let changed = lua
         .named_registry_value::<LuaTable>(VALUES)
@@ -117,7 +117,7 @@ pub(in crate::script) fn turn(
             table.set_readonly(true);
             changed
         });
-    changed.map_err(|source| TurnError::Machine {
+    changed.map_err(|source| SetParamError::Machine {
         name: name.to_owned(),
         source,
     })?;

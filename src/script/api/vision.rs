@@ -36,7 +36,7 @@ const DETECTOR: &Natives = &[("Detector:update", detect)];
 /// Largest number of trackers and detectors at once: their buffers are outside the VM's memory.
 const MAX_WATCHERS: u32 = 16;
 /// Largest number of frames of one `vision.learn`: each is decoded into its own buffer.
-const MAX_LESSONS: usize = 16;
+const MAX_LEARN_FRAMES: usize = 16;
 /// A frame that arrives within this time after the robot has moved may still show motion: pictures
 /// are late, and the robot coasts and rocks.
 const SETTLING: Duration = Duration::from_secs(1);
@@ -115,9 +115,9 @@ fn track(call: &mut Call<'_>) -> Answered {
     with_tracker(call, |call, object| {
         let blobs = call
             .state
-            .find(&held, &object.colours, &BlobOptions::default());
+            .find_blobs(&held, &object.colours, &BlobOptions::default());
         // A damaged frame is skipped: it does not count as a frame in which the blobs are lost.
-        let size = call.state.look(&held).map(Image::size);
+        let size = call.state.image(&held).map(Image::size);
         let at = held.frame.at.saturating_duration_since(call.state.start);
         let tracks = match size {
             Some(size) => object.tracker.update(at, size, &blobs),
@@ -198,7 +198,7 @@ fn detect(call: &mut Call<'_>) -> Answered {
         return call.reply((LuaValue::Nil, "moving"));
     }
     let lua = call.lua;
-    let Some(image) = call.state.look(&held) else {
+    let Some(image) = call.state.image(&held) else {
         return motion_table(lua, 0.0, 0, &[])
             .map_err(Refusal::from)
             .and_then(|table| call.reply(table));
@@ -229,11 +229,11 @@ fn motion_table(
 
 /// `vision.learn(frames, roi)`: a colour and `{quality}`; or nil and the reason.
 fn learn_colour(call: &mut Call<'_>) -> Answered {
-    let frames = lessons(call)?;
+    let frames = learn_frames(call)?;
     let part = call.args.get(1)?;
     let mut images = Vec::new();
     for held in &frames {
-        images.extend(call.state.look(held).cloned());
+        images.extend(call.state.image(held).cloned());
     }
     let images: Vec<&Image> = images.iter().collect();
     match learn(&images, part) {
@@ -248,10 +248,10 @@ fn learn_colour(call: &mut Call<'_>) -> Answered {
 }
 
 /// Reads a frame or a list of frames.
-fn lessons(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
+fn learn_frames(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
     let wrong = || {
         call.args.misuse(&format!(
-            "the first argument must be a list of 1 to {MAX_LESSONS} frames"
+            "the first argument must be a list of 1 to {MAX_LEARN_FRAMES} frames"
         ))
     };
     if let Some(held) = frame::of_value(call.args.value(0)) {
@@ -261,7 +261,7 @@ fn lessons(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
         return Err(wrong());
     };
     let length = list.raw_len();
-    if !(1..=MAX_LESSONS).contains(&length) {
+    if !(1..=MAX_LEARN_FRAMES).contains(&length) {
         return Err(wrong());
     }
     (1..=length)

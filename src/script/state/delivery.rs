@@ -52,7 +52,7 @@ impl Script {
 
     /// Repeats what the script did with the newest frame, to warm up caches for the next one; does
     /// nothing if the script has not examined that frame.
-    pub fn rehearse(&mut self) {
+    pub fn warm_up(&mut self) {
         let mut state = self.state.borrow_mut();
         let sight = &mut state.sight;
         if let Some(held) = sight.newest.clone()
@@ -63,7 +63,7 @@ impl Script {
     }
 
     /// Whether the script has examined the newest frame, rather than ignored or only saved it.
-    pub fn looks_at_frames(&self) -> bool {
+    pub fn examines_frames(&self) -> bool {
         let state = self.state.borrow();
         let newest = state.sight.newest.as_ref().map(|held| held.frame.seq);
         newest.is_some() && newest == state.sight.eyes.seen()
