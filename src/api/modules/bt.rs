@@ -3,7 +3,7 @@
 use super::shapes::{OK, module};
 use crate::api::bounds::Bounds;
 use crate::api::make::{bounded, call, function, number, options, text, value};
-use crate::api::terms::{Namespace, Type, Value};
+use crate::api::model::{Namespace, Type, Value};
 
 const NODE: Value = function("node", "(...any) -> boolean", "returns true or false");
 const NODES: &str = "nodes";
@@ -25,7 +25,7 @@ pub(super) const BT: Namespace = module(
             "Runs a tree once.",
             "print(bt.run(function() return true end))",
         )
-        .and("arguments for every node")
+        .with_rest("arguments for every node")
         .waiting(),
         call(
             "bt.action",

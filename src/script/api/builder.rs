@@ -223,7 +223,7 @@ fn has_fields(object: &str, table: &LuaTable) -> bool {
     });
     let has = |field: &api::Value| {
         let value = table.raw_get::<LuaValue>(field.name);
-        field.need != api::Need::Required || value.is_ok_and(|value| !value.is_nil())
+        field.requirement != api::Requirement::Required || value.is_ok_and(|value| !value.is_nil())
     };
     visited.is_ok() && known && object.fields.iter().all(has)
 }

@@ -20,13 +20,13 @@ mod modules;
 mod motion;
 mod params;
 pub(super) use params::set_live as set_live_param;
+mod messages;
 mod payload;
 mod robot;
 mod script;
 mod stage;
 mod store;
 mod tasks;
-mod telling;
 mod vision;
 
 use std::cell::RefCell;
@@ -206,9 +206,9 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: ApiSet) -> LuaRe
             ("store", builder.namespace("store", &[store::CALLS])?),
             (
                 "journal",
-                builder.namespace("journal", &[telling::JOURNAL])?,
+                builder.namespace("journal", &[messages::JOURNAL])?,
             ),
-            ("notify", builder.namespace("notify", &[telling::NOTIFY])?),
+            ("notify", builder.namespace("notify", &[messages::NOTIFY])?),
         ]);
     }
     for (name, table) in tables {
