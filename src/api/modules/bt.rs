@@ -49,7 +49,7 @@ pub(super) const BT: Namespace = module(
             "Runs nodes one after another until one fails; true if none does.",
             "print(bt.run(bt.sequence(function() return true end)))",
         )
-        .and(NODES),
+        .with_rest(NODES),
         call(
             "bt.fallback",
             &[NODE],
@@ -57,7 +57,7 @@ pub(super) const BT: Namespace = module(
             "Runs nodes one after another until one succeeds; false if none does.",
             "print(bt.run(bt.fallback(function() return true end)))",
         )
-        .and(NODES),
+        .with_rest(NODES),
         call(
             "bt.parallel",
             &[
@@ -76,7 +76,7 @@ pub(super) const BT: Namespace = module(
             "Runs nodes in parallel until enough have succeeded or failed, then halts the others.",
             "print(bt.run(bt.parallel({ succeed = 1 }, function() return true end)))",
         )
-        .and(NODES),
+        .with_rest(NODES),
         call(
             "bt.guard",
             &[
