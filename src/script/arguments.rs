@@ -51,7 +51,7 @@ impl Args {
     }
 
     /// The object on which a method was called.
-    pub(super) fn subject(&self) -> &LuaValue {
+    pub(super) fn receiver(&self) -> &LuaValue {
         self.values.front().unwrap_or(&LuaValue::Nil)
     }
 

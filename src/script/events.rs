@@ -144,7 +144,7 @@ impl Subscription {
     }
 
     /// When the next run may begin, if that is later than `now`.
-    pub(super) fn held_until(&self, now: Instant) -> Option<Instant> {
+    pub(super) fn delayed_until(&self, now: Instant) -> Option<Instant> {
         self.next_run.filter(|at| *at > now)
     }
 }

@@ -32,7 +32,7 @@ pub(super) struct Step {
 
 /// One or more full turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Closed {
+pub(super) struct CompletedTurn {
     /// Radians to the left: the real turn, and the turn estimated so far.
     pub(super) turned: f64,
     pub(super) estimated: f64,
@@ -64,7 +64,12 @@ impl FullTurn {
 
     /// Processes the view after a step; `error` is the error of the heading, in radians. Returns
     /// the turn if it is now a full one.
-    pub(super) fn look(&mut self, skyline: &Skyline, step: Step, error: f64) -> Option<Closed> {
+    pub(super) fn look(
+        &mut self,
+        skyline: &Skyline,
+        step: Step,
+        error: f64,
+    ) -> Option<CompletedTurn> {
         self.turn += step.turn;
         self.commanded += step.commanded;
         self.way += step.way;
@@ -82,14 +87,14 @@ impl FullTurn {
             return None;
         }
         let seen = skyline.turned_since(begin, off, REACH)?;
-        let closed = Closed {
+        let completed = CompletedTurn {
             turned: full + seen,
             estimated: self.turn,
             commanded: self.commanded,
             error: self.error + SAME_VIEW,
         };
-        *self = FullTurn::begin(skyline, closed.error);
-        Some(closed)
+        *self = FullTurn::begin(skyline, completed.error);
+        Some(completed)
     }
 
     fn begin(skyline: &Skyline, error: f64) -> FullTurn {
@@ -127,7 +132,7 @@ pub(super) mod tests {
 
     /// Turns by `whole` radians in 60 steps, estimates each radian as `estimated` radians, and
     /// drives `way` metres with each step.
-    fn closed(whole: f64, estimated: f64, way: f64, seen: bool) -> Option<Closed> {
+    fn completed(whole: f64, estimated: f64, way: f64, seen: bool) -> Option<CompletedTurn> {
         let mut full = FullTurn::default();
         let steps = 60;
         (0..=steps).find_map(|step| {
@@ -145,7 +150,7 @@ pub(super) mod tests {
     #[test]
     fn a_full_turn_is_detected_in_spite_of_a_wrong_estimate() {
         for (whole, estimated) in [(6.4, 1.0), (-6.4, 1.04), (6.5, 0.96)] {
-            let Some(found) = closed(whole, estimated, 0.0, true) else {
+            let Some(found) = completed(whole, estimated, 0.0, true) else {
                 panic!("{whole} {estimated}");
             };
             let turned = found.estimated / estimated;
@@ -156,8 +161,8 @@ pub(super) mod tests {
 
     #[test]
     fn a_partial_turn_and_one_elsewhere_or_unseen_are_not_full_turns() {
-        assert_eq!(closed(5.0, 1.0, 0.0, true), None);
-        assert_eq!(closed(6.4, 1.0, 0.002, true), None);
-        assert_eq!(closed(6.4, 1.0, 0.0, false), None);
+        assert_eq!(completed(5.0, 1.0, 0.0, true), None);
+        assert_eq!(completed(6.4, 1.0, 0.002, true), None);
+        assert_eq!(completed(6.4, 1.0, 0.0, false), None);
     }
 }

@@ -18,6 +18,7 @@ mod api;
 mod arguments;
 mod blockage;
 mod budget;
+mod daily_limits;
 mod declaration;
 mod ending;
 mod eval;
@@ -46,7 +47,6 @@ mod queue;
 mod ramp;
 mod sandbox;
 mod scheduler;
-mod shares;
 mod sighting;
 mod slice;
 mod sound;
@@ -79,6 +79,7 @@ use state::State;
 use task::{Answer, TaskKind};
 
 pub(crate) use budget::{running, set_simulated_wall_factor, stuck, when_stuck};
+pub(crate) use daily_limits::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub(crate) use declaration::{Declaration, param_values};
 pub(crate) use failure::printable;
 pub use failure::{Ending, Failure, SourceLocation};
@@ -92,7 +93,6 @@ pub use params::{GivenParam, ParamOrigin, ParamValue};
 pub(crate) use picture_store::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub use sandbox::MAX_SOURCE;
 pub(crate) use sandbox::{check_source as read_text, compile_error};
-pub(crate) use shares::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub use sighting::{Seen, Sighting};
 pub use stage::{Stage, StageAnswer, StageCall, StageError};
 pub use state::Usage;
@@ -146,12 +146,12 @@ impl Script {
     fn load_with(
         source: &[u8],
         options: Options,
-        surroundings: api::ApiSet,
+        api_set: api::ApiSet,
         now: Instant,
     ) -> Result<Script, Failure> {
         let chunk = options.chunk.clone();
         let text = sandbox::check_source(source, &chunk)?;
-        Script::start(text, options, surroundings, now).map_err(|error| match &error {
+        Script::start(text, options, api_set, now).map_err(|error| match &error {
             mlua::Error::SyntaxError { message, .. } => {
                 Failure::Syntax(failure::printable(message, 1000))
             }
@@ -168,7 +168,7 @@ impl Script {
     fn start(
         source: &str,
         options: Options,
-        surroundings: api::ApiSet,
+        api_set: api::ApiSet,
         now: Instant,
     ) -> LuaResult<Script> {
         let lua = sandbox::open()?;
@@ -177,7 +177,7 @@ impl Script {
         let state = Rc::new(RefCell::new(State::new(options, now)));
         state.borrow_mut().failure_log.source = text;
         sandbox::seed(&lua, seed)?;
-        api::install(&lua, &state, surroundings)?;
+        api::install(&lua, &state, api_set)?;
         let main = lua.create_thread(sandbox::compile(&lua, source, &chunk)?)?;
         let start = Answer::Start(LuaMultiValue::new());
         state

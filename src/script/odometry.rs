@@ -228,12 +228,12 @@ impl Odometry {
             self.picture_delay.note(seen, motion.turns());
         }
         let error = self.pose.heading_error;
-        let closed = self.full_turn.look(skyline, motion.step(correction), error);
+        let completed = self.full_turn.look(skyline, motion.step(correction), error);
         self.correct_turn(correction);
-        if let Some(closed) = closed {
-            self.pose.heading += closed.turned - closed.estimated;
-            self.pose.heading_error = self.pose.heading_error.min(closed.error);
-            self.turn_slip.learn(closed.commanded, closed.turned);
+        if let Some(completed) = completed {
+            self.pose.heading += completed.turned - completed.estimated;
+            self.pose.heading_error = self.pose.heading_error.min(completed.error);
+            self.turn_slip.learn(completed.commanded, completed.turned);
         }
     }
 

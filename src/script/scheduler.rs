@@ -186,7 +186,7 @@ impl State {
         if subscription.busy != Busy::No || !subscription.has_waiting() {
             return;
         }
-        subscription.busy = match subscription.held_until(self.now) {
+        subscription.busy = match subscription.delayed_until(self.now) {
             Some(at) => Busy::Timed(self.tasks.call_handler_at(id, at)),
             None => {
                 self.tasks.call_handler(id);

@@ -12,6 +12,7 @@ use tokio::time::Instant;
 
 use self::known::Known;
 use super::blockage::Blockage;
+use super::daily_limits::DailyLimits;
 use super::declaration::Declaration;
 use super::events::{EventName, Subscriptions};
 use super::failure_log::{FailureLog, LogForm};
@@ -26,7 +27,6 @@ use super::output::{Level, LogLine, OutputQueue};
 use super::params::ParamValue;
 use super::picture_store::PictureStore;
 use super::queue::Tasks;
-use super::shares::Shares;
 use super::sighting::{Seen, Sighting};
 use super::stage::Stage;
 use super::store::Store;
@@ -40,7 +40,7 @@ use crate::vision::Skyline;
 const LEAST_TURN: f64 = 0.02;
 /// How long after the tracks have stopped the pictures may still show a turn, because tracks and
 /// pictures are late.
-const ROLLING_OUT: Duration = Duration::from_millis(500);
+const COASTING_TIME: Duration = Duration::from_millis(500);
 
 /// The resources that a script has used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -83,7 +83,7 @@ pub(super) struct State {
     pub(super) sight: FrameState,
     pub(super) picture_store: PictureStore,
     pub(super) store: Store,
-    pub(super) shares: Shares,
+    pub(super) daily_limits: DailyLimits,
     pub(super) modules: Modules,
     /// The stage of a scenario script.
     pub(super) stage: Option<Rc<dyn Stage>>,
@@ -96,13 +96,13 @@ pub(super) struct State {
     pub(super) usage: Usage,
     pub(super) last_call: u64,
     /// When the robot last moved, whatever the cause.
-    moved: Option<Instant>,
+    last_moved: Option<Instant>,
     /// When there was last a loud sound.
-    loud: Option<Instant>,
+    last_loud: Option<Instant>,
     /// When the robot was last told to make a sound.
-    sounded: Option<Instant>,
+    last_sounded: Option<Instant>,
     /// Events that the script listens to although the config prevents them; each is logged once.
-    pub(super) missed: BTreeSet<EventName>,
+    pub(super) unavailable_events: BTreeSet<EventName>,
 }
 
 impl State {
@@ -115,7 +115,7 @@ impl State {
 
     pub(super) fn new(options: Options, now: Instant) -> State {
         let picture_store = PictureStore::new(options.data_dir.clone(), &options.limits);
-        let shares = Shares::new(&options.limits);
+        let daily_limits = DailyLimits::new(&options.limits);
         let modules = Modules::new(&options.chunk);
         let sight = FrameState::new(&options);
         let odometry = Odometry::new(now, options.calibration);
@@ -136,7 +136,7 @@ impl State {
             sight,
             picture_store,
             store: Store::default(),
-            shares,
+            daily_limits,
             modules,
             stage: None,
             params: Declared::default(),
@@ -146,10 +146,10 @@ impl State {
             can_wait: true,
             usage: Usage::default(),
             last_call: 0,
-            moved: None,
-            loud: None,
-            sounded: None,
-            missed: BTreeSet::new(),
+            last_moved: None,
+            last_loud: None,
+            last_sounded: None,
+            unavailable_events: BTreeSet::new(),
         }
     }
 
@@ -160,7 +160,7 @@ impl State {
             self.blockage.forget();
         }
         if self.motion.is_on() || self.known.moving {
-            self.moved = Some(self.now);
+            self.last_moved = Some(self.now);
         }
         self.note_used_streams();
         self.output.roll_window(self.now);
@@ -169,7 +169,7 @@ impl State {
     /// Whether the robot has moved within the last `time`, whatever the cause.
     pub(super) fn has_moved_within(&self, time: Duration) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < time;
-        self.motion.is_on() || self.known.moving || self.moved.is_some_and(lately)
+        self.motion.is_on() || self.known.moving || self.last_moved.is_some_and(lately)
     }
 
     /// Whether a task can run, or a frame must be examined for the robot's own motion.
@@ -208,7 +208,7 @@ impl State {
         if last.is_some_and(|last| last.most_turn() > LEAST_TURN) {
             self.sight.turned = Some(at);
         }
-        let lately = |turned: Instant| at.saturating_duration_since(turned) < ROLLING_OUT;
+        let lately = |turned: Instant| at.saturating_duration_since(turned) < COASTING_TIME;
         let turns = self.sight.turned.is_some_and(lately);
         if timed.is_none() && !turns {
             return self.odometry.look(at, None);

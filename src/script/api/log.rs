@@ -3,7 +3,7 @@
 use mlua::prelude::LuaValue;
 
 use super::super::output::{Level, LogLine};
-use super::{Answered, Call, Natives, convert, place};
+use super::{Call, NativeResult, Natives, convert, place};
 
 pub(super) const CALLS: &Natives = &[
     ("log.debug", |call| write(call, Level::Debug)),
@@ -18,7 +18,7 @@ pub(super) const PRINT: &Natives = &[("print", |call| write(call, Level::Info))]
 const LOOK_AT: usize = 8 * 1024;
 
 /// `log.info(text, fields)`: the shim has already converted the text with `tostring`.
-fn write(call: &mut Call<'_>, level: Level) -> Answered {
+fn write(call: &mut Call<'_>, level: Level) -> NativeResult {
     let LuaValue::String(text) = call.args.value(0) else {
         return Err(call.args.misuse("the text is missing"));
     };

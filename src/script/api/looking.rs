@@ -12,8 +12,8 @@ use super::super::frame_state::HeldFrame;
 use super::super::sighting::Seen;
 use super::super::state::State;
 use super::colours::Colours;
-use super::frame::subject;
-use super::{Answered, Call, Natives, of_row};
+use super::frame::receiver;
+use super::{Call, NativeResult, Natives, of_row};
 use crate::api::PIXELS;
 use crate::vision::{Blob, BlobOptions, Image, Line, Roi, brightness, find_qrcodes, sharpness};
 
@@ -81,8 +81,8 @@ impl State {
 }
 
 /// `frame:find_blobs(colour, {roi=, invert=, ...})`
-fn blobs(call: &mut Call<'_>) -> Answered {
-    let held = subject(call)?;
+fn blobs(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
     let colours = Colours::of(call, call.args.value(0))?;
     let options = blob_options(call)?;
     let blobs = call.state.find_blobs(&held, &colours, &options);
@@ -184,8 +184,8 @@ pub(super) fn blob_table(lua: &Lua, blob: &Blob, names: &[Option<String>]) -> Lu
 }
 
 /// `frame:find_line(colour, {roi=})`: `{offset, angle, strength}`, or nil.
-fn line(call: &mut Call<'_>) -> Answered {
-    let held = subject(call)?;
+fn line(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
     let colours = Colours::of(call, call.args.value(0))?;
     let part: Option<Roi> = call.args.options(1)?.get("roi")?;
     let line = call.state.find_line(&held, &colours, part);
@@ -222,8 +222,8 @@ fn line_mark((line, part): (Line, Roi)) -> Seen {
 }
 
 /// `frame:find_qrcodes()`: a list of `{text, corners}`.
-fn qrcodes(call: &mut Call<'_>) -> Answered {
-    let held = subject(call)?;
+fn qrcodes(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
     let codes = call
         .state
         .image(&held)
@@ -247,8 +247,8 @@ fn qrcodes(call: &mut Call<'_>) -> Answered {
 }
 
 /// `frame:brightness(roi)` and `frame:sharpness(roi)`
-fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> Answered {
-    let held = subject(call)?;
+fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> NativeResult {
+    let held = receiver(call)?;
     let part = call.args.get(0)?;
     let figure = call
         .state
@@ -258,8 +258,8 @@ fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> Answe
 }
 
 /// `frame:get_pixel(x, y)`: `r, g, b`, or nil outside the picture.
-fn pixel(call: &mut Call<'_>) -> Answered {
-    let held = subject(call)?;
+fn pixel(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
     let (x, y): (f64, f64) = (call.args.get(0)?, call.args.get(1)?);
     let (x, y) = (x.floor(), y.floor());
     if x < 0.0 || y < 0.0 {

@@ -74,14 +74,14 @@ enum Reply {
     Wait,
 }
 
-type Answered = Result<Reply, Refusal>;
-type Native = fn(&mut Call<'_>) -> Answered;
+type NativeResult = Result<Reply, Refusal>;
+type Native = fn(&mut Call<'_>) -> NativeResult;
 /// Native functions by the paths of their rows.
 type Natives = [(&'static str, Native)];
 
 impl Call<'_> {
     /// Answers with values.
-    fn reply(&self, values: impl IntoLuaMulti) -> Answered {
+    fn reply(&self, values: impl IntoLuaMulti) -> NativeResult {
         Ok(Reply::Values(values.into_lua_multi(self.lua)?))
     }
 
@@ -111,7 +111,7 @@ impl Call<'_> {
     }
 
     /// Waits, at most for `time`. Only after [`Call::may_wait`].
-    fn wait(&mut self, wait: Wait, time: Option<Duration>) -> Answered {
+    fn wait(&mut self, wait: Wait, time: Option<Duration>) -> NativeResult {
         if let Some(id) = self.state.tasks.current {
             let deadline = time.map(|time| self.state.now + time.max(SHORTEST_WAIT));
             self.state.tasks.wait(id, wait, deadline);
@@ -120,21 +120,21 @@ impl Call<'_> {
     }
 
     /// The object that a method was called on.
-    fn subject<T: 'static>(&self) -> Result<LuaUserDataRef<T>, Refusal> {
-        let object = self.args.subject().as_userdata();
+    fn receiver<T: 'static>(&self) -> Result<LuaUserDataRef<T>, Refusal> {
+        let object = self.args.receiver().as_userdata();
         let object = object.and_then(|object| object.borrow().ok());
-        object.ok_or_else(|| self.no_subject())
+        object.ok_or_else(|| self.no_receiver())
     }
 
     /// The object that a method was called on, mutably.
-    fn subject_mut<T: 'static>(&self) -> Result<LuaUserDataRefMut<T>, Refusal> {
-        let object = self.args.subject().as_userdata();
+    fn receiver_mut<T: 'static>(&self) -> Result<LuaUserDataRefMut<T>, Refusal> {
+        let object = self.args.receiver().as_userdata();
         let object = object.and_then(|object| object.borrow_mut().ok());
-        object.ok_or_else(|| self.no_subject())
+        object.ok_or_else(|| self.no_receiver())
     }
 
     /// The error for a method that was not called on its object.
-    fn no_subject(&self) -> Refusal {
+    fn no_receiver(&self) -> Refusal {
         let function = self.args.function;
         let (what, key) = (function.owner().to_lowercase(), function.key());
         let words = format!("call it on a {what} with a colon, like {what}:{key}()");
@@ -183,7 +183,7 @@ pub(super) enum ApiSet {
 }
 
 /// Builds the API of one VM and closes it.
-pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: ApiSet) -> LuaResult<()> {
+pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<()> {
     let prelude = Prelude::run(lua, place_function(lua)?)?;
     let builder = Builder {
         lua,
@@ -198,7 +198,7 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: ApiSet) -> LuaRe
         ("clock", builder.namespace("clock", &[clock::CALLS])?),
         ("task", tasks::namespace(&builder)?),
     ];
-    if let ApiSet::Robot = surroundings {
+    if let ApiSet::Robot = api_set {
         tables.extend([
             ("robot", robot::namespace(&builder)?),
             ("vision", builder.namespace("vision", &[vision::CALLS])?),
@@ -214,8 +214,8 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: ApiSet) -> LuaRe
     for (name, table) in tables {
         builder.close(name, table)?;
     }
-    if let ApiSet::Stage(asked) = surroundings {
-        shared.borrow_mut().stage = Some(asked);
+    if let ApiSet::Stage(stage) = api_set {
+        shared.borrow_mut().stage = Some(stage);
         stage::install(&builder)?;
     }
     globals(&builder)?;

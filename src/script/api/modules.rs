@@ -10,7 +10,7 @@ use super::super::ids::ModuleId;
 use super::super::modules::{ModuleFile, ModuleName, NoModule, Progress, Target, resolve};
 use super::super::sandbox;
 use super::super::task::{Answer, Cancel, TaskId, Wait};
-use super::{Answered, Builder, Call, Natives};
+use super::{Builder, Call, NativeResult, Natives};
 use crate::api::{self, Function, Namespace};
 
 /// The first half of `require`; the other half is in the prelude.
@@ -20,7 +20,7 @@ pub(super) const REQUIRE: &Natives = &[("require", open)];
 pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
     let row = api::function("require").ok_or_else(|| LuaError::runtime("no require"))?;
     let open: LuaFunction = globals.raw_get("require")?;
-    let done = builder.under("plain", row, done)?;
+    let done = builder.function_with_shim("plain", row, done)?;
     let nearest = builder.lua.create_function(|_, (owner, key, table)| {
         let (owner, key, table): (String, LuaValue, LuaTable) = (owner, key, table);
         let key = match &key {
@@ -101,7 +101,7 @@ fn from(call: &Call<'_>) -> ModuleId {
 
 /// The first half of `require(path)`. Returns `"loaded", key`; `"run", key, function`; `"failed",
 /// text`; or `"again"` after a wait.
-fn open(call: &mut Call<'_>) -> Answered {
+fn open(call: &mut Call<'_>) -> NativeResult {
     let LuaValue::String(path) = call.args.value(0) else {
         let words = "the path must be a text, such as require(\"./lib/pid\")";
         return Err(call.args.misuse(words));
@@ -171,7 +171,7 @@ fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
 }
 
 /// Tells the prelude what to do next.
-fn next_step(call: &mut Call<'_>, id: ModuleId, task: TaskId) -> Answered {
+fn next_step(call: &mut Call<'_>, id: ModuleId, task: TaskId) -> NativeResult {
     let key = call.state.modules.key(id).to_owned();
     match call.state.modules.progress(id) {
         Progress::Loaded => call.reply(("loaded", key)),
@@ -198,14 +198,14 @@ fn run(
     key: String,
     task: TaskId,
     function: LuaFunction,
-) -> Answered {
+) -> NativeResult {
     let running = Progress::Running(task, function.clone());
     call.state.modules.set(id, running);
     call.reply(("run", key, function))
 }
 
 /// `done(key, failed)`: the file has run, or failed with this text.
-fn done(call: &mut Call<'_>) -> Answered {
+fn done(call: &mut Call<'_>) -> NativeResult {
     let LuaValue::String(key) = call.args.value(0) else {
         return call.reply(());
     };

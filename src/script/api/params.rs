@@ -12,7 +12,7 @@ use super::super::failure::printable;
 use super::super::nearest::suggestion;
 use super::super::params::ParamValue;
 use super::super::state::State;
-use super::{Answered, Builder, Call, Natives, describe};
+use super::{Builder, Call, NativeResult, Natives, describe};
 use crate::api::Type;
 
 const CALLS: &Natives = &[("params.declare", declare)];
@@ -36,7 +36,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
 
 /// `params.declare{ speed = {default=40, min=10, max=100, unit="%", doc="..."} }` returns the
 /// values.
-fn declare(call: &mut Call<'_>) -> Answered {
+fn declare(call: &mut Call<'_>) -> NativeResult {
     if call.state.params.names.is_some() {
         let words = "it was called before; declare all parameters in one call";
         return Err(call.args.misuse(words));
@@ -161,8 +161,8 @@ fn declarations(
             let words = format!("{name} must be a table, such as {{default = 40}}");
             return Err(call.args.misuse(&words));
         };
-        let one = One { call, name: &name };
-        let declaration = one.read(&about)?;
+        let reader = ParamReader { call, name: &name };
+        let declaration = reader.read(&about)?;
         declared.insert(name, declaration);
     }
     Ok(declared)
@@ -195,12 +195,12 @@ fn is_name(text: &str) -> bool {
 }
 
 /// The table of one parameter, while it is read.
-struct One<'a> {
+struct ParamReader<'a> {
     call: &'a Call<'a>,
     name: &'a str,
 }
 
-impl One<'_> {
+impl ParamReader<'_> {
     fn wrong(&self, words: &str) -> Refusal {
         self.call.args.misuse(&format!("{}: {words}", self.name))
     }

@@ -12,7 +12,7 @@ use super::super::sighting::Seen;
 use super::colours::{self, ColourObject, Colours};
 use super::frame;
 use super::looking::{blob_table, mark};
-use super::{Answered, Builder, Call, Natives, of_row};
+use super::{Builder, Call, NativeResult, Natives, of_row};
 use crate::vision::{
     BlobOptions, Image, MotionDetector, MotionOptions, Track, Tracker, TrackerOptions, learn,
 };
@@ -83,7 +83,7 @@ fn count(call: &Call<'_>) -> Result<Counted, Refusal> {
 }
 
 /// `vision.tracker{colour=, min_age=3, max_lost=5, max_jump=80}`
-fn tracker(call: &mut Call<'_>) -> Answered {
+fn tracker(call: &mut Call<'_>) -> NativeResult {
     let table = call.args.options(0)?;
     let colours = Colours::of(call, &table.value("colour")?)?;
     let options = TrackerOptions {
@@ -105,12 +105,12 @@ fn with_tracker<R>(
     call: &mut Call<'_>,
     work: impl FnOnce(&mut Call<'_>, &mut TrackerObject) -> Result<R, Refusal>,
 ) -> Result<R, Refusal> {
-    let mut object = call.subject_mut::<TrackerObject>()?;
+    let mut object = call.receiver_mut::<TrackerObject>()?;
     work(call, &mut object)
 }
 
 /// `Tracker:update(frame)`: a list of blobs with `id, age, lost, vx, vy`.
-fn track(call: &mut Call<'_>) -> Answered {
+fn track(call: &mut Call<'_>) -> NativeResult {
     let held: Rc<HeldFrame> = call.args.get(0)?;
     with_tracker(call, |call, object| {
         let blobs = call
@@ -154,7 +154,7 @@ fn track_table(lua: &Lua, track: &Track, colours: &Colours) -> LuaResult<LuaTabl
 }
 
 /// `Tracker:best()`: the one to follow, or nil.
-fn best(call: &mut Call<'_>) -> Answered {
+fn best(call: &mut Call<'_>) -> NativeResult {
     with_tracker(call, |call, object| match object.tracker.best() {
         Some(track) => {
             let table = track_table(call.lua, track, &object.colours)?;
@@ -165,7 +165,7 @@ fn best(call: &mut Call<'_>) -> Answered {
 }
 
 /// `Tracker:reset()`
-fn reset(call: &mut Call<'_>) -> Answered {
+fn reset(call: &mut Call<'_>) -> NativeResult {
     with_tracker(call, |call, object| {
         object.tracker.reset();
         call.reply(())
@@ -173,7 +173,7 @@ fn reset(call: &mut Call<'_>) -> Answered {
 }
 
 /// `vision.motion{threshold=15, min_pixels=150}`
-fn detector(call: &mut Call<'_>) -> Answered {
+fn detector(call: &mut Call<'_>) -> NativeResult {
     let table = call.args.options(0)?;
     let options = MotionOptions {
         // The bounds of the row keep it at most 255.
@@ -190,9 +190,9 @@ fn detector(call: &mut Call<'_>) -> Answered {
 
 /// `Detector:update(frame)`: `{score, pixels, blobs}`, or `nil, "moving"` while anything
 /// moves the robot, and for a while after.
-fn detect(call: &mut Call<'_>) -> Answered {
+fn detect(call: &mut Call<'_>) -> NativeResult {
     let held: Rc<HeldFrame> = call.args.get(0)?;
-    let mut object = call.subject_mut::<DetectorObject>()?;
+    let mut object = call.receiver_mut::<DetectorObject>()?;
     if call.state.has_moved_within(SETTLING) {
         object.detector.reset();
         return call.reply((LuaValue::Nil, "moving"));
@@ -228,7 +228,7 @@ fn motion_table(
 }
 
 /// `vision.learn(frames, roi)`: a colour and `{quality}`; or nil and the reason.
-fn learn_colour(call: &mut Call<'_>) -> Answered {
+fn learn_colour(call: &mut Call<'_>) -> NativeResult {
     let frames = learn_frames(call)?;
     let part = call.args.get(1)?;
     let mut images = Vec::new();

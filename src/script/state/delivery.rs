@@ -83,10 +83,10 @@ impl State {
     fn deliver(&mut self, event: Event) {
         self.known.note(&event, self.now);
         if shows_motion(&event) {
-            self.moved = Some(self.now);
+            self.last_moved = Some(self.now);
         }
         if event == Event::Sounding {
-            self.sounded = Some(self.now);
+            self.last_sounded = Some(self.now);
         }
         match event {
             Event::MotionEnded { motion, end } => {
@@ -172,14 +172,14 @@ impl State {
     /// Records a loud sound; returns whether it was quiet before. So a bell is one noise, however
     /// long it rings, together with the motors that a script starts because of it.
     pub(super) fn becomes_loud(&mut self) -> bool {
-        let before = self.loud.replace(self.now);
+        let before = self.last_loud.replace(self.now);
         before.is_none_or(|at| self.now.saturating_duration_since(at) >= QUIET)
     }
 
     /// Whether a sound may come from the robot's own motors or loudspeaker.
     pub(super) fn may_hear_itself(&self) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < SOUND;
-        self.has_moved_within(MOTOR) || self.sounded.is_some_and(lately)
+        self.has_moved_within(MOTOR) || self.last_sounded.is_some_and(lately)
     }
 
     /// Whether a handler listens to this event or a task waits for it.
