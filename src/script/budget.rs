@@ -257,7 +257,7 @@ fn processor_time() -> Duration {
 
 /// The cost of a slice.
 #[derive(Debug, Default)]
-pub(super) struct Spent {
+pub(super) struct SliceCost {
     /// By the wall clock.
     pub(super) wall: Duration,
     /// Over the budget.
@@ -284,7 +284,7 @@ pub(super) fn begin(limit: Duration, script: &str) {
 }
 
 /// Ends the slice of this thread.
-pub(super) fn end() -> Spent {
+pub(super) fn end() -> SliceCost {
     let flag = match SLOT.take() {
         Some(slot) => {
             slot.check_at.store(0, Ordering::Release);
@@ -293,7 +293,7 @@ pub(super) fn end() -> Spent {
         None => WITHIN_BUDGET,
     };
     let running = RUNNING.with_borrow_mut(Option::take);
-    running.map_or_else(Spent::default, |running| Spent {
+    running.map_or_else(SliceCost::default, |running| SliceCost {
         wall: running.began.elapsed(),
         over: flag == OVER_BUDGET || running.is_over(),
         place: running.place,

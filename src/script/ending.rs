@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::failure::Ending;
 use super::life::{Life, Stopping};
-use super::output::{Level, Mark};
+use super::output::{Level, QueuePosition};
 use super::state::State;
 use super::task::Wait;
 use crate::robot::{EndReason, Intent, MotionId};
@@ -17,7 +17,7 @@ const STOP_TIME: Duration = Duration::from_millis(500);
 /// The state before a slice, to undo the slice if the script is killed in it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SliceStart {
-    mark: Mark,
+    output: QueuePosition,
     motion: Option<MotionId>,
 }
 
@@ -33,7 +33,7 @@ impl State {
     /// Records the state before a slice.
     pub(super) fn slice_start(&self) -> SliceStart {
         SliceStart {
-            mark: self.output.mark(),
+            output: self.output.position(),
             motion: self.motion.current(),
         }
     }
@@ -104,7 +104,7 @@ impl State {
             }
             Life::Ended(_) => return,
         };
-        self.output.withdraw_since(before.mark);
+        self.output.withdraw_since(before.output);
         let _ = self.motion.release_any();
         if let Some(motion) = before.motion {
             self.output.send(Intent::Release { motion });

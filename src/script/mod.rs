@@ -140,7 +140,7 @@ impl Script {
 
     /// Loads a scenario script with an empty source and a stage that refuses every call.
     pub(crate) fn on_empty_stage(options: Options, now: Instant) -> Result<Script, Failure> {
-        Script::on_stage(b"", options, Rc::new(Empty), now)
+        Script::on_stage(b"", options, Rc::new(RefusingStage), now)
     }
 
     fn load_with(
@@ -332,9 +332,9 @@ impl Script {
 }
 
 /// A stage that refuses every call; enough to list the names that scripts can use.
-struct Empty;
+struct RefusingStage;
 
-impl Stage for Empty {
+impl Stage for RefusingStage {
     fn answer(&self, call: StageCall<'_>) -> StageAnswer {
         Err(format!("{} is not possible here", call.name).into())
     }

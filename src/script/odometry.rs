@@ -24,9 +24,9 @@ use crate::robot::Setpoint;
 use crate::vision::{Drive, Skyline};
 
 /// Slip of the tracks on an unknown floor, in metres per metre.
-const SLIP_OF_WAY: f64 = 0.1;
+const DISTANCE_SLIP: f64 = 0.1;
 /// Turn rate in radians per second that is assumed while something else drives the robot.
-const OTHERS_TURN: f64 = 2.0;
+const FOREIGN_TURN_RATE: f64 = 2.0;
 /// Motion that is not the script's counts only from this long after the script's own motion,
 /// because the report that its own motion has ended arrives as late as this.
 const GRACE: Duration = Duration::from_millis(300);
@@ -156,7 +156,8 @@ impl Odometry {
                 self.full_turn.forget();
                 let seconds = time.as_secs_f64();
                 self.pose.error += self.calibration.full_speed * seconds;
-                self.pose.worsen_heading(OTHERS_TURN * seconds);
+                self.pose
+                    .increase_heading_error(FOREIGN_TURN_RATE * seconds);
             }
         }
         self.at = end;
@@ -174,7 +175,7 @@ impl Odometry {
             let turn = self.turn_slip.share() * commanded;
             self.pose = self.pose.after(way, turn);
             self.pose
-                .worsen_heading(self.turn_slip.deviation() * turn.abs() + VEER * way.abs());
+                .increase_heading_error(self.turn_slip.deviation() * turn.abs() + VEER * way.abs());
             self.turn_slip.increase_uncertainty(turn.abs());
             let end = self.at + Duration::from_secs_f64(past.min(whole));
             self.travel.add(end, commanded, turn, way);
@@ -271,11 +272,11 @@ impl Pose {
         self.x += chord * along.cos();
         self.y += chord * along.sin();
         self.heading += turn;
-        self.error += way.abs() * (SLIP_OF_WAY + self.heading_error.min(1.0));
+        self.error += way.abs() * (DISTANCE_SLIP + self.heading_error.min(1.0));
         self
     }
 
-    fn worsen_heading(&mut self, by: f64) {
+    fn increase_heading_error(&mut self, by: f64) {
         self.heading_error = (self.heading_error + by).min(PI);
     }
 }

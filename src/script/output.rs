@@ -111,7 +111,7 @@ pub(super) struct OutputQueue {
 
 /// The length of the queue when a slice began.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Mark(usize);
+pub(super) struct QueuePosition(usize);
 
 impl OutputQueue {
     pub(super) fn new(now: Instant) -> OutputQueue {
@@ -204,13 +204,13 @@ impl OutputQueue {
         }
     }
 
-    pub(super) fn mark(&self) -> Mark {
-        Mark(self.waiting.len())
+    pub(super) fn position(&self) -> QueuePosition {
+        QueuePosition(self.waiting.len())
     }
 
-    /// Removes the output since `mark`, except log lines, parameters and saved pictures: those have
-    /// already happened.
-    pub(super) fn withdraw_since(&mut self, mark: Mark) {
+    /// Removes the output since `position`, except log lines, parameters and saved pictures: those
+    /// have already happened.
+    pub(super) fn withdraw_since(&mut self, position: QueuePosition) {
         let mut index = 0;
         self.waiting.retain(|output| {
             index += 1;
@@ -218,7 +218,7 @@ impl OutputQueue {
                 output,
                 Output::Log(_) | Output::Params(_) | Output::Remark(Remark::Picture { .. })
             );
-            index <= mark.0 || happened
+            index <= position.0 || happened
         });
     }
 

@@ -217,7 +217,7 @@ impl State {
     }
 
     /// Logs the error of a cancelled task, unless it is the cancellation's own error.
-    pub(super) fn clean_up_failed(&mut self, text: &str) {
+    pub(super) fn log_clean_up_failure(&mut self, text: &str) {
         if !text.ends_with(CANCELLED) {
             self.log(Level::Warn, &format!("while cleaning up: {text}"));
         }

@@ -5,7 +5,7 @@ use mlua::thread::ThreadStatus;
 
 use super::Script;
 use super::api::resume_values;
-use super::budget::{self, Spent};
+use super::budget::{self, SliceCost};
 use super::declaration::no_declaration_error;
 use super::ending::SliceStart;
 use super::events::Busy;
@@ -38,7 +38,7 @@ impl Script {
             },
         };
         if let Err(error) = result {
-            self.machine_failed(&error, before);
+            self.vm_failed(&error, before);
         }
     }
 
@@ -72,8 +72,8 @@ impl Script {
             return Ok(());
         };
         let values = resume_values(&self.lua, answer)?;
-        let (slice, spent) = self.resume(id, &thread, values);
-        self.account(&spent);
+        let (slice, cost) = self.resume(id, &thread, values);
+        self.account(&cost);
         if self.state.borrow().exit.broken {
             self.broken(before);
             return Ok(());
@@ -83,8 +83,8 @@ impl Script {
             state.kill(EndReason::Error, Some(words), before);
             return Ok(());
         }
-        if spent.over {
-            self.over_budget(spent, before);
+        if cost.over {
+            self.over_budget(cost, before);
             return Ok(());
         }
         match slice {
@@ -113,7 +113,12 @@ impl Script {
     }
 
     /// Resumes a coroutine until it waits or ends.
-    fn resume(&mut self, id: TaskId, thread: &LuaThread, values: LuaMultiValue) -> (Slice, Spent) {
+    fn resume(
+        &mut self,
+        id: TaskId,
+        thread: &LuaThread,
+        values: LuaMultiValue,
+    ) -> (Slice, SliceCost) {
         {
             let mut state = self.state.borrow_mut();
             state.tasks.current = Some(id);
@@ -130,7 +135,7 @@ impl Script {
             // line.
             result = thread.resume::<LuaMultiValue>(sandbox::mark());
         }
-        let spent = budget::end();
+        let cost = budget::end();
         self.state.borrow_mut().tasks.current = None;
         let slice = match result {
             Ok(_) if thread.status() == ThreadStatus::Resumable => Slice::Waits,
@@ -140,7 +145,7 @@ impl Script {
                 VmError::Text(text) => Slice::Over(self.failed(id, text)),
             },
         };
-        (slice, spent)
+        (slice, cost)
     }
 
     fn done(&self, id: TaskId, values: LuaMultiValue) -> Outcome {
@@ -154,7 +159,7 @@ impl Script {
         if self.cancel_of(id) == Cancel::No {
             return Outcome::Failed(text);
         }
-        self.state.borrow_mut().clean_up_failed(&text);
+        self.state.borrow_mut().log_clean_up_failure(&text);
         Outcome::Cancelled
     }
 
@@ -163,11 +168,11 @@ impl Script {
         state.tasks.get(id).map_or(Cancel::No, |task| task.cancel)
     }
 
-    fn account(&self, spent: &Spent) {
+    fn account(&self, cost: &SliceCost) {
         let mut state = self.state.borrow_mut();
-        state.usage.cpu += spent.wall;
-        state.usage.worst_callback = state.usage.worst_callback.max(spent.wall);
-        state.spend(spent.wall);
+        state.usage.cpu += cost.wall;
+        state.usage.worst_callback = state.usage.worst_callback.max(cost.wall);
+        state.spend(cost.wall);
     }
 
     /// Begins to stop the script if the slice has called `script.stop`; how the slice ended does
@@ -204,10 +209,10 @@ impl Script {
         state.kill(EndReason::Error, Some(text.to_owned()), before);
     }
 
-    fn over_budget(&self, spent: Spent, before: SliceStart) {
+    fn over_budget(&self, cost: SliceCost, before: SliceStart) {
         let mut state = self.state.borrow_mut();
         let limit = state.options.limits.callback_budget_ms;
-        let place = match spent.place {
+        let place = match cost.place {
             Some(place) => place.to_string(),
             None => state.options.chunk.clone(),
         };
@@ -228,7 +233,7 @@ impl Script {
     }
 
     /// Kills the script because the VM failed outside the script's own lines.
-    fn machine_failed(&self, error: &mlua::Error, before: SliceStart) {
+    fn vm_failed(&self, error: &mlua::Error, before: SliceStart) {
         match VmError::of(error) {
             VmError::Memory => self.out_of_memory(before),
             VmError::Text(text) => {

@@ -1,7 +1,7 @@
 //! The state that a script's native functions and its scheduler share.
 
 mod delivery;
-mod known;
+mod robot_state;
 mod streams;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use self::known::Known;
+use self::robot_state::RobotState;
 use super::blockage::Blockage;
 use super::daily_limits::DailyLimits;
 use super::declaration::Declaration;
@@ -75,7 +75,7 @@ pub(super) struct State {
     pub(super) tasks: Tasks,
     pub(super) groups: BTreeMap<GroupId, Group>,
     pub(super) subscriptions: Subscriptions,
-    pub(super) known: Known,
+    pub(super) robot: RobotState,
     pub(super) motion: Motion,
     pub(super) odometry: Odometry,
     pub(super) blockage: Blockage,
@@ -128,7 +128,7 @@ impl State {
             tasks: Tasks::default(),
             groups: BTreeMap::new(),
             subscriptions: BTreeMap::new(),
-            known: Known::default(),
+            robot: RobotState::default(),
             motion: Motion::default(),
             odometry,
             blockage: Blockage::default(),
@@ -159,7 +159,7 @@ impl State {
         if self.odometry.advance(self.now, self.driver()) {
             self.blockage.forget();
         }
-        if self.motion.is_on() || self.known.moving {
+        if self.motion.is_on() || self.robot.moving {
             self.last_moved = Some(self.now);
         }
         self.note_used_streams();
@@ -169,7 +169,7 @@ impl State {
     /// Whether the robot has moved within the last `time`, whatever the cause.
     pub(super) fn has_moved_within(&self, time: Duration) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < time;
-        self.motion.is_on() || self.known.moving || self.last_moved.is_some_and(lately)
+        self.motion.is_on() || self.robot.moving || self.last_moved.is_some_and(lately)
     }
 
     /// Whether a task can run, or a frame must be examined for the robot's own motion.
@@ -183,7 +183,7 @@ impl State {
             Some(setpoint) if !setpoint.is_stop() => {
                 Driver::Script(drive_of(setpoint, self.options.calibration))
             }
-            _ if self.known.moving => Driver::Other,
+            _ if self.robot.moving => Driver::Other,
             _ => Driver::None,
         }
     }

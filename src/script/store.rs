@@ -17,7 +17,7 @@ const FILE_OVERHEAD: usize = 4;
 #[error(
     "the store is full: it may hold 1 MiB (1048576 bytes), and would hold {wanted}; delete what is not needed any more"
 )]
-pub(super) struct Full {
+pub(super) struct StoreFull {
     wanted: usize,
 }
 
@@ -46,7 +46,7 @@ impl Store {
     }
 
     /// Stores a JSON text.
-    pub(super) fn set(&mut self, key: String, json: String) -> Result<(), Full> {
+    pub(super) fn set(&mut self, key: String, json: String) -> Result<(), StoreFull> {
         let before = self.values.get(&key);
         if before.is_some_and(|before| before.get() == json) {
             return Ok(());
@@ -54,7 +54,7 @@ impl Store {
         let before = before.map_or(0, |value| cost(&key, value.get()));
         let after = self.bytes - before + cost(&key, &json);
         if after + FILE_OVERHEAD > QUOTA {
-            return Err(Full {
+            return Err(StoreFull {
                 wanted: after + FILE_OVERHEAD,
             });
         }

@@ -59,7 +59,7 @@ impl Tracks {
 fn move_tracks(call: &mut Call<'_>) -> NativeResult {
     let (left, right) = (call.args.get(0)?, call.args.get(1)?);
     let time = call.args.get(2)?;
-    go(call, Setpoint::from_percent(left, right), time)
+    start_motion(call, Setpoint::from_percent(left, right), time)
 }
 
 /// `robot.drive(linear, angular [, seconds])`
@@ -68,7 +68,7 @@ fn drive(call: &mut Call<'_>) -> NativeResult {
     let time = call.args.get(2)?;
     let calibration = call.state.options.calibration;
     let (setpoint, _) = Tracks::of(linear, angular, calibration).setpoint(calibration);
-    go(call, setpoint, time)
+    start_motion(call, setpoint, time)
 }
 
 /// `robot.forward(metres [, speed])`
@@ -104,11 +104,15 @@ fn travel(call: &mut Call<'_>, way: f64, tracks: Tracks, speed: f64) -> NativeRe
     if seconds <= 0.0 {
         return call.reply((true, MotionEnd::Done.name()));
     }
-    go(call, setpoint, Some(Duration::from_secs_f64(seconds)))
+    start_motion(call, setpoint, Some(Duration::from_secs_f64(seconds)))
 }
 
 /// Sets the setpoint of the tracks; waits for the end if there is a time.
-fn go(call: &mut Call<'_>, setpoint: Option<Setpoint>, time: Option<Duration>) -> NativeResult {
+fn start_motion(
+    call: &mut Call<'_>,
+    setpoint: Option<Setpoint>,
+    time: Option<Duration>,
+) -> NativeResult {
     let Some(setpoint) = setpoint else {
         return Err(call.args.misuse("the speeds are not numbers"));
     };

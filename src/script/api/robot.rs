@@ -20,9 +20,9 @@ const CALLS: &Natives = &[
     ("robot.say", say),
     ("robot.stream", stream),
     ("robot.battery", battery),
-    ("robot.docked", |call| call.reply(call.state.known.docked)),
+    ("robot.docked", |call| call.reply(call.state.robot.docked)),
     ("robot.connected", |call| {
-        call.reply(call.state.known.connected)
+        call.reply(call.state.robot.connected)
     }),
     ("robot.info", info),
 ];
@@ -148,7 +148,7 @@ fn stream(call: &mut Call<'_>) -> NativeResult {
 
 /// `robot.battery()`: nil before the first report.
 fn battery(call: &mut Call<'_>) -> NativeResult {
-    let Some((battery, at)) = call.state.known.battery else {
+    let Some((battery, at)) = call.state.robot.battery else {
         return call.reply(LuaValue::Nil);
     };
     let age: Duration = call.state.now.saturating_duration_since(at);
@@ -158,7 +158,7 @@ fn battery(call: &mut Call<'_>) -> NativeResult {
 
 /// `robot.info()`: nil before the first connection.
 fn info(call: &mut Call<'_>) -> NativeResult {
-    let Some(info) = &call.state.known.info else {
+    let Some(info) = &call.state.robot.info else {
         return call.reply(LuaValue::Nil);
     };
     let table = call.lua.create_table_with_capacity(0, 5)?;

@@ -42,9 +42,9 @@ const MAX_LEARN_FRAMES: usize = 16;
 const SETTLING: Duration = Duration::from_secs(1);
 
 /// Counts an object until it is dropped.
-struct Counted(Rc<Cell<u32>>);
+struct CountGuard(Rc<Cell<u32>>);
 
-impl Drop for Counted {
+impl Drop for CountGuard {
     fn drop(&mut self) {
         self.0.set(self.0.get().saturating_sub(1));
     }
@@ -53,12 +53,12 @@ impl Drop for Counted {
 struct TrackerObject {
     tracker: Tracker,
     colours: Colours,
-    _counted: Counted,
+    _count_guard: CountGuard,
 }
 
 struct DetectorObject {
     detector: MotionDetector,
-    _counted: Counted,
+    _count_guard: CountGuard,
 }
 
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
@@ -68,7 +68,7 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
 }
 
 /// Counts one more tracker or detector; collects garbage first if there are too many.
-fn count(call: &Call<'_>) -> Result<Counted, Refusal> {
+fn count(call: &Call<'_>) -> Result<CountGuard, Refusal> {
     let watchers = &call.state.sight.watchers;
     if watchers.get() >= MAX_WATCHERS {
         call.lua.gc_collect()?;
@@ -79,7 +79,7 @@ fn count(call: &Call<'_>) -> Result<Counted, Refusal> {
         )));
     }
     watchers.set(watchers.get() + 1);
-    Ok(Counted(Rc::clone(watchers)))
+    Ok(CountGuard(Rc::clone(watchers)))
 }
 
 /// `vision.tracker{colour=, min_age=3, max_lost=5, max_jump=80}`
@@ -94,7 +94,7 @@ fn tracker(call: &mut Call<'_>) -> NativeResult {
     let object = TrackerObject {
         tracker: Tracker::new(options, call.state.options.camera),
         colours,
-        _counted: count(call)?,
+        _count_guard: count(call)?,
     };
     let object = call.lua.create_any_userdata(object)?;
     call.reply(object)
@@ -182,7 +182,7 @@ fn detector(call: &mut Call<'_>) -> NativeResult {
     };
     let object = DetectorObject {
         detector: MotionDetector::new(options, call.state.options.camera),
-        _counted: count(call)?,
+        _count_guard: count(call)?,
     };
     let object = call.lua.create_any_userdata(object)?;
     call.reply(object)

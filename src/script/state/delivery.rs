@@ -7,7 +7,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::State;
-use super::known::shows_motion;
+use super::robot_state::shows_motion;
 use crate::robot::{Event, Frame};
 use crate::script::Script;
 use crate::script::events::{EventName, Loan, Payload};
@@ -81,7 +81,7 @@ impl Script {
 impl State {
     /// Records an event and passes it on.
     fn deliver(&mut self, event: Event) {
-        self.known.note(&event, self.now);
+        self.robot.note(&event, self.now);
         if shows_motion(&event) {
             self.last_moved = Some(self.now);
         }
