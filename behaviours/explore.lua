@@ -19,7 +19,7 @@ local PATIENCE = 1.5 -- seconds of driving without a change of the picture
 local away -- the side to which it is turning away: 1 left, -1 right; nil while it drives
 local turned_since
 local near = floor.memory()
-local looked_like -- the texture of the floor at its last change
+local last_texture -- the texture of the floor at its last change
 local changed_at = task.now()
 
 -- Returns the turning to where there is more room, but not towards an obstacle beside the robot.
@@ -47,9 +47,9 @@ local function steer(free)
 end
 
 local function stuck(frame)
-	local looks = floor.texture(frame)
-	if not looked_like or away or floor.differs(looks, looked_like) then
-		looked_like, changed_at = looks, task.now()
+	local texture = floor.texture(frame)
+	if not last_texture or away or floor.differs(texture, last_texture) then
+		last_texture, changed_at = texture, task.now()
 	end
 	return task.now() - changed_at > PATIENCE
 end
@@ -58,7 +58,7 @@ local function back_off()
 	log.info("something holds me: I back off")
 	robot.forward(-0.2)
 	robot.turn(math.rad(math.random(60, 120)) * (if math.random() < 0.5 then 1 else -1))
-	looked_like, away = nil, nil
+	last_texture, away = nil, nil
 end
 
 -- Waits on the station until the battery is full enough, then leaves it and turns away from it.
@@ -70,7 +70,7 @@ local function rest()
 	if robot.undock() then
 		robot.turn(math.pi)
 	end
-	looked_like, away = nil, nil
+	last_texture, away = nil, nil
 end
 
 while true do

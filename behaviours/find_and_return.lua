@@ -27,7 +27,7 @@ local BESIDE = { math.rad(20), math.rad(40) } -- views at these angles from a vi
 -- Metres ahead at which a direction is judged, and from its path at which a place counts as new.
 local REACH, NEW = 2, 1.5
 local STANDS = 1.5 -- seconds of driving without a change of the picture until it counts as held
-local HELDS = 4 -- how often something may hold it on its way back
+local MAX_HELD = 4 -- how often something may hold it on its way back
 local LEG = 8 -- seconds of driving between two searches for the station
 local SLOWEST = 10 -- seconds at most from one place of its path to the next
 local WAITS = 3 -- seconds that it waits for a person in its way
@@ -130,7 +130,7 @@ local function evade()
 end
 
 -- Corrects the path: the robot has not moved since this pose, although its tracks ran.
-local function was_held_since(pose)
+local function correct_path(pose)
 	local now = robot.pose()
 	for _, place in way do
 		place.x += now.x - pose.x
@@ -167,7 +167,7 @@ local function approach()
 				robot.stop()
 				return true
 			elseif seen_at - nearer_at > HELD then
-				was_held_since(nearest)
+				correct_path(nearest)
 				evade()
 				return false
 			end
@@ -232,11 +232,11 @@ local function back_off(free)
 end
 
 -- Drives back along its path to the beginning, and towards its station when it sees it. Gives up
--- when something has held it HELDS times, because its position is then too uncertain.
+-- when something has held it MAX_HELD times, because its position is then too uncertain.
 local function go_back()
 	local over, near = task.now() + 20 + 2 * STEP * #way / settings.speed, floor.memory()
-	local free_at, reached_at, changed_at, changed, looked_like, helds = task.now(), task.now(), 0, robot.pose(), nil, 0
-	while task.now() < over and helds < HELDS do
+	local free_at, reached_at, changed_at, changed, last_texture, times_held = task.now(), task.now(), 0, robot.pose(), nil, 0
+	while task.now() < over and times_held < MAX_HELD do
 		local frame, pose = robot.wait_frame(1), robot.pose()
 		reached_at = if come_to_a_place(pose) then task.now() else reached_at
 		local place = way[math.max(1, #way - 1)]
@@ -253,23 +253,23 @@ local function go_back()
 			robot.stop() -- without a picture
 		elseif task.now() - reached_at > SLOWEST then
 			evade()
-			looked_like, helds, reached_at = nil, helds + 1, task.now()
+			last_texture, times_held, reached_at = nil, times_held + 1, task.now()
 		elseif math.abs(off) > 0.6 then
 			robot.drive(0, TURNING * math.sign(off))
-			free_at, looked_like = task.now(), nil
+			free_at, last_texture = task.now(), nil
 		elseif free.ahead < 0.5 * ROOM and task.now() - free_at < WAITS then
 			robot.stop() -- somebody walks by
-			looked_like = nil
+			last_texture = nil
 		else
 			steer_back(off, free)
 			free_at = if free.ahead >= 0.5 * ROOM then task.now() else free_at
-			local looks = floor.texture(frame)
-			if not looked_like or floor.differs(looks, looked_like) then
-				looked_like, changed_at, changed = looks, task.now(), pose
+			local texture = floor.texture(frame)
+			if not last_texture or floor.differs(texture, last_texture) then
+				last_texture, changed_at, changed = texture, task.now(), pose
 			elseif task.now() - changed_at > STANDS then
-				was_held_since(changed)
+				correct_path(changed)
 				back_off(free)
-				looked_like, helds = nil, helds + 1
+				last_texture, times_held = nil, times_held + 1
 			end
 		end
 	end

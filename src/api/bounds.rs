@@ -14,7 +14,7 @@ pub(super) const SECONDS: Bounds = Bounds::Between(0.0, 30.0 * 86_400.0);
 
 impl Bounds {
     /// Whether a number is within the bounds.
-    pub fn holds(self, number: f64) -> bool {
+    pub fn contains(self, number: f64) -> bool {
         match self {
             Bounds::Between(low, high) => (low..=high).contains(&number),
             Bounds::Above(low, high) => number > low && number <= high,
@@ -22,7 +22,7 @@ impl Bounds {
     }
 
     /// The bounds in words, such as `between 0 and 100`, or `of at least 0` without an upper bound.
-    pub fn words(self) -> String {
+    pub fn describe(self) -> String {
         match self {
             Bounds::Between(low, f64::MAX) => format!("of at least {low}"),
             Bounds::Between(low, high) => format!("between {low} and {high}"),

@@ -1,6 +1,6 @@
 //! Sets of names that arguments and results are taken from.
 
-use super::terms::Choice;
+use super::model::Choice;
 use crate::robot::{DockEnd, MotionEnd, SafetyAction};
 use crate::vision::Colour;
 use crate::wire::{Sound, Stream};

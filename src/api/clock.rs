@@ -2,7 +2,7 @@
 
 use super::bounds::Bounds;
 use super::make::{bounded, call, number, object, table, text, whole};
-use super::terms::{Availability, Function, Namespace, Object};
+use super::model::{Availability, Function, Namespace, Object};
 
 /// The times from the year 1 to the year 9999, in seconds since 1970.
 const INSTANT: Bounds = Bounds::Between(-62_135_000_000.0, 253_402_000_000.0);

@@ -1,10 +1,10 @@
 //! The events that scripts can listen to.
 
 use super::frame::FRAME;
+use super::model::{Choice, Event};
 use super::tables::{
     AUDIO, BATTERY, CHARGING, CONNECTED, DISCONNECTED, ENGINE, LOAN, NOISE, SAFETY,
 };
-use super::terms::{Choice, Event};
 use crate::wire::Stream;
 
 /// Declares the events. Each line has the runtime's name of an event and its row of the API table.

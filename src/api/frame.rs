@@ -5,7 +5,7 @@ use super::make::{
     boolean, bounded, call, count, number, object, options, short_text, strict, table, text, value,
     whole,
 };
-use super::terms::{Function, Object, Type, Value};
+use super::model::{Function, Object, Type, Value};
 use crate::vision::BlobOptions;
 
 const ROI: Value = value("roi", Type::Roi, "search or measure only this part").optional();

@@ -1,7 +1,7 @@
 //! `log.*`: lines for the log.
 
 use super::make::{call, value};
-use super::terms::{Availability, Function, Namespace, Type, Value};
+use super::model::{Availability, Function, Namespace, Type, Value};
 
 const PARAMETERS: &[Value] = &[
     value("text", Type::Any, "what to write: any value"),

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::terms::{Constant, Function, Namespace, Object, Type, Value};
+use super::model::{Constant, Function, Namespace, Object, Type, Value};
 
 /// Returns the text of `spykee.d.luau`.
 pub fn luau() -> String {
@@ -139,15 +139,15 @@ fn field_type(function: &Function) -> String {
     if !function.takes_an_event() {
         return function.luau_type(" -> ");
     }
-    let gives_it = |value: &Value| matches!(value.kind, Type::Payload);
-    let gives_it = function.returns.iter().any(gives_it);
+    let returns_payload = |value: &Value| matches!(value.kind, Type::Payload);
+    let returns_payload = function.returns.iter().any(returns_payload);
     let cases: Vec<_> = super::events()
         .map(|event| {
             let payload = event.payload.map_or("{}", |object| object.name);
             let one = function.luau_type(" -> ");
             let one = one.replacen("EventName", &format!("\"{}\"", event.name), 1);
             let one = one.replace("payload: any", &format!("payload: {payload}"));
-            if gives_it {
+            if returns_payload {
                 one.replacen("(any,", &format!("({payload}?,"), 1)
             } else {
                 one

@@ -2,7 +2,7 @@
 //! row.
 
 use super::bounds::Bounds;
-use super::terms::{Choice, Function, Literal, Need, Object, Type, Value};
+use super::model::{Choice, Function, Literal, Object, Requirement, Type, Value};
 
 impl Value {
     /// Sets the unit.
@@ -12,25 +12,37 @@ impl Value {
 
     /// Marks the value as optional: it may be left out, or may be nil.
     pub(super) const fn optional(self) -> Value {
-        let need = Need::Optional;
-        Value { need, ..self }
+        let requirement = Requirement::Optional;
+        Value {
+            requirement,
+            ..self
+        }
     }
 
     pub(super) const fn required(self) -> Value {
-        let need = Need::Required;
-        Value { need, ..self }
+        let requirement = Requirement::Required;
+        Value {
+            requirement,
+            ..self
+        }
     }
 
     /// Sets the number that is used if none is given.
     pub(super) const fn default(self, number: f64) -> Value {
-        let need = Need::Default(Literal::Number(number));
-        Value { need, ..self }
+        let requirement = Requirement::Default(Literal::Number(number));
+        Value {
+            requirement,
+            ..self
+        }
     }
 
     /// Sets the boolean that is used if none is given.
     pub(super) const fn default_is(self, on: bool) -> Value {
-        let need = Need::Default(Literal::Boolean(on));
-        Value { need, ..self }
+        let requirement = Requirement::Default(Literal::Boolean(on));
+        Value {
+            requirement,
+            ..self
+        }
     }
 }
 
@@ -46,7 +58,7 @@ impl Function {
     }
 
     /// Adds further arguments after the parameters, with their description.
-    pub(super) const fn and(self, rest: &'static str) -> Function {
+    pub(super) const fn with_rest(self, rest: &'static str) -> Function {
         let rest = Some(rest);
         Function { rest, ..self }
     }
@@ -57,7 +69,7 @@ pub(super) const fn value(name: &'static str, kind: Type, doc: &'static str) -> 
         name,
         kind,
         unit: "",
-        need: Need::Required,
+        requirement: Requirement::Required,
         doc,
     }
 }
@@ -112,7 +124,7 @@ pub(super) const fn options(keys: &'static [Value]) -> Value {
 /// `{low, high}`; the default is the full range.
 pub(super) const fn range(name: &'static str, (low, high): (f64, f64), doc: &'static str) -> Value {
     Value {
-        need: Need::Default(Literal::Range(low, high)),
+        requirement: Requirement::Default(Literal::Range(low, high)),
         ..value(name, Type::Range, doc)
     }
 }

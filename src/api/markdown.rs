@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::terms::{Function, Namespace, Need, Object, Type, Value};
+use super::model::{Function, Namespace, Object, Requirement, Type, Value};
 
 /// Returns the text between the two markers in that file.
 pub fn markdown() -> String {
@@ -83,8 +83,8 @@ fn result(value: &Value) -> String {
         format!(", in {}", value.unit)
     };
     match value.doc {
-        "" => format!("`{}`: {}{unit}", value.name, value.kind.words()),
-        doc => format!("`{}`: {}{unit} ({doc})", value.name, value.kind.words()),
+        "" => format!("`{}`: {}{unit}", value.name, value.kind.describe()),
+        doc => format!("`{}`: {}{unit} ({doc})", value.name, value.kind.describe()),
     }
 }
 
@@ -100,21 +100,21 @@ fn values(text: &mut String, values: &[Value]) {
                 ),
             };
             for key in keys {
-                let optional = if key.need == Need::Required {
+                let optional = if key.requirement == Requirement::Required {
                     " (required)"
                 } else {
                     ""
                 };
-                let _ = writeln!(text, "  - `{}`{optional}: {}", key.name, key.words());
+                let _ = writeln!(text, "  - `{}`{optional}: {}", key.name, key.describe());
             }
             continue;
         }
-        let optional = if value.need == Need::Required {
+        let optional = if value.requirement == Requirement::Required {
             ""
         } else {
             " (optional)"
         };
-        let _ = writeln!(text, "- `{}`{optional}: {}", value.name, value.words());
+        let _ = writeln!(text, "- `{}`{optional}: {}", value.name, value.describe());
     }
 }
 
@@ -136,12 +136,12 @@ fn events(text: &mut String) {
 fn object(text: &mut String, object: &Object) {
     let _ = writeln!(text, "#### {}\n\n{}\n", object.name, object.doc);
     for field in object.fields {
-        let may = if field.need == Need::Required {
+        let may = if field.requirement == Requirement::Required {
             ""
         } else {
             " (may be nil)"
         };
-        let _ = writeln!(text, "- `.{}`{may}: {}", field.name, field.words());
+        let _ = writeln!(text, "- `.{}`{may}: {}", field.name, field.describe());
     }
     if !object.fields.is_empty() {
         text.push('\n');

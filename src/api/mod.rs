@@ -11,20 +11,20 @@ mod choices;
 mod clock;
 mod events;
 mod frame;
-mod keeping;
 mod log;
 mod luau;
 mod make;
 mod markdown;
+mod messages;
+mod model;
 mod modules;
 mod page;
 mod robot;
 mod scenario;
 mod script;
+mod storage;
 mod tables;
 mod task;
-mod telling;
-mod terms;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -35,11 +35,12 @@ pub use events::EventName;
 pub use frame::PIXELS;
 pub use luau::{luau, module_stub};
 pub use markdown::markdown;
+pub use model::{
+    Availability, Choice, Constant, Event, Function, Literal, Namespace, Object, Requirement, Type,
+    Value,
+};
 pub use page::{known, list, page, titles};
 pub use robot::LONGEST_DRIVE;
-pub use terms::{
-    Availability, Choice, Constant, Event, Function, Literal, Namespace, Need, Object, Type, Value,
-};
 
 /// The namespaces that are available without `require`. Those with an empty name hold the functions
 /// without a namespace.
@@ -51,11 +52,11 @@ pub fn namespaces() -> impl Iterator<Item = &'static Namespace> {
         &log::LOG,
         &clock::CLOCK,
         &script::SCRIPT,
-        &keeping::PARAMS,
-        &keeping::STORE,
-        &telling::JOURNAL,
-        &telling::NOTIFY,
-        &keeping::GLOBALS,
+        &storage::PARAMS,
+        &storage::STORE,
+        &messages::JOURNAL,
+        &messages::NOTIFY,
+        &storage::GLOBALS,
         &scenario::SCENARIO,
     ];
     ALL.into_iter()

@@ -13,7 +13,7 @@ use self::easy::{EASY, SEEN};
 use self::floor::{BESIDE, FLOOR, FREE, FREE_AROUND, MEMORY};
 use self::fsm::{FSM, MACHINE};
 use self::pid::{CONTROLLER, PID};
-use super::terms::{Namespace, Object};
+use super::model::{Namespace, Object};
 
 /// The documented modules. The modules that these use internally, such as `@spykee/compass`, are
 /// not documented.

@@ -2,7 +2,9 @@
 
 use std::fmt::Write as _;
 
-use super::terms::{Availability, Constant, Event, Function, Namespace, Need, Object, Type, Value};
+use super::model::{
+    Availability, Constant, Event, Function, Namespace, Object, Requirement, Type, Value,
+};
 use super::{choices, constants, events, functions, methods, modules, namespaces, objects};
 
 /// Returns every entry with this name: a function, namespace, module, object, field, event,
@@ -161,7 +163,11 @@ fn fields(same: impl Fn(&str) -> bool) -> Vec<String> {
         for field in object.fields {
             let path = format!("{}.{}", object.name, field.name);
             if same(&path) {
-                found.push(format!("{path}: {}\n\n{}\n", field.luau(), field.words()));
+                found.push(format!(
+                    "{path}: {}\n\n{}\n",
+                    field.luau(),
+                    field.describe()
+                ));
             }
         }
     }
@@ -229,10 +235,10 @@ fn section(text: &mut String, title: &str, values: &[Value]) {
     let width = values.iter().map(|value| value.name.len()).max();
     let width = width.unwrap_or(0) + 1;
     for value in values {
-        let required = value.need == Need::Required;
+        let required = value.requirement == Requirement::Required;
         let optional = if required { "" } else { "?" };
         let name = format!("{}{optional}", value.name);
-        let _ = writeln!(text, "  {name:width$}  {}", value.words());
+        let _ = writeln!(text, "  {name:width$}  {}", value.describe());
     }
 }
 

@@ -5,9 +5,9 @@ use super::choices::{DOCK_CODE, LIGHT, MOTION_CODE, QUEUE, SOUND, STREAM};
 use super::events::EVENT;
 use super::frame::FRAME;
 use super::make::{boolean, bounded, call, choice, count, object, options, strict, value};
+use super::model::{Availability, Function, Namespace, Object, Type, Value};
 use super::tables::{BATTERY, DOCK_INFO, INFO, POSE_ESTIMATE};
 use super::task::TASK;
-use super::terms::{Availability, Function, Namespace, Object, Type, Value};
 use crate::robot::DockPlan;
 
 /// Power of a track, in percent.
@@ -16,9 +16,9 @@ const POWER: Bounds = Bounds::Between(-100.0, 100.0);
 /// so this bound only keeps the arithmetic finite.
 const SPEED: Bounds = Bounds::Between(-1000.0, 1000.0);
 /// A distance in metres, or an angle in radians.
-const WAY: Bounds = Bounds::Between(-1e6, 1e6);
+const DISTANCE_OR_ANGLE: Bounds = Bounds::Between(-1e6, 1e6);
 /// Speed of `forward` and `turn`, in metres or radians per second.
-const WAY_SPEED: Bounds = Bounds::Above(0.0, 1000.0);
+const MOTION_SPEED: Bounds = Bounds::Above(0.0, 1000.0);
 /// The longest drive of one call, in seconds.
 pub const LONGEST_DRIVE: f64 = 3600.0;
 const DRIVE: Bounds = Bounds::Above(0.0, LONGEST_DRIVE);
@@ -52,7 +52,7 @@ const SUBSCRIPTION: Value = object("subscription", &LISTENER, "");
 const TIMEOUT: Value = bounded("timeout", SECONDS, "default: no limit")
     .unit("s")
     .optional();
-const WHY_NOT: Value = value(
+const TIMEOUT_REASON: Value = value(
     "why",
     Type::Text(None),
     "\"timeout\" if the first result is nil",
@@ -91,8 +91,8 @@ const FUNCTIONS: &[Function] = &[
     call(
         "robot.forward",
         &[
-            bounded("metres", WAY, "backwards if negative").unit("m"),
-            bounded("speed", WAY_SPEED, "default: half of full speed").unit("m/s").optional(),
+            bounded("metres", DISTANCE_OR_ANGLE, "backwards if negative").unit("m"),
+            bounded("speed", MOTION_SPEED, "default: half of full speed").unit("m/s").optional(),
         ],
         ENDED,
         "Drives straight for a distance, and waits until that is done. With the camera on, it ends early as `blocked` when the pictures show that something holds the robot. In a curve or in the dark this works less often. If the robot pushes from the start against a uniform surface that has not held it before, it works late or never.",
@@ -102,8 +102,8 @@ const FUNCTIONS: &[Function] = &[
     call(
         "robot.turn",
         &[
-            bounded("angle", WAY, "to the left; to the right if negative").unit("rad"),
-            bounded("speed", WAY_SPEED, "default: half of full speed").unit("rad/s").optional(),
+            bounded("angle", DISTANCE_OR_ANGLE, "to the left; to the right if negative").unit("rad"),
+            bounded("speed", MOTION_SPEED, "default: half of full speed").unit("rad/s").optional(),
         ],
         ENDED,
         "Turns on the spot, and waits until that is done. It can end early as `blocked`, like `robot.forward`.",
@@ -277,7 +277,7 @@ const FUNCTIONS: &[Function] = &[
         &[NAMED_EVENT, TIMEOUT],
         &[
             value("payload", Type::Payload, "nil after a time-out").optional(),
-            WHY_NOT,
+            TIMEOUT_REASON,
         ],
         "Waits for the next event of this name.",
         "local battery, why = robot.wait_for(\"battery\", 30)\nprint(battery and battery.percent or why)",
@@ -293,7 +293,7 @@ const FUNCTIONS: &[Function] = &[
     call(
         "robot.wait_frame",
         &[TIMEOUT],
-        &[object("frame", &FRAME, "nil after a time-out").optional(), WHY_NOT],
+        &[object("frame", &FRAME, "nil after a time-out").optional(), TIMEOUT_REASON],
         "Waits for the next picture of the camera.",
         "local frame = robot.wait_frame(2)\nif frame then\n\tframe:save(\"here.jpg\")\nend",
     )

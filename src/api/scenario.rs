@@ -6,7 +6,7 @@ use super::make::{
     boolean, bounded, call, count, function, number, object, options, short_text, strict, table,
     text, value, whole,
 };
-use super::terms::{Availability, Namespace, Object, Type, Value};
+use super::model::{Availability, Namespace, Object, Type, Value};
 
 /// The limits of coordinates, in metres, and of headings, in radians.
 const FAR: Bounds = Bounds::Between(-1000.0, 1000.0);
@@ -162,7 +162,7 @@ pub(super) const SIM: Object = strict(
             "Starts behaviours; without arguments, the behaviour that the scenario's file is named after.",
             "sim:run(\"patrol.lua\", { \"guard.lua\", priority = 5, params = { loud = true } })",
         )
-        .and("behaviours, each a file or a table `{ FILE, name =, priority =, restart =, params = {...} }`")
+        .with_rest("behaviours, each a file or a table `{ FILE, name =, priority =, restart =, params = {...} }`")
         .waiting(),
         call(
             "sim:stop",

@@ -1,8 +1,8 @@
 //! `script.*`: the script's name, end and use of resources.
 
 use super::make::{call, function, object, short_text};
+use super::model::{Availability, Constant, Function, Namespace, Type};
 use super::tables::USAGE;
-use super::terms::{Availability, Constant, Function, Namespace, Type};
 
 const CONSTANTS: &[Constant] = &[Constant {
     path: "script.name",

@@ -2,7 +2,7 @@
 
 use super::choices::SAFETY_ACTION;
 use super::make::{boolean, choice, number, table, text, value, whole};
-use super::terms::{Object, Type};
+use super::model::{Object, Type};
 
 pub(super) const BATTERY: Object = table(
     "Battery",

@@ -5,7 +5,7 @@ use super::choices::TASK_STATUS;
 use super::make::{
     boolean, bounded, call, choice, function, number, object, strict, text, value, whole,
 };
-use super::terms::{Availability, Function, Namespace, Object, Type, Value};
+use super::model::{Availability, Function, Namespace, Object, Type, Value};
 
 const FUNCTION: Value = function("fn", "(...any) -> ...any", "the function to run");
 const HANDLE: Value = object("task", &TASK, "");
@@ -37,7 +37,7 @@ const FUNCTIONS: &[Function] = &[
         "Runs a function in a new task, in parallel with the others.",
         "local lights = task.spawn(function()\n\trobot.led(\"left\", true)\n\ttask.wait(1)\n\trobot.led(\"left\", false)\nend)\nlights:join()",
     )
-    .and("arguments of the function"),
+    .with_rest("arguments of the function"),
     call(
         "task.delay",
         &[TIME, FUNCTION],
@@ -45,7 +45,7 @@ const FUNCTIONS: &[Function] = &[
         "Runs a function later, in a new task.",
         "task.delay(2, robot.play, \"bip_2\")",
     )
-    .and("arguments of the function"),
+    .with_rest("arguments of the function"),
     call(
         "task.every",
         &[
@@ -63,7 +63,7 @@ const FUNCTIONS: &[Function] = &[
         "Runs functions in parallel and waits for all of them.",
         "task.all(function()\n\ttask.wait(1)\nend, function()\n\trobot.blink(\"all\"):join()\nend)",
     )
-    .and("the functions")
+    .with_rest("the functions")
     .waiting(),
     call(
         "task.race",
@@ -72,7 +72,7 @@ const FUNCTIONS: &[Function] = &[
         "Runs functions in parallel until one of them ends, then cancels the others.",
         "task.race(function()\n\ttask.wait(1)\nend, function()\n\trobot.wait_for(\"docked\")\nend)",
     )
-    .and("more functions")
+    .with_rest("more functions")
     .waiting(),
     call(
         "task.timeout",
@@ -84,7 +84,7 @@ const FUNCTIONS: &[Function] = &[
         "Runs a function, and cancels it if it takes longer than a time limit.",
         "local ok = task.timeout(5, function()\n\trobot.forward(1)\nend)\nprint(ok)",
     )
-    .and("arguments of the function")
+    .with_rest("arguments of the function")
     .waiting(),
 ];
 

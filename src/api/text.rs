@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::terms::{Function, Need, Object, Type, Value};
+use super::model::{Function, Object, Requirement, Type, Value};
 
 impl Type {
     /// The type in Luau's notation.
@@ -36,14 +36,14 @@ impl Type {
     }
 
     /// The accepted values in words: `a number between 0 and 100`, `one of ...`.
-    pub fn words(&self) -> String {
+    pub fn describe(&self) -> String {
         match self {
             Type::Any => "anything".to_owned(),
             Type::Boolean => "true or false".to_owned(),
             Type::Number(None) => "a number".to_owned(),
-            Type::Number(Some(bounds)) => format!("a number {}", bounds.words()),
+            Type::Number(Some(bounds)) => format!("a number {}", bounds.describe()),
             Type::Whole(None) => "a whole number".to_owned(),
-            Type::Whole(Some(bounds)) => format!("a whole number {}", bounds.words()),
+            Type::Whole(Some(bounds)) => format!("a whole number {}", bounds.describe()),
             Type::Text(None) => "a string".to_owned(),
             Type::Text(Some(most)) => format!("a string of at most {most} bytes"),
             Type::Function(_) | Type::Handler => "a function".to_owned(),
@@ -54,8 +54,8 @@ impl Type {
             Type::Range => "two numbers {low, high}".to_owned(),
             Type::Fields => "a table of named values".to_owned(),
             Type::Object(object) => object.with_article(),
-            Type::List(of) => format!("a list, each {}", of.words()),
-            Type::OneOrMore(of) => format!("{}, or a list of them", of.words()),
+            Type::List(of) => format!("a list, each {}", of.describe()),
+            Type::OneOrMore(of) => format!("{}, or a list of them", of.describe()),
             Type::Payload => "the event's payload".to_owned(),
             Type::Named(_) => "a table of tables".to_owned(),
             Type::Options(_) => "a table".to_owned(),
@@ -66,8 +66,8 @@ impl Type {
 impl Value {
     /// Its type in Luau's notation, with a `?` if it may be nil.
     pub fn luau(&self) -> String {
-        match (self.need, &self.kind) {
-            (Need::Required, kind) => kind.luau(),
+        match (self.requirement, &self.kind) {
+            (Requirement::Required, kind) => kind.luau(),
             (_, Type::Any | Type::Payload) => "any".to_owned(),
             (_, kind @ Type::Function(_)) => format!("({})?", kind.luau()),
             (_, kind) => format!("{}?", kind.luau()),
@@ -80,15 +80,15 @@ impl Value {
     }
 
     /// Its full description in one line, such as `a number between -100 and 100, in %: power`.
-    pub fn words(&self) -> String {
+    pub fn describe(&self) -> String {
         if matches!(self.kind, Type::Any) && !self.doc.is_empty() {
             return self.doc.to_owned();
         }
-        let mut words = self.kind.words();
+        let mut words = self.kind.describe();
         if !self.unit.is_empty() {
             let _ = write!(words, ", in {}", self.unit);
         }
-        if let Need::Default(usual) = self.need {
+        if let Requirement::Default(usual) = self.requirement {
             let _ = write!(words, ", default {usual}");
         }
         if !self.doc.is_empty() {
@@ -130,7 +130,7 @@ impl Function {
         let mut text = format!("{}(", self.path);
         for (at, value) in self.parameters.iter().enumerate() {
             let comma = if at > 0 { ", " } else { "" };
-            let _ = if value.need == Need::Required {
+            let _ = if value.requirement == Requirement::Required {
                 write!(text, "{comma}{}", value.name)
             } else {
                 write!(text, " [{comma}{}]", value.name)

@@ -5,7 +5,7 @@ use super::frame::{FRAME, MOTION, TRACK};
 use super::make::{
     bounded, call, count, number, object, options, range, strict, table, text, value,
 };
-use super::terms::{Availability, Function, Namespace, Object, Type, Value};
+use super::model::{Availability, Function, Namespace, Object, Type, Value};
 use crate::vision::{MotionOptions, TrackerOptions};
 
 const TRACKS: TrackerOptions = TrackerOptions::DEFAULT;

@@ -1,10 +1,10 @@
 //! Predicts when the next frame is due: cameras send frames at a steady rate.
 //!
-//! Shortly before that time, a host processes the last frame once more ([`Script::rehearse`]): code
+//! Shortly before that time, a host processes the last frame once more ([`Script::warm_up`]): code
 //! and buffers that have not been used since then have left the processor's caches, which would
 //! delay the reaction to the next frame. `scripts/bench-reaction` measures this.
 //!
-//! [`Script::rehearse`]: crate::script::Script::rehearse
+//! [`Script::warm_up`]: crate::script::Script::warm_up
 
 use std::time::Duration;
 

@@ -219,7 +219,7 @@ impl Host {
             let (ready, moving) = (self.script.is_ready(), self.script.has_motion());
             let writes_at = self.writes_at();
             if !ready {
-                self.script.tidy();
+                self.script.collect_garbage_step();
             }
             tokio::select! {
                 biased;
@@ -232,7 +232,7 @@ impl Host {
                 () = until(writes_at) => {}
                 () = until(self.cadence.prepare_at()), if self.time == Time::Real => {
                     self.cadence.prepared();
-                    self.script.rehearse();
+                    self.script.warm_up();
                     continue;
                 }
                 _ = beat.tick(), if moving => self.outbox.send(&FromHost::Alive).await?,
@@ -283,7 +283,7 @@ impl Host {
             }
             ToHost::Ahead { at, jpeg } => self.look_ahead(at, &jpeg),
             ToHost::Evaluate { text, more } => self.script.evaluate(&text, more, now),
-            ToHost::Turn { name, value } => self.script.turn_param(&name, value, now),
+            ToHost::Turn { name, value } => self.script.set_live_param(&name, value, now),
             ToHost::Interrupt => self.script.interrupt(now),
             ToHost::Module(name, file) => self.script.deliver_module(&name, file, now),
             ToHost::Stop(reason) => self.script.stop(reason, now),
@@ -316,7 +316,7 @@ impl Host {
             self.coming.clear();
             self.look_further(part);
             self.cadence.prepared();
-            self.script.rehearse();
+            self.script.warm_up();
         } else if at == self.coming.len() {
             self.look_further(part);
         }
@@ -333,7 +333,7 @@ impl Host {
         }
         if self.script.wants_frames() && !self.frame_asked {
             self.frame_asked = true;
-            let (ahead, damaged) = (self.script.looks_at_frames(), self.damaged);
+            let (ahead, damaged) = (self.script.examines_frames(), self.damaged);
             let want = FromHost::WantFrame { ahead, damaged };
             self.outbox.feed(&want).await?;
         }

@@ -3,7 +3,7 @@
 use serde_json::{Value as Json, json};
 
 use super::{Exit, Failure, print};
-use crate::api::{self, Function, Namespace, Need, Type, Value};
+use crate::api::{self, Function, Namespace, Requirement, Type, Value};
 use crate::script::suggestion;
 
 /// Show the script API: a list, or one entry in full
@@ -105,14 +105,14 @@ fn value_json(value: &Value) -> Json {
     let mut json = json!({
         "name": value.name,
         "type": value.kind.luau(),
-        "accepts": value.kind.words(),
-        "optional": value.need != Need::Required,
+        "accepts": value.kind.describe(),
+        "optional": value.requirement != Requirement::Required,
     });
     let more = [("unit", value.unit), ("doc", value.doc)];
     for (key, text) in more.into_iter().filter(|(_, text)| !text.is_empty()) {
         json[key] = json!(text);
     }
-    if let Need::Default(usual) = value.need {
+    if let Requirement::Default(usual) = value.requirement {
         json["default"] = json!(usual.to_string());
     }
     if let Type::Options(keys) | Type::Named(keys) = value.kind {

@@ -89,7 +89,7 @@ pub fn run<T: Send>(
 /// Runs the laboratory on this thread. The runtime has no I/O driver: nothing here waits for
 /// external I/O, and virtual time jumps faster without one.
 fn live<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) -> io::Result<T> {
-    script::only_simulated();
+    script::set_simulated_wall_factor();
     let runtime = Builder::new_current_thread()
         .enable_time()
         .start_paused(true)

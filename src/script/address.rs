@@ -18,7 +18,7 @@ pub(super) fn without_addresses(text: &str) -> Cow<'_, str> {
             .bytes()
             .take_while(u8::is_ascii_hexdigit)
             .count();
-        let length = if DIGITS.contains(&digits) && names_a_value(before) {
+        let length = if DIGITS.contains(&digits) && ends_with_type_name(before) {
             MARK.len() + digits
         } else {
             out.push_str(before);
@@ -37,7 +37,7 @@ pub(super) fn without_addresses(text: &str) -> Cow<'_, str> {
 }
 
 /// Whether the last word is a Luau type, or one of our objects, whose names are capitalised.
-fn names_a_value(before: &str) -> bool {
+fn ends_with_type_name(before: &str) -> bool {
     let word = before
         .rsplit(|letter: char| !letter.is_ascii_alphanumeric())
         .next();

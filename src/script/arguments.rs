@@ -8,7 +8,7 @@ use mlua::prelude::{LuaError, LuaFunction, LuaMultiValue, LuaTable, LuaValue};
 
 use super::failure::printable;
 use super::nearest::suggestion;
-use crate::api::{Bounds, Choice, Function, Literal, Need, Type, Value};
+use crate::api::{Bounds, Choice, Function, Literal, Requirement, Type, Value};
 
 /// Why a native function refuses a call.
 #[derive(Debug)]
@@ -33,7 +33,7 @@ const UNNAMED: &Value = &Value {
     name: "the argument",
     kind: Type::Any,
     unit: "",
-    need: Need::Optional,
+    requirement: Requirement::Optional,
     doc: "",
 };
 
@@ -51,7 +51,7 @@ impl Args {
     }
 
     /// The object on which a method was called.
-    pub(super) fn subject(&self) -> &LuaValue {
+    pub(super) fn receiver(&self) -> &LuaValue {
         self.values.front().unwrap_or(&LuaValue::Nil)
     }
 
@@ -102,13 +102,13 @@ pub(super) trait Argument: Sized {
 impl<'a> Given<'a> {
     /// Creates an error that says what was expected.
     pub(super) fn wrong(&self, expected: &str) -> Refusal {
-        self.args.wrong(self.row.spoken(), expected, &self.value)
+        self.args.wrong(self.row.label(), expected, &self.value)
     }
 
     /// The default, if there is one and no value was given.
     fn default(&self) -> Option<Literal> {
-        match self.row.need {
-            Need::Default(literal) if self.value.is_nil() => Some(literal),
+        match self.row.requirement {
+            Requirement::Default(literal) if self.value.is_nil() => Some(literal),
             _ => None,
         }
     }
@@ -149,7 +149,7 @@ impl<'a> Given<'a> {
             _ => &[],
         };
         let table = match &self.value {
-            LuaValue::Nil if self.row.need != Need::Required => None,
+            LuaValue::Nil if self.row.requirement != Requirement::Required => None,
             LuaValue::Table(table) => Some(table.clone()),
             _ => return Err(self.wrong("a table")),
         };
@@ -163,7 +163,7 @@ impl<'a> Given<'a> {
     /// Checks the given value against its row without converting it. Types whose check needs more
     /// than the row are checked when they are read.
     pub(super) fn check(self) -> Result<(), Refusal> {
-        if self.value.is_nil() && self.row.need != Need::Required {
+        if self.value.is_nil() && self.row.requirement != Requirement::Required {
             return Ok(());
         }
         match self.row.kind {
@@ -213,11 +213,12 @@ impl Args {
             LuaValue::Number(number) => *number,
             other => return Err(self.wrong(name, "a number", other)),
         };
-        match bounds.filter(|bounds| !bounds.holds(number)) {
+        match bounds.filter(|bounds| !bounds.contains(number)) {
             None => Ok(number),
-            Some(bounds) => {
-                Err(self.misuse(&format!("{name} must be {}, got {number}", bounds.words())))
-            }
+            Some(bounds) => Err(self.misuse(&format!(
+                "{name} must be {}, got {number}",
+                bounds.describe()
+            ))),
         }
     }
 

@@ -8,17 +8,17 @@
 //! counts from when the foot of the object ahead left the picture (also in curves and towards
 //! slanted walls, see `wall_ahead`), or from when its last stripes and edges did, whose growth told
 //! how near they were. A robot that was blocked and has only turned since is still at the same
-//! obstacle (`contact`). The detection relies on the height of the lens above the floor, on the
-//! camera being level, on the field of view and on the calibration of the tracks; it does not rely
-//! on how the simulated camera draws.
+//! obstacle (`last_obstacle`). The detection relies on the height of the lens above the floor, on
+//! the camera being level, on the field of view and on the calibration of the tracks; it does not
+//! rely on how the simulated camera draws.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::contact::Contact;
-use super::going::Going;
+use super::last_obstacle::LastObstacle;
+use super::timed_motion::TimedMotion;
 use super::wall_ahead::WallAhead;
 use crate::robot::MotionId;
 use crate::vision::{
@@ -81,7 +81,7 @@ pub(super) struct Blockage {
     approach: Approach,
     looming: Looming,
     wall: WallAhead,
-    contact: Contact,
+    last_obstacle: LastObstacle,
     /// Buffers of a dropped picture, for reuse.
     spare: Option<(Glance, Outline)>,
 }
@@ -125,35 +125,35 @@ struct Close {
 }
 
 impl Blockage {
-    /// Processes a picture that was taken `at`, during the motion in `going`. Returns since when
+    /// Processes a picture that was taken `at`, during the motion in `timed`. Returns since when
     /// the robot has been blocked, if it is.
     pub(super) fn look(
         &mut self,
         image: &Image,
         at: Instant,
         camera: Camera,
-        going: Going,
+        timed: TimedMotion,
     ) -> Option<Instant> {
-        if self.motion != Some(going.motion) {
-            self.motion = Some(going.motion);
+        if self.motion != Some(timed.motion) {
+            self.motion = Some(timed.motion);
             self.views.clear();
             (self.standing, self.close) = (None, None);
             self.approach = Approach::default();
             self.looming = Looming::default();
             self.wall = WallAhead::default();
-            self.contact.begin(at, going);
+            self.last_obstacle.begin(at, timed);
         }
-        self.wall.drive_on(going.odometer, going.drive);
+        self.wall.drive_on(timed.odometer, timed.drive);
         let (mut glance, mut outline) = self.spare.take().unwrap_or_default();
         glance.take(image);
         outline.take(&glance);
-        let settled = at >= going.since + SETTLING;
+        let settled = at >= timed.since + SETTLING;
         match foot_ahead(&glance) {
-            Some(rows) if settled => self.approach.note(going.odometer, rows),
+            Some(rows) if settled => self.approach.note(timed.odometer, rows),
             _ => {}
         }
-        self.note_close(nearer_than(&glance, camera), at, going);
-        if settled && going.drive.forward > 0.0 {
+        self.note_close(nearer_than(&glance, camera), at, timed);
+        if settled && timed.drive.forward > 0.0 {
             self.wall.look(&glance, camera, self.close.is_some());
         }
         if !settled {
@@ -162,23 +162,23 @@ impl Blockage {
         }
         let now = View {
             at,
-            odometer: going.odometer,
+            odometer: timed.odometer,
             glance,
             outline,
         };
-        self.note_looming(&now, camera, going);
-        let (verdict, then) = self.compare(&now, camera, going.drive);
+        self.note_looming(&now, camera, timed);
+        let (verdict, then) = self.compare(&now, camera, timed.drive);
         self.note(verdict, then, at);
         self.keep(now);
         let close = self.close.is_some_and(|close| close.floor == 0);
-        let again = self.contact.look(at, verdict, close, going);
+        let again = self.last_obstacle.look(at, verdict, close, timed);
         let held = self
-            .stood(at, going.since)
-            .or_else(|| self.arrived(going))
-            .or_else(|| self.in_wall(at, going.drive, verdict))
+            .stood(at, timed.since)
+            .or_else(|| self.arrived(timed))
+            .or_else(|| self.in_wall(at, timed.drive, verdict))
             .or(again);
-        let perhaps = held.is_some() || self.standing.is_some();
-        self.contact.note(perhaps, at, going);
+        let may_be_blocked = held.is_some() || self.standing.is_some();
+        self.last_obstacle.note(may_be_blocked, at, timed);
         held
     }
 
@@ -196,17 +196,17 @@ impl Blockage {
 
     /// Forgets the last obstacle: the robot or the obstacle may have been moved.
     pub(super) fn forget(&mut self) {
-        self.contact.forget();
+        self.last_obstacle.forget();
     }
 
     /// Compares this picture with an earlier one; returns the verdict and when the earlier one was
     /// taken.
     fn compare(&self, now: &View, camera: Camera, drive: Drive) -> (Verdict, Option<Instant>) {
-        let told = |before: &View| {
+        let compared = |before: &View| {
             let verdict = self.compare_two(before, now, camera, drive);
             (verdict, Some(before.at))
         };
-        let near = self.before(now.at, APART.1).map(&told);
+        let near = self.before(now.at, APART.1).map(&compared);
         match near {
             Some((Verdict::Unknown, _)) | None => {}
             Some(near) => return near,
@@ -217,7 +217,7 @@ impl Blockage {
         let far = self
             .before(now.at, FARTHER_APART)
             .filter(|_| straight)
-            .map(told);
+            .map(compared);
         far.filter(|(verdict, _)| *verdict == Verdict::Stands)
             .unwrap_or((Verdict::Unknown, None))
     }
@@ -252,14 +252,14 @@ impl Blockage {
     }
 
     /// Estimates from the growth of the near object where the robot will reach it.
-    fn note_looming(&mut self, now: &View, camera: Camera, going: Going) {
+    fn note_looming(&mut self, now: &View, camera: Camera, timed: TimedMotion) {
         let Some(close) = self.close else {
             self.looming = Looming::default();
             return;
         };
         let seen = self.before(now.at, FARTHER_APART).and_then(|before| {
             let way = now.odometer - before.odometer;
-            let turned = turned(now, camera, going.drive, now.at - before.at);
+            let turned = turned(now, camera, timed.drive, now.at - before.at);
             looming_distance(before.outline.horizon(), now.outline.horizon(), way, turned)
         });
         if let Some(distance) = seen {
@@ -273,12 +273,12 @@ impl Blockage {
         }
     }
 
-    fn note_close(&mut self, nearer_than: Option<f64>, at: Instant, going: Going) {
-        let measured = self.room(going.odometer);
+    fn note_close(&mut self, nearer_than: Option<f64>, at: Instant, timed: TimedMotion) {
+        let measured = self.room(timed.odometer);
         self.close = match (nearer_than, self.close) {
-            (Some(room), None) if going.drive.forward > 0.0 => Some(Close {
+            (Some(room), None) if timed.drive.forward > 0.0 => Some(Close {
                 at,
-                odometer: going.odometer,
+                odometer: timed.odometer,
                 farthest: room,
                 room: measured.map_or(room, |seen| room.min(seen)),
                 measured: measured.is_some_and(|seen| seen < room),
@@ -303,17 +303,17 @@ impl Blockage {
     /// When the robot reached the near object, if its tracks have covered that distance. The
     /// distance is measured from the lens, which is behind the front of the robot, so by then the
     /// front must have arrived.
-    fn arrived(&self, going: Going) -> Option<Instant> {
-        let straight = going.drive.turn.abs() < STRAIGHT;
+    fn arrived(&self, timed: TimedMotion) -> Option<Instant> {
+        let straight = timed.drive.turn.abs() < STRAIGHT;
         let close = self.close.filter(|close| close.floor == 0)?;
-        let way = going.odometer - close.odometer;
-        let seconds = |way: f64| way / going.drive.forward.max(0.01);
+        let way = timed.odometer - close.odometer;
+        let seconds = |way: f64| way / timed.drive.forward.max(0.01);
         let ahead = if straight {
             Some(close.room)
         } else {
             // No floor was seen ahead during the whole curve, and the measurement from the foot
             // does not hold there.
-            ((seconds(way) * going.drive.turn).abs() < BEND).then_some(close.farthest)
+            ((seconds(way) * timed.drive.turn).abs() < BEND).then_some(close.farthest)
         };
         let grown = close.arrival.map(|arrival| arrival - close.odometer);
         let room = match (grown, ahead) {

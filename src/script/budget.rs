@@ -28,7 +28,7 @@ use rustix::time::{ClockId, clock_gettime};
 use super::failure::SourceLocation;
 
 /// Interval of the watcher's checks.
-const LOOK_EVERY: Duration = Duration::from_millis(10);
+const CHECK_INTERVAL: Duration = Duration::from_millis(10);
 
 /// A slice that took this many budgets by the wall clock is over, whatever the CPU clock says.
 const WALL_FACTOR: u32 = 5;
@@ -36,18 +36,18 @@ const WALL_FACTOR: u32 = 5;
 const SIMULATED_WALL_FACTOR: u32 = 100;
 
 /// The slice is within its budget.
-const CALM: u8 = 0;
+const WITHIN_BUDGET: u8 = 0;
 /// Set by the watcher: the interrupt must check the clocks.
-const LOOK: u8 = 1;
+const CHECK_CLOCKS: u8 = 1;
 /// The running task was cancelled and tried to wait again: it must not continue.
 const CANCELLED: u8 = 2;
 /// Over the budget.
-const OVER: u8 = 3;
+const OVER_BUDGET: u8 = 3;
 /// The script has called `script.stop`.
 const STOPPED: u8 = 4;
 
 /// The error texts that a script's `pcall` returns.
-const OVER_TEXT: &CStr = c"ran too long without waiting";
+const OVER_BUDGET_TEXT: &CStr = c"ran too long without waiting";
 const CANCELLED_TEXT: &CStr = c"cancelled";
 const STOPPED_TEXT: &CStr = c"the script has stopped itself";
 
@@ -55,7 +55,7 @@ const STOPPED_TEXT: &CStr = c"the script has stopped itself";
 #[derive(Default)]
 struct Slot {
     /// When to check, in nanoseconds since the watcher's start; 0 if no slice is running.
-    look_at: AtomicU64,
+    check_at: AtomicU64,
     flag: AtomicU8,
     /// How many checks in a row found the flag unanswered by the VM.
     unanswered: AtomicU32,
@@ -65,22 +65,25 @@ struct Slot {
 
 impl Slot {
     /// One check by the watcher.
-    fn look(&self, now: u64) {
-        let look_at = self.look_at.load(Ordering::Acquire);
-        if look_at == 0 || now < look_at {
+    fn check(&self, now: u64) {
+        let check_at = self.check_at.load(Ordering::Acquire);
+        if check_at == 0 || now < check_at {
             return self.unanswered.store(0, Ordering::Relaxed);
         }
         // A flag that is already latched stays.
-        let _ = self
-            .flag
-            .compare_exchange(CALM, LOOK, Ordering::AcqRel, Ordering::Relaxed);
+        let _ = self.flag.compare_exchange(
+            WITHIN_BUDGET,
+            CHECK_CLOCKS,
+            Ordering::AcqRel,
+            Ordering::Relaxed,
+        );
         // Counted, not timed: time in which the whole process is stopped must not count.
         let count = self.unanswered.load(Ordering::Relaxed).saturating_add(1);
         self.unanswered.store(count, Ordering::Relaxed);
     }
 
     fn is_running(&self) -> bool {
-        self.look_at.load(Ordering::Acquire) != 0
+        self.check_at.load(Ordering::Acquire) != 0
     }
 
     fn script(&self) -> MutexGuard<'_, String> {
@@ -120,18 +123,18 @@ impl Watcher {
 
     fn watch(&self) {
         loop {
-            std::thread::sleep(LOOK_EVERY);
+            std::thread::sleep(CHECK_INTERVAL);
             let now = self.nanoseconds(Instant::now());
             let slots = self.slots().all.clone();
             for slot in &slots {
-                slot.look(now);
+                slot.check(now);
             }
             if let Some(stuck) = STUCK.get() {
                 let is_stuck =
-                    |slot: &&&Slot| slot.unanswered.load(Ordering::Relaxed) == stuck.looks;
+                    |slot: &&&Slot| slot.unanswered.load(Ordering::Relaxed) == stuck.checks;
                 if let Some(slot) = slots.iter().find(is_stuck) {
                     let script = slot.script().clone();
-                    (stuck.tell)(&script);
+                    (stuck.report)(&script);
                 }
             }
         }
@@ -146,7 +149,7 @@ impl Watcher {
         self.slots.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn enrol(&self) -> &'static Slot {
+    fn take_slot(&self) -> &'static Slot {
         let mut slots = self.slots();
         slots.free.pop().unwrap_or_else(|| {
             let slot: &'static Slot = Box::leak(Box::default());
@@ -158,19 +161,19 @@ impl Watcher {
 
 /// How to report a script that passes no safepoint.
 struct Stuck {
-    looks: u32,
-    tell: Box<dyn Fn(&str) + Send + Sync>,
+    checks: u32,
+    report: Box<dyn Fn(&str) + Send + Sync>,
 }
 
 static STUCK: OnceLock<Stuck> = OnceLock::new();
 
-/// Calls `tell`, on the watcher's thread, with the file of a script that runs for `after` beyond
+/// Calls `report`, on the watcher's thread, with the file of a script that runs for `after` beyond
 /// its budget and cannot be interrupted. Only the first call of this function has an effect.
-pub(crate) fn when_stuck(after: Duration, tell: impl Fn(&str) + Send + Sync + 'static) {
-    let looks = after.as_millis() / LOOK_EVERY.as_millis();
+pub(crate) fn when_stuck(after: Duration, report: impl Fn(&str) + Send + Sync + 'static) {
+    let checks = after.as_millis() / CHECK_INTERVAL.as_millis();
     let stuck = Stuck {
-        looks: u32::try_from(looks).unwrap_or(u32::MAX).max(1),
-        tell: Box::new(tell),
+        checks: u32::try_from(checks).unwrap_or(u32::MAX).max(1),
+        report: Box::new(report),
     };
     let _ = STUCK.set(stuck);
 }
@@ -188,18 +191,18 @@ pub(crate) fn running() -> Vec<String> {
 }
 
 /// Holds a thread's slot; returns it when the thread ends.
-struct Seat(&'static Slot);
+struct SlotGuard(&'static Slot);
 
-impl Drop for Seat {
+impl Drop for SlotGuard {
     fn drop(&mut self) {
-        self.0.look_at.store(0, Ordering::Release);
+        self.0.check_at.store(0, Ordering::Release);
         Watcher::get().slots().free.push(self.0);
     }
 }
 
 thread_local! {
-    static SEAT: Seat = Seat(Watcher::get().enrol());
-    /// The seat's slot while a slice runs; it has no destructor, so that reading it is cheap.
+    static SLOT_GUARD: SlotGuard = SlotGuard(Watcher::get().take_slot());
+    /// The guard's slot while a slice runs; it has no destructor, so that reading it is cheap.
     static SLOT: Cell<Option<&'static Slot>> = const { Cell::new(None) };
     static WALL_TIME_FACTOR: Cell<u32> = const { Cell::new(WALL_FACTOR) };
     static RUNNING: RefCell<Option<Running>> = const { RefCell::new(None) };
@@ -239,7 +242,7 @@ fn is_too_long(wall: Duration, processor: Duration, limit: Duration, wall_factor
 }
 
 /// Declares that the scripts of this thread drive only a simulated robot from now on.
-pub(crate) fn only_simulated() {
+pub(crate) fn set_simulated_wall_factor() {
     WALL_TIME_FACTOR.set(SIMULATED_WALL_FACTOR);
 }
 
@@ -254,7 +257,7 @@ fn processor_time() -> Duration {
 
 /// The cost of a slice.
 #[derive(Debug, Default)]
-pub(super) struct Spent {
+pub(super) struct SliceCost {
     /// By the wall clock.
     pub(super) wall: Duration,
     /// Over the budget.
@@ -265,7 +268,7 @@ pub(super) struct Spent {
 
 /// Begins a slice of the script of this file on this thread.
 pub(super) fn begin(limit: Duration, script: &str) {
-    let slot = SEAT.with(|seat| seat.0);
+    let slot = SLOT_GUARD.with(|guard| guard.0);
     {
         let mut last = slot.script();
         if *last != script {
@@ -273,26 +276,26 @@ pub(super) fn begin(limit: Duration, script: &str) {
         }
     }
     let watcher = Watcher::get();
-    let look_at = watcher.nanoseconds(Instant::now() + limit);
+    let check_at = watcher.nanoseconds(Instant::now() + limit);
     RUNNING.with_borrow_mut(|running| *running = Some(Running::begin(limit)));
-    slot.flag.store(CALM, Ordering::Release);
-    slot.look_at.store(look_at, Ordering::Release);
+    slot.flag.store(WITHIN_BUDGET, Ordering::Release);
+    slot.check_at.store(check_at, Ordering::Release);
     SLOT.set(Some(slot));
 }
 
 /// Ends the slice of this thread.
-pub(super) fn end() -> Spent {
+pub(super) fn end() -> SliceCost {
     let flag = match SLOT.take() {
         Some(slot) => {
-            slot.look_at.store(0, Ordering::Release);
-            slot.flag.swap(CALM, Ordering::AcqRel)
+            slot.check_at.store(0, Ordering::Release);
+            slot.flag.swap(WITHIN_BUDGET, Ordering::AcqRel)
         }
-        None => CALM,
+        None => WITHIN_BUDGET,
     };
     let running = RUNNING.with_borrow_mut(Option::take);
-    running.map_or_else(Spent::default, |running| Spent {
+    running.map_or_else(SliceCost::default, |running| SliceCost {
         wall: running.began.elapsed(),
-        over: flag == OVER || running.is_over(),
+        over: flag == OVER_BUDGET || running.is_over(),
         place: running.place,
     })
 }
@@ -317,7 +320,7 @@ fn latch(flag: u8) {
 #[inline]
 pub(super) fn is_flagged() -> bool {
     SLOT.get()
-        .is_some_and(|slot| slot.flag.load(Ordering::Relaxed) != CALM)
+        .is_some_and(|slot| slot.flag.load(Ordering::Relaxed) != WITHIN_BUDGET)
 }
 
 /// What the interrupt must do.
@@ -336,16 +339,16 @@ pub(super) fn verdict() -> BudgetVerdict {
     match slot.flag.load(Ordering::Acquire) {
         CANCELLED => BudgetVerdict::Raise(CANCELLED_TEXT),
         STOPPED => BudgetVerdict::Raise(STOPPED_TEXT),
-        OVER => BudgetVerdict::Raise(OVER_TEXT),
-        LOOK if is_over() => {
-            slot.flag.store(OVER, Ordering::Release);
-            BudgetVerdict::RaiseFirst(OVER_TEXT)
+        OVER_BUDGET => BudgetVerdict::Raise(OVER_BUDGET_TEXT),
+        CHECK_CLOCKS if is_over() => {
+            slot.flag.store(OVER_BUDGET, Ordering::Release);
+            BudgetVerdict::RaiseFirst(OVER_BUDGET_TEXT)
         }
-        LOOK => {
+        CHECK_CLOCKS => {
             let watcher = Watcher::get();
-            let again = watcher.nanoseconds(Instant::now() + LOOK_EVERY);
-            slot.look_at.store(again, Ordering::Release);
-            slot.flag.store(CALM, Ordering::Release);
+            let again = watcher.nanoseconds(Instant::now() + CHECK_INTERVAL);
+            slot.check_at.store(again, Ordering::Release);
+            slot.flag.store(WITHIN_BUDGET, Ordering::Release);
             BudgetVerdict::GoOn
         }
         _ => BudgetVerdict::GoOn,
@@ -357,7 +360,7 @@ fn is_over() -> bool {
 }
 
 /// Records where the slice was when it was found over its budget.
-pub(super) fn remember(file: String, line: u32) {
+pub(super) fn record_place(file: String, line: u32) {
     RUNNING.with_borrow_mut(|running| {
         if let Some(running) = running {
             running.place = Some(SourceLocation { file, line });

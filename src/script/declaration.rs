@@ -164,7 +164,7 @@ fn unknown(name: &str, param: &GivenParam, declared: &BTreeMap<String, Declarati
 }
 
 /// The error message if values are given to a script that declares no parameters.
-pub(super) fn undeclared(given: &BTreeMap<String, GivenParam>) -> Option<String> {
+pub(super) fn no_declaration_error(given: &BTreeMap<String, GivenParam>) -> Option<String> {
     let (name, param) = given.first_key_value()?;
     Some(format!(
         "{}: the script declares no parameters; it must call params.declare before it waits or moves",

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::failure::Ending;
 use super::life::{Life, Stopping};
-use super::output::{Level, Mark};
+use super::output::{Level, QueuePosition};
 use super::state::State;
 use super::task::Wait;
 use crate::robot::{EndReason, Intent, MotionId};
@@ -16,8 +16,8 @@ const STOP_TIME: Duration = Duration::from_millis(500);
 
 /// The state before a slice, to undo the slice if the script is killed in it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Before {
-    mark: Mark,
+pub(super) struct SliceStart {
+    output: QueuePosition,
     motion: Option<MotionId>,
 }
 
@@ -31,9 +31,9 @@ impl State {
     }
 
     /// Records the state before a slice.
-    pub(super) fn before(&self) -> Before {
-        Before {
-            mark: self.output.mark(),
+    pub(super) fn slice_start(&self) -> SliceStart {
+        SliceStart {
+            output: self.output.position(),
             motion: self.motion.current(),
         }
     }
@@ -86,14 +86,14 @@ impl State {
     pub(super) fn end_stopped(&mut self) {
         if let Life::Stopping(stopping) = &self.life {
             let ending = stopping.ending.clone();
-            self.give_up_docking();
+            self.cancel_docking();
             self.end(ending);
         }
     }
 
     /// Kills the script and undoes what it did since `before`. A script that was already stopping
     /// keeps its original reason.
-    pub(super) fn kill(&mut self, reason: EndReason, message: Option<String>, before: Before) {
+    pub(super) fn kill(&mut self, reason: EndReason, message: Option<String>, before: SliceStart) {
         let ending = match &self.life {
             Life::Running => Ending { reason, message },
             Life::Stopping(stopping) => {
@@ -104,16 +104,16 @@ impl State {
             }
             Life::Ended(_) => return,
         };
-        self.output.withdraw_since(before.mark);
+        self.output.withdraw_since(before.output);
         let _ = self.motion.release_any();
         if let Some(motion) = before.motion {
             self.output.send(Intent::Release { motion });
         }
-        self.give_up_docking();
+        self.cancel_docking();
         self.end(ending);
     }
 
-    fn give_up_docking(&mut self) {
+    fn cancel_docking(&mut self) {
         let docks = |wait: &Wait| matches!(wait, Wait::Dock(_));
         if !self.tasks.waiting_for(docks).is_empty() {
             self.output.send(Intent::CancelDock);
@@ -124,13 +124,13 @@ impl State {
         self.tasks.clear();
         self.groups.clear();
         self.subscriptions.clear();
-        self.exit.farewells.clear();
+        self.exit.stop_handlers.clear();
         self.modules.clear();
         self.sight.newest = None;
         if let Some(text) = self.sight.damage.rest() {
             self.log(Level::Warn, &text);
         }
-        self.output.say_folded();
+        self.output.report_dropped();
         self.life = Life::Ended(ending);
     }
 }

@@ -36,7 +36,7 @@ impl State {
     fn next_input(&mut self, text: &str) -> String {
         self.inputs += 1;
         self.options.chunk = format!("input{}", self.inputs);
-        text.clone_into(&mut self.complaints.source);
+        text.clone_into(&mut self.failure_log.source);
         self.options.chunk.clone()
     }
 }
@@ -99,14 +99,14 @@ fn compile(lua: &Lua, text: &str, chunk: &str, more: bool) -> Result<LuaFunction
         Err(error) => error,
     };
     // `1 +` is not a valid statement, but it is the beginning of an expression.
-    let begins_one = lacks_more(&first);
-    if more && (begins_one || lacks_more(&second)) {
+    let begins_one = is_incomplete(&first);
+    if more && (begins_one || is_incomplete(&second)) {
         return Err(Evaluated::Incomplete);
     }
     Err(refused(if begins_one { &first } else { &second }))
 }
 
-fn lacks_more(error: &LuaError) -> bool {
+fn is_incomplete(error: &LuaError) -> bool {
     matches!(
         error,
         LuaError::SyntaxError {

@@ -7,8 +7,8 @@ use std::time::Duration;
 use mlua::prelude::LuaFunction;
 use tokio::time::Instant;
 
+use super::frame_state::HeldFrame;
 use super::ids::{SubscriptionId, TaskId, Timer};
-use super::sight::HeldFrame;
 use super::way_back::Waypoint;
 pub(super) use crate::api::EventName;
 use crate::robot::{Event, Percent};
@@ -144,7 +144,7 @@ impl Subscription {
     }
 
     /// When the next run may begin, if that is later than `now`.
-    pub(super) fn held_until(&self, now: Instant) -> Option<Instant> {
+    pub(super) fn delayed_until(&self, now: Instant) -> Option<Instant> {
         self.next_run.filter(|at| *at > now)
     }
 }

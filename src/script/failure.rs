@@ -21,7 +21,7 @@ pub(super) const PRELUDE: &str = "spykee";
 
 /// Whether a stack frame does not belong to the script: it is in the prelude, in the VM's binding,
 /// or in a built-in module.
-pub(super) fn is_ours(source: &str) -> bool {
+pub(super) fn is_runtime_frame(source: &str) -> bool {
     source == PRELUDE || source.starts_with("__mlua") || source.starts_with("@spykee/")
 }
 
@@ -132,7 +132,7 @@ fn from_traceback(text: &str) -> String {
         .unwrap_or((text, ""));
     let inside = message
         .split_once(':')
-        .filter(|(file, _)| is_ours(file))
+        .filter(|(file, _)| is_runtime_frame(file))
         .and_then(|(_, rest)| rest.split_once(": "));
     let message = match (inside, first_place(trace)) {
         (Some((_, words)), Some(place)) => format!("{place}: {words}"),
@@ -149,8 +149,8 @@ fn first_place(trace: &str) -> Option<&str> {
         let end = line.find(' ').unwrap_or(line.len());
         let place = line.get(..end)?.trim_end_matches(':');
         let (file, number) = place.rsplit_once(':')?;
-        let theirs = !is_ours(file) && !file.starts_with('[');
-        (theirs && number.parse::<u32>().is_ok()).then_some(place)
+        let is_script_frame = !is_runtime_frame(file) && !file.starts_with('[');
+        (is_script_frame && number.parse::<u32>().is_ok()).then_some(place)
     })
 }
 

@@ -23,7 +23,7 @@ pub(super) struct Step {
     /// Radians to the left, estimated from tracks and camera.
     pub(super) turn: f64,
     /// Radians to the left that the tracks were commanded to turn.
-    pub(super) told: f64,
+    pub(super) commanded: f64,
     /// Metres, either way.
     pub(super) way: f64,
     /// Whether the camera saw the turn.
@@ -32,12 +32,12 @@ pub(super) struct Step {
 
 /// One or more full turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Closed {
+pub(super) struct CompletedTurn {
     /// Radians to the left: the real turn, and the turn estimated so far.
     pub(super) turned: f64,
-    pub(super) believed: f64,
+    pub(super) estimated: f64,
     /// Radians to the left that the tracks were commanded to turn.
-    pub(super) told: f64,
+    pub(super) commanded: f64,
     /// Error of the heading after it, in radians.
     pub(super) error: f64,
 }
@@ -50,7 +50,7 @@ pub(super) struct FullTurn {
     /// Error of the heading then, in radians.
     error: f64,
     turn: f64,
-    told: f64,
+    commanded: f64,
     way: f64,
     /// Radians of the turn that the camera has not seen.
     unseen: f64,
@@ -64,9 +64,14 @@ impl FullTurn {
 
     /// Processes the view after a step; `error` is the error of the heading, in radians. Returns
     /// the turn if it is now a full one.
-    pub(super) fn look(&mut self, skyline: &Skyline, step: Step, error: f64) -> Option<Closed> {
+    pub(super) fn look(
+        &mut self,
+        skyline: &Skyline,
+        step: Step,
+        error: f64,
+    ) -> Option<CompletedTurn> {
         self.turn += step.turn;
-        self.told += step.told;
+        self.commanded += step.commanded;
         self.way += step.way;
         self.unseen += if step.seen { 0.0 } else { step.turn.abs() };
         let begin = match &self.begin {
@@ -82,14 +87,14 @@ impl FullTurn {
             return None;
         }
         let seen = skyline.turned_since(begin, off, REACH)?;
-        let closed = Closed {
+        let completed = CompletedTurn {
             turned: full + seen,
-            believed: self.turn,
-            told: self.told,
+            estimated: self.turn,
+            commanded: self.commanded,
             error: self.error + SAME_VIEW,
         };
-        *self = FullTurn::begin(skyline, closed.error);
-        Some(closed)
+        *self = FullTurn::begin(skyline, completed.error);
+        Some(completed)
     }
 
     fn begin(skyline: &Skyline, error: f64) -> FullTurn {
@@ -125,16 +130,16 @@ pub(super) mod tests {
         Skyline::of(&Image::from_rgb(&picture), camera)
     }
 
-    /// Turns by `whole` radians in 60 steps, estimates each radian as `believed` radians, and
+    /// Turns by `whole` radians in 60 steps, estimates each radian as `estimated` radians, and
     /// drives `way` metres with each step.
-    fn closed(whole: f64, believed: f64, way: f64, seen: bool) -> Option<Closed> {
+    fn completed(whole: f64, estimated: f64, way: f64, seen: bool) -> Option<CompletedTurn> {
         let mut full = FullTurn::default();
         let steps = 60;
         (0..=steps).find_map(|step| {
             let turn = whole / f64::from(steps);
             let done = Step {
-                turn: turn * believed,
-                told: turn * 1.2,
+                turn: turn * estimated,
+                commanded: turn * 1.2,
                 way,
                 seen,
             };
@@ -144,20 +149,20 @@ pub(super) mod tests {
 
     #[test]
     fn a_full_turn_is_detected_in_spite_of_a_wrong_estimate() {
-        for (whole, believed) in [(6.4, 1.0), (-6.4, 1.04), (6.5, 0.96)] {
-            let Some(found) = closed(whole, believed, 0.0, true) else {
-                panic!("{whole} {believed}");
+        for (whole, estimated) in [(6.4, 1.0), (-6.4, 1.04), (6.5, 0.96)] {
+            let Some(found) = completed(whole, estimated, 0.0, true) else {
+                panic!("{whole} {estimated}");
             };
-            let turned = found.believed / believed;
+            let turned = found.estimated / estimated;
             assert!((found.turned - turned).abs() < 0.01, "{found:?} {turned}");
-            assert!((found.told - 1.2 * turned).abs() < 0.01, "{found:?}");
+            assert!((found.commanded - 1.2 * turned).abs() < 0.01, "{found:?}");
         }
     }
 
     #[test]
     fn a_partial_turn_and_one_elsewhere_or_unseen_are_not_full_turns() {
-        assert_eq!(closed(5.0, 1.0, 0.0, true), None);
-        assert_eq!(closed(6.4, 1.0, 0.002, true), None);
-        assert_eq!(closed(6.4, 1.0, 0.0, false), None);
+        assert_eq!(completed(5.0, 1.0, 0.0, true), None);
+        assert_eq!(completed(6.4, 1.0, 0.002, true), None);
+        assert_eq!(completed(6.4, 1.0, 0.0, false), None);
     }
 }

@@ -56,7 +56,7 @@ unsafe fn message_of(state: *mut ffi::lua_State) -> Option<&'static CStr> {
         BudgetVerdict::RaiseFirst(message) => {
             // SAFETY: as for the caller.
             if let Some((source, line)) = unsafe { where_is(state) } {
-                budget::remember(source, line);
+                budget::record_place(source, line);
             }
             Some(message)
         }
@@ -76,7 +76,7 @@ unsafe fn where_is(state: *mut ffi::lua_State) -> Option<(String, u32)> {
             let info = info.assume_init_ref();
             if info.currentline > 0 && !info.short_src.is_null() {
                 let source = CStr::from_ptr(info.short_src).to_string_lossy();
-                if !super::failure::is_ours(&source) {
+                if !super::failure::is_runtime_frame(&source) {
                     return Some((source.into_owned(), info.currentline.unsigned_abs()));
                 }
             }

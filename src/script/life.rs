@@ -32,9 +32,9 @@ pub(super) struct Stopping {
 #[derive(Default)]
 pub(super) struct Exit {
     /// Functions given to `script.on_stop`.
-    pub(super) farewells: VecDeque<LuaFunction>,
+    pub(super) stop_handlers: VecDeque<LuaFunction>,
     /// Set when the running task has called `script.stop`; holds its message.
-    pub(super) asked: Option<Option<String>>,
+    pub(super) stop_requested: Option<Option<String>>,
     /// A native function has panicked: the state of the script can no longer be trusted.
     pub(super) broken: bool,
 }

@@ -18,20 +18,19 @@ mod api;
 mod arguments;
 mod blockage;
 mod budget;
-mod complaints;
-mod contact;
+mod daily_limits;
 mod declaration;
 mod ending;
 mod eval;
 mod events;
 mod failure;
+mod failure_log;
+mod frame_state;
 mod full_turn;
-mod going;
-mod grip;
 mod group;
 mod ids;
 mod interrupt;
-mod lateness;
+mod last_obstacle;
 mod life;
 mod modules;
 mod motion;
@@ -41,15 +40,13 @@ mod options;
 mod output;
 mod pace;
 mod params;
+mod picture_delay;
 mod picture_store;
 mod plain;
 mod queue;
 mod ramp;
 mod sandbox;
 mod scheduler;
-mod shares;
-mod shown;
-mod sight;
 mod sighting;
 mod slice;
 mod sound;
@@ -61,7 +58,10 @@ mod streams;
 mod task;
 #[cfg(test)]
 pub(crate) mod tests;
+mod timed_motion;
+mod track_motion;
 mod travel;
+mod turn_slip;
 mod wall_ahead;
 mod way_back;
 
@@ -78,11 +78,12 @@ use life::{Life, is_kill};
 use state::State;
 use task::{Answer, TaskKind};
 
-pub(crate) use budget::{only_simulated, running, stuck, when_stuck};
-pub use complaints::Explain;
+pub(crate) use budget::{running, set_simulated_wall_factor, stuck, when_stuck};
+pub(crate) use daily_limits::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub(crate) use declaration::{Declaration, param_values};
 pub(crate) use failure::printable;
 pub use failure::{Ending, Failure, SourceLocation};
+pub use failure_log::Explain;
 pub use modules::{ModuleFile, ModuleName, NoModule};
 pub(crate) use modules::{Target, resolve};
 pub use nearest::suggestion;
@@ -92,7 +93,6 @@ pub use params::{GivenParam, ParamOrigin, ParamValue};
 pub(crate) use picture_store::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub use sandbox::MAX_SOURCE;
 pub(crate) use sandbox::{check_source as read_text, compile_error};
-pub(crate) use shares::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub use sighting::{Seen, Sighting};
 pub use stage::{Stage, StageAnswer, StageCall, StageError};
 pub use state::Usage;
@@ -109,7 +109,7 @@ pub struct Script {
     lua: Lua,
     state: Shared,
     /// Bytes in use after the last complete garbage collection.
-    tidied: usize,
+    used_after_collection: usize,
 }
 
 impl Script {
@@ -140,18 +140,18 @@ impl Script {
 
     /// Loads a scenario script with an empty source and a stage that refuses every call.
     pub(crate) fn on_empty_stage(options: Options, now: Instant) -> Result<Script, Failure> {
-        Script::on_stage(b"", options, Rc::new(Empty), now)
+        Script::on_stage(b"", options, Rc::new(RefusingStage), now)
     }
 
     fn load_with(
         source: &[u8],
         options: Options,
-        surroundings: api::ApiSet,
+        api_set: api::ApiSet,
         now: Instant,
     ) -> Result<Script, Failure> {
         let chunk = options.chunk.clone();
         let text = sandbox::check_source(source, &chunk)?;
-        Script::start(text, options, surroundings, now).map_err(|error| match &error {
+        Script::start(text, options, api_set, now).map_err(|error| match &error {
             mlua::Error::SyntaxError { message, .. } => {
                 Failure::Syntax(failure::printable(message, 1000))
             }
@@ -168,41 +168,45 @@ impl Script {
     fn start(
         source: &str,
         options: Options,
-        surroundings: api::ApiSet,
+        api_set: api::ApiSet,
         now: Instant,
     ) -> LuaResult<Script> {
         let lua = sandbox::open()?;
         let (chunk, seed) = (options.chunk.clone(), options.seed);
         let text = source.to_owned();
         let state = Rc::new(RefCell::new(State::new(options, now)));
-        state.borrow_mut().complaints.source = text;
+        state.borrow_mut().failure_log.source = text;
         sandbox::seed(&lua, seed)?;
-        api::install(&lua, &state, surroundings)?;
+        api::install(&lua, &state, api_set)?;
         let main = lua.create_thread(sandbox::compile(&lua, source, &chunk)?)?;
         let start = Answer::Start(LuaMultiValue::new());
         state
             .borrow_mut()
             .tasks
             .add(main, TaskKind::Main, start, None, now);
-        let tidied = 0;
-        Ok(Script { lua, state, tidied })
+        let used_after_collection = 0;
+        Ok(Script {
+            lua,
+            state,
+            used_after_collection,
+        })
     }
 
     /// Sets the function that explains failures in plain words wherever they are logged or
     /// reported.
     pub fn explain_with(&mut self, explain: Explain) {
-        self.state.borrow_mut().complaints.explain = Some(explain);
+        self.state.borrow_mut().failure_log.explain = Some(explain);
     }
 
     /// Changes the value of a parameter while the script runs, on behalf of a person. A refusal is
     /// logged.
-    pub fn turn_param(&mut self, name: &str, value: ParamValue, now: Instant) {
+    pub fn set_live_param(&mut self, name: &str, value: ParamValue, now: Instant) {
         let mut state = self.state.borrow_mut();
         state.tick(now);
         if state.has_ended() {
             return;
         }
-        if let Err(why) = api::turn_param(&self.lua, &mut state, name, value) {
+        if let Err(why) = api::set_live_param(&self.lua, &mut state, name, value) {
             let now = state.now;
             let line = LogLine::new(Level::Warn, &why.to_string());
             state.output.log(line, now);
@@ -210,10 +214,12 @@ impl Script {
     }
 
     /// Runs one garbage collection step if enough garbage has accumulated, so that slices need not.
-    pub fn tidy(&mut self) {
+    pub fn collect_garbage_step(&mut self) {
         let used = self.lua.used_memory();
-        if used > self.tidied + self.tidied / 20 && self.lua.gc_step().unwrap_or(true) {
-            self.tidied = self.lua.used_memory();
+        if used > self.used_after_collection + self.used_after_collection / 20
+            && self.lua.gc_step().unwrap_or(true)
+        {
+            self.used_after_collection = self.lua.used_memory();
         }
     }
 
@@ -223,12 +229,12 @@ impl Script {
         {
             let mut state = self.state.borrow_mut();
             state.tick(now);
-            state.ring();
+            state.fire_due_timers();
         }
         let next = self.state.borrow_mut().tasks.next_ready();
         match next {
             Some(next) => self.run(next),
-            None => self.state.borrow_mut().look_where_it_goes(),
+            None => self.state.borrow_mut().examine_frame_for_motion(),
         }
         self.advance_ending();
         self.state.borrow_mut().drop_unused_streams();
@@ -292,7 +298,7 @@ impl Script {
             let mut state = self.state.borrow_mut();
             state.tick(now);
             if is_kill(reason) {
-                let before = state.before();
+                let before = state.slice_start();
                 return state.kill(reason, None, before);
             }
             state.begin_stop(reason, None);
@@ -326,9 +332,9 @@ impl Script {
 }
 
 /// A stage that refuses every call; enough to list the names that scripts can use.
-struct Empty;
+struct RefusingStage;
 
-impl Stage for Empty {
+impl Stage for RefusingStage {
     fn answer(&self, call: StageCall<'_>) -> StageAnswer {
         Err(format!("{} is not possible here", call.name).into())
     }

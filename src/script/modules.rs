@@ -163,7 +163,7 @@ fn library(path: &str) -> Result<Target, RequireError> {
 #[derive(Debug, Clone)]
 pub(super) enum Progress {
     /// The file is being read.
-    Asked,
+    Requested,
     /// Compiled.
     Ready(LuaFunction),
     /// Being run by this task.
@@ -188,7 +188,7 @@ struct Module {
 
 /// The module `from` requires the module `to`.
 #[derive(Clone, Copy, PartialEq, Eq)]
-struct Want {
+struct ModuleWait {
     from: ModuleId,
     to: ModuleId,
     task: TaskId,
@@ -197,10 +197,10 @@ struct Want {
 /// See the module documentation. The behaviour's own file is the first.
 pub(super) struct Modules {
     all: Vec<Module>,
-    wants: Vec<Want>,
+    waits: Vec<ModuleWait>,
     bytes: usize,
     /// Prefix of file names in messages, such as `behaviours/`.
-    shown: String,
+    prefix: String,
 }
 
 /// The behaviour's own file.
@@ -209,7 +209,7 @@ pub(super) const MAIN: ModuleId = ModuleId(0);
 impl Modules {
     /// Creates the state for the behaviour that messages call `chunk`.
     pub(super) fn new(chunk: &str) -> Modules {
-        let (shown, file) = match chunk.rfind('/') {
+        let (prefix, file) = match chunk.rfind('/') {
             Some(at) => chunk.split_at(at + 1),
             None => ("", chunk),
         };
@@ -222,9 +222,9 @@ impl Modules {
         };
         Modules {
             all: vec![main],
-            wants: Vec::new(),
+            waits: Vec::new(),
             bytes: 0,
-            shown: shown.to_owned(),
+            prefix: prefix.to_owned(),
         }
     }
 
@@ -260,7 +260,7 @@ impl Modules {
         let chunk = if key.starts_with(LIBRARY) {
             key.to_owned()
         } else {
-            format!("{}{key}", self.shown)
+            format!("{}{key}", self.prefix)
         };
         self.all.push(Module {
             key: key.to_owned(),
@@ -278,13 +278,13 @@ impl Modules {
     }
 
     /// Records a module's file; returns its name in messages.
-    pub(super) fn arrived(
+    pub(super) fn record_file(
         &mut self,
         id: ModuleId,
         file: &ModuleFile,
     ) -> Result<String, RequireError> {
         self.bytes += file.source.len();
-        let chunk = format!("{}{}", self.shown, file.file);
+        let chunk = format!("{}{}", self.prefix, file.file);
         if let Some(module) = self.all.get_mut(id.0) {
             module.chunk.clone_from(&chunk);
             module.source = String::from_utf8_lossy(&file.source).into_owned();
@@ -309,14 +309,14 @@ impl Modules {
 
     /// Records that a task in `from` requires `to`; `lives` says whether a task still exists. If
     /// the modules wait for each other in a circle, the error names the chain.
-    pub(super) fn want(
+    pub(super) fn record_wait(
         &mut self,
         from: ModuleId,
         to: ModuleId,
         task: TaskId,
         lives: impl Fn(TaskId) -> bool,
     ) -> Result<(), RequireError> {
-        self.wants.retain(|want| lives(want.task));
+        self.waits.retain(|wait| lives(wait.task));
         if let Some(chain) = self.chain(to, from, &mut Vec::new()) {
             let names: Vec<&str> = chain
                 .iter()
@@ -328,16 +328,17 @@ impl Modules {
         if to == MAIN {
             return Err(RequireError::Main(self.chunk(MAIN).to_owned()));
         }
-        let want = Want { from, to, task };
-        if !self.wants.contains(&want) {
-            self.wants.push(want);
+        let wait = ModuleWait { from, to, task };
+        if !self.waits.contains(&wait) {
+            self.waits.push(wait);
         }
         Ok(())
     }
 
     /// Records that a required module is loaded, or will never be.
-    pub(super) fn served(&mut self, from: ModuleId, to: ModuleId, task: TaskId) {
-        self.wants.retain(|want| *want != Want { from, to, task });
+    pub(super) fn remove_wait(&mut self, from: ModuleId, to: ModuleId, task: TaskId) {
+        self.waits
+            .retain(|wait| *wait != ModuleWait { from, to, task });
     }
 
     fn chunk(&self, id: ModuleId) -> &str {
@@ -359,8 +360,8 @@ impl Modules {
             return None;
         }
         seen.push(from);
-        let mut next = self.wants.iter().filter(|want| want.from == from);
-        let mut rest = next.find_map(|want| self.chain(want.to, to, seen))?;
+        let mut next = self.waits.iter().filter(|wait| wait.from == from);
+        let mut rest = next.find_map(|wait| self.chain(wait.to, to, seen))?;
         rest.insert(0, from);
         Some(rest)
     }
@@ -370,7 +371,7 @@ impl Modules {
         for module in &mut self.all {
             module.progress = Progress::Loaded;
         }
-        self.wants.clear();
+        self.waits.clear();
     }
 }
 

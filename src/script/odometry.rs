@@ -2,9 +2,9 @@
 //! setpoints of the script, corrected by the turns that the camera sees.
 //!
 //! The tracks accelerate as modelled in `ramp`, and a picture shows what they did earlier, by the
-//! delay estimated in `lateness`. The remaining difference between tracks and camera comes from
-//! slip of the tracks and from errors of the camera: the heading follows each as far as it can be
-//! trusted, with the gain of a Kalman filter. A full turn on the spot corrects the heading, and
+//! delay estimated in `picture_delay`. The remaining difference between tracks and camera comes
+//! from slip of the tracks and from errors of the camera: the heading follows each as far as it can
+//! be trusted, with the gain of a Kalman filter. A full turn on the spot corrects the heading, and
 //! measures how far the tracks can be trusted.
 
 use std::collections::VecDeque;
@@ -14,19 +14,19 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::full_turn::FullTurn;
-use super::grip::Grip;
-use super::lateness::Lateness;
 use super::options::Calibration;
+use super::picture_delay::PictureDelay;
 use super::ramp::Ramp;
-use super::shown::{Correction, Shown, VEER};
+use super::track_motion::{Correction, TrackMotion, VEER};
 use super::travel::Travel;
+use super::turn_slip::TurnSlip;
 use crate::robot::Setpoint;
 use crate::vision::{Drive, Skyline};
 
 /// Slip of the tracks on an unknown floor, in metres per metre.
-const SLIP_OF_WAY: f64 = 0.1;
+const DISTANCE_SLIP: f64 = 0.1;
 /// Turn rate in radians per second that is assumed while something else drives the robot.
-const OTHERS_TURN: f64 = 2.0;
+const FOREIGN_TURN_RATE: f64 = 2.0;
 /// Motion that is not the script's counts only from this long after the script's own motion,
 /// because the report that its own motion has ended arrives as late as this.
 const GRACE: Duration = Duration::from_millis(300);
@@ -51,7 +51,7 @@ pub(super) struct Pose {
 /// The source of the robot's motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Driver {
-    Nobody,
+    None,
     Script(Drive),
     /// Another behaviour, the watchdog, or the robot's own search for its station.
     Other,
@@ -81,15 +81,15 @@ const FULL_POWER: f64 = 90.0;
 pub(super) struct Odometry {
     pose: Pose,
     at: Instant,
-    drove: Option<Instant>,
+    last_script_motion: Option<Instant>,
     /// Metres that the tracks have covered for the script so far; backward motion counts as
     /// negative.
     odometer: f64,
     calibration: Calibration,
     ramp: Ramp,
     travel: Travel,
-    lateness: Lateness,
-    grip: Grip,
+    picture_delay: PictureDelay,
+    turn_slip: TurnSlip,
     /// The skyline of the last frame that was examined while the robot turned, and when that frame
     /// arrived.
     skyline: Option<(Instant, Skyline)>,
@@ -104,13 +104,13 @@ impl Odometry {
         Odometry {
             pose: Pose::default(),
             at: now,
-            drove: None,
+            last_script_motion: None,
             odometer: 0.0,
             calibration,
             ramp: Ramp::default(),
             travel: Travel::new(now),
-            lateness: Lateness::default(),
-            grip: Grip::default(),
+            picture_delay: PictureDelay::default(),
+            turn_slip: TurnSlip::default(),
             skyline: None,
             full_turn: FullTurn::default(),
             marks: VecDeque::new(),
@@ -139,11 +139,13 @@ impl Odometry {
     pub(super) fn advance(&mut self, now: Instant, driver: Driver) -> bool {
         let time = now.saturating_duration_since(self.at);
         let end = self.at.max(now);
-        let echo = self.drove.is_some_and(|drove| end - drove < GRACE);
+        let echo = self
+            .last_script_motion
+            .is_some_and(|last| end - last < GRACE);
         match driver {
-            Driver::Nobody => self.drive(STILL, time),
+            Driver::None => self.drive(STILL, time),
             Driver::Script(drive) => {
-                self.drove = Some(end);
+                self.last_script_motion = Some(end);
                 self.odometer += drive.forward * time.as_secs_f64();
                 self.drive(drive, time);
             }
@@ -154,7 +156,8 @@ impl Odometry {
                 self.full_turn.forget();
                 let seconds = time.as_secs_f64();
                 self.pose.error += self.calibration.full_speed * seconds;
-                self.pose.worsen_heading(OTHERS_TURN * seconds);
+                self.pose
+                    .increase_heading_error(FOREIGN_TURN_RATE * seconds);
             }
         }
         self.at = end;
@@ -168,14 +171,14 @@ impl Odometry {
             let width = self.calibration.track_width;
             let (motion, seconds) = self.ramp.step(command, width, whole - past);
             past += seconds;
-            let (told, way) = (motion.turn * seconds, motion.forward * seconds);
-            let turn = self.grip.share() * told;
+            let (commanded, way) = (motion.turn * seconds, motion.forward * seconds);
+            let turn = self.turn_slip.share() * commanded;
             self.pose = self.pose.after(way, turn);
             self.pose
-                .worsen_heading(self.grip.deviation() * turn.abs() + VEER * way.abs());
-            self.grip.fade(turn.abs());
+                .increase_heading_error(self.turn_slip.deviation() * turn.abs() + VEER * way.abs());
+            self.turn_slip.increase_uncertainty(turn.abs());
             let end = self.at + Duration::from_secs_f64(past.min(whole));
-            self.travel.add(end, told, turn, way);
+            self.travel.add(end, commanded, turn, way);
             if past >= whole {
                 break;
             }
@@ -196,17 +199,17 @@ impl Odometry {
     }
 
     /// What the tracks did between the last two frames.
-    pub(super) fn last_shown(&self) -> Option<Shown> {
+    pub(super) fn last_track_motion(&self) -> Option<TrackMotion> {
         let mut newest = self.marks.iter().rev();
         let (now, before) = (newest.next()?.0, newest.next()?.0);
-        self.shown(before, now)
+        self.track_motion(before, now)
     }
 
     /// What the tracks did between the moments that two frames show, for frames that arrived at
     /// these times; `None` if that is too long ago.
-    fn shown(&self, before: Instant, now: Instant) -> Option<Shown> {
-        let slip = self.grip.deviation();
-        Shown::between(&self.travel, &self.lateness, slip, before, now)
+    fn track_motion(&self, before: Instant, now: Instant) -> Option<TrackMotion> {
+        let slip = self.turn_slip.deviation();
+        TrackMotion::between(&self.travel, &self.picture_delay, slip, before, now)
     }
 
     /// Processes the skyline of a frame that arrived `at`; `None` if the frame was not examined.
@@ -215,32 +218,32 @@ impl Odometry {
         let (Some((then, before)), Some((_, skyline))) = (before, &self.skyline) else {
             return self.full_turn.forget();
         };
-        let Some(shown) = self.shown(then, at) else {
+        let Some(motion) = self.track_motion(then, at) else {
             return self.full_turn.forget();
         };
-        let (expected, reach) = shown.expected();
+        let (expected, reach) = motion.expected();
         let mut correction = Correction::NONE;
         if let Some(seen) = skyline.turned_since(&before, expected, reach) {
-            let seen = Shown::of_camera(seen);
-            correction = shown.correction(seen);
-            self.lateness.note(seen, shown.turns());
+            let seen = TrackMotion::of_camera(seen);
+            correction = motion.correction(seen);
+            self.picture_delay.note(seen, motion.turns());
         }
         let error = self.pose.heading_error;
-        let closed = self.full_turn.look(skyline, shown.step(correction), error);
+        let completed = self.full_turn.look(skyline, motion.step(correction), error);
         self.correct_turn(correction);
-        if let Some(closed) = closed {
-            self.pose.heading += closed.turned - closed.believed;
-            self.pose.heading_error = self.pose.heading_error.min(closed.error);
-            self.grip.learn(closed.told, closed.turned);
+        if let Some(completed) = completed {
+            self.pose.heading += completed.turned - completed.estimated;
+            self.pose.heading_error = self.pose.heading_error.min(completed.error);
+            self.turn_slip.learn(completed.commanded, completed.turned);
         }
     }
 
     /// Corrects the heading if the camera has seen more or less of a turn than the tracks made.
     fn correct_turn(&mut self, correction: Correction) {
         self.pose.heading += correction.turn;
-        self.pose.heading_error = (self.pose.heading_error - correction.better).max(0.0);
-        if let Some(part) = correction.differs {
-            self.grip.differ(part);
+        self.pose.heading_error = (self.pose.heading_error - correction.error_decrease).max(0.0);
+        if let Some(part) = correction.difference {
+            self.turn_slip.record_difference(part);
         }
     }
 
@@ -269,11 +272,11 @@ impl Pose {
         self.x += chord * along.cos();
         self.y += chord * along.sin();
         self.heading += turn;
-        self.error += way.abs() * (SLIP_OF_WAY + self.heading_error.min(1.0));
+        self.error += way.abs() * (DISTANCE_SLIP + self.heading_error.min(1.0));
         self
     }
 
-    fn worsen_heading(&mut self, by: f64) {
+    fn increase_heading_error(&mut self, by: f64) {
         self.heading_error = (self.heading_error + by).min(PI);
     }
 }

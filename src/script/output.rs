@@ -106,12 +106,12 @@ pub(super) struct OutputQueue {
     speech: usize,
     window: Instant,
     lines: u32,
-    folded: u32,
+    dropped: u32,
 }
 
 /// The length of the queue when a slice began.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Mark(usize);
+pub(super) struct QueuePosition(usize);
 
 impl OutputQueue {
     pub(super) fn new(now: Instant) -> OutputQueue {
@@ -121,7 +121,7 @@ impl OutputQueue {
             speech: 0,
             window: now,
             lines: 0,
-            folded: 0,
+            dropped: 0,
         }
     }
 
@@ -147,18 +147,18 @@ impl OutputQueue {
     }
 
     /// Requests a module; not bounded, since there are only a few.
-    pub(super) fn ask(&mut self, name: ModuleName) {
+    pub(super) fn request_module(&mut self, name: ModuleName) {
         self.waiting.push(Output::Module(name));
     }
 
     /// Queues a log line, or counts it if there were too many lines this second.
     pub(super) fn log(&mut self, line: LogLine, now: Instant) {
-        self.unfold(now);
+        self.roll_window(now);
         if self.lines < MAX_LINES {
             self.lines += 1;
             self.waiting.push(Output::Log(line));
         } else {
-            self.folded += 1;
+            self.dropped += 1;
         }
     }
 
@@ -181,36 +181,36 @@ impl OutputQueue {
 
     /// Starts a new period once the last one is over, and reports how many lines were dropped in
     /// it.
-    pub(super) fn unfold(&mut self, now: Instant) {
+    pub(super) fn roll_window(&mut self, now: Instant) {
         if now.saturating_duration_since(self.window) >= WINDOW {
             self.window = now;
             self.lines = 0;
-            self.say_folded();
+            self.report_dropped();
         }
     }
 
-    /// When [`OutputQueue::unfold`] has something to report.
-    pub(super) fn unfolds_at(&self) -> Option<Instant> {
-        (self.folded > 0).then(|| self.window + WINDOW)
+    /// When [`OutputQueue::roll_window`] has something to report.
+    pub(super) fn window_end(&self) -> Option<Instant> {
+        (self.dropped > 0).then(|| self.window + WINDOW)
     }
 
     /// Reports how many lines were dropped.
-    pub(super) fn say_folded(&mut self) {
-        if self.folded > 0 {
-            let text = format!("... and {} more lines", self.folded);
+    pub(super) fn report_dropped(&mut self) {
+        if self.dropped > 0 {
+            let text = format!("... and {} more lines", self.dropped);
             let line = LogLine::new(Level::Warn, &text);
             self.waiting.push(Output::Log(line));
-            self.folded = 0;
+            self.dropped = 0;
         }
     }
 
-    pub(super) fn mark(&self) -> Mark {
-        Mark(self.waiting.len())
+    pub(super) fn position(&self) -> QueuePosition {
+        QueuePosition(self.waiting.len())
     }
 
-    /// Removes the output since `mark`, except log lines, parameters and saved pictures: those have
-    /// already happened.
-    pub(super) fn withdraw_since(&mut self, mark: Mark) {
+    /// Removes the output since `position`, except log lines, parameters and saved pictures: those
+    /// have already happened.
+    pub(super) fn withdraw_since(&mut self, position: QueuePosition) {
         let mut index = 0;
         self.waiting.retain(|output| {
             index += 1;
@@ -218,7 +218,7 @@ impl OutputQueue {
                 output,
                 Output::Log(_) | Output::Params(_) | Output::Remark(Remark::Picture { .. })
             );
-            index <= mark.0 || happened
+            index <= position.0 || happened
         });
     }
 

@@ -8,7 +8,7 @@ use tokio::time::Instant;
 pub(super) const SHORTEST_WAIT: Duration = Duration::from_millis(1);
 
 /// How often one task may be resumed within [`SHORTEST_WAIT`] before it must wait.
-const FASTEST: u32 = 64;
+const MAX_RESUMPTIONS: u32 = 64;
 
 /// How often a task was resumed within the current [`SHORTEST_WAIT`].
 #[derive(Debug, Clone, Copy)]
@@ -31,6 +31,6 @@ impl Pace {
             *self = Pace::new(now);
         }
         self.count += 1;
-        self.count > FASTEST
+        self.count > MAX_RESUMPTIONS
     }
 }

@@ -17,7 +17,7 @@ use crate::files::{Folder, Item};
 /// limited too.
 const LEAST: u64 = 4096;
 /// How often deleted and refused pictures are reported.
-const SAID_EVERY: Duration = Duration::from_secs(3600);
+const MESSAGE_INTERVAL: Duration = Duration::from_secs(3600);
 
 /// Why a picture was not saved.
 #[derive(Debug)]
@@ -39,12 +39,12 @@ impl From<io::Error> for NotSaved {
 pub(super) struct Saved {
     pub(super) path: PathBuf,
     /// A message about the pictures that were deleted for it, once an hour.
-    pub(super) gone: Option<String>,
+    pub(super) notice: Option<String>,
 }
 
 /// The kinds of messages, each reported once an hour.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Complaint {
+enum MessageKind {
     Removed,
     Day,
     Disk,
@@ -59,27 +59,27 @@ pub(super) struct PictureStore {
     free: u64,
     day: Budget,
     /// The content of the folder, once it was read.
-    held: Option<Held>,
-    said: Repeats<Complaint>,
+    content: Option<FolderContent>,
+    messages: Repeats<MessageKind>,
 }
 
 /// The content of the folder.
 #[derive(Debug, Default)]
-struct Held {
+struct FolderContent {
     /// Oldest first.
     pictures: VecDeque<Item>,
     /// The total weight of the pictures and of all other files.
     weight: u64,
 }
 
-impl Held {
-    fn of(folder: &Folder) -> io::Result<Held> {
+impl FolderContent {
+    fn of(folder: &Folder) -> io::Result<FolderContent> {
         let mut items = folder.items()?;
         items.sort();
         let weight = items.iter().map(|item| weight(item.bytes)).sum();
         items.retain(|item| is_picture(&item.name));
         let pictures = items.into();
-        Ok(Held { pictures, weight })
+        Ok(FolderContent { pictures, weight })
     }
 
     fn forget(&mut self, name: &str) {
@@ -99,8 +99,8 @@ impl PictureStore {
             quota: limits.picture_bytes,
             free: limits.free_bytes,
             day: Budget::new(limits.picture_bytes_a_day),
-            held: None,
-            said: Repeats::new(SAID_EVERY),
+            content: None,
+            messages: Repeats::new(MESSAGE_INTERVAL),
         }
     }
 
@@ -121,80 +121,80 @@ impl PictureStore {
                 "it is larger than the limit of {} bytes for all pictures",
                 self.quota
             );
-            return Err(self.refuse(Complaint::TooLarge, &why, now));
+            return Err(self.refuse(MessageKind::TooLarge, &why, now));
         }
         if folder
             .free()
             .is_ok_and(|free| free < self.free.saturating_add(heavy))
         {
             let why = format!("the disk has less than {} bytes free", self.free);
-            return Err(self.refuse(Complaint::Disk, &why, now));
+            return Err(self.refuse(MessageKind::Disk, &why, now));
         }
         if !self.day.take(heavy, now) {
             let why = format!(
                 "the limit of {} bytes of pictures a day is used up",
                 self.day.per_day()
             );
-            return Err(self.refuse(Complaint::Day, &why, now));
+            return Err(self.refuse(MessageKind::Day, &why, now));
         }
-        let gone = self.make_room(&folder, name, heavy)?;
+        let deleted = self.make_room(&folder, name, heavy)?;
         folder.replace(name, bytes)?;
         self.keep(&folder, name)?;
-        let gone = (gone > 0)
-            .then(|| self.tell(Complaint::Removed, gone, now))
+        let notice = (deleted > 0)
+            .then(|| self.removal_notice(MessageKind::Removed, deleted, now))
             .flatten();
         Ok(Saved {
             path: path.join(name),
-            gone,
+            notice,
         })
     }
 
     /// Deletes the oldest pictures until there is room; returns how many.
     fn make_room(&mut self, folder: &Folder, name: &str, heavy: u64) -> io::Result<u64> {
-        let mut held = match self.held.take() {
-            Some(held) => held,
-            None => Held::of(folder)?,
+        let mut content = match self.content.take() {
+            Some(content) => content,
+            None => FolderContent::of(folder)?,
         };
-        held.forget(name);
-        let mut gone = 0;
-        while held.weight + heavy > self.quota {
-            let Some(oldest) = held.pictures.front().map(|item| item.name.clone()) else {
+        content.forget(name);
+        let mut deleted = 0;
+        while content.weight + heavy > self.quota {
+            let Some(oldest) = content.pictures.front().map(|item| item.name.clone()) else {
                 break;
             };
             match folder.remove(&oldest) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-                _ => held.forget(&oldest),
+                _ => content.forget(&oldest),
             }
-            gone += 1;
+            deleted += 1;
         }
-        self.held = Some(held);
-        Ok(gone)
+        self.content = Some(content);
+        Ok(deleted)
     }
 
     fn keep(&mut self, folder: &Folder, name: &str) -> io::Result<()> {
-        let (Some(item), Some(held)) = (folder.item(name)?, &mut self.held) else {
+        let (Some(item), Some(content)) = (folder.item(name)?, &mut self.content) else {
             return Ok(());
         };
-        held.weight += weight(item.bytes);
-        held.pictures.push_back(item);
+        content.weight += weight(item.bytes);
+        content.pictures.push_back(item);
         Ok(())
     }
 
-    fn refuse(&mut self, kind: Complaint, why: &str, now: Instant) -> NotSaved {
-        let words = self.said.note(kind, now).map(|before| match before {
+    fn refuse(&mut self, kind: MessageKind, why: &str, now: Instant) -> NotSaved {
+        let words = self.messages.note(kind, now).map(|before| match before {
             0 => format!("a picture was not saved: {why}"),
             before => format!("a picture was not saved, nor were {before} before it: {why}"),
         });
         NotSaved::Quota(words)
     }
 
-    fn tell(&mut self, kind: Complaint, gone: u64, now: Instant) -> Option<String> {
-        let before = self.said.note(kind, now)?;
+    fn removal_notice(&mut self, kind: MessageKind, deleted: u64, now: Instant) -> Option<String> {
+        let before = self.messages.note(kind, now)?;
         let quota = self.quota;
         Some(format!(
             "the pictures have reached {quota} bytes: {} of the oldest deleted since the last such \
              message",
-            before + gone
+            before + deleted
         ))
     }
 }
@@ -271,12 +271,12 @@ mod tests {
             Instant::now(),
         );
         for name in ["a.jpg", "b.jpg", "a.jpg", "c.jpg"] {
-            assert!(store.save(name, &[1, 2, 3], now).unwrap().gone.is_none());
+            assert!(store.save(name, &[1, 2, 3], now).unwrap().notice.is_none());
         }
-        let told = store.save("d.jpg", &[1], now).unwrap().gone.unwrap();
+        let told = store.save("d.jpg", &[1], now).unwrap().notice.unwrap();
         assert!(told.contains("1 of the oldest deleted"), "{told}");
         assert_eq!(names(&folder), ["a.jpg", "c.jpg", "d.jpg"]);
-        assert!(store.save("e.jpg", &[1], now).unwrap().gone.is_none());
+        assert!(store.save("e.jpg", &[1], now).unwrap().notice.is_none());
         // Files that are not pictures stay, and count.
         fs::write(folder.join("store.json"), "{}").unwrap();
         let mut again = PictureStore::new(Some(folder.clone()), &limits(3));
@@ -305,7 +305,7 @@ mod tests {
             "{refused:?}"
         );
         assert!(matches!(save(now), Err(NotSaved::Quota(None))));
-        now += SAID_EVERY;
+        now += MESSAGE_INTERVAL;
         assert!(save(now).is_ok());
         assert!(
             matches!(save(now), Err(NotSaved::Quota(Some(why))) if why.contains("nor were 1 before"))

@@ -49,7 +49,7 @@ impl Outcome {
 
 impl State {
     /// Fires every timer that is due.
-    pub(super) fn ring(&mut self) {
+    pub(super) fn fire_due_timers(&mut self) {
         while let Some(due) = self.tasks.next_due(self.now) {
             match due {
                 Due::Wait(id) => self.time_out(id),
@@ -74,7 +74,7 @@ impl State {
             Wait::Beat { missed } => Answer::Beat(missed),
             Wait::Event(_) => Answer::NoEvent,
             Wait::Group(group) => {
-                self.dissolve(group);
+                self.end_group(group);
                 Answer::Refused("timeout")
             }
             Wait::Module(_) => Answer::Again,
@@ -95,28 +95,28 @@ impl State {
         if task.cancel != Cancel::No {
             return;
         }
-        task.cancel = Cancel::Told;
+        task.cancel = Cancel::Raised;
         match &mut task.phase {
-            TaskPhase::Running => task.cancel = Cancel::Asked,
+            TaskPhase::Running => task.cancel = Cancel::Requested,
             TaskPhase::Ready(_) if !task.started => self.finish(id, Outcome::Cancelled),
             TaskPhase::Ready(answer) => *answer = Answer::Cancelled,
             TaskPhase::Waiting(wait) => {
                 let wait = *wait;
-                self.give_up(wait);
+                self.cancel_wait(wait);
                 self.tasks.wake(id, Answer::Cancelled, self.now);
             }
         }
     }
 
     /// Cancels what a task was waiting for.
-    fn give_up(&mut self, wait: Wait) {
+    fn cancel_wait(&mut self, wait: Wait) {
         match wait {
             Wait::Motion(motion) if self.motion.current() == Some(motion) => {
                 self.motion.ended(motion);
                 self.output.send(Intent::Release { motion });
             }
             Wait::Dock(_) => self.output.send(Intent::CancelDock),
-            Wait::Group(group) => self.dissolve(group),
+            Wait::Group(group) => self.end_group(group),
             _ => {}
         }
     }
@@ -135,21 +135,25 @@ impl State {
         }
         match (task.kind, outcome) {
             (TaskKind::Child(group, index), outcome) => self.child_ended(group, index, outcome),
-            (TaskKind::Handler(subscription), outcome) => self.handled(subscription, &outcome),
+            (TaskKind::Handler(subscription), outcome) => {
+                self.handler_ended(subscription, &outcome)
+            }
             (TaskKind::Main, Outcome::Failed(text)) => self.fail(text),
             (TaskKind::Line, outcome) => {
                 let answer = self.evaluated(outcome);
                 self.output.answer(answer);
             }
-            (TaskKind::Spawned | TaskKind::Farewell, Outcome::Failed(text)) => self.complain(&text),
+            (TaskKind::Spawned | TaskKind::StopHandler, Outcome::Failed(text)) => {
+                self.log_failure(&text)
+            }
             _ => {}
         }
     }
 
     /// Handles the end of one run of a subscription's function.
-    fn handled(&mut self, id: SubscriptionId, outcome: &Outcome) {
+    fn handler_ended(&mut self, id: SubscriptionId, outcome: &Outcome) {
         if let Outcome::Failed(text) = outcome {
-            self.complain(text);
+            self.log_failure(text);
         }
         let Some(subscription) = self.subscriptions.get_mut(&id) else {
             // The subscription was removed meanwhile, or was for one event only.
@@ -182,7 +186,7 @@ impl State {
         if subscription.busy != Busy::No || !subscription.has_waiting() {
             return;
         }
-        subscription.busy = match subscription.held_until(self.now) {
+        subscription.busy = match subscription.delayed_until(self.now) {
             Some(at) => Busy::Timed(self.tasks.call_handler_at(id, at)),
             None => {
                 self.tasks.call_handler(id);
@@ -213,7 +217,7 @@ impl State {
     }
 
     /// Logs the error of a cancelled task, unless it is the cancellation's own error.
-    pub(super) fn clean_up_failed(&mut self, text: &str) {
+    pub(super) fn log_clean_up_failure(&mut self, text: &str) {
         if !text.ends_with(CANCELLED) {
             self.log(Level::Warn, &format!("while cleaning up: {text}"));
         }
@@ -241,14 +245,14 @@ impl State {
             Outcome::Cancelled => Some(Answer::Cancelled),
         };
         if let Some(answer) = answer {
-            self.dissolve(id);
+            self.end_group(id);
             self.tasks.wake(parent, answer, self.now);
         }
     }
 
     /// Ends a group: children that have not ended are cancelled, and run their clean-up before
     /// their parent continues.
-    pub(super) fn dissolve(&mut self, id: GroupId) {
+    pub(super) fn end_group(&mut self, id: GroupId) {
         if let Some(group) = self.groups.remove(&id) {
             for child in group.children {
                 self.cancel(child);

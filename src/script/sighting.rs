@@ -36,16 +36,16 @@ pub struct Seen {
 
 /// Keeps a frame now and then, at most one per `period`.
 #[derive(Debug)]
-pub(super) struct Witness {
+pub(super) struct FindingsRecorder {
     period: Duration,
     begun: Option<Instant>,
     kept: Option<Sighting>,
 }
 
-impl Default for Witness {
-    fn default() -> Witness {
+impl Default for FindingsRecorder {
+    fn default() -> FindingsRecorder {
         let (period, begun, kept) = (PERIOD, None, None);
-        Witness {
+        FindingsRecorder {
             period,
             begun,
             kept,
@@ -53,14 +53,14 @@ impl Default for Witness {
     }
 }
 
-impl Witness {
-    /// Creates a witness if the options say that somebody wants to see what the script sees.
-    pub(super) fn of(options: &Options) -> Option<Witness> {
+impl FindingsRecorder {
+    /// Creates a recorder if the options say that somebody wants to see what the script sees.
+    pub(super) fn of(options: &Options) -> Option<FindingsRecorder> {
         let (live, kept) = (options.findings, options.annotate_dir.is_some());
         let period = if live { LIVE_PERIOD } else { PERIOD };
-        (live || kept).then(|| Witness {
+        (live || kept).then(|| FindingsRecorder {
             period,
-            ..Witness::default()
+            ..FindingsRecorder::default()
         })
     }
 
@@ -112,23 +112,23 @@ mod tests {
 
     #[test]
     fn findings_in_one_frame_are_kept_together() {
-        let (mut witness, now) = (Witness::default(), Instant::now());
+        let (mut recorder, now) = (FindingsRecorder::default(), Instant::now());
         for (seq, count) in [(1, 2), (1, 1), (2, 5), (1, 100)] {
-            witness.note(&frame(seq, now), now, seen(count));
+            recorder.note(&frame(seq, now), now, seen(count));
         }
-        assert!(witness.take_if(|_| false).is_none());
-        let kept = witness.take_if(|_| true).unwrap();
+        assert!(recorder.take_if(|_| false).is_none());
+        let kept = recorder.take_if(|_| true).unwrap();
         assert_eq!((kept.frame.seq, kept.marks.len()), (1, MAX_MARKS));
-        assert!(witness.take_if(|_| true).is_none());
+        assert!(recorder.take_if(|_| true).is_none());
     }
 
     #[test]
     fn at_most_two_frames_a_second_are_kept() {
-        let (mut witness, start) = (Witness::default(), Instant::now());
+        let (mut recorder, start) = (FindingsRecorder::default(), Instant::now());
         let shown = (0..300).filter(|&seq| {
             let now = start + Duration::from_millis(10) * seq;
-            witness.note(&frame(seq.into(), now), now, seen(0));
-            witness.take_if(|_| true).is_some()
+            recorder.note(&frame(seq.into(), now), now, seen(0));
+            recorder.take_if(|_| true).is_some()
         });
         assert_eq!(shown.count(), 6);
     }

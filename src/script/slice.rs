@@ -5,9 +5,9 @@ use mlua::thread::ThreadStatus;
 
 use super::Script;
 use super::api::resume_values;
-use super::budget::{self, Spent};
-use super::declaration::undeclared;
-use super::ending::Before;
+use super::budget::{self, SliceCost};
+use super::declaration::no_declaration_error;
+use super::ending::SliceStart;
 use super::events::Busy;
 use super::failure::VmError;
 use super::life::Life;
@@ -28,7 +28,7 @@ enum Slice {
 impl Script {
     /// Runs one slice of a task or handler that is ready.
     pub(super) fn run(&mut self, next: Ready) {
-        let before = self.state.borrow().before();
+        let before = self.state.borrow().slice_start();
         let result = match next {
             Ready::Task(id) => self.run_task(id, before),
             Ready::Handler(id) => match self.begin_handler(id) {
@@ -38,7 +38,7 @@ impl Script {
             },
         };
         if let Err(error) = result {
-            self.machine_failed(&error, before);
+            self.vm_failed(&error, before);
         }
     }
 
@@ -67,13 +67,13 @@ impl Script {
         Ok(Some(task))
     }
 
-    fn run_task(&mut self, id: TaskId, before: Before) -> LuaResult<()> {
+    fn run_task(&mut self, id: TaskId, before: SliceStart) -> LuaResult<()> {
         let Some((thread, answer)) = self.take_answer(id) else {
             return Ok(());
         };
         let values = resume_values(&self.lua, answer)?;
-        let (slice, spent) = self.resume(id, &thread, values);
-        self.account(&spent);
+        let (slice, cost) = self.resume(id, &thread, values);
+        self.account(&cost);
         if self.state.borrow().exit.broken {
             self.broken(before);
             return Ok(());
@@ -83,15 +83,15 @@ impl Script {
             state.kill(EndReason::Error, Some(words), before);
             return Ok(());
         }
-        if spent.over {
-            self.over_budget(spent, before);
+        if cost.over {
+            self.over_budget(cost, before);
             return Ok(());
         }
         match slice {
             Slice::Memory => self.out_of_memory(before),
             Slice::Waits => {}
             Slice::Over(outcome) => {
-                let stopped = self.stop_if_asked();
+                let stopped = self.stop_if_requested();
                 let outcome = if stopped { Outcome::Cancelled } else { outcome };
                 self.state.borrow_mut().finish(id, outcome);
             }
@@ -113,7 +113,12 @@ impl Script {
     }
 
     /// Resumes a coroutine until it waits or ends.
-    fn resume(&mut self, id: TaskId, thread: &LuaThread, values: LuaMultiValue) -> (Slice, Spent) {
+    fn resume(
+        &mut self,
+        id: TaskId,
+        thread: &LuaThread,
+        values: LuaMultiValue,
+    ) -> (Slice, SliceCost) {
         {
             let mut state = self.state.borrow_mut();
             state.tasks.current = Some(id);
@@ -130,7 +135,7 @@ impl Script {
             // line.
             result = thread.resume::<LuaMultiValue>(sandbox::mark());
         }
-        let spent = budget::end();
+        let cost = budget::end();
         self.state.borrow_mut().tasks.current = None;
         let slice = match result {
             Ok(_) if thread.status() == ThreadStatus::Resumable => Slice::Waits,
@@ -140,13 +145,13 @@ impl Script {
                 VmError::Text(text) => Slice::Over(self.failed(id, text)),
             },
         };
-        (slice, spent)
+        (slice, cost)
     }
 
     fn done(&self, id: TaskId, values: LuaMultiValue) -> Outcome {
         match self.cancel_of(id) {
             Cancel::No => Outcome::Done(values),
-            Cancel::Asked | Cancel::Told => Outcome::Cancelled,
+            Cancel::Requested | Cancel::Raised => Outcome::Cancelled,
         }
     }
 
@@ -154,7 +159,7 @@ impl Script {
         if self.cancel_of(id) == Cancel::No {
             return Outcome::Failed(text);
         }
-        self.state.borrow_mut().clean_up_failed(&text);
+        self.state.borrow_mut().log_clean_up_failure(&text);
         Outcome::Cancelled
     }
 
@@ -163,18 +168,18 @@ impl Script {
         state.tasks.get(id).map_or(Cancel::No, |task| task.cancel)
     }
 
-    fn account(&self, spent: &Spent) {
+    fn account(&self, cost: &SliceCost) {
         let mut state = self.state.borrow_mut();
-        state.usage.cpu += spent.wall;
-        state.usage.worst_callback = state.usage.worst_callback.max(spent.wall);
-        state.spend(spent.wall);
+        state.usage.cpu += cost.wall;
+        state.usage.worst_callback = state.usage.worst_callback.max(cost.wall);
+        state.spend(cost.wall);
     }
 
     /// Begins to stop the script if the slice has called `script.stop`; how the slice ended does
     /// not matter then.
-    fn stop_if_asked(&self) -> bool {
+    fn stop_if_requested(&self) -> bool {
         let mut state = self.state.borrow_mut();
-        let Some(reason) = state.exit.asked.take() else {
+        let Some(reason) = state.exit.stop_requested.take() else {
             return false;
         };
         state.begin_stop(EndReason::Done, reason);
@@ -195,19 +200,19 @@ impl Script {
         if state.params.names.is_some() || loading || fails {
             return None;
         }
-        undeclared(&state.options.params)
+        no_declaration_error(&state.options.params)
     }
 
-    fn broken(&self, before: Before) {
+    fn broken(&self, before: SliceStart) {
         let text = "a fault inside spykee, not of the script: please report it, with the script";
         let mut state = self.state.borrow_mut();
         state.kill(EndReason::Error, Some(text.to_owned()), before);
     }
 
-    fn over_budget(&self, spent: Spent, before: Before) {
+    fn over_budget(&self, cost: SliceCost, before: SliceStart) {
         let mut state = self.state.borrow_mut();
         let limit = state.options.limits.callback_budget_ms;
-        let place = match spent.place {
+        let place = match cost.place {
             Some(place) => place.to_string(),
             None => state.options.chunk.clone(),
         };
@@ -217,7 +222,7 @@ impl Script {
         state.kill(EndReason::Cpu, Some(text), before);
     }
 
-    fn out_of_memory(&self, before: Before) {
+    fn out_of_memory(&self, before: SliceStart) {
         let mut state = self.state.borrow_mut();
         let limit = state.options.limits.memory_bytes / 1024;
         let text = format!(
@@ -228,7 +233,7 @@ impl Script {
     }
 
     /// Kills the script because the VM failed outside the script's own lines.
-    fn machine_failed(&self, error: &mlua::Error, before: Before) {
+    fn vm_failed(&self, error: &mlua::Error, before: SliceStart) {
         match VmError::of(error) {
             VmError::Memory => self.out_of_memory(before),
             VmError::Text(text) => {
@@ -240,7 +245,7 @@ impl Script {
 
     /// Kills the script if it holds too many frames even after a garbage collection, as for too
     /// much memory: frames are outside the VM's memory.
-    fn check_frames(&self, before: Before) -> LuaResult<()> {
+    fn check_frames(&self, before: SliceStart) -> LuaResult<()> {
         let (held, limit) = {
             let state = self.state.borrow();
             let held = std::rc::Rc::clone(&state.sight.held_bytes);
@@ -279,18 +284,18 @@ impl Script {
             return;
         }
         let reason = stopping.ending.reason.name();
-        let Some(farewell) = state.exit.farewells.pop_front() else {
+        let Some(handler) = state.exit.stop_handlers.pop_front() else {
             return state.end_stopped();
         };
         let now = state.now;
-        let thread = self.lua.create_thread(farewell);
+        let thread = self.lua.create_thread(handler);
         let reason = self.lua.create_string(reason);
         if let (Ok(thread), Ok(reason)) = (thread, reason) {
             let values = LuaMultiValue::from_iter([mlua::Value::String(reason)]);
             let start = Answer::Start(values);
             state
                 .tasks
-                .add(thread, TaskKind::Farewell, start, None, now);
+                .add(thread, TaskKind::StopHandler, start, None, now);
         }
     }
 }

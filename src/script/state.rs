@@ -1,7 +1,7 @@
 //! The state that a script's native functions and its scheduler share.
 
 mod delivery;
-mod known;
+mod robot_state;
 mod streams;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,12 +10,13 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use self::known::Known;
+use self::robot_state::RobotState;
 use super::blockage::Blockage;
-use super::complaints::{Complaints, Telling};
+use super::daily_limits::DailyLimits;
 use super::declaration::Declaration;
 use super::events::{EventName, Subscriptions};
-use super::going::Going;
+use super::failure_log::{FailureLog, LogForm};
+use super::frame_state::{FrameState, HeldFrame, MotionCheck};
 use super::group::Group;
 use super::life::{Exit, Life};
 use super::modules::Modules;
@@ -26,13 +27,12 @@ use super::output::{Level, LogLine, OutputQueue};
 use super::params::ParamValue;
 use super::picture_store::PictureStore;
 use super::queue::Tasks;
-use super::shares::Shares;
-use super::sight::{HeldFrame, Look, Sight};
 use super::sighting::{Seen, Sighting};
 use super::stage::Stage;
 use super::store::Store;
 use super::streams::WantedStreams;
 use super::task::{Answer, GroupId, TaskKind, Wait};
+use super::timed_motion::TimedMotion;
 use crate::robot::{Intent, MotionEnd, MotionId};
 use crate::vision::Skyline;
 
@@ -40,7 +40,7 @@ use crate::vision::Skyline;
 const LEAST_TURN: f64 = 0.02;
 /// How long after the tracks have stopped the pictures may still show a turn, because tracks and
 /// pictures are late.
-const ROLLING_OUT: Duration = Duration::from_millis(500);
+const COASTING_TIME: Duration = Duration::from_millis(500);
 
 /// The resources that a script has used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -67,7 +67,7 @@ pub(super) struct Declared {
 /// The state that native functions and the scheduler share.
 pub(super) struct State {
     pub(super) options: Options,
-    pub(super) complaints: Complaints,
+    pub(super) failure_log: FailureLog,
     /// Number of lines typed so far.
     pub(super) inputs: u64,
     pub(super) start: Instant,
@@ -75,15 +75,15 @@ pub(super) struct State {
     pub(super) tasks: Tasks,
     pub(super) groups: BTreeMap<GroupId, Group>,
     pub(super) subscriptions: Subscriptions,
-    pub(super) known: Known,
+    pub(super) robot: RobotState,
     pub(super) motion: Motion,
     pub(super) odometry: Odometry,
     pub(super) blockage: Blockage,
     pub(super) streams: WantedStreams,
-    pub(super) sight: Sight,
+    pub(super) sight: FrameState,
     pub(super) picture_store: PictureStore,
     pub(super) store: Store,
-    pub(super) shares: Shares,
+    pub(super) daily_limits: DailyLimits,
     pub(super) modules: Modules,
     /// The stage of a scenario script.
     pub(super) stage: Option<Rc<dyn Stage>>,
@@ -96,13 +96,13 @@ pub(super) struct State {
     pub(super) usage: Usage,
     pub(super) last_call: u64,
     /// When the robot last moved, whatever the cause.
-    moved: Option<Instant>,
+    last_moved: Option<Instant>,
     /// When there was last a loud sound.
-    loud: Option<Instant>,
+    last_loud: Option<Instant>,
     /// When the robot was last told to make a sound.
-    sounded: Option<Instant>,
+    last_sounded: Option<Instant>,
     /// Events that the script listens to although the config prevents them; each is logged once.
-    pub(super) missed: BTreeSet<EventName>,
+    pub(super) unavailable_events: BTreeSet<EventName>,
 }
 
 impl State {
@@ -116,20 +116,20 @@ impl State {
 
     pub(super) fn new(options: Options, now: Instant) -> State {
         let picture_store = PictureStore::new(options.data_dir.clone(), &options.limits);
-        let shares = Shares::new(&options.limits);
+        let daily_limits = DailyLimits::new(&options.limits);
         let modules = Modules::new(&options.chunk);
-        let sight = Sight::new(&options);
+        let sight = FrameState::new(&options);
         let odometry = Odometry::new(now, options.calibration);
         State {
             options,
-            complaints: Complaints::default(),
+            failure_log: FailureLog::default(),
             inputs: 0,
             start: now,
             now,
             tasks: Tasks::default(),
             groups: BTreeMap::new(),
             subscriptions: BTreeMap::new(),
-            known: Known::default(),
+            robot: RobotState::default(),
             motion: Motion::default(),
             odometry,
             blockage: Blockage::default(),
@@ -137,7 +137,7 @@ impl State {
             sight,
             picture_store,
             store: Store::default(),
-            shares,
+            daily_limits,
             modules,
             stage: None,
             params: Declared::default(),
@@ -147,10 +147,10 @@ impl State {
             can_wait: true,
             usage: Usage::default(),
             last_call: 0,
-            moved: None,
-            loud: None,
-            sounded: None,
-            missed: BTreeSet::new(),
+            last_moved: None,
+            last_loud: None,
+            last_sounded: None,
+            unavailable_events: BTreeSet::new(),
         }
     }
 
@@ -160,22 +160,22 @@ impl State {
         if self.odometry.advance(self.now, self.driver()) {
             self.blockage.forget();
         }
-        if self.motion.is_on() || self.known.moving {
-            self.moved = Some(self.now);
+        if self.motion.is_on() || self.robot.moving {
+            self.last_moved = Some(self.now);
         }
         self.note_used_streams();
-        self.output.unfold(self.now);
+        self.output.roll_window(self.now);
     }
 
     /// Whether the robot has moved within the last `time`, whatever the cause.
     pub(super) fn has_moved_within(&self, time: Duration) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < time;
-        self.motion.is_on() || self.known.moving || self.moved.is_some_and(lately)
+        self.motion.is_on() || self.robot.moving || self.last_moved.is_some_and(lately)
     }
 
     /// Whether a task can run, or a frame must be examined for the robot's own motion.
     pub(super) fn is_ready(&self) -> bool {
-        !self.has_ended() && (self.tasks.is_ready() || self.sight.look.is_some())
+        !self.has_ended() && (self.tasks.is_ready() || self.sight.motion_check.is_some())
     }
 
     /// The source of the robot's motion, as far as the script knows.
@@ -184,40 +184,43 @@ impl State {
             Some(setpoint) if !setpoint.is_stop() => {
                 Driver::Script(drive_of(setpoint, self.options.calibration))
             }
-            _ if self.known.moving => Driver::Other,
-            _ => Driver::Nobody,
+            _ if self.robot.moving => Driver::Other,
+            _ => Driver::None,
         }
     }
 
     /// Plans to examine a frame for the robot's own motion: for turns, and during a timed motion
     /// for a blockage. This happens after the script's own handlers, so that they are not delayed.
-    fn plan_look(&mut self, held: &Rc<HeldFrame>) {
+    fn plan_motion_check(&mut self, held: &Rc<HeldFrame>) {
         let at = held.frame.at;
         self.odometry.mark(at);
         let calibration = self.options.calibration;
-        let going = self.motion.timed().map(|(motion, setpoint, since)| Going {
-            motion,
-            since,
-            drive: drive_of(setpoint, calibration),
-            odometer: self.odometry.odometer(),
-            heading: self.odometry.pose().heading,
-        });
-        let shown = self.odometry.last_shown();
-        if shown.is_some_and(|shown| shown.most_turn() > LEAST_TURN) {
+        let timed = self
+            .motion
+            .timed()
+            .map(|(motion, setpoint, since)| TimedMotion {
+                motion,
+                since,
+                drive: drive_of(setpoint, calibration),
+                odometer: self.odometry.odometer(),
+                heading: self.odometry.pose().heading,
+            });
+        let last = self.odometry.last_track_motion();
+        if last.is_some_and(|last| last.most_turn() > LEAST_TURN) {
             self.sight.turned = Some(at);
         }
-        let lately = |turned: Instant| at.saturating_duration_since(turned) < ROLLING_OUT;
+        let lately = |turned: Instant| at.saturating_duration_since(turned) < COASTING_TIME;
         let turns = self.sight.turned.is_some_and(lately);
-        if going.is_none() && !turns {
+        if timed.is_none() && !turns {
             return self.odometry.look(at, None);
         }
         let held = Rc::clone(held);
-        self.sight.look = Some(Look { held, going, turns });
+        self.sight.motion_check = Some(MotionCheck { held, timed, turns });
     }
 
     /// Examines the last frame as planned, once.
-    pub(super) fn look_where_it_goes(&mut self) {
-        let Some(Look { held, going, turns }) = self.sight.look.take() else {
+    pub(super) fn examine_frame_for_motion(&mut self) {
+        let Some(MotionCheck { held, timed, turns }) = self.sight.motion_check.take() else {
             return;
         };
         let (camera, frame) = (self.options.camera, &held.frame);
@@ -225,15 +228,15 @@ impl State {
             return;
         };
         let skyline = turns.then(|| Skyline::of(image, camera));
-        let held_since = going.and_then(|going| self.blockage.look(image, frame.at, camera, going));
+        let held_since = timed.and_then(|timed| self.blockage.look(image, frame.at, camera, timed));
         self.odometry.look(frame.at, skyline);
-        if let (Some(since), Some(going)) = (held_since, going)
+        if let (Some(since), Some(timed)) = (held_since, timed)
             && self
                 .motion
                 .timed()
-                .is_some_and(|(motion, ..)| motion == going.motion)
+                .is_some_and(|(motion, ..)| motion == timed.motion)
         {
-            self.end_blocked(going.motion, since);
+            self.end_blocked(timed.motion, since);
         }
     }
 
@@ -246,9 +249,13 @@ impl State {
     }
 
     /// Records what the script has found in a frame.
-    pub(super) fn saw(&mut self, held: &HeldFrame, found: impl IntoIterator<Item = Seen>) {
-        if let Some(witness) = &mut self.sight.witness {
-            witness.note(&held.frame, self.now, found);
+    pub(super) fn record_findings(
+        &mut self,
+        held: &HeldFrame,
+        found: impl IntoIterator<Item = Seen>,
+    ) {
+        if let Some(recorder) = &mut self.sight.recorder {
+            recorder.note(&held.frame, self.now, found);
         }
     }
 
@@ -256,8 +263,8 @@ impl State {
     pub(super) fn take_sighting(&mut self) -> Option<Sighting> {
         let newest = self.sight.newest.as_ref().map(|held| held.frame.seq);
         let busy = !self.has_ended() && self.tasks.is_ready();
-        let witness = self.sight.witness.as_mut()?;
-        witness.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
+        let recorder = self.sight.recorder.as_mut()?;
+        recorder.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
     }
 
     /// Writes a message of the runtime to the script's log.
@@ -266,21 +273,24 @@ impl State {
     }
 
     /// Logs a failure: the first time, and then ever more rarely for the same place.
-    pub(super) fn complain(&mut self, text: &str) {
-        let text = match self.complaints.count(text) {
-            Telling::Explained => self.explained(text),
-            Telling::Plain => text.to_owned(),
-            Telling::Counted(count) => format!("{text} ({count} times)"),
-            Telling::Silent => return,
+    pub(super) fn log_failure(&mut self, text: &str) {
+        let text = match self.failure_log.count(text) {
+            LogForm::Explained => self.explained(text),
+            LogForm::Plain => text.to_owned(),
+            LogForm::Counted(count) => format!("{text} ({count} times)"),
+            LogForm::Silent => return,
         };
         self.log(Level::Error, &text);
     }
 
     /// Explains a failure in plain words, with the line where it happened.
     pub(super) fn explained(&self, text: &str) -> String {
-        let main = (self.options.chunk.as_str(), self.complaints.source.as_str());
+        let main = (
+            self.options.chunk.as_str(),
+            self.failure_log.source.as_str(),
+        );
         let mut files = std::iter::once(main).chain(self.modules.sources());
-        let explain = self.complaints.explain;
+        let explain = self.failure_log.explain;
         let explained = explain
             .and_then(|explain| files.find_map(|(chunk, source)| explain(text, chunk, source)));
         explained.unwrap_or_else(|| text.to_owned())
@@ -316,7 +326,7 @@ impl State {
             Life::Running => None,
             Life::Ended(_) => return None,
         };
-        let timers = [self.tasks.next_timer(), self.output.unfolds_at(), ending];
+        let timers = [self.tasks.next_timer(), self.output.window_end(), ending];
         timers
             .into_iter()
             .chain([self.next_stream_end()])

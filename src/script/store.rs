@@ -8,16 +8,16 @@ use serde_json::value::RawValue;
 /// The largest size of one script's file, in bytes.
 pub(super) const QUOTA: usize = 1 << 20;
 /// Bytes of an entry in the file besides key and value: quotes, colon, comma, line feed.
-const AROUND: usize = 6;
+const ENTRY_OVERHEAD: usize = 6;
 /// Bytes of the file besides its entries: braces and line feeds.
-const FRAME: usize = 4;
+const FILE_OVERHEAD: usize = 4;
 
 /// The value would exceed the quota.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the store is full: it may hold 1 MiB (1048576 bytes), and would hold {wanted}; delete what is not needed any more"
 )]
-pub(super) struct Full {
+pub(super) struct StoreFull {
     wanted: usize,
 }
 
@@ -46,16 +46,16 @@ impl Store {
     }
 
     /// Stores a JSON text.
-    pub(super) fn set(&mut self, key: String, json: String) -> Result<(), Full> {
+    pub(super) fn set(&mut self, key: String, json: String) -> Result<(), StoreFull> {
         let before = self.values.get(&key);
         if before.is_some_and(|before| before.get() == json) {
             return Ok(());
         }
         let before = before.map_or(0, |value| cost(&key, value.get()));
         let after = self.bytes - before + cost(&key, &json);
-        if after + FRAME > QUOTA {
-            return Err(Full {
-                wanted: after + FRAME,
+        if after + FILE_OVERHEAD > QUOTA {
+            return Err(StoreFull {
+                wanted: after + FILE_OVERHEAD,
             });
         }
         // Always JSON: it was just made.
@@ -89,7 +89,7 @@ impl Store {
         if !std::mem::take(&mut self.changed) {
             return None;
         }
-        let mut file = String::with_capacity(self.bytes + FRAME);
+        let mut file = String::with_capacity(self.bytes + FILE_OVERHEAD);
         let mut before = "{\n";
         for (key, value) in &self.values {
             file += before;
@@ -108,7 +108,7 @@ impl Store {
 }
 
 fn cost(key: &str, json: &str) -> usize {
-    quoted(key).len() + json.len() + AROUND - 2
+    quoted(key).len() + json.len() + ENTRY_OVERHEAD - 2
 }
 
 fn quoted(key: &str) -> String {
@@ -158,7 +158,7 @@ mod tests {
             let mut again = Store::default();
             again.restore(&file).unwrap();
             prop_assert_eq!(again.bytes, store.bytes);
-            prop_assert!(file.len() <= store.bytes + FRAME);
+            prop_assert!(file.len() <= store.bytes + FILE_OVERHEAD);
             let same = |(key, value): (&String, &f64)| again.get(key) == Some(format!("{value}").as_str());
             prop_assert!(values.iter().all(same));
         }

@@ -17,15 +17,15 @@ pub(super) const LINGER: Duration = Duration::from_secs(2);
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Demand {
     /// `robot.stream(name, true)`: until it is switched off by the same call.
-    Asked,
+    Explicit,
     /// A handler, a wait or `robot.frame()`: while it lasts.
-    Used,
+    WhileUsed,
 }
 
 /// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct WantedStreams {
-    asked: BTreeSet<Stream>,
+    explicit: BTreeSet<Stream>,
     /// All streams that are on, and when each was last used.
     on: BTreeMap<Stream, Instant>,
 }
@@ -37,23 +37,24 @@ impl WantedStreams {
     }
 
     /// Records that a stream is needed; `true` if it was off.
-    pub(super) fn want(&mut self, stream: Stream, by: Demand, now: Instant) -> bool {
-        if by == Demand::Asked {
-            self.asked.insert(stream);
+    pub(super) fn switch_on(&mut self, stream: Stream, by: Demand, now: Instant) -> bool {
+        if by == Demand::Explicit {
+            self.explicit.insert(stream);
         }
         self.on.insert(stream, now).is_none()
     }
 
     /// Switches a stream off, for `robot.stream(name, false)`; `true` if it was on.
     pub(super) fn switch_off(&mut self, stream: Stream) -> bool {
-        self.asked.remove(&stream);
+        self.explicit.remove(&stream);
         self.on.remove(&stream).is_some()
     }
 
     /// The streams that are on only while something uses them.
-    pub(super) fn lent(&self) -> Vec<Stream> {
+    pub(super) fn temporary(&self) -> Vec<Stream> {
         let on = self.on.keys().copied();
-        on.filter(|stream| !self.asked.contains(stream)).collect()
+        on.filter(|stream| !self.explicit.contains(stream))
+            .collect()
     }
 
     /// Records that a stream is in use now.

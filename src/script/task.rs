@@ -58,7 +58,7 @@ pub(super) enum TaskKind {
     /// One function of a group.
     Child(GroupId, usize),
     /// A function of `script.on_stop`.
-    Farewell,
+    StopHandler,
     /// A line that a person typed.
     Line,
 }
@@ -68,9 +68,9 @@ pub(super) enum TaskKind {
 pub(super) enum Cancel {
     No,
     /// The next wait fails.
-    Asked,
+    Requested,
     /// A wait has failed; the next wait ends the task.
-    Told,
+    Raised,
 }
 
 /// What a task waits for.

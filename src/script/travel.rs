@@ -20,7 +20,7 @@ pub(super) struct Totals {
     /// Radians to either side.
     pub(super) turned: f64,
     /// Commanded radians to the left; turns to the right count as negative.
-    pub(super) told: f64,
+    pub(super) commanded: f64,
     /// Metres, forwards or backwards.
     pub(super) way: f64,
 }
@@ -42,13 +42,13 @@ impl Travel {
 
     /// Adds the motion since the last entry, at a constant rate until `now`: the commanded turn and
     /// the turn made, in radians, and the distance in metres.
-    pub(super) fn add(&mut self, now: Instant, told: f64, turn: f64, way: f64) {
+    pub(super) fn add(&mut self, now: Instant, commanded: f64, turn: f64, way: f64) {
         let last = self.totals.back().map(|(_, totals)| *totals);
         let last = last.unwrap_or_default();
         let sum = Totals {
             turn: last.turn + turn,
             turned: last.turned + turn.abs(),
-            told: last.told + told,
+            commanded: last.commanded + commanded,
             way: last.way + way.abs(),
         };
         let count = self.totals.len();
@@ -81,7 +81,7 @@ impl Travel {
         Some(Totals {
             turn: between(before.turn, after.turn),
             turned: between(before.turned, after.turned),
-            told: between(before.told, after.told),
+            commanded: between(before.commanded, after.commanded),
             way: between(before.way, after.way),
         })
     }
@@ -94,7 +94,7 @@ impl Sub for Totals {
         Totals {
             turn: self.turn - before.turn,
             turned: self.turned - before.turned,
-            told: self.told - before.told,
+            commanded: self.commanded - before.commanded,
             way: self.way - before.way,
         }
     }
@@ -116,7 +116,7 @@ mod tests {
             panic!("too long ago");
         };
         assert!((done.turn - 0.504).abs() < 1e-6 && (done.way - 1.008).abs() < 1e-6);
-        assert!((done.told - 0.6048).abs() < 1e-6);
+        assert!((done.commanded - 0.6048).abs() < 1e-6);
         assert_eq!(travel.between(at(5_000), at(9_000)), None);
         assert!(travel.totals.len() < 700, "{}", travel.totals.len());
     }

@@ -3,7 +3,7 @@
 use super::shapes::{OK, module};
 use crate::api::bounds::Bounds;
 use crate::api::make::{bounded, call, function, number, options, text, value};
-use crate::api::terms::{Namespace, Type, Value};
+use crate::api::model::{Namespace, Type, Value};
 
 const NODE: Value = function("node", "(...any) -> boolean", "returns true or false");
 const NODES: &str = "nodes";
@@ -25,7 +25,7 @@ pub(super) const BT: Namespace = module(
             "Runs a tree once.",
             "print(bt.run(function() return true end))",
         )
-        .and("arguments for every node")
+        .with_rest("arguments for every node")
         .waiting(),
         call(
             "bt.action",
@@ -49,7 +49,7 @@ pub(super) const BT: Namespace = module(
             "Runs nodes one after another until one fails; true if none does.",
             "print(bt.run(bt.sequence(function() return true end)))",
         )
-        .and(NODES),
+        .with_rest(NODES),
         call(
             "bt.fallback",
             &[NODE],
@@ -57,7 +57,7 @@ pub(super) const BT: Namespace = module(
             "Runs nodes one after another until one succeeds; false if none does.",
             "print(bt.run(bt.fallback(function() return true end)))",
         )
-        .and(NODES),
+        .with_rest(NODES),
         call(
             "bt.parallel",
             &[
@@ -76,7 +76,7 @@ pub(super) const BT: Namespace = module(
             "Runs nodes in parallel until enough have succeeded or failed, then halts the others.",
             "print(bt.run(bt.parallel({ succeed = 1 }, function() return true end)))",
         )
-        .and(NODES),
+        .with_rest(NODES),
         call(
             "bt.guard",
             &[

@@ -2,7 +2,7 @@
 
 use super::shapes::{OK, module};
 use crate::api::make::{call, number, object, table, text, value};
-use crate::api::terms::{Namespace, Object, Type, Value};
+use crate::api::model::{Namespace, Object, Type, Value};
 
 const SPEED: Value = value("speed", Type::Any, "a number from 1 to 100; default: 50").optional();
 const LASTING: Value = value("seconds", Type::Any, "a number, in s; default: 1").optional();

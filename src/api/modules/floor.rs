@@ -3,7 +3,7 @@
 use super::shapes::module;
 use crate::api::frame::FRAME;
 use crate::api::make::{boolean, call, function, number, object, open, table, value};
-use crate::api::terms::{Namespace, Object, Type, Value};
+use crate::api::model::{Namespace, Object, Type, Value};
 
 const PICTURE: Value = object("frame", &FRAME, "");
 

@@ -2,7 +2,7 @@
 
 use super::shapes::module;
 use crate::api::make::{call, function, object, open, options, text, value};
-use crate::api::terms::{Namespace, Object, Type, Value};
+use crate::api::model::{Namespace, Object, Type, Value};
 
 const STATE: Value = text("state", "name of a state");
 const STATES: &[Value] = &[

@@ -2,7 +2,7 @@
 
 use super::shapes::module;
 use crate::api::make::{call, number, object, open, options};
-use crate::api::terms::{Namespace, Object};
+use crate::api::model::{Namespace, Object};
 
 pub(super) const PID: Namespace = module(
     "pid",

@@ -1,7 +1,7 @@
 //! Helpers that several modules use to make their rows.
 
 use crate::api::make::boolean;
-use crate::api::terms::{Availability, Function, Namespace, Value};
+use crate::api::model::{Availability, Function, Namespace, Value};
 
 pub(super) const OK: &[Value] = &[boolean("ok", "whether it worked")];
 

@@ -311,7 +311,7 @@ impl<'a> Scene<'a> {
             _ => None,
         })?;
         let named = function.parameters.iter().position(|parameter| {
-            let what = format!("{} ", parameter.spoken());
+            let what = format!("{} ", parameter.label());
             let rest = rest.strip_prefix("unknown ").unwrap_or(rest);
             rest.starts_with(&what)
         });

@@ -3,7 +3,7 @@
 use super::super::kinds::ValueKind;
 use super::super::tree::{Expr, ExprKind, each_in_expr};
 use super::Scene;
-use crate::api::{self, Need};
+use crate::api::{self, Requirement};
 
 impl<'a> Scene<'a> {
     /// Whether an expression can have this Luau type.
@@ -138,7 +138,10 @@ impl<'a> Scene<'a> {
                     return String::new();
                 };
                 match function.returns.get(number) {
-                    Some(result) if result.need != Need::Required && !result.doc.is_empty() => {
+                    Some(result)
+                        if result.requirement != Requirement::Required
+                            && !result.doc.is_empty() =>
+                    {
                         format!("{} returns {}; ", function.path, result.doc)
                     }
                     None if function.returns.is_empty() => {

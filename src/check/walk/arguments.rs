@@ -5,7 +5,7 @@ use super::super::kinds::ValueKind;
 use super::super::lexer::Span;
 use super::super::tree::{Entry, Expr, ExprKind};
 use super::Walk;
-use crate::api::{Choice, EventName, Function, Need, Type, Value};
+use crate::api::{Choice, EventName, Function, Requirement, Type, Value};
 use crate::wire::Stream;
 
 /// The call that is checked.
@@ -45,13 +45,13 @@ impl<'a> Walk<'a> {
         }
         self.stream(site);
         let open = arguments.last().is_some_and(is_open);
-        if arguments.len() < function.least() && !open && !short {
+        if arguments.len() < function.required_len() && !open && !short {
             let missing = &function.parameters[arguments.len()];
             let missing_words = format!(
                 "{}: {} is missing; it must be {}",
                 function.path,
-                missing.spoken(),
-                missing.kind.words()
+                missing.label(),
+                missing.kind.describe()
             );
             self.error(span, missing_words).help = Some(function.call());
         }
@@ -88,7 +88,7 @@ impl<'a> Walk<'a> {
         if let (Type::Function(_) | Type::Handler, Some(path)) =
             (&value.kind, self.answered_by(argument))
         {
-            let what = value.spoken();
+            let what = value.label();
             let message = format!("{call}: {what} must be a function, got the result of {path}");
             self.error(argument.span, message).help =
                 Some("without the () you pass the function itself, to be called later; its arguments follow it".to_owned());
@@ -99,11 +99,11 @@ impl<'a> Walk<'a> {
                 argument.bare().kind,
                 ExprKind::Call(..) | ExprKind::Method(..)
             );
-            if value.need == Need::Required && !matches!(value.kind, Type::Any) {
+            if value.requirement == Requirement::Required && !matches!(value.kind, Type::Any) {
                 let message = format!(
                     "{call}: {} must be {}, got nothing",
-                    value.spoken(),
-                    value.kind.words()
+                    value.label(),
+                    value.kind.describe()
                 );
                 let function = matches!(value.kind, Type::Function(_) | Type::Handler);
                 let help = if function && call_without_result {
@@ -138,8 +138,8 @@ impl<'a> Walk<'a> {
             (_, ValueKind::Unknown) | (Type::Any | Type::Payload, _) => {}
             (Type::Number(bounds) | Type::Whole(bounds), ValueKind::Number(number)) => {
                 let Some(number) = number else { return };
-                if let Some(bounds) = bounds.filter(|bounds| !bounds.holds(number)) {
-                    let words = bounds.words();
+                if let Some(bounds) = bounds.filter(|bounds| !bounds.contains(number)) {
+                    let words = bounds.describe();
                     let message = format!("{call}: {} must be {words}, got {number}", value.name);
                     self.error(argument.span, message);
                 } else if matches!(value.kind, Type::Whole(_)) && number.fract() != 0.0 {
@@ -188,8 +188,11 @@ impl<'a> Walk<'a> {
                 let Some(got) = self.got(argument, kind) else {
                     return;
                 };
-                let what = value.spoken();
-                let message = format!("{call}: {what} must be {}, got {got}", value.kind.words());
+                let what = value.label();
+                let message = format!(
+                    "{call}: {what} must be {}, got {got}",
+                    value.kind.describe()
+                );
                 self.error(argument.span, message);
             }
         }
@@ -256,7 +259,7 @@ impl<'a> Walk<'a> {
                 let message = format!(
                     "{call}: {} must be {}, got {got}",
                     value.name,
-                    value.kind.words()
+                    value.kind.describe()
                 );
                 self.error(argument.span, message);
             }
@@ -264,7 +267,7 @@ impl<'a> Walk<'a> {
                 let message = format!(
                     "{call}: {} must be {}, got {}",
                     value.name,
-                    value.kind.words(),
+                    value.kind.describe(),
                     object.with_article()
                 );
                 self.error(argument.span, message);
@@ -306,12 +309,12 @@ impl<'a> Walk<'a> {
         }
         let missing = keys
             .iter()
-            .find(|key| key.need == Need::Required && !given.contains(&key.name));
+            .find(|key| key.requirement == Requirement::Required && !given.contains(&key.name));
         if let Some(missing) = missing.filter(|_| certain) {
             let message = format!(
                 "{call}: {} is missing; it must be {}",
                 missing.name,
-                missing.kind.words()
+                missing.kind.describe()
             );
             self.error(table.span, message);
         }

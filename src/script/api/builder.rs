@@ -15,7 +15,7 @@ use super::super::budget;
 use super::super::failure::printable;
 use super::super::sandbox::{self, Prelude};
 use super::super::scheduler::CANCELLED;
-use super::{Answered, Call, Native, Natives, Reply, Shared, convert};
+use super::{Call, Native, NativeResult, Natives, Reply, Shared, convert};
 use crate::api::{self, Function};
 
 /// Builds Lua tables from rows and native functions.
@@ -89,11 +89,11 @@ impl Builder<'_> {
             _ if row.waits => "waiting",
             _ => "plain",
         };
-        self.under(shim, row, native)
+        self.function_with_shim(shim, row, native)
     }
 
     /// Builds a function with the given shim: for functions that the prelude and the modules call.
-    pub(super) fn under(
+    pub(super) fn function_with_shim(
         &self,
         shim: &str,
         row: &'static Function,
@@ -223,13 +223,13 @@ fn has_fields(object: &str, table: &LuaTable) -> bool {
     });
     let has = |field: &api::Value| {
         let value = table.raw_get::<LuaValue>(field.name);
-        field.need != api::Need::Required || value.is_ok_and(|value| !value.is_nil())
+        field.requirement != api::Requirement::Required || value.is_ok_and(|value| !value.is_nil())
     };
     visited.is_ok() && known && object.fields.iter().all(has)
 }
 
 /// Converts the answer of a native function to the form that its shim understands.
-fn to_shim(lua: &Lua, answered: Answered) -> LuaResult<LuaMultiValue> {
+fn to_shim(lua: &Lua, answered: NativeResult) -> LuaResult<LuaMultiValue> {
     match answered {
         Ok(Reply::Values(mut values)) => {
             values.push_front(LuaValue::Boolean(true));

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use jiff::Timestamp;
 use jiff::civil::Weekday;
 
-use super::{Answered, Call, Natives, of_row};
+use super::{Call, NativeResult, Natives, of_row};
 use crate::clock::{Clock, Zone};
 
 pub(super) const CALLS: &Natives = &[("clock.now", now), ("clock.date", date)];
@@ -16,13 +16,13 @@ thread_local! {
 }
 
 /// `clock.now()`
-fn now(call: &mut Call<'_>) -> Answered {
+fn now(call: &mut Call<'_>) -> NativeResult {
     let now = instant(call);
     call.reply(now.as_millisecond() as f64 / 1e3)
 }
 
 /// `clock.date(seconds)`
-fn date(call: &mut Call<'_>) -> Answered {
+fn date(call: &mut Call<'_>) -> NativeResult {
     let given: Option<f64> = call.args.get(0)?;
     let instant = match given {
         // The bounds of the row keep it within the supported years.

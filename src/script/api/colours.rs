@@ -6,7 +6,7 @@ use mlua::prelude::{LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Refusal, describe};
 use super::super::nearest::suggestion;
-use super::{Answered, Builder, Call};
+use super::{Builder, Call, NativeResult};
 use crate::vision::{Blob, Colour, MAX_COLOURS};
 
 /// The script's object for a colour without a name.
@@ -95,20 +95,20 @@ fn unnamed(call: &Call<'_>, value: &LuaValue) -> Result<Colour, Refusal> {
 }
 
 /// `vision.lab{l={30,70}, a={20,80}, b={10,60}}`
-pub(super) fn lab(call: &mut Call<'_>) -> Answered {
+pub(super) fn lab(call: &mut Call<'_>) -> NativeResult {
     let options = call.args.options(0)?;
     let colour = Colour::lab(options.get("l")?, options.get("a")?, options.get("b")?);
     made(call, colour)
 }
 
 /// `vision.hsv{h={340,20}, s={50,100}, v={30,100}}`
-pub(super) fn hsv(call: &mut Call<'_>) -> Answered {
+pub(super) fn hsv(call: &mut Call<'_>) -> NativeResult {
     let options = call.args.options(0)?;
     let colour = Colour::hsv(options.get("h")?, options.get("s")?, options.get("v")?);
     made(call, colour)
 }
 
-fn made(call: &Call<'_>, colour: Result<Colour, crate::vision::ColourError>) -> Answered {
+fn made(call: &Call<'_>, colour: Result<Colour, crate::vision::ColourError>) -> NativeResult {
     let colour = colour.map_err(|error| call.args.misuse(&error.to_string()))?;
     let object = call.lua.create_any_userdata(ColourObject(colour))?;
     call.reply(object)

@@ -2,7 +2,7 @@
 
 use super::super::task::Wait;
 use super::motion::{may_move, refused};
-use super::{Answered, Call, Natives};
+use super::{Call, NativeResult, Natives};
 use crate::robot::{DockPlan, Intent};
 
 pub(super) const CALLS: &Natives = &[
@@ -12,7 +12,7 @@ pub(super) const CALLS: &Natives = &[
 ];
 
 /// `robot.dock{timeout=180, retries=2, charge_timeout=30}` returns `ok, code, {attempts, seconds}`.
-fn dock(call: &mut Call<'_>) -> Answered {
+fn dock(call: &mut Call<'_>) -> NativeResult {
     let options = call.args.options(0)?;
     let plan = DockPlan {
         timeout: options.get("timeout")?,
@@ -29,7 +29,7 @@ fn dock(call: &mut Call<'_>) -> Answered {
 }
 
 /// `robot.undock{timeout=20}` returns `ok, code`.
-fn undock(call: &mut Call<'_>) -> Answered {
+fn undock(call: &mut Call<'_>) -> NativeResult {
     let timeout = call.args.options(0)?.get("timeout")?;
     if !may_move(call) {
         return refused(call, true);
@@ -41,7 +41,7 @@ fn undock(call: &mut Call<'_>) -> Answered {
 }
 
 /// `robot.cancel_dock()`
-fn cancel_dock(call: &mut Call<'_>) -> Answered {
+fn cancel_dock(call: &mut Call<'_>) -> NativeResult {
     call.send(Intent::CancelDock)?;
     call.reply(())
 }

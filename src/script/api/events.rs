@@ -9,7 +9,7 @@ use super::super::events::{EventName, MAX_SUBSCRIPTIONS, Subscription};
 use super::super::output::Level;
 use super::super::streams::Demand;
 use super::super::task::{SubscriptionId, Wait};
-use super::{Answered, Builder, Call, Natives};
+use super::{Builder, Call, NativeResult, Natives};
 
 pub(super) const CALLS: &Natives = &[
     ("robot.on", on),
@@ -33,7 +33,7 @@ impl Argument for EventName {
 }
 
 /// `robot.on(name, fn, {rate=, queue=})`
-fn on(call: &mut Call<'_>) -> Answered {
+fn on(call: &mut Call<'_>) -> NativeResult {
     let mut subscription = Subscription::new(call.args.get(0)?, call.args.get(1)?);
     let options = call.args.options(2)?;
     let rate: Option<f64> = options.get("rate")?;
@@ -45,13 +45,13 @@ fn on(call: &mut Call<'_>) -> Answered {
 }
 
 /// `robot.once(name, fn)`
-fn once(call: &mut Call<'_>) -> Answered {
+fn once(call: &mut Call<'_>) -> NativeResult {
     let mut subscription = Subscription::new(call.args.get(0)?, call.args.get(1)?);
     subscription.once = true;
     subscribe(call, subscription)
 }
 
-fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> Answered {
+fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> NativeResult {
     call.must_be_running()?;
     if call.state.subscriptions.len() >= MAX_SUBSCRIPTIONS {
         return Err(call.args.misuse(&format!(
@@ -66,7 +66,7 @@ fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> Answered {
 }
 
 /// `robot.wait_for(name, timeout)` returns the payload, or `nil, "timeout"`.
-fn wait_for(call: &mut Call<'_>) -> Answered {
+fn wait_for(call: &mut Call<'_>) -> NativeResult {
     let (event, time) = (call.args.get(0)?, call.args.get(1)?);
     wait_for_event(call, event, time)
 }
@@ -76,7 +76,7 @@ pub(super) fn wait_for_event(
     call: &mut Call<'_>,
     event: EventName,
     time: Option<Duration>,
-) -> Answered {
+) -> NativeResult {
     call.may_wait()?;
     let streams = call.state.options.streams;
     match event.stream().map(|stream| streams.allow(stream)) {
@@ -93,8 +93,8 @@ pub(super) fn listen(call: &mut Call<'_>, event: EventName) {
     let Some(stream) = event.stream() else {
         return;
     };
-    if let Err(why) = call.state.want(stream, Demand::Used)
-        && call.state.missed.insert(event)
+    if let Err(why) = call.state.need_stream(stream, Demand::WhileUsed)
+        && call.state.unavailable_events.insert(event)
     {
         let text = format!("'{}' never comes: {why}", event.name());
         call.state.log(Level::Warn, &text);
@@ -102,8 +102,8 @@ pub(super) fn listen(call: &mut Call<'_>, event: EventName) {
 }
 
 /// `Subscription:off()`
-fn off(call: &mut Call<'_>) -> Answered {
-    let id = call.subject::<SubscriptionObject>()?.0;
+fn off(call: &mut Call<'_>) -> NativeResult {
+    let id = call.receiver::<SubscriptionObject>()?.0;
     call.state.unsubscribe(id);
     call.reply(())
 }

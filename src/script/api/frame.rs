@@ -9,10 +9,10 @@ use mlua::prelude::{Lua, LuaResult, LuaValue};
 
 use super::super::arguments::{Argument, Given, Refusal};
 use super::super::events::EventName;
+use super::super::frame_state::HeldFrame;
 use super::super::output::Level;
 use super::super::picture_store::{self, NotSaved};
-use super::super::sight::HeldFrame;
-use super::{Answered, Builder, Call, Natives, events};
+use super::{Builder, Call, NativeResult, Natives, events};
 use crate::robot::Remark;
 
 pub(super) const CALLS: &Natives = &[("robot.frame", newest), ("robot.wait_frame", wait_frame)];
@@ -35,8 +35,8 @@ pub(super) fn of_value(value: &LuaValue) -> Option<Rc<HeldFrame>> {
 }
 
 /// The frame that a method was called on.
-pub(super) fn subject(call: &Call<'_>) -> Result<Rc<HeldFrame>, Refusal> {
-    Ok(Rc::clone(&*call.subject::<Rc<HeldFrame>>()?))
+pub(super) fn receiver(call: &Call<'_>) -> Result<Rc<HeldFrame>, Refusal> {
+    Ok(Rc::clone(&*call.receiver::<Rc<HeldFrame>>()?))
 }
 
 impl Argument for Rc<HeldFrame> {
@@ -62,7 +62,7 @@ pub(super) fn register(builder: &Builder<'_>, natives: &[&Natives]) -> LuaResult
 }
 
 /// `robot.frame()`: the newest frame, or nil.
-fn newest(call: &mut Call<'_>) -> Answered {
+fn newest(call: &mut Call<'_>) -> NativeResult {
     events::listen(call, EventName::Frame);
     let now = call.state.now;
     let fresh = |held: &&Rc<HeldFrame>| now.saturating_duration_since(held.frame.at) <= STALE;
@@ -77,14 +77,14 @@ fn newest(call: &mut Call<'_>) -> Answered {
 
 /// `robot.wait_frame(timeout)`: the next frame, or `nil, "timeout"`. A truncated frame is ignored,
 /// here and for `frame` handlers.
-fn wait_frame(call: &mut Call<'_>) -> Answered {
+fn wait_frame(call: &mut Call<'_>) -> NativeResult {
     let time = call.args.get(0)?;
     events::wait_for_event(call, EventName::Frame, time)
 }
 
 /// `frame:save(name)`: the path, or `nil, "quota"` or `nil, "io"`.
-fn save(call: &mut Call<'_>) -> Answered {
-    let held = subject(call)?;
+fn save(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
     let name = call.args.get::<String>(0)?;
     let Some(name) = picture_store::file_name(&name) else {
         return Err(call.args.misuse(picture_store::NAMES));
@@ -92,8 +92,8 @@ fn save(call: &mut Call<'_>) -> Answered {
     let now = call.state.now;
     match call.state.picture_store.save(&name, &held.frame.jpeg, now) {
         Ok(saved) => {
-            if let Some(gone) = saved.gone {
-                call.state.log(Level::Info, &gone);
+            if let Some(notice) = saved.notice {
+                call.state.log(Level::Info, &notice);
             }
             call.state.output.remark(Remark::Picture { name });
             call.reply(saved.path.to_string_lossy().into_owned())

@@ -2,15 +2,15 @@
 
 use mlua::prelude::LuaValue;
 
-use super::frame::subject;
-use super::{Answered, Call, Natives};
+use super::frame::receiver;
+use super::{Call, NativeResult, Natives};
 use crate::vision::{Direction, Size};
 
 pub(super) const METHODS: &Natives =
     &[("Frame:direction", direction), ("Frame:pixel_at", pixel_at)];
 
 /// `frame:direction(x, y)`: `bearing, elevation`, or nil in a damaged picture.
-fn direction(call: &mut Call<'_>) -> Answered {
+fn direction(call: &mut Call<'_>) -> NativeResult {
     let (x, y) = (call.args.get(0)?, call.args.get(1)?);
     let Some(size) = size(call)? else {
         return call.reply(LuaValue::Nil);
@@ -21,7 +21,7 @@ fn direction(call: &mut Call<'_>) -> Answered {
 
 /// `frame:pixel_at(bearing, elevation)`: `x, y`, or nil for a direction that is not in front of the
 /// camera.
-fn pixel_at(call: &mut Call<'_>) -> Answered {
+fn pixel_at(call: &mut Call<'_>) -> NativeResult {
     let (bearing, elevation) = (call.args.get(0)?, call.args.get(1)?);
     let Some(size) = size(call)? else {
         return call.reply(LuaValue::Nil);
@@ -34,6 +34,6 @@ fn pixel_at(call: &mut Call<'_>) -> Answered {
 }
 
 fn size(call: &mut Call<'_>) -> Result<Option<Size>, super::Refusal> {
-    let held = subject(call)?;
-    Ok(call.state.look(&held).map(|image| image.size()))
+    let held = receiver(call)?;
+    Ok(call.state.image(&held).map(|image| image.size()))
 }

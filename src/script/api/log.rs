@@ -3,7 +3,7 @@
 use mlua::prelude::LuaValue;
 
 use super::super::output::{Level, LogLine};
-use super::{Answered, Call, Natives, convert, place};
+use super::{Call, NativeResult, Natives, convert, place};
 
 pub(super) const CALLS: &Natives = &[
     ("log.debug", |call| write(call, Level::Debug)),
@@ -15,15 +15,15 @@ pub(super) const CALLS: &Natives = &[
 pub(super) const PRINT: &Natives = &[("print", |call| write(call, Level::Info))];
 
 /// Number of bytes of a text that are read; the log keeps fewer.
-const LOOK_AT: usize = 8 * 1024;
+const MAX_READ: usize = 8 * 1024;
 
 /// `log.info(text, fields)`: the shim has already converted the text with `tostring`.
-fn write(call: &mut Call<'_>, level: Level) -> Answered {
+fn write(call: &mut Call<'_>, level: Level) -> NativeResult {
     let LuaValue::String(text) = call.args.value(0) else {
         return Err(call.args.misuse("the text is missing"));
     };
     let bytes = text.as_bytes();
-    let start = &bytes[..bytes.len().min(LOOK_AT)];
+    let start = &bytes[..bytes.len().min(MAX_READ)];
     let mut line = LogLine::new(level, &String::from_utf8_lossy(start));
     drop(bytes);
     line.fields = match call.args.value(1) {

@@ -8,12 +8,12 @@
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Argument, Given, Refusal};
-use super::super::sight::HeldFrame;
+use super::super::frame_state::HeldFrame;
 use super::super::sighting::Seen;
 use super::super::state::State;
 use super::colours::Colours;
-use super::frame::subject;
-use super::{Answered, Call, Natives, of_row};
+use super::frame::receiver;
+use super::{Call, NativeResult, Natives, of_row};
 use crate::api::PIXELS;
 use crate::vision::{Blob, BlobOptions, Image, Line, Roi, brightness, find_qrcodes, sharpness};
 
@@ -31,7 +31,7 @@ const LINE_MARGIN: f64 = 4.0;
 
 impl State {
     /// The picture of a frame; `None` for a damaged one, which is counted.
-    pub(super) fn look(&mut self, held: &HeldFrame) -> Option<&Image> {
+    pub(super) fn image(&mut self, held: &HeldFrame) -> Option<&Image> {
         if let Err(error) = self.sight.eyes.look(held.frame.seq, &held.frame.jpeg) {
             self.note_damage(held.frame.seq, &error);
             return None;
@@ -41,7 +41,7 @@ impl State {
     }
 
     /// The blobs of a frame; none in a damaged one.
-    pub(super) fn find(
+    pub(super) fn find_blobs(
         &mut self,
         held: &HeldFrame,
         colours: &Colours,
@@ -81,13 +81,13 @@ impl State {
 }
 
 /// `frame:find_blobs(colour, {roi=, invert=, ...})`
-fn blobs(call: &mut Call<'_>) -> Answered {
-    let held = subject(call)?;
+fn blobs(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
     let colours = Colours::of(call, call.args.value(0))?;
     let options = blob_options(call)?;
-    let blobs = call.state.find(&held, &colours, &options);
+    let blobs = call.state.find_blobs(&held, &colours, &options);
     let marks = blobs.iter().map(|blob| mark(blob, colours.name_of(blob)));
-    call.state.saw(&held, marks);
+    call.state.record_findings(&held, marks);
     let list = call.lua.create_table_with_capacity(blobs.len(), 0)?;
     for blob in &blobs {
         let table = blob_table(call.lua, blob, &colours.names)?;
@@ -184,15 +184,16 @@ pub(super) fn blob_table(lua: &Lua, blob: &Blob, names: &[Option<String>]) -> Lu
 }
 
 /// `frame:find_line(colour, {roi=})`: `{offset, angle, strength}`, or nil.
-fn line(call: &mut Call<'_>) -> Answered {
-    let held = subject(call)?;
+fn line(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
     let colours = Colours::of(call, call.args.value(0))?;
     let part: Option<Roi> = call.args.options(1)?.get("roi")?;
     let line = call.state.find_line(&held, &colours, part);
-    let size = call.state.look(&held).map(Image::size);
+    let size = call.state.image(&held).map(Image::size);
     if let Some(whole) = size {
         let part = part.unwrap_or(whole.into()).within(whole);
-        call.state.saw(&held, line.zip(part).map(line_mark));
+        call.state
+            .record_findings(&held, line.zip(part).map(line_mark));
     }
     let Some(line) = line else {
         return call.reply(LuaValue::Nil);
@@ -221,9 +222,13 @@ fn line_mark((line, part): (Line, Roi)) -> Seen {
 }
 
 /// `frame:find_qrcodes()`: a list of `{text, corners}`.
-fn qrcodes(call: &mut Call<'_>) -> Answered {
-    let held = subject(call)?;
-    let codes = call.state.look(&held).map(find_qrcodes).unwrap_or_default();
+fn qrcodes(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
+    let codes = call
+        .state
+        .image(&held)
+        .map(find_qrcodes)
+        .unwrap_or_default();
     let list = call.lua.create_table()?;
     for code in codes {
         let corners = call.lua.create_table()?;
@@ -242,25 +247,25 @@ fn qrcodes(call: &mut Call<'_>) -> Answered {
 }
 
 /// `frame:brightness(roi)` and `frame:sharpness(roi)`
-fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> Answered {
-    let held = subject(call)?;
+fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> NativeResult {
+    let held = receiver(call)?;
     let part = call.args.get(0)?;
     let figure = call
         .state
-        .look(&held)
+        .image(&held)
         .map_or(0.0, |image| figure(image, part));
     call.reply(figure)
 }
 
 /// `frame:get_pixel(x, y)`: `r, g, b`, or nil outside the picture.
-fn pixel(call: &mut Call<'_>) -> Answered {
-    let held = subject(call)?;
+fn pixel(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
     let (x, y): (f64, f64) = (call.args.get(0)?, call.args.get(1)?);
     let (x, y) = (x.floor(), y.floor());
     if x < 0.0 || y < 0.0 {
         return call.reply(LuaValue::Nil);
     }
-    let image = call.state.look(&held);
+    let image = call.state.image(&held);
     match image.and_then(|image| image.pixel(x as u32, y as u32)) {
         Some([r, g, b]) => call.reply((r, g, b)),
         None => call.reply(LuaValue::Nil),

@@ -19,14 +19,14 @@ mod looking;
 mod modules;
 mod motion;
 mod params;
-pub(super) use params::turn as turn_param;
+pub(super) use params::set_live as set_live_param;
+mod messages;
 mod payload;
 mod robot;
 mod script;
 mod stage;
 mod store;
 mod tasks;
-mod telling;
 mod vision;
 
 use std::cell::RefCell;
@@ -40,7 +40,7 @@ use mlua::prelude::{
 
 use super::arguments::{Args, Refusal, describe};
 use super::budget;
-use super::failure::{SourceLocation, is_ours};
+use super::failure::{SourceLocation, is_runtime_frame};
 use super::sandbox::{self, Prelude};
 use super::stage::Stage;
 use super::state::State;
@@ -74,14 +74,14 @@ enum Reply {
     Wait,
 }
 
-type Answered = Result<Reply, Refusal>;
-type Native = fn(&mut Call<'_>) -> Answered;
+type NativeResult = Result<Reply, Refusal>;
+type Native = fn(&mut Call<'_>) -> NativeResult;
 /// Native functions by the paths of their rows.
 type Natives = [(&'static str, Native)];
 
 impl Call<'_> {
     /// Answers with values.
-    fn reply(&self, values: impl IntoLuaMulti) -> Answered {
+    fn reply(&self, values: impl IntoLuaMulti) -> NativeResult {
         Ok(Reply::Values(values.into_lua_multi(self.lua)?))
     }
 
@@ -99,11 +99,11 @@ impl Call<'_> {
         };
         match task.cancel {
             Cancel::No => Ok(()),
-            Cancel::Asked => {
-                task.cancel = Cancel::Told;
+            Cancel::Requested => {
+                task.cancel = Cancel::Raised;
                 Err(Refusal::Cancelled)
             }
-            Cancel::Told => {
+            Cancel::Raised => {
                 budget::latch_cancelled();
                 Err(Refusal::Cancelled)
             }
@@ -111,7 +111,7 @@ impl Call<'_> {
     }
 
     /// Waits, at most for `time`. Only after [`Call::may_wait`].
-    fn wait(&mut self, wait: Wait, time: Option<Duration>) -> Answered {
+    fn wait(&mut self, wait: Wait, time: Option<Duration>) -> NativeResult {
         if let Some(id) = self.state.tasks.current {
             let deadline = time.map(|time| self.state.now + time.max(SHORTEST_WAIT));
             self.state.tasks.wait(id, wait, deadline);
@@ -120,21 +120,21 @@ impl Call<'_> {
     }
 
     /// The object that a method was called on.
-    fn subject<T: 'static>(&self) -> Result<LuaUserDataRef<T>, Refusal> {
-        let object = self.args.subject().as_userdata();
+    fn receiver<T: 'static>(&self) -> Result<LuaUserDataRef<T>, Refusal> {
+        let object = self.args.receiver().as_userdata();
         let object = object.and_then(|object| object.borrow().ok());
-        object.ok_or_else(|| self.no_subject())
+        object.ok_or_else(|| self.no_receiver())
     }
 
     /// The object that a method was called on, mutably.
-    fn subject_mut<T: 'static>(&self) -> Result<LuaUserDataRefMut<T>, Refusal> {
-        let object = self.args.subject().as_userdata();
+    fn receiver_mut<T: 'static>(&self) -> Result<LuaUserDataRefMut<T>, Refusal> {
+        let object = self.args.receiver().as_userdata();
         let object = object.and_then(|object| object.borrow_mut().ok());
-        object.ok_or_else(|| self.no_subject())
+        object.ok_or_else(|| self.no_receiver())
     }
 
     /// The error for a method that was not called on its object.
-    fn no_subject(&self) -> Refusal {
+    fn no_receiver(&self) -> Refusal {
         let function = self.args.function;
         let (what, key) = (function.owner().to_lowercase(), function.key());
         let words = format!("call it on a {what} with a colon, like {what}:{key}()");
@@ -160,7 +160,7 @@ impl Call<'_> {
 
     /// Switches a stream on, if it is off, until the script switches it off.
     fn switch_on(&mut self, stream: Stream) -> Result<(), Refusal> {
-        let wanted = self.state.want(stream, Demand::Asked);
+        let wanted = self.state.need_stream(stream, Demand::Explicit);
         wanted.map_err(|why| self.args.misuse(&why.to_string()))
     }
 
@@ -183,7 +183,7 @@ pub(super) enum ApiSet {
 }
 
 /// Builds the API of one VM and closes it.
-pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: ApiSet) -> LuaResult<()> {
+pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<()> {
     let prelude = Prelude::run(lua, place_function(lua)?)?;
     let builder = Builder {
         lua,
@@ -198,7 +198,7 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: ApiSet) -> LuaRe
         ("clock", builder.namespace("clock", &[clock::CALLS])?),
         ("task", tasks::namespace(&builder)?),
     ];
-    if let ApiSet::Robot = surroundings {
+    if let ApiSet::Robot = api_set {
         tables.extend([
             ("robot", robot::namespace(&builder)?),
             ("vision", builder.namespace("vision", &[vision::CALLS])?),
@@ -206,16 +206,16 @@ pub(super) fn install(lua: &Lua, shared: &Shared, surroundings: ApiSet) -> LuaRe
             ("store", builder.namespace("store", &[store::CALLS])?),
             (
                 "journal",
-                builder.namespace("journal", &[telling::JOURNAL])?,
+                builder.namespace("journal", &[messages::JOURNAL])?,
             ),
-            ("notify", builder.namespace("notify", &[telling::NOTIFY])?),
+            ("notify", builder.namespace("notify", &[messages::NOTIFY])?),
         ]);
     }
     for (name, table) in tables {
         builder.close(name, table)?;
     }
-    if let ApiSet::Stage(asked) = surroundings {
-        shared.borrow_mut().stage = Some(asked);
+    if let ApiSet::Stage(stage) = api_set {
+        shared.borrow_mut().stage = Some(stage);
         stage::install(&builder)?;
     }
     globals(&builder)?;
@@ -251,7 +251,7 @@ fn place(lua: &Lua) -> Option<SourceLocation> {
             lua.inspect_stack(level, |frame| {
                 let file = frame.source().short_src?.into_owned();
                 let line = u32::try_from(frame.current_line()?).ok()?;
-                (!is_ours(&file)).then_some(SourceLocation { file, line })
+                (!is_runtime_frame(&file)).then_some(SourceLocation { file, line })
             })
         })
         .flatten()

@@ -5,12 +5,12 @@ use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 use super::super::Script;
 use super::super::arguments::Refusal;
 use super::super::events::EventName;
-use super::super::failure::{VmError, is_ours, printable};
+use super::super::failure::{VmError, is_runtime_frame, printable};
 use super::super::ids::ModuleId;
 use super::super::modules::{ModuleFile, ModuleName, NoModule, Progress, Target, resolve};
 use super::super::sandbox;
 use super::super::task::{Answer, Cancel, TaskId, Wait};
-use super::{Answered, Builder, Call, Natives};
+use super::{Builder, Call, NativeResult, Natives};
 use crate::api::{self, Function, Namespace};
 
 /// The first half of `require`; the other half is in the prelude.
@@ -20,7 +20,7 @@ pub(super) const REQUIRE: &Natives = &[("require", open)];
 pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
     let row = api::function("require").ok_or_else(|| LuaError::runtime("no require"))?;
     let open: LuaFunction = globals.raw_get("require")?;
-    let done = builder.under("plain", row, done)?;
+    let done = builder.function_with_shim("plain", row, done)?;
     let nearest = builder.lua.create_function(|_, (owner, key, table)| {
         let (owner, key, table): (String, LuaValue, LuaTable) = (owner, key, table);
         let key = match &key {
@@ -88,7 +88,7 @@ fn importer(lua: &Lua) -> Option<String> {
         lua.inspect_stack(level, |frame| {
             let source = frame.source().source?.into_owned();
             let name = source.strip_prefix('=')?.to_owned();
-            (frame.current_line().is_some() && !is_ours(&name)).then_some(name)
+            (frame.current_line().is_some() && !is_runtime_frame(&name)).then_some(name)
         })
     };
     (0..64).map_while(source).flatten().next()
@@ -101,7 +101,7 @@ fn from(call: &Call<'_>) -> ModuleId {
 
 /// The first half of `require(path)`. Returns `"loaded", key`; `"run", key, function`; `"failed",
 /// text`; or `"again"` after a wait.
-fn open(call: &mut Call<'_>) -> Answered {
+fn open(call: &mut Call<'_>) -> NativeResult {
     let LuaValue::String(path) = call.args.value(0) else {
         let words = "the path must be a text, such as require(\"./lib/pid\")";
         return Err(call.args.misuse(words));
@@ -122,12 +122,12 @@ fn open(call: &mut Call<'_>) -> Answered {
         Some(known) => known,
         None => add(call, target)?,
     };
-    want(call, from, to, task)?;
-    let answered = go_on(call, to, task);
-    let waits = matches!(call.state.modules.progress(to), Progress::Asked)
+    record_wait(call, from, to, task)?;
+    let answered = next_step(call, to, task);
+    let waits = matches!(call.state.modules.progress(to), Progress::Requested)
         || matches!(call.state.modules.progress(to), Progress::Running(..));
     if !waits {
-        call.state.modules.served(from, to, task);
+        call.state.modules.remove_wait(from, to, task);
     }
     answered
 }
@@ -139,10 +139,15 @@ fn find(call: &Call<'_>, target: &Target) -> Option<ModuleId> {
     }
 }
 
-fn want(call: &mut Call<'_>, from: ModuleId, to: ModuleId, task: TaskId) -> Result<(), Refusal> {
+fn record_wait(
+    call: &mut Call<'_>,
+    from: ModuleId,
+    to: ModuleId,
+    task: TaskId,
+) -> Result<(), Refusal> {
     let (tasks, modules) = (&call.state.tasks, &mut call.state.modules);
-    let wanted = modules.want(from, to, task, |id| tasks.get(id).is_some());
-    wanted.map_err(|why| call.args.misuse(&why.to_string()))
+    let recorded = modules.record_wait(from, to, task, |id| tasks.get(id).is_some());
+    recorded.map_err(|why| call.args.misuse(&why.to_string()))
 }
 
 /// Adds a module that is required for the first time.
@@ -155,9 +160,9 @@ fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
         }
         Target::File(name) => {
             call.may_wait()?;
-            let added = call.state.modules.add(name.as_str(), Progress::Asked);
+            let added = call.state.modules.add(name.as_str(), Progress::Requested);
             if added.is_ok() {
-                call.state.output.ask(name);
+                call.state.output.request_module(name);
             }
             added
         }
@@ -166,7 +171,7 @@ fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
 }
 
 /// Tells the prelude what to do next.
-fn go_on(call: &mut Call<'_>, id: ModuleId, task: TaskId) -> Answered {
+fn next_step(call: &mut Call<'_>, id: ModuleId, task: TaskId) -> NativeResult {
     let key = call.state.modules.key(id).to_owned();
     match call.state.modules.progress(id) {
         Progress::Loaded => call.reply(("loaded", key)),
@@ -180,7 +185,7 @@ fn go_on(call: &mut Call<'_>, id: ModuleId, task: TaskId) -> Answered {
             // The task that ran it ended before the module had run to its end.
             run(call, id, key, task, function)
         }
-        Progress::Asked | Progress::Running(..) => {
+        Progress::Requested | Progress::Running(..) => {
             call.may_wait()?;
             call.wait(Wait::Module(id), None)
         }
@@ -193,14 +198,14 @@ fn run(
     key: String,
     task: TaskId,
     function: LuaFunction,
-) -> Answered {
+) -> NativeResult {
     let running = Progress::Running(task, function.clone());
     call.state.modules.set(id, running);
     call.reply(("run", key, function))
 }
 
 /// `done(key, failed)`: the file has run, or failed with this text.
-fn done(call: &mut Call<'_>) -> Answered {
+fn done(call: &mut Call<'_>) -> NativeResult {
     let LuaValue::String(key) = call.args.value(0) else {
         return call.reply(());
     };
@@ -223,7 +228,7 @@ fn done(call: &mut Call<'_>) -> Answered {
     call.state.modules.set(id, progress);
     if let Some(task) = call.state.tasks.current {
         let from = from(call);
-        call.state.modules.served(from, id, task);
+        call.state.modules.remove_wait(from, id, task);
     }
     wake(call.state, id);
     call.reply(())
@@ -260,12 +265,12 @@ impl Script {
         let Some(id) = state.modules.find(name.as_str()) else {
             return;
         };
-        if state.has_ended() || !matches!(state.modules.progress(id), Progress::Asked) {
+        if state.has_ended() || !matches!(state.modules.progress(id), Progress::Requested) {
             return;
         }
         let progress = match file {
             Err(NoModule(words)) => Progress::Missing(printable(&words, 400)),
-            Ok(file) => match state.modules.arrived(id, &file) {
+            Ok(file) => match state.modules.record_file(id, &file) {
                 Err(why) => Progress::Missing(why.to_string()),
                 Ok(chunk) => compile(&self.lua, &file.source, &chunk),
             },

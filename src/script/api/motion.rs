@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::super::options::Calibration;
 use super::super::task::{Cancel, Wait};
-use super::{Answered, Call, Natives, of_row};
+use super::{Call, NativeResult, Natives, of_row};
 use crate::api::LONGEST_DRIVE;
 use crate::robot::{Intent, MotionEnd, Setpoint};
 
@@ -56,23 +56,23 @@ impl Tracks {
 }
 
 /// `robot.move(left, right [, seconds])`
-fn move_tracks(call: &mut Call<'_>) -> Answered {
+fn move_tracks(call: &mut Call<'_>) -> NativeResult {
     let (left, right) = (call.args.get(0)?, call.args.get(1)?);
     let time = call.args.get(2)?;
-    go(call, Setpoint::from_percent(left, right), time)
+    start_motion(call, Setpoint::from_percent(left, right), time)
 }
 
 /// `robot.drive(linear, angular [, seconds])`
-fn drive(call: &mut Call<'_>) -> Answered {
+fn drive(call: &mut Call<'_>) -> NativeResult {
     let (linear, angular) = (call.args.get(0)?, call.args.get(1)?);
     let time = call.args.get(2)?;
     let calibration = call.state.options.calibration;
     let (setpoint, _) = Tracks::of(linear, angular, calibration).setpoint(calibration);
-    go(call, setpoint, time)
+    start_motion(call, setpoint, time)
 }
 
 /// `robot.forward(metres [, speed])`
-fn forward(call: &mut Call<'_>) -> Answered {
+fn forward(call: &mut Call<'_>) -> NativeResult {
     let calibration = call.state.options.calibration;
     let metres = call.args.get(0)?;
     let usual = calibration.full_speed * USUAL;
@@ -82,7 +82,7 @@ fn forward(call: &mut Call<'_>) -> Answered {
 }
 
 /// `robot.turn(angle [, speed])`
-fn turn(call: &mut Call<'_>) -> Answered {
+fn turn(call: &mut Call<'_>) -> NativeResult {
     let calibration = call.state.options.calibration;
     let angle = call.args.get(0)?;
     let usual = calibration.full_speed * USUAL * 2.0 / calibration.track_width;
@@ -92,7 +92,7 @@ fn turn(call: &mut Call<'_>) -> Answered {
 }
 
 /// Drives `tracks` until `way` is covered at `speed`, both in the same unit and of the same sign.
-fn travel(call: &mut Call<'_>, way: f64, tracks: Tracks, speed: f64) -> Answered {
+fn travel(call: &mut Call<'_>, way: f64, tracks: Tracks, speed: f64) -> NativeResult {
     let calibration = call.state.options.calibration;
     let (setpoint, slowed) = tracks.setpoint(calibration);
     let seconds = way / (speed * slowed);
@@ -104,11 +104,15 @@ fn travel(call: &mut Call<'_>, way: f64, tracks: Tracks, speed: f64) -> Answered
     if seconds <= 0.0 {
         return call.reply((true, MotionEnd::Done.name()));
     }
-    go(call, setpoint, Some(Duration::from_secs_f64(seconds)))
+    start_motion(call, setpoint, Some(Duration::from_secs_f64(seconds)))
 }
 
 /// Sets the setpoint of the tracks; waits for the end if there is a time.
-fn go(call: &mut Call<'_>, setpoint: Option<Setpoint>, time: Option<Duration>) -> Answered {
+fn start_motion(
+    call: &mut Call<'_>,
+    setpoint: Option<Setpoint>,
+    time: Option<Duration>,
+) -> NativeResult {
     let Some(setpoint) = setpoint else {
         return Err(call.args.misuse("the speeds are not numbers"));
     };
@@ -148,7 +152,7 @@ pub(super) fn may_move(call: &mut Call<'_>) -> bool {
 
 /// Returns `false, "cancelled"`. A call that would wait raises the cancellation in a cancelled
 /// task, as other waits do.
-pub(super) fn refused(call: &mut Call<'_>, waits: bool) -> Answered {
+pub(super) fn refused(call: &mut Call<'_>, waits: bool) -> NativeResult {
     if waits && call.state.is_running() {
         call.may_wait()?;
     }
@@ -156,14 +160,14 @@ pub(super) fn refused(call: &mut Call<'_>, waits: bool) -> Answered {
 }
 
 /// `robot.stop()`: always works.
-fn stop(call: &mut Call<'_>) -> Answered {
+fn stop(call: &mut Call<'_>) -> NativeResult {
     let _ = call.state.motion.release_any();
     call.state.output.send_stop();
     call.reply(())
 }
 
 /// `robot.pose()`
-fn pose(call: &mut Call<'_>) -> Answered {
+fn pose(call: &mut Call<'_>) -> NativeResult {
     let pose = call.state.odometry.pose();
     let table = call.lua.create_table_with_capacity(0, 5)?;
     table.raw_set("x", pose.x)?;

@@ -12,7 +12,7 @@ use super::super::failure::printable;
 use super::super::nearest::suggestion;
 use super::super::params::ParamValue;
 use super::super::state::State;
-use super::{Answered, Builder, Call, Natives, describe};
+use super::{Builder, Call, NativeResult, Natives, describe};
 use crate::api::Type;
 
 const CALLS: &Natives = &[("params.declare", declare)];
@@ -36,7 +36,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
 
 /// `params.declare{ speed = {default=40, min=10, max=100, unit="%", doc="..."} }` returns the
 /// values.
-fn declare(call: &mut Call<'_>) -> Answered {
+fn declare(call: &mut Call<'_>) -> NativeResult {
     if call.state.params.names.is_some() {
         let words = "it was called before; declare all parameters in one call";
         return Err(call.args.misuse(words));
@@ -78,7 +78,7 @@ fn set(table: &LuaTable, name: &str, value: &ParamValue) -> LuaResult<()> {
 
 /// Why a parameter was not changed.
 #[derive(Debug, thiserror::Error)]
-pub(in crate::script) enum TurnError {
+pub(in crate::script) enum SetParamError {
     #[error("the script declares no parameter '{0}'")]
     Undeclared(String),
     #[error("{0} cannot be changed while the script runs")]
@@ -92,22 +92,22 @@ pub(in crate::script) enum TurnError {
 /// Changes a parameter for a person: the script's table has the new value from now on.
 ///
 /// # Errors
-/// See [`TurnError`].
-pub(in crate::script) fn turn(
+/// See [`SetParamError`].
+pub(in crate::script) fn set_live(
     lua: &Lua,
     state: &mut State,
     name: &str,
     value: ParamValue,
-) -> Result<(), TurnError> {
+) -> Result<(), SetParamError> {
     let Some((declaration, current)) = state.params.all.get_mut(name) else {
-        return Err(TurnError::Undeclared(printable(name, 60)));
+        return Err(SetParamError::Undeclared(printable(name, 60)));
     };
     if !declaration.live {
-        return Err(TurnError::Fixed(name.to_owned()));
+        return Err(SetParamError::Fixed(name.to_owned()));
     }
     if !declaration.allows(&value) {
         let (name, expected) = (name.to_owned(), declaration.expected());
-        return Err(TurnError::Refused { name, expected });
+        return Err(SetParamError::Refused { name, expected });
     }
     let changed = lua
         .named_registry_value::<LuaTable>(VALUES)
@@ -117,7 +117,7 @@ pub(in crate::script) fn turn(
             table.set_readonly(true);
             changed
         });
-    changed.map_err(|source| TurnError::Machine {
+    changed.map_err(|source| SetParamError::Machine {
         name: name.to_owned(),
         source,
     })?;
@@ -161,8 +161,8 @@ fn declarations(
             let words = format!("{name} must be a table, such as {{default = 40}}");
             return Err(call.args.misuse(&words));
         };
-        let one = One { call, name: &name };
-        let declaration = one.read(&about)?;
+        let reader = ParamReader { call, name: &name };
+        let declaration = reader.read(&about)?;
         declared.insert(name, declaration);
     }
     Ok(declared)
@@ -195,12 +195,12 @@ fn is_name(text: &str) -> bool {
 }
 
 /// The table of one parameter, while it is read.
-struct One<'a> {
+struct ParamReader<'a> {
     call: &'a Call<'a>,
     name: &'a str,
 }
 
-impl One<'_> {
+impl ParamReader<'_> {
     fn wrong(&self, words: &str) -> Refusal {
         self.call.args.misuse(&format!("{}: {words}", self.name))
     }

@@ -6,7 +6,7 @@ use mlua::prelude::{IntoLua, LuaFunction, LuaMultiValue, LuaResult, LuaTable, Lu
 
 use super::super::arguments::{Argument, Given, Refusal};
 use super::{
-    Answered, Builder, Call, Natives, dock, events, frame, motion, of_row, payload, tasks,
+    Builder, Call, NativeResult, Natives, dock, events, frame, motion, of_row, payload, tasks,
 };
 use crate::robot::{Intent, Percent, Use};
 use crate::wire::{Led, Stream};
@@ -20,9 +20,9 @@ const CALLS: &Natives = &[
     ("robot.say", say),
     ("robot.stream", stream),
     ("robot.battery", battery),
-    ("robot.docked", |call| call.reply(call.state.known.docked)),
+    ("robot.docked", |call| call.reply(call.state.robot.docked)),
     ("robot.connected", |call| {
-        call.reply(call.state.known.connected)
+        call.reply(call.state.robot.connected)
     }),
     ("robot.info", info),
 ];
@@ -62,7 +62,7 @@ impl Argument for &'static [Led] {
 }
 
 /// `robot.led(name, on)`
-fn led(call: &mut Call<'_>) -> Answered {
+fn led(call: &mut Call<'_>) -> NativeResult {
     let (lights, on): (&[Led], _) = (call.args.get(0)?, call.args.get(1)?);
     for &led in lights {
         call.send(Intent::Led { led, on })?;
@@ -71,7 +71,7 @@ fn led(call: &mut Call<'_>) -> Answered {
 }
 
 /// `robot.blink(name, {on=0.2, off=0.2, count=3})` returns a Task.
-fn blink(call: &mut Call<'_>) -> Answered {
+fn blink(call: &mut Call<'_>) -> NativeResult {
     let _: &[Led] = call.args.get(0)?;
     let options = call.args.options(1)?;
     let (on, off): (f64, f64) = (options.get("on")?, options.get("off")?);
@@ -86,20 +86,20 @@ fn blink(call: &mut Call<'_>) -> Answered {
 }
 
 /// `robot.play(sound)`
-fn play(call: &mut Call<'_>) -> Answered {
+fn play(call: &mut Call<'_>) -> NativeResult {
     let sound = call.args.get(0)?;
     call.send(Intent::Play(sound))?;
     call.reply(())
 }
 
 /// `robot.stop_sound()`
-fn stop_sound(call: &mut Call<'_>) -> Answered {
+fn stop_sound(call: &mut Call<'_>) -> NativeResult {
     call.send(Intent::StopSound)?;
     call.reply(())
 }
 
 /// `robot.volume(percent)`
-fn volume(call: &mut Call<'_>) -> Answered {
+fn volume(call: &mut Call<'_>) -> NativeResult {
     let percent: f64 = call.args.get(0)?;
     // The bounds of the row keep it within 0..=100.
     if let Some(percent) = Percent::new(percent.round() as u8) {
@@ -109,7 +109,7 @@ fn volume(call: &mut Call<'_>) -> Answered {
 }
 
 /// `robot.say(samples)`
-fn say(call: &mut Call<'_>) -> Answered {
+fn say(call: &mut Call<'_>) -> NativeResult {
     let LuaValue::Buffer(samples) = call.args.value(0) else {
         return Err(call
             .args
@@ -134,7 +134,7 @@ fn say(call: &mut Call<'_>) -> Answered {
 }
 
 /// `robot.stream(name, on)`
-fn stream(call: &mut Call<'_>) -> Answered {
+fn stream(call: &mut Call<'_>) -> NativeResult {
     let (stream, on) = (call.args.get(0)?, call.args.get(1)?);
     if on {
         call.make_room(0)?;
@@ -147,8 +147,8 @@ fn stream(call: &mut Call<'_>) -> Answered {
 }
 
 /// `robot.battery()`: nil before the first report.
-fn battery(call: &mut Call<'_>) -> Answered {
-    let Some((battery, at)) = call.state.known.battery else {
+fn battery(call: &mut Call<'_>) -> NativeResult {
+    let Some((battery, at)) = call.state.robot.battery else {
         return call.reply(LuaValue::Nil);
     };
     let age: Duration = call.state.now.saturating_duration_since(at);
@@ -157,8 +157,8 @@ fn battery(call: &mut Call<'_>) -> Answered {
 }
 
 /// `robot.info()`: nil before the first connection.
-fn info(call: &mut Call<'_>) -> Answered {
-    let Some(info) = &call.state.known.info else {
+fn info(call: &mut Call<'_>) -> NativeResult {
+    let Some(info) = &call.state.robot.info else {
         return call.reply(LuaValue::Nil);
     };
     let table = call.lua.create_table_with_capacity(0, 5)?;

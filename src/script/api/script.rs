@@ -4,7 +4,7 @@ use mlua::prelude::{LuaResult, LuaTable};
 
 use super::super::budget;
 use super::super::failure::printable;
-use super::{Answered, Builder, Call, Natives, of_row};
+use super::{Builder, Call, NativeResult, Natives, of_row};
 
 const CALLS: &Natives = &[
     ("script.stop", stop),
@@ -13,7 +13,7 @@ const CALLS: &Natives = &[
 ];
 
 /// Largest number of functions for `script.on_stop`.
-const MAX_FAREWELLS: usize = 16;
+const MAX_STOP_HANDLERS: usize = 16;
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let table = builder.namespace("script", &[CALLS])?;
@@ -27,29 +27,29 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
 }
 
 /// `script.stop(reason)`: the calling task does not continue.
-fn stop(call: &mut Call<'_>) -> Answered {
+fn stop(call: &mut Call<'_>) -> NativeResult {
     let reason: Option<String> = call.args.get(0)?;
     let reason = reason.map(|reason| printable(&reason, 1000));
-    call.state.exit.asked = Some(reason);
+    call.state.exit.stop_requested = Some(reason);
     budget::latch_stopped();
     call.reply(())
 }
 
 /// `script.on_stop(fn)`
-fn on_stop(call: &mut Call<'_>) -> Answered {
+fn on_stop(call: &mut Call<'_>) -> NativeResult {
     call.must_be_running()?;
     let function = call.args.get(0)?;
-    if call.state.exit.farewells.len() >= MAX_FAREWELLS {
+    if call.state.exit.stop_handlers.len() >= MAX_STOP_HANDLERS {
         return Err(call
             .args
             .misuse("at most 16 functions can be called at the end"));
     }
-    call.state.exit.farewells.push_back(function);
+    call.state.exit.stop_handlers.push_back(function);
     call.reply(())
 }
 
 /// `script.usage()`
-fn usage(call: &mut Call<'_>) -> Answered {
+fn usage(call: &mut Call<'_>) -> NativeResult {
     let usage = call.state.usage;
     let table = call.lua.create_table_with_capacity(0, 3)?;
     table.raw_set("cpu_ms", usage.cpu.as_secs_f64() * 1e3)?;

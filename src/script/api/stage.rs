@@ -8,7 +8,7 @@ use super::super::plain as data;
 use super::super::stage::{StageCall, StageError};
 use super::super::stdlib;
 use super::tasks::wait_function;
-use super::{Answered, Builder, Call, of_row, place};
+use super::{Builder, Call, NativeResult, of_row, place};
 use crate::api::{self, Function, Literal, Type};
 
 /// Largest size of one argument of a call, in bytes of JSON.
@@ -18,7 +18,10 @@ const LONGEST: usize = 64 * 1024;
 pub(super) fn install(builder: &Builder<'_>) -> LuaResult<()> {
     let lua = builder.lua;
     let row = api::function("scenario").ok_or_else(|| LuaError::runtime("no scenarios"))?;
-    let (ask, wait) = (builder.under("plain", row, ask)?, wait_function(builder)?);
+    let (ask, wait) = (
+        builder.function_with_shim("plain", row, ask)?,
+        wait_function(builder)?,
+    );
     let fail = builder.prelude.function("fail")?;
     let rows = api::object("Sim").map_or(&[][..], |sim| sim.methods);
     let methods = lua.create_table()?;
@@ -55,7 +58,7 @@ fn checked(call: &Call<'_>) -> Result<(String, Option<&'static Function>, Args),
 }
 
 /// `ask(call, ...)`: returns the answer of the stage.
-fn ask(call: &mut Call<'_>) -> Answered {
+fn ask(call: &mut Call<'_>) -> NativeResult {
     let (name, row, args) = checked(call)?;
     let wrong = |why: StageError| Refusal::Misuse(format!("{name}: {why}"));
     let skipped = usize::from(row.is_some_and(Function::is_method));

@@ -5,7 +5,7 @@ use mlua::prelude::LuaValue;
 use super::super::arguments::Refusal;
 use super::super::plain as data;
 use super::super::store::QUOTA;
-use super::{Answered, Call, Natives};
+use super::{Call, NativeResult, Natives};
 
 pub(super) const CALLS: &Natives = &[
     ("store.get", get),
@@ -23,7 +23,7 @@ fn key(call: &Call<'_>) -> Result<String, Refusal> {
 }
 
 /// `store.get(key, default)`
-fn get(call: &mut Call<'_>) -> Answered {
+fn get(call: &mut Call<'_>) -> NativeResult {
     let key = key(call)?;
     let kept = call.state.store.get(&key);
     let kept = kept.and_then(|json| serde_json::from_str(json).ok());
@@ -38,7 +38,7 @@ fn get(call: &mut Call<'_>) -> Answered {
 }
 
 /// `store.set(key, value)`
-fn set(call: &mut Call<'_>) -> Answered {
+fn set(call: &mut Call<'_>) -> NativeResult {
     let key = key(call)?;
     let value = call.args.value(1);
     if value.is_nil() {
@@ -53,14 +53,14 @@ fn set(call: &mut Call<'_>) -> Answered {
 }
 
 /// `store.delete(key)` returns whether the key existed.
-fn delete(call: &mut Call<'_>) -> Answered {
+fn delete(call: &mut Call<'_>) -> NativeResult {
     let key = key(call)?;
     let was_there = call.state.store.delete(&key);
     call.reply(was_there)
 }
 
 /// `store.keys()`, sorted.
-fn keys(call: &mut Call<'_>) -> Answered {
+fn keys(call: &mut Call<'_>) -> NativeResult {
     let keys = call.lua.create_sequence_from(call.state.store.keys())?;
     call.reply(keys)
 }

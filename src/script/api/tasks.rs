@@ -13,7 +13,7 @@ use super::super::group::{Group, Rule};
 use super::super::task::{
     Answer, GroupId, Handle, MAX_TASKS, SHORTEST_WAIT, Status, TaskKind, Wait,
 };
-use super::{Answered, Builder, Call, Natives};
+use super::{Builder, Call, NativeResult, Natives};
 use crate::api;
 
 const CALLS: &Natives = &[
@@ -38,7 +38,7 @@ pub(super) struct TaskObject(Rc<Handle>);
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let table = builder.namespace("task", &[CALLS])?;
     if let Some(row) = api::function(EVERY) {
-        let beat = builder.under("waiting", row, beat)?;
+        let beat = builder.function_with_shim("waiting", row, beat)?;
         let beats: LuaFunction = builder.prelude.function("beats")?.call(beat)?;
         builder.lua.set_named_registry_value(BEATS, beats)?;
     }
@@ -62,7 +62,7 @@ pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
 }
 
 /// `task.wait(seconds)` returns the seconds that passed.
-fn wait(call: &mut Call<'_>) -> Answered {
+fn wait(call: &mut Call<'_>) -> NativeResult {
     let time = call.args.get(0)?;
     call.may_wait()?;
     let since = call.state.now;
@@ -70,19 +70,19 @@ fn wait(call: &mut Call<'_>) -> Answered {
 }
 
 /// `task.now()`: seconds since the script started.
-fn now(call: &mut Call<'_>) -> Answered {
+fn now(call: &mut Call<'_>) -> NativeResult {
     let time = call.state.now.saturating_duration_since(call.state.start);
     call.reply(time.as_secs_f64())
 }
 
 /// `task.spawn(fn, ...)`
-fn spawn(call: &mut Call<'_>) -> Answered {
+fn spawn(call: &mut Call<'_>) -> NativeResult {
     let (function, values) = (call.args.get(0)?, call.args.rest());
     begin(call, &function, values, None)
 }
 
 /// `task.delay(seconds, fn, ...)`
-fn delay(call: &mut Call<'_>) -> Answered {
+fn delay(call: &mut Call<'_>) -> NativeResult {
     let (time, function): (Duration, _) = (call.args.get(0)?, call.args.get(1)?);
     let values = call.args.rest();
     let start = call.state.now + time.max(SHORTEST_WAIT);
@@ -90,7 +90,7 @@ fn delay(call: &mut Call<'_>) -> Answered {
 }
 
 /// `task.every(seconds, fn)`
-fn every(call: &mut Call<'_>) -> Answered {
+fn every(call: &mut Call<'_>) -> NativeResult {
     let (seconds, function) = (call.args.get(0)?, call.args.get(1)?);
     let beats: LuaFunction = call.lua.named_registry_value(BEATS)?;
     let values = [LuaValue::Number(seconds), LuaValue::Function(function)];
@@ -98,7 +98,7 @@ fn every(call: &mut Call<'_>) -> Answered {
 }
 
 /// The wait between two beats. Beats whose time has already passed are counted and skipped.
-fn beat(call: &mut Call<'_>) -> Answered {
+fn beat(call: &mut Call<'_>) -> NativeResult {
     let period = call.args.get::<Duration>(0)?.max(SHORTEST_WAIT);
     call.may_wait()?;
     let now = call.state.now;
@@ -126,7 +126,7 @@ pub(super) fn begin(
     function: &LuaFunction,
     values: LuaMultiValue,
     start: Option<Instant>,
-) -> Answered {
+) -> NativeResult {
     let handle = add(call, function, TaskKind::Spawned, values, start)?;
     let object = call.lua.create_any_userdata(TaskObject(handle))?;
     call.reply(object)
@@ -154,7 +154,7 @@ fn add(
 }
 
 /// `task.all(fn, ...)` and `task.race(fn, ...)`
-fn group(call: &mut Call<'_>, rule: Rule) -> Answered {
+fn group(call: &mut Call<'_>, rule: Rule) -> NativeResult {
     let count = call.args.values.len();
     let functions = (0..count)
         .map(|index| match call.args.value(index) {
@@ -178,7 +178,7 @@ fn group(call: &mut Call<'_>, rule: Rule) -> Answered {
 }
 
 /// `task.timeout(seconds, fn, ...)` returns `true` and the results, or `false, "timeout"`.
-fn timeout(call: &mut Call<'_>) -> Answered {
+fn timeout(call: &mut Call<'_>) -> NativeResult {
     let (time, function): (Duration, _) = (call.args.get(0)?, call.args.get(1)?);
     let values = call.args.rest();
     call.may_wait()?;
@@ -190,7 +190,7 @@ fn run_group(
     rule: Rule,
     functions: Vec<(LuaFunction, LuaMultiValue)>,
     time: Option<Duration>,
-) -> Answered {
+) -> NativeResult {
     let Some(parent) = call.state.tasks.current else {
         return Err(call.args.misuse("nothing can wait here"));
     };
@@ -214,20 +214,20 @@ fn run_group(
 }
 
 /// The task that a method was called on.
-fn subject(call: &Call<'_>) -> Result<Rc<Handle>, Refusal> {
-    Ok(Rc::clone(&call.subject::<TaskObject>()?.0))
+fn receiver(call: &Call<'_>) -> Result<Rc<Handle>, Refusal> {
+    Ok(Rc::clone(&call.receiver::<TaskObject>()?.0))
 }
 
 /// `Task:cancel()`
-fn cancel(call: &mut Call<'_>) -> Answered {
-    let id = subject(call)?.id;
+fn cancel(call: &mut Call<'_>) -> NativeResult {
+    let id = receiver(call)?.id;
     call.state.cancel(id);
     call.reply(())
 }
 
 /// `Task:join(timeout)` returns `ok, status`, for a failed task also its message.
-fn join(call: &mut Call<'_>) -> Answered {
-    let handle = subject(call)?;
+fn join(call: &mut Call<'_>) -> NativeResult {
+    let handle = receiver(call)?;
     let time = call.args.get(0)?;
     call.may_wait()?;
     match handle.status.get() {

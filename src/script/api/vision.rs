@@ -7,12 +7,12 @@ use std::time::Duration;
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::Refusal;
-use super::super::sight::HeldFrame;
+use super::super::frame_state::HeldFrame;
 use super::super::sighting::Seen;
 use super::colours::{self, ColourObject, Colours};
 use super::frame;
 use super::looking::{blob_table, mark};
-use super::{Answered, Builder, Call, Natives, of_row};
+use super::{Builder, Call, NativeResult, Natives, of_row};
 use crate::vision::{
     BlobOptions, Image, MotionDetector, MotionOptions, Track, Tracker, TrackerOptions, learn,
 };
@@ -36,15 +36,15 @@ const DETECTOR: &Natives = &[("Detector:update", detect)];
 /// Largest number of trackers and detectors at once: their buffers are outside the VM's memory.
 const MAX_WATCHERS: u32 = 16;
 /// Largest number of frames of one `vision.learn`: each is decoded into its own buffer.
-const MAX_LESSONS: usize = 16;
+const MAX_LEARN_FRAMES: usize = 16;
 /// A frame that arrives within this time after the robot has moved may still show motion: pictures
 /// are late, and the robot coasts and rocks.
 const SETTLING: Duration = Duration::from_secs(1);
 
 /// Counts an object until it is dropped.
-struct Counted(Rc<Cell<u32>>);
+struct CountGuard(Rc<Cell<u32>>);
 
-impl Drop for Counted {
+impl Drop for CountGuard {
     fn drop(&mut self) {
         self.0.set(self.0.get().saturating_sub(1));
     }
@@ -53,12 +53,12 @@ impl Drop for Counted {
 struct TrackerObject {
     tracker: Tracker,
     colours: Colours,
-    _counted: Counted,
+    _count_guard: CountGuard,
 }
 
 struct DetectorObject {
     detector: MotionDetector,
-    _counted: Counted,
+    _count_guard: CountGuard,
 }
 
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
@@ -68,7 +68,7 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
 }
 
 /// Counts one more tracker or detector; collects garbage first if there are too many.
-fn count(call: &Call<'_>) -> Result<Counted, Refusal> {
+fn count(call: &Call<'_>) -> Result<CountGuard, Refusal> {
     let watchers = &call.state.sight.watchers;
     if watchers.get() >= MAX_WATCHERS {
         call.lua.gc_collect()?;
@@ -79,11 +79,11 @@ fn count(call: &Call<'_>) -> Result<Counted, Refusal> {
         )));
     }
     watchers.set(watchers.get() + 1);
-    Ok(Counted(Rc::clone(watchers)))
+    Ok(CountGuard(Rc::clone(watchers)))
 }
 
 /// `vision.tracker{colour=, min_age=3, max_lost=5, max_jump=80}`
-fn tracker(call: &mut Call<'_>) -> Answered {
+fn tracker(call: &mut Call<'_>) -> NativeResult {
     let table = call.args.options(0)?;
     let colours = Colours::of(call, &table.value("colour")?)?;
     let options = TrackerOptions {
@@ -94,7 +94,7 @@ fn tracker(call: &mut Call<'_>) -> Answered {
     let object = TrackerObject {
         tracker: Tracker::new(options, call.state.options.camera),
         colours,
-        _counted: count(call)?,
+        _count_guard: count(call)?,
     };
     let object = call.lua.create_any_userdata(object)?;
     call.reply(object)
@@ -105,19 +105,19 @@ fn with_tracker<R>(
     call: &mut Call<'_>,
     work: impl FnOnce(&mut Call<'_>, &mut TrackerObject) -> Result<R, Refusal>,
 ) -> Result<R, Refusal> {
-    let mut object = call.subject_mut::<TrackerObject>()?;
+    let mut object = call.receiver_mut::<TrackerObject>()?;
     work(call, &mut object)
 }
 
 /// `Tracker:update(frame)`: a list of blobs with `id, age, lost, vx, vy`.
-fn track(call: &mut Call<'_>) -> Answered {
+fn track(call: &mut Call<'_>) -> NativeResult {
     let held: Rc<HeldFrame> = call.args.get(0)?;
     with_tracker(call, |call, object| {
         let blobs = call
             .state
-            .find(&held, &object.colours, &BlobOptions::default());
+            .find_blobs(&held, &object.colours, &BlobOptions::default());
         // A damaged frame is skipped: it does not count as a frame in which the blobs are lost.
-        let size = call.state.look(&held).map(Image::size);
+        let size = call.state.image(&held).map(Image::size);
         let at = held.frame.at.saturating_duration_since(call.state.start);
         let tracks = match size {
             Some(size) => object.tracker.update(at, size, &blobs),
@@ -126,7 +126,7 @@ fn track(call: &mut Call<'_>) -> Answered {
         let marks = tracks
             .iter()
             .map(|track| track_mark(track, &object.colours));
-        call.state.saw(&held, marks);
+        call.state.record_findings(&held, marks);
         let list = call.lua.create_table_with_capacity(tracks.len(), 0)?;
         for track in tracks {
             list.raw_push(track_table(call.lua, track, &object.colours)?)?;
@@ -154,7 +154,7 @@ fn track_table(lua: &Lua, track: &Track, colours: &Colours) -> LuaResult<LuaTabl
 }
 
 /// `Tracker:best()`: the one to follow, or nil.
-fn best(call: &mut Call<'_>) -> Answered {
+fn best(call: &mut Call<'_>) -> NativeResult {
     with_tracker(call, |call, object| match object.tracker.best() {
         Some(track) => {
             let table = track_table(call.lua, track, &object.colours)?;
@@ -165,7 +165,7 @@ fn best(call: &mut Call<'_>) -> Answered {
 }
 
 /// `Tracker:reset()`
-fn reset(call: &mut Call<'_>) -> Answered {
+fn reset(call: &mut Call<'_>) -> NativeResult {
     with_tracker(call, |call, object| {
         object.tracker.reset();
         call.reply(())
@@ -173,7 +173,7 @@ fn reset(call: &mut Call<'_>) -> Answered {
 }
 
 /// `vision.motion{threshold=15, min_pixels=150}`
-fn detector(call: &mut Call<'_>) -> Answered {
+fn detector(call: &mut Call<'_>) -> NativeResult {
     let table = call.args.options(0)?;
     let options = MotionOptions {
         // The bounds of the row keep it at most 255.
@@ -182,7 +182,7 @@ fn detector(call: &mut Call<'_>) -> Answered {
     };
     let object = DetectorObject {
         detector: MotionDetector::new(options, call.state.options.camera),
-        _counted: count(call)?,
+        _count_guard: count(call)?,
     };
     let object = call.lua.create_any_userdata(object)?;
     call.reply(object)
@@ -190,22 +190,22 @@ fn detector(call: &mut Call<'_>) -> Answered {
 
 /// `Detector:update(frame)`: `{score, pixels, blobs}`, or `nil, "moving"` while anything
 /// moves the robot, and for a while after.
-fn detect(call: &mut Call<'_>) -> Answered {
+fn detect(call: &mut Call<'_>) -> NativeResult {
     let held: Rc<HeldFrame> = call.args.get(0)?;
-    let mut object = call.subject_mut::<DetectorObject>()?;
+    let mut object = call.receiver_mut::<DetectorObject>()?;
     if call.state.has_moved_within(SETTLING) {
         object.detector.reset();
         return call.reply((LuaValue::Nil, "moving"));
     }
     let lua = call.lua;
-    let Some(image) = call.state.look(&held) else {
+    let Some(image) = call.state.image(&held) else {
         return motion_table(lua, 0.0, 0, &[])
             .map_err(Refusal::from)
             .and_then(|table| call.reply(table));
     };
     let motion = object.detector.update(image);
     let marks = motion.blobs.iter().map(|blob| mark(blob, "motion"));
-    call.state.saw(&held, marks);
+    call.state.record_findings(&held, marks);
     let table = motion_table(lua, motion.score, motion.pixels, motion.blobs)?;
     call.reply(table)
 }
@@ -228,12 +228,12 @@ fn motion_table(
 }
 
 /// `vision.learn(frames, roi)`: a colour and `{quality}`; or nil and the reason.
-fn learn_colour(call: &mut Call<'_>) -> Answered {
-    let frames = lessons(call)?;
+fn learn_colour(call: &mut Call<'_>) -> NativeResult {
+    let frames = learn_frames(call)?;
     let part = call.args.get(1)?;
     let mut images = Vec::new();
     for held in &frames {
-        images.extend(call.state.look(held).cloned());
+        images.extend(call.state.image(held).cloned());
     }
     let images: Vec<&Image> = images.iter().collect();
     match learn(&images, part) {
@@ -248,10 +248,10 @@ fn learn_colour(call: &mut Call<'_>) -> Answered {
 }
 
 /// Reads a frame or a list of frames.
-fn lessons(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
+fn learn_frames(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
     let wrong = || {
         call.args.misuse(&format!(
-            "the first argument must be a list of 1 to {MAX_LESSONS} frames"
+            "the first argument must be a list of 1 to {MAX_LEARN_FRAMES} frames"
         ))
     };
     if let Some(held) = frame::of_value(call.args.value(0)) {
@@ -261,7 +261,7 @@ fn lessons(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
         return Err(wrong());
     };
     let length = list.raw_len();
-    if !(1..=MAX_LESSONS).contains(&length) {
+    if !(1..=MAX_LEARN_FRAMES).contains(&length) {
         return Err(wrong());
     }
     (1..=length)

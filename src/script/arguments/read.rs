@@ -27,13 +27,13 @@ impl Argument for f64 {
             _ => None,
         };
         let args = given.args;
-        args.check_number(given.row.spoken(), &given.value, bounds)
+        args.check_number(given.row.label(), &given.value, bounds)
     }
 }
 
 impl Argument for u32 {
     fn read(given: Given<'_>) -> Result<Self, Refusal> {
-        let (args, name) = (given.args, given.row.spoken());
+        let (args, name) = (given.args, given.row.label());
         let number = f64::read(given)?;
         if number.fract() == 0.0 {
             return Ok(number as u32);
@@ -45,7 +45,7 @@ impl Argument for u32 {
 /// In seconds.
 impl Argument for Duration {
     fn read(given: Given<'_>) -> Result<Self, Refusal> {
-        let (args, name) = (given.args, given.row.spoken());
+        let (args, name) = (given.args, given.row.label());
         Duration::try_from_secs_f64(f64::read(given)?)
             .map_err(|_| args.misuse(&format!("{name} is not a time")))
     }
@@ -79,7 +79,7 @@ impl Argument for String {
         if let Type::Text(Some(most)) = given.row.kind
             && bytes.len() > most
         {
-            let words = format!("{} is too long: at most {most} bytes", given.row.spoken());
+            let words = format!("{} is too long: at most {most} bytes", given.row.label());
             return Err(given.args.misuse(&words));
         }
         Ok(String::from_utf8_lossy(&bytes).into_owned())

@@ -7,8 +7,8 @@ const CURVE: Drive = Drive {
     turn: 0.4,
 };
 
-fn going(drive: Drive, since: Instant, odometer: f64) -> Going {
-    Going {
+fn timed(drive: Drive, since: Instant, odometer: f64) -> TimedMotion {
+    TimedMotion {
         motion: MotionId(1),
         since,
         drive,
@@ -21,14 +21,14 @@ fn going(drive: Drive, since: Instant, odometer: f64) -> Going {
 fn in_a_gentle_curve_a_near_object_is_reached_in_the_end() {
     let start = Instant::now();
     let mut blockage = Blockage::default();
-    blockage.note_close(Some(0.6), start, going(CURVE, start, 1.0));
-    assert_eq!(blockage.arrived(going(CURVE, start, 1.55)), None);
-    let since = blockage.arrived(going(CURVE, start, 1.65)).unwrap();
+    blockage.note_close(Some(0.6), start, timed(CURVE, start, 1.0));
+    assert_eq!(blockage.arrived(timed(CURVE, start, 1.55)), None);
+    let since = blockage.arrived(timed(CURVE, start, 1.65)).unwrap();
     assert!(((since - start).as_secs_f64() - 2.0).abs() < 1e-3);
     let sharp = Drive { turn: 0.8, ..CURVE };
-    assert_eq!(blockage.arrived(going(sharp, start, 1.65)), None);
-    blockage.note_close(None, start, going(CURVE, start, 1.65));
-    assert_eq!(blockage.arrived(going(CURVE, start, 1.7)), None);
+    assert_eq!(blockage.arrived(timed(sharp, start, 1.65)), None);
+    blockage.note_close(None, start, timed(CURVE, start, 1.65));
+    assert_eq!(blockage.arrived(timed(CURVE, start, 1.7)), None);
 }
 
 #[test]

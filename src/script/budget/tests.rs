@@ -20,33 +20,33 @@ fn a_slice_without_cpu_time_is_over_late_and_in_a_simulation_later() {
 fn checks_without_an_answer_are_counted_until_the_vm_answers() {
     let slot = Slot::default();
     slot.script().push_str("stuck.lua");
-    let looks = |count: u64, from: u64| (from..from + count).for_each(|now| slot.look(now));
-    looks(100, 1);
+    let checks = |count: u64, from: u64| (from..from + count).for_each(|now| slot.check(now));
+    checks(100, 1);
     assert_eq!(slot.unanswered.load(Ordering::Relaxed), 0, "nothing runs");
-    slot.look_at.store(150, Ordering::Release);
-    looks(50, 100);
+    slot.check_at.store(150, Ordering::Release);
+    checks(50, 100);
     assert_eq!(
         slot.unanswered.load(Ordering::Relaxed),
         0,
         "within its budget"
     );
-    looks(20, 150);
+    checks(20, 150);
     assert_eq!(slot.unanswered.load(Ordering::Relaxed), 20);
     // The VM has answered and may go on for a while.
-    slot.look_at.store(180, Ordering::Release);
-    slot.flag.store(CALM, Ordering::Release);
-    looks(10, 170);
+    slot.check_at.store(180, Ordering::Release);
+    slot.flag.store(WITHIN_BUDGET, Ordering::Release);
+    checks(10, 170);
     assert_eq!(slot.unanswered.load(Ordering::Relaxed), 0);
 }
 
 #[test]
 fn a_stuck_slice_is_reported_with_its_file() {
-    let (told, tell) = std::sync::mpsc::channel();
+    let (told, report) = std::sync::mpsc::channel();
     when_stuck(Duration::from_millis(100), move |file| {
         let _ = told.send((file.to_owned(), running()));
     });
     begin(Duration::from_millis(1), "stuck.lua");
-    let (file, running) = tell.recv_timeout(Duration::from_secs(60)).unwrap();
+    let (file, running) = report.recv_timeout(Duration::from_secs(60)).unwrap();
     let _ = end();
     assert_eq!(file, "stuck.lua");
     assert!(running.contains(&file), "{running:?}");
@@ -55,6 +55,6 @@ fn a_stuck_slice_is_reported_with_its_file() {
 #[test]
 fn a_thread_of_simulations_uses_the_larger_factor() {
     assert_eq!(WALL_TIME_FACTOR.get(), WALL_FACTOR);
-    only_simulated();
+    set_simulated_wall_factor();
     assert_eq!(WALL_TIME_FACTOR.get(), SIMULATED_WALL_FACTOR);
 }

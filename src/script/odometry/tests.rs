@@ -43,7 +43,7 @@ fn a_line_a_turn_and_an_arc_end_where_geometry_says() {
     ] {
         drive(&mut odometry, &mut now, driver, seconds);
         // The robot coasts to a stop.
-        drive(&mut odometry, &mut now, Driver::Nobody, 1);
+        drive(&mut odometry, &mut now, Driver::None, 1);
         let pose = odometry.pose();
         assert!((pose.x - x).hypot(pose.y - y) < 0.02, "{pose:?}");
     }
@@ -61,8 +61,8 @@ fn the_error_grows_with_the_distance_and_less_if_the_camera_saw_the_turn() {
     odometry.mark(start + Duration::from_secs(1));
     odometry.advance(start + Duration::from_secs(2), LEFT);
     odometry.mark(start + Duration::from_secs(2));
-    let (unseen, shown) = (odometry.pose(), odometry.last_shown().unwrap());
-    odometry.correct_turn(shown.correction(1.4 / 1.05));
+    let (unseen, motion) = (odometry.pose(), odometry.last_track_motion().unwrap());
+    odometry.correct_turn(motion.correction(1.4 / 1.05));
     let seen = odometry.pose();
     assert!(
         seen.heading < unseen.heading && seen.heading_error < unseen.heading_error,
@@ -94,9 +94,9 @@ fn turns_that_pictures_show_late_are_neither_lost_nor_counted_twice() {
         if tick % 12 == 0 {
             odometry.mark(now);
             let seen = truth.between(last - late, now - late);
-            if let (Some(shown), Some(seen)) = (odometry.last_shown(), seen) {
-                odometry.lateness.note(seen.turn, shown.turns());
-                odometry.correct_turn(shown.correction(seen.turn));
+            if let (Some(motion), Some(seen)) = (odometry.last_track_motion(), seen) {
+                odometry.picture_delay.note(seen.turn, motion.turns());
+                odometry.correct_turn(motion.correction(seen.turn));
             }
             last = now;
         }
@@ -136,8 +136,8 @@ fn a_person_walking_by_is_not_taken_for_a_turn() {
         drive(&mut odometry, &mut now, AHEAD, 1);
         odometry.mark(now);
     }
-    let shown = odometry.last_shown().unwrap();
-    odometry.correct_turn(shown.correction(0.3));
+    let motion = odometry.last_track_motion().unwrap();
+    odometry.correct_turn(motion.correction(0.3));
     assert!(near(odometry.pose().heading, 0.0));
 }
 

@@ -7,12 +7,12 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::State;
-use super::known::shows_motion;
+use super::robot_state::shows_motion;
 use crate::robot::{Event, Frame};
 use crate::script::Script;
 use crate::script::events::{EventName, Loan, Payload};
+use crate::script::frame_state::HeldFrame;
 use crate::script::output::Level;
-use crate::script::sight::HeldFrame;
 use crate::script::sound::Loudness;
 use crate::script::task::{Answer, SubscriptionId, Wait};
 use crate::script::way_back::way_back;
@@ -52,7 +52,7 @@ impl Script {
 
     /// Repeats what the script did with the newest frame, to warm up caches for the next one; does
     /// nothing if the script has not examined that frame.
-    pub fn rehearse(&mut self) {
+    pub fn warm_up(&mut self) {
         let mut state = self.state.borrow_mut();
         let sight = &mut state.sight;
         if let Some(held) = sight.newest.clone()
@@ -63,7 +63,7 @@ impl Script {
     }
 
     /// Whether the script has examined the newest frame, rather than ignored or only saved it.
-    pub fn looks_at_frames(&self) -> bool {
+    pub fn examines_frames(&self) -> bool {
         let state = self.state.borrow();
         let newest = state.sight.newest.as_ref().map(|held| held.frame.seq);
         newest.is_some() && newest == state.sight.eyes.seen()
@@ -81,12 +81,12 @@ impl Script {
 impl State {
     /// Records an event and passes it on.
     fn deliver(&mut self, event: Event) {
-        self.known.note(&event, self.now);
+        self.robot.note(&event, self.now);
         if shows_motion(&event) {
-            self.moved = Some(self.now);
+            self.last_moved = Some(self.now);
         }
         if event == Event::Sounding {
-            self.sounded = Some(self.now);
+            self.last_sounded = Some(self.now);
         }
         match event {
             Event::MotionEnded { motion, end } => {
@@ -137,7 +137,7 @@ impl State {
     /// that it is not a valid picture is only counted: `false`.
     fn deliver_frame(&mut self, frame: Frame) -> bool {
         // For a script that is always busy: examine the last frame before its buffers are reused.
-        self.look_where_it_goes();
+        self.examine_frame_for_motion();
         let size = match validate_markers(&frame.jpeg) {
             Ok(size) => size,
             Err(error) => {
@@ -147,7 +147,7 @@ impl State {
         };
         let held = Rc::new(HeldFrame::new(frame, size, &self.sight.held_bytes));
         self.sight.newest = Some(Rc::clone(&held));
-        self.plan_look(&held);
+        self.plan_motion_check(&held);
         self.publish(EventName::Frame, Payload::Frame(held));
         true
     }
@@ -172,14 +172,14 @@ impl State {
     /// Records a loud sound; returns whether it was quiet before. So a bell is one noise, however
     /// long it rings, together with the motors that a script starts because of it.
     pub(super) fn becomes_loud(&mut self) -> bool {
-        let before = self.loud.replace(self.now);
+        let before = self.last_loud.replace(self.now);
         before.is_none_or(|at| self.now.saturating_duration_since(at) >= QUIET)
     }
 
     /// Whether a sound may come from the robot's own motors or loudspeaker.
     pub(super) fn may_hear_itself(&self) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < SOUND;
-        self.has_moved_within(MOTOR) || self.sounded.is_some_and(lately)
+        self.has_moved_within(MOTOR) || self.last_sounded.is_some_and(lately)
     }
 
     /// Whether a handler listens to this event or a task waits for it.

@@ -15,9 +15,13 @@ impl State {
     /// # Errors
     ///
     /// If the config keeps the stream off.
-    pub(in crate::script) fn want(&mut self, stream: Stream, by: Demand) -> Result<(), StreamOff> {
+    pub(in crate::script) fn need_stream(
+        &mut self,
+        stream: Stream,
+        by: Demand,
+    ) -> Result<(), StreamOff> {
         self.options.streams.allow(stream)?;
-        if self.streams.want(stream, by, self.now) {
+        if self.streams.switch_on(stream, by, self.now) {
             self.output.send(Intent::Stream { stream, on: true });
         }
         Ok(())
@@ -32,7 +36,7 @@ impl State {
     /// Records the use of each stream that is listened to. Called when time advances, before
     /// anything else happens.
     pub(super) fn note_used_streams(&mut self) {
-        for stream in self.streams.lent() {
+        for stream in self.streams.temporary() {
             if self.is_used(stream) {
                 self.streams.note_use(stream, self.now);
             }
@@ -41,7 +45,7 @@ impl State {
 
     /// Switches off the streams that nothing has used for a while.
     pub(in crate::script) fn drop_unused_streams(&mut self) {
-        for stream in self.streams.lent() {
+        for stream in self.streams.temporary() {
             if !self.is_used(stream) && self.streams.drop_if_unused(stream, self.now) {
                 self.output.send(Intent::Stream { stream, on: false });
             }
@@ -51,7 +55,9 @@ impl State {
     /// When the next stream is switched off because nothing uses it.
     pub(super) fn next_stream_end(&self) -> Option<Instant> {
         let unused = |stream: &Stream| !self.is_used(*stream);
-        let lent = self.streams.lent().into_iter().filter(unused);
-        lent.filter_map(|stream| self.streams.end_of(stream)).min()
+        let temporary = self.streams.temporary().into_iter().filter(unused);
+        temporary
+            .filter_map(|stream| self.streams.end_of(stream))
+            .min()
     }
 }

@@ -7,6 +7,7 @@ mod frames;
 mod hostile;
 mod language;
 mod life;
+mod messages;
 mod modules;
 mod motion;
 mod noises;
@@ -18,7 +19,6 @@ mod stdlib;
 mod store;
 mod streams;
 mod tasks;
-mod telling;
 mod typed;
 mod vision;
 

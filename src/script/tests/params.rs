@@ -122,7 +122,7 @@ fn a_parameter_that_is_declared_live_changes_within_its_bounds_while_the_script_
         .collect();
     assert_eq!(told, [("mode", false), ("speed", true)]);
     rig.script
-        .turn_param("speed", ParamValue::Number(55.0), rig.now);
+        .set_live_param("speed", ParamValue::Number(55.0), rig.now);
     rig.pass(1.5);
     assert_eq!(rig.texts(), ["55 calm"]);
     assert_eq!(rig.knobs[1].value, ParamValue::Number(55.0));
@@ -153,7 +153,7 @@ fn a_parameter_that_is_declared_live_changes_within_its_bounds_while_the_script_
             "the script declares no parameter 'sped'",
         ),
     ] {
-        rig.script.turn_param(name, value, rig.now);
+        rig.script.set_live_param(name, value, rig.now);
         rig.run();
         assert_eq!(rig.texts().last(), Some(&words));
     }

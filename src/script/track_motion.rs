@@ -6,9 +6,9 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::full_turn::Step;
-use super::grip::UNKNOWN;
-use super::lateness::{Lateness, TRIED};
+use super::picture_delay::{CANDIDATES, PictureDelay};
 use super::travel::{Totals, Travel};
+use super::turn_slip::UNKNOWN_FLOOR;
 
 /// Radians by which the tracks veer per metre.
 pub(super) const VEER: f64 = 0.08;
@@ -28,16 +28,16 @@ const PARALLAX: f64 = 1.05;
 const LEAST_REACH: f64 = 0.15;
 const REACH: f64 = 0.6;
 /// Least turn, in radians, from which the difference between camera and tracks is measured.
-const TELLS: f64 = 0.05;
+const MIN_MEASURED_TURN: f64 = 0.05;
 
 /// What the tracks did between the moments that two frames show.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Shown {
+pub(super) struct TrackMotion {
     totals: Totals,
     /// The turn for each possible delay of the pictures, in radians.
-    turns: [f64; TRIED],
+    turns: [f64; CANDIDATES],
     /// Error of the turn due to the uncertain delay, in radians.
-    unsure: f64,
+    delay_error: f64,
     /// Error of the turn due to slip of the tracks, as a share of the turn.
     slip: f64,
 }
@@ -48,10 +48,10 @@ pub(super) struct Correction {
     /// Radians that the robot has turned more than the tracks say, as far as the camera is trusted.
     pub(super) turn: f64,
     /// Radians by which the error of the heading decreases.
-    pub(super) better: f64,
+    pub(super) error_decrease: f64,
     /// The share of the turn by which the camera saw more than the tracks made, if the turn was
     /// large enough to measure it.
-    pub(super) differs: Option<f64>,
+    pub(super) difference: Option<f64>,
     /// Whether the camera saw a plausible turn.
     pub(super) seen: bool,
 }
@@ -60,35 +60,38 @@ impl Correction {
     /// No correction: the camera showed no plausible turn.
     pub(super) const NONE: Correction = Correction {
         turn: 0.0,
-        better: 0.0,
-        differs: None,
+        error_decrease: 0.0,
+        difference: None,
         seen: false,
     };
 }
 
-impl Shown {
+impl TrackMotion {
     /// What the tracks did between two frames that arrived at these times; `None` if that is too
     /// long ago.
     pub(super) fn between(
         travel: &Travel,
-        lateness: &Lateness,
+        picture_delay: &PictureDelay,
         slip: f64,
         before: Instant,
         now: Instant,
-    ) -> Option<Shown> {
+    ) -> Option<TrackMotion> {
         let done = |delay: Duration| {
             let (from, to) = (before.checked_sub(delay)?, now.checked_sub(delay)?);
             travel.between(from, to)
         };
-        let all = Lateness::tried().map(|delay| done(delay).unwrap_or_default());
-        let believed = lateness.believed();
-        let totals = done(Lateness::tried()[believed])?;
-        let beside = [believed.saturating_sub(1), (believed + 1).min(TRIED - 1)];
+        let all = PictureDelay::candidates().map(|delay| done(delay).unwrap_or_default());
+        let selected = picture_delay.selected();
+        let totals = done(PictureDelay::candidates()[selected])?;
+        let beside = [
+            selected.saturating_sub(1),
+            (selected + 1).min(CANDIDATES - 1),
+        ];
         let off = beside.map(|index| (all[index].turn - totals.turn).abs());
-        Some(Shown {
+        Some(TrackMotion {
             totals,
             turns: all.map(|totals| totals.turn),
-            unsure: off[0].max(off[1]),
+            delay_error: off[0].max(off[1]),
             slip,
         })
     }
@@ -110,7 +113,7 @@ impl Shown {
     }
 
     /// The turn for each possible delay, in radians.
-    pub(super) fn turns(&self) -> &[f64; TRIED] {
+    pub(super) fn turns(&self) -> &[f64; CANDIDATES] {
         &self.turns
     }
 
@@ -118,7 +121,7 @@ impl Shown {
     pub(super) fn step(&self, correction: Correction) -> Step {
         Step {
             turn: self.totals.turn + correction.turn,
-            told: self.totals.told,
+            commanded: self.totals.commanded,
             way: self.totals.way,
             seen: correction.seen,
         }
@@ -134,18 +137,19 @@ impl Shown {
     pub(super) fn correction(&self, seen: f64) -> Correction {
         let Totals { turned, way, .. } = self.totals;
         let noise = NOISE * NOISE;
-        let tracks = (self.slip * turned + VEER * way).powi(2) + self.unsure.powi(2) + noise;
+        let tracks = (self.slip * turned + VEER * way).powi(2) + self.delay_error.powi(2) + noise;
         let camera = (SEEN_TURN * turned + PASSING * way).powi(2) + noise;
         let off = seen - self.totals.turn;
-        let unknown = tracks.max((UNKNOWN * turned + VEER * way).powi(2));
+        let unknown = tracks.max((UNKNOWN_FLOOR * turned + VEER * way).powi(2));
         if off.abs() > OUTLIER * (unknown + camera).sqrt() {
             return Correction::NONE;
         }
         let gain = tracks / (tracks + camera);
         Correction {
             turn: gain * off,
-            better: gain * (self.slip - SEEN_TURN).max(0.0) * turned,
-            differs: (turned > TELLS).then(|| off * self.totals.turn.signum() / turned),
+            error_decrease: gain * (self.slip - SEEN_TURN).max(0.0) * turned,
+            difference: (turned > MIN_MEASURED_TURN)
+                .then(|| off * self.totals.turn.signum() / turned),
             seen: true,
         }
     }

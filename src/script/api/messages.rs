@@ -4,10 +4,10 @@ use std::path::Path;
 
 use mlua::prelude::LuaValue;
 
+use super::super::daily_limits::{MAX_ENTRY, MAX_KIND};
 use super::super::picture_store;
 use super::super::plain;
-use super::super::shares::{MAX_ENTRY, MAX_KIND};
-use super::{Answered, Call, Natives};
+use super::{Call, NativeResult, Natives};
 use crate::robot::Remark;
 
 pub(super) const JOURNAL: &Natives = &[("journal.add", add)];
@@ -15,7 +15,7 @@ pub(super) const JOURNAL: &Natives = &[("journal.add", add)];
 pub(super) const NOTIFY: &Natives = &[("notify.send", send)];
 
 /// `journal.add(kind, fields)`: returns whether there was room.
-fn add(call: &mut Call<'_>) -> Answered {
+fn add(call: &mut Call<'_>) -> NativeResult {
     let kind = call.args.get::<String>(0)?;
     let plain_word = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
     if kind.is_empty() || kind.len() > MAX_KIND || !kind.chars().all(plain_word) {
@@ -32,7 +32,10 @@ fn add(call: &mut Call<'_>) -> Answered {
             .map_err(|why| call.args.misuse(&format!("fields: {why}")))?,
     };
     let now = call.state.now;
-    let kept = call.state.shares.takes_entry(kind.len() + json.len(), now);
+    let kept = call
+        .state
+        .daily_limits
+        .take_entry(kind.len() + json.len(), now);
     if kept {
         call.state.output.remark(Remark::Entry { kind, json });
     }
@@ -40,7 +43,7 @@ fn add(call: &mut Call<'_>) -> Answered {
 }
 
 /// `notify.send(text, {picture=})`: returns whether the message is within the daily limit.
-fn send(call: &mut Call<'_>) -> Answered {
+fn send(call: &mut Call<'_>) -> NativeResult {
     let text = call.args.get::<String>(0)?;
     if text.trim().is_empty() {
         return Err(call.args.misuse("the text is empty"));
@@ -51,7 +54,7 @@ fn send(call: &mut Call<'_>) -> Answered {
         None => None,
     };
     let now = call.state.now;
-    let sent = call.state.shares.takes_notice(now);
+    let sent = call.state.daily_limits.take_notice(now);
     if sent {
         call.state.output.remark(Remark::Notify { text, picture });
     }

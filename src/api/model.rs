@@ -33,14 +33,14 @@ pub struct Value {
     /// Its unit; empty without one.
     pub unit: &'static str,
     /// Whether it may be left out, or may be nil.
-    pub need: Need,
+    pub requirement: Requirement,
     /// Its meaning in a few words; empty if the name says enough.
     pub doc: &'static str,
 }
 
 /// Whether a value may be left out.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Need {
+pub enum Requirement {
     /// It must be given; a result is never nil.
     Required,
     /// It may be left out; a result may be nil.
@@ -211,9 +211,9 @@ impl Function {
     /// before a required one, the list without such optional parameters.
     pub fn forms(&self) -> Vec<Vec<&'static Value>> {
         let all: Vec<&Value> = self.parameters.iter().collect();
-        let (head, tail) = all.split_at(self.least());
+        let (head, tail) = all.split_at(self.required_len());
         let mut short: Vec<&Value> = head.to_vec();
-        short.retain(|value| value.need == Need::Required);
+        short.retain(|value| value.requirement == Requirement::Required);
         if short.len() == head.len() {
             return vec![all];
         }
@@ -222,8 +222,8 @@ impl Function {
     }
 
     /// The number of parameters up to and including the last required one.
-    pub fn least(&self) -> usize {
-        let needed = |value: &Value| value.need == Need::Required;
+    pub fn required_len(&self) -> usize {
+        let needed = |value: &Value| value.requirement == Requirement::Required;
         let last = self.parameters.iter().rposition(needed);
         last.map_or(0, |at| at + 1)
     }
@@ -263,7 +263,7 @@ impl Namespace {
 
 impl Value {
     /// The word for it in messages: `light`, `the function`, `seconds`.
-    pub fn spoken(&self) -> &'static str {
+    pub fn label(&self) -> &'static str {
         match self.kind {
             Type::Choice(choice) => choice.what,
             Type::Function(_) | Type::Handler => "the function",

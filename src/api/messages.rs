@@ -1,7 +1,7 @@
 //! `journal.*` and `notify.*`: entries of the journal, and messages to people.
 
 use super::make::{boolean, call, short_text, text, value};
-use super::terms::{Availability, Function, Namespace, Type, Value};
+use super::model::{Availability, Function, Namespace, Type, Value};
 
 /// The longest name of a kind of entry, in bytes.
 const KIND: usize = 40;

@@ -5,9 +5,9 @@ use std::rc::Rc;
 
 use tokio::time::Instant;
 
-use super::going::Going;
 use super::options::Options;
-use super::sighting::Witness;
+use super::sighting::FindingsRecorder;
+use super::timed_motion::TimedMotion;
 use crate::robot::Frame;
 use crate::vision::{Damage, Eyes, Size};
 
@@ -39,7 +39,7 @@ impl Drop for HeldFrame {
 }
 
 /// See the module documentation.
-pub(super) struct Sight {
+pub(super) struct FrameState {
     pub(super) newest: Option<Rc<HeldFrame>>,
     /// JPEG bytes of all frames that are still referenced.
     pub(super) held_bytes: Rc<Cell<u64>>,
@@ -47,36 +47,36 @@ pub(super) struct Sight {
     /// Number of trackers and motion detectors that exist.
     pub(super) watchers: Rc<Cell<u32>>,
     /// A frame that is still to be examined for the robot's own motion.
-    pub(super) look: Option<Look>,
+    pub(super) motion_check: Option<MotionCheck>,
     /// When the last frame arrived during which the tracks turned the robot.
     pub(super) turned: Option<Instant>,
     /// Frames that were not valid pictures.
     pub(super) damage: Damage,
     /// Set only if somebody wants to see what the script sees.
-    pub(super) witness: Option<Witness>,
+    pub(super) recorder: Option<FindingsRecorder>,
 }
 
 /// How to examine a frame for the robot's own motion, with the state at the time when the frame
 /// arrived.
-pub(super) struct Look {
+pub(super) struct MotionCheck {
     pub(super) held: Rc<HeldFrame>,
     /// The timed motion that was active.
-    pub(super) going: Option<Going>,
+    pub(super) timed: Option<TimedMotion>,
     /// Whether the frame may show a turn.
     pub(super) turns: bool,
 }
 
-impl Sight {
-    pub(super) fn new(options: &Options) -> Sight {
-        Sight {
+impl FrameState {
+    pub(super) fn new(options: &Options) -> FrameState {
+        FrameState {
             newest: None,
             held_bytes: Rc::default(),
             eyes: Eyes::new(options.camera),
             watchers: Rc::default(),
-            look: None,
+            motion_check: None,
             turned: None,
             damage: Damage::default(),
-            witness: Witness::of(options),
+            recorder: FindingsRecorder::of(options),
         }
     }
 }

@@ -17,14 +17,14 @@ const OVERHEAD: usize = 100;
 
 /// See the module documentation.
 #[derive(Debug)]
-pub(super) struct Shares {
+pub(super) struct DailyLimits {
     bytes: Budget,
     notices: Budget,
 }
 
-impl Shares {
-    pub(super) fn new(limits: &Limits) -> Shares {
-        Shares {
+impl DailyLimits {
+    pub(super) fn new(limits: &Limits) -> DailyLimits {
+        DailyLimits {
             bytes: Budget::new(limits.journal_bytes_a_day),
             notices: Budget::new(limits.notices_a_day),
         }
@@ -32,12 +32,12 @@ impl Shares {
 
     /// Takes the share of a journal entry with texts of this many bytes; `false` if too little is
     /// left today.
-    pub(super) fn takes_entry(&mut self, length: usize, now: Instant) -> bool {
+    pub(super) fn take_entry(&mut self, length: usize, now: Instant) -> bool {
         self.bytes.take((OVERHEAD + length) as u64, now)
     }
 
     /// Takes the share of one message; `false` if none is left.
-    pub(super) fn takes_notice(&mut self, now: Instant) -> bool {
+    pub(super) fn take_notice(&mut self, now: Instant) -> bool {
         self.notices.take(1, now)
     }
 }

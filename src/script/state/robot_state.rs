@@ -6,7 +6,7 @@ use crate::robot::{Battery, Event, RobotInfo};
 
 /// The state of the robot as known from the events that the script has received.
 #[derive(Debug, Default)]
-pub(in crate::script) struct Known {
+pub(in crate::script) struct RobotState {
     pub(in crate::script) info: Option<RobotInfo>,
     pub(in crate::script) connected: bool,
     pub(in crate::script) docked: bool,
@@ -15,7 +15,7 @@ pub(in crate::script) struct Known {
     pub(in crate::script) moving: bool,
 }
 
-impl Known {
+impl RobotState {
     pub(in crate::script) fn note(&mut self, event: &Event, now: Instant) {
         match event {
             Event::Connected { info, docked } => {

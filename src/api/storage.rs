@@ -1,7 +1,7 @@
 //! `params.*`, `store.*`, and the functions without a namespace.
 
 use super::make::{boolean, call, number, short_text, text, value};
-use super::terms::{Availability, Function, Namespace, Type, Value};
+use super::model::{Availability, Function, Namespace, Type, Value};
 
 const KEY: Value = short_text("key", 200, "UTF-8, not empty");
 
@@ -99,7 +99,7 @@ const GLOBAL: &[Function] = &[
         "Writes its arguments to the log, with spaces between them.",
         "print(\"it is\", task.now(), \"s since I began\")",
     )
-    .and("values to print"),
+    .with_rest("values to print"),
     call(
         "require",
         &[text(

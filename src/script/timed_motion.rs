@@ -7,7 +7,7 @@ use crate::vision::Drive;
 
 /// See the module documentation.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Going {
+pub(super) struct TimedMotion {
     pub(super) motion: MotionId,
     pub(super) since: Instant,
     pub(super) drive: Drive,

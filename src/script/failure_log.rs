@@ -14,7 +14,7 @@ pub type Explain = fn(text: &str, chunk: &str, source: &str) -> Option<String>;
 
 /// See the module documentation.
 #[derive(Default)]
-pub(super) struct Complaints {
+pub(super) struct FailureLog {
     pub(super) explain: Option<Explain>,
     /// The script's text, to show its lines.
     pub(super) source: String,
@@ -22,7 +22,7 @@ pub(super) struct Complaints {
 }
 
 /// How a failure is logged.
-pub(super) enum Telling {
+pub(super) enum LogForm {
     /// With its explanation: it is the first at its place.
     Explained,
     /// Without an explanation or a count.
@@ -33,20 +33,20 @@ pub(super) enum Telling {
     Silent,
 }
 
-impl Complaints {
+impl FailureLog {
     /// Counts a failure at the place that its text begins with, and returns how to log it.
-    pub(super) fn count(&mut self, text: &str) -> Telling {
+    pub(super) fn count(&mut self, text: &str) -> LogForm {
         let place = text.split(": ").next().unwrap_or(text);
         let known = self.counts.contains_key(place);
         if !known && self.counts.len() >= MAX_PLACES {
-            return Telling::Plain;
+            return LogForm::Plain;
         }
         let count = self.counts.entry(place.to_owned()).or_default();
         *count += 1;
         match *count {
-            1 => Telling::Explained,
-            count if is_round(count) => Telling::Counted(count),
-            _ => Telling::Silent,
+            1 => LogForm::Explained,
+            count if is_round(count) => LogForm::Counted(count),
+            _ => LogForm::Silent,
         }
     }
 }
