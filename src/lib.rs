@@ -35,7 +35,7 @@
 //! 4. `behaviour/host.rs` gives it to the VM; `script/state/delivery.rs` validates its markers
 //!    (only here) and queues it for the script's handler as a `HeldFrame`;
 //! 5. `frame:find_blobs` (`script/api/looking.rs`) decodes it, once and on demand, and finds its
-//!    blobs (`vision/eyes.rs`);
+//!    blobs (`vision/frame_analyser.rs`);
 //! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`,
 //!    which goes back through the pipe;
 //! 7. `pilot/serving.rs` turns the `Intent` into a `Fact`, and `pilot/acting.rs` passes it to the

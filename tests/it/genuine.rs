@@ -169,7 +169,7 @@ async fn frames_are_compressed_as_genuine_ones_are() {
 #[test]
 fn bearings_are_within_a_degree_all_over_the_picture() {
     let camera = spykee::vision::Camera::default();
-    let mut eyes = spykee::vision::Eyes::new(camera);
+    let mut eyes = spykee::vision::FrameAnalyser::new(camera);
     let red = spykee::vision::Colour::named("red").unwrap();
     let mut seen = 0;
     for step in 0..72 {

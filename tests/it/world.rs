@@ -5,7 +5,7 @@ use std::process::{Command as Process, Output, Stdio};
 use std::time::Duration;
 
 use spykee::sim::{Firmware, Pose, Robot, What, World};
-use spykee::vision::{Camera, Colour, Decoder, Eyes, brightness, find_qrcodes};
+use spykee::vision::{Camera, Colour, Decoder, FrameAnalyser, brightness, find_qrcodes};
 use spykee::wire::{Command, Report, Stream};
 
 const STEP: Duration = Duration::from_millis(20);
@@ -182,7 +182,7 @@ fn the_same_seed_and_commands_give_the_same_run_and_another_seed_another() {
 fn the_camera_sees_the_line_well_enough_to_follow_it() {
     let mut robot = robot("line_loop", 1);
     let frame = frame_after(&mut robot, 0.2);
-    let mut eyes = Eyes::new(Camera::default());
+    let mut eyes = FrameAnalyser::new(Camera::default());
     let black = [Colour::named("black").unwrap()];
     let line = eyes.find_line(1, &frame, &black, None).unwrap().unwrap();
     assert!(line.offset.abs() < 0.3, "{line:?}");
