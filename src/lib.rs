@@ -113,7 +113,7 @@
 //! | 0 | `clean` | text from outside, harmless for terminals, logs, XML and JSON |
 //! | 0 | `budget` | bytes per day, and lines that are logged once a minute |
 //! | 0 | `clock` | the time of day, time zones, durations as people write them |
-//! | 0 | `paper` | areas, lines and letters in pixels |
+//! | 0 | `canvas` | areas, lines and letters in pixels |
 //! | 1 | `http` | a bounded server and its guard: who may ask; knows no robot |
 //! | 1 | `timetable` | when behaviours start, and quiet hours: pure rules |
 //! | 1 | `robot` | the data types that tasks and processes exchange |
@@ -146,6 +146,7 @@ pub mod agent;
 pub mod api;
 pub mod behaviour;
 pub mod budget;
+pub mod canvas;
 pub mod check;
 pub mod clean;
 pub mod cli;
@@ -161,7 +162,6 @@ pub mod link;
 pub mod live;
 pub mod mqtt;
 pub mod notify;
-pub mod paper;
 pub mod pilot;
 pub mod robot;
 pub mod safety;

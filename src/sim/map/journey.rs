@@ -2,7 +2,7 @@
 
 use image::RgbImage;
 
-use super::canvas::{Canvas, Ink, Script};
+use super::canvas::{Ink, MapCanvas, TextStyle};
 use super::plan;
 use crate::sim::body::trace::{Happening, Sample, Trace, What};
 use crate::sim::geometry::{Point, Pose};
@@ -49,7 +49,7 @@ impl Trace {
     /// Draws the path on the map of its world, green at the start and blue at the end, with times,
     /// marks for events, and a legend.
     pub fn draw(&self, world: &World) -> RgbImage {
-        let Some(mut canvas) = plan::paper(world, BESIDE) else {
+        let Some(mut canvas) = plan::blank_canvas(world, BESIDE) else {
             return RgbImage::new(1, 1);
         };
         plan::draw_onto(world, &mut canvas);
@@ -70,7 +70,7 @@ impl Trace {
     }
 }
 
-fn draw_way(canvas: &mut Canvas, samples: &[Sample]) {
+fn draw_way(canvas: &mut MapCanvas, samples: &[Sample]) {
     const PIECES: usize = 64;
     let legs: Vec<&[Sample]> = samples.chunk_by(|_, next| !next.leapt).collect();
     for leg in &legs {
@@ -106,7 +106,7 @@ fn between(share: f32) -> Ink {
     })
 }
 
-fn draw_clocks(canvas: &mut Canvas, samples: &[Sample]) {
+fn draw_clocks(canvas: &mut MapCanvas, samples: &[Sample]) {
     let Some(last) = samples.last() else {
         return;
     };
@@ -116,12 +116,12 @@ fn draw_clocks(canvas: &mut Canvas, samples: &[Sample]) {
             continue;
         }
         canvas.dot(sample.pose.point(), 3.5, PALE);
-        let script = Script::small([60, 62, 70, 255]);
+        let style = TextStyle::small([60, 62, 70, 255]);
         canvas.label_if_room(
             sample.pose.point(),
             8.0,
             &clock(sample.at.as_secs_f64()),
-            script,
+            style,
         );
         while due <= sample.at {
             due += last.at / CLOCKS;
@@ -150,7 +150,7 @@ fn kind_of(what: &What) -> Option<Mark> {
     })
 }
 
-fn draw_marks(canvas: &mut Canvas, events: &[Happening]) {
+fn draw_marks(canvas: &mut MapCanvas, events: &[Happening]) {
     let mut drawn: Vec<(Mark, Point)> = Vec::new();
     // The table lists the most serious kinds first; they are drawn last, on top.
     for (mark, _, ink) in MARKS.iter().rev() {
@@ -167,7 +167,7 @@ fn draw_marks(canvas: &mut Canvas, events: &[Happening]) {
             let place = canvas.at(aside(*mark, event.pose));
             symbol(canvas, *mark, place, *ink);
             if let What::Note(text) = &event.what {
-                canvas.label(event.pose.point(), 14.0, text, Script::small(*ink));
+                canvas.label(event.pose.point(), 14.0, text, TextStyle::small(*ink));
             }
         }
     }
@@ -183,7 +183,7 @@ fn aside(mark: Mark, pose: Pose) -> Point {
     }
 }
 
-fn symbol(canvas: &mut Canvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
+fn symbol(canvas: &mut MapCanvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
     let polygon = |size: f32, corners: &[(f32, f32)]| -> Vec<(f32, f32)> {
         corners
             .iter()
@@ -237,10 +237,10 @@ fn symbol(canvas: &mut Canvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
     canvas.fill_pixels(&corners, ink);
 }
 
-fn draw_legend(canvas: &mut Canvas, world: &World, trace: &Trace) {
+fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
     let left = canvas.at(Point::new(world.room.width, 0.0)).0 + 28.0;
     let mut y = 14.0;
-    let title = Script {
+    let title = TextStyle {
         ink: END,
         large: true,
         bold: true,
@@ -254,7 +254,7 @@ fn draw_legend(canvas: &mut Canvas, world: &World, trace: &Trace) {
     canvas.write(
         (left, y),
         &format!("{:.1} m driven", trace.distance()),
-        Script::small(PALE),
+        TextStyle::small(PALE),
     );
     y += 32.0;
     for (ink, text) in [(START, "start"), (END, "end")] {
@@ -281,14 +281,14 @@ fn draw_legend(canvas: &mut Canvas, world: &World, trace: &Trace) {
         );
         y += 20.0;
         for line in details(&events) {
-            canvas.write((left + 26.0, y), &line, Script::small(PALE));
+            canvas.write((left + 26.0, y), &line, TextStyle::small(PALE));
             y += 18.0;
         }
         y += 6.0;
     }
     if trace.missed() > 0 {
         let text = format!("and {} more", trace.missed());
-        canvas.write((left, y), &text, Script::small(PALE));
+        canvas.write((left, y), &text, TextStyle::small(PALE));
     }
 }
 
