@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::lab::{Going, Tempo};
-use crate::sim::{Handle, Paint, Point, Pose, RADIUS, What};
+use crate::sim::{Handle, Paint, Point, Pose, RADIUS, TraceEventKind};
 
 /// Maximum number of points of the robot's path that a new viewer gets.
 const WAY: usize = 600;
@@ -260,13 +260,13 @@ pub(super) fn map(simulation: &Simulation) -> Map {
     let [x, y] = pair(Point::new(x, y));
     let (balls, walkers, bumps) = sim.look_back(|trace| {
         let pairs = |points: &[Point]| points.iter().copied().map(pair).collect::<Vec<_>>();
-        let bump = |what: &What, at: Point| match what {
-            What::Collision(name) => Some((pair(at), name.clone())),
+        let bump = |kind: &TraceEventKind, at: Point| match kind {
+            TraceEventKind::Collision(name) => Some((pair(at), name.clone())),
             _ => None,
         };
         let bumps = trace.events().iter().rev();
         let bumps = bumps
-            .filter_map(|it| bump(&it.what, it.pose.point()))
+            .filter_map(|it| bump(&it.kind, it.pose.point()))
             .take(BUMPS);
         let mut bumps: Vec<(f64, f64, String)> = bumps.map(|([x, y], name)| (x, y, name)).collect();
         bumps.reverse();

@@ -31,7 +31,7 @@ pub use body::chassis::{FULL_POWER, FULL_SPEED, Tracks};
 pub use body::firmware::{Answer, Firmware};
 pub use body::robot::Robot;
 pub use body::state::{Leds, State, Streams};
-pub use body::trace::{Happening, Sample, Trace, What};
+pub use body::trace::{Sample, Trace, TraceEvent, TraceEventKind};
 pub use camera::view::{HEIGHT, WIDTH};
 pub use faults::fault::{Fault, Towards, Trouble};
 pub use faults::timing::Timing;

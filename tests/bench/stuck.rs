@@ -18,7 +18,7 @@ use spykee::behaviour::{Launch, Library};
 use spykee::lab::{self, Event, EventKind, Lab, Recorder};
 use spykee::robot::Priority;
 use spykee::script;
-use spykee::sim::{Trace, What, World};
+use spykee::sim::{Trace, TraceEventKind, World};
 use tokio::time::sleep;
 
 use self::score::{Looks, Said, Score};
@@ -136,8 +136,8 @@ fn obstacle(trace: &Trace, people: &[String]) -> &'static str {
         .events()
         .iter()
         .rev()
-        .find_map(|event| match &event.what {
-            What::Collision(name) => Some(name.as_str()),
+        .find_map(|event| match &event.kind {
+            TraceEventKind::Collision(name) => Some(name.as_str()),
             _ => None,
         });
     match collision {

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command as Process, Output, Stdio};
 use std::time::Duration;
 
-use spykee::sim::{Firmware, Pose, Robot, What, World};
+use spykee::sim::{Firmware, Pose, Robot, TraceEventKind, World};
 use spykee::vision::{Camera, Colour, Decoder, FrameAnalyser, brightness, find_qrcodes};
 use spykee::wire::{Command, Report, Stream};
 
@@ -252,6 +252,6 @@ fn a_pushed_ball_rolls_and_a_collision_with_a_walker_names_it() {
         trace
             .events()
             .iter()
-            .any(|e| matches!(e.what, What::Collision(_)))
+            .any(|e| matches!(e.kind, TraceEventKind::Collision(_)))
     );
 }

@@ -21,7 +21,7 @@ use super::power::PowerReports;
 use super::speaker::Speaker;
 use super::state::{Leds, State, Streams};
 use super::surroundings::Surroundings;
-use super::trace::{Movers, Trace, What};
+use super::trace::{Movers, Trace, TraceEventKind};
 use super::video::Video;
 use crate::sim::camera::Shot;
 use crate::sim::geometry::{Point, Pose, RADIUS};
@@ -157,7 +157,7 @@ impl Robot {
             self.surroundings.places(),
             self.surroundings.world.balls.len(),
         );
-        lock(&self.trace).follow(self.time, self.chassis.pose, Movers { places, balls });
+        lock(&self.trace).add_sample(self.time, self.chassis.pose, Movers { places, balls });
         self.battery.step(dt, self.chassis.effort());
         if self.battery.take_full() {
             self.report_engine(EngineReport::Charged);
@@ -287,7 +287,7 @@ impl Robot {
             let bumper = self.chassis.pose.point().ahead(heading, reach);
             let name = self.surroundings.name_at(bumper);
             self.note(&format!("ran into: {name}"));
-            self.mark(What::Collision(name));
+            self.mark(TraceEventKind::Collision(name));
         }
     }
 
@@ -360,17 +360,17 @@ impl Robot {
     fn report_engine(&mut self, report: EngineReport) {
         self.note(&format!("engine says {report:?}"));
         match report {
-            EngineReport::Docked => self.mark(What::Docked),
-            EngineReport::Undocked => self.mark(What::Undocked),
-            EngineReport::BaseNotFound => self.mark(What::BaseNotFound),
+            EngineReport::Docked => self.mark(TraceEventKind::Docked),
+            EngineReport::Undocked => self.mark(TraceEventKind::Undocked),
+            EngineReport::BaseNotFound => self.mark(TraceEventKind::BaseNotFound),
             _ => {}
         }
         self.reports.push(Report::Engine(report));
     }
 
     /// Adds an event to the trace, for the map of the run.
-    pub fn mark(&self, what: What) {
-        lock(&self.trace).note(what);
+    pub fn mark(&self, kind: TraceEventKind) {
+        lock(&self.trace).add_event(kind);
     }
 
     fn note(&mut self, line: &str) {

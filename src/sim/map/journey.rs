@@ -4,7 +4,7 @@ use image::RgbImage;
 
 use super::canvas::{Ink, MapCanvas, TextStyle};
 use super::plan;
-use crate::sim::body::trace::{Happening, Sample, Trace, What};
+use crate::sim::body::trace::{Sample, Trace, TraceEvent, TraceEventKind};
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::world::document::World;
 
@@ -72,7 +72,7 @@ impl Trace {
 
 fn draw_way(canvas: &mut MapCanvas, samples: &[Sample]) {
     const PIECES: usize = 64;
-    let legs: Vec<&[Sample]> = samples.chunk_by(|_, next| !next.leapt).collect();
+    let legs: Vec<&[Sample]> = samples.chunk_by(|_, next| !next.placed).collect();
     for leg in &legs {
         let places: Vec<Point> = leg.iter().map(|sample| sample.pose.point()).collect();
         canvas.line(&places, 5.0, None, [255, 255, 255, 220]);
@@ -92,7 +92,7 @@ fn draw_way(canvas: &mut MapCanvas, samples: &[Sample]) {
             canvas.line(&places, 2.5, None, between(share as f32));
         }
     }
-    for two in samples.windows(2).filter(|two| two[1].leapt) {
+    for two in samples.windows(2).filter(|two| two[1].placed) {
         let ends = [two[0].pose.point(), two[1].pose.point()];
         canvas.line(&ends, 1.0, Some(4.0), PALE);
     }
@@ -135,28 +135,28 @@ fn clock(seconds: f64) -> String {
     format!("{}:{:02}", seconds / 60, seconds % 60)
 }
 
-fn kind_of(what: &What) -> Option<Mark> {
-    Some(match what {
-        What::Collision(_) => Mark::Collision,
-        What::FindBase => Mark::FindBase,
-        What::Docked => Mark::Docked,
-        What::Undocked => Mark::Undocked,
-        What::BaseNotFound => Mark::NotFound,
-        What::Photo => Mark::Photo,
-        What::Sound(_) => Mark::Sound,
-        What::Light { on: true, .. } => Mark::Light,
-        What::Light { .. } => return None,
-        What::Note(_) => Mark::Note,
+fn mark_of(kind: &TraceEventKind) -> Option<Mark> {
+    Some(match kind {
+        TraceEventKind::Collision(_) => Mark::Collision,
+        TraceEventKind::FindBase => Mark::FindBase,
+        TraceEventKind::Docked => Mark::Docked,
+        TraceEventKind::Undocked => Mark::Undocked,
+        TraceEventKind::BaseNotFound => Mark::NotFound,
+        TraceEventKind::Photo => Mark::Photo,
+        TraceEventKind::Sound(_) => Mark::Sound,
+        TraceEventKind::Light { on: true, .. } => Mark::Light,
+        TraceEventKind::Light { .. } => return None,
+        TraceEventKind::Note(_) => Mark::Note,
     })
 }
 
-fn draw_marks(canvas: &mut MapCanvas, events: &[Happening]) {
+fn draw_marks(canvas: &mut MapCanvas, events: &[TraceEvent]) {
     let mut drawn: Vec<(Mark, Point)> = Vec::new();
     // The table lists the most serious kinds first; they are drawn last, on top.
     for (mark, _, ink) in MARKS.iter().rev() {
         for event in events
             .iter()
-            .filter(|event| kind_of(&event.what) == Some(*mark))
+            .filter(|event| mark_of(&event.kind) == Some(*mark))
         {
             let place = event.pose.point();
             let near = |(other, at): &(Mark, Point)| other == mark && at.distance(place) < SAME;
@@ -166,7 +166,7 @@ fn draw_marks(canvas: &mut MapCanvas, events: &[Happening]) {
             drawn.push((*mark, place));
             let place = canvas.at(aside(*mark, event.pose));
             symbol(canvas, *mark, place, *ink);
-            if let What::Note(text) = &event.what {
+            if let TraceEventKind::Note(text) = &event.kind {
                 canvas.label(event.pose.point(), 14.0, text, TextStyle::small(*ink));
             }
         }
@@ -267,8 +267,8 @@ fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
     }
     for (mark, name, ink) in MARKS {
         let all = trace.events().iter();
-        let events: Vec<&Happening> = all
-            .filter(|event| kind_of(&event.what) == Some(mark))
+        let events: Vec<&TraceEvent> = all
+            .filter(|event| mark_of(&event.kind) == Some(mark))
             .collect();
         if events.is_empty() {
             continue;
@@ -293,15 +293,15 @@ fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
 }
 
 /// Returns the legend's lines for the first events of a kind: time and detail.
-fn details(events: &[&Happening]) -> Vec<String> {
+fn details(events: &[&TraceEvent]) -> Vec<String> {
     const MOST: usize = 4;
-    let line = |event: &&Happening| {
+    let line = |event: &&TraceEvent| {
         let at = clock(event.at.as_secs_f64());
-        match &event.what {
-            What::Collision(name) => format!("{at} {name:.18}"),
-            What::Sound(sound) => format!("{at} {sound:?}"),
-            What::Light { led, .. } => format!("{at} {led:?}"),
-            What::Note(text) => format!("{at} {text:.18}"),
+        match &event.kind {
+            TraceEventKind::Collision(name) => format!("{at} {name:.18}"),
+            TraceEventKind::Sound(sound) => format!("{at} {sound:?}"),
+            TraceEventKind::Light { led, .. } => format!("{at} {led:?}"),
+            TraceEventKind::Note(text) => format!("{at} {text:.18}"),
             _ => at,
         }
     };

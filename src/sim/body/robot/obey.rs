@@ -7,7 +7,7 @@ use bytes::Bytes;
 use super::super::chassis::Tracks;
 use super::super::firmware::Answer;
 use super::super::log::describe;
-use super::super::trace::What;
+use super::super::trace::TraceEventKind;
 use super::Robot;
 use crate::wire::{Command, Engage, EngineReport, Report, Sound};
 
@@ -23,7 +23,7 @@ impl Robot {
             Command::Move { left, right } => self.obey_move(*left, *right),
             Command::Engine(engage) => self.obey_engine(*engage),
             Command::Led { led, on } => {
-                self.mark(What::Light { led: *led, on: *on });
+                self.mark(TraceEventKind::Light { led: *led, on: *on });
                 if !self.leds.switch(*led, *on) {
                     self.note(&format!("no such light: {}", led.to_byte()));
                 }
@@ -79,7 +79,7 @@ impl Robot {
         match engage {
             Engage::Dock if self.contacts.touching() => self.report_engine(EngineReport::Docked),
             Engage::Dock => {
-                self.mark(What::FindBase);
+                self.mark(TraceEventKind::FindBase);
                 self.commanded = Tracks::default();
                 self.docking.find_base();
             }
@@ -103,8 +103,8 @@ impl Robot {
 
     fn obey_play(&mut self, sound: Sound) {
         self.mark(match sound {
-            Sound::Snapshot => What::Photo,
-            sound => What::Sound(sound),
+            Sound::Snapshot => TraceEventKind::Photo,
+            sound => TraceEventKind::Sound(sound),
         });
         self.speaker.play(sound);
         if self.speaker.playing().is_none() {
