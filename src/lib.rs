@@ -65,7 +65,7 @@
 //!   load.
 //! - **A command to the robot**: its section in `wire/PROTOCOL.md` with a byte vector, its variant
 //!   with `parse` and `emit` in `wire/command.rs`, what the simulated robot does with it in
-//!   `sim/body/robot/obey.rs`. If it can move the robot, only the watchdog may make it.
+//!   `sim/body/robot/commands.rs`. If it can move the robot, only the watchdog may make it.
 //! - **A report of the robot**: likewise in `wire/report.rs`; `pilot/hearing.rs` handles it, and
 //!   `sim/body/robot.rs` sends it.
 //! - **A fault**: its variant of `sim::Trouble` (`sim/faults/fault.rs`), its name and keys in YAML

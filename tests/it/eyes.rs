@@ -43,7 +43,7 @@ fn shot(heading: f64, light: f64) -> Vec<u8> {
     robot.begin_session();
     robot.place(Pose::new(START.0, START.1, heading));
     let stream = Stream::Video;
-    robot.obey(&Command::Stream { stream, on: true });
+    robot.execute(&Command::Stream { stream, on: true });
     robot.step(Duration::from_millis(20));
     let frame = |report| match report {
         Report::Video(jpeg) => Some(jpeg.to_vec()),

@@ -29,7 +29,7 @@ fn robot(world: &str, seed: u64) -> Robot {
     let mut robot = Robot::new(World::ready(world).unwrap(), Firmware::default(), seed);
     robot.begin_session();
     let stream = Stream::Video;
-    robot.obey(&Command::Stream { stream, on: true });
+    robot.execute(&Command::Stream { stream, on: true });
     robot
 }
 
@@ -167,7 +167,7 @@ fn a_run_is_drawn_with_its_path() {
 fn the_same_seed_and_commands_give_the_same_run_and_another_seed_another() {
     let run = |seed| {
         let mut robot = robot("hall", seed);
-        robot.obey(&Command::Move {
+        robot.execute(&Command::Move {
             left: 40,
             right: 34,
         });
@@ -232,7 +232,7 @@ fn a_pushed_ball_rolls_and_a_collision_with_a_walker_names_it() {
     let ball = |robot: &Robot| robot.trace().balls()[0];
     robot.step(STEP);
     let before = ball(&robot);
-    robot.obey(&Command::Move {
+    robot.execute(&Command::Move {
         left: 60,
         right: 60,
     });
@@ -241,7 +241,7 @@ fn a_pushed_ball_rolls_and_a_collision_with_a_walker_names_it() {
     // Ada rests for four seconds at her start.
     let mut robot = self::robot("hall", 1);
     robot.place(Pose::new(4.5, 1.6, -std::f64::consts::FRAC_PI_2));
-    robot.obey(&Command::Move {
+    robot.execute(&Command::Move {
         left: 90,
         right: 90,
     });

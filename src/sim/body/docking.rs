@@ -269,7 +269,7 @@ mod tests {
                 beacon,
             };
             match docking.step(TICK, &senses) {
-                DockingStep::Drive(speeds) => body.want(speeds),
+                DockingStep::Drive(speeds) => body.set_target(speeds),
                 DockingStep::NotFound => return (f64::from(step) / 50.0, false),
                 other => panic!("{other:?}"),
             }
@@ -334,7 +334,7 @@ mod tests {
                 beacon: true,
             };
             match docking.step(TICK, &senses) {
-                DockingStep::Drive(speeds) => body.want(speeds),
+                DockingStep::Drive(speeds) => body.set_target(speeds),
                 end => {
                     assert_eq!(end, DockingStep::Left);
                     break;

@@ -1,7 +1,7 @@
 //! The simulated robot: takes commands and time steps, and returns reports. Handles no sockets, no
 //! clock and no logins; `server` decides which client controls it.
 
-mod obey;
+mod commands;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -140,7 +140,7 @@ impl Robot {
     pub fn reboot(&mut self) {
         self.commanded = Tracks::default();
         self.docking.stop();
-        self.chassis.want(Tracks::default());
+        self.chassis.set_target(Tracks::default());
         self.speaker = Speaker::new(self.firmware.music);
         self.leds = Leds::default();
         self.streams = Streams::default();
@@ -152,7 +152,7 @@ impl Robot {
     pub fn step(&mut self, dt: Duration) {
         self.time += dt;
         self.drive(dt);
-        self.touch();
+        self.update_contacts();
         let (places, balls) = (
             self.surroundings.places(),
             self.surroundings.world.balls.len(),
@@ -165,8 +165,8 @@ impl Robot {
         if self.speaker.step(dt) == Some(Sound::Music) {
             self.reports.push(Report::SoundFinished);
         }
-        self.listen(dt);
-        self.look(dt);
+        self.step_microphone(dt);
+        self.step_camera(dt);
         self.power.step(dt);
         self.report_power();
     }
@@ -206,7 +206,7 @@ impl Robot {
     /// Repairs or breaks the charger; with a broken one the robot docks but does not charge.
     pub fn set_charger_works(&mut self, works: bool) {
         self.contacts.charger_works = works;
-        self.touch();
+        self.update_contacts();
         self.report_power();
     }
 
@@ -219,7 +219,7 @@ impl Robot {
             return;
         }
         self.chassis.pose = pose;
-        self.touch();
+        self.update_contacts();
         self.report_power();
     }
 
@@ -267,7 +267,7 @@ impl Robot {
                 Tracks::default()
             }
         };
-        self.chassis.want(if self.battery.empty() {
+        self.chassis.set_target(if self.battery.empty() {
             Tracks::default()
         } else {
             self.grip.step(wanted, dt)
@@ -292,13 +292,13 @@ impl Robot {
     }
 
     /// Updates the contacts with the station, and reports changes.
-    fn touch(&mut self) {
+    fn update_contacts(&mut self) {
         let station = &self.surroundings.world.station;
         self.contacts.touch(station, self.chassis.pose);
         self.battery.set_charging(self.contacts.charging());
         if self.contacts.touching() && self.docking.searching() {
             self.docking.stop();
-            self.chassis.want(Tracks::default());
+            self.chassis.set_target(Tracks::default());
         }
         if let Some(docked) = self.contacts.take_change(&self.docking) {
             self.report_engine(if docked {
@@ -309,7 +309,7 @@ impl Robot {
         }
     }
 
-    fn listen(&mut self, dt: Duration) {
+    fn step_microphone(&mut self, dt: Duration) {
         if !self.streams.audio_in {
             return;
         }
@@ -322,7 +322,7 @@ impl Robot {
         self.reports.extend(chunk.map(Report::Audio));
     }
 
-    fn look(&mut self, dt: Duration) {
+    fn step_camera(&mut self, dt: Duration) {
         if !self.streams.video {
             self.video.stop();
             return;

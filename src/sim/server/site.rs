@@ -285,7 +285,7 @@ impl Site {
                 self.cut(client);
             }
             _ if !self.clients.is_user(client) => {}
-            command => self.robot.obey(&command),
+            command => self.robot.execute(&command),
         }
         self.deliver();
     }
