@@ -68,7 +68,7 @@
 //!   `sim/body/robot/commands.rs`. If it can move the robot, only the watchdog may make it.
 //! - **A report of the robot**: likewise in `wire/report.rs`; `pilot/hearing.rs` handles it, and
 //!   `sim/body/robot.rs` sends it.
-//! - **A fault**: its variant of `sim::Trouble` (`sim/faults/fault.rs`), its name and keys in YAML
+//! - **A fault**: its variant of `sim::FaultKind` (`sim/faults/fault.rs`), its name and keys in YAML
 //!   (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`, `sim/faults/lane.rs`) or
 //!   on the robot (`sim/server/site.rs`), and its row in `tests/it/faults/table.rs`.
 //! - **An event to be published**: its variant of `Occurrence` (`robot/occurrence.rs`),
@@ -98,7 +98,7 @@
 //! | rescue | a behaviour that drives a robot that cannot find its station to where it can |
 //! | report, command | a message from the robot; a message to it |
 //! | world | a simulated place, read from YAML |
-//! | fault, trouble | something that goes wrong in a simulation, with its time; what it is |
+//! | fault | something that goes wrong in a simulation: its kind and its time |
 //! | scenario | a test of behaviours in a world, in a `*_test.lua` file |
 //!
 //! # Floors: a module imports only what stands below it

@@ -8,7 +8,7 @@ use tokio::sync::{mpsc, watch};
 use crate::wire::{Command, Report};
 
 use super::connection::Transport;
-use super::journal::{Heard, Journal};
+use super::journal::{Journal, ReceivedCommand};
 use crate::sim::body::robot::Robot;
 use crate::sim::body::state::State;
 use crate::sim::body::trace::{Trace, TraceEventKind};
@@ -105,12 +105,12 @@ impl Handle {
 
     /// Returns the commands that the robot has received, oldest first; of very many, only the
     /// newest.
-    pub fn heard(&self) -> Vec<Heard> {
+    pub fn heard(&self) -> Vec<ReceivedCommand> {
         self.heard_since(0)
     }
 
     /// Returns the received commands, starting with this index.
-    pub fn heard_since(&self, index: usize) -> Vec<Heard> {
+    pub fn heard_since(&self, index: usize) -> Vec<ReceivedCommand> {
         lock(&self.journal).since(index).cloned().collect()
     }
 
