@@ -68,9 +68,10 @@
 //!   `sim/body/robot/commands.rs`. If it can move the robot, only the watchdog may make it.
 //! - **A report of the robot**: likewise in `wire/report.rs`; `pilot/hearing.rs` handles it, and
 //!   `sim/body/robot.rs` sends it.
-//! - **A fault**: its variant of `sim::FaultKind` (`sim/faults/fault.rs`), its name and keys in YAML
-//!   (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`, `sim/faults/lane.rs`) or
-//!   on the robot (`sim/server/site.rs`), and its row in `tests/it/faults/table.rs`.
+//! - **A fault**: its variant of `sim::FaultKind` (`sim/faults/fault.rs`), its name and keys in
+//!   YAML (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`,
+//!   `sim/faults/lane.rs`) or on the robot (`sim/server/site.rs`), and its row in
+//!   `tests/it/faults/table.rs`.
 //! - **An event to be published**: its variant of `Occurrence` (`robot/occurrence.rs`),
 //!   published on the agent's `Bus` where it happens; its text in `cli/history/view.rs`. All
 //!   listeners then receive it.

@@ -55,7 +55,7 @@ pub use event::{Event, EventKind};
 pub use options::Options;
 pub use recorder::{Recorder, now};
 pub use running::Running;
-pub use tempo::{Factor, Going, Tempo};
+pub use tempo::{ClockMode, Factor, Tempo};
 
 /// A running laboratory.
 pub struct Lab {
@@ -109,7 +109,7 @@ fn live<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) ->
             options,
         };
         if let Some(tempo) = lab.options.tempo.clone() {
-            tokio::spawn(tempo.keep(began, lab.options.stop.clone()));
+            tokio::spawn(tempo.run(began, lab.options.stop.clone()));
         }
         let server = tokio::spawn(server.run());
         let result = work(&lab).await;

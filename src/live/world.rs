@@ -4,7 +4,7 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::lab::{Going, Tempo};
+use crate::lab::{ClockMode, Tempo};
 use crate::sim::{Handle, Paint, Point, Pose, RADIUS, TraceEventKind};
 
 /// Maximum number of points of the robot's path that a new viewer gets.
@@ -138,8 +138,8 @@ pub(super) struct Clock {
     pub factor: f64,
 }
 
-impl From<Going> for Clock {
-    fn from(Going { paused, factor }: Going) -> Clock {
+impl From<ClockMode> for Clock {
+    fn from(ClockMode { paused, factor }: ClockMode) -> Clock {
         let factor = factor.get();
         Clock { paused, factor }
     }
@@ -274,7 +274,7 @@ pub(super) fn map(simulation: &Simulation) -> Map {
     });
     Map {
         time: (state.time.as_secs_f64() * 10.0).round() / 10.0,
-        clock: tempo.as_ref().map(|tempo| tempo.going().into()),
+        clock: tempo.as_ref().map(|tempo| tempo.mode().into()),
         robot: [x, y, (heading * 1000.0).round() / 1000.0],
         blocked: state.blocked,
         searching: state.searching,

@@ -273,7 +273,7 @@ pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<Wo
     let Some(name) = name else {
         return Ok(World::default_world());
     };
-    if let Some(world) = World::ready(name) {
+    if let Some(world) = World::builtin(name) {
         return Ok(world);
     }
     let is_world = |path: &Path| {
@@ -288,8 +288,8 @@ pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<Wo
         }
         return Ok(World::load(&path)?);
     }
-    let near = suggestion(name, World::ready_names());
-    let known = World::ready_names().collect::<Vec<_>>().join(", ");
+    let near = suggestion(name, World::builtin_names());
+    let known = World::builtin_names().collect::<Vec<_>>().join(", ");
     Err(WorldError::Unknown {
         name: name.to_owned(),
         near,

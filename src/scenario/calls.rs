@@ -66,8 +66,8 @@ impl PlayStage {
             "sim:photos" => pictures(&self.cast.data).into(),
             "sim:distance" => state.distance.into(),
             "sim:collisions" => state.collisions.into(),
-            "sim:ended" => self.chronicle.ended(given.text(0)).into(),
-            "sim:log" => self.chronicle.lines(given.text(0).unwrap_or_default())?,
+            "sim:ended" => self.record.ended(given.text(0)).into(),
+            "sim:log" => self.record.lines(given.text(0).unwrap_or_default())?,
             _ => return Err(CallError::Unknown),
         })
     }

@@ -103,7 +103,7 @@ impl Trials {
             |why: &dyn std::fmt::Display| BookError::Invalid(format!("{}: {why}", file.display()));
         let question = pack(&question(&book, None)).map_err(|error| invalid(&error))?;
         let answer = self.worker.ask(&policy, &question, READING, &|| true);
-        let answer = answer.map_err(|trouble| invalid(&trouble))?;
+        let answer = answer.map_err(|error| invalid(&error))?;
         let declared: Result<Vec<Scenario>, String> =
             postcard::from_bytes(&answer).map_err(|error| invalid(&error))?;
         Ok(book.with(declared.map_err(BookError::Invalid)?))
@@ -128,7 +128,8 @@ impl Trials {
             scenario: scenario.clone(),
             seed,
             subject,
-            config: serde_json::to_string(&public(&setting.config)).map_err(io::Error::other)?,
+            config: serde_json::to_string(&without_credentials(&setting.config))
+                .map_err(io::Error::other)?,
             firmware: serde_json::to_string(&setting.firmware).map_err(io::Error::other)?,
             data: data.path().to_owned(),
             stuck: STUCK.min(self.timeout / 2),
@@ -142,13 +143,13 @@ impl Trials {
                 played.map(Some).map_err(io::Error::other)
             }
             Err(WorkerError::Cancelled) => Ok(None),
-            Err(trouble) => Ok(Some(lost(book, &trouble))),
+            Err(error) => Ok(Some(without_answer(book, &error))),
         }
     }
 }
 
 /// Removes the robot's address, user and password file, which a scenario does not need.
-fn public(config: &Config) -> Config {
+fn without_credentials(config: &Config) -> Config {
     Config {
         robot: None,
         user: None,
@@ -206,8 +207,8 @@ fn is_wide(folder: &Path) -> bool {
 }
 
 /// Returns the result of a scenario whose process gave no answer.
-fn lost(book: &Book, trouble: &WorkerError) -> Played {
-    let words = match trouble {
+fn without_answer(book: &Book, error: &WorkerError) -> Played {
+    let words = match error {
         WorkerError::TimedOut(limit) => format!(
             "it did not finish within {} s of real time and was ended; --timeout sets a longer \
              limit",
@@ -216,7 +217,7 @@ fn lost(book: &Book, trouble: &WorkerError) -> Played {
         other => other.to_string(),
     };
     let own = words.starts_with(&format!("{}: ", book.file().display()));
-    let cause = match trouble {
+    let cause = match error {
         WorkerError::Broken(_) if !own => Cause::Behaviour(words.clone()),
         _ => Cause::Scenario,
     };
@@ -290,7 +291,7 @@ mod tests {
                     colours: { wall: { h: [350, 10], s: [20, 100], v: [0, 90] }, \
                     sky: { l: [0, 50], a: [-3, 4], b: [1, 9] } }\n";
         let config = Config::parse(text, "spykee.yaml").unwrap();
-        let there = serde_json::to_string(&public(&config)).unwrap();
+        let there = serde_json::to_string(&without_credentials(&config)).unwrap();
         assert!(
             !there.contains("10.0.0.1") && !there.contains("secret"),
             "{there}"

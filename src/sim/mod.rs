@@ -48,8 +48,8 @@ pub use world::schedule::{Schedule, Seconds};
 pub use world::settings::{BatterySettings, CameraSettings, TrackSettings};
 pub use world::spot::{Spot, Start};
 pub use world::station::Station;
+pub use world::station_distances::StationDistances;
 pub use world::things::{Ball, Floor, Furniture, Post, Room, Rug, Wall};
-pub use world::ways::Ways;
 pub use yaml::document::{DocumentError, DocumentKind};
 
 pub use crate::vision::Subsampling;

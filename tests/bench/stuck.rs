@@ -55,7 +55,7 @@ fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let arguments = Arguments::parse_from(arguments);
-    let names = World::ready_names();
+    let names = World::builtin_names();
     let names: Vec<&str> = names
         .into_iter()
         .filter(|name| arguments.world.as_deref().is_none_or(|only| only == *name))
@@ -107,7 +107,7 @@ fn play(name: &str, seed: u64, time: Duration) -> Score {
         })),
         ..lab::Options::default()
     };
-    let world = World::ready(name).unwrap();
+    let world = World::builtin(name).unwrap();
     let people: Vec<String> = world.walkers.iter().map(|one| one.name.clone()).collect();
     let mut looks = Looks::default();
     lab::run(world, options, async |lab: &Lab| {

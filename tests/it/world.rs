@@ -26,7 +26,7 @@ fn spykee(folder: &Path, args: &[&str]) -> (Option<i32>, String, String) {
 }
 
 fn robot(world: &str, seed: u64) -> Robot {
-    let mut robot = Robot::new(World::ready(world).unwrap(), Firmware::default(), seed);
+    let mut robot = Robot::new(World::builtin(world).unwrap(), Firmware::default(), seed);
     robot.begin_session();
     let stream = Stream::Video;
     robot.execute(&Command::Stream { stream, on: true });
@@ -50,13 +50,13 @@ fn frame_after(robot: &mut Robot, seconds: f64) -> Vec<u8> {
 #[test]
 fn every_built_in_world_is_drawn_to_a_picture() {
     let folder = tempfile::tempdir().unwrap();
-    for name in World::ready_names() {
+    for name in World::builtin_names() {
         let file = format!("{name}.png");
         let (code, said, error) = spykee(folder.path(), &["world", "show", name, "-o", &file]);
         assert_eq!((code, error.as_str()), (Some(0), ""), "{name}");
         assert!(said.contains(&file), "{said}");
         let map = image::open(folder.path().join(&file)).unwrap().to_rgb8();
-        let room = World::ready(name).unwrap().room;
+        let room = World::builtin(name).unwrap().room;
         let ratio = |width: f64, height: f64| width / height;
         // To scale, except for title, numbers and margins.
         let (drawn, real) = (
@@ -100,7 +100,7 @@ fn worlds_are_listed_and_checked() {
     let (code, list, _) = spykee(folder.path(), &["world", "list"]);
     assert_eq!(code, Some(0));
     assert!(
-        World::ready_names().all(|name| list.contains(name)),
+        World::builtin_names().all(|name| list.contains(name)),
         "{list}"
     );
     std::fs::write(
@@ -143,7 +143,7 @@ fn a_run_is_drawn_with_its_path() {
     let run = image::open(folder.path().join("run.png"))
         .unwrap()
         .to_rgb8();
-    let map = World::ready("playpen").unwrap().draw();
+    let map = World::builtin("playpen").unwrap().draw();
     assert!(run.width() > map.width() && run.height() == map.height());
     let (code, _, error) = spykee(
         folder.path(),
