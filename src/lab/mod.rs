@@ -80,7 +80,7 @@ pub fn run<T: Send>(
             .spawn_scoped(scope, {
                 let parent = tracing::dispatcher::get_default(Clone::clone);
                 let events = options.events.clone();
-                move || recorder::under(parent, events, || live(world, options, work))
+                move || recorder::with_recorder(parent, events, || run_here(world, options, work))
             })?;
         thread.join().unwrap_or_else(|panic| resume_unwind(panic))
     })
@@ -88,7 +88,7 @@ pub fn run<T: Send>(
 
 /// Runs the laboratory on this thread. The runtime has no I/O driver: nothing here waits for
 /// external I/O, and virtual time jumps faster without one.
-fn live<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) -> io::Result<T> {
+fn run_here<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) -> io::Result<T> {
     script::only_simulated();
     let runtime = Builder::new_current_thread()
         .enable_time()

@@ -189,7 +189,7 @@ impl Book {
     pub(super) fn declared(&self) -> Result<Vec<Scenario>, BookError> {
         let invalid = |text: String| Err(BookError::Invalid(text));
         let shown = self.file.display();
-        let stage = Rc::new(Declaring {
+        let stage = Rc::new(DeclarationStage {
             folder: self.folder().map(Path::to_owned),
             found: RefCell::default(),
         });
@@ -232,12 +232,12 @@ impl Book {
 }
 
 /// A stage that records declarations and plays nothing.
-struct Declaring {
+struct DeclarationStage {
     folder: Option<PathBuf>,
     found: RefCell<Vec<Scenario>>,
 }
 
-impl Stage for Declaring {
+impl Stage for DeclarationStage {
     fn answer(&self, call: StageCall<'_>) -> StageAnswer {
         if call.name != "scenario" {
             return Err(CallError::Outside.into());

@@ -122,7 +122,8 @@ impl Chassis {
         /// Metres per step; a blocked body that moves less stays blocked.
         const CREEP: f64 = 0.0005;
         let here = self.pose.point();
-        let free = |part: f64| obstacles.way_free(here, here.ahead(way, forward * part), RADIUS);
+        let free =
+            |part: f64| obstacles.is_path_free(here, here.ahead(way, forward * part), RADIUS);
         if forward == 0.0 {
             return;
         }

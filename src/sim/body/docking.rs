@@ -238,7 +238,7 @@ fn free_direction(senses: &Senses<'_>, target: Point) -> f64 {
     let free = |angle: &f64| {
         senses
             .obstacles
-            .way_free(here, here.ahead(*angle, look), RADIUS + MARGIN)
+            .is_path_free(here, here.ahead(*angle, look), RADIUS + MARGIN)
     };
     let fan = (-8..=8).map(|i| direct + f64::from(i) * PI / 12.0);
     fan.filter(free)

@@ -120,7 +120,7 @@ impl Robot {
     /// Starts the session of a user: all streams are off, and POWER follows.
     pub fn begin_session(&mut self) {
         self.streams = Streams::default();
-        self.microphone.forget();
+        self.microphone.clear();
         self.power.begin_session(self.firmware.power_after_login);
         self.note("user connected");
         self.report_power();
@@ -315,10 +315,10 @@ impl Robot {
         }
         let here = self.chassis.pose.point();
         self.microphone
-            .turn_to(self.time, here, &self.surroundings.obstacles);
+            .update_sources(self.time, here, &self.surroundings.obstacles);
         let chunk = self
             .microphone
-            .listen(dt, self.chassis.effort(), &mut self.speaker);
+            .record(dt, self.chassis.effort(), &mut self.speaker);
         self.reports.extend(chunk.map(Report::Audio));
     }
 

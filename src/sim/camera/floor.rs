@@ -42,7 +42,7 @@ impl Floor {
         let floor = self
             .texture
             .get_or_insert_with(|| ground::picture(&self.world));
-        let even = lighting.even() && !view.flash;
+        let even = lighting.is_uniform() && !view.flash;
         let edges = [view.column(0), view.column(1)];
         for row in HEIGHT / 2..HEIGHT {
             let Row {

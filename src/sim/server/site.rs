@@ -50,7 +50,7 @@ pub(crate) struct Site {
     stepped: Instant,
     /// `None` if faults are disabled; clients are then served without the proxy.
     scheduler: Option<FaultScheduler>,
-    away: bool,
+    rebooting: bool,
     refusing: Option<Refusal>,
     slides_after: Option<Duration>,
     docked_for: Duration,
@@ -81,7 +81,7 @@ impl Site {
             stepped: now,
             scheduler: (options.faults.as_ref())
                 .map(|_| FaultScheduler::new(options.seed, options.unacknowledged)),
-            away: false,
+            rebooting: false,
             refusing: None,
             slides_after: None,
             docked_for: Duration::ZERO,
@@ -96,8 +96,8 @@ impl Site {
     }
 
     /// Whether the robot is rebooting and cannot be reached.
-    pub(crate) fn away(&self) -> bool {
-        self.away
+    pub(crate) fn is_rebooting(&self) -> bool {
+        self.rebooting
     }
 
     /// Frees the task of an ended connection; pending while there are no connections.
@@ -181,7 +181,7 @@ impl Site {
 
     /// Serves a new connection, unless there are too many or the robot is rebooting.
     pub(crate) fn admit(&mut self, transport: impl Transport, breaker: Option<Breaker>) {
-        if self.away {
+        if self.rebooting {
             return;
         }
         let Some((client, reports, cut)) = self.clients.admit(Instant::now()) else {
@@ -227,7 +227,7 @@ impl Site {
             match kind {
                 FaultKind::Drop if begins => self.cut_all(),
                 FaultKind::Reboot { forgets } => {
-                    self.away = begins;
+                    self.rebooting = begins;
                     self.cut_all();
                     if forgets && begins {
                         self.robot.reboot();

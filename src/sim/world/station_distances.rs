@@ -50,7 +50,7 @@ impl StationDistances {
         let near = self.around(from).filter_map(|(column, row)| {
             let place = place(column, row);
             let further = metres(self.lengths[self.index(column, row)?]?);
-            let free = self.obstacles.way_free(from, place, RADIUS);
+            let free = self.obstacles.is_path_free(from, place, RADIUS);
             free.then(|| from.distance(place) + further)
         });
         near.min_by(f64::total_cmp)
