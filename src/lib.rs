@@ -35,7 +35,7 @@
 //! 4. `behaviour/host.rs` gives it to the VM; `script/state/delivery.rs` validates its markers
 //!    (only here) and queues it for the script's handler as a `HeldFrame`;
 //! 5. `frame:find_blobs` (`script/api/looking.rs`) decodes it, once and on demand, and finds its
-//!    blobs (`vision/eyes.rs`);
+//!    blobs (`vision/frame_analyser.rs`);
 //! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`,
 //!    which goes back through the pipe;
 //! 7. `pilot/serving.rs` turns the `Intent` into a `Fact`, and `pilot/acting.rs` passes it to the
@@ -65,12 +65,13 @@
 //!   load.
 //! - **A command to the robot**: its section in `wire/PROTOCOL.md` with a byte vector, its variant
 //!   with `parse` and `emit` in `wire/command.rs`, what the simulated robot does with it in
-//!   `sim/body/robot/obey.rs`. If it can move the robot, only the watchdog may make it.
-//! - **A report of the robot**: likewise in `wire/report.rs`; `pilot/link_events.rs` handles it,
-//!   and `sim/body/robot.rs` sends it.
-//! - **A fault**: its variant of `sim::Trouble` (`sim/faults/fault.rs`), its name and keys in YAML
-//!   (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`, `sim/faults/lane.rs`) or
-//!   on the robot (`sim/server/site.rs`), and its row in `tests/it/faults/table.rs`.
+//!   `sim/body/robot/commands.rs`. If it can move the robot, only the watchdog may make it.
+//! - **A report of the robot**: likewise in `wire/report.rs`; `pilot/link_events.rs` handles it, and
+//!   `sim/body/robot.rs` sends it.
+//! - **A fault**: its variant of `sim::FaultKind` (`sim/faults/fault.rs`), its name and keys in
+//!   YAML (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`,
+//!   `sim/faults/lane.rs`) or on the robot (`sim/server/site.rs`), and its row in
+//!   `tests/it/faults/table.rs`.
 //! - **An event to be published**: its variant of `Occurrence` (`robot/occurrence.rs`),
 //!   published on the agent's `Bus` where it happens; its text in `cli/history/view.rs`. All
 //!   listeners then receive it.
@@ -98,7 +99,7 @@
 //! | rescue | a behaviour that drives a robot that cannot find its station to where it can |
 //! | report, command | a message from the robot; a message to it |
 //! | world | a simulated place, read from YAML |
-//! | fault, trouble | something that goes wrong in a simulation, with its time; what it is |
+//! | fault | something that goes wrong in a simulation: its kind and its time |
 //! | scenario | a test of behaviours in a world, in a `*_test.lua` file |
 //!
 //! # Floors: a module imports only what stands below it
@@ -113,7 +114,7 @@
 //! | 0 | `clean` | text from outside, harmless for terminals, logs, XML and JSON |
 //! | 0 | `budget` | bytes per day, and lines that are logged once a minute |
 //! | 0 | `clock` | the time of day, time zones, durations as people write them |
-//! | 0 | `paper` | areas, lines and letters in pixels |
+//! | 0 | `canvas` | areas, lines and letters in pixels |
 //! | 1 | `http` | a bounded server and its guard: who may ask; knows no robot |
 //! | 1 | `timetable` | when behaviours start, and quiet hours: pure rules |
 //! | 1 | `robot` | the data types that tasks and processes exchange |
@@ -146,6 +147,7 @@ pub mod agent;
 pub mod api;
 pub mod behaviour;
 pub mod budget;
+pub mod canvas;
 pub mod check;
 pub mod clean;
 pub mod cli;
@@ -161,7 +163,6 @@ pub mod link;
 pub mod live;
 pub mod mqtt;
 pub mod notify;
-pub mod paper;
 pub mod pilot;
 pub mod robot;
 pub mod safety;

@@ -19,7 +19,7 @@ use crate::check;
 use crate::clock::until;
 use crate::robot::{EndReason, Finding};
 use crate::script::{Ending, Level, LogLine, Output, Script, Seen, Sighting};
-use crate::walls::{Room, confine};
+use crate::walls::{SandboxPolicy, confine};
 
 /// Longest interval between messages to the agent while a setpoint of the script is active; a
 /// quarter of what the watchdog allows.
@@ -30,14 +30,16 @@ const IDLE_BEAT: Duration = Duration::from_millis(500);
 /// a debug build.
 pub const STACK: usize = 8 << 20;
 
-/// Runs a host process, from its confinement to its exit code. The arguments describe its `Room`.
+/// Runs a host process, from its confinement to its exit code. The arguments describe its
+/// `SandboxPolicy`.
 pub fn host_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
     let life = std::thread::Builder::new()
         .name("vm".into())
         .stack_size(STACK);
-    let room = Room::of_arguments(arguments).ok_or_else(|| io::ErrorKind::InvalidInput.into());
-    let ended = room
-        .and_then(|(parent, room)| confine(parent, &room))
+    let policy =
+        SandboxPolicy::of_arguments(arguments).ok_or_else(|| io::ErrorKind::InvalidInput.into());
+    let ended = policy
+        .and_then(|(parent, policy)| confine(parent, &policy))
         .and_then(|_| life.spawn(over_stdin))
         .and_then(|vm| {
             vm.join()

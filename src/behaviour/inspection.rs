@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::host::STACK;
 use crate::check::{CheckContext, Finding, Required, Severity, check, required};
 use crate::script::Options;
-use crate::walls::{self, Room, Worker, WorkerError};
+use crate::walls::{self, SandboxPolicy, Worker, WorkerError};
 
 /// The hidden argument that selects this purpose of the process.
 pub const INSPECTION: &str = "check";
@@ -82,11 +82,11 @@ impl Inspector {
             folder: folder.to_owned(),
         };
         let question = postcard::to_allocvec(&question)?;
-        let room = Room {
-            processor: LIMIT.as_secs(),
-            ..Room::default()
+        let policy = SandboxPolicy {
+            cpu_seconds: LIMIT.as_secs(),
+            ..SandboxPolicy::default()
         };
-        let answer = self.0.ask(&room, &question, LIMIT, &|| true)?;
+        let answer = self.0.ask(&policy, &question, LIMIT, &|| true)?;
         Ok(postcard::from_bytes(&answer)?)
     }
 
@@ -106,7 +106,7 @@ impl Inspector {
     }
 }
 
-/// Runs an inspection process. The arguments describe its `Room`.
+/// Runs an inspection process. The arguments describe its `SandboxPolicy`.
 pub fn inspection_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
     walls::answer(arguments, STACK, |question| {
         let Question {

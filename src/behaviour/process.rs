@@ -17,7 +17,7 @@ use tokio::task::JoinHandle;
 use super::host::{Time, serve};
 use super::inspection::Inspector;
 use crate::files::Folder;
-use crate::walls::{self, Room};
+use crate::walls::{self, SandboxPolicy};
 
 /// The hidden argument that makes the executable run as a host.
 pub const HOST_ARGUMENT: &str = "__host";
@@ -102,11 +102,11 @@ fn start_child(
     folders: &[&Path],
     core: &Handle,
 ) -> io::Result<(HostProcess, PipeReader, PipeWriter)> {
-    let room = Room {
+    let policy = SandboxPolicy {
         write: folders.iter().map(|folder| folder.to_path_buf()).collect(),
-        ..Room::default()
+        ..SandboxPolicy::default()
     };
-    let (command, ours) = walls::command(executable, &[HOST_ARGUMENT], &room)?;
+    let (command, ours) = walls::command(executable, &[HOST_ARGUMENT], &policy)?;
     ours.set_nonblocking(true)?;
     let child = Command::from(command).kill_on_drop(true).spawn()?;
     let (reader, writer) = {

@@ -9,7 +9,9 @@ use super::marked_pictures::MarkedPictures;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Console, Exit, Failure, colours, picture, print};
-use crate::vision::{Blob, BlobOptions, Colour, Eyes, Image, Mark, Roi, Size, annotate_enlarged};
+use crate::vision::{
+    Blob, BlobOptions, Colour, FrameAnalyser, Image, Mark, Roi, Size, annotate_enlarged,
+};
 
 /// Small pictures are enlarged to about this width for people.
 const SHOWN_WIDTH: u32 = 960;
@@ -96,7 +98,7 @@ struct Search<'a> {
     args: &'a BlobsArgs,
     colours: Vec<Colour>,
     options: BlobOptions,
-    eyes: Eyes,
+    eyes: FrameAnalyser,
     marked: Option<MarkedPictures>,
 }
 
@@ -157,7 +159,7 @@ impl<'a> Search<'a> {
                 max_blobs: args.max_blobs,
                 ..BlobOptions::default()
             },
-            eyes: Eyes::new(config.camera),
+            eyes: FrameAnalyser::new(config.camera),
             marked: marked.transpose()?,
         })
     }

@@ -115,12 +115,12 @@ pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
     let Some(path) = world else {
         return Ok(World::default_world());
     };
-    let ready = path.to_str().and_then(World::ready);
-    if let Some(world) = ready.filter(|_| !path.exists()) {
+    let builtin = path.to_str().and_then(World::builtin);
+    if let Some(world) = builtin.filter(|_| !path.exists()) {
         return Ok(world);
     }
     World::load(path).map_err(|error| {
-        let names: Vec<&str> = World::ready_names().collect();
+        let names: Vec<&str> = World::builtin_names().collect();
         let names = names.join(", ");
         Failure::usage(error).help(format!("name a world file, or one of {names}"))
     })

@@ -82,9 +82,9 @@ fn show(world: Option<&Path>, output: &Path) -> Result<Exit, Failure> {
 }
 
 fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
-    let built_in = World::ready_names().next().unwrap_or_default();
+    let built_in = World::builtin_names().next().unwrap_or_default();
     let name = world.map_or(built_in.into(), Path::to_string_lossy);
-    match (World::ready_yaml(&name), world) {
+    match (World::builtin_yaml(&name), world) {
         (Some(yaml), _) => print(yaml)?,
         (None, Some(path)) => {
             // Refuses to print files that are not worlds.
@@ -109,8 +109,8 @@ pub(super) fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure
 
 fn list() -> Result<Exit, Failure> {
     let mut text = String::new();
-    for name in World::ready_names() {
-        let about = World::ready_about(name).unwrap_or_default();
+    for name in World::builtin_names() {
+        let about = World::builtin_description(name).unwrap_or_default();
         // Writing into a string does not fail.
         let _ = writeln!(text, "{name}\n    {about}");
     }

@@ -24,6 +24,6 @@ impl TypedValueParser for WorldParser {
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        Some(Box::new(World::ready_names().map(PossibleValue::new)))
+        Some(Box::new(World::builtin_names().map(PossibleValue::new)))
     }
 }

@@ -58,15 +58,15 @@ impl Event {
     }
 
     pub(super) fn of(at: Duration, event: &tracing::Event<'_>) -> Event {
-        let mut reading = Reading::default();
-        event.record(&mut reading);
+        let mut visitor = FieldVisitor::default();
+        event.record(&mut visitor);
         let metadata = event.metadata();
         Event {
             at,
-            kind: reading.kind(metadata.target()),
+            kind: visitor.kind(metadata.target()),
             level: level(*metadata.level()),
-            text: reading.text,
-            fields: reading.fields,
+            text: visitor.text,
+            fields: visitor.fields,
         }
     }
 
@@ -102,12 +102,12 @@ fn level(level: Level) -> &'static str {
 
 /// Collects the message and the fields of a `tracing` event.
 #[derive(Default)]
-struct Reading {
+struct FieldVisitor {
     text: String,
     fields: BTreeMap<&'static str, Value>,
 }
 
-impl Reading {
+impl FieldVisitor {
     fn kind(&self, target: &str) -> EventKind {
         let has = |name| self.fields.contains_key(name);
         match target {
@@ -126,7 +126,7 @@ impl Reading {
     }
 }
 
-impl Visit for Reading {
+impl Visit for FieldVisitor {
     fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
         let text = format!("{value:?}");
         match field.name() {

@@ -55,7 +55,7 @@ pub use event::{Event, EventKind};
 pub use options::Options;
 pub use recorder::{Recorder, now};
 pub use running::Running;
-pub use tempo::{Factor, Going, Tempo};
+pub use tempo::{ClockMode, Factor, Tempo};
 
 /// A running laboratory.
 pub struct Lab {
@@ -80,7 +80,7 @@ pub fn run<T: Send>(
             .spawn_scoped(scope, {
                 let parent = tracing::dispatcher::get_default(Clone::clone);
                 let events = options.events.clone();
-                move || recorder::under(parent, events, || live(world, options, work))
+                move || recorder::with_recorder(parent, events, || run_here(world, options, work))
             })?;
         thread.join().unwrap_or_else(|panic| resume_unwind(panic))
     })
@@ -88,7 +88,7 @@ pub fn run<T: Send>(
 
 /// Runs the laboratory on this thread. The runtime has no I/O driver: nothing here waits for
 /// external I/O, and virtual time jumps faster without one.
-fn live<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) -> io::Result<T> {
+fn run_here<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) -> io::Result<T> {
     script::set_simulated_wall_factor();
     let runtime = Builder::new_current_thread()
         .enable_time()
@@ -109,7 +109,7 @@ fn live<T>(world: World, options: Options, work: impl AsyncFnOnce(&Lab) -> T) ->
             options,
         };
         if let Some(tempo) = lab.options.tempo.clone() {
-            tokio::spawn(tempo.keep(began, lab.options.stop.clone()));
+            tokio::spawn(tempo.run(began, lab.options.stop.clone()));
         }
         let server = tokio::spawn(server.run());
         let result = work(&lab).await;

@@ -63,7 +63,7 @@ impl Recorder {
 }
 
 /// Runs `work` on this thread, with its log events going to `parent` and to the recorder.
-pub(super) fn under<T>(
+pub(super) fn with_recorder<T>(
     parent: Dispatch,
     recorder: Option<Recorder>,
     work: impl FnOnce() -> T,

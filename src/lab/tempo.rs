@@ -16,13 +16,13 @@ use tokio_util::sync::CancellationToken;
 
 /// Maximum time for which the thread sleeps at once, which is also the maximum delay of external
 /// requests.
-const NAP: Duration = Duration::from_millis(4);
+const MAX_BLOCK: Duration = Duration::from_millis(4);
 /// Length of one step in simulated time.
 const STEP: Duration = Duration::from_millis(100);
 /// Interval, in real time if possible, at which the virtual clock is compared with the real one.
-const BEAT: Duration = Duration::from_millis(4);
+const CHECK_INTERVAL: Duration = Duration::from_millis(4);
 /// A virtual clock that is late by more than this cannot keep up; it does not catch up afterwards.
-const LATE: Duration = Duration::from_millis(50);
+const MAX_LAG: Duration = Duration::from_millis(50);
 
 /// Speed of the simulation: simulated seconds per second.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +49,7 @@ impl Factor {
 
 /// The mode of the clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Going {
+pub struct ClockMode {
     /// The clock is paused, except for single steps.
     pub paused: bool,
     /// The speed unless paused.
@@ -58,50 +58,50 @@ pub struct Going {
 
 /// Controls the clock from any thread; see the module. Clones control the same clock.
 #[derive(Debug, Clone)]
-pub struct Tempo(Arc<Mutex<Course>>);
+pub struct Tempo(Arc<Mutex<ClockState>>);
 
 /// The clock's state; all times count from the start of the laboratory.
 #[derive(Debug)]
-struct Course {
-    going: Going,
+struct ClockState {
+    mode: ClockMode,
     /// Simulated and real time at which the two clocks were last aligned; `None`: at the next
     /// comparison.
-    mark: Option<(Duration, Duration)>,
+    aligned: Option<(Duration, Duration)>,
     /// A paused clock runs up to this simulated time.
     allowed: Duration,
     /// The last known simulated time.
     now: Duration,
 }
 
-impl Course {
+impl ClockState {
     /// Returns how long the clock must wait now; `None` if it may continue.
     fn wait(&mut self, simulated: Duration, real: Duration) -> Option<Duration> {
         self.now = simulated;
-        if self.going.paused {
-            self.mark = None;
-            return (simulated >= self.allowed).then_some(NAP);
+        if self.mode.paused {
+            self.aligned = None;
+            return (simulated >= self.allowed).then_some(MAX_BLOCK);
         }
-        let (from, since) = *self.mark.get_or_insert((simulated, real));
+        let (from, since) = *self.aligned.get_or_insert((simulated, real));
         let passed = simulated.saturating_sub(from);
-        let due = since + passed.div_f64(self.going.factor.get());
-        if real.saturating_sub(due) > LATE {
-            self.mark = Some((simulated, real));
+        let due = since + passed.div_f64(self.mode.factor.get());
+        if real.saturating_sub(due) > MAX_LAG {
+            self.aligned = Some((simulated, real));
         }
         due.checked_sub(real).filter(|wait| !wait.is_zero())
     }
 
     /// Returns the simulated time until the next comparison.
-    fn beat(&self) -> Duration {
-        if self.going.paused {
+    fn check_interval(&self) -> Duration {
+        if self.mode.paused {
             STEP / 10
         } else {
-            BEAT.mul_f64(self.going.factor.get())
+            CHECK_INTERVAL.mul_f64(self.mode.factor.get())
         }
     }
 
-    fn change(&mut self, going: Going) {
-        self.going = going;
-        self.mark = None;
+    fn change(&mut self, mode: ClockMode) {
+        self.mode = mode;
+        self.aligned = None;
         self.allowed = self.now;
     }
 }
@@ -109,13 +109,13 @@ impl Course {
 impl Default for Tempo {
     /// Runs in real time.
     fn default() -> Tempo {
-        let going = Going {
+        let mode = ClockMode {
             paused: false,
             factor: Factor::REAL,
         };
-        Tempo(Arc::new(Mutex::new(Course {
-            going,
-            mark: None,
+        Tempo(Arc::new(Mutex::new(ClockState {
+            mode,
+            aligned: None,
             allowed: Duration::ZERO,
             now: Duration::ZERO,
         })))
@@ -124,66 +124,69 @@ impl Default for Tempo {
 
 impl Tempo {
     /// Locks the state; hold the guard only briefly.
-    fn course(&self) -> MutexGuard<'_, Course> {
+    fn state(&self) -> MutexGuard<'_, ClockState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Returns the mode of the clock.
-    pub fn going(&self) -> Going {
-        self.course().going
+    pub fn mode(&self) -> ClockMode {
+        self.state().mode
     }
 
     /// Pauses or resumes the clock.
     pub fn pause(&self, paused: bool) {
-        let mut course = self.course();
-        let going = Going {
+        let mut state = self.state();
+        let mode = ClockMode {
             paused,
-            ..course.going
+            ..state.mode
         };
-        course.change(going);
+        state.change(mode);
     }
 
     /// Sets the speed; a paused clock stays paused.
-    pub fn hurry(&self, factor: Factor) {
-        let mut course = self.course();
-        let going = Going {
+    pub fn set_factor(&self, factor: Factor) {
+        let mut state = self.state();
+        let mode = ClockMode {
             factor,
-            ..course.going
+            ..state.mode
         };
-        course.change(going);
+        state.change(mode);
     }
 
     /// Runs the clock for 0.1 s of simulated time, then pauses it.
     pub fn step(&self) {
-        let mut course = self.course();
-        let going = Going {
+        let mut state = self.state();
+        let mode = ClockMode {
             paused: true,
-            ..course.going
+            ..state.mode
         };
-        course.change(going);
-        course.allowed = course.now + STEP;
+        state.change(mode);
+        state.allowed = state.now + STEP;
     }
 
     /// Returns the simulated time since the start, as of the last comparison.
     pub fn now(&self) -> Duration {
-        self.course().now
+        self.state().now
     }
 
     /// Controls the laboratory's clock until `stop` is cancelled. After that there is no viewer,
     /// and the rest of the run proceeds as fast as possible.
-    pub(super) async fn keep(self, began: Instant, stop: CancellationToken) {
+    pub(super) async fn run(self, began: Instant, stop: CancellationToken) {
         let wall = std::time::Instant::now();
         while !stop.is_cancelled() {
-            let (wait, beat) = {
-                let mut course = self.course();
-                (course.wait(began.elapsed(), wall.elapsed()), course.beat())
+            let (wait, check_interval) = {
+                let mut state = self.state();
+                (
+                    state.wait(began.elapsed(), wall.elapsed()),
+                    state.check_interval(),
+                )
             };
             match wait {
-                None => sleep(beat).await,
+                None => sleep(check_interval).await,
                 Some(wait) => {
                     // Blocks the thread deliberately: while this task is ready, the clock does not
                     // jump.
-                    std::thread::sleep(wait.min(NAP));
+                    std::thread::sleep(wait.min(MAX_BLOCK));
                     yield_now().await;
                 }
             }
@@ -199,34 +202,34 @@ mod tests {
         Duration::from_millis(number)
     }
 
-    fn course(tempo: &Tempo) -> MutexGuard<'_, Course> {
-        tempo.course()
+    fn state(tempo: &Tempo) -> MutexGuard<'_, ClockState> {
+        tempo.state()
     }
 
     #[test]
     fn a_factor_of_ten_waits_a_tenth_and_a_late_clock_does_not_catch_up() {
         let tempo = Tempo::default();
-        tempo.hurry(Factor::new(10.0).unwrap());
-        assert_eq!(course(&tempo).wait(ms(0), ms(1000)), None);
-        assert_eq!(course(&tempo).wait(ms(100), ms(1000)), Some(ms(10)));
-        assert_eq!(course(&tempo).wait(ms(100), ms(1010)), None);
+        tempo.set_factor(Factor::new(10.0).unwrap());
+        assert_eq!(state(&tempo).wait(ms(0), ms(1000)), None);
+        assert_eq!(state(&tempo).wait(ms(100), ms(1000)), Some(ms(10)));
+        assert_eq!(state(&tempo).wait(ms(100), ms(1010)), None);
         // One second late.
-        assert_eq!(course(&tempo).wait(ms(200), ms(2020)), None);
-        assert_eq!(course(&tempo).wait(ms(300), ms(2020)), Some(ms(10)));
+        assert_eq!(state(&tempo).wait(ms(200), ms(2020)), None);
+        assert_eq!(state(&tempo).wait(ms(300), ms(2020)), Some(ms(10)));
     }
 
     #[test]
     fn a_paused_clock_stops_and_a_step_is_a_tenth_of_a_second() {
         let tempo = Tempo::default();
         tempo.pause(true);
-        assert!(course(&tempo).wait(ms(0), ms(0)).is_some());
-        assert!(course(&tempo).wait(ms(0), ms(60_000)).is_some());
+        assert!(state(&tempo).wait(ms(0), ms(0)).is_some());
+        assert!(state(&tempo).wait(ms(0), ms(60_000)).is_some());
         tempo.step();
-        assert_eq!(course(&tempo).wait(ms(90), ms(60_000)), None);
-        assert!(course(&tempo).wait(ms(100), ms(60_000)).is_some());
+        assert_eq!(state(&tempo).wait(ms(90), ms(60_000)), None);
+        assert!(state(&tempo).wait(ms(100), ms(60_000)).is_some());
         tempo.pause(false);
-        assert_eq!(course(&tempo).wait(ms(100), ms(90_000)), None);
-        assert_eq!(course(&tempo).wait(ms(110), ms(90_000)), Some(ms(10)));
+        assert_eq!(state(&tempo).wait(ms(100), ms(90_000)), None);
+        assert_eq!(state(&tempo).wait(ms(110), ms(90_000)), Some(ms(10)));
     }
 
     #[test]

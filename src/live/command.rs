@@ -310,7 +310,7 @@ fn alter(change: Change, simulation: &Simulation) -> Result<(), AlterError> {
         Change::Step => tempo(simulation)?.step(),
         Change::Speed { factor } => {
             let factor = Factor::new(factor).ok_or(AlterError::Speed)?;
-            tempo(simulation)?.hurry(factor);
+            tempo(simulation)?.set_factor(factor);
         }
     }
     Ok(())

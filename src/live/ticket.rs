@@ -152,8 +152,8 @@ impl Ticket {
 fn is_hurried(hub: &Hub) -> bool {
     let tempo = hub.sim.as_ref().and_then(|sim| sim.tempo.as_ref());
     tempo.is_some_and(|tempo| {
-        let going = tempo.going();
-        going.paused || going.factor != Factor::REAL
+        let mode = tempo.mode();
+        mode.paused || mode.factor != Factor::REAL
     })
 }
 

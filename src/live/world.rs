@@ -4,8 +4,8 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::lab::{Going, Tempo};
-use crate::sim::{Handle, Paint, Point, Pose, RADIUS, What};
+use crate::lab::{ClockMode, Tempo};
+use crate::sim::{Handle, Paint, Point, Pose, RADIUS, TraceEventKind};
 
 /// Maximum number of points of the robot's path that a new viewer gets.
 const WAY: usize = 600;
@@ -138,8 +138,8 @@ pub(super) struct Clock {
     pub factor: f64,
 }
 
-impl From<Going> for Clock {
-    fn from(Going { paused, factor }: Going) -> Clock {
+impl From<ClockMode> for Clock {
+    fn from(ClockMode { paused, factor }: ClockMode) -> Clock {
         let factor = factor.get();
         Clock { paused, factor }
     }
@@ -260,13 +260,13 @@ pub(super) fn map(simulation: &Simulation) -> Map {
     let [x, y] = pair(Point::new(x, y));
     let (balls, walkers, bumps) = sim.look_back(|trace| {
         let pairs = |points: &[Point]| points.iter().copied().map(pair).collect::<Vec<_>>();
-        let bump = |what: &What, at: Point| match what {
-            What::Collision(name) => Some((pair(at), name.clone())),
+        let bump = |kind: &TraceEventKind, at: Point| match kind {
+            TraceEventKind::Collision(name) => Some((pair(at), name.clone())),
             _ => None,
         };
         let bumps = trace.events().iter().rev();
         let bumps = bumps
-            .filter_map(|it| bump(&it.what, it.pose.point()))
+            .filter_map(|it| bump(&it.kind, it.pose.point()))
             .take(BUMPS);
         let mut bumps: Vec<(f64, f64, String)> = bumps.map(|([x, y], name)| (x, y, name)).collect();
         bumps.reverse();
@@ -274,7 +274,7 @@ pub(super) fn map(simulation: &Simulation) -> Map {
     });
     Map {
         time: (state.time.as_secs_f64() * 10.0).round() / 10.0,
-        clock: tempo.as_ref().map(|tempo| tempo.going().into()),
+        clock: tempo.as_ref().map(|tempo| tempo.mode().into()),
         robot: [x, y, (heading * 1000.0).round() / 1000.0],
         blocked: state.blocked,
         searching: state.searching,

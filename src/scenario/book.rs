@@ -189,7 +189,7 @@ impl Book {
     pub(super) fn declared(&self) -> Result<Vec<Scenario>, BookError> {
         let invalid = |text: String| Err(BookError::Invalid(text));
         let shown = self.file.display();
-        let stage = Rc::new(Declaring {
+        let stage = Rc::new(DeclarationStage {
             folder: self.folder().map(Path::to_owned),
             found: RefCell::default(),
         });
@@ -232,12 +232,12 @@ impl Book {
 }
 
 /// A stage that records declarations and plays nothing.
-struct Declaring {
+struct DeclarationStage {
     folder: Option<PathBuf>,
     found: RefCell<Vec<Scenario>>,
 }
 
-impl Stage for Declaring {
+impl Stage for DeclarationStage {
     fn answer(&self, call: StageCall<'_>) -> StageAnswer {
         if call.name != "scenario" {
             return Err(CallError::Outside.into());
@@ -273,7 +273,7 @@ pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<Wo
     let Some(name) = name else {
         return Ok(World::default_world());
     };
-    if let Some(world) = World::ready(name) {
+    if let Some(world) = World::builtin(name) {
         return Ok(world);
     }
     let is_world = |path: &Path| {
@@ -288,8 +288,8 @@ pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<Wo
         }
         return Ok(World::load(&path)?);
     }
-    let near = suggestion(name, World::ready_names());
-    let known = World::ready_names().collect::<Vec<_>>().join(", ");
+    let near = suggestion(name, World::builtin_names());
+    let known = World::builtin_names().collect::<Vec<_>>().join(", ");
     Err(WorldError::Unknown {
         name: name.to_owned(),
         near,

@@ -8,7 +8,7 @@ use super::arguments::Arguments;
 use super::refusal::CallError;
 use super::stage::PlayStage;
 use crate::clock::{self, Date};
-use crate::sim::{Fault, Point, Pose, What};
+use crate::sim::{Fault, Point, Pose, TraceEventKind};
 
 impl PlayStage {
     pub(super) fn call(&self, call: &str, given: Arguments<'_>) -> Result<Value, CallError> {
@@ -66,8 +66,8 @@ impl PlayStage {
             "sim:photos" => pictures(&self.cast.data).into(),
             "sim:distance" => state.distance.into(),
             "sim:collisions" => state.collisions.into(),
-            "sim:ended" => self.chronicle.ended(given.text(0)).into(),
-            "sim:log" => self.chronicle.lines(given.text(0).unwrap_or_default())?,
+            "sim:ended" => self.record.ended(given.text(0)).into(),
+            "sim:log" => self.record.lines(given.text(0).unwrap_or_default())?,
             _ => return Err(CallError::Unknown),
         })
     }
@@ -114,13 +114,13 @@ impl PlayStage {
 
     fn sounds(&self) -> Value {
         self.sim.look_back(|trace| {
-            let sound = |what: &What| match what {
-                What::Sound(sound) => Some(sound.name()),
-                What::Photo => Some("snapshot"),
+            let sound = |kind: &TraceEventKind| match kind {
+                TraceEventKind::Sound(sound) => Some(sound.name()),
+                TraceEventKind::Photo => Some("snapshot"),
                 _ => None,
             };
             let sounds = trace.events().iter().filter_map(|happened| {
-                let name = sound(&happened.what)?;
+                let name = sound(&happened.kind)?;
                 Some(json!({"name": name, "time": happened.at.as_secs_f64()}))
             });
             sounds.collect()

@@ -44,7 +44,7 @@ impl Cast {
             let name = entry.name()?;
             names.push(name.clone());
             if names[..names.len() - 1].contains(&name) {
-                return Err(CastError::Twins(name));
+                return Err(CastError::DuplicateName(name));
             }
         }
         let seeds = self.seed..;

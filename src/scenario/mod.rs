@@ -25,10 +25,10 @@ mod arguments;
 mod book;
 mod calls;
 mod cast;
-mod chronicle;
 mod options;
 mod play;
 mod refusal;
+mod run_record;
 mod stage;
 mod trial;
 

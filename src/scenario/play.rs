@@ -17,7 +17,7 @@ use tracing::subscriber::{NoSubscriber, with_default};
 
 use super::book::{Book, Scenario, load_world};
 use super::cast::Cast;
-use super::chronicle::Chronicle;
+use super::run_record::RunRecord;
 use super::stage::{PlayStage, StageCommand};
 use crate::agent::{AgentError, Outcome};
 use crate::clock::until;
@@ -124,7 +124,7 @@ pub enum Cause {
 }
 
 /// A failure without the robot's state.
-struct Unplayed {
+struct FailureReason {
     cause: Cause,
     message: String,
     place: Option<SourceLocation>,
@@ -143,7 +143,7 @@ impl Book {
         let options = &scenario.options;
         let world =
             load_world(options.world.as_deref(), self.folder()).map_err(io::Error::other)?;
-        let (config, chronicle) = (&setting.config, Chronicle::default());
+        let (config, record) = (&setting.config, RunRecord::default());
         let lab_options = lab::Options {
             seed,
             sim: sim::Options {
@@ -156,7 +156,7 @@ impl Book {
             link: config.link.clone(),
             streams: config.streams,
             stop: setting.stop.clone(),
-            events: Some(chronicle.recorder()),
+            events: Some(record.recorder()),
             date: None,
             tempo: None,
             bus: Bus::default(),
@@ -171,7 +171,7 @@ impl Book {
         };
         with_default(NoSubscriber::new(), || {
             lab::run(world, lab_options, async |lab: &Lab| {
-                let stage = PlayStage::new(lab.sim().clone(), cast, chronicle, scenario.index);
+                let stage = PlayStage::new(lab.sim().clone(), cast, record, scenario.index);
                 let play = Play {
                     book: self,
                     scenario,
@@ -208,9 +208,9 @@ impl Play<'_> {
             self.lab.sim().set_battery(percent);
             yield_now().await;
         }
-        let trouble = match self.book.script(seed, self.stage.clone()) {
+        let reason = match self.book.script(seed, self.stage.clone()) {
             Ok(script) => self.act(script, stop).await.err(),
-            Err(failure) => Some(Unplayed {
+            Err(failure) => Some(FailureReason {
                 cause: Cause::Scenario,
                 message: failure.to_string(),
                 place: None,
@@ -218,12 +218,16 @@ impl Play<'_> {
         };
         Played {
             simulated: self.stage.time(),
-            failure: trouble.map(|trouble| self.failure(trouble)),
+            failure: reason.map(|reason| self.failure(reason)),
             lines: self.lines,
         }
     }
 
-    async fn act(&mut self, mut script: Script, stop: &CancellationToken) -> Result<(), Unplayed> {
+    async fn act(
+        &mut self,
+        mut script: Script,
+        stop: &CancellationToken,
+    ) -> Result<(), FailureReason> {
         let limit = self.stage.began + self.scenario.options.limit;
         loop {
             script.run_ready(Instant::now());
@@ -233,7 +237,7 @@ impl Play<'_> {
                     lines.push(line);
                 }
             });
-            self.obey();
+            self.execute_commands();
             if let Some(end) = self.verdict(&script) {
                 return end;
             }
@@ -243,7 +247,7 @@ impl Play<'_> {
             }
             tokio::select! {
                 biased;
-                () = stop.cancelled() => return Err(self.trouble("interrupted")),
+                () = stop.cancelled() => return Err(self.failure_reason("interrupted")),
                 () = sleep_until(limit) => return Err(self.too_long()),
                 outcome = outcome(&mut self.agent) => self.agent_ended(outcome)?,
                 () = until(script.next_deadline()) => {}
@@ -251,7 +255,7 @@ impl Play<'_> {
         }
     }
 
-    fn obey(&mut self) {
+    fn execute_commands(&mut self) {
         while let Some(command) = self.stage.take_command() {
             match command {
                 StageCommand::Run(behaviours) => {
@@ -273,28 +277,28 @@ impl Play<'_> {
         }
     }
 
-    fn agent_ended(&mut self, outcome: Result<Outcome, AgentError>) -> Result<(), Unplayed> {
+    fn agent_ended(&mut self, outcome: Result<Outcome, AgentError>) -> Result<(), FailureReason> {
         self.agent = None;
         self.stage.has_stopped();
         match outcome {
             Ok(_) => Ok(()),
-            Err(error) => Err(self.trouble(&error.to_string())),
+            Err(error) => Err(self.failure_reason(&error.to_string())),
         }
     }
 
     /// Returns the result if the scenario is over.
-    fn verdict(&self, script: &Script) -> Option<Result<(), Unplayed>> {
-        let failed = self.stage.chronicle.failed();
+    fn verdict(&self, script: &Script) -> Option<Result<(), FailureReason>> {
+        let failed = self.stage.record.failed();
         if let Some(failed) = failed.filter(|_| !self.scenario.options.may_fail) {
             let text = format!("the behaviour {} failed: {}", failed.behaviour, failed.text);
-            return Some(Err(Unplayed {
+            return Some(Err(FailureReason {
                 cause: Cause::Behaviour(failed.text),
-                ..self.trouble(&text)
+                ..self.failure_reason(&text)
             }));
         }
         // A failed `expect` counts even if the script caught its error.
         if let Some((place, message)) = self.stage.take_expected() {
-            return Some(Err(Unplayed {
+            return Some(Err(FailureReason {
                 cause: Cause::Expectation,
                 message,
                 place: place.or_else(|| self.stage.last_place()),
@@ -309,52 +313,52 @@ impl Play<'_> {
             (EndReason::Done, None) => "its script ended before it was played".to_owned(),
             (reason, None) => reason.sentence().to_owned(),
         };
-        Some(Err(self.trouble(&text)))
+        Some(Err(self.failure_reason(&text)))
     }
 
     /// Creates a failure from an error of the scenario's function that is not from `expect`.
-    fn raised(&self, raised: String) -> Unplayed {
+    fn raised(&self, raised: String) -> FailureReason {
         let shown = self.book.file().display().to_string();
         let (place, text) = match split_place(&raised, &shown) {
             Some((line, text)) => (Some(SourceLocation { file: shown, line }), text.to_owned()),
-            None => (self.stage.last_place(), in_words(&raised).to_owned()),
+            None => (self.stage.last_place(), translate_error(&raised).to_owned()),
         };
-        Unplayed {
+        FailureReason {
             cause: Cause::Scenario,
             message: text,
             place,
         }
     }
 
-    fn too_long(&self) -> Unplayed {
+    fn too_long(&self) -> FailureReason {
         let limit = self.scenario.options.limit.as_secs_f64();
-        self.trouble(&format!(
+        self.failure_reason(&format!(
             "it did not finish within its limit of {limit} s; set a longer one with {{ limit = \
              seconds }}"
         ))
     }
 
     /// Creates a failure at the place of the script's last call.
-    fn trouble(&self, message: &str) -> Unplayed {
-        Unplayed {
+    fn failure_reason(&self, message: &str) -> FailureReason {
+        FailureReason {
             cause: Cause::Scenario,
             message: message.to_owned(),
             place: self.stage.last_place(),
         }
     }
 
-    fn failure(&self, trouble: Unplayed) -> Failure {
+    fn failure(&self, reason: FailureReason) -> Failure {
         let sim = self.lab.sim();
         let state = sim.state();
         sim.note("it failed here");
         let own = |place: &SourceLocation| place.file == self.book.file().display().to_string();
-        let line = trouble.place.as_ref().filter(|place| own(place));
+        let line = reason.place.as_ref().filter(|place| own(place));
         Failure {
             line: line.and_then(|place| self.book.line(place.line)),
-            message: trouble.message,
-            cause: trouble.cause,
-            place: trouble.place,
-            recent: self.stage.chronicle.recent(),
+            message: reason.message,
+            cause: reason.cause,
+            place: reason.place,
+            recent: self.stage.record.recent(),
             scene: Some(Scene {
                 at: self.stage.time(),
                 pose: state.pose,
@@ -373,7 +377,7 @@ async fn outcome(agent: &mut Option<Agent>) -> Result<Outcome, AgentError> {
 }
 
 /// Rewrites errors that the VM raises without a place.
-fn in_words(raised: &str) -> &str {
+fn translate_error(raised: &str) -> &str {
     match raised {
         "not enough memory" => EndReason::Memory.sentence(),
         other => other,

@@ -66,7 +66,7 @@ pub(super) enum CastError {
     #[error(transparent)]
     Name(#[from] NameError),
     #[error("two behaviours are called '{0}': give one of them another name")]
-    Twins(String),
+    DuplicateName(String),
     #[error(transparent)]
     Table(#[from] serde_json::Error),
     #[error(

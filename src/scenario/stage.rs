@@ -9,8 +9,8 @@ use tokio::time::Instant;
 
 use super::arguments::Arguments;
 use super::cast::Cast;
-use super::chronicle::Chronicle;
 use super::refusal::CallError;
+use super::run_record::RunRecord;
 use crate::agent::Behaviour;
 use crate::script::{SourceLocation, Stage, StageAnswer, StageCall};
 use crate::sim::Handle;
@@ -26,7 +26,7 @@ pub(super) enum StageCommand {
 pub(super) struct PlayStage {
     pub(super) sim: Handle,
     pub(super) cast: Cast,
-    pub(super) chronicle: Chronicle,
+    pub(super) record: RunRecord,
     pub(super) began: Instant,
     /// The index in the file of the scenario to play, from 0.
     wanted: usize,
@@ -39,11 +39,11 @@ pub(super) struct PlayStage {
 }
 
 impl PlayStage {
-    pub(super) fn new(sim: Handle, cast: Cast, chronicle: Chronicle, wanted: usize) -> PlayStage {
+    pub(super) fn new(sim: Handle, cast: Cast, record: RunRecord, wanted: usize) -> PlayStage {
         PlayStage {
             sim,
             cast,
-            chronicle,
+            record,
             began: Instant::now(),
             wanted,
             declared: Cell::new(0),
@@ -96,7 +96,7 @@ impl PlayStage {
             return Err(CallError::Running);
         }
         let behaviours = self.cast.behaviours(named)?;
-        self.chronicle.begin();
+        self.record.begin();
         self.running.set(true);
         self.push(StageCommand::Run(behaviours));
         Ok(())

@@ -21,7 +21,7 @@ use super::play::{Cause, Failure, Played, Setting};
 use crate::behaviour::{STACK, read_source};
 use crate::config::Config;
 use crate::script;
-use crate::walls::{self, Room, Worker, WorkerError};
+use crate::walls::{self, SandboxPolicy, Worker, WorkerError};
 
 /// The kind of worker process that reads and plays scenarios.
 pub const TRIAL: &str = "scenario";
@@ -98,12 +98,12 @@ impl Trials {
         source: Vec<u8>,
     ) -> Result<Book, BookError> {
         let book = Book::undeclared(file, folder, source);
-        let room = room(&book, None, READING);
+        let policy = sandbox_policy(&book, None, READING);
         let invalid =
             |why: &dyn std::fmt::Display| BookError::Invalid(format!("{}: {why}", file.display()));
         let question = pack(&question(&book, None)).map_err(|error| invalid(&error))?;
-        let answer = self.worker.ask(&room, &question, READING, &|| true);
-        let answer = answer.map_err(|trouble| invalid(&trouble))?;
+        let answer = self.worker.ask(&policy, &question, READING, &|| true);
+        let answer = answer.map_err(|error| invalid(&error))?;
         let declared: Result<Vec<Scenario>, String> =
             postcard::from_bytes(&answer).map_err(|error| invalid(&error))?;
         Ok(book.with(declared.map_err(BookError::Invalid)?))
@@ -122,33 +122,34 @@ impl Trials {
     ) -> io::Result<Option<Played>> {
         let data = tempfile::tempdir()?;
         let subject = setting.subject.clone().or_else(|| book.subject());
-        let mut room = room(book, subject.as_deref(), self.timeout);
-        room.write.push(data.path().to_owned());
+        let mut policy = sandbox_policy(book, subject.as_deref(), self.timeout);
+        policy.write.push(data.path().to_owned());
         let play = Play {
             scenario: scenario.clone(),
             seed,
             subject,
-            config: serde_json::to_string(&public(&setting.config)).map_err(io::Error::other)?,
+            config: serde_json::to_string(&without_credentials(&setting.config))
+                .map_err(io::Error::other)?,
             firmware: serde_json::to_string(&setting.firmware).map_err(io::Error::other)?,
             data: data.path().to_owned(),
             stuck: STUCK.min(self.timeout / 2),
         };
         let question = pack(&question(book, Some(play)))?;
         let wanted = || !setting.stop.is_cancelled();
-        match self.worker.ask(&room, &question, self.timeout, &wanted) {
+        match self.worker.ask(&policy, &question, self.timeout, &wanted) {
             Ok(answer) => {
                 let played: Result<Played, String> =
                     postcard::from_bytes(&answer).map_err(io::Error::other)?;
                 played.map(Some).map_err(io::Error::other)
             }
-            Err(WorkerError::Unwanted) => Ok(None),
-            Err(trouble) => Ok(Some(lost(book, &trouble))),
+            Err(WorkerError::Cancelled) => Ok(None),
+            Err(error) => Ok(Some(without_answer(book, &error))),
         }
     }
 }
 
 /// Removes the robot's address, user and password file, which a scenario does not need.
-fn public(config: &Config) -> Config {
+fn without_credentials(config: &Config) -> Config {
     Config {
         robot: None,
         user: None,
@@ -173,7 +174,7 @@ fn question(book: &Book, play: Option<Play>) -> Question {
 /// Returns the confinement: allows reading the folders of the scenario and of the behaviour, and
 /// the current folder if it contains the scenario's, because a scenario may refer to
 /// `../patrol.lua`.
-fn room(book: &Book, subject: Option<&Path>, limit: Duration) -> Room {
+fn sandbox_policy(book: &Book, subject: Option<&Path>, limit: Duration) -> SandboxPolicy {
     let of_subject = subject.map(|file| file.parent().unwrap_or(Path::new("")));
     let mut read: Vec<PathBuf> = [book.folder(), of_subject]
         .into_iter()
@@ -190,10 +191,10 @@ fn room(book: &Book, subject: Option<&Path>, limit: Duration) -> Room {
     {
         read.push(here);
     }
-    Room {
+    SandboxPolicy {
         read,
         write: Vec::new(),
-        processor: 2 * limit.as_secs() + 1,
+        cpu_seconds: 2 * limit.as_secs() + 1,
     }
 }
 
@@ -206,9 +207,9 @@ fn is_wide(folder: &Path) -> bool {
 }
 
 /// Returns the result of a scenario whose process gave no answer.
-fn lost(book: &Book, trouble: &WorkerError) -> Played {
-    let words = match trouble {
-        WorkerError::Late(limit) => format!(
+fn without_answer(book: &Book, error: &WorkerError) -> Played {
+    let words = match error {
+        WorkerError::TimedOut(limit) => format!(
             "it did not finish within {} s of real time and was ended; --timeout sets a longer \
              limit",
             limit.as_secs_f64()
@@ -216,7 +217,7 @@ fn lost(book: &Book, trouble: &WorkerError) -> Played {
         other => other.to_string(),
     };
     let own = words.starts_with(&format!("{}: ", book.file().display()));
-    let cause = match trouble {
+    let cause = match error {
         WorkerError::Broken(_) if !own => Cause::Behaviour(words.clone()),
         _ => Cause::Scenario,
     };
@@ -290,7 +291,7 @@ mod tests {
                     colours: { wall: { h: [350, 10], s: [20, 100], v: [0, 90] }, \
                     sky: { l: [0, 50], a: [-3, 4], b: [1, 9] } }\n";
         let config = Config::parse(text, "spykee.yaml").unwrap();
-        let there = serde_json::to_string(&public(&config)).unwrap();
+        let there = serde_json::to_string(&without_credentials(&config)).unwrap();
         assert!(
             !there.contains("10.0.0.1") && !there.contains("secret"),
             "{there}"

@@ -22,8 +22,8 @@ use super::timed_motion::TimedMotion;
 use super::wall_ahead::WallAhead;
 use crate::robot::MotionId;
 use crate::vision::{
-    Approach, Camera, Drive, Glance, Image, Looming, Outline, Verdict, compare_glances,
-    compare_outlines, foot_ahead, looming_distance, nearer_than, swayed,
+    Approach, Camera, Drive, HalfLuma, Image, Looming, Profiles, Verdict, compare_half_luma,
+    compare_profiles, foot_ahead, looming_distance, nearer_than, swayed,
 };
 
 /// Pictures from the first part of a motion, of this length, are not used: the robot is still
@@ -83,7 +83,7 @@ pub(super) struct Blockage {
     wall: WallAhead,
     last_obstacle: LastObstacle,
     /// Buffers of a dropped picture, for reuse.
-    spare: Option<(Glance, Outline)>,
+    spare: Option<(HalfLuma, Profiles)>,
 }
 
 /// The evidence of the pictures that the robot stands.
@@ -101,8 +101,8 @@ struct Standing {
 struct View {
     at: Instant,
     odometer: f64,
-    glance: Glance,
-    outline: Outline,
+    glance: HalfLuma,
+    outline: Profiles,
 }
 
 /// The robot is so close to a plain surface that the pictures no longer show anything. Then only
@@ -230,13 +230,13 @@ impl Blockage {
             turned.max(0.0) * PARALLAX + VEER,
         );
         let sway = swayed(&before.outline, &now.outline, least as isize, most as isize);
-        match compare_glances(&before.glance, &now.glance, camera, drive, apart, sway) {
+        match compare_half_luma(&before.glance, &now.glance, camera, drive, apart, sway) {
             Verdict::Unknown if drive.forward > 0.0 && self.wall.is_away() => Verdict::Unknown,
             Verdict::Unknown => {
                 let ahead = self
                     .close
                     .map(|close| (close.odometer + close.room - before.odometer).max(NEAREST));
-                compare_outlines(&before.outline, &now.outline, camera, drive, apart, ahead)
+                compare_profiles(&before.outline, &now.outline, camera, drive, apart, ahead)
             }
             verdict => verdict,
         }

@@ -9,7 +9,7 @@ use super::options::Options;
 use super::sighting::FindingsRecorder;
 use super::timed_motion::TimedMotion;
 use crate::robot::Frame;
-use crate::vision::{Damage, Eyes, Size};
+use crate::vision::{Damage, FrameAnalyser, Size};
 
 /// A received frame; its bytes are counted while it is referenced.
 pub(super) struct HeldFrame {
@@ -43,7 +43,7 @@ pub(super) struct FrameState {
     pub(super) newest: Option<Rc<HeldFrame>>,
     /// JPEG bytes of all frames that are still referenced.
     pub(super) held_bytes: Rc<Cell<u64>>,
-    pub(super) eyes: Eyes,
+    pub(super) eyes: FrameAnalyser,
     /// Number of trackers and motion detectors that exist.
     pub(super) watchers: Rc<Cell<u32>>,
     /// A frame that is still to be examined for the robot's own motion.
@@ -71,7 +71,7 @@ impl FrameState {
         FrameState {
             newest: None,
             held_bytes: Rc::default(),
-            eyes: Eyes::new(options.camera),
+            eyes: FrameAnalyser::new(options.camera),
             watchers: Rc::default(),
             motion_check: None,
             turned: None,

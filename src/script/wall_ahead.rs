@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use crate::vision::{Camera, Drive, Feet, Glance, Stand, Wall};
+use crate::vision::{Camera, Drive, HalfLuma, RobotPose, Wall, WallFeet};
 
 /// From the centre of the robot to its edge, in metres.
 const RADIUS: f64 = 0.15;
@@ -21,8 +21,8 @@ const LONGEST: Duration = Duration::from_secs(2);
 #[derive(Debug, Default)]
 pub(super) struct WallAhead {
     odometer: Option<f64>,
-    stand: Stand,
-    feet: Feet,
+    stand: RobotPose,
+    feet: WallFeet,
     wall: Option<Wall>,
     /// Whether feet were seen since the wall was last computed.
     news: bool,
@@ -40,7 +40,7 @@ impl WallAhead {
 
     /// Processes a picture taken from the current position. The wall is only computed where the
     /// robot may be close to one.
-    pub(super) fn look(&mut self, glance: &Glance, camera: Camera, close: bool) {
+    pub(super) fn look(&mut self, glance: &HalfLuma, camera: Camera, close: bool) {
         self.news |= self.feet.note(glance, camera, self.stand);
         if close && self.news {
             self.wall = self.feet.wall();

@@ -67,7 +67,7 @@ impl Camera {
         let half = (self.hfov / 2.0).tan();
         let corner = half.hypot(half * 0.75);
         let limit = self.limit();
-        limit > 0.0 && self.bent(limit) > corner
+        limit > 0.0 && self.distorted(limit) > corner
     }
 
     /// Direction of column `x` and row `y`, which may be fractional.
@@ -94,16 +94,16 @@ impl Camera {
         let right = -bearing.tan();
         let down = -elevation.tan() * right.hypot(1.0);
         let r = right.hypot(down);
-        let stretch = if r > self.limit() {
+        let factor = if r > self.limit() {
             return None;
         } else {
-            self.stretch(r)
+            self.distortion_factor(r)
         };
         let focal = self.focal_length(size.width);
         let (middle_x, middle_y) = middle(size);
         Some((
-            middle_x + focal * stretch * right,
-            middle_y + focal * stretch * down,
+            middle_x + focal * factor * right,
+            middle_y + focal * factor * down,
         ))
     }
 
@@ -112,49 +112,49 @@ impl Camera {
         let focal = self.focal_length(size.width);
         let (middle_x, middle_y) = middle(size);
         let (right, down) = ((x - middle_x) / focal, (y - middle_y) / focal);
-        let bent = right.hypot(down);
-        if bent == 0.0 || self.distortion == [0.0, 0.0] {
+        let distorted = right.hypot(down);
+        if distorted == 0.0 || self.distortion == [0.0, 0.0] {
             return (right, down);
         }
-        let scale = self.straight(bent) / bent;
+        let scale = self.undistorted(distorted) / distorted;
         (right * scale, down * scale)
     }
 
-    fn stretch(&self, r: f64) -> f64 {
+    fn distortion_factor(&self, r: f64) -> f64 {
         let [k1, k2] = self.distortion;
         1.0 + r * r * (k1 + k2 * r * r)
     }
 
     /// The distance from the centre at which the lens shows a point at the undistorted distance
     /// `r`, both in focal lengths.
-    fn bent(&self, r: f64) -> f64 {
-        r * self.stretch(r)
+    fn distorted(&self, r: f64) -> f64 {
+        r * self.distortion_factor(r)
     }
 
-    /// The inverse of [`Camera::bent`]; where the lens folds the picture, the largest distance
+    /// The inverse of [`Camera::distorted`]; where the lens folds the picture, the largest distance
     /// before that.
-    fn straight(&self, bent: f64) -> f64 {
+    fn undistorted(&self, distorted: f64) -> f64 {
         let limit = self.limit();
-        if self.bent(limit) <= bent {
+        if self.distorted(limit) <= distorted {
             return limit;
         }
-        let mut r = bent.min(limit);
+        let mut r = distorted.min(limit);
         for _ in 0..MOST_STEPS {
-            let step = (self.bent(r) - bent) / self.slope(r);
+            let step = (self.distorted(r) - distorted) / self.slope(r);
             r = (r - step).clamp(0.0, limit);
             if step.abs() < CLOSE {
                 return r;
             }
         }
-        self.halved(bent, limit)
+        self.bisected(distorted, limit)
     }
 
     /// The same by bisection, if Newton's method does not converge.
-    fn halved(&self, bent: f64, limit: f64) -> f64 {
+    fn bisected(&self, distorted: f64, limit: f64) -> f64 {
         let (mut near, mut far) = (0.0, limit);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (near + far);
-            if self.bent(middle) < bent {
+            if self.distorted(middle) < distorted {
                 near = middle
             } else {
                 far = middle
@@ -226,12 +226,12 @@ mod tests {
     #[test]
     fn the_edge_of_a_bulging_picture_has_a_larger_bearing() {
         let straight = Camera::pinhole(Camera::default().hfov);
-        let (bent, plain) = [Camera::default(), straight]
+        let (distorted, plain) = [Camera::default(), straight]
             .map(|camera| camera.bearing(-0.5, 119.5, SIZE).to_degrees())
             .into();
         assert!(
-            (plain - 22.8).abs() < 0.01 && bent > plain + 0.8,
-            "{bent} {plain}"
+            (plain - 22.8).abs() < 0.01 && distorted > plain + 0.8,
+            "{distorted} {plain}"
         );
     }
 

@@ -9,7 +9,7 @@
 use std::collections::VecDeque;
 
 use super::camera::Camera;
-use super::standstill::{Glance, LENS_AHEAD, LENS_HEIGHT};
+use super::standstill::{HalfLuma, LENS_AHEAD, LENS_HEIGHT};
 use crate::vision::picture::size::Size;
 
 /// Number of column groups in which a foot is searched for, and the width of each, half-size
@@ -33,28 +33,28 @@ const SHARE: f64 = 0.6;
 const FEWEST_AT_ONCE: usize = 3;
 /// Half of the feet in this many last pictures must belong to the wall.
 const NEWEST: usize = 5;
-/// A foot belongs to a wall within the tolerance [`FITS`], in metres, if its distance is less than
-/// [`NEAR`] times the height of the lens above it; more distant feet are measured less accurately
-/// and have a larger tolerance.
+/// A foot belongs to a wall within [`TOLERANCE`], in metres, if its distance is less than [`NEAR`]
+/// times the height of the lens above it; more distant feet are measured less accurately and have a
+/// larger tolerance.
 const NEAR: f64 = 3.0;
-const FITS: f64 = 0.016;
+const TOLERANCE: f64 = 0.016;
 /// Greatest deviation of a wall's feet from a straight line, metres.
 const STRAIGHT: f64 = 0.01;
 /// The candidate heights of the lens above the edge, metres: the least, how many, and the least for
 /// which the edge is a foot.
-const LEAST_BELOW: f64 = 0.07;
-const TRIED: usize = 14;
-const HIGHEST_FOOT: f64 = 0.095;
+const MIN_LENS_HEIGHT: f64 = 0.07;
+const HEIGHT_STEPS: usize = 14;
+const MIN_HEIGHT_OF_FOOT: f64 = 0.095;
 /// A height is still plausible if its squared error is at most this many times the least one, plus
 /// [`NOISE`].
-const WORSE: f64 = 1.05;
+const MAX_ERROR_RATIO: f64 = 1.05;
 const NOISE: f64 = 1e-5;
 /// A wall is extended by this much beyond its seen parts, metres.
-const BEYOND: f64 = 0.2;
+const EXTENSION: f64 = 0.2;
 
 /// Position of the robot's centre and its heading, from odometry.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Stand {
+pub struct RobotPose {
     /// Metres.
     pub x: f64,
     /// Metres.
@@ -63,11 +63,11 @@ pub struct Stand {
     pub heading: f64,
 }
 
-impl Stand {
+impl RobotPose {
     /// The pose after driving `way` metres while turning by `turned` radians.
-    pub fn after(self, way: f64, turned: f64) -> Stand {
+    pub fn after(self, way: f64, turned: f64) -> RobotPose {
         let middle = self.heading + turned / 2.0;
-        Stand {
+        RobotPose {
             x: self.x + way * middle.cos(),
             y: self.y + way * middle.sin(),
             heading: self.heading + turned,
@@ -81,36 +81,36 @@ pub struct Wall {
     /// The unit vector perpendicular to the wall, pointing towards it.
     normal: (f64, f64),
     /// Distance of the wall from the origin in that direction, metres.
-    far: f64,
+    offset: f64,
     /// The extent along the wall that was seen, metres; positive is to the left.
     seen: (f64, f64),
     /// Root mean square of the weighted distances of its feet, metres.
-    off: f64,
+    rms_error: f64,
     /// Height of the lens above the edge, metres.
-    below: f64,
+    lens_height: f64,
 }
 
 impl Wall {
     /// Distance from the robot's centre to the wall, metres; `None` where no wall was seen.
-    pub fn distance(&self, stand: Stand) -> Option<f64> {
-        let along = stand.y * self.normal.0 - stand.x * self.normal.1;
-        let here = self.seen.0 - BEYOND <= along && along <= self.seen.1 + BEYOND;
-        here.then_some(self.far - self.normal.0 * stand.x - self.normal.1 * stand.y)
+    pub fn distance(&self, pose: RobotPose) -> Option<f64> {
+        let along = pose.y * self.normal.0 - pose.x * self.normal.1;
+        let here = self.seen.0 - EXTENSION <= along && along <= self.seen.1 + EXTENSION;
+        here.then_some(self.offset - self.normal.0 * pose.x - self.normal.1 * pose.y)
     }
 
     /// The share of a movement straight ahead that leads towards the wall, -1 to 1.
-    pub fn ahead(&self, stand: Stand) -> f64 {
-        self.normal.0 * stand.heading.cos() + self.normal.1 * stand.heading.sin()
+    pub fn ahead(&self, pose: RobotPose) -> f64 {
+        self.normal.0 * pose.heading.cos() + self.normal.1 * pose.heading.sin()
     }
 
     /// Distance of a foot from the wall, metres.
-    fn off(&self, foot: &Foot) -> f64 {
-        let (x, y) = foot.place(self.below);
-        (self.normal.0 * x + self.normal.1 * y - self.far).abs()
+    fn error(&self, foot: &Foot) -> f64 {
+        let (x, y) = foot.place(self.lens_height);
+        (self.normal.0 * x + self.normal.1 * y - self.offset).abs()
     }
 
     fn has(&self, foot: &Foot) -> bool {
-        self.off(foot) <= FITS / foot.weight.sqrt()
+        self.error(foot) <= TOLERANCE / foot.weight.sqrt()
     }
 }
 
@@ -125,22 +125,22 @@ struct Foot {
 }
 
 impl Foot {
-    fn place(&self, below: f64) -> (f64, f64) {
+    fn place(&self, lens_height: f64) -> (f64, f64) {
         let ((x, y), (right, ahead)) = (self.lens, self.way);
-        (x + below * right, y + below * ahead)
+        (x + lens_height * right, y + lens_height * ahead)
     }
 }
 
 /// The feet seen while the robot drove.
 #[derive(Debug, Clone, Default)]
-pub struct Feet {
+pub struct WallFeet {
     seen: VecDeque<[Option<Foot>; PROBES]>,
 }
 
-impl Feet {
+impl WallFeet {
     /// Adds the feet of a picture taken at this pose. Returns whether feet were seen.
-    pub fn note(&mut self, glance: &Glance, camera: Camera, stand: Stand) -> bool {
-        let (w, h) = glance.size();
+    pub fn note(&mut self, luma: &HalfLuma, camera: Camera, pose: RobotPose) -> bool {
+        let (w, h) = luma.size();
         if w < PROBES * WIDE || h < 8 * REACH {
             return false;
         }
@@ -148,14 +148,14 @@ impl Feet {
             width: w as u32,
             height: h as u32,
         };
-        let (sin, cos) = stand.heading.sin_cos();
-        let lens = (stand.x + LENS_AHEAD * cos, stand.y + LENS_AHEAD * sin);
+        let (sin, cos) = pose.heading.sin_cos();
+        let lens = (pose.x + LENS_AHEAD * cos, pose.y + LENS_AHEAD * sin);
         let feet = std::array::from_fn(|probe| {
             let left = (w - WIDE) * probe / (PROBES - 1);
-            let row = farthest_edge(glance, left)?;
+            let row = farthest_edge(luma, left)?;
             let seen = camera.direction((left + WIDE / 2) as f64 - 0.5, row, size);
             let down = -seen.elevation.tan();
-            let (sin, cos) = (stand.heading + seen.bearing).sin_cos();
+            let (sin, cos) = (pose.heading + seen.bearing).sin_cos();
             (down >= FARTHEST).then(|| Foot {
                 lens,
                 way: (cos / down, sin / down),
@@ -182,7 +182,8 @@ impl Feet {
         let newest = self.last(NEWEST).count();
         let belong = self.last(NEWEST).filter(|foot| wall.has(foot)).count();
         let sure = count as f64 >= SHARE * all.len() as f64 && 2 * belong >= newest;
-        (sure && wall.off < STRAIGHT && wall.below >= HIGHEST_FOOT).then_some(wall)
+        (sure && wall.rms_error < STRAIGHT && wall.lens_height >= MIN_HEIGHT_OF_FOOT)
+            .then_some(wall)
     }
 
     /// The feet of the last pictures.
@@ -230,33 +231,36 @@ fn fit(feet: &[Foot]) -> Option<Wall> {
     let moment =
         |one: usize, other: usize| moments[one][other] / weight - means[one] * means[other];
     // The mean squared distance of the feet from the best line, and the line's normal.
-    let nearest = |below: f64| {
+    let nearest = |lens_height: f64| {
         let moment = |one: usize, other: usize| {
             let mixed = moment(one, other + 2) + moment(one + 2, other);
-            moment(one, other) + below * (mixed + below * moment(one + 2, other + 2))
+            moment(one, other) + lens_height * (mixed + lens_height * moment(one + 2, other + 2))
         };
         let (xx, xy, yy) = (moment(0, 0), moment(0, 1), moment(1, 1));
-        let off = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
+        let error = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
         let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
-        (off.max(0.0), (-angle.sin(), angle.cos()))
+        (error.max(0.0), (-angle.sin(), angle.cos()))
     };
-    let below =
-        |step: usize| LEAST_BELOW + (LENS_HEIGHT - LEAST_BELOW) * step as f64 / (TRIED - 1) as f64;
-    let lines: Vec<_> = (0..TRIED).map(|step| nearest(below(step))).collect();
+    let lens_height = |step: usize| {
+        MIN_LENS_HEIGHT + (LENS_HEIGHT - MIN_LENS_HEIGHT) * step as f64 / (HEIGHT_STEPS - 1) as f64
+    };
+    let lines: Vec<_> = (0..HEIGHT_STEPS)
+        .map(|step| nearest(lens_height(step)))
+        .collect();
     // The measured quantity scales with the height above the edge, and so does its error.
-    let unlike = |step: usize| lines[step].0 / below(step).powi(2);
-    let least = (0..TRIED).map(unlike).fold(f64::INFINITY, f64::min);
-    let step = (0..TRIED).rfind(|step| unlike(*step) <= WORSE * least + NOISE)?;
-    let ((off, (x, y)), below) = (lines[step], below(step));
+    let unlike = |step: usize| lines[step].0 / lens_height(step).powi(2);
+    let least = (0..HEIGHT_STEPS).map(unlike).fold(f64::INFINITY, f64::min);
+    let step = (0..HEIGHT_STEPS).rfind(|step| unlike(*step) <= MAX_ERROR_RATIO * least + NOISE)?;
+    let ((error, (x, y)), lens_height) = (lines[step], lens_height(step));
     let lens = x * means[0] + y * means[1];
-    let far = lens + below * (x * means[2] + y * means[3]);
-    let (normal, far) = if far >= lens {
-        ((x, y), far)
+    let offset = lens + lens_height * (x * means[2] + y * means[3]);
+    let (normal, offset) = if offset >= lens {
+        ((x, y), offset)
     } else {
-        ((-x, -y), -far)
+        ((-x, -y), -offset)
     };
     let alongs = feet.iter().map(|foot| {
-        let (x, y) = foot.place(below);
+        let (x, y) = foot.place(lens_height);
         y * normal.0 - x * normal.1
     });
     let seen = alongs.fold(
@@ -265,20 +269,20 @@ fn fit(feet: &[Foot]) -> Option<Wall> {
     );
     Some(Wall {
         normal,
-        far,
+        offset,
         seen,
-        off: (off * weight / feet.len() as f64).sqrt(),
-        below,
+        rms_error: (error * weight / feet.len() as f64).sqrt(),
+        lens_height,
     })
 }
 
 /// The row of the first edge below the horizon in the columns from `left` on.
-fn farthest_edge(glance: &Glance, left: usize) -> Option<f64> {
-    let (_, h) = glance.size();
+fn farthest_edge(luma: &HalfLuma, left: usize) -> Option<f64> {
+    let (_, h) = luma.size();
     let horizon = h / 2;
     let rows: Vec<f64> = (horizon..h)
         .map(|y| {
-            let row = &glance.row(y)[left..left + WIDE];
+            let row = &luma.row(y)[left..left + WIDE];
             let sum: u32 = row.iter().map(|value| u32::from(*value)).sum();
             f64::from(sum) / WIDE as f64
         })
@@ -308,7 +312,7 @@ mod tests {
 
     /// The view from this pose of a bright wall `far` metres from the origin, turned to the left by
     /// `turned` radians, with a skirting board of this height.
-    fn seen(stand: Stand, far: f64, turned: f64, board: f64) -> Glance {
+    fn seen(pose: RobotPose, far: f64, turned: f64, board: f64) -> HalfLuma {
         let camera = Camera::default();
         let size = Size {
             width: 320,
@@ -316,31 +320,31 @@ mod tests {
         };
         let normal = (turned.cos(), turned.sin());
         let lens = (
-            stand.x + LENS_AHEAD * stand.heading.cos(),
-            stand.y + LENS_AHEAD * stand.heading.sin(),
+            pose.x + LENS_AHEAD * pose.heading.cos(),
+            pose.y + LENS_AHEAD * pose.heading.sin(),
         );
         let picture = RgbImage::from_fn(320, 240, |x, y| {
             let ray = camera.direction(f64::from(x), f64::from(y), size);
-            let angle = stand.heading + ray.bearing;
+            let angle = pose.heading + ray.bearing;
             let away = far - normal.0 * lens.0 - normal.1 * lens.1;
             let way = away / (normal.0 * angle.cos() + normal.1 * angle.sin());
             let high = LENS_HEIGHT + way * ray.elevation.tan();
             Rgb([if high > board || way < 0.0 { 150 } else { 110 }; 3])
         });
-        let mut glance = Glance::default();
-        glance.take(&Image::from_rgb(&picture));
-        glance
+        let mut luma = HalfLuma::default();
+        luma.take(&Image::from_rgb(&picture));
+        luma
     }
 
     /// Drives towards such a wall and returns its measured and its true distance at the end.
     fn driven(turn: f64, turned: f64, board: f64) -> Option<(f64, f64)> {
-        let (mut feet, mut stand) = (Feet::default(), Stand::default());
-        while stand.x < 0.5 {
-            feet.note(&seen(stand, 1.1, turned, board), Camera::default(), stand);
-            stand = stand.after(0.02, 0.02 * turn);
+        let (mut feet, mut pose) = (WallFeet::default(), RobotPose::default());
+        while pose.x < 0.5 {
+            feet.note(&seen(pose, 1.1, turned, board), Camera::default(), pose);
+            pose = pose.after(0.02, 0.02 * turn);
         }
-        let truly = 1.1 - turned.cos() * stand.x - turned.sin() * stand.y;
-        Some((feet.wall()?.distance(stand)?, truly))
+        let truly = 1.1 - turned.cos() * pose.x - turned.sin() * pose.y;
+        Some((feet.wall()?.distance(pose)?, truly))
     }
 
     #[test]
@@ -358,27 +362,27 @@ mod tests {
 
     #[test]
     fn a_wall_is_not_placed_too_near_while_the_robot_stands_still() {
-        let (mut feet, stand) = (Feet::default(), Stand::default());
+        let (mut feet, pose) = (WallFeet::default(), RobotPose::default());
         for _ in 0..10 {
-            feet.note(&seen(stand, 1.1, 0.0, 0.08), Camera::default(), stand);
+            feet.note(&seen(pose, 1.1, 0.0, 0.08), Camera::default(), pose);
         }
-        assert!(feet.wall().unwrap().distance(stand).unwrap() > 1.1);
+        assert!(feet.wall().unwrap().distance(pose).unwrap() > 1.1);
     }
 
     #[test]
     fn no_wall_is_reported_where_none_was_seen() {
-        assert_eq!(Feet::default().wall(), None);
-        let (mut feet, stand) = (Feet::default(), Stand::default());
+        assert_eq!(WallFeet::default().wall(), None);
+        let (mut feet, pose) = (WallFeet::default(), RobotPose::default());
         for side in [1, 2, 9, 33, 160] {
-            let mut glance = Glance::default();
+            let mut luma = HalfLuma::default();
             let plain = RgbImage::from_pixel(2 * side, side, Rgb([90; 3]));
-            glance.take(&Image::from_rgb(&plain));
-            assert!(!feet.note(&glance, Camera::default(), stand));
+            luma.take(&Image::from_rgb(&plain));
+            assert!(!feet.note(&luma, Camera::default(), pose));
         }
         for _ in 0..10 {
-            feet.note(&seen(stand, 1.1, 0.0, 0.0), Camera::default(), stand);
+            feet.note(&seen(pose, 1.1, 0.0, 0.0), Camera::default(), pose);
         }
-        let aside = Stand { y: 2.0, ..stand };
+        let aside = RobotPose { y: 2.0, ..pose };
         assert_eq!(feet.wall().unwrap().distance(aside), None);
     }
 }

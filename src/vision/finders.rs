@@ -6,7 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::aslant::{Square, tries};
+use super::alignment_cost::{Square, candidate_triples};
 
 /// Most finder patterns that are searched: those of four codes. The work grows with their third
 /// power.
@@ -16,7 +16,7 @@ pub const MAX_FILLED: u64 = 8_000_000;
 /// Most steps in the search for alignment patterns.
 pub const MAX_STEPS: u64 = 4_000_000;
 /// Number of areas that the crate caches.
-const REMEMBERED: usize = 250;
+const CACHED_AREAS: usize = 250;
 /// How often patterns are erased before the picture is rejected.
 const MAX_ROUNDS: u32 = 8;
 /// Run lengths, in modules, across the centre of a finder pattern: dark, light, dark, light, dark.
@@ -69,7 +69,7 @@ struct Areas {
 #[derive(Debug, Clone, Copy)]
 struct Finder {
     ring: usize,
-    stone: usize,
+    inner: usize,
     /// The pixel of the ring where it was found.
     at: (usize, usize),
 }
@@ -89,7 +89,7 @@ impl Bitmap {
 
     /// Erases surplus patterns. Returns the remaining work, or `None` if even that exceeds the
     /// limits.
-    pub(super) fn tame(&mut self) -> Option<QrWork> {
+    pub(super) fn limit_work(&mut self) -> Option<QrWork> {
         for _ in 0..MAX_ROUNDS {
             let areas = self.areas();
             let (mut finders, filled) = areas.survey();
@@ -99,8 +99,8 @@ impl Bitmap {
             // The largest patterns are kept: they are the nearest.
             finders.sort_by_key(|finder| std::cmp::Reverse(areas.pixels[finder.ring]));
             let mut surplus = finders.split_off(finders.len().min(MAX_FINDERS));
-            let (steps, misfits) = areas.part_misfits(&mut finders);
-            surplus.extend(misfits);
+            let (steps, removed) = areas.remove_expensive(&mut finders);
+            surplus.extend(removed);
             if surplus.is_empty() {
                 return Some(QrWork {
                     finders: finders.len(),
@@ -109,7 +109,7 @@ impl Bitmap {
                     decoded: 0,
                 });
             }
-            self.paint_over(&areas, &surplus.iter().map(|finder| finder.stone).collect());
+            self.paint_over(&areas, &surplus.iter().map(|finder| finder.inner).collect());
         }
         None
     }
@@ -189,20 +189,20 @@ impl Areas {
         let (mut asked, mut last) = (0_usize, BTreeMap::new());
         for (y, runs) in self.by_row().enumerate() {
             for three in runs.windows(3).filter(|three| looks_like_a_square(three)) {
-                let (ring, stone) = (three[2].area, three[1].area);
-                for area in [ring, stone] {
+                let (ring, inner) = (three[2].area, three[1].area);
+                for area in [ring, inner] {
                     asked += 1;
                     let before = last.insert(area, asked);
                     // The cache drops an area at the earliest after this many requests for others;
                     // the area is then cleared and filled again.
-                    if before.is_none_or(|before| asked - before > REMEMBERED) {
+                    if before.is_none_or(|before| asked - before > CACHED_AREAS) {
                         filled += 2 * self.pixels[area];
                     }
                 }
                 if self.is_square(three) && !found.contains_key(&ring) {
                     filled += 2 * self.pixels[ring];
                     let at = (three[2].start, y);
-                    found.insert(ring, Finder { ring, stone, at });
+                    found.insert(ring, Finder { ring, inner, at });
                 }
             }
         }
@@ -211,17 +211,17 @@ impl Areas {
 
     /// Removes patterns until the estimated search is within the limit. Returns its steps and the
     /// removed patterns.
-    fn part_misfits(&self, finders: &mut Vec<Finder>) -> (u64, Vec<Finder>) {
+    fn remove_expensive(&self, finders: &mut Vec<Finder>) -> (u64, Vec<Finder>) {
         let mut squares: Vec<Square> = finders.iter().map(|finder| self.square(finder)).collect();
-        let mut misfits = Vec::new();
+        let mut removed = Vec::new();
         loop {
-            let tries = tries(&squares);
-            let sum: f64 = tries.iter().map(|(_, steps)| steps).sum();
+            let triples = candidate_triples(&squares);
+            let sum: f64 = triples.iter().map(|(_, steps)| steps).sum();
             if sum <= MAX_STEPS as f64 {
-                return (sum as u64, misfits);
+                return (sum as u64, removed);
             }
             let share = |index: usize| -> f64 {
-                let of_it = tries.iter().filter(|(three, _)| three.contains(&index));
+                let of_it = triples.iter().filter(|(three, _)| three.contains(&index));
                 // NaN and infinity are the worst.
                 of_it
                     .map(|(_, steps)| {
@@ -235,10 +235,10 @@ impl Areas {
             };
             let worst = (0..squares.len()).max_by(|a, b| share(*a).total_cmp(&share(*b)));
             let Some(worst) = worst else {
-                return (0, misfits);
+                return (0, removed);
             };
             squares.remove(worst);
-            misfits.push(finders.remove(worst));
+            removed.push(finders.remove(worst));
         }
     }
 
@@ -283,20 +283,20 @@ impl Areas {
     /// Whether the outer runs belong to one area, and the middle run belongs to another one of
     /// about the right size.
     fn is_square(&self, three: &[Run]) -> bool {
-        let (ring, stone) = (three[0].area, three[1].area);
-        let share = self.pixels[stone] * 100 / self.pixels[ring].max(1);
-        ring == three[2].area && ring != stone && (11..70).contains(&share)
+        let (ring, inner) = (three[0].area, three[1].area);
+        let share = self.pixels[inner] * 100 / self.pixels[ring].max(1);
+        ring == three[2].area && ring != inner && (11..70).contains(&share)
     }
 }
 
 /// Whether three neighbouring runs and the gaps between them have the proportions of a finder
 /// pattern.
 fn looks_like_a_square(three: &[Run]) -> bool {
-    let [left, stone, right] = three else {
+    let [left, inner, right] = three else {
         return false;
     };
-    let gaps = (stone.start - left.end, right.start - stone.end);
-    let lengths = [left.len(), gaps.0, stone.len(), gaps.1, right.len()];
+    let gaps = (inner.start - left.end, right.start - inner.end);
+    let lengths = [left.len(), gaps.0, inner.len(), gaps.1, right.len()];
     let module = (lengths[0] + lengths[1] + lengths[3] + lengths[4]) / 4;
     let slack = module * 3 / 4;
     let fits = |(length, times): (usize, usize)| {
@@ -335,22 +335,22 @@ mod tests {
     fn patterns_are_counted_and_the_surplus_is_erased() {
         let mut few = sheet(320, 240, 3, &lattice(3, 2, 40));
         let before = few.black.clone();
-        let work = few.tame().unwrap();
+        let work = few.limit_work().unwrap();
         assert_eq!(work.finders, 6);
         assert!((1..MAX_FILLED).contains(&work.filled));
         assert_eq!(few.black, before, "nothing is erased");
         let mut many = sheet(320, 240, 3, &lattice(10, 7, 30));
         assert_eq!(many.areas().survey().0.len(), 70);
-        assert_eq!(many.tame().unwrap().finders, MAX_FINDERS);
+        assert_eq!(many.limit_work().unwrap().finders, MAX_FINDERS);
         assert_eq!(many.areas().survey().0.len(), MAX_FINDERS);
     }
 
     #[test]
     fn no_picture_is_too_small() {
         for (width, height) in [(1, 1), (1, 240), (320, 1), (7, 7)] {
-            let black = Bitmap::new(width, height, |_, _| true).tame();
+            let black = Bitmap::new(width, height, |_, _| true).limit_work();
             assert_eq!(black, Some(QrWork::default()));
-            let white = Bitmap::new(width, height, |_, _| false).tame();
+            let white = Bitmap::new(width, height, |_, _| false).limit_work();
             assert_eq!(white, Some(QrWork::default()));
         }
     }

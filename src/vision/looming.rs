@@ -21,14 +21,14 @@ const STEPS: usize = 34;
 const SWAY: i32 = 2;
 /// Least mean squared difference without growth for a measurement; it must exceed the camera's
 /// noise.
-const TELLS: f64 = 1.0;
+const MIN_CHANGE: f64 = 1.0;
 /// The best distance must leave at most this share of that difference.
-const FITS: f64 = 0.2;
+const MAX_RESIDUAL: f64 = 0.2;
 /// Greatest ratio between the farthest and the nearest distance that fit nearly as well as the
 /// best.
-const SHARP: f64 = 1.45;
+const MAX_SPREAD: f64 = 1.45;
 /// Only every nth column is compared.
-const EVERY: usize = 2;
+const COLUMN_STEP: usize = 2;
 /// Most measurements that are kept of an approach, how many of the last must agree, and how
 /// closely, metres.
 const MOST_SEEN: usize = 7;
@@ -50,7 +50,7 @@ pub fn distance(before: &[f32], now: &[f32], way: f64, turned: f64) -> Option<f6
         costs.fold(f64::INFINITY, f64::min)
     };
     let still = least(1.0, turned);
-    if still < TELLS {
+    if still < MIN_CHANGE {
         return None;
     }
     let far = |step: usize| NEAREST * STEP.powi(step as i32);
@@ -69,9 +69,9 @@ pub fn distance(before: &[f32], now: &[f32], way: f64, turned: f64) -> Option<f6
     let good = |cost_there: f64| cost_there < 2.0 * cost + 0.05 * still;
     let first = costs.iter().position(|cost| good(*cost))?;
     let last = costs.iter().rposition(|cost| good(*cost))?;
-    let sharp = far(last) <= SHARP * far(first);
+    let sharp = far(last) <= MAX_SPREAD * far(first);
     let inside = 0 < best && best + 1 < STEPS;
-    (inside && sharp && cost <= FITS * still).then(|| far(best))
+    (inside && sharp && cost <= MAX_RESIDUAL * still).then(|| far(best))
 }
 
 /// The mean squared difference if the picture has grown by this factor and shifted to the right by
@@ -79,7 +79,7 @@ pub fn distance(before: &[f32], now: &[f32], way: f64, turned: f64) -> Option<f6
 fn unlike(before: &[f32], now: &[f32], growth: f64, sway: f64) -> f64 {
     let middle = now.len() as f64 / 2.0 - 0.5;
     let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
-    for x in (0..now.len()).step_by(EVERY) {
+    for x in (0..now.len()).step_by(COLUMN_STEP) {
         let from = middle + (x as f64 - middle - sway) / growth;
         if from < 0.0 {
             continue;

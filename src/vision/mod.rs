@@ -3,30 +3,30 @@
 //!
 //! [`validate_markers`] checks a frame's markers before it is decoded, [`Decoder`] decodes it to an
 //! [`Image`], [`Colour`]s describe what to look for, a [`Palette`] is their compiled form, and
-//! [`BlobFinder`] groups matching pixels into [`Blob`]s. [`Eyes`] does all of this frame by frame;
-//! it decodes each frame once and reuses its buffers.
+//! [`BlobFinder`] groups matching pixels into [`Blob`]s. [`FrameAnalyser`] does all of this frame by
+//! frame; it decodes each frame once and reuses its buffers.
 //!
 //! Most of the time is spent on decoding (`scripts/bench-vision`), so every other operation on a
 //! frame is kept cheap: brightness, sharpness and motion use the decoded luma directly, and colours
 //! are looked up without a conversion to RGB.
 
-mod aslant;
+mod alignment_cost;
 mod blobs;
 mod calibration;
 mod camera;
 mod colour;
 mod damage;
 mod drawing;
-mod eyes;
 mod feet;
 mod finders;
+mod frame_analyser;
 mod jpeg;
 mod line;
 mod looming;
 mod motion;
 mod near_wall;
-mod outline;
 mod picture;
+mod profiles;
 mod qrcode;
 mod standstill;
 mod sway;
@@ -46,9 +46,9 @@ pub use colour::palette::{MAX_COLOURS, Palette};
 pub use colour::{Colour, ColourError, Span};
 pub use damage::Damage;
 pub use drawing::annotate::{Mark, annotate, annotate_enlarged};
-pub use eyes::Eyes;
-pub use feet::{Feet, Stand, Wall};
+pub use feet::{RobotPose, Wall, WallFeet};
 pub use finders::{MAX_FILLED, MAX_FINDERS, MAX_STEPS, QrWork};
+pub use frame_analyser::FrameAnalyser;
 pub use jpeg::decoder::Decoder;
 pub use jpeg::encoder::{Encoder as JpegEncoder, Subsampling};
 pub use jpeg::frame::{FrameError, MAX_JPEG_LEN, validate_markers};
@@ -56,12 +56,12 @@ pub use line::{Line, find_line};
 pub use looming::{Looming, distance as looming_distance};
 pub use motion::{Motion, MotionDetector, MotionOptions};
 pub use near_wall::{Approach, foot_ahead, nearer_than};
-pub use outline::{Outline, compare as compare_outlines};
 pub use picture::image::{Image, Roi};
 pub use picture::measure::{brightness, sharpness};
 pub use picture::size::{MAX_HEIGHT, MAX_WIDTH, Size};
+pub use profiles::{Profiles, compare as compare_profiles};
 pub use qrcode::{MAX_CODES, QrCode, find_qrcodes, find_qrcodes_counting};
-pub use standstill::{Drive, Glance, Verdict, compare as compare_glances};
+pub use standstill::{Drive, HalfLuma, Verdict, compare as compare_half_luma};
 pub use sway::swayed;
 pub use tracker::{Track, Tracker, TrackerOptions};
 pub use turn::Skyline;

@@ -132,7 +132,7 @@ impl MotionDetector {
     /// Marks the pixels that have moved and counts them.
     fn compare(&mut self) -> u32 {
         self.mark_changes();
-        self.drop_lonely_ones();
+        self.drop_isolated_changes();
         self.moved.iter().map(|moved| u32::from(*moved)).sum()
     }
 
@@ -166,7 +166,7 @@ impl MotionDetector {
     }
 
     /// Keeps a change only if enough of its neighbours changed too.
-    fn drop_lonely_ones(&mut self) {
+    fn drop_isolated_changes(&mut self) {
         let Size2 { w, h } = self.half;
         self.moved.clear();
         self.moved.resize(w * h, 0);

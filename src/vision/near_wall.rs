@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::camera::Camera;
-use super::standstill::{Glance, LENS_HEIGHT};
+use super::standstill::{HalfLuma, LENS_HEIGHT};
 
 /// The columns ahead of the robot and the top row, as shares of the picture; rows are used from
 /// there to the bottom.
@@ -21,14 +21,14 @@ const MOST_SEEN: usize = 24;
 const FEWEST_SEEN: usize = 5;
 const SHORTEST: f64 = 0.08;
 /// Brightness within which edges can be seen; darker or brighter pictures may hide them.
-const SHOWS: std::ops::RangeInclusive<f64> = 20.0..=240.0;
+const USABLE_BRIGHTNESS: std::ops::RangeInclusive<f64> = 20.0..=240.0;
 
 /// The greatest possible distance, in metres, from the lens to what fills the picture ahead. What
 /// the camera sees at the height of its lens is upright; if there is no edge from there down to the
 /// bottom of the picture, it hides all of the floor. `None` if floor may be visible or the picture
 /// is inconclusive.
-pub fn nearer_than(glance: &Glance, camera: Camera) -> Option<f64> {
-    let (w, h) = glance.size();
+pub fn nearer_than(luma: &HalfLuma, camera: Camera) -> Option<f64> {
+    let (w, h) = luma.size();
     let part = |share: f64, of: usize| (share * of as f64) as usize;
     let (left, right) = (part(COLUMNS.0, w), part(COLUMNS.1, w));
     let (top, strip) = (part(TOP, h), (right - left) / STRIPS);
@@ -38,7 +38,7 @@ pub fn nearer_than(glance: &Glance, camera: Camera) -> Option<f64> {
     let plain = (0..STRIPS).all(|number| {
         let from = left + number * strip;
         let rows: Vec<f64> = (top..h)
-            .map(|y| mean(&glance.row(y)[from..from + strip]))
+            .map(|y| mean(&luma.row(y)[from..from + strip]))
             .collect();
         is_plain(&rows)
     });
@@ -49,15 +49,15 @@ pub fn nearer_than(glance: &Glance, camera: Camera) -> Option<f64> {
 /// How far below the horizon the edge is that will be the last to leave the picture at the bottom
 /// when the robot drives forward, usually the foot of what stands ahead. In half-size pixels, for
 /// [`Approach`].
-pub fn foot_ahead(glance: &Glance) -> Option<f64> {
-    let (w, h) = glance.size();
+pub fn foot_ahead(luma: &HalfLuma) -> Option<f64> {
+    let (w, h) = luma.size();
     let part = |share: f64| (share * w as f64) as usize;
     let (left, right, horizon) = (part(COLUMNS.0), part(COLUMNS.1), h / 2);
     if left == right || h < 4 * REACH {
         return None;
     }
     let rows: Vec<f64> = (horizon..h)
-        .map(|y| mean(&glance.row(y)[left..right]))
+        .map(|y| mean(&luma.row(y)[left..right]))
         .collect();
     let steps: Vec<f64> = rows
         .windows(2 * REACH + 1)
@@ -128,7 +128,7 @@ fn mean(values: &[u8]) -> f64 {
 /// Whether the brightness has no step between neighbouring rows.
 fn is_plain(rows: &[f64]) -> bool {
     let mut steps = rows.windows(2 * REACH + 1).map(step);
-    rows.iter().all(|row| SHOWS.contains(row)) && steps.all(|step| step.abs() < EDGE)
+    rows.iter().all(|row| USABLE_BRIGHTNESS.contains(row)) && steps.all(|step| step.abs() < EDGE)
 }
 
 /// The difference between the rows above the middle one and those below it.
@@ -145,10 +145,10 @@ mod tests {
     use crate::vision::Image;
 
     fn seen(value: impl Fn(u32, u32) -> u8) -> Option<f64> {
-        let mut glance = Glance::default();
+        let mut luma = HalfLuma::default();
         let picture = RgbImage::from_fn(320, 240, |x, y| Rgb([value(x, y); 3]));
-        glance.take(&Image::from_rgb(&picture));
-        nearer_than(&glance, Camera::default())
+        luma.take(&Image::from_rgb(&picture));
+        nearer_than(&luma, Camera::default())
     }
 
     #[test]
@@ -174,7 +174,7 @@ mod tests {
         for step in 0..12 {
             let driven = 0.02 * f64::from(step);
             let foot = 138.0 * 2.0 * 0.13 / (1.2 - driven);
-            let mut glance = Glance::default();
+            let mut luma = HalfLuma::default();
             let picture = RgbImage::from_fn(320, 240, |_, y| {
                 Rgb([if f64::from(y) < 120.0 + foot {
                     150
@@ -182,8 +182,8 @@ mod tests {
                     120
                 }; 3])
             });
-            glance.take(&Image::from_rgb(&picture));
-            approach.note(driven, foot_ahead(&glance).unwrap());
+            luma.take(&Image::from_rgb(&picture));
+            approach.note(driven, foot_ahead(&luma).unwrap());
         }
         let arrival = approach.arrival().unwrap();
         assert!((arrival - 1.2).abs() < 0.1, "{arrival}");
@@ -194,14 +194,14 @@ mod tests {
     #[test]
     fn tiny_pictures_give_no_result() {
         for side in 0..16 {
-            let mut glance = Glance::default();
-            glance.take(&Image::from_rgb(&RgbImage::from_pixel(
+            let mut luma = HalfLuma::default();
+            luma.take(&Image::from_rgb(&RgbImage::from_pixel(
                 side,
                 side,
                 Rgb([90; 3]),
             )));
-            assert_eq!(nearer_than(&glance, Camera::default()), None);
-            assert_eq!(foot_ahead(&glance), None);
+            assert_eq!(nearer_than(&luma, Camera::default()), None);
+            assert_eq!(foot_ahead(&luma), None);
         }
     }
 }

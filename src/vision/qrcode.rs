@@ -72,7 +72,7 @@ fn search_in(picture: &GrayImage) -> Option<(Vec<QrCode>, QrWork)> {
     let grey = |x: usize, y: usize| picture.get_pixel(x as u32, y as u32).0[0];
     let prepared = rqrr::PreparedImage::prepare_from_greyscale(width, height, grey);
     let mut bitmap = Bitmap::new(width, height, |x, y| prepared.get_pixel_at(x, y) != 0u8);
-    let mut work = bitmap.tame()?;
+    let mut work = bitmap.limit_work()?;
     let black = |x: usize, y: usize| bitmap.is_black(x, y);
     let mut tamed = rqrr::PreparedImage::prepare_from_bitmap(width, height, black);
     let grids = tamed.detect_grids();

@@ -72,13 +72,13 @@ pub enum Verdict {
 
 /// A picture's luma at half its width and height.
 #[derive(Debug, Clone, Default)]
-pub struct Glance {
+pub struct HalfLuma {
     w: usize,
     h: usize,
     luma: Vec<u8>,
 }
 
-impl Glance {
+impl HalfLuma {
     /// Takes the luma of a picture; reuses the memory of `self`.
     pub fn take(&mut self, image: &Image) {
         let Size { width, height } = image.size();
@@ -119,8 +119,8 @@ impl Glance {
 /// most likely shift of the picture to the right in half-size pixels, assuming that it only
 /// shifted.
 pub fn compare(
-    before: &Glance,
-    now: &Glance,
+    before: &HalfLuma,
+    now: &HalfLuma,
     camera: Camera,
     drive: Drive,
     apart: Duration,
@@ -219,10 +219,10 @@ struct Witness {
 impl Witness {
     /// Evaluates the tile at this place. The expected shift is compared at the four whole-pixel
     /// shifts around it: an edge along the direction of movement is not a witness.
-    fn at(before: &Glance, place: (usize, usize), shift: (f64, f64)) -> Option<Witness> {
+    fn at(before: &HalfLuma, place: (usize, usize), shift: (f64, f64)) -> Option<Witness> {
         let shift = (shift.0.floor() as isize, shift.1.floor() as isize);
         let there = || before.tile(place.0, place.1);
-        let change = unlike_moved(before, place, shift, there, WITNESS)?;
+        let change = difference_after_motion(before, place, shift, there, WITNESS)?;
         let witness = Witness {
             place,
             shift,
@@ -233,33 +233,34 @@ impl Witness {
 
     /// Whether no sway looks like the movement here. A straight edge through the tile does not show
     /// how far it has moved along itself.
-    fn is_unlike_any_sway(&self, before: &Glance, slides: isize) -> bool {
+    fn is_unlike_any_sway(&self, before: &HalfLuma, slides: isize) -> bool {
         let (right, down) = self.shift;
         let here = || before.tile(self.place.0, self.place.1);
         let slides = slides + 2 * (right.abs() + down.abs());
         (-slides..=slides).all(|slid| {
-            let unlike = unlike_moved(before, self.place, (right + slid, down), here, WITNESS);
+            let unlike =
+                difference_after_motion(before, self.place, (right + slid, down), here, WITNESS);
             unlike.is_none_or(|unlike| unlike >= WITNESS)
         })
     }
 
     /// Whether the tile is found `sway` pixels to the right of its place and looks less like the
     /// tile after the movement; `None` if that place is not in the picture.
-    fn stands(&self, before: &Glance, now: &Glance, sway: isize) -> Option<bool> {
+    fn stands(&self, before: &HalfLuma, now: &HalfLuma, sway: isize) -> Option<bool> {
         let there = now.shifted(self.place, (sway, 0))?;
         let off = difference(there.clone(), before.tile(self.place.0, self.place.1));
         if off >= STILL * self.change {
             return Some(false);
         }
-        let moved = unlike_moved(before, self.place, self.shift, || there.clone(), off);
+        let moved = difference_after_motion(before, self.place, self.shift, || there.clone(), off);
         Some(moved.is_some_and(|moved| moved > off))
     }
 }
 
 /// The least difference of a tile from those that the movement brings here. The search stops once
 /// it is below `enough`. `None` if they are not in the picture.
-fn unlike_moved<I: Iterator<Item = i32> + Clone>(
-    before: &Glance,
+fn difference_after_motion<I: Iterator<Item = i32> + Clone>(
+    before: &HalfLuma,
     place: (usize, usize),
     (right, down): (isize, isize),
     tile: impl Fn() -> I,
@@ -301,9 +302,9 @@ struct Expected {
 }
 
 impl Expected {
-    fn new(glance: &Glance, camera: Camera, drive: Drive, seconds: f64) -> Expected {
-        let centre = (glance.w as f64 / 2.0, glance.h as f64 / 2.0);
-        let focal = camera.focal_length(glance.w as u32);
+    fn new(luma: &HalfLuma, camera: Camera, drive: Drive, seconds: f64) -> Expected {
+        let centre = (luma.w as f64 / 2.0, luma.h as f64 / 2.0);
+        let focal = camera.focal_length(luma.w as u32);
         let turn = drive.turn * seconds;
         Expected {
             centre,

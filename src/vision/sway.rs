@@ -1,10 +1,10 @@
 //! Measures how far a picture has shifted sideways, assuming that it changed in no other way.
 
-use super::outline::Outline;
+use super::profiles::Profiles;
 
 /// The shift of the picture to the right in half-size pixels, searched within `least..=most` and
 /// assuming that the camera only turned.
-pub fn swayed(before: &Outline, now: &Outline, least: isize, most: isize) -> isize {
+pub fn swayed(before: &Profiles, now: &Profiles, least: isize, most: isize) -> isize {
     let unlike = |by: isize| {
         let bands = before.bands.iter().zip(&now.bands);
         bands

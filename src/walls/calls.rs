@@ -136,7 +136,7 @@ const PRCTL: &[i32] = &[sys::PR_SET_NAME, PR_GET_AUXV];
 const PR_GET_AUXV: i32 = 0x4155_5856;
 
 /// Whether a filter exists for this processor architecture.
-pub(super) fn are_known() -> bool {
+pub(super) fn is_supported() -> bool {
     !ALLOWED.is_empty() && architecture().is_some()
 }
 
@@ -158,7 +158,7 @@ fn architecture() -> Option<TargetArch> {
 /// Builds two filters. The first returns `ENOSYS` for a call that C libraries can replace with
 /// another one; the second returns `EPERM` for every call that is not allowed.
 fn programs() -> Option<(BpfProgram, BpfProgram)> {
-    if !are_known() {
+    if !is_supported() {
         return None;
     }
     let mut rules: Rules = ALLOWED
@@ -187,7 +187,7 @@ fn conditional() -> Option<Rules> {
     let itself = i32::try_from(std::process::id()).ok()?;
     // Nothing that is mapped after the start can be executable: no new code can be loaded.
     let not_executable = || {
-        only(
+        low_word(
             2,
             SeccompCmpOp::MaskedEq(u64::from(bits(sys::PROT_EXEC))),
             0,
@@ -202,14 +202,14 @@ fn conditional() -> Option<Rules> {
         (sys::SYS_prctl, one_of(0, PRCTL)?),
         (
             sys::SYS_ioctl,
-            vec![only(1, SeccompCmpOp::Eq, sys::FIONBIO)?],
+            vec![low_word(1, SeccompCmpOp::Eq, sys::FIONBIO)?],
         ),
         (sys::SYS_socketpair, one_of(0, &[sys::AF_UNIX])?),
         // Only to the connected peer: no destination address. Unlike `sendmsg`, it cannot pass
         // descriptors.
-        (sys::SYS_sendto, vec![nothing(4)?]),
+        (sys::SYS_sendto, vec![is_null(4)?]),
         // Reads a limit; setting one is refused.
-        (sys::SYS_prlimit64, vec![nothing(2)?]),
+        (sys::SYS_prlimit64, vec![is_null(2)?]),
     ]))
 }
 #[cfg(not(target_pointer_width = "64"))]
@@ -225,17 +225,17 @@ fn bits(flags: i32) -> u32 {
 fn one_of(argument: u8, values: &[i32]) -> Option<Vec<SeccompRule>> {
     let rules = values
         .iter()
-        .map(|&value| only(argument, SeccompCmpOp::Eq, bits(value).into()));
+        .map(|&value| low_word(argument, SeccompCmpOp::Eq, bits(value).into()));
     rules.collect()
 }
 
 /// Matches if the lower 32 bits of this argument satisfy the comparison.
-fn only(argument: u8, compare: SeccompCmpOp, value: u64) -> Option<SeccompRule> {
+fn low_word(argument: u8, compare: SeccompCmpOp, value: u64) -> Option<SeccompRule> {
     rule(argument, SeccompCmpArgLen::Dword, compare, value)
 }
 
 /// Matches if this pointer is null.
-fn nothing(argument: u8) -> Option<SeccompRule> {
+fn is_null(argument: u8) -> Option<SeccompRule> {
     rule(argument, SeccompCmpArgLen::Qword, SeccompCmpOp::Eq, 0)
 }
 

@@ -7,10 +7,10 @@ use std::os::unix::process::CommandExt as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use super::{Room, Walls};
+use super::{Restrictions, SandboxPolicy};
 
 /// Returns the command that starts `executable` with its hidden arguments, so that it confines
-/// itself to the room, and our end of the socket that is its standard input. The process has an
+/// itself by the policy, and our end of the socket that is its standard input. The process has an
 /// empty environment (except for one setting of the C library) and inherits no other descriptors.
 /// Logs once per process which restrictions the kernel does not support.
 ///
@@ -19,14 +19,14 @@ use super::{Room, Walls};
 pub fn command(
     executable: &Path,
     hidden: &[&str],
-    room: &Room,
+    policy: &SandboxPolicy,
 ) -> io::Result<(Command, UnixStream)> {
-    Walls::say_what_is_missing();
+    Restrictions::warn_unsupported();
     let (ours, theirs) = UnixStream::pair()?;
     let mut command = Command::new(executable);
     command
         .args(hidden)
-        .args(room.arguments())
+        .args(policy.arguments())
         .env_clear()
         // Otherwise glibc reserves 64 MiB of address space for a separate heap for every thread.
         .env("MALLOC_ARENA_MAX", "1")

@@ -1,6 +1,6 @@
 //! The restrictions that the kernel enforces on a confined process: it dies with its parent, its
 //! resources are limited, it has no capabilities, and it reaches only its pipe, its standard error
-//! and its room.
+//! and the files that its policy allows.
 //!
 //! The resource limits are mandatory: without them no script runs. Landlock and seccomp are used
 //! where the kernel supports them.
@@ -35,7 +35,7 @@ const NICE: i32 = 5;
 /// the user's threads, which are fewer, so a well-behaved process never reaches this limit.
 const MORE_THREADS: u64 = 256;
 /// CPU time of a behaviour, which may run for months: a hundred days.
-const LIFELONG: u64 = 100 * 86_400;
+const BEHAVIOUR_CPU_SECONDS: u64 = 100 * 86_400;
 /// The newest landlock version that this program knows; older kernels apply the part that they
 /// support.
 const LANDLOCK: ABI = ABI::V6;
@@ -44,19 +44,19 @@ const SECCOMP_ACTIONS: &str = "/proc/sys/kernel/seccomp/actions_avail";
 
 /// What a confined process may access and use. Passed on its command line.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Room {
+pub struct SandboxPolicy {
     /// Folders or files that it may read.
     pub read: Vec<PathBuf>,
     /// Folders in which it may also write.
     pub write: Vec<PathBuf>,
     /// Limit of CPU time in seconds; 0 for that of a behaviour.
-    pub processor: u64,
+    pub cpu_seconds: u64,
 }
 
-impl Room {
-    /// The arguments for [`Room::of_arguments`]: the parent's process id first.
+impl SandboxPolicy {
+    /// The arguments for [`SandboxPolicy::of_arguments`]: the parent's process id first.
     pub(super) fn arguments(&self) -> Vec<OsString> {
-        let numbers = [u64::from(std::process::id()), self.processor];
+        let numbers = [u64::from(std::process::id()), self.cpu_seconds];
         let numbers = numbers.map(|number| OsString::from(number.to_string()));
         let read = self.read.iter().map(OsString::from);
         let write = self.write.iter().map(OsString::from);
@@ -69,28 +69,28 @@ impl Room {
             .collect()
     }
 
-    /// Parses the process id of the expected parent and the room. `None` if the arguments are
+    /// Parses the process id of the expected parent and the policy. `None` if the arguments are
     /// invalid.
-    pub fn of_arguments(arguments: impl Iterator<Item = OsString>) -> Option<(u32, Room)> {
+    pub fn of_arguments(arguments: impl Iterator<Item = OsString>) -> Option<(u32, SandboxPolicy)> {
         let mut arguments = arguments;
         let mut number = || arguments.next()?.to_str()?.parse::<u64>().ok();
-        let (parent, processor, count) = (number()?, number()?, number()?);
+        let (parent, cpu_seconds, count) = (number()?, number()?, number()?);
         let mut read: Vec<PathBuf> = arguments.map(PathBuf::from).collect();
         let count = usize::try_from(count).ok().filter(|n| *n <= read.len())?;
         let write = read.split_off(count);
-        let room = Room {
+        let policy = SandboxPolicy {
             read,
             write,
-            processor,
+            cpu_seconds,
         };
-        Some((u32::try_from(parent).ok()?, room))
+        Some((u32::try_from(parent).ok()?, policy))
     }
 }
 
 /// Which of the optional restrictions are available.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Walls {
-    /// Landlock: files outside the room and the network cannot be accessed.
+pub struct Restrictions {
+    /// Landlock: files that the policy does not allow and the network cannot be accessed.
     pub files: bool,
     /// Seccomp: no sockets, programs, processes or signals to other processes.
     pub calls: bool,
@@ -127,31 +127,31 @@ impl Landlock {
     }
 }
 
-impl Walls {
+impl Restrictions {
     /// The restrictions that this kernel supports.
-    pub fn offered() -> Walls {
+    pub fn supported() -> Restrictions {
         let required = Ruleset::default()
             .set_compatibility(CompatLevel::HardRequirement)
             .handle_access(AccessFs::from_all(ABI::V1))
             .and_then(Ruleset::create);
-        Walls {
+        Restrictions {
             files: required.is_ok(),
-            calls: Path::new(SECCOMP_ACTIONS).exists() && calls::are_known(),
+            calls: Path::new(SECCOMP_ACTIONS).exists() && calls::is_supported(),
         }
     }
 
     /// Logs once per process which restrictions this kernel does not support.
-    pub(super) fn say_what_is_missing() {
+    pub(super) fn warn_unsupported() {
         static ONCE: Once = Once::new();
         ONCE.call_once(|| {
-            let walls = Walls::offered();
-            if !walls.files {
+            let restrictions = Restrictions::supported();
+            if !restrictions.files {
                 tracing::warn!(
                     "this kernel has no landlock: code that breaks out of a script's sandbox could open \
                      your files (run `spykee doctor` for details)"
                 );
             }
-            if !walls.calls {
+            if !restrictions.calls {
                 tracing::warn!(
                     "this kernel has no seccomp filters: code that breaks out of a script's sandbox \
                      could open sockets (run `spykee doctor` for details)"
@@ -172,8 +172,8 @@ pub fn keep_descriptors() {
 ///
 /// # Errors
 /// If the kernel refuses a limit: then no script may run. Also if the parent has already exited.
-pub fn confine(parent: u32, room: &Room) -> io::Result<Walls> {
-    die_first();
+pub fn confine(parent: u32, policy: &SandboxPolicy) -> io::Result<Restrictions> {
+    raise_oom_score();
     rustix::thread::set_no_new_privs(true)?;
     drop_capabilities()?;
     rustix::process::set_parent_process_death_signal(Some(Signal::KILL))?;
@@ -185,18 +185,18 @@ pub fn confine(parent: u32, room: &Room) -> io::Result<Walls> {
     rustix::process::umask(Mode::RWXG | Mode::RWXO);
     // If the system refuses the lower priority, the process runs without it.
     let _ = rustix::process::nice(NICE);
-    limit(room.processor)?;
+    limit(policy.cpu_seconds)?;
     // Other processes of the same user cannot trace it, and it leaves no core dump.
     rustix::process::set_dumpable_behavior(DumpableBehavior::NotDumpable)?;
-    Ok(Walls {
-        files: restrict_files(room).unwrap_or(false),
+    Ok(Restrictions {
+        files: restrict_files(policy).unwrap_or(false),
         calls: calls::restrict(),
     })
 }
 
 /// Makes the kernel kill a host before the agent when memory runs out. Where the system has no such
 /// score, it chooses by size.
-fn die_first() {
+fn raise_oom_score() {
     let _ = std::fs::write("/proc/self/oom_score_adj", OOM_SCORE_ADJ);
 }
 
@@ -216,7 +216,7 @@ fn drop_capabilities() -> io::Result<()> {
     Ok(rustix::thread::set_capabilities(None, none)?)
 }
 
-fn limit(processor: u64) -> io::Result<()> {
+fn limit(cpu_seconds: u64) -> io::Result<()> {
     let mut limits = vec![
         (Resource::As, ADDRESS_SPACE),
         (Resource::Nofile, OPEN_FILES),
@@ -228,7 +228,11 @@ fn limit(processor: u64) -> io::Result<()> {
         (Resource::Nice, 0),
         (
             Resource::Cpu,
-            if processor == 0 { LIFELONG } else { processor },
+            if cpu_seconds == 0 {
+                BEHAVIOUR_CPU_SECONDS
+            } else {
+                cpu_seconds
+            },
         ),
     ];
     limits.extend(threads().map(|threads| (Resource::Nproc, threads + MORE_THREADS)));
@@ -254,7 +258,7 @@ fn threads() -> Option<u64> {
 }
 
 /// Returns whether the kernel enforces the rules.
-fn restrict_files(room: &Room) -> Result<bool, RulesetError> {
+fn restrict_files(policy: &SandboxPolicy) -> Result<bool, RulesetError> {
     let ruleset = Ruleset::default()
         .handle_access(AccessFs::from_all(LANDLOCK))?
         .handle_access(AccessNet::from_all(LANDLOCK))?
@@ -263,8 +267,8 @@ fn restrict_files(room: &Room) -> Result<bool, RulesetError> {
     let read = AccessFs::ReadFile | AccessFs::ReadDir;
     let write = AccessFs::WriteFile | AccessFs::Truncate;
     let names = AccessFs::MakeReg | AccessFs::RemoveFile | AccessFs::MakeDir | AccessFs::RemoveDir;
-    let ruleset = allow(ruleset, &room.read, read)?;
-    let ruleset = allow(ruleset, &room.write, read | write | names)?;
+    let ruleset = allow(ruleset, &policy.read, read)?;
+    let ruleset = allow(ruleset, &policy.write, read | write | names)?;
     let status = ruleset.restrict_self()?.ruleset;
     Ok(status != RulesetStatus::NotEnforced)
 }

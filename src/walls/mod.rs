@@ -2,8 +2,8 @@
 //! check, a scenario. Code that breaks out of the VM is still confined by it.
 //!
 //! A confined process has no capabilities, no file descriptors except the pipe and standard error,
-//! no files except those of its room, no network, a short allow-list of system calls, no new
-//! executable memory, and resource limits. On a kernel without landlock or seccomp these two
+//! no files except those that its policy allows, no network, a short allow-list of system calls, no
+//! new executable memory, and resource limits. On a kernel without landlock or seccomp these two
 //! restrictions are missing, which is logged once; all others still apply.
 
 mod calls;
@@ -12,5 +12,5 @@ mod confine;
 mod worker;
 
 pub use command::command;
-pub use confine::{Landlock, Room, Walls, confine, keep_descriptors};
+pub use confine::{Landlock, Restrictions, SandboxPolicy, confine, keep_descriptors};
 pub use worker::{Answer, WORKER_ARGUMENT, Worker, WorkerError, answer};

@@ -15,18 +15,18 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::command::command;
-use super::confine::{Room, confine};
+use super::confine::{SandboxPolicy, confine};
 
 /// The hidden argument that makes the executable answer one question.
 pub const WORKER_ARGUMENT: &str = "__worker";
 /// How often a blocked read or write checks whether the answer is still wanted.
-const LOOK_EVERY: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// How long the process may take to exit after its answer.
 const EXIT_TIME: Duration = Duration::from_secs(1);
 /// Longest answer or question, bytes.
 const LONGEST: usize = 32 << 20;
 /// How much of its standard error is kept, bytes.
-const LAST_WORDS: u64 = 4096;
+const MAX_STDERR: u64 = 4096;
 
 /// Starts processes that answer questions of one kind.
 #[derive(Debug, Clone)]
@@ -40,10 +40,10 @@ pub struct Worker {
 pub enum WorkerError {
     /// It was killed at this time limit.
     #[error("it did not finish within {} s and was stopped", .0.as_secs_f64())]
-    Late(Duration),
+    TimedOut(Duration),
     /// The caller no longer wants the answer.
     #[error("interrupted")]
-    Unwanted,
+    Cancelled,
     /// It ended unexpectedly or could not be started; holds the reason as text.
     #[error("{0}")]
     Broken(String),
@@ -57,14 +57,14 @@ struct Deadline<'a> {
 }
 
 impl Deadline<'_> {
-    fn look(&self) -> Result<(), WorkerError> {
+    fn check(&self) -> Result<(), WorkerError> {
         if !(self.wanted)() {
-            return Err(WorkerError::Unwanted);
+            return Err(WorkerError::Cancelled);
         }
         if Instant::now() < self.until {
             return Ok(());
         }
-        Err(WorkerError::Late(self.limit))
+        Err(WorkerError::TimedOut(self.limit))
     }
 }
 
@@ -100,7 +100,7 @@ impl Worker {
     /// See [`WorkerError`].
     pub fn ask(
         &self,
-        room: &Room,
+        policy: &SandboxPolicy,
         question: &[u8],
         limit: Duration,
         wanted: &dyn Fn() -> bool,
@@ -111,27 +111,27 @@ impl Worker {
             wanted,
         };
         let broke = |error: io::Error| WorkerError::Broken(format!("its process failed: {error}"));
-        let (mut process, mut stream) = self.start(room).map_err(broke)?;
-        let talked = talk(&mut stream, question, &deadline);
-        match talked {
+        let (mut process, mut stream) = self.start(policy).map_err(broke)?;
+        let exchanged = exchange(&mut stream, question, &deadline);
+        match exchanged {
             Ok(answer) => match process.ended() {
                 Some(true) => Ok(answer),
-                _ => Err(WorkerError::Broken(process.last_words())),
+                _ => Err(WorkerError::Broken(process.failure_text())),
             },
-            Err(WorkerError::Broken(_)) => Err(WorkerError::Broken(process.last_words())),
-            Err(trouble) => Err(trouble),
+            Err(WorkerError::Broken(_)) => Err(WorkerError::Broken(process.failure_text())),
+            Err(error) => Err(error),
         }
     }
 
-    fn start(&self, room: &Room) -> io::Result<(Process, UnixStream)> {
-        let (mut command, ours) = command(&self.executable, &[WORKER_ARGUMENT, self.kind], room)?;
-        ours.set_read_timeout(Some(LOOK_EVERY))?;
-        ours.set_write_timeout(Some(LOOK_EVERY))?;
+    fn start(&self, policy: &SandboxPolicy) -> io::Result<(Process, UnixStream)> {
+        let (mut command, ours) = command(&self.executable, &[WORKER_ARGUMENT, self.kind], policy)?;
+        ours.set_read_timeout(Some(POLL_INTERVAL))?;
+        ours.set_write_timeout(Some(POLL_INTERVAL))?;
         Ok((Process(command.spawn()?), ours))
     }
 }
 
-fn talk(
+fn exchange(
     stream: &mut UnixStream,
     question: &[u8],
     deadline: &Deadline<'_>,
@@ -139,32 +139,32 @@ fn talk(
     let broke = |error: io::Error| WorkerError::Broken(error.to_string());
     let mut left = question;
     while !left.is_empty() {
-        deadline.look()?;
+        deadline.check()?;
         match stream.write(left) {
             Ok(0) => return Err(broke(ErrorKind::WriteZero.into())),
             Ok(count) => left = &left[count..],
-            Err(error) if is_passing(&error) => {}
+            Err(error) if is_transient(&error) => {}
             Err(error) => return Err(broke(error)),
         }
     }
     stream.shutdown(Shutdown::Write).map_err(broke)?;
     let (mut answer, mut chunk) = (Vec::new(), vec![0; 64 * 1024]);
     loop {
-        deadline.look()?;
+        deadline.check()?;
         match stream.read(&mut chunk) {
             Ok(0) => return Ok(answer),
             Ok(count) if answer.len() + count > LONGEST => {
                 return Err(broke(ErrorKind::FileTooLarge.into()));
             }
             Ok(count) => answer.extend_from_slice(&chunk[..count]),
-            Err(error) if is_passing(&error) => {}
+            Err(error) if is_transient(&error) => {}
             Err(error) => return Err(broke(error)),
         }
     }
 }
 
 /// Whether a retry may succeed.
-fn is_passing(error: &io::Error) -> bool {
+fn is_transient(error: &io::Error) -> bool {
     matches!(
         error.kind(),
         ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted
@@ -185,14 +185,14 @@ impl Process {
     }
 
     /// Its standard error, or if that is empty its exit status.
-    fn last_words(&mut self) -> String {
+    fn failure_text(&mut self) -> String {
         if self.ended().is_none() {
             let _ = self.0.kill();
         }
         let status = self.0.wait();
         let mut words = Vec::new();
         if let Some(stderr) = self.0.stderr.take() {
-            let _ = stderr.take(LAST_WORDS).read_to_end(&mut words);
+            let _ = stderr.take(MAX_STDERR).read_to_end(&mut words);
         }
         let words = String::from_utf8_lossy(&words).trim().to_owned();
         match (words.is_empty(), status) {
@@ -213,8 +213,8 @@ pub fn answer(
     stack: usize,
     work: impl FnOnce(&[u8]) -> io::Result<Answer> + Send + 'static,
 ) -> ExitCode {
-    let answered = match Room::of_arguments(arguments) {
-        Some((parent, room)) => confine(parent, &room).and_then(|_| {
+    let answered = match SandboxPolicy::of_arguments(arguments) {
+        Some((parent, policy)) => confine(parent, &policy).and_then(|_| {
             let thread = thread::Builder::new().name("work".into()).stack_size(stack);
             let working = thread.spawn(move || serve(work))?;
             working

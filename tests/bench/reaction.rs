@@ -112,7 +112,7 @@ fn frames() -> Vec<Bytes> {
     let world = World::from_yaml(WORLD, "reaction").unwrap();
     let mut robot = Robot::new(world, Firmware::default(), 1);
     robot.begin_session();
-    robot.obey(&wire::Command::Stream {
+    robot.execute(&wire::Command::Stream {
         stream: Stream::Video,
         on: true,
     });

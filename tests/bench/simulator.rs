@@ -21,7 +21,7 @@ fn watching(subsampling: Subsampling) -> Robot {
     let mut robot = Robot::new(world, Firmware::default(), 1);
     robot.begin_session();
     let stream = Stream::Video;
-    robot.obey(&Command::Stream { stream, on: true });
+    robot.execute(&Command::Stream { stream, on: true });
     robot
 }
 
@@ -50,7 +50,7 @@ fn render_and_encode_a_frame(bencher: Bencher<'_, '_>, subsampling: Subsampling)
 #[divan::bench]
 fn render_and_encode_while_turning(bencher: Bencher<'_, '_>) {
     let mut robot = watching(Subsampling::Half);
-    robot.obey(&Command::Move {
+    robot.execute(&Command::Move {
         left: -40,
         right: 40,
     });
@@ -84,7 +84,7 @@ fn encode_a_frame_by_jpeg_encoder(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn step(bencher: Bencher<'_, '_>) {
     let mut robot = Robot::new(World::default_world(), Firmware::default(), 1);
-    robot.obey(&Command::Move {
+    robot.execute(&Command::Move {
         left: 30,
         right: 45,
     });

@@ -18,7 +18,7 @@ use spykee::behaviour::{Launch, Library};
 use spykee::lab::{self, Event, EventKind, Lab, Recorder};
 use spykee::robot::Priority;
 use spykee::script;
-use spykee::sim::{Trace, What, World};
+use spykee::sim::{Trace, TraceEventKind, World};
 use tokio::time::sleep;
 
 use self::score::{Looks, Said, Score};
@@ -55,7 +55,7 @@ fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let arguments = Arguments::parse_from(arguments);
-    let names = World::ready_names();
+    let names = World::builtin_names();
     let names: Vec<&str> = names
         .into_iter()
         .filter(|name| arguments.world.as_deref().is_none_or(|only| only == *name))
@@ -107,7 +107,7 @@ fn play(name: &str, seed: u64, time: Duration) -> Score {
         })),
         ..lab::Options::default()
     };
-    let world = World::ready(name).unwrap();
+    let world = World::builtin(name).unwrap();
     let people: Vec<String> = world.walkers.iter().map(|one| one.name.clone()).collect();
     let mut looks = Looks::default();
     lab::run(world, options, async |lab: &Lab| {
@@ -136,8 +136,8 @@ fn obstacle(trace: &Trace, people: &[String]) -> &'static str {
         .events()
         .iter()
         .rev()
-        .find_map(|event| match &event.what {
-            What::Collision(name) => Some(name.as_str()),
+        .find_map(|event| match &event.kind {
+            TraceEventKind::Collision(name) => Some(name.as_str()),
             _ => None,
         });
     match collision {

@@ -12,8 +12,9 @@ use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use spykee::vision::{
-    BlobFinder, BlobOptions, Camera, Colour, Decoder, Eyes, Image, MotionDetector, MotionOptions,
-    Palette, brightness, find_line, find_qrcodes, learn, sharpness, validate_markers,
+    BlobFinder, BlobOptions, Camera, Colour, Decoder, FrameAnalyser, Image, MotionDetector,
+    MotionOptions, Palette, brightness, find_line, find_qrcodes, learn, sharpness,
+    validate_markers,
 };
 
 #[path = "vision/serve.rs"]
@@ -139,7 +140,7 @@ fn blobs_of_a_picture(bencher: Bencher<'_, '_>, count: usize) {
 
 #[divan::bench(args = [1, 4, 16])]
 fn blobs_of_a_frame(bencher: Bencher<'_, '_>, count: usize) {
-    let (mut eyes, mut key, colours) = (Eyes::new(Camera::default()), 0, colours(count));
+    let (mut eyes, mut key, colours) = (FrameAnalyser::new(Camera::default()), 0, colours(count));
     in_turn(bencher, frames(), |jpeg| {
         key += 1;
         eyes.find_blobs(key, jpeg, &colours, &BlobOptions::default())

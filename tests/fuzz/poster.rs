@@ -167,8 +167,8 @@ impl Poster {
             for column in 0..wide {
                 let (u, v) = (column * 7 / wide.max(1), row / module);
                 let ring = u == 0 || v == 0 || u == 6 || v == 6;
-                let stone = (2..5).contains(&u) && (2..5).contains(&v);
-                let grey = if ring || stone { shade } else { 235 };
+                let inner = (2..5).contains(&u) && (2..5).contains(&v);
+                let grey = if ring || inner { shade } else { 235 };
                 self.dot(x + column + (side - row) * lean / 40, y + row, grey);
             }
         }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde_json::Value;
 use spykee::config::Config;
 use spykee::sim::{Firmware, Pose, Robot, World};
-use spykee::vision::{BlobOptions, Camera, Colour, Eyes, Roi};
+use spykee::vision::{BlobOptions, Camera, Colour, FrameAnalyser, Roi};
 use spykee::wire::{Command, Report, Stream};
 
 /// The robot has a red ball in front to the left, a blue post in front to the right, and a green
@@ -43,7 +43,7 @@ fn shot(heading: f64, light: f64) -> Vec<u8> {
     robot.begin_session();
     robot.place(Pose::new(START.0, START.1, heading));
     let stream = Stream::Video;
-    robot.obey(&Command::Stream { stream, on: true });
+    robot.execute(&Command::Stream { stream, on: true });
     robot.step(Duration::from_millis(20));
     let frame = |report| match report {
         Report::Video(jpeg) => Some(jpeg.to_vec()),
@@ -141,7 +141,7 @@ fn json_has_the_same_fields_and_values_as_scripts() {
         found[0]["size"],
         serde_json::json!({ "width": 320, "height": 240 })
     );
-    let mut eyes = Eyes::new(Camera::default());
+    let mut eyes = FrameAnalyser::new(Camera::default());
     let colours = ["red", "green"].map(|name| Colour::named(name).unwrap());
     for (key, (picture, name)) in [("ahead.jpg", "red"), ("back.jpg", "green")]
         .iter()
@@ -393,7 +393,7 @@ fn learn_reports_what_the_colour_finds_inside_and_outside_the_region() {
     assert_eq!(learned["name"], "ball");
     let colour: Colour = serde_json::from_value(learned["colour"].clone()).unwrap();
     assert!(learned["quality"].as_f64().unwrap() > 0.9, "{learned}");
-    let mut eyes = Eyes::new(Camera::default());
+    let mut eyes = FrameAnalyser::new(Camera::default());
     for (key, name) in ["ahead.jpg", "dim.jpg"].into_iter().enumerate() {
         let proof = &learned["pictures"][key];
         let part = IN_BALL_ROI.w * IN_BALL_ROI.h;

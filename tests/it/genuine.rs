@@ -169,7 +169,7 @@ async fn frames_are_compressed_as_genuine_ones_are() {
 #[test]
 fn bearings_are_within_a_degree_all_over_the_picture() {
     let camera = spykee::vision::Camera::default();
-    let mut eyes = spykee::vision::Eyes::new(camera);
+    let mut eyes = spykee::vision::FrameAnalyser::new(camera);
     let red = spykee::vision::Colour::named("red").unwrap();
     let mut seen = 0;
     for step in 0..72 {
@@ -185,7 +185,7 @@ fn bearings_are_within_a_degree_all_over_the_picture() {
             let world = spykee::sim::World::from_yaml(&world, "bearings").unwrap();
             let mut robot = spykee::sim::Robot::new(world, spykee::sim::Firmware::default(), 1);
             robot.begin_session();
-            robot.obey(&spykee::wire::Command::Stream {
+            robot.execute(&spykee::wire::Command::Stream {
                 stream: spykee::wire::Stream::Video,
                 on: true,
             });

@@ -205,7 +205,7 @@ fn of_the_station(distance: f64) -> Vec<u8> {
     let world = World::from_yaml(yaml, "test").unwrap();
     let mut robot = Robot::new(world, Firmware::default(), 1);
     robot.begin_session();
-    robot.obey(&Command::Stream {
+    robot.execute(&Command::Stream {
         stream: Stream::Video,
         on: true,
     });

@@ -474,7 +474,7 @@ fn an_expectation_that_is_caught_still_fails_its_scenario() {
 
 #[test]
 fn a_scenario_and_its_scripts_cannot_read_other_folders() {
-    if !spykee::walls::Walls::offered().files {
+    if !spykee::walls::Restrictions::supported().files {
         eprintln!("this kernel has no landlock: nothing keeps them from it");
         return;
     }

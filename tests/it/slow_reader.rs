@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use spykee::lab::{self, Lab, Recorder};
 use spykee::pilot::LinkState;
-use spykee::sim::{self, Fault, Heard, Towards, Trouble};
+use spykee::sim::{self, Direction, Fault, FaultKind, ReceivedCommand};
 use spykee::wire::{Command, Engage, Power, Report};
 use tokio::time::sleep;
 
@@ -49,8 +49,8 @@ fn with_faults() -> lab::Options {
 /// A robot that accepts this many bytes per second.
 fn slow(rate: u32) -> Fault {
     Fault {
-        towards: Towards::Robot,
-        ..Fault::new(Trouble::Drip { rate })
+        towards: Direction::Robot,
+        ..Fault::new(FaultKind::Drip { rate })
     }
 }
 
@@ -63,7 +63,11 @@ fn low() -> Report {
 
 /// All commands received, after scripts have spoken for `talk`, and the time at which the battery
 /// then became low.
-fn heard_of(scripts: &[String], rate: Option<u32>, talk: Duration) -> (Vec<Heard>, Duration) {
+fn heard_of(
+    scripts: &[String],
+    rate: Option<u32>,
+    talk: Duration,
+) -> (Vec<ReceivedCommand>, Duration) {
     lab::run(quiet_world(), with_faults(), async |lab: &Lab| {
         if let Some(rate) = rate {
             lab.sim().begin(slow(rate));
@@ -84,7 +88,7 @@ fn heard_of(scripts: &[String], rate: Option<u32>, talk: Duration) -> (Vec<Heard
 }
 
 /// The delay of a command, in seconds.
-fn lateness((heard, since): &(Vec<Heard>, Duration), command: &Command) -> f64 {
+fn lateness((heard, since): &(Vec<ReceivedCommand>, Duration), command: &Command) -> f64 {
     let found = heard
         .iter()
         .find(|heard| heard.at >= *since && heard.command == *command);
@@ -110,7 +114,7 @@ fn a_robot_that_reads_at_the_rate_of_speech_receives_stop_and_search_in_time() {
 
 /// Plays what it has received as soon as a fifth of a second is there, and counts how often the
 /// buffer ran empty while more was to come.
-fn gaps(heard: &[Heard]) -> usize {
+fn gaps(heard: &[ReceivedCommand]) -> usize {
     const FIRST: f64 = 0.2;
     let (mut gaps, mut buffered, mut playing, mut at) = (0, 0.0, false, 0.0);
     for heard in heard {
@@ -156,7 +160,7 @@ fn a_script_that_requests_dockings_endlessly_does_not_flood_the_link() {
         lab.sim().heard()
     })
     .unwrap();
-    let engine = |heard: &&Heard| matches!(heard.command, Command::Engine(_));
+    let engine = |heard: &&ReceivedCommand| matches!(heard.command, Command::Engine(_));
     assert!(heard.iter().filter(engine).count() > 50, "it was not asked");
     assert!(
         heard.len() < 100 * 11 + 20,

@@ -17,7 +17,7 @@ fn play(world: &str, pose: Pose, source: &str, seed: u64) -> (Vec<String>, Pose)
         events: Some(recorder),
         ..lab::Options::default()
     };
-    let world = World::ready(world).unwrap_or_else(|| World::from_yaml(world, "test").unwrap());
+    let world = World::builtin(world).unwrap_or_else(|| World::from_yaml(world, "test").unwrap());
     let end = lab::run(world, options, async |lab: &Lab| {
         lab.sim().place(pose);
         lab.sim().set_battery(90.0);
@@ -175,7 +175,7 @@ print(math.deg(pose.heading), pose.x, pose.y, pose.error, math.deg(pose.heading_
 
 /// A living room on whose floor the tracks slip, with this latency of the camera.
 fn slippery(latency: f64) -> String {
-    let yaml = World::ready_yaml("living_room").unwrap();
+    let yaml = World::builtin_yaml("living_room").unwrap();
     let late = yaml.replace("camera:\n", &format!("camera:\n  latency: {latency}\n"));
     assert!(late != yaml, "the world says something of its camera");
     format!("{late}\ntracks: {{ unequal: 0.0, slip: 0.25 }}\n")

@@ -6,7 +6,7 @@ use image::{ExtendedColorType, Rgb, RgbImage};
 use imageproc::drawing::draw_filled_circle_mut;
 use proptest::prelude::*;
 use spykee::vision::{
-    BlobOptions, Camera, Colour, Decoder, Eyes, FrameError, Image, Mark, MotionDetector,
+    BlobOptions, Camera, Colour, Decoder, FrameAnalyser, FrameError, Image, Mark, MotionDetector,
     MotionOptions, Tracker, TrackerOptions, annotate, brightness, find_qrcodes, sharpness,
     validate_markers,
 };
@@ -43,7 +43,7 @@ fn without_tables(jpeg: &[u8]) -> Vec<u8> {
 #[test]
 fn finds_the_balls_of_a_jpeg() {
     let red_and_blue = ["red", "blue"].map(|name| Colour::named(name).unwrap());
-    let mut eyes = Eyes::new(Camera::default());
+    let mut eyes = FrameAnalyser::new(Camera::default());
     let blobs = eyes
         .find_blobs(1, &jpeg(&room()), &red_and_blue, &BlobOptions::default())
         .unwrap();
@@ -67,7 +67,7 @@ fn finds_the_balls_of_a_jpeg() {
 fn a_frame_is_decoded_once_however_often_it_is_used() {
     let bytes = jpeg(&room());
     let red = [Colour::named("red").unwrap()];
-    let mut eyes = Eyes::new(Camera::default());
+    let mut eyes = FrameAnalyser::new(Camera::default());
     for _ in 0..3 {
         eyes.find_blobs(7, &bytes, &red, &BlobOptions::default())
             .unwrap();
@@ -131,7 +131,7 @@ fn kinds() -> [(&'static str, &'static [u8]); 8] {
 #[test]
 fn every_kind_of_jpeg_shows_the_same_balls() {
     let colours = ["red", "blue"].map(|name| Colour::named(name).unwrap());
-    let mut eyes = Eyes::new(Camera::default());
+    let mut eyes = FrameAnalyser::new(Camera::default());
     for (key, (kind, bytes)) in (0..).zip(kinds()) {
         let size = eyes.look(key, bytes).unwrap().size();
         assert_eq!((size.width, size.height), (99, 75), "{kind}");
@@ -211,7 +211,7 @@ fn pixels_and_brightness_match_the_picture() {
 
 #[test]
 fn marks_are_drawn_on_a_copy() {
-    let mut eyes = Eyes::new(Camera::default());
+    let mut eyes = FrameAnalyser::new(Camera::default());
     let bytes = jpeg(&room());
     let blobs = eyes
         .find_blobs(
@@ -277,7 +277,7 @@ fn nothing_is_allocated_per_frame_once_warm() {
         ..BlobOptions::default()
     };
     let camera = Camera::default();
-    let mut eyes = Eyes::new(camera);
+    let mut eyes = FrameAnalyser::new(camera);
     let mut tracker = Tracker::new(TrackerOptions::default(), camera);
     let mut motion = MotionDetector::new(MotionOptions::default(), camera);
     let mut seen = 0;
@@ -327,7 +327,7 @@ proptest! {
         for (place, value) in changes {
             bytes[place.index(reach)] = value;
         }
-        let mut eyes = Eyes::new(Camera::default());
+        let mut eyes = FrameAnalyser::new(Camera::default());
         let colours = [Colour::named("red").unwrap()];
         if eyes.find_blobs(1, &bytes, &colours, &BlobOptions::default()).is_ok() {
             prop_assert_eq!(Ok(eyes.look(1, &bytes).unwrap().size()), validate_markers(&bytes));

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::process::{Command as Process, Output, Stdio};
 use std::time::Duration;
 
-use spykee::sim::{Firmware, Pose, Robot, What, World};
-use spykee::vision::{Camera, Colour, Decoder, Eyes, brightness, find_qrcodes};
+use spykee::sim::{Firmware, Pose, Robot, TraceEventKind, World};
+use spykee::vision::{Camera, Colour, Decoder, FrameAnalyser, brightness, find_qrcodes};
 use spykee::wire::{Command, Report, Stream};
 
 const STEP: Duration = Duration::from_millis(20);
@@ -26,10 +26,10 @@ fn spykee(folder: &Path, args: &[&str]) -> (Option<i32>, String, String) {
 }
 
 fn robot(world: &str, seed: u64) -> Robot {
-    let mut robot = Robot::new(World::ready(world).unwrap(), Firmware::default(), seed);
+    let mut robot = Robot::new(World::builtin(world).unwrap(), Firmware::default(), seed);
     robot.begin_session();
     let stream = Stream::Video;
-    robot.obey(&Command::Stream { stream, on: true });
+    robot.execute(&Command::Stream { stream, on: true });
     robot
 }
 
@@ -50,13 +50,13 @@ fn frame_after(robot: &mut Robot, seconds: f64) -> Vec<u8> {
 #[test]
 fn every_built_in_world_is_drawn_to_a_picture() {
     let folder = tempfile::tempdir().unwrap();
-    for name in World::ready_names() {
+    for name in World::builtin_names() {
         let file = format!("{name}.png");
         let (code, said, error) = spykee(folder.path(), &["world", "show", name, "-o", &file]);
         assert_eq!((code, error.as_str()), (Some(0), ""), "{name}");
         assert!(said.contains(&file), "{said}");
         let map = image::open(folder.path().join(&file)).unwrap().to_rgb8();
-        let room = World::ready(name).unwrap().room;
+        let room = World::builtin(name).unwrap().room;
         let ratio = |width: f64, height: f64| width / height;
         // To scale, except for title, numbers and margins.
         let (drawn, real) = (
@@ -100,7 +100,7 @@ fn worlds_are_listed_and_checked() {
     let (code, list, _) = spykee(folder.path(), &["world", "list"]);
     assert_eq!(code, Some(0));
     assert!(
-        World::ready_names().all(|name| list.contains(name)),
+        World::builtin_names().all(|name| list.contains(name)),
         "{list}"
     );
     std::fs::write(
@@ -143,7 +143,7 @@ fn a_run_is_drawn_with_its_path() {
     let run = image::open(folder.path().join("run.png"))
         .unwrap()
         .to_rgb8();
-    let map = World::ready("playpen").unwrap().draw();
+    let map = World::builtin("playpen").unwrap().draw();
     assert!(run.width() > map.width() && run.height() == map.height());
     let (code, _, error) = spykee(
         folder.path(),
@@ -167,7 +167,7 @@ fn a_run_is_drawn_with_its_path() {
 fn the_same_seed_and_commands_give_the_same_run_and_another_seed_another() {
     let run = |seed| {
         let mut robot = robot("hall", seed);
-        robot.obey(&Command::Move {
+        robot.execute(&Command::Move {
             left: 40,
             right: 34,
         });
@@ -182,7 +182,7 @@ fn the_same_seed_and_commands_give_the_same_run_and_another_seed_another() {
 fn the_camera_sees_the_line_well_enough_to_follow_it() {
     let mut robot = robot("line_loop", 1);
     let frame = frame_after(&mut robot, 0.2);
-    let mut eyes = Eyes::new(Camera::default());
+    let mut eyes = FrameAnalyser::new(Camera::default());
     let black = [Colour::named("black").unwrap()];
     let line = eyes.find_line(1, &frame, &black, None).unwrap().unwrap();
     assert!(line.offset.abs() < 0.3, "{line:?}");
@@ -232,7 +232,7 @@ fn a_pushed_ball_rolls_and_a_collision_with_a_walker_names_it() {
     let ball = |robot: &Robot| robot.trace().balls()[0];
     robot.step(STEP);
     let before = ball(&robot);
-    robot.obey(&Command::Move {
+    robot.execute(&Command::Move {
         left: 60,
         right: 60,
     });
@@ -241,7 +241,7 @@ fn a_pushed_ball_rolls_and_a_collision_with_a_walker_names_it() {
     // Ada rests for four seconds at her start.
     let mut robot = self::robot("hall", 1);
     robot.place(Pose::new(4.5, 1.6, -std::f64::consts::FRAC_PI_2));
-    robot.obey(&Command::Move {
+    robot.execute(&Command::Move {
         left: 90,
         right: 90,
     });
@@ -252,6 +252,6 @@ fn a_pushed_ball_rolls_and_a_collision_with_a_walker_names_it() {
         trace
             .events()
             .iter()
-            .any(|e| matches!(e.what, What::Collision(_)))
+            .any(|e| matches!(e.kind, TraceEventKind::Collision(_)))
     );
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
-use spykee::sim::{Point, Pose, RADIUS, Ways, World};
+use spykee::sim::{Point, Pose, RADIUS, StationDistances, World};
 
 const SOAK: &str = include_str!("../soak/world.yaml");
 const CLASSROOM: &str = include_str!("../../behaviours/worlds/classroom.yaml");
@@ -72,7 +72,7 @@ pub struct Start {
 pub struct Place {
     pub name: Name,
     pub world: World,
-    ways: Ways,
+    distances: StationDistances,
     least_x: f64,
     least_way: f64,
 }
@@ -88,18 +88,18 @@ impl Place {
             Name::Gallery => read(GALLERY),
         };
         world.battery = read(SOAK).battery;
-        let ways = Ways::home(&world);
+        let distances = StationDistances::new(&world);
         let (least_x, least_way) = match name {
             Name::LivingRoom => (SECOND_ROOM, 0.0),
             Name::TightSpots => (0.0, TIGHT_WAY),
-            Name::Classroom | Name::Gallery => (0.0, last_third(&ways)),
+            Name::Classroom | Name::Gallery => (0.0, last_third(&distances)),
         };
         Place {
             name,
             least_x,
             least_way,
             world,
-            ways,
+            distances,
         }
     }
 
@@ -118,7 +118,7 @@ impl Place {
 
     /// The way home, if this is where robots are to be rescued from.
     pub fn far_from_home(&self, point: Point) -> Option<f64> {
-        let way = self.ways.length(point)?;
+        let way = self.distances.length(point)?;
         (point.x >= self.least_x && way >= self.least_way).then_some(way)
     }
 
@@ -147,7 +147,7 @@ impl Place {
 
     /// The way home from a place where a robot may start.
     fn way_from(&self, point: Point) -> Option<f64> {
-        let way = self.ways.length(point)?;
+        let way = self.distances.length(point)?;
         let fits = self.has_room(point) && (self.name != Name::TightSpots || self.is_tight(point));
         (way >= self.least_way && fits).then_some(way)
     }
@@ -157,7 +157,7 @@ impl Place {
         let around = (0..8).map(|eighth| f64::from(eighth) * PI / 4.0);
         around
             .map(|angle| Point::new(point.x + TIGHT * angle.cos(), point.y + TIGHT * angle.sin()))
-            .any(|beside| !self.ways.has_room(beside))
+            .any(|beside| !self.distances.has_room(beside))
     }
 
     /// Whether a robot stands there without touching anything, balls and people included.
@@ -166,14 +166,14 @@ impl Place {
         let balls = balls.map(|ball| (ball.at.point(), ball.radius));
         let people = self.world.walkers.iter();
         let mut round = balls.chain(people.map(|who| (who.at.point(), who.radius)));
-        self.ways.has_room(point)
+        self.distances.has_room(point)
             && round.all(|(place, radius)| place.distance(point) >= radius + RADIUS)
     }
 }
 
 /// The length of way that a third of all places exceed.
-fn last_third(ways: &Ways) -> f64 {
-    let mut lengths: Vec<f64> = ways.places().map(|(_, length)| length).collect();
+fn last_third(distances: &StationDistances) -> f64 {
+    let mut lengths: Vec<f64> = distances.places().map(|(_, length)| length).collect();
     lengths.sort_by(f64::total_cmp);
     lengths[lengths.len() * 2 / 3]
 }

@@ -6,7 +6,7 @@ use std::fmt;
 use std::time::Duration;
 
 use super::ledger::Loss;
-use spykee::sim::{FULL_SPEED, Pose, State, Ways, World};
+use spykee::sim::{FULL_SPEED, Pose, State, StationDistances, World};
 
 /// How fast the watchdog and those that it lends the tracks to may drive, as a share.
 const SLOW: f64 = 0.3;
@@ -19,7 +19,7 @@ const TOLD: Duration = Duration::from_secs(300);
 
 /// What the way home takes, by the simulator's own account.
 pub struct Account {
-    ways: Ways,
+    distances: StationDistances,
     /// Percent a minute.
     drain: f64,
 }
@@ -75,13 +75,13 @@ pub struct Look<'a> {
 impl Account {
     pub fn of(world: &World) -> Account {
         Account {
-            ways: Ways::home(world),
+            distances: StationDistances::new(world),
             drain: world.battery.driving_drain_per_minute,
         }
     }
 
     fn need(&self, pose: Pose) -> Option<Need> {
-        let way = self.ways.length(pose.point())?;
+        let way = self.distances.length(pose.point())?;
         let time = SEARCH + Duration::from_secs_f64(way / (SLOW * FULL_SPEED));
         let charge = time.as_secs_f64() / 60.0 * self.drain;
         Some(Need { way, time, charge })

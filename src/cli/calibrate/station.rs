@@ -9,8 +9,8 @@ use crate::clean;
 use crate::cli::picture;
 use crate::cli::{Exit, Failure, print};
 use crate::vision::{
-    Blob, BlobOptions, Camera, Colour, DistanceError, Eyes, FrameError, Image, Measure, Size,
-    field_of_view,
+    Blob, BlobOptions, Camera, Colour, DistanceError, FrameAnalyser, FrameError, Image, Measure,
+    Size, field_of_view,
 };
 
 /// The station: a dark box with a white plate, metres.
@@ -50,7 +50,7 @@ pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Resul
         );
     }
     let camera = Camera::default();
-    let mut eyes = Eyes::new(camera);
+    let mut eyes = FrameAnalyser::new(camera);
     let (mut measures, mut names, mut common) = (Vec::new(), Vec::new(), None);
     for (number, (path, distance)) in images.iter().zip(distances).enumerate() {
         let (size, station) = look(&mut eyes, number as u64, path)?;
@@ -91,7 +91,7 @@ pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Resul
 }
 
 /// Returns the picture's size and the largest blob that looks like the station's front.
-fn look(eyes: &mut Eyes, key: u64, path: &Path) -> Result<(Size, Option<Front>), Failure> {
+fn look(eyes: &mut FrameAnalyser, key: u64, path: &Path) -> Result<(Size, Option<Front>), Failure> {
     let jpeg = picture::read(path)?;
     let unusable = |error: FrameError| picture::unusable(path, &error);
     let size = eyes.look(key, &jpeg).map_err(unusable)?.size();

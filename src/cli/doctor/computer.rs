@@ -7,7 +7,7 @@ use jiff::Timestamp;
 
 use super::Finding;
 use crate::clock::{Clock, is_plausible};
-use crate::walls::{Landlock, Walls};
+use crate::walls::{Landlock, Restrictions};
 
 /// Seconds from 1970 to the beginning of 2100.
 const LATEST: i64 = 4_102_444_800;
@@ -99,7 +99,7 @@ fn landlock_finding(landlock: Landlock, release: &str) -> Finding {
 }
 
 pub(super) fn seccomp() -> Finding {
-    seccomp_finding(Walls::offered().calls)
+    seccomp_finding(Restrictions::supported().calls)
 }
 
 fn seccomp_finding(offered: bool) -> Finding {

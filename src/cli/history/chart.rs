@@ -7,8 +7,8 @@ use jiff::tz::TimeZone;
 
 use super::scale::ticks;
 use super::story::{Level, Mark, Run, Story};
+use crate::canvas::{Canvas, Ink, TextStyle};
 use crate::clean;
-use crate::paper::{Ink, Paper, Script};
 
 const WIDTH: u32 = 1280;
 /// Height above the battery plot.
@@ -40,14 +40,14 @@ const RUN: Ink = [86, 140, 196, 255];
 const GOOD: Ink = [46, 140, 78, 255];
 const BAD: Ink = [200, 52, 62, 255];
 const STRIPE: Ink = [0, 0, 0, 9];
-const TEXT: Script = Script::small(DARK);
-const NOTE: Script = Script::small(PALE);
+const TEXT: TextStyle = TextStyle::small(DARK);
+const NOTE: TextStyle = TextStyle::small(PALE);
 
 /// Draws the story.
 pub(super) fn draw(story: &Story, zone: &TimeZone) -> RgbImage {
     let lanes = lanes(&story.runs, story);
     let height = HEAD + HEIGHT + AXIS + LANE * (lanes.len() + 1) as f32 + FOOT;
-    let Some(paper) = Paper::new(WIDTH, height as u32) else {
+    let Some(paper) = Canvas::new(WIDTH, height as u32) else {
         return RgbImage::default();
     };
     let longest = lanes.iter().map(|lane| lane.name.chars().count()).max();
@@ -106,7 +106,7 @@ fn bounds(run: &Run, story: &Story) -> (Timestamp, Timestamp) {
 }
 
 struct Chart<'a> {
-    paper: Paper,
+    paper: Canvas,
     left: f32,
     story: &'a Story,
 }
@@ -138,7 +138,7 @@ impl Chart<'_> {
     }
 
     fn head(&mut self, zone: &TimeZone) {
-        let title = Script {
+        let title = TextStyle {
             large: true,
             bold: true,
             ..TEXT
@@ -202,9 +202,9 @@ impl Chart<'_> {
         self.paper.write(
             (x - 5.0, y - 7.0),
             "!",
-            Script {
+            TextStyle {
                 bold: true,
-                ..Script::small([255, 255, 255, 255])
+                ..TextStyle::small([255, 255, 255, 255])
             },
         );
     }
@@ -241,11 +241,11 @@ impl Chart<'_> {
                 .line(&[(x, HEAD), (x, HEAD + HEIGHT)], 1.0, None, ink);
             self.paper
                 .line(&[(x, HEAD + HEIGHT + AXIS), (x, bottom)], 1.0, None, ink);
-            let script = if tick.strong { TEXT } else { NOTE };
-            let width = script.size(&tick.label).0;
+            let style = if tick.strong { TEXT } else { NOTE };
+            let width = style.size(&tick.label).0;
             let most = WIDTH as f32 - width - 4.0;
             let place = ((x - width / 2.0).clamp(4.0, most), HEAD + HEIGHT + 8.0);
-            self.paper.write(place, &tick.label, script);
+            self.paper.write(place, &tick.label, style);
         }
     }
 

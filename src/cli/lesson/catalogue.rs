@@ -137,7 +137,7 @@ mod tests {
             ] {
                 assert_eq!(Lesson::named(&name), Some(lesson), "{name}");
             }
-            assert!(World::ready(lesson.world).is_some(), "{}", lesson.folder);
+            assert!(World::builtin(lesson.world).is_some(), "{}", lesson.folder);
         }
     }
 

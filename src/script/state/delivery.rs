@@ -56,9 +56,9 @@ impl Script {
         let mut state = self.state.borrow_mut();
         let sight = &mut state.sight;
         if let Some(held) = sight.newest.clone()
-            && sight.eyes.seen() == Some(held.frame.seq)
+            && sight.eyes.last_frame() == Some(held.frame.seq)
         {
-            sight.eyes.rehearse(&held.frame.jpeg);
+            sight.eyes.warm_caches(&held.frame.jpeg);
         }
     }
 
@@ -66,7 +66,7 @@ impl Script {
     pub fn examines_frames(&self) -> bool {
         let state = self.state.borrow();
         let newest = state.sight.newest.as_ref().map(|held| held.frame.seq);
-        newest.is_some() && newest == state.sight.eyes.seen()
+        newest.is_some() && newest == state.sight.eyes.last_frame()
     }
 
     /// Whether the script needs frames: something listens to them or waits for one, or the script

@@ -69,7 +69,7 @@ impl Chassis {
     }
 
     /// Sets the target speeds of the tracks, metres per second.
-    pub(crate) fn want(&mut self, speeds: Tracks<f64>) {
+    pub(crate) fn set_target(&mut self, speeds: Tracks<f64>) {
         self.wanted = speeds;
     }
 
@@ -122,7 +122,8 @@ impl Chassis {
         /// Metres per step; a blocked body that moves less stays blocked.
         const CREEP: f64 = 0.0005;
         let here = self.pose.point();
-        let free = |part: f64| obstacles.way_free(here, here.ahead(way, forward * part), RADIUS);
+        let free =
+            |part: f64| obstacles.is_path_free(here, here.ahead(way, forward * part), RADIUS);
         if forward == 0.0 {
             return;
         }
@@ -169,7 +170,7 @@ mod tests {
 
     fn driven(from: Pose, left: i8, right: i8, seconds: u32) -> Chassis {
         let (mut body, obstacles) = (Chassis::new(from), obstacles());
-        body.want(Tracks::new(left, right).speeds());
+        body.set_target(Tracks::new(left, right).speeds());
         (0..seconds * 50).for_each(|_| body.step(TICK, &obstacles));
         body
     }
@@ -185,7 +186,7 @@ mod tests {
     #[test]
     fn left_back_and_right_forward_turns_left_on_the_spot() {
         let (mut body, obstacles) = (Chassis::new(Pose::new(2.0, 3.0, 0.0)), obstacles());
-        body.want(Tracks::new(-45, 45).speeds());
+        body.set_target(Tracks::new(-45, 45).speeds());
         (0..50).for_each(|_| body.step(TICK, &obstacles));
         assert!((1.0..2.0).contains(&body.pose.heading), "{:?}", body.pose);
         assert!(body.pose.point().distance(Pose::new(2.0, 3.0, 0.0).point()) < 1e-6);
@@ -194,12 +195,12 @@ mod tests {
     #[test]
     fn speed_ramps_up_and_down() {
         let (mut body, obstacles) = (Chassis::new(Pose::new(1.0, 3.0, 0.0)), obstacles());
-        body.want(Tracks::new(90, 90).speeds());
+        body.set_target(Tracks::new(90, 90).speeds());
         body.step(TICK, &obstacles);
         assert!(body.speeds().left > 0.0 && body.speeds().left < FULL_SPEED / 2.0);
         (0..50).for_each(|_| body.step(TICK, &obstacles));
         assert_eq!(body.speeds(), Tracks::new(FULL_SPEED, FULL_SPEED));
-        body.want(Tracks::default());
+        body.set_target(Tracks::default());
         body.step(TICK, &obstacles);
         assert!(body.speeds().left > FULL_SPEED / 2.0);
         (0..50).for_each(|_| body.step(TICK, &obstacles));
@@ -211,7 +212,7 @@ mod tests {
         let mut body = driven(Pose::new(5.0, 3.0, 0.0), 90, 90, 5);
         assert!(body.blocked() && body.collisions() == 1);
         assert!((6.0 - RADIUS - body.pose.x).abs() < 0.02, "{:?}", body.pose);
-        body.want(Tracks::new(-90, -90).speeds());
+        body.set_target(Tracks::new(-90, -90).speeds());
         (0..100).for_each(|_| body.step(TICK, &obstacles()));
         assert!(body.pose.x < 5.5 && !body.blocked() && body.collisions() == 1);
     }
@@ -224,7 +225,7 @@ mod tests {
             "{:?}",
             body.pose
         );
-        body.want(Tracks::new(-45, 45).speeds());
+        body.set_target(Tracks::new(-45, 45).speeds());
         (0..100).for_each(|_| body.step(TICK, &obstacles()));
         assert!(wrap(body.pose.heading).abs() > 0.5);
     }

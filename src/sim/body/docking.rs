@@ -238,7 +238,7 @@ fn free_direction(senses: &Senses<'_>, target: Point) -> f64 {
     let free = |angle: &f64| {
         senses
             .obstacles
-            .way_free(here, here.ahead(*angle, look), RADIUS + MARGIN)
+            .is_path_free(here, here.ahead(*angle, look), RADIUS + MARGIN)
     };
     let fan = (-8..=8).map(|i| direct + f64::from(i) * PI / 12.0);
     fan.filter(free)
@@ -269,7 +269,7 @@ mod tests {
                 beacon,
             };
             match docking.step(TICK, &senses) {
-                DockingStep::Drive(speeds) => body.want(speeds),
+                DockingStep::Drive(speeds) => body.set_target(speeds),
                 DockingStep::NotFound => return (f64::from(step) / 50.0, false),
                 other => panic!("{other:?}"),
             }
@@ -334,7 +334,7 @@ mod tests {
                 beacon: true,
             };
             match docking.step(TICK, &senses) {
-                DockingStep::Drive(speeds) => body.want(speeds),
+                DockingStep::Drive(speeds) => body.set_target(speeds),
                 end => {
                     assert_eq!(end, DockingStep::Left);
                     break;

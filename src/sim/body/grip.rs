@@ -9,7 +9,7 @@ use super::chassis::Tracks;
 use crate::sim::world::settings::TrackSettings;
 
 /// How long a slip value applies until the next one is drawn.
-const SPELL: Duration = Duration::from_millis(400);
+const SLIP_PERIOD: Duration = Duration::from_millis(400);
 
 /// The grip of one robot's tracks.
 #[derive(Debug)]
@@ -44,7 +44,7 @@ impl Grip {
         }
         self.left = self.left.saturating_sub(dt);
         if self.left.is_zero() {
-            self.left = SPELL;
+            self.left = SLIP_PERIOD;
             let most = self.settings.slip;
             let mut slip = || 1.0 + most * self.random.random_range(-1.0..=1.0);
             self.slip = Tracks::new(slip(), slip());

@@ -19,11 +19,11 @@ pub(crate) const RATE: u32 = 16_000;
 /// Samples in most AUDIO messages: an eighth of a second.
 pub(crate) const CHUNK: usize = 2000;
 /// One in this many messages has another length.
-const ODD_ONES: u32 = 8;
+const IRREGULAR_ONE_IN: u32 = 8;
 /// The range of those other lengths, samples.
-const ODD_LENGTHS: std::ops::RangeInclusive<usize> = 500..=4000;
+const IRREGULAR_LENGTHS: std::ops::RangeInclusive<usize> = 500..=4000;
 /// Maximum delay of a message, seconds.
-const LATEST: f64 = 0.1;
+const MAX_DELAY: f64 = 0.1;
 
 const ROOM_NOISE: f64 = 40.0;
 const HUM_LOUDNESS: f64 = 1800.0;
@@ -35,20 +35,20 @@ const NEAREST: f64 = 0.3;
 /// Frequency of a disturbance.
 const BURST_HERTZ: f64 = 700.0;
 /// Share of a source's loudness that passes through walls.
-const THROUGH_WALLS: f64 = 0.25;
+const WALL_TRANSMISSION: f64 = 0.25;
 
 /// The microphone, which records while its stream is on.
 #[derive(Debug)]
 pub(crate) struct Microphone {
     random: StdRng,
     /// Draws the delays and lengths of messages.
-    whims: StdRng,
+    message_rng: StdRng,
     chunk: BytesMut,
     /// Length of the message being filled, in samples.
     length: usize,
     /// Full messages, with the seconds until they are sent.
     waiting: VecDeque<(f64, Bytes)>,
-    owed: f64,
+    due_samples: f64,
     phase: f64,
     sources: Vec<Source>,
     burst: Option<Burst>,
@@ -81,11 +81,11 @@ impl Microphone {
         let random = StdRng::seed_from_u64(seed);
         Microphone {
             random,
-            whims: StdRng::seed_from_u64(!seed),
+            message_rng: StdRng::seed_from_u64(!seed),
             chunk: BytesMut::new(),
             length: CHUNK,
             waiting: VecDeque::new(),
-            owed: 0.0,
+            due_samples: 0.0,
             phase: 0.0,
             sources: sources.iter().map(source).collect(),
             burst: None,
@@ -102,14 +102,14 @@ impl Microphone {
     }
 
     /// Updates the loudness of all sources for this time and this place of the microphone.
-    pub(crate) fn turn_to(&mut self, time: Duration, here: Point, obstacles: &Obstacles) {
+    pub(crate) fn update_sources(&mut self, time: Duration, here: Point, obstacles: &Obstacles) {
         if self.burst.as_ref().is_some_and(|burst| time >= burst.until) {
             self.burst = None;
         }
         for source in &mut self.sources {
             let (noise, at) = (&source.noise, source.noise.at.point());
-            let wall = if obstacles.walled_off(at, here) {
-                THROUGH_WALLS
+            let wall = if obstacles.is_behind_wall(at, here) {
+                WALL_TRANSMISSION
             } else {
                 1.0
             };
@@ -124,15 +124,15 @@ impl Microphone {
 
     /// Records for `dt`; `effort` is the motors' load, 0..=1. Returns a message if one is due. Most
     /// messages have the same length, and they come at irregular intervals.
-    pub(crate) fn listen(
+    pub(crate) fn record(
         &mut self,
         dt: Duration,
         effort: f64,
         speaker: &mut Speaker,
     ) -> Option<Bytes> {
-        self.owed += dt.as_secs_f64() * f64::from(RATE);
-        while self.owed >= 1.0 {
-            self.owed -= 1.0;
+        self.due_samples += dt.as_secs_f64() * f64::from(RATE);
+        while self.due_samples >= 1.0 {
+            self.due_samples -= 1.0;
             let sample = self.sample(effort, speaker);
             self.chunk.put_i16_le(sample);
         }
@@ -140,7 +140,7 @@ impl Microphone {
             *due -= dt.as_secs_f64();
         }
         while self.chunk.len() >= self.length * 2 {
-            self.finish();
+            self.queue_chunk();
         }
         let (due, _) = self.waiting.front()?;
         if *due > 0.0 {
@@ -150,22 +150,22 @@ impl Microphone {
     }
 
     /// Queues the message being filled, which is full, and starts the next one.
-    fn finish(&mut self) {
+    fn queue_chunk(&mut self) {
         let chunk = self.chunk.split_to(self.length * 2).freeze();
-        let due = self.whims.random_range(0.0..LATEST);
+        let due = self.message_rng.random_range(0.0..MAX_DELAY);
         self.waiting.push_back((due, chunk));
-        self.length = if self.whims.random_ratio(1, ODD_ONES) {
-            self.whims.random_range(ODD_LENGTHS)
+        self.length = if self.message_rng.random_ratio(1, IRREGULAR_ONE_IN) {
+            self.message_rng.random_range(IRREGULAR_LENGTHS)
         } else {
             CHUNK
         };
     }
 
     /// Discards all unsent audio.
-    pub(crate) fn forget(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.chunk.clear();
         self.waiting.clear();
-        self.owed = 0.0;
+        self.due_samples = 0.0;
     }
 
     fn sample(&mut self, effort: f64, speaker: &mut Speaker) -> i16 {
@@ -177,8 +177,8 @@ impl Microphone {
             0.0
         };
         let own = speaker.sample(seconds) * SPEAKER_LOUDNESS;
-        let others = self.others(seconds) + self.burst(seconds);
-        (noise + hum + own + others) as i16
+        let sources = self.sources(seconds) + self.burst(seconds);
+        (noise + hum + own + sources) as i16
     }
 
     fn burst(&mut self, seconds: f64) -> f64 {
@@ -189,7 +189,7 @@ impl Microphone {
         burst.amplitude * burst.phase.sin()
     }
 
-    fn others(&mut self, seconds: f64) -> f64 {
+    fn sources(&mut self, seconds: f64) -> f64 {
         let mut sum = 0.0;
         for source in self
             .sources
@@ -231,7 +231,7 @@ mod tests {
         let mut speaker = Speaker::new(Duration::ZERO);
         sound.into_iter().for_each(|sound| speaker.play(sound));
         let chunk = (0..50)
-            .find_map(|_| microphone.listen(TICK, effort, &mut speaker))
+            .find_map(|_| microphone.record(TICK, effort, &mut speaker))
             .unwrap();
         let samples = chunk
             .chunks_exact(2)
@@ -251,10 +251,10 @@ mod tests {
         let mut microphone = Microphone::new(1, &[]);
         let mut speaker = Speaker::new(Duration::ZERO);
         let heard: usize = (0..500)
-            .filter_map(|_| microphone.listen(TICK, 0.0, &mut speaker))
+            .filter_map(|_| microphone.record(TICK, 0.0, &mut speaker))
             .map(|chunk| chunk.len())
             .sum();
-        let late = 2 * (ODD_LENGTHS.end() + CHUNK);
+        let late = 2 * (IRREGULAR_LENGTHS.end() + CHUNK);
         assert!((320_000 - late..=320_000).contains(&heard), "{heard}");
     }
 
@@ -263,7 +263,7 @@ mod tests {
         let mut microphone = Microphone::new(1, &[]);
         let mut speaker = Speaker::new(Duration::ZERO);
         let heard: Vec<(usize, usize)> = (0..5000)
-            .filter_map(|step| Some((step, microphone.listen(TICK, 0.0, &mut speaker)?.len())))
+            .filter_map(|step| Some((step, microphone.record(TICK, 0.0, &mut speaker)?.len())))
             .collect();
         let usual = heard.iter().filter(|(_, bytes)| *bytes == 4000).count();
         assert!(
@@ -277,14 +277,14 @@ mod tests {
 
     #[test]
     fn the_same_seed_gives_the_same_audio() {
-        let listen = |seed| {
+        let recorded = |seed| {
             let mut speaker = Speaker::new(Duration::ZERO);
             let mut microphone = Microphone::new(seed, &[]);
             (0..50)
-                .find_map(|_| microphone.listen(TICK, 0.5, &mut speaker))
+                .find_map(|_| microphone.record(TICK, 0.5, &mut speaker))
                 .unwrap()
         };
-        assert_eq!(listen(3), listen(3));
-        assert_ne!(listen(3), listen(4));
+        assert_eq!(recorded(3), recorded(3));
+        assert_ne!(recorded(3), recorded(4));
     }
 }

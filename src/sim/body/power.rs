@@ -14,26 +14,26 @@ const MOST_LEVELS: usize = 1000;
 #[derive(Debug, Default)]
 pub(super) struct PowerReports {
     session: bool,
-    told: Option<Power>,
+    last_reported: Option<Power>,
     left: Duration,
     /// How far the reported level lags behind.
-    late: Duration,
+    lag: Duration,
     /// The level to report, followed by the newer ones, each with its age.
     levels: VecDeque<(Duration, Power)>,
 }
 
 impl PowerReports {
-    /// Creates reports that lag behind by `late`.
-    pub(super) fn new(late: Duration) -> PowerReports {
+    /// Creates reports that lag behind by `lag`.
+    pub(super) fn new(lag: Duration) -> PowerReports {
         PowerReports {
-            late,
+            lag,
             ..PowerReports::default()
         }
     }
 
     /// Starts the session of a user; the first POWER follows after `delay`.
     pub(super) fn begin_session(&mut self, delay: Duration) {
-        (self.session, self.told, self.left) = (true, None, delay);
+        (self.session, self.last_reported, self.left) = (true, None, delay);
     }
 
     /// Ends the session: the user has disconnected.
@@ -59,7 +59,7 @@ impl PowerReports {
             self.levels.push_back((Duration::ZERO, power));
         }
         let old =
-            |entry: Option<&(Duration, Power)>| entry.is_some_and(|(age, _)| *age >= self.late);
+            |entry: Option<&(Duration, Power)>| entry.is_some_and(|(age, _)| *age >= self.lag);
         while old(self.levels.get(1)) || self.levels.len() > MOST_LEVELS {
             self.levels.pop_front();
         }
@@ -68,13 +68,15 @@ impl PowerReports {
 
     /// Whether this level must be sent now.
     pub(super) fn due(&self, power: Power) -> bool {
-        let changed = self.told.is_some_and(|told| told != power);
+        let changed = self
+            .last_reported
+            .is_some_and(|last_reported| last_reported != power);
         self.session && (changed || self.left.is_zero())
     }
 
     /// Records that this level was sent; the next POWER is due after `period` at the latest.
     pub(super) fn sent(&mut self, power: Power, period: Duration) {
-        (self.told, self.left) = (Some(power), period);
+        (self.last_reported, self.left) = (Some(power), period);
     }
 }
 

@@ -1,7 +1,7 @@
 //! The simulated robot: takes commands and time steps, and returns reports. Handles no sockets, no
 //! clock and no logins; `server` decides which client controls it.
 
-mod obey;
+mod commands;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -21,7 +21,7 @@ use super::power::PowerReports;
 use super::speaker::Speaker;
 use super::state::{Leds, State, Streams};
 use super::surroundings::Surroundings;
-use super::trace::{Movers, Trace, What};
+use super::trace::{Movers, Trace, TraceEventKind};
 use super::video::Video;
 use crate::sim::camera::Shot;
 use crate::sim::geometry::{Point, Pose, RADIUS};
@@ -120,7 +120,7 @@ impl Robot {
     /// Starts the session of a user: all streams are off, and POWER follows.
     pub fn begin_session(&mut self) {
         self.streams = Streams::default();
-        self.microphone.forget();
+        self.microphone.clear();
         self.power.begin_session(self.firmware.power_after_login);
         self.note("user connected");
         self.report_power();
@@ -140,7 +140,7 @@ impl Robot {
     pub fn reboot(&mut self) {
         self.commanded = Tracks::default();
         self.docking.stop();
-        self.chassis.want(Tracks::default());
+        self.chassis.set_target(Tracks::default());
         self.speaker = Speaker::new(self.firmware.music);
         self.leds = Leds::default();
         self.streams = Streams::default();
@@ -152,12 +152,12 @@ impl Robot {
     pub fn step(&mut self, dt: Duration) {
         self.time += dt;
         self.drive(dt);
-        self.touch();
+        self.update_contacts();
         let (places, balls) = (
             self.surroundings.places(),
             self.surroundings.world.balls.len(),
         );
-        lock(&self.trace).follow(self.time, self.chassis.pose, Movers { places, balls });
+        lock(&self.trace).add_sample(self.time, self.chassis.pose, Movers { places, balls });
         self.battery.step(dt, self.chassis.effort());
         if self.battery.take_full() {
             self.report_engine(EngineReport::Charged);
@@ -165,8 +165,8 @@ impl Robot {
         if self.speaker.step(dt) == Some(Sound::Music) {
             self.reports.push(Report::SoundFinished);
         }
-        self.listen(dt);
-        self.look(dt);
+        self.step_microphone(dt);
+        self.step_camera(dt);
         self.power.step(dt);
         self.report_power();
     }
@@ -206,7 +206,7 @@ impl Robot {
     /// Repairs or breaks the charger; with a broken one the robot docks but does not charge.
     pub fn set_charger_works(&mut self, works: bool) {
         self.contacts.charger_works = works;
-        self.touch();
+        self.update_contacts();
         self.report_power();
     }
 
@@ -219,7 +219,7 @@ impl Robot {
             return;
         }
         self.chassis.pose = pose;
-        self.touch();
+        self.update_contacts();
         self.report_power();
     }
 
@@ -267,7 +267,7 @@ impl Robot {
                 Tracks::default()
             }
         };
-        self.chassis.want(if self.battery.empty() {
+        self.chassis.set_target(if self.battery.empty() {
             Tracks::default()
         } else {
             self.grip.step(wanted, dt)
@@ -287,18 +287,18 @@ impl Robot {
             let bumper = self.chassis.pose.point().ahead(heading, reach);
             let name = self.surroundings.name_at(bumper);
             self.note(&format!("ran into: {name}"));
-            self.mark(What::Collision(name));
+            self.mark(TraceEventKind::Collision(name));
         }
     }
 
     /// Updates the contacts with the station, and reports changes.
-    fn touch(&mut self) {
+    fn update_contacts(&mut self) {
         let station = &self.surroundings.world.station;
         self.contacts.touch(station, self.chassis.pose);
         self.battery.set_charging(self.contacts.charging());
         if self.contacts.touching() && self.docking.searching() {
             self.docking.stop();
-            self.chassis.want(Tracks::default());
+            self.chassis.set_target(Tracks::default());
         }
         if let Some(docked) = self.contacts.take_change(&self.docking) {
             self.report_engine(if docked {
@@ -309,20 +309,20 @@ impl Robot {
         }
     }
 
-    fn listen(&mut self, dt: Duration) {
+    fn step_microphone(&mut self, dt: Duration) {
         if !self.streams.audio_in {
             return;
         }
         let here = self.chassis.pose.point();
         self.microphone
-            .turn_to(self.time, here, &self.surroundings.obstacles);
+            .update_sources(self.time, here, &self.surroundings.obstacles);
         let chunk = self
             .microphone
-            .listen(dt, self.chassis.effort(), &mut self.speaker);
+            .record(dt, self.chassis.effort(), &mut self.speaker);
         self.reports.extend(chunk.map(Report::Audio));
     }
 
-    fn look(&mut self, dt: Duration) {
+    fn step_camera(&mut self, dt: Duration) {
         if !self.streams.video {
             self.video.stop();
             return;
@@ -360,17 +360,17 @@ impl Robot {
     fn report_engine(&mut self, report: EngineReport) {
         self.note(&format!("engine says {report:?}"));
         match report {
-            EngineReport::Docked => self.mark(What::Docked),
-            EngineReport::Undocked => self.mark(What::Undocked),
-            EngineReport::BaseNotFound => self.mark(What::BaseNotFound),
+            EngineReport::Docked => self.mark(TraceEventKind::Docked),
+            EngineReport::Undocked => self.mark(TraceEventKind::Undocked),
+            EngineReport::BaseNotFound => self.mark(TraceEventKind::BaseNotFound),
             _ => {}
         }
         self.reports.push(Report::Engine(report));
     }
 
     /// Adds an event to the trace, for the map of the run.
-    pub fn mark(&self, what: What) {
-        lock(&self.trace).note(what);
+    pub fn mark(&self, kind: TraceEventKind) {
+        lock(&self.trace).add_event(kind);
     }
 
     fn note(&mut self, line: &str) {

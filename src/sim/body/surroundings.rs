@@ -49,7 +49,7 @@ impl Surroundings {
                 .middle
                 .ahead(chassis.pose.heading, 1.5 * speed * seconds);
             let next = Circle::new(next, RADIUS);
-            self.movers.make_way(next, speed, &mut self.obstacles);
+            self.movers.push_balls(next, speed, &mut self.obstacles);
         }
     }
 

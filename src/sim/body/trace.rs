@@ -15,7 +15,7 @@ const MAX_EVENTS: usize = 2048;
 const STRIDE: f64 = 0.02;
 const TURN: f64 = 0.1;
 /// Metres per step; in a longer step the robot did not drive but was placed.
-const LEAP: f64 = 0.1;
+const MAX_STEP: f64 = 0.1;
 
 /// The robot's pose at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,23 +25,23 @@ pub struct Sample {
     /// The robot's pose.
     pub pose: Pose,
     /// The robot was placed here; it did not drive here from the previous sample.
-    pub leapt: bool,
+    pub placed: bool,
 }
 
 /// An event: something that happened to the robot, or a command that it received.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Happening {
+pub struct TraceEvent {
     /// Simulated time since the start.
     pub at: Duration,
     /// The robot's pose at that time.
     pub pose: Pose,
     /// What happened.
-    pub what: What,
+    pub kind: TraceEventKind,
 }
 
 /// Kinds of events.
 #[derive(Debug, Clone, PartialEq)]
-pub enum What {
+pub enum TraceEventKind {
     /// The robot ran into the thing with this name.
     Collision(String),
     /// The watchdog or a script commanded the robot to find its station.
@@ -80,7 +80,7 @@ pub struct Trace {
     /// One in this many strides is kept.
     thin: u32,
     skipped: u32,
-    events: Vec<Happening>,
+    events: Vec<TraceEvent>,
     missed: usize,
     now: Sample,
     balls: Vec<Point>,
@@ -93,7 +93,7 @@ impl Default for Sample {
         Sample {
             at: Duration::ZERO,
             pose: Pose::default(),
-            leapt: true,
+            placed: true,
         }
     }
 }
@@ -114,17 +114,17 @@ impl Trace {
     }
 
     /// Records the robot's current pose, and the places of everything else that moves.
-    pub(crate) fn follow(
+    pub(crate) fn add_sample(
         &mut self,
         at: Duration,
         pose: Pose,
         movers: Movers<impl Iterator<Item = Point>>,
     ) {
-        let leapt = pose.point().distance(self.now.pose.point()) > LEAP;
-        if !leapt {
+        let placed = pose.point().distance(self.now.pose.point()) > MAX_STEP;
+        if !placed {
             self.distance += pose.point().distance(self.now.pose.point());
         }
-        self.now = Sample { at, pose, leapt };
+        self.now = Sample { at, pose, placed };
         let Movers { places, balls } = movers;
         self.balls.clear();
         self.walkers.clear();
@@ -140,11 +140,11 @@ impl Trace {
             return;
         };
         let turned = crate::sim::geometry::wrap(pose.heading - last.pose.heading).abs();
-        if !leapt && turned < TURN && last.pose.point().distance(pose.point()) < STRIDE {
+        if !placed && turned < TURN && last.pose.point().distance(pose.point()) < STRIDE {
             return;
         }
         self.skipped += 1;
-        if leapt || self.skipped >= self.thin {
+        if placed || self.skipped >= self.thin {
             self.skipped = 0;
             self.samples.push(self.now);
         }
@@ -152,7 +152,7 @@ impl Trace {
             let mut index = 0;
             self.samples.retain(|sample| {
                 index += 1;
-                sample.leapt || index % 2 == 1
+                sample.placed || index % 2 == 1
             });
             // This bounds the number of placements too.
             self.samples.truncate(MAX_SAMPLES - 1);
@@ -161,13 +161,13 @@ impl Trace {
     }
 
     /// Records an event at the current time.
-    pub(crate) fn note(&mut self, what: What) {
+    pub(crate) fn add_event(&mut self, kind: TraceEventKind) {
         if self.events.len() == MAX_EVENTS {
             self.missed += 1;
             return;
         }
         let (at, pose) = (self.now.at, self.now.pose);
-        self.events.push(Happening { at, pose, what });
+        self.events.push(TraceEvent { at, pose, kind });
     }
 
     /// Returns the samples, oldest first, a few centimetres apart; the last one is the current
@@ -177,7 +177,7 @@ impl Trace {
     }
 
     /// Returns the events, oldest first; of very many, only the first ones.
-    pub fn events(&self) -> &[Happening] {
+    pub fn events(&self) -> &[TraceEvent] {
         &self.events
     }
 
@@ -208,8 +208,8 @@ impl Trace {
 
     /// Returns the names of the things the robot ran into, oldest first.
     pub fn collisions(&self) -> impl Iterator<Item = &str> {
-        self.events.iter().filter_map(|event| match &event.what {
-            What::Collision(name) => Some(name.as_str()),
+        self.events.iter().filter_map(|event| match &event.kind {
+            TraceEventKind::Collision(name) => Some(name.as_str()),
             _ => None,
         })
     }
@@ -235,7 +235,7 @@ mod tests {
         let mut trace = Trace::from(pose(0.0));
         for step in 1..=200_000 {
             let at = Duration::from_millis(20) * step;
-            trace.follow(at, pose(f64::from(step) * 0.021), nothing());
+            trace.add_sample(at, pose(f64::from(step) * 0.021), nothing());
         }
         let samples: Vec<Sample> = trace.samples().collect();
         assert!(
@@ -246,7 +246,7 @@ mod tests {
         assert!(
             samples
                 .windows(2)
-                .all(|two| two[0].at <= two[1].at && !two[1].leapt)
+                .all(|two| two[0].at <= two[1].at && !two[1].placed)
         );
         assert_eq!(
             samples.last().map(|last| last.at),
@@ -258,15 +258,15 @@ mod tests {
     #[test]
     fn placing_the_robot_does_not_count_as_driving() {
         let mut trace = Trace::from(pose(0.0));
-        trace.follow(Duration::from_secs(1), pose(3.0), nothing());
+        trace.add_sample(Duration::from_secs(1), pose(3.0), nothing());
         assert_eq!(trace.distance(), 0.0);
-        assert!(trace.samples().last().is_some_and(|sample| sample.leapt));
+        assert!(trace.samples().last().is_some_and(|sample| sample.placed));
     }
 
     #[test]
     fn events_beyond_the_limit_are_counted() {
         let mut trace = Trace::from(pose(0.0));
-        (0..MAX_EVENTS + 5).for_each(|_| trace.note(What::Photo));
+        (0..MAX_EVENTS + 5).for_each(|_| trace.add_event(TraceEventKind::Photo));
         assert_eq!((trace.events().len(), trace.missed()), (MAX_EVENTS, 5));
     }
 }

@@ -39,7 +39,7 @@ impl Video {
     }
 
     /// Makes the next frame due immediately.
-    pub(super) fn hurry(&mut self) {
+    pub(super) fn trigger_frame(&mut self) {
         self.due = 1.0;
     }
 

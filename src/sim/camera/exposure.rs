@@ -9,7 +9,7 @@ const MIDDLE_GREY: f32 = 105.0;
 /// Range of the gain.
 const GAINS: std::ops::RangeInclusive<f32> = 0.5..=2.5;
 /// One in this many pixels is measured.
-const EVERY: usize = 37;
+const SAMPLE_STEP: usize = 37;
 
 /// The exposure control: amplifies the light of a frame.
 #[derive(Debug)]
@@ -37,13 +37,13 @@ impl Exposure {
     }
 
     /// Adjusts the gain to the brightness of a frame taken at `time`.
-    pub(super) fn follow(&mut self, frame: &[Pixel], time: Duration) {
+    pub(super) fn update(&mut self, frame: &[Pixel], time: Duration) {
         if self.slowness <= 0.0 {
             return;
         }
-        let some = frame.iter().step_by(EVERY);
+        let some = frame.iter().step_by(SAMPLE_STEP);
         let sum: u32 = some.map(|pixel| u32::from(pixel[1])).sum();
-        let mean = (sum as f32 * EVERY as f32 / frame.len() as f32).max(1.0);
+        let mean = (sum as f32 * SAMPLE_STEP as f32 / frame.len() as f32).max(1.0);
         let wanted = self.gain * MIDDLE_GREY / mean;
         let wanted = wanted.clamp(*GAINS.start(), *GAINS.end());
         let passed = self

@@ -29,12 +29,12 @@ impl Floor {
         }
     }
 
-    /// Renders the rows below the horizon; `shores` holds the row at which each column's floor
+    /// Renders the rows below the horizon; `floor_tops` holds the row at which each column's floor
     /// begins.
     pub(super) fn paint(
         &mut self,
         frame: &mut [Pixel],
-        shores: &[usize],
+        floor_tops: &[usize],
         view: &View,
         lighting: &Lighting,
         exposure: f32,
@@ -42,7 +42,7 @@ impl Floor {
         let floor = self
             .texture
             .get_or_insert_with(|| ground::picture(&self.world));
-        let even = lighting.even() && !view.flash;
+        let even = lighting.is_uniform() && !view.flash;
         let edges = [view.column(0), view.column(1)];
         for row in HEIGHT / 2..HEIGHT {
             let Row {
@@ -58,8 +58,8 @@ impl Floor {
             let start = (start.0 * x - 128.0, start.1 * y - 128.0);
             let line = &mut frame[row * WIDTH..][..WIDTH];
             let stride = stride(depth / view.focal * level.scale[1]);
-            for (patch, shores) in (0..WIDTH).step_by(PATCH).zip(shores.chunks(PATCH)) {
-                if shores.iter().all(|shore| row < *shore) {
+            for (patch, floor_tops) in (0..WIDTH).step_by(PATCH).zip(floor_tops.chunks(PATCH)) {
+                if floor_tops.iter().all(|floor_top| row < *floor_top) {
                     continue;
                 }
                 let middle = view.column(if even { WIDTH / 2 } else { patch + PATCH / 2 });
@@ -75,7 +75,7 @@ impl Floor {
                 for part in (0..PATCH).step_by(stride) {
                     let right = colour(patch + part + stride);
                     for off in 0..stride {
-                        if row >= shores[part + off] {
+                        if row >= floor_tops[part + off] {
                             let share = (off * 256 / stride) as u32;
                             line[patch + part + off] = between(left, right, share);
                         }

@@ -10,7 +10,7 @@ const LEN: usize = WIDTH * HEIGHT * 4;
 /// Number of possible offsets, in pixels, of the noise of a frame.
 const SHIFTS: usize = 4096;
 /// Range of the noise at strength 1, on the scale 0..=255.
-const LOUDEST: f64 = 32.0;
+const MAX_AMPLITUDE: f64 = 32.0;
 
 /// Noise for frames: generated once, and added to each frame at a random offset.
 pub(crate) struct Grain {
@@ -24,7 +24,7 @@ impl Grain {
     /// Creates noise of this strength, 0..=1.
     pub(crate) fn new(strength: f64, seed: u64) -> Grain {
         let mut random = StdRng::seed_from_u64(seed);
-        let middle = (strength.clamp(0.0, 1.0) * LOUDEST / 2.0).round() as u8;
+        let middle = (strength.clamp(0.0, 1.0) * MAX_AMPLITUDE / 2.0).round() as u8;
         let mut bytes = vec![0; LEN / 4 + SHIFTS];
         random.fill_bytes(&mut bytes);
         let level = |byte: u8| (u16::from(byte) * (2 * u16::from(middle) + 1) / 256) as u8;
@@ -40,7 +40,7 @@ impl Grain {
     }
 
     /// Writes the frame with added noise to `grainy`.
-    pub(crate) fn lay_over(&mut self, pixels: &[u8], grainy: &mut [u8]) {
+    pub(crate) fn add_to(&mut self, pixels: &[u8], grainy: &mut [u8]) {
         if self.middle == 0 {
             return grainy.copy_from_slice(pixels);
         }
@@ -58,7 +58,7 @@ mod tests {
     #[test]
     fn grain_is_weak_and_has_no_bias() {
         let mut pixels = vec![0; LEN];
-        Grain::new(0.25, 5).lay_over(&vec![100; LEN], &mut pixels);
+        Grain::new(0.25, 5).add_to(&vec![100; LEN], &mut pixels);
         assert!(pixels.iter().all(|channel| (96..=104).contains(channel)));
         let mean = pixels
             .iter()
@@ -71,7 +71,7 @@ mod tests {
     #[test]
     fn strength_zero_adds_no_grain() {
         let mut pixels = vec![0; LEN];
-        Grain::new(0.0, 5).lay_over(&vec![100; LEN], &mut pixels);
+        Grain::new(0.0, 5).add_to(&vec![100; LEN], &mut pixels);
         assert!(pixels.iter().all(|channel| *channel == 100));
     }
 }

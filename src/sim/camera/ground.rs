@@ -44,7 +44,7 @@ pub(crate) fn picture(world: &World) -> Texture {
         let colours = (0..count[1]).map(|column| floor((column as f32 + 0.5) / scale[1], y));
         pixels.extend(colours.map(|[r, g, b]| [r as u8, g as u8, b as u8, 255]));
     }
-    stick(&world.lines, pixels.as_flattened_mut(), count, scale);
+    draw_tapes(&world.lines, pixels.as_flattened_mut(), count, scale);
     let shadows = Shadows::of(world, &world.fixed_obstacles());
     for (row, line) in pixels.chunks_mut(count[1]).enumerate() {
         let y = (row as f32 + 0.5) / scale[0];
@@ -57,7 +57,7 @@ pub(crate) fn picture(world: &World) -> Texture {
 }
 
 /// Draws tapes onto a floor texture with `count` rows and columns, at `scale` texels per metre.
-fn stick(tapes: &[Tape], pixels: &mut [u8], count: [usize; 2], scale: [f32; 2]) {
+fn draw_tapes(tapes: &[Tape], pixels: &mut [u8], count: [usize; 2], scale: [f32; 2]) {
     let size = (count[1] as u32, count[0] as u32);
     let Some(mut floor) = PixmapMut::from_bytes(pixels, size.0, size.1) else {
         return;
@@ -130,8 +130,8 @@ impl Carpet {
 
 fn wood(x: f32, y: f32) -> Rgb {
     const PLANK: (f32, f32) = (1.3, 0.13);
-    let (row, across) = cut(y * (1.0 / PLANK.1));
-    let (board, along) = cut(x * (1.0 / PLANK.0) + scatter(row, 11));
+    let (row, across) = split_number(y * (1.0 / PLANK.1));
+    let (board, along) = split_number(x * (1.0 / PLANK.0) + scatter(row, 11));
     let tone = 0.86 + 0.22 * scatter(row, board);
     let streak = scatter((x * 14.0) as i32, (y * 160.0) as i32);
     let grain = 1.0 + 0.10 * (streak - 0.5);
@@ -142,7 +142,10 @@ fn wood(x: f32, y: f32) -> Rgb {
 
 fn tiles(x: f32, y: f32) -> Rgb {
     const TILE: f32 = 0.25;
-    let ((column, along), (row, across)) = (cut(x * (1.0 / TILE)), cut(y * (1.0 / TILE)));
+    let ((column, along), (row, across)) = (
+        split_number(x * (1.0 / TILE)),
+        split_number(y * (1.0 / TILE)),
+    );
     let joint = if along.min(across) < 0.02 {
         1.0 - 0.25
     } else {
@@ -165,7 +168,7 @@ fn concrete(x: f32, y: f32) -> Rgb {
 }
 
 /// Splits a positive number into its integer and fractional parts.
-fn cut(number: f32) -> (i32, f32) {
+fn split_number(number: f32) -> (i32, f32) {
     let whole = number as i32;
     (whole, number - whole as f32)
 }

@@ -42,12 +42,12 @@ impl Lens {
                 frame: Vec::new(),
             };
         }
-        let way_back = WayBack::through(distortion);
+        let inverse = InverseDistortion::of(distortion);
         let places: Vec<(f32, f32)> = (0..WIDTH * HEIGHT)
             .map(|index| {
                 let (x, y) = from_middle(index);
-                let bent = x.hypot(y) / focal;
-                let scale = way_back.straight(bent) / bent;
+                let distorted = x.hypot(y) / focal;
+                let scale = inverse.undistorted(distorted) / distorted;
                 (x / focal * scale, y / focal * scale)
             })
             .collect();
@@ -55,21 +55,21 @@ impl Lens {
             (x.max(place.0.abs()), y.max(place.1.abs()))
         });
         let reach = (WIDTH as f32 / 2.0 - 1.0, HEIGHT as f32 / 2.0 - 1.0);
-        let straight = (reach.0 / widest.0).min(reach.1 / widest.1);
+        let undistorted_focal = (reach.0 / widest.0).min(reach.1 / widest.1);
         Lens {
-            focal: straight,
+            focal: undistorted_focal,
             sources: places
                 .iter()
-                .map(|place| Source::at(*place, straight))
+                .map(|place| Source::at(*place, undistorted_focal))
                 .collect(),
             frame: vec![[0; 4]; WIDTH * HEIGHT],
         }
     }
 
     /// Applies the distortion to a rendered image.
-    pub(super) fn bend(&mut self, straight: &[Pixel]) {
+    pub(super) fn distort(&mut self, undistorted: &[Pixel]) {
         let at = |index: usize| {
-            straight
+            undistorted
                 .get(index)
                 .map_or(0, |pixel| u32::from_le_bytes(*pixel))
         };
@@ -82,10 +82,10 @@ impl Lens {
         }
     }
 
-    /// Returns the last distorted image, or `straight` itself for a lens without distortion.
-    pub(super) fn seen<'a>(&'a self, straight: &'a [Pixel]) -> &'a [Pixel] {
+    /// Returns the last distorted image, or `undistorted` itself for a lens without distortion.
+    pub(super) fn output<'a>(&'a self, undistorted: &'a [Pixel]) -> &'a [Pixel] {
         if self.sources.is_empty() {
-            straight
+            undistorted
         } else {
             &self.frame
         }
@@ -120,28 +120,29 @@ fn from_middle(index: usize) -> (f32, f32) {
 
 /// The inverse distortion: the distorted distance from the image centre for each undistorted one,
 /// up to the distance at which the lens would fold the image.
-struct WayBack(Vec<f32>);
+struct InverseDistortion(Vec<f32>);
 
-impl WayBack {
-    fn through([k1, k2]: [f64; 2]) -> WayBack {
+impl InverseDistortion {
+    fn of([k1, k2]: [f64; 2]) -> InverseDistortion {
         let (k1, k2) = (k1 as f32, k2 as f32);
-        let bent = (0..STEPS).map(|step| {
+        let distorted = (0..STEPS).map(|step| {
             let r = distance(step as f32);
             r * (1.0 + r * r * (k1 + k2 * r * r))
         });
         let mut last = -1.0;
-        WayBack(
-            bent.take_while(|bent| *bent > std::mem::replace(&mut last, *bent))
+        InverseDistortion(
+            distorted
+                .take_while(|distorted| *distorted > std::mem::replace(&mut last, *distorted))
                 .collect(),
         )
     }
 
-    fn straight(&self, bent: f32) -> f32 {
-        let after = self.0.partition_point(|other| *other < bent);
+    fn undistorted(&self, distorted: f32) -> f32 {
+        let after = self.0.partition_point(|other| *other < distorted);
         let (Some(near), Some(far)) = (self.0.get(after.wrapping_sub(1)), self.0.get(after)) else {
             return distance(after.saturating_sub(1) as f32);
         };
-        distance((after - 1) as f32 + (bent - near) / (far - near))
+        distance((after - 1) as f32 + (distorted - near) / (far - near))
     }
 }
 
@@ -163,14 +164,14 @@ mod tests {
     #[test]
     fn a_lens_bends_straight_lines_except_through_the_centre() {
         let mut lens = Lens::of(&lens([-0.25, 0.0]));
-        let mut straight = vec![[0; 4]; WIDTH * HEIGHT];
+        let mut undistorted = vec![[0; 4]; WIDTH * HEIGHT];
         // A line along the upper edge of the undistorted image, and one through its centre.
         let lines = [8, HEIGHT / 2 - 1, HEIGHT / 2];
         for row in lines {
-            straight[row * WIDTH..][..WIDTH].fill([255, 0, 0, 0]);
+            undistorted[row * WIDTH..][..WIDTH].fill([255, 0, 0, 0]);
         }
-        lens.bend(&straight);
-        let seen = lens.seen(&straight);
+        lens.distort(&undistorted);
+        let seen = lens.output(&undistorted);
         let red = |column: usize, row: usize| seen[row * WIDTH + column][0] > 100;
         assert!((0..WIDTH).all(|column| red(column, HEIGHT / 2)));
         let upper = |column: usize| (0..60).find(|row| red(column, *row));
@@ -185,7 +186,7 @@ mod tests {
     fn a_lens_without_distortion_changes_nothing() {
         let lens = Lens::of(&lens([0.0, 0.0]));
         let frame = vec![[7; 4]; 4];
-        assert_eq!(lens.seen(&frame), frame);
+        assert_eq!(lens.output(&frame), frame);
         assert!((lens.focal - 380.7).abs() < 0.5, "{}", lens.focal);
     }
 }

@@ -60,13 +60,13 @@ impl Lighting {
             gain: 1.0,
         };
         lighting.draw();
-        lighting.pass_to(0.0);
+        lighting.advance_to(0.0);
         lighting
     }
 
     /// Switches the lamps according to their schedules at a time, in seconds; returns whether any
     /// of them changed.
-    pub(crate) fn pass_to(&mut self, seconds: f64) -> bool {
+    pub(crate) fn advance_to(&mut self, seconds: f64) -> bool {
         let now = |lamp: &Lamp| lamp.lit(seconds);
         let mut lamps = self.lamps.iter().zip(&self.lit);
         let switched = lamps.any(|(lamp, lit)| now(lamp) != *lit);
@@ -123,7 +123,7 @@ impl Lighting {
     }
 
     /// Whether the light is the same everywhere.
-    pub(crate) fn even(&self) -> bool {
+    pub(crate) fn is_uniform(&self) -> bool {
         self.lamps.is_empty()
     }
 }
@@ -131,7 +131,7 @@ impl Lighting {
 fn share_of(lamp: &Lamp, place: Point, obstacles: &Obstacles) -> f32 {
     let at = lamp.at.point();
     let far = (at.distance(place) / lamp.reach) as f32;
-    let seen = if obstacles.walled_off(at, place) {
+    let seen = if obstacles.is_behind_wall(at, place) {
         SPILL
     } else {
         1.0
@@ -154,20 +154,20 @@ mod tests {
     fn a_lamp_switches_and_casts_its_colour() {
         let mut lighting = lighting();
         assert!(lighting.at(1.0, 2.0)[0] < 0.11);
-        lighting.pass_to(12.0);
+        lighting.advance_to(12.0);
         let [red, green, blue] = lighting.at(1.0, 2.0);
         assert!(
             red > 1.0 && (0.5..0.7).contains(&green) && blue < 0.11,
             "{red} {green} {blue}"
         );
-        lighting.pass_to(15.0);
+        lighting.advance_to(15.0);
         assert!(lighting.at(1.0, 2.0)[0] < 0.11);
     }
 
     #[test]
     fn light_fades_with_distance_and_is_blocked_by_walls() {
         let mut lighting = lighting();
-        lighting.pass_to(12.0);
+        lighting.advance_to(12.0);
         assert!(lighting.at(1.0, 2.0)[0] > lighting.at(2.5, 3.5)[0] + 0.1);
         assert!(
             lighting.at(4.0, 2.0)[0] < 0.2,

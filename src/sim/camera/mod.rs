@@ -38,7 +38,7 @@ pub(crate) struct Camera {
     renderer: Renderer,
     exposure: Exposure,
     /// Inputs of the last rendered frame, unless it is outdated.
-    sight: Option<Sight>,
+    last_inputs: Option<FrameInputs>,
     grain: Grain,
     /// The frame with grain.
     grainy: Vec<Pixel>,
@@ -60,7 +60,7 @@ pub(crate) struct Shot {
 
 /// All inputs of a frame except the scene and its lights.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Sight {
+struct FrameInputs {
     pose: Pose,
     flash: bool,
     turning: f64,
@@ -76,7 +76,7 @@ impl Camera {
             renderer: Renderer::new(world, lens.focal),
             lens,
             exposure: Exposure::new(world.camera.exposure),
-            sight: None,
+            last_inputs: None,
             grain: Grain::new(world.camera.noise, seed),
             grainy: vec![[0; 4]; WIDTH * HEIGHT],
             encoder: None,
@@ -86,23 +86,23 @@ impl Camera {
     /// Multiplies all light of the world by `gain`.
     pub(crate) fn set_light(&mut self, gain: f32) {
         self.renderer.lighting.set_gain(gain);
-        self.sight = None;
+        self.last_inputs = None;
     }
 
     /// Moves balls and people.
     pub(crate) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) {
         if self.renderer.scene.move_rounds(places) {
-            self.sight = None;
+            self.last_inputs = None;
         }
     }
 
     /// Takes one frame and returns it as a JPEG.
     pub(crate) fn frame(&mut self, shot: Shot) -> Bytes {
-        self.look(shot);
-        let frame = self.lens.seen(self.renderer.frame());
+        self.render(shot);
+        let frame = self.lens.output(self.renderer.frame());
         let grainy = &mut self.grainy;
         self.grain
-            .lay_over(frame.as_flattened(), grainy.as_flattened_mut());
+            .add_to(frame.as_flattened(), grainy.as_flattened_mut());
         let (quality, subsampling) = (self.settings.quality as u8, self.settings.subsampling);
         self.encoder
             .get_or_insert_with(|| {
@@ -113,28 +113,28 @@ impl Camera {
 
     /// Renders the frame, unless nothing has changed since the last one; then only the grain
     /// differs.
-    fn look(&mut self, shot: Shot) {
+    fn render(&mut self, shot: Shot) {
         let Shot {
             pose,
             flash,
             turning,
             time,
         } = shot;
-        let changed = self.renderer.lighting.pass_to(time.as_secs_f64());
+        let changed = self.renderer.lighting.advance_to(time.as_secs_f64());
         let exposure = self.exposure.gain();
-        let sight = Some(Sight {
+        let inputs = Some(FrameInputs {
             pose,
             flash,
             turning,
             exposure,
         });
-        if changed || self.sight != sight {
+        if changed || self.last_inputs != inputs {
             let turned = turning.abs() * self.settings.shutter;
             self.renderer.render(pose, flash, exposure, turned);
-            self.lens.bend(self.renderer.frame());
-            self.sight = sight;
+            self.lens.distort(self.renderer.frame());
+            self.last_inputs = inputs;
         }
         self.exposure
-            .follow(self.lens.seen(self.renderer.frame()), time);
+            .update(self.lens.output(self.renderer.frame()), time);
     }
 }

@@ -6,14 +6,14 @@ use super::light::{Light, Lighting};
 use super::scene::{Hit, Round, RoundKind, Scene, Thing};
 use super::shading::{self, light};
 use super::surface::{Rgb, Surface};
-use super::texture::{Pixel, lit, smear};
+use super::texture::{Pixel, lit, motion_blur};
 use super::view::{Column, EYE, HEIGHT, HORIZON, View, WIDTH, lamps};
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::world::document::World;
 
 const CEILING: Pixel = [224, 223, 218, 0];
 /// Maximum length of the motion blur, pixels.
-const LONGEST_SMEAR: usize = 24;
+const MAX_BLUR: usize = 24;
 
 /// The renderer of a world.
 pub(super) struct Renderer {
@@ -28,9 +28,9 @@ pub(super) struct Renderer {
     /// Buffer for the motion blur.
     sums: Vec<u64>,
     standing: Vec<Vec<Hit>>,
-    hanging: Vec<Vec<Hit>>,
+    overlays: Vec<Vec<Hit>>,
     /// The first row of the floor in each column.
-    shores: Vec<usize>,
+    floor_tops: Vec<usize>,
 }
 
 /// The light source for the shading of balls and posts.
@@ -58,8 +58,8 @@ impl Renderer {
             ceiling: vec![[0; 4]; HEIGHT],
             sums: Vec::new(),
             standing: vec![Vec::new(); WIDTH],
-            hanging: vec![Vec::new(); WIDTH],
-            shores: vec![HEIGHT; WIDTH],
+            overlays: vec![Vec::new(); WIDTH],
+            floor_tops: vec![HEIGHT; WIDTH],
         }
     }
 
@@ -73,31 +73,31 @@ impl Renderer {
     pub(super) fn render(&mut self, pose: Pose, flash: bool, exposure: f32, turned: f64) {
         self.exposure = exposure;
         let view = View::of(pose, self.focal, flash);
-        self.survey(&view);
+        self.find_things(&view);
         self.light_ceiling();
         for index in 0..WIDTH {
             self.paint_column(&view, view.column(index));
         }
-        let (frame, shores) = (&mut self.frame, &self.shores);
+        let (frame, floor_tops) = (&mut self.frame, &self.floor_tops);
         self.floor
-            .paint(frame, shores, &view, &self.lighting, exposure);
+            .paint(frame, floor_tops, &view, &self.lighting, exposure);
         for index in 0..WIDTH {
-            self.paint_hanging(&view, view.column(index));
+            self.paint_overlays(&view, view.column(index));
         }
-        let length = ((turned * f64::from(self.focal)).round() as usize).min(LONGEST_SMEAR);
+        let length = ((turned * f64::from(self.focal)).round() as usize).min(MAX_BLUR);
         if length > 1 {
             for row in self.frame.chunks_exact_mut(WIDTH) {
-                smear(row, length, &mut self.sums);
+                motion_blur(row, length, &mut self.sums);
             }
         }
     }
 
     /// Finds the things in each column, nearest first.
-    fn survey(&mut self, view: &View) {
-        let (standing, hanging) = (&mut self.standing, &mut self.hanging);
+    fn find_things(&mut self, view: &View) {
+        let (standing, overlays) = (&mut self.standing, &mut self.overlays);
         standing
             .iter_mut()
-            .chain(hanging.iter_mut())
+            .chain(overlays.iter_mut())
             .for_each(Vec::clear);
         let scene = &self.scene;
         for (index, panel) in scene.panels.iter().enumerate() {
@@ -105,7 +105,7 @@ impl Renderer {
             let columns = if stands {
                 &mut *standing
             } else {
-                &mut *hanging
+                &mut *overlays
             };
             scene.columns_of_panel(index, view, |column, hit| columns[column].push(hit));
         }
@@ -114,11 +114,11 @@ impl Renderer {
             let columns = if stands {
                 &mut *standing
             } else {
-                &mut *hanging
+                &mut *overlays
             };
             scene.columns_of_round(index, view, |column, hit| columns[column].push(hit));
         }
-        for hits in standing.iter_mut().chain(hanging.iter_mut()) {
+        for hits in standing.iter_mut().chain(overlays.iter_mut()) {
             hits.sort_by(|a, b| a.depth.total_cmp(&b.depth));
         }
     }
@@ -128,12 +128,12 @@ impl Renderer {
     fn paint_column(&mut self, view: &View, column: Column) {
         let standing = std::mem::take(&mut self.standing[column.index]);
         let mut limit = HEIGHT;
-        let mut shore = HEIGHT / 2;
+        let mut floor_top = HEIGHT / 2;
         for (number, hit) in standing.iter().enumerate() {
             let top = view.row(self.top_of(hit.thing), hit.depth);
             let foot = view.row(0.0, hit.depth).min(limit);
             if number == 0 {
-                shore = foot;
+                floor_top = foot;
             }
             if top < foot {
                 self.paint_standing(view, column, *hit, top..foot);
@@ -143,7 +143,7 @@ impl Renderer {
                 break;
             }
         }
-        self.shores[column.index] = shore.max(HEIGHT / 2);
+        self.floor_tops[column.index] = floor_top.max(HEIGHT / 2);
         self.paint_ceiling(
             column,
             if standing.is_empty() {
@@ -272,9 +272,9 @@ impl Renderer {
     }
 
     /// Draws balls and signs from far to near, down to where a nearer standing thing hides them.
-    fn paint_hanging(&mut self, view: &View, column: Column) {
-        let hanging = std::mem::take(&mut self.hanging[column.index]);
-        for hit in hanging.iter().rev() {
+    fn paint_overlays(&mut self, view: &View, column: Column) {
+        let overlays = std::mem::take(&mut self.overlays[column.index]);
+        for hit in overlays.iter().rev() {
             let standing = self.standing[column.index].iter();
             let nearer = standing.take_while(|other| other.depth < hit.depth);
             let limit = nearer.map(|other| view.row(self.top_of(other.thing), other.depth));
@@ -290,7 +290,7 @@ impl Renderer {
                 Thing::Round { index, .. } => self.paint_ball(view, column, index, limit),
             }
         }
-        self.hanging[column.index] = hanging;
+        self.overlays[column.index] = overlays;
     }
 
     fn paint_ball(&mut self, view: &View, column: Column, index: usize, limit: usize) {

@@ -18,11 +18,11 @@ const NEAR: f32 = 0.01;
 /// Side of a texel of a panel, metres, unless the panel is huge.
 const PIXEL: f32 = 0.01;
 /// Approximate maximum number of texels of a panel.
-const MOST_PIXELS: f32 = 4e5;
+const MAX_TEXELS: f32 = 4e5;
 /// Distance between a sign and the thing on which it hangs, metres.
-const HANGS_OFF: f64 = 0.01;
+const SIGN_DISTANCE: f64 = 0.01;
 /// Maximum thickness of a thing on which a sign hangs, metres.
-const THICKEST: f64 = 0.6;
+const MAX_THICKNESS: f64 = 0.6;
 
 /// An upright rectangle.
 #[derive(Debug)]
@@ -93,7 +93,7 @@ impl Scene {
         }
         scene.add_box(world.station.sides(), station::HEIGHT, Surface::StationSide);
         scene.mark_station(&world.station);
-        scene.hang_signs(world);
+        scene.add_signs(world);
         let balls = world.balls.iter();
         let balls = balls.map(|b| Round::of(b.at.point(), b.radius, RoundKind::Ball, b.colour));
         let people = world.walkers.iter().map(|w| {
@@ -127,7 +127,7 @@ impl Scene {
                 let (code, sign) = &codes[code];
                 return sign::picture(code, sign);
             }
-            let size = PIXEL.max((length * height / MOST_PIXELS).sqrt());
+            let size = PIXEL.max((length * height / MAX_TEXELS).sqrt());
             Texture::paint([length, height], size, |along| {
                 let strip = surface.strip(SurfacePoint {
                     along,
@@ -162,7 +162,7 @@ impl Scene {
             .for_each(|panel| panel.surface = Surface::StationFront);
     }
 
-    fn hang_signs(&mut self, world: &World) {
+    fn add_signs(&mut self, world: &World) {
         let obstacles = world.fixed_obstacles();
         for sign in &world.signs {
             let Some(code) = Code::of(&sign.text) else {
@@ -274,18 +274,18 @@ fn outside(world: &World, obstacles: &Obstacles, at: Point, heading: f64) -> Poi
         .iter()
         .find(|p| p.at.point().distance(at) < p.radius);
     if let Some(post) = on_post {
-        return post.at.point().ahead(heading, post.radius + HANGS_OFF);
+        return post.at.point().ahead(heading, post.radius + SIGN_DISTANCE);
     }
     let inside = |point: Point| world.solid(point);
     let out = if inside(at) {
-        let beyond = at.ahead(heading, THICKEST);
+        let beyond = at.ahead(heading, MAX_THICKNESS);
         obstacles
             .first_side(at, beyond)
-            .map_or(0.0, |share| share * THICKEST)
+            .map_or(0.0, |share| share * MAX_THICKNESS)
     } else {
         0.0
     };
-    at.ahead(heading, out + HANGS_OFF)
+    at.ahead(heading, out + SIGN_DISTANCE)
 }
 
 impl Panel {

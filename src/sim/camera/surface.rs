@@ -72,7 +72,7 @@ impl Surface {
         match self {
             Surface::Wall { paint, number } => Strip::Wall {
                 paper: wallpaper(paint, number, place),
-                thing: hanging(number, place),
+                thing: wall_decoration(number, place),
             },
             Surface::Furniture { paint } => furniture(paint, place),
             Surface::StationFront => Strip::Station {
@@ -148,7 +148,7 @@ fn wallpaper(paint: Rgb, number: u32, place: SurfacePoint) -> Rgb {
 }
 
 /// Returns the thing on the wall in the bay at `place`, if any, and the offset from its centre.
-fn hanging(number: u32, place: SurfacePoint) -> Option<(Thing, f32)> {
+fn wall_decoration(number: u32, place: SurfacePoint) -> Option<(Thing, f32)> {
     let bay = (place.along / BAY) as i32;
     let middle = (bay as f32 + 0.5) * BAY;
     if middle + BAY / 2.0 > place.length || place.top < DOOR + 0.1 {

@@ -152,7 +152,7 @@ pub(crate) fn lit(pixel: Pixel, light: Pixel) -> Pixel {
 }
 
 /// Applies a moving average over `length` pixels to a row.
-pub(crate) fn smear(row: &mut [Pixel], length: usize, sums: &mut Vec<u64>) {
+pub(crate) fn motion_blur(row: &mut [Pixel], length: usize, sums: &mut Vec<u64>) {
     // Sixteen bits for each channel are enough for 256 pixels.
     const EVEN_SUMS: u64 = 0x0000_FFFF_0000_FFFF;
     const LOW_BYTES: u64 = 0x0000_00FF_0000_00FF;
@@ -214,16 +214,16 @@ mod tests {
     fn a_blurred_row_is_a_moving_average_that_keeps_its_ends() {
         let mut row = [[10, 20, 30, 0]; 40];
         row[20] = [250, 20, 0, 0];
-        let mut smeared = row;
-        smear(&mut smeared, 4, &mut Vec::new());
-        assert_eq!((smeared[0], smeared[39]), (row[0], row[39]));
-        let changed = smeared
+        let mut blurred = row;
+        motion_blur(&mut blurred, 4, &mut Vec::new());
+        assert_eq!((blurred[0], blurred[39]), (row[0], row[39]));
+        let changed = blurred
             .iter()
             .filter(|pixel| **pixel == [70, 20, 23, 0])
             .count();
-        assert_eq!(changed, 4, "{smeared:?}");
+        assert_eq!(changed, 4, "{blurred:?}");
         let mut same = row;
-        smear(&mut same, 1, &mut Vec::new());
+        motion_blur(&mut same, 1, &mut Vec::new());
         assert_eq!(same, row);
     }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde::Deserialize;
 
-use super::fault::{Fault, Towards, Trouble};
+use super::fault::{Direction, Fault, FaultKind};
 use super::timing::Timing;
 use crate::sim::yaml::number;
 use crate::wire::Refusal;
@@ -56,7 +56,7 @@ enum Memory {
 #[serde(deny_unknown_fields)]
 pub(super) struct Entry {
     fault: Name,
-    towards: Option<Towards>,
+    towards: Option<Direction>,
     reason: Option<Reason>,
     state: Option<Memory>,
     #[serde(default, deserialize_with = "some_span")]
@@ -162,10 +162,10 @@ impl Entry {
 
     /// Returns the fault, with defaults for missing keys.
     pub(super) fn fault(&self) -> Fault {
-        let trouble = self.trouble();
-        let usual = Fault::new(trouble);
+        let kind = self.kind();
+        let usual = Fault::new(kind);
         let one_way =
-            matches!(self.fault, Name::Garbage | Name::LengthLie).then_some(Towards::Client);
+            matches!(self.fault, Name::Garbage | Name::LengthLie).then_some(Direction::Client);
         let seconds = |seconds: Option<f64>| seconds.map(Duration::from_secs_f64);
         Fault {
             towards: self.towards.or(one_way).unwrap_or(usual.towards),
@@ -179,44 +179,44 @@ impl Entry {
         }
     }
 
-    fn trouble(&self) -> Trouble {
+    fn kind(&self) -> FaultKind {
         let seconds = |usual: f64| Duration::from_secs_f64(self.seconds.unwrap_or(usual));
         let bytes = |usual: f64| self.bytes.unwrap_or(usual) as usize;
         match self.fault {
-            Name::Delay => Trouble::Delay {
+            Name::Delay => FaultKind::Delay {
                 by: seconds(0.2),
                 jitter: Duration::from_secs_f64(self.jitter.unwrap_or(0.0)),
             },
-            Name::Split => Trouble::Split,
-            Name::Drip => Trouble::Drip {
+            Name::Split => FaultKind::Split,
+            Name::Drip => FaultKind::Drip {
                 rate: bytes(2000.0) as u32,
             },
-            Name::HalfOpen => Trouble::HalfOpen,
-            Name::Drop => Trouble::Drop,
-            Name::Reset => Trouble::Reset,
-            Name::Garbage => Trouble::Garbage { bytes: bytes(64.0) },
-            Name::LengthLie => Trouble::LengthLie {
+            Name::HalfOpen => FaultKind::HalfOpen,
+            Name::Drop => FaultKind::Drop,
+            Name::Reset => FaultKind::Reset,
+            Name::Garbage => FaultKind::Garbage { bytes: bytes(64.0) },
+            Name::LengthLie => FaultKind::LengthLie {
                 claim: self.bytes.map(|bytes| bytes as u16),
             },
-            Name::HugeFrames => Trouble::HugeFrames,
-            Name::TruncatedFrames => Trouble::TruncatedFrames,
-            Name::FlippedFrames => Trouble::FlippedFrames { bytes: bytes(16.0) },
-            Name::NoPower => Trouble::NoPower,
-            Name::PowerJumps => Trouble::PowerJumps {
+            Name::HugeFrames => FaultKind::HugeFrames,
+            Name::TruncatedFrames => FaultKind::TruncatedFrames,
+            Name::FlippedFrames => FaultKind::FlippedFrames { bytes: bytes(16.0) },
+            Name::NoPower => FaultKind::NoPower,
+            Name::PowerJumps => FaultKind::PowerJumps {
                 percent: self.percent.map(|percent| percent as u8),
             },
-            Name::PowerGarbage => Trouble::PowerGarbage,
-            Name::Reboot => Trouble::Reboot {
+            Name::PowerGarbage => FaultKind::PowerGarbage,
+            Name::Reboot => FaultKind::Reboot {
                 forgets: self.state != Some(Memory::Kept),
             },
-            Name::RefuseLogin => Trouble::RefuseLogin(match self.reason {
+            Name::RefuseLogin => FaultKind::RefuseLogin(match self.reason {
                 Some(Reason::Password) => Refusal::WrongPassword,
                 Some(Reason::Busy) | None => Refusal::InUse,
             }),
-            Name::TakeOver => Trouble::TakeOver,
-            Name::BaseNotFound => Trouble::BaseNotFound,
-            Name::NoCharge => Trouble::NoCharge,
-            Name::DockLost => Trouble::DockLost {
+            Name::TakeOver => FaultKind::TakeOver,
+            Name::BaseNotFound => FaultKind::BaseNotFound,
+            Name::NoCharge => FaultKind::NoCharge,
+            Name::DockLost => FaultKind::DockLost {
                 after: seconds(5.0),
             },
         }

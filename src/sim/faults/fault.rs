@@ -13,7 +13,7 @@ use super::timing::Timing;
 /// Which direction of a connection a fault affects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Towards {
+pub enum Direction {
     /// From the robot to the client.
     Client,
     /// From the client to the robot.
@@ -22,16 +22,16 @@ pub enum Towards {
     Both,
 }
 
-impl Towards {
+impl Direction {
     /// Whether the fault affects the direction towards `end`.
-    pub(crate) fn covers(self, end: Towards) -> bool {
-        self == Towards::Both || self == end
+    pub(crate) fn covers(self, end: Direction) -> bool {
+        self == Direction::Both || self == end
     }
 }
 
 /// Kinds of faults.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Trouble {
+pub enum FaultKind {
     /// Bytes are delayed by `by` plus a random time up to `jitter`, and stay in order.
     Delay {
         /// Minimum delay.
@@ -106,9 +106,9 @@ pub enum Trouble {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
     /// The kind of fault.
-    pub trouble: Trouble,
+    pub kind: FaultKind,
     /// The affected direction, for kinds that have one.
-    pub towards: Towards,
+    pub towards: Direction,
     /// When the fault is active.
     pub timing: Timing,
     /// Probability, 0..=1: per message for faults that alter messages, otherwise per occurrence.
@@ -118,14 +118,14 @@ pub struct Fault {
 impl Fault {
     /// Creates a fault that starts immediately, lasts for the default time of its kind and affects
     /// both directions.
-    pub fn new(trouble: Trouble) -> Fault {
+    pub fn new(kind: FaultKind) -> Fault {
         let timing = Timing {
-            lasts: trouble.usual_length(),
+            lasts: kind.default_duration(),
             ..Timing::default()
         };
-        let towards = Towards::Both;
+        let towards = Direction::Both;
         Fault {
-            trouble,
+            kind,
             towards,
             timing,
             chance: 1.0,
@@ -133,29 +133,29 @@ impl Fault {
     }
 }
 
-impl Trouble {
+impl FaultKind {
     /// Returns the default duration; zero means momentary, `None` unlimited.
-    fn usual_length(&self) -> Option<Duration> {
+    fn default_duration(&self) -> Option<Duration> {
         match self {
-            Trouble::Drop
-            | Trouble::Reset
-            | Trouble::Garbage { .. }
-            | Trouble::LengthLie { .. } => Some(Duration::ZERO),
-            Trouble::Reboot { .. } | Trouble::TakeOver => Some(Duration::from_secs(5)),
+            FaultKind::Drop
+            | FaultKind::Reset
+            | FaultKind::Garbage { .. }
+            | FaultKind::LengthLie { .. } => Some(Duration::ZERO),
+            FaultKind::Reboot { .. } | FaultKind::TakeOver => Some(Duration::from_secs(5)),
             _ => None,
         }
     }
 
     /// Whether the chance applies to each message instead of each occurrence.
-    pub(crate) fn spoils_messages(&self) -> bool {
+    pub(crate) fn alters_messages(&self) -> bool {
         matches!(
             self,
-            Trouble::HugeFrames
-                | Trouble::TruncatedFrames
-                | Trouble::FlippedFrames { .. }
-                | Trouble::NoPower
-                | Trouble::PowerJumps { .. }
-                | Trouble::PowerGarbage
+            FaultKind::HugeFrames
+                | FaultKind::TruncatedFrames
+                | FaultKind::FlippedFrames { .. }
+                | FaultKind::NoPower
+                | FaultKind::PowerJumps { .. }
+                | FaultKind::PowerGarbage
         )
     }
 }

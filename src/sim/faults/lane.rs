@@ -9,10 +9,10 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, ReadHalf, WriteHalf};
 use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::Instant;
 
-use super::fault::{Fault, Towards, Trouble};
-use super::mangle::{self, Splitter, Stretch};
+use super::fault::{Direction, Fault, FaultKind};
+use super::mangle::{self, Section, Splitter};
 use super::outlet::{End, Outlet, Parcel};
-use super::troubles::Conditions;
+use super::scheduler::ActiveFaults;
 use crate::clock::until;
 
 const READ_LEN: usize = 8 * 1024;
@@ -21,15 +21,15 @@ const MAX_WAITING: usize = 256;
 
 /// One direction of a connection.
 pub(super) struct Lane {
-    towards: Towards,
-    conditions: watch::Receiver<Conditions>,
-    strikes: broadcast::Receiver<Fault>,
+    towards: Direction,
+    active_faults: watch::Receiver<ActiveFaults>,
+    momentary: broadcast::Receiver<Fault>,
     rng: StdRng,
     splitter: Splitter,
     /// Momentary faults to be applied to the next message.
-    aimed: Vec<Trouble>,
+    pending: Vec<FaultKind>,
     /// Bytes were dropped; nothing is delivered any more.
-    swallowed: bool,
+    dropped: bool,
     /// How long the sender waits for an acknowledgement of dropped bytes.
     pub(super) unacknowledged: Option<Duration>,
     /// When the sender gives up the connection.
@@ -40,19 +40,19 @@ pub(super) struct Lane {
 impl Lane {
     /// Creates a lane; `seed` determines everything random.
     pub(super) fn new(
-        towards: Towards,
-        conditions: watch::Receiver<Conditions>,
-        strikes: broadcast::Receiver<Fault>,
+        towards: Direction,
+        active_faults: watch::Receiver<ActiveFaults>,
+        momentary: broadcast::Receiver<Fault>,
         seed: u64,
     ) -> Lane {
         Lane {
             towards,
-            conditions,
-            strikes,
+            active_faults,
+            momentary,
             rng: StdRng::seed_from_u64(seed),
             splitter: Splitter::default(),
-            aimed: Vec::new(),
-            swallowed: false,
+            pending: Vec::new(),
+            dropped: false,
             unacknowledged: None,
             given_up: None,
             last_due: Instant::now(),
@@ -68,27 +68,31 @@ impl Lane {
         let (queue, waiting) = mpsc::channel(MAX_WAITING);
         let outlet = Outlet {
             towards: self.towards,
-            conditions: self.conditions.clone(),
+            active_faults: self.active_faults.clone(),
             rng: StdRng::seed_from_u64(self.rng.random()),
-            free: Instant::now(),
+            next_write: Instant::now(),
         };
         let mut outlet = Box::pin(outlet.run(to, waiting));
         tokio::select! {
             biased;
             end = &mut outlet => end,
-            () = self.take_in(&mut from, queue) => outlet.await,
+            () = self.read_input(&mut from, queue) => outlet.await,
         }
     }
 
     /// Reads from `from` and queues parcels until the input ends. Queued parcels are still
     /// delivered.
-    async fn take_in(&mut self, from: &mut (impl AsyncRead + Unpin), queue: mpsc::Sender<Parcel>) {
+    async fn read_input(
+        &mut self,
+        from: &mut (impl AsyncRead + Unpin),
+        queue: mpsc::Sender<Parcel>,
+    ) {
         let mut buffer = vec![0; READ_LEN];
         loop {
             let parcels = tokio::select! {
                 biased;
-                strike = self.strikes.recv() => match strike {
-                    Ok(fault) => self.struck(&fault),
+                received = self.momentary.recv() => match received {
+                    Ok(fault) => self.on_momentary(&fault),
                     Err(broadcast::error::RecvError::Lagged(_)) => vec![],
                     Err(broadcast::error::RecvError::Closed) => return,
                 },
@@ -97,10 +101,10 @@ impl Lane {
                     return;
                 }
                 read = from.read(&mut buffer) => match read {
-                    Ok(length @ 1..) => self.passed(&buffer[..length]),
+                    Ok(length @ 1..) => self.on_bytes(&buffer[..length]),
                     Ok(0) | Err(_) => {
                         let rest = self.splitter.rest();
-                        let parcels = self.load(rest);
+                        let parcels = self.parcels_of(rest);
                         send(&queue, parcels).await;
                         return;
                     }
@@ -112,55 +116,55 @@ impl Lane {
         }
     }
 
-    fn struck(&mut self, fault: &Fault) -> Vec<Parcel> {
+    fn on_momentary(&mut self, fault: &Fault) -> Vec<Parcel> {
         if !fault.towards.covers(self.towards) {
             return vec![];
         }
-        match fault.trouble {
-            Trouble::Garbage { bytes } => {
+        match fault.kind {
+            FaultKind::Garbage { bytes } => {
                 let bytes = mangle::garbage(bytes, &mut self.rng);
-                self.load([Stretch::Raw(bytes)])
+                self.parcels_of([Section::Raw(bytes)])
             }
-            Trouble::Reset if self.towards == Towards::Robot => vec![],
-            Trouble::Reset | Trouble::LengthLie { .. } => {
-                self.aimed.push(fault.trouble);
+            FaultKind::Reset if self.towards == Direction::Robot => vec![],
+            FaultKind::Reset | FaultKind::LengthLie { .. } => {
+                self.pending.push(fault.kind);
                 vec![]
             }
             _ => vec![],
         }
     }
 
-    fn passed(&mut self, bytes: &[u8]) -> Vec<Parcel> {
-        let stretches = self.splitter.feed(bytes);
-        self.load(stretches)
+    fn on_bytes(&mut self, bytes: &[u8]) -> Vec<Parcel> {
+        let sections = self.splitter.feed(bytes);
+        self.parcels_of(sections)
     }
 
     /// Combines the data of one read into one parcel, unless a reset cuts it off.
-    fn load(&mut self, stretches: impl IntoIterator<Item = Stretch>) -> Vec<Parcel> {
-        let conditions = self.conditions.borrow_and_update().clone();
-        self.swallowed |= conditions.swallow(self.towards);
-        if self.swallowed {
+    fn parcels_of(&mut self, sections: impl IntoIterator<Item = Section>) -> Vec<Parcel> {
+        let active_faults = self.active_faults.borrow_and_update().clone();
+        self.dropped |= active_faults.drops_bytes(self.towards);
+        if self.dropped {
             let limit = self.unacknowledged.map(|limit| Instant::now() + limit);
             self.given_up = self.given_up.or(limit);
             return vec![];
         }
-        let due = self.due(&conditions);
+        let due = self.due(&active_faults);
         let mut bytes = BytesMut::new();
-        for stretch in stretches {
-            let packet = match stretch {
-                Stretch::Raw(raw) => {
+        for section in sections {
+            let packet = match section {
+                Section::Raw(raw) => {
                     bytes.extend_from_slice(&raw);
                     continue;
                 }
-                Stretch::Message(packet) => packet,
+                Section::Message(packet) => packet,
             };
-            let faults = conditions.towards(self.towards);
-            let Some(packet) = mangle::spoil(packet, faults, &mut self.rng) else {
+            let faults = active_faults.towards(self.towards);
+            let Some(packet) = mangle::corrupt(packet, faults, &mut self.rng) else {
                 continue;
             };
             let start = bytes.len();
             packet.emit(&mut bytes);
-            if self.strike(&mut bytes, start) {
+            if self.apply_pending(&mut bytes, start) {
                 let bytes = bytes.freeze();
                 return vec![Parcel::Bytes { due, bytes }, Parcel::Reset];
             }
@@ -175,11 +179,11 @@ impl Lane {
 
     /// Applies the pending momentary faults to the message that starts at `start`; returns true if
     /// one of them cuts the message off.
-    fn strike(&mut self, bytes: &mut BytesMut, start: usize) -> bool {
-        for trouble in std::mem::take(&mut self.aimed) {
-            match trouble {
-                Trouble::LengthLie { claim } => {
-                    mangle::lie(&mut bytes[start..], claim, &mut self.rng)
+    fn apply_pending(&mut self, bytes: &mut BytesMut, start: usize) -> bool {
+        for kind in std::mem::take(&mut self.pending) {
+            match kind {
+                FaultKind::LengthLie { claim } => {
+                    mangle::falsify_length(&mut bytes[start..], claim, &mut self.rng)
                 }
                 _ => {
                     bytes.truncate(start + (bytes.len() - start) / 2);
@@ -191,10 +195,10 @@ impl Lane {
     }
 
     /// Returns when bytes read now are delivered: never before earlier ones.
-    fn due(&mut self, conditions: &Conditions) -> Instant {
+    fn due(&mut self, active_faults: &ActiveFaults) -> Instant {
         let mut due = Instant::now();
-        for fault in conditions.towards(self.towards) {
-            if let Trouble::Delay { by, jitter } = fault.trouble {
+        for fault in active_faults.towards(self.towards) {
+            if let FaultKind::Delay { by, jitter } = fault.kind {
                 due += by + jitter.mul_f64(self.rng.random_range(0.0..=1.0));
             }
         }

@@ -55,7 +55,7 @@ impl Fault {
 mod tests {
     use std::time::Duration;
 
-    use super::super::fault::{Towards, Trouble};
+    use super::super::fault::{Direction, FaultKind};
     use super::super::timing::Timing;
     use super::*;
 
@@ -71,7 +71,7 @@ mod tests {
     #[test]
     fn missing_keys_have_defaults() {
         let faults = read("faults: [{fault: drop}, {fault: take_over}, {fault: split}]");
-        assert_eq!(faults[0], Fault::new(Trouble::Drop));
+        assert_eq!(faults[0], Fault::new(FaultKind::Drop));
         assert_eq!(faults[1].timing.lasts, Some(Duration::from_secs(5)));
         assert_eq!(faults[2].timing.lasts, None);
     }
@@ -84,8 +84,8 @@ mod tests {
         let seconds = Duration::from_secs;
         let (by, jitter) = (Duration::from_millis(500), seconds(1));
         let expected = Fault {
-            trouble: Trouble::Delay { by, jitter },
-            towards: Towards::Robot,
+            kind: FaultKind::Delay { by, jitter },
+            towards: Direction::Robot,
             timing: Timing {
                 after: seconds(2),
                 lasts: Some(seconds(3)),
@@ -94,8 +94,8 @@ mod tests {
             chance: 0.5,
         };
         assert_eq!(faults[0], expected);
-        assert_eq!(faults[1].trouble, Trouble::LengthLie { claim: Some(0) });
-        assert_eq!(faults[1].towards, Towards::Client);
+        assert_eq!(faults[1].kind, FaultKind::LengthLie { claim: Some(0) });
+        assert_eq!(faults[1].towards, Direction::Client);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use rand::{Rng, RngExt};
 
 use crate::wire::{Decoder, HEADER_LEN, MAX_PAYLOAD_LEN, Packet, Power, kind};
 
-use super::fault::{Fault, Trouble};
+use super::fault::{Fault, FaultKind};
 
 /// Position of the payload's length in a header (`PROTOCOL.md`, *TCP messages*).
 const LENGTH: std::ops::Range<usize> = 3..5;
@@ -19,7 +19,7 @@ const COMMENT_OVERHEAD: usize = 4;
 
 /// A section of a byte stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Stretch {
+pub(crate) enum Section {
     /// A complete message.
     Message(Packet),
     /// Bytes of a stream that is out of sync, passed on unchanged.
@@ -31,66 +31,66 @@ pub(crate) enum Stretch {
 pub(crate) struct Splitter {
     decoder: Decoder,
     /// The bytes since the last message.
-    unsure: BytesMut,
-    lost: bool,
+    partial: BytesMut,
+    out_of_sync: bool,
 }
 
 impl Splitter {
     /// Returns the sections completed by these bytes.
-    pub(crate) fn feed(&mut self, mut input: &[u8]) -> Vec<Stretch> {
-        let mut stretches = Vec::new();
-        while !self.lost {
+    pub(crate) fn feed(&mut self, mut input: &[u8]) -> Vec<Section> {
+        let mut sections = Vec::new();
+        while !self.out_of_sync {
             let before = input;
             match self.decoder.decode(&mut input) {
                 Ok(Some(packet)) => {
-                    self.unsure.clear();
-                    stretches.push(Stretch::Message(packet));
+                    self.partial.clear();
+                    sections.push(Section::Message(packet));
                 }
                 Ok(None) => {
-                    self.unsure.extend_from_slice(before);
-                    return stretches;
+                    self.partial.extend_from_slice(before);
+                    return sections;
                 }
-                Err(_) => (self.lost, input) = (true, before),
+                Err(_) => (self.out_of_sync, input) = (true, before),
             }
         }
-        self.unsure.extend_from_slice(input);
-        stretches.extend(self.rest());
-        stretches
+        self.partial.extend_from_slice(input);
+        sections.extend(self.rest());
+        sections
     }
 
     /// Returns the buffered bytes of an incomplete message.
-    pub(crate) fn rest(&mut self) -> Option<Stretch> {
-        let rest = self.unsure.split().freeze();
-        (!rest.is_empty()).then_some(Stretch::Raw(rest))
+    pub(crate) fn rest(&mut self) -> Option<Section> {
+        let rest = self.partial.split().freeze();
+        (!rest.is_empty()).then_some(Section::Raw(rest))
     }
 }
 
 /// Applies all faults to a message; `None` if the message is dropped.
-pub(crate) fn spoil<'a>(
+pub(crate) fn corrupt<'a>(
     mut packet: Packet,
     faults: impl Iterator<Item = &'a Fault>,
     rng: &mut StdRng,
 ) -> Option<Packet> {
-    for fault in faults.filter(|fault| fault.trouble.spoils_messages()) {
-        let hit =
-            packet.kind == kind_of(fault.trouble) && rng.random_bool(fault.chance.clamp(0.0, 1.0));
-        packet.payload = match fault.trouble {
+    for fault in faults.filter(|fault| fault.kind.alters_messages()) {
+        let hit = packet.kind == message_kind_of(fault.kind)
+            && rng.random_bool(fault.chance.clamp(0.0, 1.0));
+        packet.payload = match fault.kind {
             _ if !hit => continue,
-            Trouble::NoPower => return None,
-            Trouble::PowerJumps { percent } => jump(&packet.payload, percent, rng),
-            Trouble::PowerGarbage => garbage(1, rng),
-            Trouble::HugeFrames => pad(&packet.payload),
-            Trouble::TruncatedFrames => truncate(&packet.payload, rng),
-            Trouble::FlippedFrames { bytes } => flip(&packet.payload, bytes, rng),
+            FaultKind::NoPower => return None,
+            FaultKind::PowerJumps { percent } => jump(&packet.payload, percent, rng),
+            FaultKind::PowerGarbage => garbage(1, rng),
+            FaultKind::HugeFrames => pad(&packet.payload),
+            FaultKind::TruncatedFrames => truncate(&packet.payload, rng),
+            FaultKind::FlippedFrames { bytes } => flip(&packet.payload, bytes, rng),
             _ => continue,
         };
     }
     Some(packet)
 }
 
-fn kind_of(trouble: Trouble) -> u8 {
-    match trouble {
-        Trouble::NoPower | Trouble::PowerJumps { .. } | Trouble::PowerGarbage => kind::POWER,
+fn message_kind_of(fault: FaultKind) -> u8 {
+    match fault {
+        FaultKind::NoPower | FaultKind::PowerJumps { .. } | FaultKind::PowerGarbage => kind::POWER,
         _ => kind::VIDEO,
     }
 }
@@ -140,7 +140,7 @@ pub(crate) fn garbage(count: usize, rng: &mut StdRng) -> Bytes {
 }
 
 /// Writes a wrong length into a message's header.
-pub(crate) fn lie(message: &mut [u8], claim: Option<u16>, rng: &mut StdRng) {
+pub(crate) fn falsify_length(message: &mut [u8], claim: Option<u16>, rng: &mut StdRng) {
     let truth = message.len().saturating_sub(HEADER_LEN) as u16;
     let claim = claim.unwrap_or_else(|| truth.wrapping_add(rng.random_range(1..=u16::MAX)));
     if let Some(length) = message.get_mut(LENGTH) {
@@ -154,12 +154,16 @@ mod tests {
     use proptest::prelude::*;
     use rand::SeedableRng;
 
-    fn dice() -> StdRng {
+    fn test_rng() -> StdRng {
         StdRng::seed_from_u64(5)
     }
 
-    fn spoilt(packet: &Packet, trouble: Trouble) -> Option<Packet> {
-        spoil(packet.clone(), [Fault::new(trouble)].iter(), &mut dice())
+    fn corrupted(packet: &Packet, fault_kind: FaultKind) -> Option<Packet> {
+        corrupt(
+            packet.clone(),
+            [Fault::new(fault_kind)].iter(),
+            &mut test_rng(),
+        )
     }
 
     fn frame() -> Packet {
@@ -172,15 +176,19 @@ mod tests {
     #[test]
     fn frame_faults_affect_only_frames() {
         let power = Packet::new(kind::POWER, vec![80]);
-        for trouble in [
-            Trouble::HugeFrames,
-            Trouble::TruncatedFrames,
-            Trouble::FlippedFrames { bytes: 3 },
+        for fault_kind in [
+            FaultKind::HugeFrames,
+            FaultKind::TruncatedFrames,
+            FaultKind::FlippedFrames { bytes: 3 },
         ] {
-            assert_ne!(spoilt(&frame(), trouble), Some(frame()), "{trouble:?}");
-            assert_eq!(spoilt(&power, trouble), Some(power.clone()));
+            assert_ne!(
+                corrupted(&frame(), fault_kind),
+                Some(frame()),
+                "{fault_kind:?}"
+            );
+            assert_eq!(corrupted(&power, fault_kind), Some(power.clone()));
         }
-        let huge = spoilt(&frame(), Trouble::HugeFrames).unwrap();
+        let huge = corrupted(&frame(), FaultKind::HugeFrames).unwrap();
         assert_eq!(huge.payload.len(), MAX_PAYLOAD_LEN);
         assert_eq!(huge.payload[..4], [0xFF, 0xD8, 0xFF, 0xFE]);
         assert!(huge.payload.ends_with(&frame().payload[2..]));
@@ -190,32 +198,32 @@ mod tests {
     fn power_is_dropped_or_wrong_and_keeps_its_sign() {
         for (byte, jumped) in [(80u8, 5u8), (176, 251)] {
             let power = Packet::new(kind::POWER, vec![byte]);
-            assert_eq!(spoilt(&power, Trouble::NoPower), None);
-            let wrong = spoilt(&power, Trouble::PowerJumps { percent: Some(5) });
+            assert_eq!(corrupted(&power, FaultKind::NoPower), None);
+            let wrong = corrupted(&power, FaultKind::PowerJumps { percent: Some(5) });
             assert_eq!(wrong.unwrap().payload[..], [jumped]);
         }
-        assert_eq!(spoilt(&frame(), Trouble::NoPower), Some(frame()));
+        assert_eq!(corrupted(&frame(), FaultKind::NoPower), Some(frame()));
     }
 
     #[test]
     fn power_garbage_is_any_byte_and_frames_are_unchanged() {
-        let (power, mut rng) = (Packet::new(kind::POWER, vec![80]), dice());
-        let faults = [Fault::new(Trouble::PowerGarbage)];
-        let bytes = (0..2000).filter_map(|_| spoil(power.clone(), faults.iter(), &mut rng));
+        let (power, mut rng) = (Packet::new(kind::POWER, vec![80]), test_rng());
+        let faults = [Fault::new(FaultKind::PowerGarbage)];
+        let bytes = (0..2000).filter_map(|_| corrupt(power.clone(), faults.iter(), &mut rng));
         let seen: std::collections::BTreeSet<u8> = bytes.map(|packet| packet.payload[0]).collect();
         assert_eq!(seen.len(), 256);
-        assert_eq!(spoilt(&frame(), Trouble::PowerGarbage), Some(frame()));
+        assert_eq!(corrupted(&frame(), FaultKind::PowerGarbage), Some(frame()));
     }
 
     #[test]
     fn a_wrong_length_changes_only_the_length_field() {
         let stop = [0x50, 0x4B, 5, 0, 2, 0, 0];
-        let mut lies = stop;
-        lie(&mut lies, Some(0xFFFF), &mut dice());
-        assert_eq!(lies, [0x50, 0x4B, 5, 0xFF, 0xFF, 0, 0]);
-        let mut lies = stop;
-        lie(&mut lies, None, &mut dice());
-        assert_ne!(lies, stop);
+        let mut message = stop;
+        falsify_length(&mut message, Some(0xFFFF), &mut test_rng());
+        assert_eq!(message, [0x50, 0x4B, 5, 0xFF, 0xFF, 0, 0]);
+        let mut message = stop;
+        falsify_length(&mut message, None, &mut test_rng());
+        assert_ne!(message, stop);
     }
 
     proptest! {
@@ -233,12 +241,12 @@ mod tests {
             });
             for slice in slices {
                 sent.extend_from_slice(&slice);
-                for stretch in splitter.feed(&slice) {
-                    prop_assert!(!in_step || matches!(stretch, Stretch::Message(_)));
-                    put(stretch, &mut came);
+                for section in splitter.feed(&slice) {
+                    prop_assert!(!in_step || matches!(section, Section::Message(_)));
+                    put(section, &mut came);
                 }
             }
-            splitter.rest().into_iter().for_each(|stretch| put(stretch, &mut came));
+            splitter.rest().into_iter().for_each(|section| put(section, &mut came));
             prop_assert_eq!(came, sent);
         }
 
@@ -246,21 +254,21 @@ mod tests {
         fn no_payload_causes_a_panic(payload in prop::collection::vec(any::<u8>(), 0..50), seed in any::<u64>()) {
             let mut rng = StdRng::seed_from_u64(seed);
             for kind in [kind::VIDEO, kind::POWER] {
-                for trouble in [
-                    Trouble::HugeFrames, Trouble::TruncatedFrames, Trouble::FlippedFrames { bytes: 9 },
-                    Trouble::PowerJumps { percent: None }, Trouble::PowerGarbage,
+                for fault_kind in [
+                    FaultKind::HugeFrames, FaultKind::TruncatedFrames, FaultKind::FlippedFrames { bytes: 9 },
+                    FaultKind::PowerJumps { percent: None }, FaultKind::PowerGarbage,
                 ] {
-                    spoil(Packet::new(kind, payload.clone()), [Fault::new(trouble)].iter(), &mut rng);
+                    corrupt(Packet::new(kind, payload.clone()), [Fault::new(fault_kind)].iter(), &mut rng);
                 }
             }
-            lie(&mut payload.clone(), None, &mut rng);
+            falsify_length(&mut payload.clone(), None, &mut rng);
         }
     }
 
-    fn put(stretch: Stretch, out: &mut BytesMut) {
-        match stretch {
-            Stretch::Message(packet) => packet.emit(out),
-            Stretch::Raw(bytes) => out.extend_from_slice(&bytes),
+    fn put(section: Section, out: &mut BytesMut) {
+        match section {
+            Section::Message(packet) => packet.emit(out),
+            Section::Raw(bytes) => out.extend_from_slice(&bytes),
         }
     }
 }

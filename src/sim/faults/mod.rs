@@ -7,5 +7,5 @@ pub(crate) mod list;
 mod mangle;
 mod outlet;
 pub(crate) mod proxy;
+pub(crate) mod scheduler;
 pub(crate) mod timing;
-pub(crate) mod troubles;

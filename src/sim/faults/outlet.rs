@@ -10,8 +10,8 @@ use tokio::io::{AsyncWrite, AsyncWriteExt};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep, sleep_until};
 
-use super::fault::{Towards, Trouble};
-use super::troubles::Conditions;
+use super::fault::{Direction, FaultKind};
+use super::scheduler::ActiveFaults;
 
 /// Pause between two pieces of a split message; without it the network would join them again.
 const PIECE_PAUSE: Duration = Duration::from_millis(1);
@@ -20,7 +20,7 @@ const PIECE: usize = 12;
 /// Maximum length of a piece as a fraction of the bytes left: one part in this many.
 const PIECE_SHARE: usize = 16;
 /// Number of pieces per second when the data rate is limited.
-const SIPS: u32 = 50;
+const PIECES_PER_SECOND: u32 = 50;
 
 /// Maximum lateness of a timer. A limited stream catches up on it, to keep its average rate.
 const LATE: Duration = Duration::from_millis(2);
@@ -44,11 +44,11 @@ pub(crate) enum Parcel {
 
 /// The output side of a direction.
 pub(crate) struct Outlet {
-    pub(crate) towards: Towards,
-    pub(crate) conditions: watch::Receiver<Conditions>,
+    pub(crate) towards: Direction,
+    pub(crate) active_faults: watch::Receiver<ActiveFaults>,
     pub(crate) rng: StdRng,
     /// When the next piece of a rate-limited stream may be written.
-    pub(crate) free: Instant,
+    pub(crate) next_write: Instant,
 }
 
 impl Outlet {
@@ -67,8 +67,8 @@ impl Outlet {
                 return End::Closed;
             }
         }
-        let swallowed = self.conditions.borrow().swallow(self.towards);
-        if !swallowed {
+        let dropped = self.active_faults.borrow().drops_bytes(self.towards);
+        if !dropped {
             let _ = to.shutdown().await;
         }
         End::Closed
@@ -88,8 +88,8 @@ impl Outlet {
             }
             if !drip.is_zero() {
                 let now = Instant::now();
-                self.free = self.free.max(now.checked_sub(LATE).unwrap_or(now)) + drip;
-                sleep_until(self.free).await;
+                self.next_write = self.next_write.max(now.checked_sub(LATE).unwrap_or(now)) + drip;
+                sleep_until(self.next_write).await;
             }
         }
         Ok(())
@@ -99,16 +99,16 @@ impl Outlet {
     /// take at the limited rate.
     fn piece(&mut self, left: usize) -> (usize, Duration, Duration) {
         let (mut length, mut pause, mut slowest) = (left, Duration::ZERO, None::<u32>);
-        let conditions = self.conditions.borrow_and_update().clone();
-        for fault in conditions.towards(self.towards) {
-            match fault.trouble {
-                Trouble::Split => {
+        let active_faults = self.active_faults.borrow_and_update().clone();
+        for fault in active_faults.towards(self.towards) {
+            match fault.kind {
+                FaultKind::Split => {
                     let most = PIECE.max(left / PIECE_SHARE).min(length);
                     length = self.rng.random_range(1..=most);
                     pause = pause.max(PIECE_PAUSE);
                 }
-                Trouble::Drip { rate } => {
-                    length = length.min((rate / SIPS).max(1) as usize);
+                FaultKind::Drip { rate } => {
+                    length = length.min((rate / PIECES_PER_SECOND).max(1) as usize);
                     slowest = Some(slowest.map_or(rate, |slowest| slowest.min(rate)));
                 }
                 _ => {}

@@ -7,13 +7,13 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::timeout;
 
-use super::fault::Towards;
+use super::fault::Direction;
 use super::lane::Lane;
 use super::outlet::End;
-use super::troubles::FaultFeed;
+use super::scheduler::FaultFeed;
 
 /// When one end has closed, the other one gets this long to close too.
-const FAREWELL: Duration = Duration::from_secs(1);
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Turns the end of a connection into a reset. Without it, dropping the connection closes it in an
 /// orderly way.
@@ -28,7 +28,7 @@ impl Breaker {
 
 /// Forwards bytes between a client and the robot until both have closed, or until a fault ends the
 /// connection.
-pub(crate) async fn carry(
+pub(crate) async fn forward(
     client: impl AsyncRead + AsyncWrite,
     breaker: Option<Breaker>,
     robot: impl AsyncRead + AsyncWrite,
@@ -37,28 +37,29 @@ pub(crate) async fn carry(
     let (client_reader, client_writer) = tokio::io::split(client);
     let (robot_reader, robot_writer) = tokio::io::split(robot);
     let FaultFeed {
-        mut conditions,
-        strikes,
+        mut active_faults,
+        momentary,
         seed,
         unacknowledged,
     } = feed;
-    let lane = |towards, strikes, seed| Lane::new(towards, conditions.clone(), strikes, seed);
-    let mut to_robot = lane(Towards::Robot, strikes.resubscribe(), seed);
+    let lane =
+        |towards, momentary, seed| Lane::new(towards, active_faults.clone(), momentary, seed);
+    let mut to_robot = lane(Direction::Robot, momentary.resubscribe(), seed);
     to_robot.unacknowledged = unacknowledged;
-    let to_client = lane(Towards::Client, strikes, seed.wrapping_add(1));
+    let to_client = lane(Direction::Client, momentary, seed.wrapping_add(1));
     let mut to_robot = Box::pin(to_robot.run(client_reader, robot_writer));
     let mut to_client = Box::pin(to_client.run(robot_reader, client_writer));
     let end = tokio::select! {
         biased;
-        end = &mut to_robot => end.or(timeout(FAREWELL, &mut to_client)).await,
-        end = &mut to_client => end.or(timeout(FAREWELL, &mut to_robot)).await,
+        end = &mut to_robot => end.or(timeout(CLOSE_TIMEOUT, &mut to_client)).await,
+        end = &mut to_client => end.or(timeout(CLOSE_TIMEOUT, &mut to_robot)).await,
     };
     if end == End::Reset {
         breaker.iter().for_each(Breaker::arm);
     } else {
         // While the robot's side is half-open, the robot must not notice that its client is gone.
-        let _ = conditions
-            .wait_for(|now| !now.swallow(Towards::Robot))
+        let _ = active_faults
+            .wait_for(|now| !now.drops_bytes(Direction::Robot))
             .await;
     }
 }
@@ -75,9 +76,9 @@ impl End {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fault::{Fault, Trouble};
+    use super::super::fault::{Fault, FaultKind};
+    use super::super::scheduler::FaultScheduler;
     use super::super::timing::Timing;
-    use super::super::troubles::Troubles;
     use super::*;
     use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream};
     use tokio::task::JoinHandle;
@@ -88,37 +89,37 @@ mod tests {
 
     /// A proxied connection and its ends.
     struct Line {
-        troubles: Troubles,
+        scheduler: FaultScheduler,
         client: DuplexStream,
         robot: DuplexStream,
-        carried: JoinHandle<()>,
+        forwarding: JoinHandle<()>,
     }
 
     fn line(seed: u64) -> Line {
-        let mut troubles = Troubles::new(seed, Some(4 * SECOND));
+        let mut scheduler = FaultScheduler::new(seed, Some(4 * SECOND));
         let (client, near) = tokio::io::duplex(64 * 1024);
         let (far, robot) = tokio::io::duplex(64 * 1024);
-        let carried = tokio::spawn(carry(near, None, far, troubles.feed()));
+        let forwarding = tokio::spawn(forward(near, None, far, scheduler.feed()));
         Line {
-            troubles,
+            scheduler,
             client,
             robot,
-            carried,
+            forwarding,
         }
     }
 
     impl Line {
-        fn begin(&mut self, trouble: Trouble, towards: Towards, lasts: Option<Duration>) {
+        fn begin(&mut self, kind: FaultKind, towards: Direction, lasts: Option<Duration>) {
             let mut fault = Fault {
                 towards,
-                ..Fault::new(trouble)
+                ..Fault::new(kind)
             };
             fault.timing = Timing {
                 lasts: lasts.or(fault.timing.lasts),
                 ..fault.timing
             };
-            self.troubles.begin(fault, Instant::now());
-            self.troubles.poll(Instant::now());
+            self.scheduler.begin(fault, Instant::now());
+            self.scheduler.poll(Instant::now());
         }
     }
 
@@ -143,14 +144,14 @@ mod tests {
             rest(&mut line.client).await,
             [POWER_80, &POWER_80[..3]].concat()
         );
-        line.carried.await.unwrap();
+        line.forwarding.await.unwrap();
     }
 
     #[tokio::test(start_paused = true)]
     async fn delayed_bytes_arrive_later_and_in_order() {
         let mut line = line(1);
         let (by, jitter) = (SECOND, SECOND);
-        line.begin(Trouble::Delay { by, jitter }, Towards::Client, None);
+        line.begin(FaultKind::Delay { by, jitter }, Direction::Client, None);
         let start = Instant::now();
         for level in 0..20 {
             line.robot
@@ -172,22 +173,22 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn split_or_rate_limited_bytes_arrive_complete() {
-        for trouble in [Trouble::Split, Trouble::Drip { rate: 100 }] {
+        for kind in [FaultKind::Split, FaultKind::Drip { rate: 100 }] {
             let mut line = line(3);
-            line.begin(trouble, Towards::Both, None);
+            line.begin(kind, Direction::Both, None);
             let (start, sent) = (Instant::now(), POWER_80.repeat(100));
             line.robot.write_all(&sent).await.unwrap();
             drop(line.robot);
             assert_eq!(rest(&mut line.client).await, sent);
             let seconds = start.elapsed().as_secs();
-            assert_eq!(seconds, if trouble == Trouble::Split { 0 } else { 6 });
+            assert_eq!(seconds, if kind == FaultKind::Split { 0 } else { 6 });
         }
     }
 
     #[tokio::test(start_paused = true)]
     async fn a_half_open_connection_stays_dead_and_its_end_is_noticed_late() {
         let mut line = line(1);
-        line.begin(Trouble::HalfOpen, Towards::Both, Some(5 * SECOND));
+        line.begin(FaultKind::HalfOpen, Direction::Both, Some(5 * SECOND));
         line.client.write_all(POWER_80).await.unwrap();
         sleep(3 * SECOND).await;
         drop(line.client);
@@ -195,14 +196,14 @@ mod tests {
         let read = timeout(SECOND, line.robot.read(&mut byte)).await;
         assert!(read.is_err(), "the robot noticed {read:?}");
         sleep(SECOND).await;
-        line.troubles.poll(Instant::now());
+        line.scheduler.poll(Instant::now());
         assert_eq!(rest(&mut line.robot).await, b"");
     }
 
     #[tokio::test(start_paused = true)]
     async fn a_client_whose_bytes_are_dropped_loses_its_connection_after_the_timeout() {
         let mut line = line(1);
-        line.begin(Trouble::HalfOpen, Towards::Robot, None);
+        line.begin(FaultKind::HalfOpen, Direction::Robot, None);
         let start = Instant::now();
         line.client.write_all(POWER_80).await.unwrap();
         sleep(SECOND).await;
@@ -214,29 +215,33 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn a_reset_leaves_half_a_message() {
         let mut line = line(1);
-        line.begin(Trouble::Reset, Towards::Both, None);
+        line.begin(FaultKind::Reset, Direction::Both, None);
         line.robot.write_all(&POWER_80.repeat(2)).await.unwrap();
         assert_eq!(rest(&mut line.client).await, POWER_80[..3]);
-        line.carried.await.unwrap();
+        line.forwarding.await.unwrap();
         assert!(line.robot.write_all(POWER_80).await.is_err());
     }
 
     #[tokio::test(start_paused = true)]
     async fn the_same_seed_corrupts_the_same_bytes() {
-        let spoilt = async |seed| {
+        let corrupted = async |seed| {
             let mut line = line(seed);
-            line.begin(Trouble::Garbage { bytes: 50 }, Towards::Client, None);
-            line.begin(Trouble::LengthLie { claim: None }, Towards::Client, None);
+            line.begin(FaultKind::Garbage { bytes: 50 }, Direction::Client, None);
+            line.begin(
+                FaultKind::LengthLie { claim: None },
+                Direction::Client,
+                None,
+            );
             // Gives the lane time to receive the momentary faults before the connection ends.
             sleep(SECOND).await;
             line.robot.write_all(POWER_80).await.unwrap();
             drop(line.robot);
             rest(&mut line.client).await
         };
-        let first = spoilt(4).await;
+        let first = corrupted(4).await;
         assert_eq!(first.len(), 56);
         assert!(!first.ends_with(POWER_80), "the length is unchanged");
-        assert_eq!(first, spoilt(4).await);
-        assert_ne!(first, spoilt(5).await);
+        assert_eq!(first, corrupted(4).await);
+        assert_ne!(first, corrupted(5).await);
     }
 }

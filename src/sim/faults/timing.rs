@@ -19,7 +19,7 @@ pub struct Timing {
 
 /// A state change of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Turn {
+pub(crate) enum Transition {
     /// The fault begins.
     Begins,
     /// The fault ends, possibly only until its next occurrence.
@@ -35,31 +35,31 @@ enum TimingPhase {
 
 /// The timing state of one fault.
 #[derive(Debug, Clone)]
-pub(crate) struct Beat {
+pub(crate) struct TimingState {
     timing: Timing,
     phase: TimingPhase,
 }
 
-impl Beat {
+impl TimingState {
     /// Creates the state; times count from `now`.
-    pub(crate) fn new(timing: Timing, now: Instant) -> Beat {
+    pub(crate) fn new(timing: Timing, now: Instant) -> TimingState {
         let until = now + timing.after;
-        Beat {
+        TimingState {
             timing,
             phase: TimingPhase::Waiting { until },
         }
     }
 
     /// Returns the next change due by `now`. Call it until it returns `None`.
-    pub(crate) fn poll(&mut self, now: Instant) -> Option<Turn> {
+    pub(crate) fn poll(&mut self, now: Instant) -> Option<Transition> {
         match self.phase {
             TimingPhase::Waiting { until } if until <= now => {
                 self.phase = TimingPhase::On { since: until };
-                Some(Turn::Begins)
+                Some(Transition::Begins)
             }
             TimingPhase::On { since } if since + self.timing.lasts? <= now => {
                 self.phase = self.after(since, now);
-                Some(Turn::Ends)
+                Some(Transition::Ends)
             }
             _ => None,
         }
@@ -77,9 +77,9 @@ impl Beat {
             return TimingPhase::Over;
         };
         let missed = now.duration_since(since).as_nanos() / every.as_nanos();
-        let beats = u32::try_from(missed).unwrap_or(u32::MAX - 1) + 1;
+        let periods = u32::try_from(missed).unwrap_or(u32::MAX - 1) + 1;
         TimingPhase::Waiting {
-            until: since + every * beats,
+            until: since + every * periods,
         }
     }
 }
@@ -91,7 +91,7 @@ mod tests {
     const SECOND: Duration = Duration::from_secs(1);
 
     /// Returns the changes at each whole second, starting at 0.
-    fn turns(after: u64, lasts: Option<u64>, every: Option<u64>) -> Vec<(u64, Turn)> {
+    fn transitions(after: u64, lasts: Option<u64>, every: Option<u64>) -> Vec<(u64, Transition)> {
         let seconds = |count: Option<u64>| count.map(Duration::from_secs);
         let timing = Timing {
             after: Duration::from_secs(after),
@@ -99,23 +99,23 @@ mod tests {
             every: seconds(every),
         };
         let start = Instant::now();
-        let mut beat = Beat::new(timing, start);
-        let mut turns = Vec::new();
+        let mut state = TimingState::new(timing, start);
+        let mut transitions = Vec::new();
         for second in 0..10 {
-            while let Some(turn) = beat.poll(start + SECOND * second) {
-                turns.push((u64::from(second), turn));
+            while let Some(transition) = state.poll(start + SECOND * second) {
+                transitions.push((u64::from(second), transition));
             }
         }
-        turns
+        transitions
     }
 
     #[test]
     fn a_fault_begins_ends_and_repeats() {
-        use Turn::{Begins, Ends};
-        assert_eq!(turns(2, None, None), [(2, Begins)]);
-        assert_eq!(turns(2, Some(0), None), [(2, Begins), (2, Ends)]);
+        use Transition::{Begins, Ends};
+        assert_eq!(transitions(2, None, None), [(2, Begins)]);
+        assert_eq!(transitions(2, Some(0), None), [(2, Begins), (2, Ends)]);
         let twice = [(1, Begins), (3, Ends), (5, Begins), (7, Ends), (9, Begins)];
-        assert_eq!(turns(1, Some(2), Some(4)), twice);
+        assert_eq!(transitions(1, Some(2), Some(4)), twice);
     }
 
     #[test]
@@ -126,11 +126,11 @@ mod tests {
             every: Some(SECOND),
         };
         let start = Instant::now();
-        let mut beat = Beat::new(timing, start);
+        let mut state = TimingState::new(timing, start);
         let late = start + SECOND * 3600;
-        assert_eq!(beat.poll(late), Some(Turn::Begins));
-        assert_eq!(beat.poll(late), Some(Turn::Ends));
-        assert_eq!(beat.poll(late), None);
-        assert_eq!(beat.poll(late + SECOND), Some(Turn::Begins));
+        assert_eq!(state.poll(late), Some(Transition::Begins));
+        assert_eq!(state.poll(late), Some(Transition::Ends));
+        assert_eq!(state.poll(late), None);
+        assert_eq!(state.poll(late + SECOND), Some(Transition::Begins));
     }
 }

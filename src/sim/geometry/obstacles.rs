@@ -142,7 +142,7 @@ impl Obstacles {
     }
 
     /// Whether there is a line of sight from `a` to `b`.
-    pub(crate) fn sight(&self, a: Point, b: Point) -> bool {
+    pub(crate) fn has_line_of_sight(&self, a: Point, b: Point) -> bool {
         let way = Segment { from: a, to: b };
         let people = &self.round[self.balls..];
         !self.high.iter().any(|line| line.crosses(a, b))
@@ -154,7 +154,7 @@ impl Obstacles {
     }
 
     /// Whether a wall, which reaches up to the ceiling, is between `a` and `b`.
-    pub(crate) fn walled_off(&self, a: Point, b: Point) -> bool {
+    pub(crate) fn is_behind_wall(&self, a: Point, b: Point) -> bool {
         self.high[..self.walls]
             .iter()
             .any(|line| line.crosses(a, b))
@@ -169,7 +169,7 @@ impl Obstacles {
 
     /// Whether a body of `radius` can move from `a` to `b` in a straight line. A body that is
     /// already too near to an obstacle may move away from it.
-    pub(crate) fn way_free(&self, a: Point, b: Point, radius: f64) -> bool {
+    pub(crate) fn is_path_free(&self, a: Point, b: Point, radius: f64) -> bool {
         // Tolerance for rounding errors in the distance at the start.
         const ROUNDING: f64 = 1e-9;
         let way = Segment { from: a, to: b };
@@ -207,18 +207,18 @@ mod tests {
     fn walls_hide_the_station_but_balls_do_not() {
         let obstacles = world().obstacles();
         let beacon = Point::new(0.2, 2.0);
-        assert!(!obstacles.sight(beacon, Point::new(5.0, 1.0)));
-        assert!(obstacles.sight(beacon, Point::new(2.0, 1.0)));
-        assert!(obstacles.sight(Point::new(1.0, 3.2), Point::new(2.8, 3.2)));
+        assert!(!obstacles.has_line_of_sight(beacon, Point::new(5.0, 1.0)));
+        assert!(obstacles.has_line_of_sight(beacon, Point::new(2.0, 1.0)));
+        assert!(obstacles.has_line_of_sight(Point::new(1.0, 3.2), Point::new(2.8, 3.2)));
     }
 
     #[test]
     fn a_path_needs_room_for_the_whole_body() {
         let obstacles = world().obstacles();
         let (a, b) = (Point::new(2.0, 2.8), Point::new(4.0, 2.8));
-        assert!(!obstacles.way_free(a, b, 0.3));
+        assert!(!obstacles.is_path_free(a, b, 0.3));
         let (a, b) = (Point::new(2.6, 3.0), Point::new(4.0, 3.0));
-        assert!(obstacles.way_free(a, b, 0.15));
+        assert!(obstacles.is_path_free(a, b, 0.15));
     }
 
     #[test]

@@ -3,16 +3,16 @@
 use image::RgbImage;
 use tiny_skia::{Path, Transform};
 
-use crate::paper::Paper;
-pub(crate) use crate::paper::{Ink, Script};
+use crate::canvas::Canvas;
+pub(crate) use crate::canvas::{Ink, TextStyle};
 use crate::sim::geometry::Point;
 
 /// An axis-aligned rectangle in pixels: left, top, right, bottom.
 type Frame = [f32; 4];
 
 /// A canvas with a transform from world coordinates to pixels.
-pub(crate) struct Canvas {
-    paper: Paper,
+pub(crate) struct MapCanvas {
+    canvas: Canvas,
     /// Pixels per metre.
     pub(crate) scale: f32,
     /// The pixel of the world's (0, 0).
@@ -20,13 +20,13 @@ pub(crate) struct Canvas {
     taken: Vec<Frame>,
 }
 
-impl Canvas {
+impl MapCanvas {
     /// Creates a white canvas of a size in pixels; `None` if the size is invalid.
-    pub(crate) fn new(size: (u32, u32), scale: f32, origin: (f32, f32)) -> Option<Canvas> {
-        let paper = Paper::new(size.0, size.1)?;
+    pub(crate) fn new(size: (u32, u32), scale: f32, origin: (f32, f32)) -> Option<MapCanvas> {
+        let canvas = Canvas::new(size.0, size.1)?;
         let taken = Vec::new();
-        Some(Canvas {
-            paper,
+        Some(MapCanvas {
+            canvas,
             scale,
             origin,
             taken,
@@ -50,64 +50,70 @@ impl Canvas {
 
     /// Fills a polygon given in pixels.
     pub(crate) fn fill_pixels(&mut self, corners: &[(f32, f32)], ink: Ink) {
-        self.paper.fill(corners, ink);
+        self.canvas.fill(corners, ink);
     }
 
     /// Draws a line through places; the width and the optional dash length are in pixels.
     pub(crate) fn line(&mut self, places: &[Point], width: f32, dash: Option<f32>, ink: Ink) {
         let places: Vec<(f32, f32)> = places.iter().map(|place| self.at(*place)).collect();
-        self.paper.line(&places, width, dash, ink);
+        self.canvas.line(&places, width, dash, ink);
     }
 
     /// Draws a path; path and width are in metres.
     pub(crate) fn tape(&mut self, path: &Path, width: f32, ink: Ink) {
         let (x, y) = self.origin;
         let transform = Transform::from_row(self.scale, 0.0, 0.0, -self.scale, x, y);
-        self.paper.stroke(path, width, None, ink, transform);
+        self.canvas.stroke(path, width, None, ink, transform);
     }
 
     /// Draws a filled circle with a radius in pixels.
     pub(crate) fn dot(&mut self, place: Point, radius: f32, ink: Ink) {
-        self.paper.dot(self.at(place), radius, ink);
+        self.canvas.dot(self.at(place), radius, ink);
     }
 
     /// Draws a circle outline with a radius in pixels.
     pub(crate) fn ring(&mut self, place: Point, radius: f32, width: f32, ink: Ink) {
-        self.paper.ring(self.at(place), radius, width, ink);
+        self.canvas.ring(self.at(place), radius, width, ink);
     }
 
     /// Draws a line given in pixels.
     pub(crate) fn rule(&mut self, from: (f32, f32), to: (f32, f32), width: f32, ink: Ink) {
-        self.paper.line(&[from, to], width, None, ink);
+        self.canvas.line(&[from, to], width, None, ink);
     }
 
     /// Writes a text with its top left corner at a pixel.
-    pub(crate) fn write(&mut self, (x, y): (f32, f32), text: &str, script: Script) {
-        let (width, height) = script.size(text);
+    pub(crate) fn write(&mut self, (x, y): (f32, f32), text: &str, style: TextStyle) {
+        let (width, height) = style.size(text);
         self.taken.push([x, y, x + width, y + height]);
-        self.paper.write((x, y), text, script);
+        self.canvas.write((x, y), text, style);
     }
 
     /// Writes a label beside a place, on a side without other text, or below the place if there is
     /// no such side.
-    pub(crate) fn label(&mut self, place: Point, away: f32, text: &str, script: Script) {
+    pub(crate) fn label(&mut self, place: Point, away: f32, text: &str, style: TextStyle) {
         let (x, y) = self.at(place);
-        let (width, _) = script.size(text);
-        let at = self.free_side(place, away, text, script);
-        self.write_on_paper(at.unwrap_or((x - width / 2.0, y + away)), text, script);
+        let (width, _) = style.size(text);
+        let at = self.free_side(place, away, text, style);
+        self.write_with_background(at.unwrap_or((x - width / 2.0, y + away)), text, style);
     }
 
     /// Writes a label beside a place, or omits it if there is no room.
-    pub(crate) fn label_if_room(&mut self, place: Point, away: f32, text: &str, script: Script) {
-        if let Some(at) = self.free_side(place, away, text, script) {
-            self.write_on_paper(at, text, script);
+    pub(crate) fn label_if_room(&mut self, place: Point, away: f32, text: &str, style: TextStyle) {
+        if let Some(at) = self.free_side(place, away, text, style) {
+            self.write_with_background(at, text, style);
         }
     }
 
     /// Returns the top left corner of a free spot for a label beside a place.
-    fn free_side(&self, place: Point, away: f32, text: &str, script: Script) -> Option<(f32, f32)> {
-        let ((x, y), (width, height)) = (self.at(place), script.size(text));
-        let (edge_x, edge_y) = self.paper.size();
+    fn free_side(
+        &self,
+        place: Point,
+        away: f32,
+        text: &str,
+        style: TextStyle,
+    ) -> Option<(f32, f32)> {
+        let ((x, y), (width, height)) = (self.at(place), style.size(text));
+        let (edge_x, edge_y) = self.canvas.size();
         let (left, right) = (x - away.abs() - width, x + away.abs());
         let sides = [
             (x - width / 2.0, y + away),
@@ -128,11 +134,11 @@ impl Canvas {
         })
     }
 
-    fn write_on_paper(&mut self, (x, y): (f32, f32), text: &str, script: Script) {
+    fn write_with_background(&mut self, (x, y): (f32, f32), text: &str, style: TextStyle) {
         if text.is_empty() {
             return;
         }
-        let (width, height) = script.size(text);
+        let (width, height) = style.size(text);
         let corners = [
             (x - 2.0, y),
             (x + width + 2.0, y),
@@ -140,12 +146,12 @@ impl Canvas {
             (x - 2.0, y + height),
         ];
         self.fill_pixels(&corners, [255, 255, 255, 190]);
-        self.write((x, y), text, script);
+        self.write((x, y), text, style);
     }
 
     /// Returns the image.
     pub(crate) fn finish(self) -> RgbImage {
-        self.paper.finish()
+        self.canvas.finish()
     }
 }
 
@@ -159,11 +165,11 @@ mod tests {
 
     #[test]
     fn labels_without_room_are_omitted_and_do_not_overlap() {
-        let mut canvas = Canvas::new((300, 300), 100.0, (20.0, 280.0)).unwrap();
-        let script = Script::small([0, 0, 0, 255]);
+        let mut canvas = MapCanvas::new((300, 300), 100.0, (20.0, 280.0)).unwrap();
+        let style = TextStyle::small([0, 0, 0, 255]);
         for step in 0..20 {
             let place = Point::new(1.0 + 0.01 * f64::from(step), 1.0);
-            canvas.label_if_room(place, 8.0, "1:00", script);
+            canvas.label_if_room(place, 8.0, "1:00", style);
         }
         let taken = &canvas.taken;
         assert!(taken.len() > 2 && taken.len() < 20, "{}", taken.len());

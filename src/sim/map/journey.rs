@@ -2,9 +2,9 @@
 
 use image::RgbImage;
 
-use super::canvas::{Canvas, Ink, Script};
+use super::canvas::{Ink, MapCanvas, TextStyle};
 use super::plan;
-use crate::sim::body::trace::{Happening, Sample, Trace, What};
+use crate::sim::body::trace::{Sample, Trace, TraceEvent, TraceEventKind};
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::world::document::World;
 
@@ -49,7 +49,7 @@ impl Trace {
     /// Draws the path on the map of its world, green at the start and blue at the end, with times,
     /// marks for events, and a legend.
     pub fn draw(&self, world: &World) -> RgbImage {
-        let Some(mut canvas) = plan::paper(world, BESIDE) else {
+        let Some(mut canvas) = plan::blank_canvas(world, BESIDE) else {
             return RgbImage::new(1, 1);
         };
         plan::draw_onto(world, &mut canvas);
@@ -70,9 +70,9 @@ impl Trace {
     }
 }
 
-fn draw_way(canvas: &mut Canvas, samples: &[Sample]) {
+fn draw_way(canvas: &mut MapCanvas, samples: &[Sample]) {
     const PIECES: usize = 64;
-    let legs: Vec<&[Sample]> = samples.chunk_by(|_, next| !next.leapt).collect();
+    let legs: Vec<&[Sample]> = samples.chunk_by(|_, next| !next.placed).collect();
     for leg in &legs {
         let places: Vec<Point> = leg.iter().map(|sample| sample.pose.point()).collect();
         canvas.line(&places, 5.0, None, [255, 255, 255, 220]);
@@ -92,7 +92,7 @@ fn draw_way(canvas: &mut Canvas, samples: &[Sample]) {
             canvas.line(&places, 2.5, None, between(share as f32));
         }
     }
-    for two in samples.windows(2).filter(|two| two[1].leapt) {
+    for two in samples.windows(2).filter(|two| two[1].placed) {
         let ends = [two[0].pose.point(), two[1].pose.point()];
         canvas.line(&ends, 1.0, Some(4.0), PALE);
     }
@@ -106,7 +106,7 @@ fn between(share: f32) -> Ink {
     })
 }
 
-fn draw_clocks(canvas: &mut Canvas, samples: &[Sample]) {
+fn draw_clocks(canvas: &mut MapCanvas, samples: &[Sample]) {
     let Some(last) = samples.last() else {
         return;
     };
@@ -116,12 +116,12 @@ fn draw_clocks(canvas: &mut Canvas, samples: &[Sample]) {
             continue;
         }
         canvas.dot(sample.pose.point(), 3.5, PALE);
-        let script = Script::small([60, 62, 70, 255]);
+        let style = TextStyle::small([60, 62, 70, 255]);
         canvas.label_if_room(
             sample.pose.point(),
             8.0,
             &clock(sample.at.as_secs_f64()),
-            script,
+            style,
         );
         while due <= sample.at {
             due += last.at / CLOCKS;
@@ -135,28 +135,28 @@ fn clock(seconds: f64) -> String {
     format!("{}:{:02}", seconds / 60, seconds % 60)
 }
 
-fn kind_of(what: &What) -> Option<Mark> {
-    Some(match what {
-        What::Collision(_) => Mark::Collision,
-        What::FindBase => Mark::FindBase,
-        What::Docked => Mark::Docked,
-        What::Undocked => Mark::Undocked,
-        What::BaseNotFound => Mark::NotFound,
-        What::Photo => Mark::Photo,
-        What::Sound(_) => Mark::Sound,
-        What::Light { on: true, .. } => Mark::Light,
-        What::Light { .. } => return None,
-        What::Note(_) => Mark::Note,
+fn mark_of(kind: &TraceEventKind) -> Option<Mark> {
+    Some(match kind {
+        TraceEventKind::Collision(_) => Mark::Collision,
+        TraceEventKind::FindBase => Mark::FindBase,
+        TraceEventKind::Docked => Mark::Docked,
+        TraceEventKind::Undocked => Mark::Undocked,
+        TraceEventKind::BaseNotFound => Mark::NotFound,
+        TraceEventKind::Photo => Mark::Photo,
+        TraceEventKind::Sound(_) => Mark::Sound,
+        TraceEventKind::Light { on: true, .. } => Mark::Light,
+        TraceEventKind::Light { .. } => return None,
+        TraceEventKind::Note(_) => Mark::Note,
     })
 }
 
-fn draw_marks(canvas: &mut Canvas, events: &[Happening]) {
+fn draw_marks(canvas: &mut MapCanvas, events: &[TraceEvent]) {
     let mut drawn: Vec<(Mark, Point)> = Vec::new();
     // The table lists the most serious kinds first; they are drawn last, on top.
     for (mark, _, ink) in MARKS.iter().rev() {
         for event in events
             .iter()
-            .filter(|event| kind_of(&event.what) == Some(*mark))
+            .filter(|event| mark_of(&event.kind) == Some(*mark))
         {
             let place = event.pose.point();
             let near = |(other, at): &(Mark, Point)| other == mark && at.distance(place) < SAME;
@@ -166,8 +166,8 @@ fn draw_marks(canvas: &mut Canvas, events: &[Happening]) {
             drawn.push((*mark, place));
             let place = canvas.at(aside(*mark, event.pose));
             symbol(canvas, *mark, place, *ink);
-            if let What::Note(text) = &event.what {
-                canvas.label(event.pose.point(), 14.0, text, Script::small(*ink));
+            if let TraceEventKind::Note(text) = &event.kind {
+                canvas.label(event.pose.point(), 14.0, text, TextStyle::small(*ink));
             }
         }
     }
@@ -183,7 +183,7 @@ fn aside(mark: Mark, pose: Pose) -> Point {
     }
 }
 
-fn symbol(canvas: &mut Canvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
+fn symbol(canvas: &mut MapCanvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
     let polygon = |size: f32, corners: &[(f32, f32)]| -> Vec<(f32, f32)> {
         corners
             .iter()
@@ -237,10 +237,10 @@ fn symbol(canvas: &mut Canvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
     canvas.fill_pixels(&corners, ink);
 }
 
-fn draw_legend(canvas: &mut Canvas, world: &World, trace: &Trace) {
+fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
     let left = canvas.at(Point::new(world.room.width, 0.0)).0 + 28.0;
     let mut y = 14.0;
-    let title = Script {
+    let title = TextStyle {
         ink: END,
         large: true,
         bold: true,
@@ -254,7 +254,7 @@ fn draw_legend(canvas: &mut Canvas, world: &World, trace: &Trace) {
     canvas.write(
         (left, y),
         &format!("{:.1} m driven", trace.distance()),
-        Script::small(PALE),
+        TextStyle::small(PALE),
     );
     y += 32.0;
     for (ink, text) in [(START, "start"), (END, "end")] {
@@ -267,8 +267,8 @@ fn draw_legend(canvas: &mut Canvas, world: &World, trace: &Trace) {
     }
     for (mark, name, ink) in MARKS {
         let all = trace.events().iter();
-        let events: Vec<&Happening> = all
-            .filter(|event| kind_of(&event.what) == Some(mark))
+        let events: Vec<&TraceEvent> = all
+            .filter(|event| mark_of(&event.kind) == Some(mark))
             .collect();
         if events.is_empty() {
             continue;
@@ -281,27 +281,27 @@ fn draw_legend(canvas: &mut Canvas, world: &World, trace: &Trace) {
         );
         y += 20.0;
         for line in details(&events) {
-            canvas.write((left + 26.0, y), &line, Script::small(PALE));
+            canvas.write((left + 26.0, y), &line, TextStyle::small(PALE));
             y += 18.0;
         }
         y += 6.0;
     }
     if trace.missed() > 0 {
         let text = format!("and {} more", trace.missed());
-        canvas.write((left, y), &text, Script::small(PALE));
+        canvas.write((left, y), &text, TextStyle::small(PALE));
     }
 }
 
 /// Returns the legend's lines for the first events of a kind: time and detail.
-fn details(events: &[&Happening]) -> Vec<String> {
+fn details(events: &[&TraceEvent]) -> Vec<String> {
     const MOST: usize = 4;
-    let line = |event: &&Happening| {
+    let line = |event: &&TraceEvent| {
         let at = clock(event.at.as_secs_f64());
-        match &event.what {
-            What::Collision(name) => format!("{at} {name:.18}"),
-            What::Sound(sound) => format!("{at} {sound:?}"),
-            What::Light { led, .. } => format!("{at} {led:?}"),
-            What::Note(text) => format!("{at} {text:.18}"),
+        match &event.kind {
+            TraceEventKind::Collision(name) => format!("{at} {name:.18}"),
+            TraceEventKind::Sound(sound) => format!("{at} {sound:?}"),
+            TraceEventKind::Light { led, .. } => format!("{at} {led:?}"),
+            TraceEventKind::Note(text) => format!("{at} {text:.18}"),
             _ => at,
         }
     };

@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use image::RgbImage;
 
-use super::canvas::{Canvas, Ink, Script};
+use super::canvas::{Ink, MapCanvas, TextStyle};
 use crate::sim::camera::ground;
 use crate::sim::geometry::RADIUS;
 use crate::sim::geometry::{Point, Pose, Segment};
@@ -30,13 +30,13 @@ const GLOW: Ink = [255, 210, 60, 40];
 const SOUND: Ink = [130, 60, 170, 255];
 const SIGN: Ink = [20, 90, 150, 255];
 const ROBOT: Ink = [30, 120, 200, 255];
-pub(crate) const NAME: Script = Script::small(DARK);
+pub(crate) const NAME: TextStyle = TextStyle::small(DARK);
 
 impl World {
     /// Draws the map: walls, furniture, lines, the station with its infrared cone, balls and people
     /// with their paths, lamps, signs, sounds and the robot's start, with names and a scale.
     pub fn draw(&self) -> RgbImage {
-        let Some(mut canvas) = paper(self, 0) else {
+        let Some(mut canvas) = blank_canvas(self, 0) else {
             return RgbImage::new(1, 1);
         };
         draw_onto(self, &mut canvas);
@@ -45,24 +45,24 @@ impl World {
             self.start_pose().point(),
             0.2 * canvas.scale,
             "start",
-            Script::small(ROBOT),
+            TextStyle::small(ROBOT),
         );
         canvas.finish()
     }
 }
 
 /// Creates a white canvas for the map of a world, with `beside` more pixels on the right.
-pub(crate) fn paper(world: &World, beside: u32) -> Option<Canvas> {
+pub(crate) fn blank_canvas(world: &World, beside: u32) -> Option<MapCanvas> {
     let (width, depth) = (world.room.width, world.room.depth);
     let scale = SIDE / width.max(depth);
     let pixels = |side: f64| (side * scale) as f32;
     let (right, down) = (MARGIN * 2.0 + pixels(width), HEAD + FOOT + pixels(depth));
     let size = (right as u32 + beside, down as u32);
-    Canvas::new(size, scale as f32, (MARGIN, HEAD + pixels(depth)))
+    MapCanvas::new(size, scale as f32, (MARGIN, HEAD + pixels(depth)))
 }
 
 /// Draws everything except the robot.
-pub(crate) fn draw_onto(world: &World, canvas: &mut Canvas) {
+pub(crate) fn draw_onto(world: &World, canvas: &mut MapCanvas) {
     floor(world, canvas);
     station(world, canvas);
     walls(world, canvas);
@@ -72,7 +72,7 @@ pub(crate) fn draw_onto(world: &World, canvas: &mut Canvas) {
     names(world, canvas);
 }
 
-fn floor(world: &World, canvas: &mut Canvas) {
+fn floor(world: &World, canvas: &mut MapCanvas) {
     canvas.fill(&corners(&world.room.sides()), FLOOR);
     for rug in &world.rugs {
         let middle = rug.at.point();
@@ -123,13 +123,13 @@ impl World {
 }
 
 /// Draws the station and the area that its beacon reaches.
-fn station(world: &World, canvas: &mut Canvas) {
+fn station(world: &World, canvas: &mut MapCanvas) {
     let (station, cone) = (&world.station, world.beacon_cone());
     canvas.fill(&cone, BEACON);
     canvas.fill(&corners(&station.sides()), [200, 30, 50, 255]);
 }
 
-fn walls(world: &World, canvas: &mut Canvas) {
+fn walls(world: &World, canvas: &mut MapCanvas) {
     for wall in &world.walls {
         canvas.fill(&corners(&wall.sides()), WALL);
     }
@@ -158,7 +158,7 @@ fn walls(world: &World, canvas: &mut Canvas) {
     }
 }
 
-fn lamps_and_sounds(world: &World, canvas: &mut Canvas) {
+fn lamps_and_sounds(world: &World, canvas: &mut MapCanvas) {
     for lamp in &world.lamps {
         let at = lamp.at.point();
         let scale = canvas.scale;
@@ -179,7 +179,7 @@ fn lamps_and_sounds(world: &World, canvas: &mut Canvas) {
     }
 }
 
-fn movers(world: &World, canvas: &mut Canvas) {
+fn movers(world: &World, canvas: &mut MapCanvas) {
     for ball in &world.balls {
         way(
             canvas,
@@ -200,7 +200,7 @@ fn movers(world: &World, canvas: &mut Canvas) {
 }
 
 /// Draws the dashed path of a moving thing, with its corners.
-fn way(canvas: &mut Canvas, from: Point, route: Option<&Route>, ink: Ink) {
+fn way(canvas: &mut MapCanvas, from: Point, route: Option<&Route>, ink: Ink) {
     let Some(route) = route else {
         return;
     };
@@ -218,9 +218,9 @@ fn way(canvas: &mut Canvas, from: Point, route: Option<&Route>, ink: Ink) {
 }
 
 /// Draws the title, the numbers along the walls and the scale.
-fn frame(world: &World, canvas: &mut Canvas) {
+fn frame(world: &World, canvas: &mut MapCanvas) {
     let room = &world.room;
-    let title = Script {
+    let title = TextStyle {
         ink: DARK,
         large: true,
         bold: true,
@@ -233,7 +233,7 @@ fn frame(world: &World, canvas: &mut Canvas) {
     canvas.write((MARGIN, 14.0), name, title);
     let after = MARGIN + title.size(name).0 + 20.0;
     let size = format!("{} m x {} m", room.width, room.depth);
-    canvas.write((after, 17.0), &size, Script::small(PALE));
+    canvas.write((after, 17.0), &size, TextStyle::small(PALE));
     let every = if room.width.max(room.depth) > 15.0 {
         5
     } else {
@@ -242,17 +242,17 @@ fn frame(world: &World, canvas: &mut Canvas) {
     for metre in (0..=room.width as u32).step_by(every) {
         let (x, y) = canvas.at(Point::new(f64::from(metre), 0.0));
         let text = metre.to_string();
-        let width = Script::small(PALE).size(&text).0;
-        canvas.write((x - width / 2.0, y + 8.0), &text, Script::small(PALE));
+        let width = TextStyle::small(PALE).size(&text).0;
+        canvas.write((x - width / 2.0, y + 8.0), &text, TextStyle::small(PALE));
     }
     for metre in (0..=room.depth as u32).step_by(every) {
         let (x, y) = canvas.at(Point::new(0.0, f64::from(metre)));
         let text = metre.to_string();
-        let (width, height) = Script::small(PALE).size(&text);
+        let (width, height) = TextStyle::small(PALE).size(&text);
         canvas.write(
             (x - width - 10.0, y - height / 2.0),
             &text,
-            Script::small(PALE),
+            TextStyle::small(PALE),
         );
     }
     let (x, y) = canvas.at(Point::new(0.0, 0.0));
@@ -265,7 +265,7 @@ fn frame(world: &World, canvas: &mut Canvas) {
 }
 
 /// Draws the key for the beacon's area at a pixel.
-fn explain_the_beacon(canvas: &mut Canvas, (x, y): (f32, f32)) {
+fn explain_the_beacon(canvas: &mut MapCanvas, (x, y): (f32, f32)) {
     let corners = [
         (x, y - 7.0),
         (x + 22.0, y - 7.0),
@@ -277,7 +277,7 @@ fn explain_the_beacon(canvas: &mut Canvas, (x, y): (f32, f32)) {
     canvas.write((x + 30.0, y - 8.0), "the station's beacon", NAME);
 }
 
-fn names(world: &World, canvas: &mut Canvas) {
+fn names(world: &World, canvas: &mut MapCanvas) {
     let scale = canvas.scale;
     let away = |metres: f64| metres as f32 * scale + 4.0;
     let station = world
@@ -289,11 +289,11 @@ fn names(world: &World, canvas: &mut Canvas) {
         station,
         away(0.19),
         "station",
-        Script::small([170, 20, 40, 255]),
+        TextStyle::small([170, 20, 40, 255]),
     );
     for sign in &world.signs {
         let text = format!("\"{}\"", short(&sign.text));
-        canvas.label(sign.at.point(), 12.0, &text, Script::small(SIGN));
+        canvas.label(sign.at.point(), 12.0, &text, TextStyle::small(SIGN));
     }
     for item in &world.furniture {
         canvas.label(item.at.point(), -8.0, &item.name, NAME);
@@ -316,7 +316,7 @@ fn names(world: &World, canvas: &mut Canvas) {
             lamp.at.point(),
             16.0,
             name,
-            Script::small([140, 96, 0, 255]),
+            TextStyle::small([140, 96, 0, 255]),
         );
     }
     for sound in &world.sounds {
@@ -325,12 +325,12 @@ fn names(world: &World, canvas: &mut Canvas) {
         } else {
             &sound.name
         };
-        canvas.label(sound.at.point(), 18.0, name, Script::small(SOUND));
+        canvas.label(sound.at.point(), 18.0, name, TextStyle::small(SOUND));
     }
 }
 
 /// Draws the robot from above, with an arrow for its heading.
-pub(crate) fn robot(canvas: &mut Canvas, pose: Pose, ink: Ink) {
+pub(crate) fn robot(canvas: &mut MapCanvas, pose: Pose, ink: Ink) {
     let radius = RADIUS as f32 * canvas.scale;
     canvas.dot(pose.point(), radius, [ink[0], ink[1], ink[2], 70]);
     canvas.ring(pose.point(), radius, 2.0, ink);
@@ -343,7 +343,7 @@ fn corners(sides: &[Segment; 4]) -> [Point; 4] {
     sides.map(|side| side.from)
 }
 
-fn outline(canvas: &mut Canvas, sides: &[Segment; 4]) {
+fn outline(canvas: &mut MapCanvas, sides: &[Segment; 4]) {
     for side in sides {
         canvas.line(&[side.from, side.to], 1.5, None, PALE);
     }

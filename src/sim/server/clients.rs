@@ -33,7 +33,7 @@ pub(crate) struct Clients {
 }
 
 /// The id of a user without a connection here.
-const STRANGER: u64 = u64::MAX;
+const EXTERNAL_USER: u64 = u64::MAX;
 
 /// A new client's id, its report queue and the token that disconnects it.
 pub(crate) type Admission = (u64, Arc<ReportQueue>, CancellationToken);
@@ -67,7 +67,7 @@ impl Clients {
     }
 
     /// Whether the client is still registered.
-    pub(crate) fn knows(&self, id: u64) -> bool {
+    pub(crate) fn contains(&self, id: u64) -> bool {
         self.all.contains_key(&id)
     }
 
@@ -91,14 +91,14 @@ impl Clients {
     /// Makes a user without a connection here the current user; returns true if this disconnected
     /// another user.
     pub(crate) fn take_over(&mut self, name: &str) -> bool {
-        let had_to_go = self.user_id().is_some_and(|id| self.cut(id));
-        self.user = Some((STRANGER, name.to_owned()));
-        had_to_go
+        let disconnected = self.user_id().is_some_and(|id| self.cut(id));
+        self.user = Some((EXTERNAL_USER, name.to_owned()));
+        disconnected
     }
 
     /// Ends the session of that user.
     pub(crate) fn give_back(&mut self) {
-        if self.is_user(STRANGER) {
+        if self.is_user(EXTERNAL_USER) {
             self.user = None;
         }
     }
@@ -113,7 +113,7 @@ impl Clients {
 
     /// Sends a report to the user; returns false if the user does not read and must be
     /// disconnected.
-    pub(crate) fn tell(&self, report: &Report) -> bool {
+    pub(crate) fn send_report(&self, report: &Report) -> bool {
         let Some(client) = self.user.as_ref().and_then(|(id, _)| self.all.get(id)) else {
             return true;
         };

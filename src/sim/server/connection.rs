@@ -18,7 +18,7 @@ const READ_LEN: usize = 8 * 1024;
 /// Minimum time between two messages.
 const BETWEEN_WRITES: Duration = Duration::from_millis(3);
 /// Time for a client to read a refusal before the connection is closed.
-const FAREWELL: Duration = Duration::from_millis(500);
+const CLOSE_TIMEOUT: Duration = Duration::from_millis(500);
 
 /// A byte stream to a client: a socket or an in-memory pipe.
 pub trait Transport: AsyncRead + AsyncWrite + Send + Unpin + 'static {}
@@ -29,7 +29,7 @@ impl<T: AsyncRead + AsyncWrite + Send + Unpin + 'static> Transport for T {}
 #[derive(Debug)]
 pub(crate) enum Event {
     /// The commands of one read.
-    Heard {
+    Commands {
         client: u64,
         write: u64,
         /// AUTH_REPLY and the first POWER had been taken for sending when these bytes arrived.
@@ -41,7 +41,7 @@ pub(crate) enum Event {
 }
 
 /// A connection's channels to the server.
-pub(crate) struct Line {
+pub(crate) struct Channels {
     pub(crate) client: u64,
     pub(crate) reports: Arc<ReportQueue>,
     pub(crate) events: mpsc::Sender<Event>,
@@ -52,49 +52,52 @@ pub(crate) struct Line {
 }
 
 /// Serves a client until one side ends the connection.
-pub(crate) async fn serve(transport: impl Transport, line: Line) {
+pub(crate) async fn serve(transport: impl Transport, channels: Channels) {
     let (mut reader, mut writer) = tokio::io::split(transport);
     let refused = tokio::select! {
         biased;
-        () = line.cut.cancelled() => false,
-        end = read(&mut reader, &line) => {
+        () = channels.cut.cancelled() => false,
+        end = read(&mut reader, &channels) => {
             if let Err(error) = end {
-                tracing::debug!(target: "spykee::sim", client = line.client, %error, "garbage");
+                tracing::debug!(target: "spykee::sim", client = channels.client, %error, "garbage");
             }
             false
         }
-        end = write(&mut writer, &line) => end.is_ok(),
+        end = write(&mut writer, &channels) => end.is_ok(),
     };
     if refused {
-        let _ = tokio::time::timeout(FAREWELL, say_farewell(&mut reader, &mut writer)).await;
+        let _ = tokio::time::timeout(CLOSE_TIMEOUT, close_orderly(&mut reader, &mut writer)).await;
     }
-    let _ = line
+    let _ = channels
         .events
         .send(Event::Gone {
-            client: line.client,
+            client: channels.client,
         })
         .await;
 }
 
-async fn read(reader: &mut (impl AsyncRead + Unpin), line: &Line) -> Result<(), FramingError> {
+async fn read(
+    reader: &mut (impl AsyncRead + Unpin),
+    channels: &Channels,
+) -> Result<(), FramingError> {
     let mut decoder = Decoder::new();
     let mut buffer = vec![0; READ_LEN];
     loop {
-        line.unmuted().await;
+        channels.unmuted().await;
         let Ok(length @ 1..) = reader.read(&mut buffer).await else {
             return Ok(());
         };
-        let opened = line.reports.opened();
-        line.unmuted().await;
-        let write = line.writes.fetch_add(1, Ordering::Relaxed);
-        let (commands, end) = cut(&mut decoder, &buffer[..length]);
-        let event = Event::Heard {
-            client: line.client,
+        let opened = channels.reports.opened();
+        channels.unmuted().await;
+        let write = channels.writes.fetch_add(1, Ordering::Relaxed);
+        let (commands, end) = decode_all(&mut decoder, &buffer[..length]);
+        let event = Event::Commands {
+            client: channels.client,
             write,
             opened,
             commands,
         };
-        if line.events.send(event).await.is_err() {
+        if channels.events.send(event).await.is_err() {
             return Ok(());
         }
         end?;
@@ -103,7 +106,7 @@ async fn read(reader: &mut (impl AsyncRead + Unpin), line: &Line) -> Result<(), 
 
 /// Decodes the complete commands in `bytes`; returns them with the error that ended decoding, if
 /// any.
-fn cut(decoder: &mut Decoder, mut bytes: &[u8]) -> (Vec<Command>, Result<(), FramingError>) {
+fn decode_all(decoder: &mut Decoder, mut bytes: &[u8]) -> (Vec<Command>, Result<(), FramingError>) {
     let mut commands = Vec::new();
     loop {
         match decoder.decode(&mut bytes) {
@@ -116,15 +119,15 @@ fn cut(decoder: &mut Decoder, mut bytes: &[u8]) -> (Vec<Command>, Result<(), Fra
 
 /// Writes one message at a time with a pause in between, so that a client with one read per message
 /// can keep up. Returns `Ok` when the report queue is closed.
-async fn write(writer: &mut (impl AsyncWrite + Unpin), line: &Line) -> std::io::Result<()> {
+async fn write(writer: &mut (impl AsyncWrite + Unpin), channels: &Channels) -> std::io::Result<()> {
     let mut rested = Instant::now();
     loop {
-        line.unmuted().await;
+        channels.unmuted().await;
         sleep_until(rested).await;
-        let Some(bytes) = line.reports.next().await else {
+        let Some(bytes) = channels.reports.next().await else {
             return Ok(());
         };
-        line.unmuted().await;
+        channels.unmuted().await;
         writer.write_all(&bytes).await?;
         writer.flush().await?;
         rested = Instant::now() + BETWEEN_WRITES;
@@ -133,7 +136,7 @@ async fn write(writer: &mut (impl AsyncWrite + Unpin), line: &Line) -> std::io::
 
 /// Shuts down writing, then reads until the client closes: closing a socket with unread bytes would
 /// send RST, which discards the last message.
-async fn say_farewell(
+async fn close_orderly(
     reader: &mut (impl AsyncRead + Unpin),
     writer: &mut (impl AsyncWrite + Unpin),
 ) {
@@ -142,7 +145,7 @@ async fn say_farewell(
     while let Ok(1..) = reader.read(&mut rest).await {}
 }
 
-impl Line {
+impl Channels {
     /// Waits while the robot is muted.
     async fn unmuted(&self) {
         let mut muted = self.muted.clone();

@@ -8,10 +8,10 @@ use tokio::sync::{mpsc, watch};
 use crate::wire::{Command, Report};
 
 use super::connection::Transport;
-use super::journal::{Heard, Journal};
+use super::journal::{Journal, ReceivedCommand};
 use crate::sim::body::robot::Robot;
 use crate::sim::body::state::State;
-use crate::sim::body::trace::{Trace, What};
+use crate::sim::body::trace::{Trace, TraceEventKind};
 use crate::sim::faults::fault::Fault;
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::world::document::World;
@@ -105,12 +105,12 @@ impl Handle {
 
     /// Returns the commands that the robot has received, oldest first; of very many, only the
     /// newest.
-    pub fn heard(&self) -> Vec<Heard> {
+    pub fn heard(&self) -> Vec<ReceivedCommand> {
         self.heard_since(0)
     }
 
     /// Returns the received commands, starting with this index.
-    pub fn heard_since(&self, index: usize) -> Vec<Heard> {
+    pub fn heard_since(&self, index: usize) -> Vec<ReceivedCommand> {
         lock(&self.journal).since(index).cloned().collect()
     }
 
@@ -156,7 +156,7 @@ impl Handle {
     /// Adds a note to the trace, at the robot's current time and place.
     pub fn note(&self, text: impl Into<String>) {
         let mut trace = self.trace.lock().unwrap_or_else(PoisonError::into_inner);
-        trace.note(What::Note(text.into()));
+        trace.add_event(TraceEventKind::Note(text.into()));
     }
 
     /// Puts a ball at a place, at rest; `index` is its index in the world's list.

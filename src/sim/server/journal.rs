@@ -13,7 +13,7 @@ const MAX_BYTES: usize = 4 * 1024 * 1024;
 
 /// One command that reached the robot.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Heard {
+pub struct ReceivedCommand {
     /// Index of the command since the start, from 0.
     pub index: usize,
     /// Time since the start of the server.
@@ -30,7 +30,7 @@ pub struct Heard {
 /// The most recent commands.
 #[derive(Debug, Default)]
 pub(crate) struct Journal {
-    entries: VecDeque<Heard>,
+    entries: VecDeque<ReceivedCommand>,
     next: usize,
     bytes: usize,
 }
@@ -39,7 +39,7 @@ impl Journal {
     /// Adds a command and assigns its index.
     pub(crate) fn write(&mut self, at: Duration, write: u64, client: u64, command: Command) {
         self.bytes += weight(&command);
-        self.entries.push_back(Heard {
+        self.entries.push_back(ReceivedCommand {
             index: self.next,
             at,
             write,
@@ -56,7 +56,7 @@ impl Journal {
     }
 
     /// Returns the entries from an index on, as far as they have been kept.
-    pub(crate) fn since(&self, index: usize) -> impl Iterator<Item = &Heard> {
+    pub(crate) fn since(&self, index: usize) -> impl Iterator<Item = &ReceivedCommand> {
         let forgotten = self.next - self.entries.len();
         self.entries.iter().skip(index.saturating_sub(forgotten))
     }

@@ -104,7 +104,7 @@ impl Server {
                 biased;
                 _ = ticks.tick() => {
                     site.pass_time();
-                    sockets.appear(!site.away()).await;
+                    sockets.appear(!site.is_rebooting()).await;
                 }
                 Some(request) = requests.recv() => site.serve(request),
                 Some(event) = events.recv() => site.take(event),

@@ -11,7 +11,7 @@ use crate::wire::Report;
 
 /// Maximum number of queued bytes, frames and audio not counted. A client that requests more
 /// without reading is disconnected.
-const MAX_WAITING: usize = 256 * 1024;
+const MAX_QUEUED_BYTES: usize = 256 * 1024;
 /// Maximum number of queued audio chunks; older ones are dropped.
 const MAX_AUDIO: usize = 8;
 
@@ -25,7 +25,7 @@ enum Opening {
 }
 
 #[derive(Debug)]
-struct Waiting {
+struct Queue {
     messages: VecDeque<(Opening, Bytes)>,
     length: usize,
     audio: VecDeque<Bytes>,
@@ -38,8 +38,8 @@ struct Waiting {
 /// The report queue of one client.
 #[derive(Debug)]
 pub(crate) struct ReportQueue {
-    waiting: Mutex<Waiting>,
-    news: Notify,
+    queue: Mutex<Queue>,
+    changed: Notify,
 }
 
 /// The client does not read the reports that it requested.
@@ -49,7 +49,7 @@ pub(crate) struct Overflow;
 impl ReportQueue {
     /// Creates an empty queue.
     pub(crate) fn new() -> ReportQueue {
-        let waiting = Waiting {
+        let queue = Queue {
             messages: VecDeque::new(),
             length: 0,
             audio: VecDeque::new(),
@@ -59,23 +59,23 @@ impl ReportQueue {
             closing: false,
         };
         ReportQueue {
-            waiting: Mutex::new(waiting),
-            news: Notify::new(),
+            queue: Mutex::new(queue),
+            changed: Notify::new(),
         }
     }
 
     /// Queues a report. A frame replaces a queued frame.
     pub(crate) fn push(&self, report: &Report) -> Result<(), Overflow> {
-        let mut waiting = self.lock();
+        let mut queue = self.lock();
         match report {
-            Report::Video(_) => waiting.put_frame(report.to_bytes()),
-            Report::Audio(_) => waiting.put_audio(report.to_bytes()),
-            Report::Accepted(_) => waiting.put_message(Opening::Accepted, report.to_bytes()),
-            Report::Power(_) => waiting.put_message(Opening::Done, report.to_bytes()),
-            _ => waiting.put_message(Opening::Waiting, report.to_bytes()),
+            Report::Video(_) => queue.put_frame(report.to_bytes()),
+            Report::Audio(_) => queue.put_audio(report.to_bytes()),
+            Report::Accepted(_) => queue.put_message(Opening::Accepted, report.to_bytes()),
+            Report::Power(_) => queue.put_message(Opening::Done, report.to_bytes()),
+            _ => queue.put_message(Opening::Waiting, report.to_bytes()),
         }
-        self.news.notify_one();
-        if waiting.length > MAX_WAITING {
+        self.changed.notify_one();
+        if queue.length > MAX_QUEUED_BYTES {
             Err(Overflow)
         } else {
             Ok(())
@@ -85,7 +85,7 @@ impl ReportQueue {
     /// Closes the connection after everything has been written.
     pub(crate) fn close(&self) {
         self.lock().closing = true;
-        self.news.notify_one();
+        self.changed.notify_one();
     }
 
     /// Whether AUTH_REPLY and the first POWER after it have been taken from the queue.
@@ -101,22 +101,22 @@ impl ReportQueue {
     /// Waits for the next message to write; `None` when the connection must be closed.
     pub(crate) async fn next(&self) -> Option<Bytes> {
         loop {
-            let news = self.news.notified();
+            let changed = self.changed.notified();
             match self.lock().take() {
                 (Some(message), _) => return Some(message),
                 (None, true) => return None,
                 (None, false) => {}
             }
-            news.await;
+            changed.await;
         }
     }
 
-    fn lock(&self) -> MutexGuard<'_, Waiting> {
-        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Waiting {
+impl Queue {
     fn put_frame(&mut self, bytes: Bytes) {
         self.dropped += u64::from(self.frame.is_some());
         self.frame = Some(bytes);
@@ -137,9 +137,9 @@ impl Waiting {
 
     /// Takes the next message, audio and frames last; also returns whether the queue is closing.
     fn take(&mut self) -> (Option<Bytes>, bool) {
-        let stream = |waiting: &mut Waiting| {
-            let sound = waiting.audio.pop_front();
-            sound.or_else(|| waiting.frame.take())
+        let stream = |queue: &mut Queue| {
+            let sound = queue.audio.pop_front();
+            sound.or_else(|| queue.frame.take())
         };
         let Some((opening, bytes)) = self.messages.pop_front() else {
             return (stream(self), self.closing);

@@ -13,15 +13,15 @@ use tokio::time::Instant;
 use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
 
 use super::clients::Clients;
-use super::connection::{self, Event, Line, Transport};
+use super::connection::{self, Channels, Event, Transport};
 use super::handle::{self, Ends, Request};
 use super::options::Options;
 use crate::sim::body::log::describe;
 use crate::sim::body::robot::Robot;
-use crate::sim::faults::fault::{Fault, Trouble};
+use crate::sim::faults::fault::{Fault, FaultKind};
 use crate::sim::faults::proxy::{self, Breaker};
-use crate::sim::faults::timing::Turn;
-use crate::sim::faults::troubles::Troubles;
+use crate::sim::faults::scheduler::FaultScheduler;
+use crate::sim::faults::timing::Transition;
 use crate::sim::geometry::Pose;
 
 /// The physics time step.
@@ -49,13 +49,13 @@ pub(crate) struct Site {
     started: Instant,
     stepped: Instant,
     /// `None` if faults are disabled; clients are then served without the proxy.
-    troubles: Option<Troubles>,
-    away: bool,
+    scheduler: Option<FaultScheduler>,
+    rebooting: bool,
     refusing: Option<Refusal>,
     slides_after: Option<Duration>,
     docked_for: Duration,
     /// The last logged MOVE; clients repeat it many times a second.
-    moved: Option<Command>,
+    last_move: Option<Command>,
 }
 
 impl Site {
@@ -79,13 +79,13 @@ impl Site {
             connections: JoinSet::new(),
             started: now,
             stepped: now,
-            troubles: (options.faults.as_ref())
-                .map(|_| Troubles::new(options.seed, options.unacknowledged)),
-            away: false,
+            scheduler: (options.faults.as_ref())
+                .map(|_| FaultScheduler::new(options.seed, options.unacknowledged)),
+            rebooting: false,
             refusing: None,
             slides_after: None,
             docked_for: Duration::ZERO,
-            moved: None,
+            last_move: None,
         }
     }
 
@@ -96,8 +96,8 @@ impl Site {
     }
 
     /// Whether the robot is rebooting and cannot be reached.
-    pub(crate) fn away(&self) -> bool {
-        self.away
+    pub(crate) fn is_rebooting(&self) -> bool {
+        self.rebooting
     }
 
     /// Frees the task of an ended connection; pending while there are no connections.
@@ -135,8 +135,8 @@ impl Site {
             .overdue(now)
             .into_iter()
             .for_each(|id| self.cut(id));
-        let turns = self.troubles.as_mut().map(|troubles| troubles.poll(now));
-        self.turn(turns.unwrap_or_default());
+        let transitions = self.scheduler.as_mut().map(|scheduler| scheduler.poll(now));
+        self.apply_transitions(transitions.unwrap_or_default());
         self.publish();
     }
 
@@ -147,12 +147,12 @@ impl Site {
             Request::ChargerWorks(works) => self.robot.set_charger_works(works),
             Request::Place(pose) => self.robot.place(pose),
             Request::Beacon(on) => self.robot.set_beacon(on),
-            Request::Inject(report) => self.tell(&report),
+            Request::Inject(report) => self.send_report(&report),
             Request::Cut => self.cut_all(),
             Request::Begin(fault) => self.begin_fault(fault),
             Request::ClearFaults => {
-                let turns = self.troubles.as_mut().map(Troubles::clear);
-                self.turn(turns.unwrap_or_default());
+                let transitions = self.scheduler.as_mut().map(FaultScheduler::clear);
+                self.apply_transitions(transitions.unwrap_or_default());
             }
             Request::Connect(transport) => self.admit(transport, None),
             Request::Alter(alter) => alter(&mut self.robot),
@@ -165,14 +165,14 @@ impl Site {
     pub(crate) fn take(&mut self, event: Event) {
         match event {
             Event::Gone { client } => self.cut(client),
-            Event::Heard {
+            Event::Commands {
                 client,
                 write,
                 opened,
                 commands,
             } => {
                 for command in commands {
-                    self.hear(client, write, opened, command);
+                    self.receive(client, write, opened, command);
                 }
             }
         }
@@ -181,14 +181,14 @@ impl Site {
 
     /// Serves a new connection, unless there are too many or the robot is rebooting.
     pub(crate) fn admit(&mut self, transport: impl Transport, breaker: Option<Breaker>) {
-        if self.away {
+        if self.rebooting {
             return;
         }
         let Some((client, reports, cut)) = self.clients.admit(Instant::now()) else {
             tracing::warn!(target: "spykee::sim", "too many connections: one is turned away");
             return;
         };
-        let line = Line {
+        let channels = Channels {
             client,
             reports,
             events: self.events.clone(),
@@ -196,47 +196,48 @@ impl Site {
             writes: self.writes.clone(),
             cut,
         };
-        let Some(troubles) = &mut self.troubles else {
-            self.connections.spawn(connection::serve(transport, line));
+        let Some(scheduler) = &mut self.scheduler else {
+            self.connections
+                .spawn(connection::serve(transport, channels));
             return;
         };
         let (near, far) = tokio::io::duplex(PIPE_LEN);
-        let carried = proxy::carry(transport, breaker, far, troubles.feed());
-        self.connections.spawn(carried);
-        self.connections.spawn(connection::serve(near, line));
+        let forwarding = proxy::forward(transport, breaker, far, scheduler.feed());
+        self.connections.spawn(forwarding);
+        self.connections.spawn(connection::serve(near, channels));
     }
 
     fn begin_fault(&mut self, fault: Fault) {
-        let Some(troubles) = &mut self.troubles else {
+        let Some(scheduler) = &mut self.scheduler else {
             tracing::warn!(target: "spykee::sim", "this simulator was started without faults");
             return;
         };
         let now = Instant::now();
-        troubles.begin(fault, now);
-        let turns = troubles.poll(now);
-        self.turn(turns);
+        scheduler.begin(fault, now);
+        let transitions = scheduler.poll(now);
+        self.apply_transitions(transitions);
     }
 
     /// Applies beginnings and ends of faults to the robot; the proxy handles faults of the byte
     /// stream.
-    fn turn(&mut self, turns: Vec<(Trouble, Turn)>) {
-        for (trouble, turn) in turns {
-            tracing::info!(target: "spykee::sim", ?trouble, ?turn, "a fault");
-            let begins = turn == Turn::Begins;
-            match trouble {
-                Trouble::Drop if begins => self.cut_all(),
-                Trouble::Reboot { forgets } => {
-                    self.away = begins;
+    fn apply_transitions(&mut self, transitions: Vec<(FaultKind, Transition)>) {
+        for (kind, transition) in transitions {
+            tracing::info!(target: "spykee::sim", trouble = ?kind, turn = ?transition, "a fault");
+            let begins = transition == Transition::Begins;
+            match kind {
+                FaultKind::Drop if begins => self.cut_all(),
+                FaultKind::Reboot { forgets } => {
+                    self.rebooting = begins;
                     self.cut_all();
                     if forgets && begins {
                         self.robot.reboot();
                     }
                 }
-                Trouble::TakeOver => self.hand_over(begins),
-                Trouble::RefuseLogin(refusal) => self.refusing = begins.then_some(refusal),
-                Trouble::BaseNotFound => self.robot.set_beacon(!begins),
-                Trouble::NoCharge => self.robot.set_charger_works(!begins),
-                Trouble::DockLost { after } => self.slides_after = begins.then_some(after),
+                FaultKind::TakeOver => self.hand_over(begins),
+                FaultKind::RefuseLogin(refusal) => self.refusing = begins.then_some(refusal),
+                FaultKind::BaseNotFound => self.robot.set_beacon(!begins),
+                FaultKind::NoCharge => self.robot.set_charger_works(!begins),
+                FaultKind::DockLost { after } => self.slides_after = begins.then_some(after),
                 _ => {}
             }
         }
@@ -271,13 +272,13 @@ impl Site {
 
     /// Handles a command from a client: records it in the journal, and executes it if the client is
     /// allowed to command the robot.
-    fn hear(&mut self, client: u64, write: u64, opened: bool, command: Command) {
-        if !self.clients.knows(client) {
+    fn receive(&mut self, client: u64, write: u64, opened: bool, command: Command) {
+        if !self.clients.contains(client) {
             return;
         }
         let at = self.started.elapsed();
         handle::lock(&self.ends.journal).write(at, write, client, command.clone());
-        self.log_heard(client, &command);
+        self.log_command(client, &command);
         match command {
             Command::Login(login) => self.log_in(client, &login),
             Command::Move { .. } if !self.clients.is_user(client) || !opened => {
@@ -285,18 +286,18 @@ impl Site {
                 self.cut(client);
             }
             _ if !self.clients.is_user(client) => {}
-            command => self.robot.obey(&command),
+            command => self.robot.execute(&command),
         }
         self.deliver();
     }
 
     /// Logs a command, except a repeated MOVE.
-    fn log_heard(&mut self, client: u64, command: &Command) {
+    fn log_command(&mut self, client: u64, command: &Command) {
         if let Command::Move { .. } = command {
-            if self.moved.as_ref() == Some(command) {
+            if self.last_move.as_ref() == Some(command) {
                 return;
             }
-            self.moved = Some(command.clone());
+            self.last_move = Some(command.clone());
         }
         tracing::debug!(target: "spykee::sim::heard", client, "{}", describe(command));
     }
@@ -320,7 +321,7 @@ impl Site {
             tail: Bytes::from_static(Accepted::RECORDED_TAIL),
         };
         self.robot.take_reports();
-        self.tell(&Report::Accepted(accepted));
+        self.send_report(&Report::Accepted(accepted));
         self.robot.begin_session();
     }
 
@@ -337,15 +338,15 @@ impl Site {
     /// Sends the robot's reports to the user, if there is one.
     fn deliver(&mut self) {
         for report in self.robot.take_reports() {
-            self.tell(&report);
+            self.send_report(&report);
         }
     }
 
-    fn tell(&mut self, report: &Report) {
+    fn send_report(&mut self, report: &Report) {
         if !matches!(report, Report::Video(_) | Report::Audio(_)) {
             tracing::debug!(target: "spykee::sim::said", "{report:?}");
         }
-        if !self.clients.tell(report) {
+        if !self.clients.send_report(report) {
             tracing::info!(target: "spykee::sim", "the client asks and never reads: cut off");
             self.clients
                 .user_id()

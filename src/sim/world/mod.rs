@@ -1,6 +1,7 @@
 //! The world in which a robot is simulated: its YAML definition, derived data, and what moves in it
 //! besides the robot.
 
+pub(crate) mod builtin;
 pub(crate) mod code;
 pub(crate) mod document;
 pub(crate) mod fittings;
@@ -8,11 +9,10 @@ mod mistakes;
 pub(crate) mod movers;
 pub(crate) mod paint;
 pub(crate) mod reader;
-pub(crate) mod ready;
 pub(crate) mod route;
 pub(crate) mod schedule;
 pub(crate) mod settings;
 pub(crate) mod spot;
 pub(crate) mod station;
+pub(crate) mod station_distances;
 pub(crate) mod things;
-pub(crate) mod ways;

@@ -9,9 +9,9 @@ use crate::sim::geometry::obstacles::{Circle, Obstacles};
 /// Deceleration of a rolling ball, metres per second squared.
 const FRICTION: f64 = 0.35;
 /// Distance that people and rolling balls keep from the robot, metres.
-const RESPECT: f64 = 0.05;
+const ROBOT_CLEARANCE: f64 = 0.05;
 /// Minimum gap between touching things, metres.
-const SLACK: f64 = 0.001;
+const MIN_GAP: f64 = 0.001;
 
 /// Everything that moves.
 #[derive(Debug, Clone)]
@@ -74,7 +74,7 @@ impl Movers {
             }
             let wanted = Circle::new(next, mover.body.radius);
             let nearer = robot.gap(wanted) < robot.gap(mover.body);
-            let in_the_way = nearer && robot.gap(wanted) < RESPECT;
+            let in_the_way = nearer && robot.gap(wanted) < ROBOT_CLEARANCE;
             // A rolling ball stops at an obstacle; a mover on a path passes through it.
             let hits = mover.rolling != Point::default() && !obstacles.has_room(wanted, index);
             if in_the_way || hits {
@@ -88,16 +88,16 @@ impl Movers {
 
     /// Pushes balls out of the way of a robot that moves to `robot` at this speed; balls without
     /// room stay.
-    pub(crate) fn make_way(&mut self, robot: Circle, speed: f64, obstacles: &mut Obstacles) {
+    pub(crate) fn push_balls(&mut self, robot: Circle, speed: f64, obstacles: &mut Obstacles) {
         for index in 0..self.all.len() {
             let mover = &mut self.all[index];
-            if !mover.ball || robot.gap(mover.body) >= SLACK {
+            if !mover.ball || robot.gap(mover.body) >= MIN_GAP {
                 continue;
             }
             let away = robot.middle.direction_of(mover.body.middle);
             let place = robot
                 .middle
-                .ahead(away, robot.radius + mover.body.radius + 2.0 * SLACK);
+                .ahead(away, robot.radius + mover.body.radius + 2.0 * MIN_GAP);
             let wanted = Circle::new(place, mover.body.radius);
             if obstacles.has_room(wanted, index) {
                 mover.body = wanted;
@@ -177,7 +177,7 @@ mod tests {
         let world = world("balls: [{at: [3, 2], colour: red}]");
         let (mut movers, mut obstacles) = (Movers::of(&world), world.obstacles());
         let robot = Circle::new(Point::new(2.76, 2.0), 0.15);
-        movers.make_way(robot, 0.4, &mut obstacles);
+        movers.push_balls(robot, 0.4, &mut obstacles);
         for _ in 0..200 {
             movers.step(0.02, robot, &mut obstacles);
         }
@@ -191,7 +191,7 @@ mod tests {
         let world = world("balls: [{at: [5.9, 2], colour: red}]");
         let (mut movers, mut obstacles) = (Movers::of(&world), world.obstacles());
         let robot = Circle::new(Point::new(5.7, 2.0), 0.15);
-        movers.make_way(robot, 0.4, &mut obstacles);
+        movers.push_balls(robot, 0.4, &mut obstacles);
         assert_eq!(movers.places().next(), Some(Point::new(5.9, 2.0)));
     }
 }

@@ -234,8 +234,8 @@ mod tests {
             if let Ok(world) = World::from_yaml(&text, "random") {
                 let map = world.draw();
                 let mut robot = crate::sim::Robot::new(world, Default::default(), 1);
-                robot.obey(&crate::wire::Command::Stream { stream: crate::wire::Stream::Video, on: true });
-                robot.obey(&crate::wire::Command::Move { left: 90, right: 80 });
+                robot.execute(&crate::wire::Command::Stream { stream: crate::wire::Stream::Video, on: true });
+                robot.execute(&crate::wire::Command::Move { left: 90, right: 80 });
                 (0..20).for_each(|_| robot.step(std::time::Duration::from_millis(20)));
                 let pose = robot.state().pose;
                 proptest::prop_assert!(pose.x.is_finite() && pose.y.is_finite());

@@ -31,13 +31,13 @@ struct Contact {
     turned: f64,
 }
 
-const MAKES: Contact = Contact {
+const CONTACT_CLOSES: Contact = Contact {
     ahead: 0.015,
     aside: 0.04,
     turned: 0.2,
 };
 /// Springs keep an existing contact with larger tolerances.
-const BREAKS: Contact = Contact {
+const CONTACT_OPENS: Contact = Contact {
     ahead: 0.05,
     aside: 0.07,
     turned: 0.35,
@@ -105,7 +105,9 @@ impl Station {
         let off_axis = wrap(beacon.direction_of(point) - self.heading()).abs();
         let in_cone = off_axis <= self.beacon_degrees.abs().to_radians();
         let near = distance <= GLOW && off_axis <= PI / 2.0;
-        distance <= self.beacon_range && (in_cone || near) && obstacles.sight(beacon, point)
+        distance <= self.beacon_range
+            && (in_cone || near)
+            && obstacles.has_line_of_sight(beacon, point)
     }
 
     /// Returns the robot's distance in front of the contacts along the station's axis, and its
@@ -119,7 +121,11 @@ impl Station {
 
     /// Whether a robot at `pose` touches the contacts; `before` tells whether it did so far.
     pub(crate) fn touched(&self, pose: Pose, before: bool) -> bool {
-        let limit = if before { BREAKS } else { MAKES };
+        let limit = if before {
+            CONTACT_OPENS
+        } else {
+            CONTACT_CLOSES
+        };
         let (ahead, aside) = self.offset(pose);
         let turned = wrap(pose.heading - self.dock_pose().heading);
         ahead <= limit.ahead && aside.abs() <= limit.aside && turned.abs() <= limit.turned

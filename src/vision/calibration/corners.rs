@@ -26,9 +26,9 @@ const PLACES: [(i32, i32); 16] = [
 /// Least distance of two corners, pixels; of two closer ones only the stronger counts.
 const APART: i32 = 4;
 /// Least strength of a corner as a share of the strongest one.
-const CLEAR: f32 = 0.15;
+const MIN_STRENGTH: f32 = 0.15;
 /// Most corners; the strongest are kept.
-const MOST: usize = 600;
+const MAX_CORNERS: usize = 600;
 /// Half the side of the window for the subpixel refinement, pixels.
 const REACH: i32 = 4;
 const MOST_STEPS: usize = 20;
@@ -39,14 +39,14 @@ pub(super) type Place = [f64; 2];
 /// Finds the corners of a picture, strongest first.
 pub(super) fn corners(picture: &GrayImage) -> Vec<Place> {
     let smooth = Plane::smoothed(picture);
-    let clearness = smooth.clearness();
-    let mut found = peaks(&clearness);
+    let strength = smooth.strength();
+    let mut found = peaks(&strength);
     found.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let least = found.first().map_or(0.0, |(most, ..)| CLEAR * most);
+    let least = found.first().map_or(0.0, |(most, ..)| MIN_STRENGTH * most);
     let clear = found
         .iter()
         .take_while(|(clear, ..)| *clear > least)
-        .take(MOST);
+        .take(MAX_CORNERS);
     clear
         .filter_map(|&(_, x, y)| smooth.refined(x, y))
         .collect()
@@ -109,7 +109,7 @@ impl Plane {
     /// The corner strength of each pixel: on a ring around a corner, opposite samples are similar,
     /// samples a quarter turn apart differ, and the mean equals that of the centre (Bennett and
     /// Lasenby, 2014).
-    fn clearness(&self) -> Plane {
+    fn strength(&self) -> Plane {
         self.mapped(|x, y| {
             let border = x.min(y).min(self.width - 1 - x).min(self.height - 1 - y);
             if border < RING {
@@ -134,7 +134,7 @@ impl Plane {
         let (start_x, start_y) = (f64::from(x), f64::from(y));
         let (mut at_x, mut at_y) = (start_x, start_y);
         for _ in 0..MOST_STEPS {
-            let ([xx, xy, yy], [bx, by]) = self.slopes_round(at_x, at_y);
+            let ([xx, xy, yy], [bx, by]) = self.gradients_around(at_x, at_y);
             let determinant = xx * yy - xy * xy;
             if determinant.abs() < 1e-6 {
                 return None;
@@ -154,7 +154,7 @@ impl Plane {
     }
 
     /// The sums of the gradient products around a position, and of these products times the offset.
-    fn slopes_round(&self, x: f64, y: f64) -> ([f64; 3], [f64; 2]) {
+    fn gradients_around(&self, x: f64, y: f64) -> ([f64; 3], [f64; 2]) {
         let ([mut xx, mut xy, mut yy], [mut bx, mut by]) = ([0.0; 3], [0.0; 2]);
         for down in -REACH..=REACH {
             for right in -REACH..=REACH {
@@ -177,18 +177,18 @@ impl Plane {
 }
 
 /// Local maxima of the corner strength.
-fn peaks(clearness: &Plane) -> Vec<(f32, i32, i32)> {
+fn peaks(strength: &Plane) -> Vec<(f32, i32, i32)> {
     let mut found = Vec::new();
-    for y in RING..clearness.height - RING {
-        for x in RING..clearness.width - RING {
-            let here = clearness.at(x, y);
+    for y in RING..strength.height - RING {
+        for x in RING..strength.width - RING {
+            let here = strength.at(x, y);
             let round = (-APART..=APART).flat_map(|down| {
                 (-APART..=APART)
                     .map(move |right| (right, down))
                     .filter(|off| *off != (0, 0))
             });
             let mut round =
-                round.map(|(right, down)| (clearness.at(x + right, y + down), (down, right)));
+                round.map(|(right, down)| (strength.at(x + right, y + down), (down, right)));
             let clearest =
                 round.all(|(other, before)| here > other || (here == other && before > (0, 0)));
             if here > 0.0 && clearest {

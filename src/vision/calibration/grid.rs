@@ -10,9 +10,9 @@ use super::corners::{Place, corners};
 const MOST_SEEDS: usize = 40;
 /// Largest distance of a corner from its position extrapolated from a neighbour, as a share of the
 /// spacing.
-const ASTRAY: f64 = 0.3;
+const MAX_DEVIATION: f64 = 0.3;
 /// Least difference between the two directions of a board: the sine of 25 degrees.
-const UNLIKE: f64 = 0.42;
+const MIN_SINE: f64 = 0.42;
 
 /// The number of inner corners of a chessboard: one less than its fields in each direction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,7 +31,7 @@ pub fn find_chessboard(picture: &GrayImage, board: Board) -> Option<Vec<[f64; 2]
     let seeds = 0..places.len().min(MOST_SEEDS);
     seeds.into_iter().find_map(|seed| {
         let cells = Grid::grown(&places, seed)?.cells;
-        let found = in_order(&cells, board)?;
+        let found = order_rows(&cells, board)?;
         Some(found.into_iter().map(|index| places[index]).collect())
     })
 }
@@ -60,7 +60,7 @@ impl Grid {
                 }
                 let step = steps[axis].map(|length| length * f64::from(sign));
                 let wanted = [here[0] + step[0], here[1] + step[1]];
-                let reach = ASTRAY * step[0].hypot(step[1]);
+                let reach = MAX_DEVIATION * step[0].hypot(step[1]);
                 let near =
                     nearest(places, wanted).filter(|(index, away)| !taken[*index] && *away < reach);
                 let Some((index, _)) = near else {
@@ -99,7 +99,7 @@ fn first_steps(places: &[Place], seed: usize) -> Option<[Place; 2]> {
     let first = *others.first()?;
     let second = others.iter().skip(1).take(7).find(|way| {
         let sine = first[0] * way[1] - first[1] * way[0];
-        sine.abs() > UNLIKE * first[0].hypot(first[1]) * way[0].hypot(way[1])
+        sine.abs() > MIN_SINE * first[0].hypot(first[1]) * way[0].hypot(way[1])
     })?;
     Some([first, *second])
 }
@@ -111,7 +111,7 @@ fn nearest(places: &[Place], wanted: Place) -> Option<(usize, f64)> {
 }
 
 /// The board's corners row by row; `None` unless the cells form exactly this board.
-fn in_order(cells: &BTreeMap<Cell, usize>, board: Board) -> Option<Vec<usize>> {
+fn order_rows(cells: &BTreeMap<Cell, usize>, board: Board) -> Option<Vec<usize>> {
     let span = |pick: fn(&Cell) -> i32| {
         let (low, high) = (cells.keys().map(pick).min()?, cells.keys().map(pick).max()?);
         Some((low, (high - low + 1) as usize))

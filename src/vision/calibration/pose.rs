@@ -86,7 +86,7 @@ pub(super) fn pose(h: &Homography, focal: f64) -> Option<Pose> {
 }
 
 /// A position on the board in the camera's right, down and forward axes.
-pub(super) fn seen_from(pose: &Pose, [x, y]: [f64; 2]) -> [f64; 3] {
+pub(super) fn to_camera_axes(pose: &Pose, [x, y]: [f64; 2]) -> [f64; 3] {
     let axis = [pose[0], pose[1], pose[2]];
     let angle = length(axis);
     let point = [x, y, 0.0];

@@ -4,25 +4,25 @@
 
 use super::grid::Board;
 use super::linear::Symmetric;
-use super::pose::{Homography, Pair, Pose, focal_length, homography, pose, seen_from};
+use super::pose::{Homography, Pair, Pose, focal_length, homography, pose, to_camera_axes};
 use crate::vision::{Camera, Size};
 
 /// Least number of pictures.
-const FEWEST: usize = 3;
+const MIN_PICTURES: usize = 3;
 /// Most pictures; the system of equations grows too slow to solve beyond that.
-const MOST: usize = 60;
+const MAX_PICTURES: usize = 60;
 /// Number of shared parameters: focal length, k1 and k2.
-const SHARED: usize = 3;
-const POSE: usize = 6;
-const MOST_ROUNDS: usize = 100;
+const CAMERA_PARAMETERS: usize = 3;
+const POSE_PARAMETERS: usize = 6;
+const MAX_ITERATIONS: usize = 100;
 /// Largest standard deviation of the focal length, as a share of it.
-const SURE: f64 = 0.02;
+const MAX_DEVIATION: f64 = 0.02;
 /// Plausible fields of view of a lens in radians, and its largest distortion factor.
 const FIELDS_OF_VIEW: std::ops::RangeInclusive<f64> = 0.1..=3.0;
-const MOST_BENT: f64 = 2.0;
+const MAX_DISTORTION: f64 = 2.0;
 /// Largest root mean square error of the corners of one flat board, in pixels per pixel of the
 /// picture's width.
-const WORST: f64 = 0.01;
+const MAX_BOARD_ERROR: f64 = 0.01;
 
 /// The corners of a board in a picture, row by row, in pixels; the centre of the first pixel is the
 /// origin.
@@ -43,7 +43,7 @@ pub struct Calibrated {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum CalibrationError {
     /// Too few or too many pictures.
-    #[error("the board was found in {found} pictures; expected {FEWEST} to {MOST}")]
+    #[error("the board was found in {found} pictures; expected {MIN_PICTURES} to {MAX_PICTURES}")]
     Number {
         /// The number of pictures in which the board was found.
         found: usize,
@@ -76,7 +76,7 @@ pub fn calibrate(
     board: Board,
     size: Size,
 ) -> Result<Calibrated, CalibrationError> {
-    if !(FEWEST..=MOST).contains(&sightings.len()) {
+    if !(MIN_PICTURES..=MAX_PICTURES).contains(&sightings.len()) {
         return Err(CalibrationError::Number {
             found: sightings.len(),
         });
@@ -105,7 +105,7 @@ pub fn calibrate(
     };
     let errors = problem.errors(&state);
     let mean = (cost / problem.corners() as f64).sqrt();
-    if mean > WORST * width {
+    if mean > MAX_BOARD_ERROR * width {
         let Board { columns, rows } = board;
         return Err(CalibrationError::Bent {
             pixels: mean,
@@ -115,11 +115,11 @@ pub fn calibrate(
     }
     let sigma = problem
         .deviation(&state, cost)
-        .filter(|sigma| *sigma < SURE);
+        .filter(|sigma| *sigma < MAX_DEVIATION);
     let bends = camera
         .distortion
         .iter()
-        .any(|factor| factor.abs() > MOST_BENT);
+        .any(|factor| factor.abs() > MAX_DISTORTION);
     let possible = FIELDS_OF_VIEW.contains(&hfov) && !bends && camera.is_one_to_one();
     match sigma.filter(|_| possible) {
         Some(sigma) => Ok(Calibrated {
@@ -135,7 +135,7 @@ pub fn calibrate(
 /// The unknowns: the logarithm of the focal length, k1, k2, and the poses of the boards.
 #[derive(Clone)]
 struct State {
-    shared: [f64; SHARED],
+    shared: [f64; CAMERA_PARAMETERS],
     poses: Vec<Pose>,
 }
 
@@ -150,7 +150,11 @@ impl State {
         for (value, step) in next.shared.iter_mut().zip(step) {
             *value += step;
         }
-        for (pose, steps) in next.poses.iter_mut().zip(step[SHARED..].chunks(POSE)) {
+        for (pose, steps) in next
+            .poses
+            .iter_mut()
+            .zip(step[CAMERA_PARAMETERS..].chunks(POSE_PARAMETERS))
+        {
             for (value, step) in pose.iter_mut().zip(steps) {
                 *value += step;
             }
@@ -189,7 +193,7 @@ impl Problem {
             poses: poses.collect::<Option<_>>()?,
         };
         let (mut cost, mut damping) = (self.cost(&state), 1e-3);
-        for _ in 0..MOST_ROUNDS {
+        for _ in 0..MAX_ITERATIONS {
             let (matrix, slope) = self.equations(&state);
             let Some((next, less)) = self.improved(&state, cost, &matrix, &slope, &mut damping)
             else {
@@ -260,14 +264,14 @@ impl Problem {
 
     /// The normal equations at a state, from the derivatives of all corner positions.
     fn equations(&self, state: &State) -> (Symmetric, Vec<f64>) {
-        let size = SHARED + POSE * self.views.len();
+        let size = CAMERA_PARAMETERS + POSE_PARAMETERS * self.views.len();
         let (mut matrix, mut slope) = (Symmetric::zero(size), vec![0.0; size]);
         for (number, (view, pose)) in self.views.iter().zip(&state.poses).enumerate() {
             let place = |i: usize| {
-                if i < SHARED {
+                if i < CAMERA_PARAMETERS {
                     i
                 } else {
-                    SHARED + POSE * number + i - SHARED
+                    CAMERA_PARAMETERS + POSE_PARAMETERS * number + i - CAMERA_PARAMETERS
                 }
             };
             for pair in view {
@@ -298,8 +302,12 @@ impl Problem {
 }
 
 /// The difference between the projected and the observed position of a corner, pixels.
-fn residual([focal, k1, k2]: &[f64; SHARED], pose: &Pose, (place, seen): &Pair) -> [f64; 2] {
-    let [right, down, ahead] = seen_from(pose, *place);
+fn residual(
+    [focal, k1, k2]: &[f64; CAMERA_PARAMETERS],
+    pose: &Pose,
+    (place, seen): &Pair,
+) -> [f64; 2] {
+    let [right, down, ahead] = to_camera_axes(pose, *place);
     if ahead <= 1e-6 {
         return [1e6, 1e6];
     }
@@ -310,12 +318,16 @@ fn residual([focal, k1, k2]: &[f64; SHARED], pose: &Pose, (place, seen): &Pair) 
 }
 
 /// The derivatives of the residual with respect to each parameter, shared ones first.
-fn slopes(shared: &[f64; SHARED], pose: &Pose, pair: &Pair) -> [[f64; 2]; SHARED + POSE] {
+fn slopes(
+    shared: &[f64; CAMERA_PARAMETERS],
+    pose: &Pose,
+    pair: &Pair,
+) -> [[f64; 2]; CAMERA_PARAMETERS + POSE_PARAMETERS] {
     const STEP: f64 = 1e-6;
     std::array::from_fn(|i| {
         let at = |step: f64| {
             let (mut shared, mut pose) = (*shared, *pose);
-            match i.checked_sub(SHARED) {
+            match i.checked_sub(CAMERA_PARAMETERS) {
                 None => shared[i] += step,
                 Some(i) => pose[i] += step,
             }

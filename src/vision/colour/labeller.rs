@@ -2,7 +2,7 @@
 //! usually most of it.
 
 use super::cells::Cell;
-use super::palette::{NOTHING, Palette, level, pair_of};
+use super::palette::{NO_COLOUR_ROW, Palette, level, pair_of};
 use crate::vision::picture::image::Image;
 use crate::vision::picture::spans::Spans;
 use crate::vision::vectors::Vectors;
@@ -104,14 +104,14 @@ impl<'a> Labeller<'a> {
         let coarse = self.palette.cells.spans::<N>(self.vectors, cbs, crs);
         let (mut spans, group) = (Spans::NONE, Spans::GROUP / N);
         let mut numbers = std::mem::take(&mut self.palette.numbers);
-        numbers.resize(cbs.len(), NOTHING);
+        numbers.resize(cbs.len(), NO_COLOUR_ROW);
         for index in coarse.groups(cbs.len().div_ceil(group)) {
             let part = index * group..cbs.len().min((index + 1) * group);
             let (cbs, crs) = (&cbs[part.clone()], &crs[part.clone()]);
             let mut any = false;
             for (number, (cb, cr)) in numbers[part].iter_mut().zip(cbs.iter().zip(crs)) {
                 *number = self.palette.row_number(pair_of(*cb, *cr));
-                any |= *number != NOTHING;
+                any |= *number != NO_COLOUR_ROW;
             }
             if any {
                 spans.add(index);
@@ -143,7 +143,7 @@ impl<'a> Labeller<'a> {
             self.settled += 1;
             let live = cell
                 .levels()
-                .any(|(cb, cr)| !self.palette.settle(pair_of(cb, cr)));
+                .any(|(cb, cr)| !self.palette.has_no_colour(pair_of(cb, cr)));
             self.palette.cells.settle(cell, live);
         } else {
             self.palette.cells.pause();

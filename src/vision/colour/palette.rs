@@ -25,7 +25,7 @@ pub(super) type Row = [u8; LEVELS];
 
 /// Marks a pair that has not occurred yet, and the row of all pairs without any colour.
 const UNKNOWN: u16 = 0;
-pub(super) const NOTHING: u16 = 1;
+pub(super) const NO_COLOUR_ROW: u16 = 1;
 
 /// A compiled list of colours, ready to classify whole pictures.
 #[derive(Debug, Clone)]
@@ -95,22 +95,22 @@ impl Palette {
     }
 
     /// Whether no pixel with this Cb and Cr has a label. Slow for a pair that has not occurred yet.
-    pub(super) fn settle(&mut self, pair: u16) -> bool {
+    pub(super) fn has_no_colour(&mut self, pair: u16) -> bool {
         let index = usize::from(pair) % PAIRS;
         if self.index[index] == UNKNOWN {
             let labels = |level| self.label_of(index, level);
             if (0..LEVELS).all(|level| labels(level) == 0) {
-                self.index[index] = NOTHING;
+                self.index[index] = NO_COLOUR_ROW;
             }
         }
-        self.index[index] == NOTHING
+        self.index[index] == NO_COLOUR_ROW
     }
 
     /// The number of the row with the labels for this Cb and Cr.
     #[inline(always)]
     pub(super) fn row_number(&mut self, pair: u16) -> u16 {
         match self.index[usize::from(pair) % PAIRS] {
-            UNKNOWN => self.meet(pair.into()),
+            UNKNOWN => self.compute_row(pair.into()),
             row => row,
         }
     }
@@ -123,10 +123,10 @@ impl Palette {
 
     /// Computes the row of a pair that occurs for the first time.
     #[cold]
-    fn meet(&mut self, pair: usize) -> u16 {
+    fn compute_row(&mut self, pair: usize) -> u16 {
         let labels: Row = std::array::from_fn(|level| self.label_of(pair, level));
-        let row = if labels == self.rows[usize::from(NOTHING)] {
-            NOTHING
+        let row = if labels == self.rows[usize::from(NO_COLOUR_ROW)] {
+            NO_COLOUR_ROW
         } else {
             self.rows.push(labels);
             // There are fewer pairs than `u16` values.

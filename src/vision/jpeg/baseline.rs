@@ -6,7 +6,7 @@
 //! are [`DecodeError::Unsupported`]: the `image` crate decodes them.
 
 use super::bits::Scan;
-use super::block::Waiting;
+use super::block::BlockQueue;
 use super::headers::{Component, DecodeError, Headers, damaged};
 use super::mcu::{ComponentDecoder, decode_scan};
 use crate::vision::picture::image::{Image, Plane};
@@ -99,7 +99,7 @@ impl Baseline {
                 dc_table: &self.headers.dc_tables[component.dc_table],
                 ac_table: &self.headers.ac_tables[component.ac_table],
                 predictor: predictors.next().unwrap_or_default(),
-                waiting: Waiting::default(),
+                queue: BlockQueue::default(),
                 plane,
             }
         }))

@@ -22,30 +22,31 @@ const PLACES: [u8; 128] = {
 
 /// Blocks queued for the inverse transform, which processes two at a time.
 #[derive(Debug, Clone)]
-pub(super) struct Waiting {
+pub(super) struct BlockQueue {
     /// All zeros, except for queued blocks and positions that are never read.
     blocks: [Coefficients; 2],
     /// The sample offset of the first block, if it is queued.
     first: Option<usize>,
 }
 
-impl Default for Waiting {
+impl Default for BlockQueue {
     fn default() -> Self {
-        Waiting {
+        BlockQueue {
             blocks: [Coefficients::ZERO; 2],
             first: None,
         }
     }
 }
 
-impl Waiting {
+impl BlockQueue {
     /// The buffer for the next block's coefficients.
     #[inline(always)]
     pub(super) fn next(&mut self) -> &mut Coefficients {
         &mut self.blocks[usize::from(self.first.is_some())]
     }
 
-    /// Transforms the [`next`](Waiting::next) block, immediately or together with the one after it.
+    /// Transforms the [`next`](BlockQueue::next) block, immediately or together with the one after
+    /// it.
     #[inline(always)]
     pub(super) fn put<M: Machine>(&mut self, machine: M, plane: &mut Plane, at: usize) {
         match self.first.take() {
@@ -107,7 +108,7 @@ pub(super) fn decode_block(
         }
         if Step::ends(next) {
             bits.skip(step.taken());
-            return Some(next != FIRST_IS_END);
+            return Some(next != END_WITHOUT_AC);
         }
         let (run, value) = ac_table.codes.next(bits)?;
         index += run as usize;
@@ -126,7 +127,7 @@ pub(super) fn decode_block(
 }
 
 /// The position after a block without AC coefficients, for [`Step::ends`].
-const FIRST_IS_END: usize = 129;
+const END_WITHOUT_AC: usize = 129;
 
 #[cfg(test)]
 mod tests {

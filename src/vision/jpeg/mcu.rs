@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::bits::{Bits, Cursor, Scan};
-use super::block::{Waiting, decode_block};
+use super::block::{BlockQueue, decode_block};
 use super::headers::{DecodeError, damaged};
 use super::huffman::Table;
 use super::idct;
@@ -29,7 +29,7 @@ pub(super) struct ComponentDecoder<'a> {
     pub(super) ac_table: &'a AcTable,
     /// The DC coefficient of the previous block; the next one is coded as a difference from it.
     pub(super) predictor: i32,
-    pub(super) waiting: Waiting,
+    pub(super) queue: BlockQueue,
     pub(super) plane: &'a mut Plane,
 }
 
@@ -135,7 +135,7 @@ impl<'a> Work for Mcus<'a, '_, '_> {
             }
         }
         for component in self.components {
-            component.waiting.finish(machine, component.plane);
+            component.queue.finish(machine, component.plane);
         }
         Ok((self.bits, mcu))
     }
@@ -155,10 +155,10 @@ fn decode_blocks<M: Machine>(
     for row in 0..component.v {
         for column in 0..component.h {
             let at = (y * component.v + row) * 8 * stride + (x * component.h + column) * 8;
-            let coefficients = component.waiting.next();
+            let coefficients = component.queue.next();
             let predictor = &mut component.predictor;
             if decode_block(bits, tables, quantiser, predictor, coefficients)? {
-                component.waiting.put(machine, component.plane, at);
+                component.queue.put(machine, component.plane, at);
             } else {
                 idct::fill(
                     coefficients.0[0],

@@ -24,7 +24,7 @@ fn speckle(x: i64, y: i64) -> u8 {
 
 /// The view `way` metres along a corridor with a speckled floor; `aside` shifts it sideways, in
 /// pixels.
-fn corridor(way: f64, aside: i64, noise: i64, walker: Option<u32>) -> Glance {
+fn corridor(way: f64, aside: i64, noise: i64, walker: Option<u32>) -> HalfLuma {
     let focal = Camera::default().focal_length(320);
     let picture = RgbImage::from_fn(320, 240, |column, row| {
         let (x, y) = (f64::from(column) - 160.0, f64::from(row) - 120.0);
@@ -46,12 +46,12 @@ fn corridor(way: f64, aside: i64, noise: i64, walker: Option<u32>) -> Glance {
         let grain = i64::from(speckle(i64::from(column) + noise, i64::from(row))) % 7 - 3;
         Rgb([(i64::from(value) + grain).clamp(0, 255) as u8; 3])
     });
-    glance(&picture)
+    luma(&picture)
 }
 
-impl Glance {
+impl HalfLuma {
     /// The picture shifted to the right by `by` pixels, fewer than a tile.
-    fn moved_right(mut self, by: usize) -> Glance {
+    fn moved_right(mut self, by: usize) -> HalfLuma {
         self.luma
             .chunks_mut(self.w)
             .for_each(|row| row.rotate_right(by));
@@ -59,13 +59,13 @@ impl Glance {
     }
 }
 
-fn glance(picture: &RgbImage) -> Glance {
-    let mut glance = Glance::default();
-    glance.take(&Image::from_rgb(picture));
-    glance
+fn luma(picture: &RgbImage) -> HalfLuma {
+    let mut luma = HalfLuma::default();
+    luma.take(&Image::from_rgb(picture));
+    luma
 }
 
-fn verdict(before: &Glance, now: &Glance, drive: Drive) -> Verdict {
+fn verdict(before: &HalfLuma, now: &HalfLuma, drive: Drive) -> Verdict {
     compare(before, now, Camera::default(), drive, APART, 0)
 }
 
@@ -97,7 +97,7 @@ fn a_robot_that_drives_moves_and_one_that_is_held_stands() {
 #[test]
 fn a_plain_wall_and_the_dark_give_no_result() {
     for grey in [0, 90, 255] {
-        let plain = glance(&RgbImage::from_pixel(320, 240, Rgb([grey; 3])));
+        let plain = luma(&RgbImage::from_pixel(320, 240, Rgb([grey; 3])));
         assert_eq!(verdict(&plain, &plain, DRIVE), Verdict::Unknown);
         assert_eq!(verdict(&plain, &plain, TURN), Verdict::Unknown);
     }
@@ -108,7 +108,7 @@ fn a_line_along_the_way_is_not_a_standstill_and_things_on_both_sides_are() {
     // Lines on the floor; each pair gives a line's column at the horizon and in the lowest row.
     let lines = |ends: &[(f64, f64)]| {
         let ends = ends.to_vec();
-        glance(&RgbImage::from_fn(320, 240, move |x, y| {
+        luma(&RgbImage::from_fn(320, 240, move |x, y| {
             let down = (f64::from(y) - 120.0) / 120.0;
             let on = |(far, near): &(f64, f64)| {
                 (f64::from(x) - far - (near - far) * down).abs() < 4.0 + 8.0 * down
@@ -139,7 +139,7 @@ fn a_walker_before_a_held_robot_is_not_a_movement_of_the_robot() {
 #[test]
 fn a_robot_that_should_turn_but_does_not_stands_still() {
     let stripes = |by: u32| {
-        glance(&RgbImage::from_fn(320, 240, |x, _| {
+        luma(&RgbImage::from_fn(320, 240, |x, _| {
             Rgb([speckle(i64::from((x + 1000 - by) / 12), 3); 3])
         }))
     };
@@ -157,7 +157,7 @@ fn a_robot_that_is_held_in_a_curve_stands_still_though_it_turns() {
     };
     let before = corridor(0.0, 0, 1, None);
     let turned = corridor(0.0, 0, 2, None).moved_right(6);
-    let verdict = |now: &Glance| compare(&before, now, Camera::default(), curve, APART, 6);
+    let verdict = |now: &HalfLuma| compare(&before, now, Camera::default(), curve, APART, 6);
     assert_eq!(verdict(&turned), Verdict::Stands);
     let driven = corridor(0.08, 0, 3, None).moved_right(6);
     assert_eq!(verdict(&driven), Verdict::Unknown);
@@ -166,7 +166,7 @@ fn a_robot_that_is_held_in_a_curve_stands_still_though_it_turns() {
 #[test]
 fn pictures_of_other_sizes_are_not_compared() {
     for side in [0, 1, 2, 15, 16, 17] {
-        let small = glance(&RgbImage::from_pixel(side, side, Rgb([9; 3])));
+        let small = luma(&RgbImage::from_pixel(side, side, Rgb([9; 3])));
         assert_eq!(verdict(&small, &small, DRIVE), Verdict::Unknown);
         assert_eq!(
             verdict(&small, &corridor(0.0, 0, 1, None), DRIVE),
@@ -182,7 +182,7 @@ proptest! {
         forward in -1e9f64..1e9, turn in -1e9f64..1e9, millis in 0u64..1_000_000, sway in -99isize..99,
     ) {
         let picture = RgbImage::from_fn(w, h, |x, y| Rgb([pixels[(y * 40 + x) as usize]; 3]));
-        let one = glance(&picture);
+        let one = luma(&picture);
         let apart = Duration::from_millis(millis);
         compare(&one, &one, Camera::default(), Drive { forward, turn }, apart, sway);
     }

@@ -100,42 +100,42 @@ fn live(folder: &Path) {
 }
 
 fn inside(folder: &Path) {
-    let room = Room {
+    let policy = SandboxPolicy {
         write: vec![folder.to_owned()],
-        ..Room::default()
+        ..SandboxPolicy::default()
     };
-    let (offered, parent) = (Walls::offered(), getppid().unwrap());
-    let elsewhere = confine(u32::MAX, &room);
+    let (supported, parent) = (Restrictions::supported(), getppid().unwrap());
+    let elsewhere = confine(u32::MAX, &policy);
     assert!(
         elsewhere.is_err(),
         "confined although the parent is another one"
     );
-    let walls = confine(parent.as_raw_nonzero().get().unsigned_abs(), &room).unwrap();
-    assert_eq!(walls, offered);
+    let restrictions = confine(parent.as_raw_nonzero().get().unsigned_abs(), &policy).unwrap();
+    assert_eq!(restrictions, supported);
     let rights = rustix::thread::capabilities(None);
     assert!(rights.is_err() || rights.is_ok_and(|rights| rights.permitted.is_empty()));
-    if walls.files {
+    if restrictions.files {
         try_files(folder);
     }
-    if walls.calls {
+    if restrictions.calls {
         try_calls(folder);
     }
     live(folder);
 }
 
 #[test]
-fn a_room_survives_the_round_trip_over_a_command_line() {
+fn a_policy_survives_the_round_trip_over_a_command_line() {
     let paths = |names: &[&str]| names.iter().map(PathBuf::from).collect::<Vec<_>>();
-    let room = Room {
+    let policy = SandboxPolicy {
         read: paths(&["a b", "--", ""]),
         write: paths(&["/c"]),
-        processor: 7,
+        cpu_seconds: 7,
     };
-    let back = Room::of_arguments(room.arguments().into_iter());
-    assert_eq!(back, Some((std::process::id(), room)));
+    let back = SandboxPolicy::of_arguments(policy.arguments().into_iter());
+    assert_eq!(back, Some((std::process::id(), policy)));
     for wrong in [&["1", "2"][..], &["x", "0", "0"], &["1", "0", "2", "only"]] {
         let arguments = wrong.iter().map(OsString::from);
-        assert_eq!(Room::of_arguments(arguments), None, "{wrong:?}");
+        assert_eq!(SandboxPolicy::of_arguments(arguments), None, "{wrong:?}");
     }
 }
 
@@ -144,9 +144,9 @@ fn a_confined_process_reaches_its_own_folder_and_nothing_else() {
     if let Some(folder) = std::env::var_os(INSIDE) {
         return inside(Path::new(&folder));
     }
-    let outside = Walls::offered();
+    let outside = Restrictions::supported();
     if outside
-        != (Walls {
+        != (Restrictions {
             files: true,
             calls: true,
         })
@@ -155,10 +155,10 @@ fn a_confined_process_reaches_its_own_folder_and_nothing_else() {
             "this kernel does not support all restrictions, the others are checked: {outside:?}"
         );
     }
-    let room = tempfile::tempdir().unwrap();
-    let folder = room.path().join("own");
+    let parent = tempfile::tempdir().unwrap();
+    let folder = parent.path().join("own");
     fs::create_dir(&folder).unwrap();
-    fs::write(room.path().join("neighbour"), "untouched").unwrap();
+    fs::write(parent.path().join("neighbour"), "untouched").unwrap();
     let test = concat!(
         module_path!(),
         "::a_confined_process_reaches_its_own_folder_and_nothing_else"
@@ -172,7 +172,7 @@ fn a_confined_process_reaches_its_own_folder_and_nothing_else() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && said.contains(DONE), "{said}");
     assert_eq!(
-        fs::read(room.path().join("neighbour")).unwrap(),
+        fs::read(parent.path().join("neighbour")).unwrap(),
         b"untouched"
     );
 }

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 use spykee::vision::{
-    Blob, BlobFinder, BlobOptions, Camera, Colour, Decoder, Eyes, Image, Palette,
+    Blob, BlobFinder, BlobOptions, Camera, Colour, Decoder, FrameAnalyser, Image, Palette,
 };
 use std::io::BufRead;
 use std::path::Path;
@@ -43,7 +43,7 @@ fn frames(folder: &Path, set: &str) -> Vec<Vec<u8>> {
 
 /// Measures every frame in microseconds: in total, and the decoding alone.
 fn timing(frames: &[Vec<u8>], colours: &[Colour]) -> Value {
-    let mut eyes = Eyes::new(Camera::default());
+    let mut eyes = FrameAnalyser::new(Camera::default());
     let mut decoder = Decoder::default();
     let (mut whole, mut decode, mut blobs, mut key) = (Vec::new(), Vec::new(), 0, 0);
     let options = BlobOptions {

@@ -6,8 +6,8 @@ use std::cell::RefCell;
 
 use libfuzzer_sys::fuzz_target;
 use spykee::vision::{
-    Blob, BlobOptions, Camera, Colour, Decoder, Eyes, FrameError, MAX_HEIGHT, MAX_JPEG_LEN,
-    MAX_WIDTH, Roi, Size, brightness, sharpness, validate_markers,
+    Blob, BlobOptions, Camera, Colour, Decoder, FrameAnalyser, FrameError, MAX_HEIGHT,
+    MAX_JPEG_LEN, MAX_WIDTH, Roi, Size, brightness, sharpness, validate_markers,
 };
 
 /// Number of bytes at the end of the input that select the search options; after the end of a JPEG
@@ -16,16 +16,16 @@ const KNOBS: usize = 8;
 /// Pictures of up to this many pixels are decoded a second time, by a fresh decoder.
 const SMALL: u32 = 160 * 120;
 
-/// `Eyes` that have processed all earlier frames, as in a behaviour.
+/// A `FrameAnalyser` that has processed all earlier frames, as in a behaviour.
 struct Seen {
-    eyes: Eyes,
+    eyes: FrameAnalyser,
     frames: u64,
     sets: Vec<Vec<Colour>>,
 }
 
 thread_local! {
     static SEEN: RefCell<Seen> = RefCell::new(Seen {
-        eyes: Eyes::new(Camera::default()),
+        eyes: FrameAnalyser::new(Camera::default()),
         frames: 0,
         sets: sets(),
     });

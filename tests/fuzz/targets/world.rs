@@ -33,18 +33,18 @@ fuzz_target!(|text: &str| {
 fn live_in(world: World) {
     let mut robot = Robot::new(world, Firmware::default(), 1);
     robot.begin_session();
-    robot.obey(&Command::Stream {
+    robot.execute(&Command::Stream {
         stream: Stream::Video,
         on: true,
     });
     for step in 0..STEPS {
         match step {
-            0 => robot.obey(&Command::Engine(Engage::Undock)),
-            10 => robot.obey(&Command::Move {
+            0 => robot.execute(&Command::Engine(Engage::Undock)),
+            10 => robot.execute(&Command::Move {
                 left: 90,
                 right: 60,
             }),
-            30 => robot.obey(&Command::Engine(Engage::Dock)),
+            30 => robot.execute(&Command::Engine(Engage::Dock)),
             _ => {}
         }
         robot.step(Duration::from_millis(20));
@@ -58,7 +58,9 @@ fn check(reports: Vec<Report>) {
     for report in reports {
         match report {
             Report::Power(power) => assert!(power.percent <= 100),
-            Report::Video(jpeg) => drop(validate_markers(&jpeg).expect("the simulator's own frame")),
+            Report::Video(jpeg) => {
+                drop(validate_markers(&jpeg).expect("the simulator's own frame"))
+            }
             _ => {}
         }
     }

@@ -10,7 +10,7 @@ const BOARD: Board = Board {
 };
 
 /// The sightings of a board in these poses, with small errors like those of a corner finder.
-fn sightings(camera: [f64; SHARED], poses: &[Pose]) -> Vec<Sighting> {
+fn sightings(camera: [f64; CAMERA_PARAMETERS], poses: &[Pose]) -> Vec<Sighting> {
     let shared = [camera[0].ln(), camera[1], camera[2]];
     let corner = |pose: &Pose, index: usize| {
         let place = [

@@ -67,13 +67,13 @@ pub(super) fn head(
     encoder.encode(&black, width, height, ColorType::Rgb)?;
     let end = segments(&file).last().map_or(0, |segment| segment.end);
     file.truncate(end);
-    say_as_robots_do(&mut file);
+    match_robot_headers(&mut file);
     Ok(file)
 }
 
 /// Sets version 1.01 of JFIF and the component ids 1, 2 and 3, as in the frames of robots
 /// (`PROTOCOL.md`, VIDEO).
-fn say_as_robots_do(file: &mut [u8]) {
+fn match_robot_headers(file: &mut [u8]) {
     let places: Vec<Range<usize>> = segments(file).collect();
     for place in places {
         let Some(segment) = file.get_mut(place) else {

@@ -20,10 +20,10 @@ const RECENT: usize = 8;
 
 /// The record of a scenario, shared with the laboratory's recorder; cheap to clone.
 #[derive(Clone, Default)]
-pub(super) struct Chronicle(Arc<Mutex<Pages>>);
+pub(super) struct RunRecord(Arc<Mutex<RecordState>>);
 
 #[derive(Default)]
-struct Pages {
+struct RecordState {
     lines: Vec<Line>,
     /// Number of lines beyond `MAX_LINES`.
     missed: usize,
@@ -47,38 +47,38 @@ pub(super) struct Ended {
     pub(super) text: String,
 }
 
-impl Chronicle {
+impl RunRecord {
     /// Returns a recorder that adds events to this record.
     pub(super) fn recorder(&self) -> Recorder {
-        let chronicle = self.clone();
-        Recorder::new(move |event| chronicle.pages().note(&event))
+        let record = self.clone();
+        Recorder::new(move |event| record.state().note(&event))
     }
 
-    fn pages(&self) -> MutexGuard<'_, Pages> {
+    fn state(&self) -> MutexGuard<'_, RecordState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Forgets earlier endings, when new behaviours start.
     pub(super) fn begin(&self) {
-        self.pages().endings.clear();
+        self.state().endings.clear();
     }
 
     /// Returns the reason of the last ending of a behaviour; without a name, of any behaviour
     /// except the rescue behaviour, which starts and ends automatically.
     pub(super) fn ended(&self, behaviour: Option<&str>) -> Option<String> {
-        let pages = self.pages();
+        let state = self.state();
         let is_meant = |ended: &&Ended| {
             behaviour.map_or(ended.behaviour != RESCUE_NAME, |name| {
                 ended.behaviour == name
             })
         };
-        let found = pages.endings.iter().rev().find(is_meant);
+        let found = state.endings.iter().rev().find(is_meant);
         found.map(|ended| ended.reason.clone())
     }
 
     /// Returns the first behaviour that failed.
     pub(super) fn failed(&self) -> Option<Ended> {
-        self.pages().failed.clone()
+        self.state().failed.clone()
     }
 
     /// Returns the behaviours' log lines that contain this text.
@@ -87,11 +87,11 @@ impl Chronicle {
     /// Too many lines were written to keep all of them, so an expectation that counts lines would
     /// be wrong.
     pub(super) fn lines(&self, text: &str) -> Result<Value, CallError> {
-        let pages = self.pages();
-        if pages.missed > 0 {
+        let state = self.state();
+        if state.missed > 0 {
             return Err(CallError::LinesMissed(MAX_LINES));
         }
-        let lines = pages.lines.iter().filter(|line| line.text.contains(text));
+        let lines = state.lines.iter().filter(|line| line.text.contains(text));
         let object = |line: &Line| {
             json!({"behaviour": line.behaviour, "level": line.level, "text": line.text,
                    "time": line.time})
@@ -101,11 +101,11 @@ impl Chronicle {
 
     /// Returns the most recent events, oldest first.
     pub(super) fn recent(&self) -> Vec<String> {
-        self.pages().recent.iter().cloned().collect()
+        self.state().recent.iter().cloned().collect()
     }
 }
 
-impl Pages {
+impl RecordState {
     fn note(&mut self, event: &Event) {
         let behaviour = event.field("behaviour").unwrap_or_default();
         match event.kind {
@@ -167,7 +167,7 @@ mod tests {
 
     #[test]
     fn too_many_lines_give_an_error_instead_of_a_wrong_count() {
-        let chronicle = Chronicle::default();
+        let record = RunRecord::default();
         let mut event = Event {
             at: Duration::ZERO,
             kind: EventKind::Log,
@@ -176,13 +176,13 @@ mod tests {
             fields: BTreeMap::new(),
         };
         for _ in 0..MAX_LINES {
-            chronicle.pages().note(&event);
+            record.state().note(&event);
         }
-        let lines = chronicle.lines("alarm").unwrap();
+        let lines = record.lines("alarm").unwrap();
         assert_eq!(lines.as_array().unwrap().len(), MAX_LINES);
         event.text = "one more".to_owned();
-        chronicle.pages().note(&event);
-        let error = chronicle.lines("alarm").unwrap_err();
+        record.state().note(&event);
+        let error = record.lines("alarm").unwrap_err();
         assert!(
             matches!(error, CallError::LinesMissed(MAX_LINES)),
             "{error}"

@@ -12,7 +12,7 @@ pub type Ink = [u8; 4];
 
 /// The style of a text.
 #[derive(Debug, Clone, Copy)]
-pub struct Script {
+pub struct TextStyle {
     /// Its colour.
     pub ink: Ink,
     /// 20 pixels high, instead of 16.
@@ -21,10 +21,10 @@ pub struct Script {
     pub bold: bool,
 }
 
-impl Script {
+impl TextStyle {
     /// Small regular text in a colour.
-    pub const fn small(ink: Ink) -> Script {
-        Script {
+    pub const fn small(ink: Ink) -> TextStyle {
+        TextStyle {
             ink,
             large: false,
             bold: false,
@@ -58,16 +58,16 @@ impl Script {
 }
 
 /// A white canvas.
-pub struct Paper {
+pub struct Canvas {
     pixels: Pixmap,
 }
 
-impl Paper {
+impl Canvas {
     /// A canvas of this size in pixels; `None` if the size is not possible.
-    pub fn new(width: u32, height: u32) -> Option<Paper> {
+    pub fn new(width: u32, height: u32) -> Option<Canvas> {
         let mut pixels = Pixmap::new(width, height)?;
         pixels.fill(Color::WHITE);
-        Some(Paper { pixels })
+        Some(Canvas { pixels })
     }
 
     /// Width and height, in pixels.
@@ -105,17 +105,17 @@ impl Paper {
     }
 
     /// Writes a text with its upper left corner at this position.
-    pub fn write(&mut self, (x, y): (f32, f32), text: &str, script: Script) {
+    pub fn write(&mut self, (x, y): (f32, f32), text: &str, style: TextStyle) {
         let mut left = x.round() as i32;
         for letter in text.chars() {
-            let raster = |letter| get_raster(letter, script.weight(), script.height());
+            let raster = |letter| get_raster(letter, style.weight(), style.height());
             let Some(raster) = raster(letter).or_else(|| raster('?')) else {
                 continue;
             };
             for (row, line) in raster.rows().enumerate() {
                 for (column, shade) in line.iter().enumerate() {
                     let place = (left + column as i32, y.round() as i32 + row as i32);
-                    self.blend(place, script.ink, *shade);
+                    self.blend(place, style.ink, *shade);
                 }
             }
             left += raster.width() as i32;

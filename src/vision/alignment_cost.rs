@@ -82,9 +82,9 @@ impl View {
 }
 
 /// Each triple of patterns that the reader would try, with its estimated steps.
-pub(super) fn tries(squares: &[Square]) -> Vec<([usize; 3], f64)> {
+pub(super) fn candidate_triples(squares: &[Square]) -> Vec<([usize; 3], f64)> {
     let views: Vec<View> = squares.iter().map(Square::view).collect();
-    let mut tries = Vec::new();
+    let mut triples = Vec::new();
     for (middle, view) in views.iter().enumerate() {
         let (mut along, mut across) = (Vec::new(), Vec::new());
         for other in (0..squares.len()).filter(|other| *other != middle) {
@@ -103,12 +103,12 @@ pub(super) fn tries(squares: &[Square]) -> Vec<([usize; 3], f64)> {
                 let unlike = 1.0 - far.min(wide) / far.max(wide);
                 if unlike < ALIKE || unlike.is_nan() {
                     let three = [one, middle, other];
-                    tries.push((three, steps(three, squares, &views)));
+                    triples.push((three, steps(three, squares, &views)));
                 }
             }
         }
     }
-    tries
+    triples
 }
 
 /// Estimated steps of the search with this triple; the second pattern is the corner between the
@@ -161,8 +161,8 @@ mod tests {
 
     #[test]
     fn a_position_survives_the_round_trip_through_a_view() {
-        let aslant = Square::new([(10.0, 10.0), (50.0, 14.0), (46.0, 52.0), (8.0, 40.0)]);
-        let view = aslant.view();
+        let skewed = Square::new([(10.0, 10.0), (50.0, 14.0), (46.0, 52.0), (8.0, 40.0)]);
+        let view = skewed.view();
         assert!(view.place((7.0, 7.0)).0 - 46.0 < 1e-9);
         let (u, v) = view.modules(view.place((3.0, 20.0)));
         assert!((u - 3.0).abs() < 1e-9 && (v - 20.0).abs() < 1e-9);
@@ -172,7 +172,7 @@ mod tests {
     fn three_corners_of_a_code_cost_little_and_no_square_makes_the_sum_invalid() {
         let [one, two, three] =
             [(0.0, 0.0), (200.0, 0.0), (0.0, 200.0)].map(|(x, y)| square(x, y, 21.0));
-        let cheap: f64 = tries(&[one, two, three])
+        let cheap: f64 = candidate_triples(&[one, two, three])
             .iter()
             .map(|(_, steps)| steps)
             .sum();
@@ -181,7 +181,10 @@ mod tests {
         let flat = Square::new([(60.0, 0.0); 4]);
         let line = Square::new([(0.0, 60.0), (9.0, 60.0), (12.0, 60.0), (20.0, 60.0)]);
         for squares in [[one, flat, three], [one, two, line], [flat, line, flat]] {
-            let sum: f64 = tries(&squares).iter().map(|(_, steps)| steps).sum();
+            let sum: f64 = candidate_triples(&squares)
+                .iter()
+                .map(|(_, steps)| steps)
+                .sum();
             assert!(sum.is_nan() || sum >= 0.0, "{sum}");
         }
     }

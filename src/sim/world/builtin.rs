@@ -3,7 +3,7 @@
 use super::document::World;
 
 /// Name and YAML of each world; the names are those of the files in `behaviours/worlds/`.
-const READY: [(&str, &str); 8] = [
+const BUILTIN: [(&str, &str); 8] = [
     (
         "living_room",
         include_str!("../../../behaviours/worlds/living_room.yaml"),
@@ -34,25 +34,25 @@ const READY: [(&str, &str); 8] = [
 
 impl World {
     /// Returns the names of the built-in worlds; the first is the default.
-    pub fn ready_names() -> impl Iterator<Item = &'static str> {
-        READY.iter().map(|(name, _)| *name)
+    pub fn builtin_names() -> impl Iterator<Item = &'static str> {
+        BUILTIN.iter().map(|(name, _)| *name)
     }
 
     /// Returns the built-in world with this name.
-    pub fn ready(name: &str) -> Option<World> {
-        let (name, yaml) = READY.iter().find(|(known, _)| *known == name)?;
+    pub fn builtin(name: &str) -> Option<World> {
+        let (name, yaml) = BUILTIN.iter().find(|(known, _)| *known == name)?;
         World::from_yaml(yaml, &format!("{name}.yaml")).ok()
     }
 
     /// Returns the YAML of the built-in world with this name.
-    pub fn ready_yaml(name: &str) -> Option<&'static str> {
-        let (_, yaml) = READY.iter().find(|(known, _)| *known == name)?;
+    pub fn builtin_yaml(name: &str) -> Option<&'static str> {
+        let (_, yaml) = BUILTIN.iter().find(|(known, _)| *known == name)?;
         Some(yaml)
     }
 
     /// Returns the leading comment of a built-in world, which describes its content and purpose.
-    pub fn ready_about(name: &str) -> Option<String> {
-        let (_, yaml) = READY.iter().find(|(known, _)| *known == name)?;
+    pub fn builtin_description(name: &str) -> Option<String> {
+        let (_, yaml) = BUILTIN.iter().find(|(known, _)| *known == name)?;
         let comment = yaml.lines().map_while(|line| line.strip_prefix("# "));
         Some(comment.collect::<Vec<_>>().join(" "))
     }
@@ -64,14 +64,17 @@ mod tests {
 
     #[test]
     fn every_built_in_world_is_valid_and_has_a_description() {
-        for (name, yaml) in READY {
+        for (name, yaml) in BUILTIN {
             let world = World::from_yaml(yaml, &format!("{name}.yaml"));
             let world = world.unwrap_or_else(|error| panic!("{error}"));
             assert!(!world.name.is_empty());
-            assert!(World::ready(name).is_some());
-            assert!(World::ready_about(name).unwrap().len() > 40, "{name}");
+            assert!(World::builtin(name).is_some());
+            assert!(
+                World::builtin_description(name).unwrap().len() > 40,
+                "{name}"
+            );
         }
-        assert!(World::ready("nowhere").is_none());
+        assert!(World::builtin("nowhere").is_none());
     }
 
     #[test]

@@ -7,7 +7,7 @@ use bytes::Bytes;
 use super::super::chassis::Tracks;
 use super::super::firmware::Answer;
 use super::super::log::describe;
-use super::super::trace::What;
+use super::super::trace::TraceEventKind;
 use super::Robot;
 use crate::wire::{Command, Engage, EngineReport, Report, Sound};
 
@@ -18,21 +18,21 @@ const NETWORKS: &[u8] = b"home:wpa:82;neighbour:wpa:41;SPYKEE0001:none:100";
 
 impl Robot {
     /// Executes a command. Logins have no effect here; the server handles them.
-    pub fn obey(&mut self, command: &Command) {
+    pub fn execute(&mut self, command: &Command) {
         match command {
-            Command::Move { left, right } => self.obey_move(*left, *right),
-            Command::Engine(engage) => self.obey_engine(*engage),
+            Command::Move { left, right } => self.execute_move(*left, *right),
+            Command::Engine(engage) => self.execute_engine(*engage),
             Command::Led { led, on } => {
-                self.mark(What::Light { led: *led, on: *on });
+                self.mark(TraceEventKind::Light { led: *led, on: *on });
                 if !self.leds.switch(*led, *on) {
                     self.note(&format!("no such light: {}", led.to_byte()));
                 }
             }
-            Command::Play(sound) => self.obey_play(*sound),
+            Command::Play(sound) => self.execute_play(*sound),
             Command::StopSound => self.speaker.stop(),
             Command::Volume(percent) => self.speaker.set_volume(*percent),
             Command::Stream { stream, on } => {
-                self.video.hurry();
+                self.video.trigger_frame();
                 if !self.streams.switch(*stream, *on) {
                     self.note(&format!("no such stream: {}", stream.to_byte()));
                 }
@@ -60,7 +60,7 @@ impl Robot {
 
     /// Executes a MOVE. A docked robot is no special case: driving backwards or turning breaks the
     /// contact, driving forwards pushes against the station.
-    fn obey_move(&mut self, left: i8, right: i8) {
+    fn execute_move(&mut self, left: i8, right: i8) {
         let answer = match () {
             () if self.docking.searching() => self.firmware.move_while_searching,
             () if self.docking.leaving() => self.firmware.move_while_undocking,
@@ -75,11 +75,11 @@ impl Robot {
         self.since_move = Duration::ZERO;
     }
 
-    fn obey_engine(&mut self, engage: Engage) {
+    fn execute_engine(&mut self, engage: Engage) {
         match engage {
             Engage::Dock if self.contacts.touching() => self.report_engine(EngineReport::Docked),
             Engage::Dock => {
-                self.mark(What::FindBase);
+                self.mark(TraceEventKind::FindBase);
                 self.commanded = Tracks::default();
                 self.docking.find_base();
             }
@@ -101,10 +101,10 @@ impl Robot {
         engage == Engage::Undock || (activate && self.firmware.activate_undocks)
     }
 
-    fn obey_play(&mut self, sound: Sound) {
+    fn execute_play(&mut self, sound: Sound) {
         self.mark(match sound {
-            Sound::Snapshot => What::Photo,
-            sound => What::Sound(sound),
+            Sound::Snapshot => TraceEventKind::Photo,
+            sound => TraceEventKind::Sound(sound),
         });
         self.speaker.play(sound);
         if self.speaker.playing().is_none() {

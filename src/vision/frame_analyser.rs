@@ -14,25 +14,25 @@ const MAX_PALETTES: usize = 8;
 
 /// Analyses frames: decodes each on demand and once; keeps compiled palettes and all buffers.
 #[derive(Debug, Default)]
-pub struct Eyes {
+pub struct FrameAnalyser {
     camera: Camera,
     decoder: Decoder,
     /// The frame that the decoder holds and the result of its decoding.
-    seen: Option<(u64, Result<(), FrameError>)>,
+    last: Option<(u64, Result<(), FrameError>)>,
     /// The most recently used palette is last.
     palettes: Vec<Palette>,
     finder: BlobFinder,
     /// The options of the last search, which used the newest palette.
-    asked: Option<BlobOptions>,
+    last_options: Option<BlobOptions>,
     decoded: u64,
 }
 
-impl Eyes {
+impl FrameAnalyser {
     /// Creates an analyser for this camera.
-    pub fn new(camera: Camera) -> Eyes {
-        Eyes {
+    pub fn new(camera: Camera) -> FrameAnalyser {
+        FrameAnalyser {
             camera,
-            ..Eyes::default()
+            ..FrameAnalyser::default()
         }
     }
 
@@ -41,11 +41,11 @@ impl Eyes {
     /// # Errors
     /// The reason why the frame cannot be decoded; further calls with the same key return it again.
     pub fn look(&mut self, key: u64, jpeg: &[u8]) -> Result<&Image, FrameError> {
-        if self.seen.as_ref().is_none_or(|(seen, _)| *seen != key) {
+        if self.last.as_ref().is_none_or(|(last, _)| *last != key) {
             self.decoded += 1;
-            self.seen = Some((key, self.decoder.decode(jpeg).map(|_| ())));
+            self.last = Some((key, self.decoder.decode(jpeg).map(|_| ())));
         }
-        match &self.seen {
+        match &self.last {
             Some((_, Err(error))) => Err(error.clone()),
             _ => Ok(self.decoder.image()),
         }
@@ -59,29 +59,29 @@ impl Eyes {
     /// Decodes the last frame again, unless part of the next one is already decoded, and finds its
     /// blobs again. The results stay the same; the purpose is to keep code and buffers in the
     /// processor's caches for the next frame.
-    pub fn rehearse(&mut self, jpeg: &[u8]) {
-        let Some((_, Ok(()))) = self.seen else {
+    pub fn warm_caches(&mut self, jpeg: &[u8]) {
+        let Some((_, Ok(()))) = self.last else {
             return;
         };
         if !self.decoder.is_ahead() && self.decoder.decode(jpeg).is_err() {
             return;
         }
-        if let (Some(options), Some(palette)) = (&self.asked, self.palettes.last_mut()) {
+        if let (Some(options), Some(palette)) = (&self.last_options, self.palettes.last_mut()) {
             self.finder
                 .find(self.decoder.image(), palette, options, self.camera);
         }
     }
 
     /// The number of the last frame that was decoded, successfully or not.
-    pub fn seen(&self) -> Option<u64> {
-        self.seen.as_ref().map(|(key, _)| *key)
+    pub fn last_frame(&self) -> Option<u64> {
+        self.last.as_ref().map(|(key, _)| *key)
     }
 
     /// Finds the blobs of frame number `key` in any of the colours, largest first. The list is
     /// valid until the next call.
     ///
     /// # Errors
-    /// See [`Eyes::look`].
+    /// See [`FrameAnalyser::look`].
     pub fn find_blobs(
         &mut self,
         key: u64,
@@ -91,8 +91,8 @@ impl Eyes {
     ) -> Result<&[Blob], FrameError> {
         self.look(key, jpeg)?;
         let palette = newest(&mut self.palettes, colours, options.invert);
-        if self.asked.as_ref() != Some(options) {
-            self.asked = Some(options.clone());
+        if self.last_options.as_ref() != Some(options) {
+            self.last_options = Some(options.clone());
         }
         Ok(self
             .finder
@@ -103,7 +103,7 @@ impl Eyes {
     /// if there is none.
     ///
     /// # Errors
-    /// See [`Eyes::look`].
+    /// See [`FrameAnalyser::look`].
     pub fn find_line(
         &mut self,
         key: u64,
@@ -153,25 +153,29 @@ mod tests {
     const SECOND: &[u8] = include_bytes!("../../tests/fixtures/ball-444.jpg");
 
     #[test]
-    fn a_rehearsal_changes_no_result() {
+    fn warming_the_caches_changes_no_result() {
         let colours = [Colour::named("red").unwrap()];
         let options = BlobOptions::default();
-        let find = |eyes: &mut Eyes, key, jpeg| {
-            eyes.find_blobs(key, jpeg, &colours, &options)
+        let find = |analyser: &mut FrameAnalyser, key, jpeg| {
+            analyser
+                .find_blobs(key, jpeg, &colours, &options)
                 .unwrap()
                 .to_vec()
         };
-        let mut plain = Eyes::default();
+        let mut plain = FrameAnalyser::default();
         let expected = [find(&mut plain, 1, FIRST), find(&mut plain, 2, SECOND)];
-        let mut eyes = Eyes::default();
-        eyes.rehearse(FIRST);
-        assert_eq!(find(&mut eyes, 1, FIRST), expected[0]);
-        eyes.rehearse(FIRST);
-        assert_eq!(find(&mut eyes, 1, FIRST), expected[0]);
-        eyes.look_ahead(&SECOND[..SECOND.len() / 2]);
-        eyes.rehearse(FIRST);
-        assert!(eyes.decoder.is_ahead(), "the received part stays decoded");
-        assert_eq!(find(&mut eyes, 2, SECOND), expected[1]);
-        assert_eq!(eyes.decoded(), 2);
+        let mut analyser = FrameAnalyser::default();
+        analyser.warm_caches(FIRST);
+        assert_eq!(find(&mut analyser, 1, FIRST), expected[0]);
+        analyser.warm_caches(FIRST);
+        assert_eq!(find(&mut analyser, 1, FIRST), expected[0]);
+        analyser.look_ahead(&SECOND[..SECOND.len() / 2]);
+        analyser.warm_caches(FIRST);
+        assert!(
+            analyser.decoder.is_ahead(),
+            "the received part stays decoded"
+        );
+        assert_eq!(find(&mut analyser, 2, SECOND), expected[1]);
+        assert_eq!(analyser.decoded(), 2);
     }
 }

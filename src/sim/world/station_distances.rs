@@ -20,7 +20,7 @@ const AROUND: i64 = 2;
 /// The shortest paths to the station from everywhere in a world. Balls and people do not count as
 /// obstacles, because they move or can be pushed aside.
 #[derive(Debug, Clone)]
-pub struct Ways {
+pub struct StationDistances {
     obstacles: Obstacles,
     columns: i64,
     rows: i64,
@@ -28,19 +28,19 @@ pub struct Ways {
     lengths: Vec<Option<u32>>,
 }
 
-impl Ways {
+impl StationDistances {
     /// Computes all paths of a world.
-    pub fn home(world: &World) -> Ways {
+    pub fn new(world: &World) -> StationDistances {
         let count = |side: f64| (side / GRID) as i64 + 1;
-        let mut ways = Ways {
+        let mut distances = StationDistances {
             obstacles: world.fixed_obstacles(),
             columns: count(world.room.width),
             rows: count(world.room.depth),
             lengths: Vec::new(),
         };
-        ways.lengths = vec![None; (ways.columns * ways.rows) as usize];
-        ways.spread(world);
-        ways
+        distances.lengths = vec![None; (distances.columns * distances.rows) as usize];
+        distances.compute(world);
+        distances
     }
 
     /// Returns the length in metres of the path from a place to the charging contacts, at most 8 %
@@ -50,7 +50,7 @@ impl Ways {
         let near = self.around(from).filter_map(|(column, row)| {
             let place = place(column, row);
             let further = metres(self.lengths[self.index(column, row)?]?);
-            let free = self.obstacles.way_free(from, place, RADIUS);
+            let free = self.obstacles.is_path_free(from, place, RADIUS);
             free.then(|| from.distance(place) + further)
         });
         near.min_by(f64::total_cmp)
@@ -73,7 +73,7 @@ impl Ways {
     }
 
     /// Computes all lengths with Dijkstra's algorithm, starting at the staging pose.
-    fn spread(&mut self, world: &World) {
+    fn compute(&mut self, world: &World) {
         let (staging, dock) = (world.station.staging_pose(), world.station.dock_pose());
         let straight_on = staging.point().distance(dock.point());
         let mut open = BinaryHeap::new();
@@ -129,41 +129,45 @@ fn square(most: i64) -> impl Iterator<Item = (i64, i64)> {
 mod tests {
     use super::*;
 
-    fn ways(things: &str) -> Ways {
+    fn distances(things: &str) -> StationDistances {
         let text = format!(
             "room: {{width: 6, depth: 4}}\nstation: {{at: [0, 2], heading_degrees: 0}}\n{things}\n"
         );
-        Ways::home(&World::from_yaml(&text, "test").unwrap())
+        StationDistances::new(&World::from_yaml(&text, "test").unwrap())
     }
 
     #[test]
     fn a_straight_path_has_the_right_length() {
-        let length = ways("").length(Point::new(4.0, 2.0)).unwrap();
+        let length = distances("").length(Point::new(4.0, 2.0)).unwrap();
         assert!((length - 3.745).abs() < 0.05, "{length}");
     }
 
     #[test]
     fn a_path_leads_around_walls_and_through_balls() {
         let wall = "walls: [{from: [3, 0], to: [3, 3]}]";
-        let round = ways(wall).length(Point::new(4.0, 1.0)).unwrap();
+        let round = distances(wall).length(Point::new(4.0, 1.0)).unwrap();
         assert!((5.2..6.0).contains(&round), "{round}");
         let balls = "balls: [{at: [2, 2], colour: red}, {at: [3, 2], colour: red}]";
-        let straight = ways(balls).length(Point::new(4.0, 2.0)).unwrap();
+        let straight = distances(balls).length(Point::new(4.0, 2.0)).unwrap();
         assert!(straight < 3.8, "{straight}");
     }
 
     #[test]
     fn there_is_no_path_through_a_gap_too_narrow_for_the_robot() {
         let gap = |to: f64| format!("walls: [{{from: [3, 0], to: [3, {to}]}}]");
-        assert_eq!(ways(&gap(3.75)).length(Point::new(4.0, 1.0)), None);
-        assert!(ways(&gap(3.5)).length(Point::new(4.0, 1.0)).is_some());
+        assert_eq!(distances(&gap(3.75)).length(Point::new(4.0, 1.0)), None);
+        assert!(distances(&gap(3.5)).length(Point::new(4.0, 1.0)).is_some());
     }
 
     #[test]
     fn a_robot_that_touches_a_wall_can_leave_it() {
-        assert!(ways("").length(Point::new(6.0 - RADIUS, 1.234)).is_some());
         assert!(
-            ways("")
+            distances("")
+                .length(Point::new(6.0 - RADIUS, 1.234))
+                .is_some()
+        );
+        assert!(
+            distances("")
                 .length(Point::new(6.0 - RADIUS + 1e-4, 1.234))
                 .is_some()
         );
@@ -171,9 +175,10 @@ mod tests {
 
     #[test]
     fn every_place_with_a_path_is_free_floor() {
-        let ways = ways("furniture: [{at: [3, 1], length: 1, width: 1, height: 1, colour: red}]");
+        let distances =
+            distances("furniture: [{at: [3, 1], length: 1, width: 1, height: 1, colour: red}]");
         let inside = |place: Point| (place.x - 3.0).abs() < 0.6 && (place.y - 1.0).abs() < 0.6;
-        assert!(ways.places().count() > 5000);
-        assert!(ways.places().all(|(place, _)| !inside(place)));
+        assert!(distances.places().count() > 5000);
+        assert!(distances.places().all(|(place, _)| !inside(place)));
     }
 }

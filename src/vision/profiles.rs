@@ -10,7 +10,7 @@
 use std::time::Duration;
 
 use super::camera::Camera;
-use super::standstill::{Drive, Glance, LENS_HEIGHT, Verdict};
+use super::standstill::{Drive, HalfLuma, LENS_HEIGHT, Verdict};
 use super::votes::Votes;
 
 /// The bands of rows over which columns are averaged, as shares of the height below the horizon.
@@ -26,7 +26,7 @@ const REACH: usize = 3;
 /// Strips begin here, as a share of the height.
 const TOP: f64 = 0.36;
 /// Brightness within which steps can be seen; darker or brighter strips may hide them.
-const SHOWS: std::ops::RangeInclusive<f32> = 20.0..=240.0;
+const USABLE_BRIGHTNESS: std::ops::RangeInclusive<f32> = 20.0..=240.0;
 /// Smallest shift that is evaluated, half-size pixels.
 const LEAST_SHIFT: f64 = 1.5;
 /// A sample is a witness if the shift changes it by at least this much, of 255.
@@ -51,7 +51,7 @@ const SWAY: i32 = 2;
 
 /// Mean brightness of a picture along its columns and its rows, in bands and strips.
 #[derive(Debug, Clone, Default)]
-pub struct Outline {
+pub struct Profiles {
     size: (usize, usize),
     pub(super) bands: [Vec<f32>; BANDS.len()],
     strips: [Vec<f32>; STRIPS],
@@ -59,7 +59,7 @@ pub struct Outline {
     near: [bool; STRIPS],
 }
 
-impl Outline {
+impl Profiles {
     /// Number of columns.
     pub fn width(&self) -> u32 {
         self.size.0 as u32
@@ -71,14 +71,14 @@ impl Outline {
     }
 
     /// Computes the profiles of a picture; reuses the memory of `self`.
-    pub fn take(&mut self, glance: &Glance) {
-        let (w, h) = glance.size();
+    pub fn take(&mut self, luma: &HalfLuma) {
+        let (w, h) = luma.size();
         self.size = (w, h);
         for (band, (top, bottom)) in self.bands.iter_mut().zip(rows_of_bands(h)) {
             band.clear();
             band.resize(w, 0.0);
             for y in top..bottom {
-                for (sum, value) in band.iter_mut().zip(glance.row(y)) {
+                for (sum, value) in band.iter_mut().zip(luma.row(y)) {
                     *sum += f32::from(*value);
                 }
             }
@@ -91,24 +91,24 @@ impl Outline {
             strip.clear();
             let columns = number * wide..(number + 1) * wide;
             strip.extend((top..h).map(|y| {
-                let row = &glance.row(y)[columns.clone()];
+                let row = &luma.row(y)[columns.clone()];
                 let sum: u32 = row.iter().map(|value| u32::from(*value)).sum();
                 sum as f32 / wide.max(1) as f32
             }));
-            self.near[number] = is_one_thing(strip);
+            self.near[number] = is_uniform(strip);
         }
     }
 }
 
 /// Whether the brightness has no step between neighbouring rows, so that the strip shows a single
 /// object.
-fn is_one_thing(rows: &[f32]) -> bool {
+fn is_uniform(rows: &[f32]) -> bool {
     let step = |rows: &[f32]| {
         let sum = |rows: &[f32]| rows.iter().sum::<f32>() / REACH as f32;
         sum(&rows[..REACH]) - sum(&rows[REACH + 1..])
     };
     let mut steps = rows.windows(2 * REACH + 1).map(step);
-    rows.iter().all(|row| SHOWS.contains(row)) && steps.all(|step| step.abs() < STEP)
+    rows.iter().all(|row| USABLE_BRIGHTNESS.contains(row)) && steps.all(|step| step.abs() < STEP)
 }
 
 fn top_of_strips(height: usize) -> usize {
@@ -125,8 +125,8 @@ fn rows_of_bands(height: usize) -> [(usize, usize); BANDS.len()] {
 /// the robot should have made this movement. `ahead` is the greatest possible distance, in metres,
 /// of whatever fills the picture, if known.
 pub fn compare(
-    before: &Outline,
-    now: &Outline,
+    before: &Profiles,
+    now: &Profiles,
     camera: Camera,
     drive: Drive,
     apart: Duration,
@@ -215,7 +215,7 @@ struct Moved {
 }
 
 impl Moved {
-    fn votes(&self, before: &Outline, now: &Outline, sway: i32) -> Votes {
+    fn votes(&self, before: &Profiles, now: &Profiles, sway: i32) -> Votes {
         let (mut votes, height) = (Votes::default(), now.size.1);
         let bands = before.bands.iter().zip(&now.bands);
         for ((before, now), (top, _)) in bands.zip(rows_of_bands(height)) {
@@ -316,7 +316,7 @@ mod tests {
     /// The view of a wall `far` metres ahead with pale stripes, 4 % darker and 0.09 m wide. They
     /// begin at these distances to the right of the wall's centre, in metres; each picture has
     /// different noise.
-    fn wall(far: f64, aside: f64, stripes: &[f64], noise: u32) -> Outline {
+    fn wall(far: f64, aside: f64, stripes: &[f64], noise: u32) -> Profiles {
         let focal = Camera::default().focal_length(320);
         let picture = RgbImage::from_fn(320, 240, |column, row| {
             let x = (f64::from(column) - 159.5) * far / focal + aside;
@@ -324,17 +324,17 @@ mod tests {
             let mixed = (column * 37 + row * 101 + noise * 7919).wrapping_mul(0x2C1B_3C6D) >> 24;
             Rgb([(if dark { 144 } else { 148 } + mixed % 7) as u8; 3])
         });
-        outline(&picture)
+        profiles(&picture)
     }
 
-    fn outline(picture: &RgbImage) -> Outline {
-        let (mut glance, mut outline) = (Glance::default(), Outline::default());
-        glance.take(&Image::from_rgb(picture));
-        outline.take(&glance);
-        outline
+    fn profiles(picture: &RgbImage) -> Profiles {
+        let (mut luma, mut profiles) = (HalfLuma::default(), Profiles::default());
+        luma.take(&Image::from_rgb(picture));
+        profiles.take(&luma);
+        profiles
     }
 
-    fn verdict(before: &Outline, now: &Outline, drive: Drive) -> Verdict {
+    fn verdict(before: &Profiles, now: &Profiles, drive: Drive) -> Verdict {
         compare(before, now, Camera::default(), drive, APART, None)
     }
 
@@ -374,7 +374,7 @@ mod tests {
             assert_eq!(verdict(&stripes, &stripes, drive), Verdict::Unknown);
         }
         for side in [0, 1, 2, 7, 16, 33] {
-            let small = outline(&RgbImage::from_pixel(side, side, Rgb([90; 3])));
+            let small = profiles(&RgbImage::from_pixel(side, side, Rgb([90; 3])));
             assert_eq!(verdict(&small, &stripes, AHEAD), Verdict::Unknown);
             assert_eq!(verdict(&small, &small, AHEAD), Verdict::Unknown);
         }
@@ -387,7 +387,7 @@ mod tests {
             forward in -1e9f64..1e9, turn in -1e9f64..1e9, ahead in -1e9f64..1e9,
         ) {
             let picture = RgbImage::from_fn(w, h, |x, y| Rgb([pixels[(y * 50 + x) as usize]; 3]));
-            let one = outline(&picture);
+            let one = profiles(&picture);
             compare(&one, &one, Camera::default(), Drive { forward, turn }, APART, Some(ahead));
         }
     }

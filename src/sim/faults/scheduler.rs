@@ -1,0 +1,205 @@
+//! Tracks all faults over time: which are active, which momentary ones occur now, and which changes
+//! the robot must apply. Uses no clock; informs the connections through channels that never block.
+
+use std::time::Duration;
+
+use std::sync::Arc;
+
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use tokio::sync::{broadcast, watch};
+use tokio::time::Instant;
+
+use super::fault::{Direction, Fault, FaultKind};
+use super::timing::{TimingState, Transition};
+
+/// Maximum number of unread momentary faults per connection; it misses older ones.
+const MAX_MOMENTARY: usize = 64;
+
+/// The active faults.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct ActiveFaults(Arc<[Fault]>);
+
+impl ActiveFaults {
+    /// Creates a list of active faults.
+    pub(crate) fn of(faults: impl IntoIterator<Item = Fault>) -> ActiveFaults {
+        ActiveFaults(faults.into_iter().collect())
+    }
+
+    /// Returns the faults that affect bytes sent towards `end`.
+    pub(crate) fn towards(&self, end: Direction) -> impl Iterator<Item = &Fault> {
+        self.0.iter().filter(move |fault| fault.towards.covers(end))
+    }
+
+    /// Whether bytes sent towards `end` are dropped.
+    pub(crate) fn drops_bytes(&self, end: Direction) -> bool {
+        self.towards(end)
+            .any(|fault| fault.kind == FaultKind::HalfOpen)
+    }
+}
+
+/// The channels through which a connection receives faults.
+#[derive(Debug)]
+pub(crate) struct FaultFeed {
+    pub(crate) active_faults: watch::Receiver<ActiveFaults>,
+    pub(crate) momentary: broadcast::Receiver<Fault>,
+    /// Seed of the connection's random numbers.
+    pub(crate) seed: u64,
+    /// See [`Options::unacknowledged`](crate::sim::Options::unacknowledged).
+    pub(crate) unacknowledged: Option<Duration>,
+}
+
+struct ScheduledFault {
+    fault: Fault,
+    timing: TimingState,
+    /// The fault is due and its random draw succeeded.
+    on: bool,
+}
+
+/// The state of all faults.
+pub(crate) struct FaultScheduler {
+    scheduled: Vec<ScheduledFault>,
+    active_faults: watch::Sender<ActiveFaults>,
+    momentary: broadcast::Sender<Fault>,
+    rng: StdRng,
+    unacknowledged: Option<Duration>,
+}
+
+impl FaultScheduler {
+    /// Creates a state without faults; `seed` determines everything random.
+    pub(crate) fn new(seed: u64, unacknowledged: Option<Duration>) -> FaultScheduler {
+        FaultScheduler {
+            unacknowledged,
+            scheduled: Vec::new(),
+            active_faults: watch::Sender::default(),
+            momentary: broadcast::Sender::new(MAX_MOMENTARY),
+            rng: StdRng::seed_from_u64(seed),
+        }
+    }
+
+    /// Adds a fault whose times count from `now`.
+    pub(crate) fn begin(&mut self, fault: Fault, now: Instant) {
+        let (timing, on) = (TimingState::new(fault.timing, now), false);
+        self.scheduled.push(ScheduledFault { fault, timing, on });
+    }
+
+    /// Ends all faults; returns those that were active, so that the robot can be updated.
+    pub(crate) fn clear(&mut self) -> Vec<(FaultKind, Transition)> {
+        let all = std::mem::take(&mut self.scheduled);
+        self.active_faults.send_replace(ActiveFaults::default());
+        let on = all.into_iter().filter(|scheduled| scheduled.on);
+        on.map(|scheduled| (scheduled.fault.kind, Transition::Ends))
+            .collect()
+    }
+
+    /// Returns the feed for a new connection.
+    pub(crate) fn feed(&mut self) -> FaultFeed {
+        FaultFeed {
+            active_faults: self.active_faults.subscribe(),
+            momentary: self.momentary.subscribe(),
+            seed: self.rng.random(),
+            unacknowledged: self.unacknowledged,
+        }
+    }
+
+    /// Advances to `now` and returns what has begun and ended, in order. Connections have already
+    /// been informed.
+    pub(crate) fn poll(&mut self, now: Instant) -> Vec<(FaultKind, Transition)> {
+        let mut transitions = Vec::new();
+        for scheduled in &mut self.scheduled {
+            while let Some(transition) = scheduled.timing.poll(now) {
+                let was_on = scheduled.on;
+                scheduled.on = transition == Transition::Begins
+                    && draw_occurrence(&mut self.rng, &scheduled.fault);
+                if scheduled.on {
+                    // Fails only if there is no connection, which is fine.
+                    let _ = self.momentary.send(scheduled.fault);
+                }
+                if scheduled.on != was_on {
+                    transitions.push((scheduled.fault.kind, transition));
+                }
+            }
+        }
+        if !transitions.is_empty() {
+            let on = self.scheduled.iter().filter(|scheduled| scheduled.on);
+            let active_faults = ActiveFaults::of(on.map(|scheduled| scheduled.fault));
+            self.active_faults.send_replace(active_faults);
+            self.scheduled
+                .retain(|scheduled| !scheduled.timing.is_over());
+        }
+        transitions
+    }
+}
+
+fn draw_occurrence(rng: &mut StdRng, fault: &Fault) -> bool {
+    fault.kind.alters_messages() || rng.random_bool(fault.chance.clamp(0.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::timing::Timing;
+    use super::*;
+    use std::time::Duration;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn fault(kind: FaultKind, lasts: u64, every: u64, chance: f64) -> Fault {
+        let timing = Timing {
+            after: SECOND,
+            lasts: Some(SECOND * lasts as u32),
+            every: Some(SECOND * every as u32),
+        };
+        Fault {
+            timing,
+            chance,
+            ..Fault::new(kind)
+        }
+    }
+
+    #[test]
+    fn lasting_faults_become_conditions_and_momentary_ones_are_broadcast() {
+        let (mut scheduler, now) = (FaultScheduler::new(1, None), Instant::now());
+        let mut feed = scheduler.feed();
+        scheduler.begin(fault(FaultKind::HalfOpen, 2, 9, 1.0), now);
+        scheduler.begin(fault(FaultKind::Reset, 0, 9, 1.0), now);
+        assert_eq!(scheduler.poll(now), []);
+        let transitions = scheduler.poll(now + SECOND);
+        let expected = [
+            (FaultKind::HalfOpen, Transition::Begins),
+            (FaultKind::Reset, Transition::Begins),
+            (FaultKind::Reset, Transition::Ends),
+        ];
+        assert_eq!(transitions, expected);
+        assert!(feed.active_faults.borrow().drops_bytes(Direction::Robot));
+        assert_eq!(feed.momentary.try_recv().unwrap().kind, FaultKind::HalfOpen);
+        assert_eq!(feed.momentary.try_recv().unwrap().kind, FaultKind::Reset);
+        assert_eq!(
+            scheduler.poll(now + 3 * SECOND),
+            [(FaultKind::HalfOpen, Transition::Ends)]
+        );
+        assert!(!feed.active_faults.borrow().drops_bytes(Direction::Robot));
+    }
+
+    #[test]
+    fn the_same_seed_draws_the_same_occurrences() {
+        let times = |seed| {
+            let (mut scheduler, now) = (FaultScheduler::new(seed, None), Instant::now());
+            scheduler.begin(fault(FaultKind::Drop, 0, 1, 0.5), now);
+            let happens = |second: u32| !scheduler.poll(now + SECOND * second).is_empty();
+            (0..64).map(happens).collect::<Vec<bool>>()
+        };
+        assert_eq!(times(3), times(3));
+        assert_ne!(times(3), times(4));
+        let count = times(3).iter().filter(|happened| **happened).count();
+        assert!((10..54).contains(&count), "{count}");
+    }
+
+    #[test]
+    fn cleared_faults_end_immediately_and_permanently() {
+        let (mut scheduler, now) = (FaultScheduler::new(1, None), Instant::now());
+        scheduler.begin(fault(FaultKind::NoCharge, 5, 9, 1.0), now);
+        scheduler.poll(now + SECOND);
+        assert_eq!(scheduler.clear(), [(FaultKind::NoCharge, Transition::Ends)]);
+        assert_eq!(scheduler.poll(now + 60 * SECOND), []);
+    }
+}
