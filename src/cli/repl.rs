@@ -14,7 +14,7 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use super::interrupt::{listen, obey, obey_at_prompt};
+use super::interrupt::{handle_prompt_signals, handle_signals, listen};
 use super::reach::{dial, place, reach};
 use super::settings::SettingsArgs;
 use super::startup::{driving_core, launcher, pulse, rescue, runtime};
@@ -74,7 +74,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
         flight: Preflight::new(settings, dial, core.handle().clone(), pulse),
         rescue: rescue(&config, seed)?,
     };
-    let terminal = Terminal::remember();
+    let terminal = Terminal::current();
     let outcome = runtime.block_on(converse(talk, &terminal, console));
     drop(core);
     console.divert(None);
@@ -108,10 +108,10 @@ async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<
     let interactive = std::io::stdin().is_terminal();
     let (core, requests) = (talk.flight.core().clone(), talk.flight.requests());
     let mut interruption = if interactive {
-        obey_at_prompt(&core, requests, stop.clone(), terminal.clone())?;
+        handle_prompt_signals(&core, requests, stop.clone(), terminal.clone())?;
         Some(listen(libc::SIGINT)?)
     } else {
-        obey(&core, requests, stop.clone())?;
+        handle_signals(&core, requests, stop.clone())?;
         None
     };
     let mut repl = Repl {

@@ -13,10 +13,10 @@ use tokio_util::sync::CancellationToken;
 use super::argument::ArgumentError;
 use super::cast::{Cast, Casting};
 use super::embedded::{EmbeddedSim, Simulated};
-use super::fast::{EventFile, Fast, Keeping};
+use super::fast::{EventFile, Fast, LabJournalOptions};
 use super::firmware::FirmwareArgs;
-use super::interrupt::obey;
-use super::live::Ahead;
+use super::interrupt::handle_signals;
+use super::live::PageInputs;
 use super::outcome::exit;
 use super::params::Param;
 use super::reach::{dial, place, reach_with};
@@ -260,9 +260,9 @@ fn names(behaviours: &[Behaviour]) -> String {
     names.collect::<Vec<_>>().join(" ")
 }
 
-fn page(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> Ahead {
+fn page(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> PageInputs {
     let scripts: Vec<Script> = behaviours.iter().map(super::live::script).collect();
-    Ahead::of(config, watch::channel(scripts.into()).1, bus)
+    PageInputs::of(config, watch::channel(scripts.into()).1, bus)
 }
 
 /// Runs in virtual time, in this process.
@@ -308,7 +308,7 @@ fn fast(
         limit: args.limit,
         trace,
         page,
-        journal: Keeping::of(config),
+        journal: LabJournalOptions::of(config),
     };
     let outcome = fast.run(names, console)?;
     events.map_or(Ok(()), EventFile::finish)?;
@@ -319,14 +319,14 @@ async fn drive(
     plan: Plan,
     line: StatusLine,
     (desk, (target, simulated)): (io::Result<Desk>, (String, bool)),
-    (page, account): (Option<(Ahead, Option<sim::Handle>)>, Option<Account>),
+    (page, account): (Option<(PageInputs, Option<sim::Handle>)>, Option<Account>),
     console: &Console,
 ) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
     let (core, streams) = (plan.core.clone(), plan.settings.streams);
     let bus = plan.bus.clone();
     let (agent, status) = Agent::new(plan);
-    obey(&core, agent.requests(), stop.clone())?;
+    handle_signals(&core, agent.requests(), stop.clone())?;
     let run = control::Run {
         requests: agent.requests(),
         roster: agent.roster(),

@@ -19,7 +19,7 @@ use std::ops::Deref;
 
 use clap::Subcommand;
 
-use super::driver::Means;
+use super::driver::DriverParts;
 use super::embedded::EmbeddedSim;
 use super::reach::{dial, place, reach};
 use super::remote::RemoteArgs;
@@ -199,9 +199,9 @@ impl Aim {
     ///
     /// # Errors
     /// The rescue behaviour of the config cannot be read.
-    pub(super) fn means(&self, seed: u64) -> Result<Means, Failure> {
+    pub(super) fn driver_parts(&self, seed: u64) -> Result<DriverParts, Failure> {
         let link = self.config.link.clone();
-        Ok(Means {
+        Ok(DriverParts {
             dial: dial(self.target.clone(), self.login.clone(), link),
             settings: self.config.pilot(self.sim.is_some(), seed),
             rescue: rescue(&self.config, seed)?,

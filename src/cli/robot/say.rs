@@ -58,7 +58,7 @@ pub(super) fn say(args: &SayArgs) -> Result<Exit, Failure> {
         let failure = Failure::usage("the config keeps the loudspeaker off");
         return Err(failure.help("it has streams: { audio_out: off }"));
     }
-    block_on(drive(aim.means(seed)?, async |driver| {
+    block_on(drive(aim.driver_parts(seed)?, async |driver| {
         driver.say(samples).await?;
         Ok(Exit::Done)
     }))?

@@ -83,7 +83,7 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
     }
     let seed = rand::random();
     let aim = args.aim.aim(seed)?;
-    let docking = drive(aim.means(seed)?, async |driver| {
+    let docking = drive(aim.driver_parts(seed)?, async |driver| {
         let docked = driver.dock(plan).await?;
         show_docked(args.json, docked)?;
         exit_of(docked.end, driver.status().low)
@@ -119,7 +119,7 @@ pub(super) fn undock(args: &UndockArgs) -> Result<Exit, Failure> {
     }
     let seed = rand::random();
     let aim = args.aim.aim(seed)?;
-    let undocking = drive(aim.means(seed)?, async |driver| {
+    let undocking = drive(aim.driver_parts(seed)?, async |driver| {
         let end = driver.undock(limit).await?;
         show_undocked(args.json, end)?;
         exit_of(end, driver.status().low)
