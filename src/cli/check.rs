@@ -106,7 +106,7 @@ pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<
         .into_iter()
         .partition(|finding| finding.severity == Severity::Error);
     for warning in warnings {
-        console.say("WARN", &warning.text());
+        console.write_line("WARN", &warning.text());
     }
     let texts: Vec<_> = errors.iter().map(Finding::text).collect();
     if texts.is_empty() {

@@ -90,7 +90,7 @@ pub(super) fn run(args: &LearnArgs, console: &Console) -> Result<Exit, Failure> 
         match load(path, args.roi) {
             Ok(image) => images.push((path.as_path(), image)),
             Err(failure) => {
-                console.say("ERROR", &failure.report());
+                console.write_line("ERROR", &failure.report());
                 exit = failure.exit;
             }
         }

@@ -290,7 +290,7 @@ fn report_panics(console: Console) {
         if trace.status() == std::backtrace::BacktraceStatus::Captured {
             text.push_str(&format!("\n{trace}"));
         }
-        console.say("ERROR", &text);
+        console.write_line("ERROR", &text);
     }));
 }
 
