@@ -3,7 +3,7 @@
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
-use super::cast::params;
+use super::behaviour_loader::params;
 use super::examiner::Examiner;
 use super::settings::SettingsArgs;
 use super::source::read_source;

@@ -4,10 +4,10 @@
 mod api;
 mod argument;
 mod behaviour;
+mod behaviour_loader;
 mod blobs;
 mod broker;
 mod calibrate;
-mod cast;
 mod check;
 mod colours;
 mod completions;

@@ -11,7 +11,7 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use super::argument::ArgumentError;
-use super::cast::{Cast, Casting};
+use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
 use super::embedded::{EmbeddedSim, Simulated};
 use super::fast::{EventFile, Fast, LabJournalOptions};
 use super::firmware::FirmwareArgs;
@@ -148,11 +148,11 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     }
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let Cast {
+    let LoadedBehaviours {
         behaviours,
         blueprints,
         watches,
-    } = cast(&args, &config, seed)?;
+    } = load(&args, &config, seed)?;
     // With --watch the agent checks each version: a mistake must not end the run.
     if !args.no_check && !args.watch {
         check::before_run(&behaviours, console)?;
@@ -355,7 +355,7 @@ async fn drive(
     outcome
 }
 
-fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
+fn load(args: &RunArgs, config: &Config, seed: u64) -> Result<LoadedBehaviours, Failure> {
     let named = |file: &PathBuf| Entry::of(file.clone());
     let entries: Vec<Entry> = if args.files.is_empty() {
         config.behaviours.clone()
@@ -367,7 +367,7 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         let failure = Failure::usage("what to run? no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }
-    Casting {
+    BehaviourLoader {
         config,
         file: args.settings.file(),
         params: &args.params,
@@ -379,7 +379,7 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         clock: clock(args, config),
         zone: zone(args, config),
     }
-    .cast(&entries)
+    .load(&entries)
 }
 
 /// The time zone. A fast run does not use the computer's zone, to be the same on every computer.

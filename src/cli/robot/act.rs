@@ -4,7 +4,7 @@ use clap::builder::PossibleValuesParser;
 
 use super::SharedAimArgs;
 use super::talk::talk;
-use crate::cli::running::{AT_ONCE, ask, nonsense};
+use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
 use crate::cli::{Exit, Failure};
 use crate::control::{Answer, Errand};
 use crate::robot::Percent;
@@ -79,11 +79,11 @@ pub(super) fn volume(args: &VolumeArgs) -> Result<Exit, Failure> {
 
 /// Sends a command, directly or through the run that uses the robot.
 fn say(aim: &SharedAimArgs, command: Command, errand: Errand) -> Result<Exit, Failure> {
-    if let Some(run) = aim.run_on()? {
-        return match ask(&run, &errand, AT_ONCE)? {
+    if let Some(run) = aim.find_run()? {
+        return match ask(&run, &errand, REPLY_TIMEOUT)? {
             None => Ok(Exit::Interrupted),
             Some(Answer::Done) => Ok(Exit::Done),
-            Some(_) => Err(nonsense()),
+            Some(_) => Err(unexpected_reply()),
         };
     }
     talk(aim, async |talk| {

@@ -59,7 +59,7 @@ struct Facts {
 }
 
 pub(super) fn info(args: &InfoArgs) -> Result<Exit, Failure> {
-    if let Some(run) = args.aim.run_on()? {
+    if let Some(run) = args.aim.find_run()? {
         let Overview {
             robot,
             docked,
@@ -130,7 +130,7 @@ fn show_info(as_json: bool, facts: &Facts) -> Result<Exit, Failure> {
 }
 
 pub(super) fn battery(args: &BatteryArgs) -> Result<Exit, Failure> {
-    if let Some(run) = args.aim.run_on()? {
+    if let Some(run) = args.aim.find_run()? {
         let battery = run.overview.battery.ok_or_else(never_connected)?;
         return show_battery(args.json, battery);
     }

@@ -23,7 +23,7 @@ use super::driver::DriverParts;
 use super::embedded::EmbeddedSim;
 use super::reach::{dial, place, reach};
 use super::remote::RemoteArgs;
-use super::running::run_on;
+use super::running::find_run;
 use super::settings::SettingsArgs;
 use super::startup::rescue;
 use super::{ConnectionArgs, Console, Exit, Failure};
@@ -155,9 +155,9 @@ impl SharedAimArgs {
     /// The active run or the service that uses the chosen robot, if any.
     ///
     /// # Errors
-    /// See [`run_on`].
-    pub(super) fn run_on(&self) -> Result<Option<Client>, Failure> {
-        run_on(&self.settings, &self.connection, &self.remote)
+    /// See [`find_run`].
+    pub(super) fn find_run(&self) -> Result<Option<Client>, Failure> {
+        find_run(&self.settings, &self.connection, &self.remote)
     }
 }
 

@@ -9,7 +9,7 @@ use tokio::time::Instant;
 
 use super::SharedAimArgs;
 use super::talk::{Talk, talk};
-use crate::cli::running::{AT_ONCE, ask, nonsense};
+use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
 use crate::cli::{Exit, Failure, print};
 use crate::control::{Answer, Client, Errand};
 use crate::robot::Use;
@@ -44,7 +44,7 @@ struct Shot {
 }
 
 pub(super) fn snapshot(args: &SnapshotArgs) -> Result<Exit, Failure> {
-    if let Some(run) = args.aim.run_on()? {
+    if let Some(run) = args.aim.find_run()? {
         return match ask_for_shot(&run, Duration::from_secs(args.timeout))? {
             Some(shot) => keep(args, &shot),
             None => Ok(Exit::Interrupted),
@@ -82,11 +82,11 @@ fn ask_for_shot(run: &Client, limit: Duration) -> Result<Option<Shot>, Failure> 
     let (mut decoder, mut damaged) = (Decoder::default(), 0);
     loop {
         let left = until.saturating_duration_since(std::time::Instant::now());
-        let jpeg = match ask(run, &Errand::Picture(left), left + AT_ONCE)? {
+        let jpeg = match ask(run, &Errand::Picture(left), left + REPLY_TIMEOUT)? {
             None => return Ok(None),
             Some(Answer::Picture(jpeg)) => Bytes::from(jpeg),
             Some(Answer::NoPicture) => return Err(none_in_time(limit, damaged)),
-            Some(_) => return Err(nonsense()),
+            Some(_) => return Err(unexpected_reply()),
         };
         match decoder.decode(&jpeg).map(|image| image.size()) {
             Ok(size) => {

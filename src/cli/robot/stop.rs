@@ -7,7 +7,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::{Aim, AimArgs, SharedAimArgs};
 use crate::cli::interrupt::interruption;
-use crate::cli::running::{AT_ONCE, ask};
+use crate::cli::running::{REPLY_TIMEOUT, ask};
 use crate::cli::{Exit, Failure, block_on, print};
 use crate::control::{Client, Errand};
 use crate::link::{LinkError, farewell};
@@ -42,7 +42,7 @@ pub(super) struct StopArgs {
 }
 
 pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
-    let running = args.aim.run_on()?;
+    let running = args.aim.find_run()?;
     if let Some(run) = running.as_ref().filter(|run| run.is_remote()) {
         return hold(run);
     }
@@ -52,7 +52,7 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
             "ending the run that uses the robot (process {})",
             run.overview.pid
         );
-        let asked = ask(run, &Errand::Stop, AT_ONCE);
+        let asked = ask(run, &Errand::Stop, REPLY_TIMEOUT);
         if run.overview.simulated {
             if asked?.is_none() {
                 return Ok(Exit::Interrupted);
@@ -93,7 +93,7 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
 /// Stops the robot through a service. The service continues, but the robot cannot move until the
 /// stop is released.
 fn hold(run: &Client) -> Result<Exit, Failure> {
-    if ask(run, &Errand::Stop, AT_ONCE)?.is_none() {
+    if ask(run, &Errand::Stop, REPLY_TIMEOUT)?.is_none() {
         return Ok(Exit::Interrupted);
     }
     print(

@@ -8,7 +8,7 @@ use tokio::time::{Instant, timeout_at};
 use super::{Aim, AimArgs};
 use crate::cli::interrupt::interruption;
 use crate::cli::remote::RemoteArgs;
-use crate::cli::running::{run_on, taken};
+use crate::cli::running::{find_run, robot_in_use};
 use crate::cli::{Exit, Failure, block_on};
 use crate::config::Config;
 use crate::link::{LinkError, Session, farewell};
@@ -72,8 +72,8 @@ pub(super) fn talk_alone(
     args: &AimArgs,
     job: impl AsyncFnOnce(&mut Talk) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
-    match run_on(&args.settings, &args.connection, &RemoteArgs::default())? {
-        Some(run) => Err(taken(&run)),
+    match find_run(&args.settings, &args.connection, &RemoteArgs::default())? {
+        Some(run) => Err(robot_in_use(&run)),
         None => talk(args, job),
     }
 }

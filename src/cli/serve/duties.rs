@@ -8,7 +8,7 @@ use tokio::signal::unix::Signal;
 use tokio::sync::{mpsc, watch};
 
 use crate::agent::Behaviour;
-use crate::cli::cast::{Cast, Casting};
+use crate::cli::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
 use crate::cli::settings::SettingsArgs;
 use crate::cli::{Console, Failure, check, live};
 use crate::clock::{Clock, Zone};
@@ -46,7 +46,7 @@ impl Reader {
     /// # Errors
     /// A script that cannot be read or has a mistake, a timetable that names an unknown behaviour.
     pub(super) fn load(&self, config: &Config) -> Result<LoadedDuties, Failure> {
-        let casting = Casting {
+        let loader = BehaviourLoader {
             config,
             file: self.settings.file(),
             params: &[],
@@ -58,11 +58,11 @@ impl Reader {
             clock: self.clock,
             zone: self.zone(config),
         };
-        let Cast {
+        let LoadedBehaviours {
             behaviours,
             blueprints,
             ..
-        } = casting.cast(&config.behaviours)?;
+        } = loader.load(&config.behaviours)?;
         if self.checked {
             check::before_run(&behaviours, &self.console)?;
         }
