@@ -3,7 +3,7 @@
 use clap::builder::PossibleValuesParser;
 
 use super::SharedAimArgs;
-use super::talk::talk;
+use super::session::with_session;
 use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
 use crate::cli::{Exit, Failure};
 use crate::control::{Answer, Errand};
@@ -59,26 +59,26 @@ pub(super) fn led(args: &LedArgs) -> Result<Exit, Failure> {
     let led = Led::from_name(&args.led)
         .ok_or_else(|| Failure::usage(format_args!("no such light: {}", args.led)))?;
     let on = args.state == "on";
-    say(&args.aim, Command::Led { led, on }, Errand::Led { led, on })
+    send_command(&args.aim, Command::Led { led, on }, Errand::Led { led, on })
 }
 
 pub(super) fn play(args: &PlayArgs) -> Result<Exit, Failure> {
     let Some(name) = &args.sound else {
-        return say(&args.aim, Command::StopSound, Errand::StopSound);
+        return send_command(&args.aim, Command::StopSound, Errand::StopSound);
     };
     let sound = Sound::from_name(name)
         .ok_or_else(|| Failure::usage(format_args!("no such sound: {name}")))?;
-    say(&args.aim, Command::Play(sound), Errand::Play(sound))
+    send_command(&args.aim, Command::Play(sound), Errand::Play(sound))
 }
 
 pub(super) fn volume(args: &VolumeArgs) -> Result<Exit, Failure> {
     let percent = Percent::saturating(args.percent);
     let command = Command::Volume(percent.get());
-    say(&args.aim, command, Errand::Volume(percent))
+    send_command(&args.aim, command, Errand::Volume(percent))
 }
 
 /// Sends a command, directly or through the run that uses the robot.
-fn say(aim: &SharedAimArgs, command: Command, errand: Errand) -> Result<Exit, Failure> {
+fn send_command(aim: &SharedAimArgs, command: Command, errand: Errand) -> Result<Exit, Failure> {
     if let Some(run) = aim.find_run()? {
         return match ask(&run, &errand, REPLY_TIMEOUT)? {
             None => Ok(Exit::Interrupted),
@@ -86,8 +86,8 @@ fn say(aim: &SharedAimArgs, command: Command, errand: Errand) -> Result<Exit, Fa
             Some(_) => Err(unexpected_reply()),
         };
     }
-    talk(aim, async |talk| {
-        talk.tell(command).await?;
+    with_session(aim, async |session| {
+        session.send_confirmed(command).await?;
         Ok(Exit::Done)
     })
 }

@@ -5,15 +5,15 @@ mod act;
 mod ask;
 mod mp3;
 mod say;
+mod session;
 mod settings;
 mod snapshot;
 mod station;
 mod stop;
-mod talk;
 mod upload;
 mod wav;
 
-pub(super) use talk::send_home_if_low;
+pub(super) use session::send_home_if_low;
 
 use std::ops::Deref;
 
