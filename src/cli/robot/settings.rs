@@ -304,7 +304,7 @@ mod tests {
         };
         assert_eq!(shown(&setting), HIDDEN);
         assert!(!table(std::slice::from_ref(&setting)).contains("hunter2"));
-        let refusal = wish("wifi-key=hunter2").unwrap_err();
+        let refusal = parse_change("wifi-key=hunter2").unwrap_err();
         assert!(
             !refusal.report().contains("hunter2"),
             "{}",
@@ -323,8 +323,8 @@ mod tests {
             "name=a\nb",
             "name=\u{20AC}",
         ] {
-            assert!(wish(text).is_err(), "{text}");
+            assert!(parse_change(text).is_err(), "{text}");
         }
-        assert_eq!(wish("name=Anna").unwrap().value, "Anna");
+        assert_eq!(parse_change("name=Anna").unwrap().value, "Anna");
     }
 }
