@@ -12,7 +12,7 @@ use tokio::sync::{Notify, mpsc, watch};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use self::duties::{LoadedDuties, Reader};
+use self::duties::{DutiesLoader, LoadedDuties};
 use super::embedded::{EmbeddedSim, Simulated};
 use super::interrupt::{handle_service_signals, listen};
 use super::live::PageInputs;
@@ -98,7 +98,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     }
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let reader = Reader {
+    let loader = DutiesLoader {
         settings: args.settings.clone(),
         checked: !args.no_check,
         seed,
@@ -110,7 +110,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             Zone::system()
         },
     };
-    let loaded = reader.load(&config)?;
+    let loaded = loader.load(&config)?;
     if args.fast {
         return fast::serve(args, place, login, (&config, loaded), (seed, console));
     }
@@ -168,7 +168,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             target,
             beats,
         },
-        (reader, config, loaded),
+        (loader, config, loaded),
         (page, known, account),
         line,
         console,
@@ -201,7 +201,7 @@ struct ServiceParts {
 
 async fn serve(
     parts: ServiceParts,
-    (reader, config, loaded): (Reader, Config, LoadedDuties),
+    (loader, config, loaded): (DutiesLoader, Config, LoadedDuties),
     (page, known, account): Companions,
     line: StatusLine,
     console: &Console,
@@ -256,7 +256,7 @@ async fn serve(
         never = showing => match never {},
         never = startup::serve(desk, run_handle) => match never {},
         never = herald.pass_on(parts.beats) => match never {},
-        never = reader.obey(hangup, reload, known, (config, loaded)) => match never {},
+        never = loader.reload_on_hangup(hangup, reload, known, (config, loaded)) => match never {},
     };
     mqtt.map(|mqtt| mqtt.finish(broker::END));
     Ok(outcome)
