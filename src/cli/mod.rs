@@ -223,7 +223,7 @@ pub fn main() -> ExitCode {
         Some(first) if first == GUARDIAN_ARGUMENT => return guardian_main(),
         _ => {}
     }
-    secret::leave_environment();
+    secret::remove_from_environment();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => {
