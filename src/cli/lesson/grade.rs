@@ -15,7 +15,7 @@ use super::marks::Marks;
 use super::{Console, Exit, Failure, LessonParser, Side, aligned, print};
 use crate::clean;
 use crate::cli::table::csv_cell;
-use crate::cli::test::crew::parse_timeout;
+use crate::cli::test::job_pool::parse_timeout;
 
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct GradeArgs {
@@ -110,10 +110,14 @@ fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
 }
 
 /// One learner's result and script text, and the maximum number of points.
-type One = (Graded, Option<String>, u32);
+type GradeResult = (Graded, Option<String>, u32);
 
 /// Grades one learner; `None` if interrupted.
-fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Option<One>, Failure> {
+fn grade(
+    learner: Learner,
+    args: &GradeArgs,
+    console: &Console,
+) -> Result<Option<GradeResult>, Failure> {
     let mut graded = Graded {
         name: learner.name,
         file: None,
