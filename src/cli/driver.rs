@@ -15,7 +15,7 @@ use crate::pilot::{Dial, Settings, Status};
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, DockEnd, DockPlan, MotionEnd, Priority, Setpoint};
 
-const ME: BehaviourId = BehaviourId(0);
+const DRIVER_ID: BehaviourId = BehaviourId(0);
 
 /// The parts needed to drive a robot manually.
 pub(super) struct DriverParts {
@@ -49,7 +49,7 @@ pub(super) async fn drive(
     let stop = CancellationToken::new();
     let mut driver = Driver::launch(parts, core.handle(), &stop)?;
     let work = async {
-        driver.board().await?;
+        driver.connect().await?;
         let done = job(&mut driver).await;
         let stayed = driver.flight.stay().await;
         done.map(|exit| if stayed { Exit::Safety } else { exit })
@@ -96,11 +96,11 @@ impl Driver {
         })
     }
 
-    async fn board(&mut self) -> Result<(), Failure> {
+    async fn connect(&mut self) -> Result<(), Failure> {
         self.flight.up().await.map_err(failed)?;
         let seat = Seat::join(
             self.requests.clone(),
-            ME,
+            DRIVER_ID,
             "spykee",
             Priority(0),
             Role::Person,
