@@ -298,8 +298,8 @@ impl Config {
             return Ok(Config::default());
         }
         yaml::examine(text).map_err(|error| invalid(error.to_string()))?;
-        let config: Config =
-            serde_yaml::from_str(text).map_err(|error| invalid(in_words(&error.to_string())))?;
+        let config: Config = serde_yaml::from_str(text)
+            .map_err(|error| invalid(with_suggestion(&error.to_string())))?;
         config
             .watchdog
             .check()
@@ -324,8 +324,8 @@ impl Config {
 
 /// Rewrites the error for an unknown key to name the nearest valid one; returns other errors
 /// unchanged.
-fn in_words(complaint: &str) -> String {
-    let parts = complaint
+fn with_suggestion(message: &str) -> String {
+    let parts = message
         .split_once("unknown field `")
         .and_then(|(before, rest)| {
             let (key, rest) = rest.split_once("`, expected ")?;
@@ -333,7 +333,7 @@ fn in_words(complaint: &str) -> String {
             Some((before, key, valid, place))
         });
     let Some((before, key, valid, place)) = parts else {
-        return complaint.to_owned();
+        return message.to_owned();
     };
     let names: Vec<&str> = valid.split('`').skip(1).step_by(2).collect();
     let near = script::suggestion(key, names.iter().copied());

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::argument::ArgumentError;
 use super::remote::RemoteArgs;
-use super::running::{ask, nonsense, run_of};
+use super::running::{ask, find_run_of_target, unexpected_reply};
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, print};
@@ -149,7 +149,7 @@ fn list(args: &ListArgs) -> Result<Exit, Failure> {
             }
             Ok(Exit::Done)
         }
-        Some(_) => Err(nonsense()),
+        Some(_) => Err(unexpected_reply()),
     }
 }
 
@@ -168,13 +168,13 @@ fn change(args: &NameArgs, change: Change) -> Result<Exit, Failure> {
             print(&format!("{} {done}\n", args.name))?;
             Ok(Exit::Done)
         }
-        Some(_) => Err(nonsense()),
+        Some(_) => Err(unexpected_reply()),
     }
 }
 
 impl WhichArgs {
     fn client(&self) -> Result<Client, Failure> {
-        let found = run_of(&self.settings, self.robot.as_ref(), &self.remote)?;
+        let found = find_run_of_target(&self.settings, self.robot.as_ref(), &self.remote)?;
         let data = self.settings.config()?.data_folder().display();
         found.ok_or_else(|| {
             Failure::new(

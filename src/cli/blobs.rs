@@ -115,12 +115,12 @@ pub(super) fn run(args: &BlobsArgs, console: &Console) -> Result<Exit, Failure> 
         match search.look(key, image) {
             Ok(one) => {
                 if one.blobs.len() == args.max_blobs {
-                    console.say("WARN", &more_may_be_there(&one));
+                    console.write_line("WARN", &more_may_be_there(&one));
                 }
                 found.push(one);
             }
             Err(failure) => {
-                console.say("ERROR", &failure.report());
+                console.write_line("ERROR", &failure.report());
                 exit = failure.exit;
             }
         }

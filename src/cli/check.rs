@@ -3,7 +3,7 @@
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
-use super::cast::params;
+use super::behaviour_loader::params;
 use super::examiner::Examiner;
 use super::settings::SettingsArgs;
 use super::source::read_source;
@@ -106,7 +106,7 @@ pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<
         .into_iter()
         .partition(|finding| finding.severity == Severity::Error);
     for warning in warnings {
-        console.say("WARN", &warning.text());
+        console.write_line("WARN", &warning.text());
     }
     let texts: Vec<_> = errors.iter().map(Finding::text).collect();
     if texts.is_empty() {

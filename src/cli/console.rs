@@ -27,14 +27,14 @@ const MAX_RECORD_LEN: usize = 8 * 1024;
 const TOO_LONG: &str = "a log line was dropped: it was too long";
 /// Width to assume for a window of unknown width.
 const DEFAULT_COLUMNS: usize = 80;
-/// Timeout for enqueueing the note of [`Console::divert`].
-const DIVERT_LIMIT: Duration = Duration::from_millis(500);
+/// Timeout for enqueueing the note of [`Console::redirect`].
+const REDIRECT_LIMIT: Duration = Duration::from_millis(500);
 /// Interval between notices that lines are dropped because the day's byte budget is used up.
-const LEFT_OUT_EVERY: Duration = Duration::from_secs(60);
+const DROP_NOTICE_INTERVAL: Duration = Duration::from_secs(60);
 /// Pause between two attempts to enqueue into a full queue.
-const END_PAUSE: Duration = Duration::from_millis(5);
+const RETRY_PAUSE: Duration = Duration::from_millis(5);
 
-/// A handle for writing to stderr. Cheap to clone; only [`Console::divert`] and [`Console::end`]
+/// A handle for writing to stderr. Cheap to clone; only [`Console::redirect`] and [`Console::end`]
 /// may block.
 #[derive(Clone)]
 pub struct Console {
@@ -52,7 +52,7 @@ enum Note {
     /// A new status line is in [`Shared`].
     Status,
     /// Write everything to this writer from now on; `None`: to stderr again.
-    Divert(Option<Box<dyn Write + Send>>),
+    Redirect(Option<Box<dyn Write + Send>>),
     End(SyncSender<()>),
 }
 
@@ -71,10 +71,10 @@ impl Console {
     pub fn start(format: LogFormat, logging: &Logging) -> io::Result<Console> {
         let features = features_of_stderr(format, logging.colour);
         let day = Budget::new(logging.bytes_a_day);
-        Console::over(io::stderr(), features, stderr_columns, format, day)
+        Console::with_output(io::stderr(), features, stderr_columns, format, day)
     }
 
-    fn over(
+    fn with_output(
         out: impl Write + Send + 'static,
         features: Features,
         columns: fn() -> usize,
@@ -83,19 +83,19 @@ impl Console {
     ) -> io::Result<Console> {
         let (notes, inbox) = sync_channel(MAX_WAITING);
         let shared = Arc::new(Shared::default());
-        let desk = Desk {
+        let writer = ConsoleWriter {
             out,
-            diverted: None,
+            redirected: None,
             screen: Screen::new(features),
             columns,
             shared: Arc::clone(&shared),
             format,
             day,
-            left_out: Repeats::new(LEFT_OUT_EVERY),
+            drop_notices: Repeats::new(DROP_NOTICE_INTERVAL),
         };
         thread::Builder::new()
             .name("console".into())
-            .spawn(move || desk.serve(&inbox))?;
+            .spawn(move || writer.serve(&inbox))?;
         Ok(Console {
             notes,
             shared,
@@ -136,27 +136,27 @@ impl Console {
     /// Writes the status as a separate line, for files and pipes. Does nothing on a terminal.
     pub fn status_line_plain(&self, text: &str) {
         if !self.features.redraw {
-            self.say("INFO", text);
+            self.write_line("INFO", text);
         }
     }
 
     /// Writes a line that is not from the log, such as an error that ends the program. With
     /// `--log-format json` it is an object with `level` and `message`, so that every line is JSON.
-    pub fn say(&self, level: &str, text: &str) {
-        self.record(said(self.format, level, text).into_bytes());
+    pub fn write_line(&self, level: &str, text: &str) {
+        self.record(log_line(self.format, level, text).into_bytes());
     }
 
     /// Redirects the output, such as above a prompt; `None`: to stderr again.
-    pub fn divert(&self, to: Option<Box<dyn Write + Send>>) {
-        let mut left = DIVERT_LIMIT;
-        self.insist(Note::Divert(to), &mut left);
+    pub fn redirect(&self, to: Option<Box<dyn Write + Send>>) {
+        let mut left = REDIRECT_LIMIT;
+        self.enqueue_with_retry(Note::Redirect(to), &mut left);
     }
 
     fn record(&self, mut record: Vec<u8>) {
         if record.len() > MAX_RECORD_LEN {
             match self.format {
                 LogFormat::Text => record.truncate(MAX_RECORD_LEN),
-                LogFormat::Json => record = said(self.format, "WARN", TOO_LONG).into_bytes(),
+                LogFormat::Json => record = log_line(self.format, "WARN", TOO_LONG).into_bytes(),
             }
         }
         if let Err(TrySendError::Full(_)) = self.notes.try_send(Note::Record(record)) {
@@ -169,27 +169,27 @@ impl Console {
     pub fn end(&self, last_words: Option<&str>, limit: Duration) {
         let mut left = limit;
         if let Some(text) = last_words {
-            let record = said(self.format, "ERROR", text);
-            self.insist(Note::LastWords(record), &mut left);
+            let record = log_line(self.format, "ERROR", text);
+            self.enqueue_with_retry(Note::LastWords(record), &mut left);
         }
         let (done, wait) = sync_channel(1);
-        self.insist(Note::End(done), &mut left);
+        self.enqueue_with_retry(Note::End(done), &mut left);
         let _ = wait.recv_timeout(left);
     }
 
     /// Enqueues a note, retrying while the queue is full and time is left.
-    fn insist(&self, mut note: Note, left: &mut Duration) {
+    fn enqueue_with_retry(&self, mut note: Note, left: &mut Duration) {
         while let Err(TrySendError::Full(back)) = self.notes.try_send(note) {
-            let Some(less) = left.checked_sub(END_PAUSE) else {
+            let Some(less) = left.checked_sub(RETRY_PAUSE) else {
                 return;
             };
-            thread::sleep(END_PAUSE);
+            thread::sleep(RETRY_PAUSE);
             (note, *left) = (back, less);
         }
     }
 }
 
-fn said(format: LogFormat, level: &str, text: &str) -> String {
+fn log_line(format: LogFormat, level: &str, text: &str) -> String {
     match format {
         LogFormat::Text => text.to_owned(),
         LogFormat::Json => serde_json::json!({
@@ -208,18 +208,18 @@ fn now() -> String {
 }
 
 /// The writing thread's side.
-struct Desk<W> {
+struct ConsoleWriter<W> {
     out: W,
-    diverted: Option<Box<dyn Write + Send>>,
+    redirected: Option<Box<dyn Write + Send>>,
     screen: Screen,
     columns: fn() -> usize,
     shared: Arc<Shared>,
     format: LogFormat,
     day: Budget,
-    left_out: Repeats<()>,
+    drop_notices: Repeats<()>,
 }
 
-impl<W: Write> Desk<W> {
+impl<W: Write> ConsoleWriter<W> {
     /// Processes notes. Continues after write errors: notes to a broken stderr are discarded.
     fn serve(mut self, inbox: &Receiver<Note>) {
         while let Ok(note) = inbox.recv() {
@@ -230,16 +230,16 @@ impl<W: Write> Desk<W> {
                     self.put(line);
                 }
                 Note::Status => {}
-                Note::Divert(to) => self.diverted = to,
+                Note::Redirect(to) => self.redirected = to,
                 Note::End(done) => {
-                    self.confess();
+                    self.report_dropped();
                     let last = self.screen.end();
                     self.put(last.to_owned());
                     let _ = done.try_send(());
                     continue;
                 }
             }
-            self.confess();
+            self.report_dropped();
             self.redraw();
         }
     }
@@ -251,14 +251,14 @@ impl<W: Write> Desk<W> {
         if self.day.take(text.len() as u64, now) {
             return self.put(text);
         }
-        if let Some(before) = self.left_out.note((), now) {
+        if let Some(before) = self.drop_notices.note((), now) {
             let words = format!(
                 "log lines are dropped ({before} before this one): the limit of {} bytes a day is used up",
                 self.day.per_day()
             );
             let line = self
                 .screen
-                .record(&said(self.format, "WARN", &words), (self.columns)());
+                .record(&log_line(self.format, "WARN", &words), (self.columns)());
             self.put(line);
         }
     }
@@ -277,20 +277,20 @@ impl<W: Write> Desk<W> {
     }
 
     /// Reports how many records were dropped since the last report.
-    fn confess(&mut self) {
+    fn report_dropped(&mut self) {
         let dropped = self.shared.dropped.swap(0, Ordering::Relaxed);
         if dropped > 0 {
             let text = format!("{dropped} log lines were dropped: stderr is too slow");
             let line = self
                 .screen
-                .record(&said(self.format, "WARN", &text), (self.columns)());
+                .record(&log_line(self.format, "WARN", &text), (self.columns)());
             self.put(line);
         }
     }
 
     fn put(&mut self, text: String) {
         if !text.is_empty() {
-            let out: &mut dyn Write = match &mut self.diverted {
+            let out: &mut dyn Write = match &mut self.redirected {
                 Some(out) => out,
                 None => &mut self.out,
             };

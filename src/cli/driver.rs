@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 
-use super::interrupt::obey;
+use super::interrupt::handle_signals;
 use super::startup::{driving_core, launcher, pulse};
 use super::{Exit, Failure};
 use crate::agent::{AgentError, Docked, PilotSetup, RunningPilot, Seat, SeatError};
@@ -15,10 +15,10 @@ use crate::pilot::{Dial, Settings, Status};
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, DockEnd, DockPlan, MotionEnd, Priority, Setpoint};
 
-const ME: BehaviourId = BehaviourId(0);
+const DRIVER_ID: BehaviourId = BehaviourId(0);
 
 /// The parts needed to drive a robot manually.
-pub(super) struct Means {
+pub(super) struct DriverParts {
     /// Connects to the robot.
     pub(super) dial: Dial,
     /// The pilot's settings.
@@ -42,14 +42,14 @@ pub(super) struct Driver {
 /// # Errors
 /// The robot cannot be reached, or the job fails.
 pub(super) async fn drive(
-    means: Means,
+    parts: DriverParts,
     job: impl AsyncFnOnce(&mut Driver) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
     let core = driving_core()?;
     let stop = CancellationToken::new();
-    let mut driver = Driver::launch(means, core.handle(), &stop)?;
+    let mut driver = Driver::launch(parts, core.handle(), &stop)?;
     let work = async {
-        driver.board().await?;
+        driver.connect().await?;
         let done = job(&mut driver).await;
         let stayed = driver.flight.wait_until_home().await;
         done.map(|exit| if stayed { Exit::Safety } else { exit })
@@ -73,19 +73,19 @@ async fn unless_stopped<T>(stop: &CancellationToken, work: impl Future<Output = 
 
 impl Driver {
     fn launch(
-        means: Means,
+        parts: DriverParts,
         core: &tokio::runtime::Handle,
         stop: &CancellationToken,
     ) -> Result<Driver, Failure> {
-        let Means {
+        let DriverParts {
             dial,
             settings,
             rescue,
-        } = means;
+        } = parts;
         let pulse = pulse(settings.simulated);
         let mut flight = PilotSetup::new(settings, dial, core.clone(), Some(pulse));
         let requests = flight.requests();
-        obey(core, requests.clone(), stop.clone())?;
+        handle_signals(core, requests.clone(), stop.clone())?;
         if let Some(rescue) = rescue {
             flight.stand_by(launcher()?, rescue);
         }
@@ -96,11 +96,11 @@ impl Driver {
         })
     }
 
-    async fn board(&mut self) -> Result<(), Failure> {
+    async fn connect(&mut self) -> Result<(), Failure> {
         self.flight.connected().await.map_err(failed)?;
         let seat = Seat::join(
             self.requests.clone(),
-            ME,
+            DRIVER_ID,
             "spykee",
             Priority(0),
             Role::Person,

@@ -13,8 +13,8 @@ use std::time::{Duration, Instant};
 use tokio::sync::{oneshot, watch};
 use tokio::time::{MissedTickBehavior, interval, sleep};
 
-use super::interrupt::EndingSignals;
-use super::live::Ahead;
+use super::interrupt::TerminatingSignals;
+use super::live::PageInputs;
 use super::startup::{STATUS_PERIOD, runtime};
 use super::status::StatusLine;
 use super::trace::TraceFile;
@@ -33,9 +33,9 @@ use crate::sim::{Handle, World};
 use crate::timetable::View;
 
 /// A script that cannot be interrupted for this long ends the run.
-const STUCK: Duration = Duration::from_secs(5);
+const STUCK_LIMIT: Duration = Duration::from_secs(5);
 /// Time limit, in real time, for ending the scripts and the run after a signal.
-const PARTING: Duration = Duration::from_secs(10);
+const SHUTDOWN_LIMIT: Duration = Duration::from_secs(10);
 
 /// A fast run: its behaviours, world and outputs.
 pub(super) struct Fast {
@@ -46,23 +46,23 @@ pub(super) struct Fast {
     /// The picture of the robot's path, drawn at the end.
     pub(super) trace: Option<TraceFile>,
     /// The page that shows the run and controls its clock.
-    pub(super) page: Option<Ahead>,
+    pub(super) page: Option<PageInputs>,
     /// The journal of the run.
-    pub(super) journal: Option<Keeping>,
+    pub(super) journal: Option<LabJournalOptions>,
 }
 
 /// A journal in virtual time and its folder. It is kept only if the config explicitly has
 /// `journal: { record: on }`: by default, fast runs are not mixed with the history of real runs.
-pub(super) struct Keeping {
+pub(super) struct LabJournalOptions {
     data: PathBuf,
     options: journal::Options,
 }
 
-impl Keeping {
+impl LabJournalOptions {
     /// The journal that this config asks for, if any.
-    pub(super) fn of(config: &Config) -> Option<Keeping> {
+    pub(super) fn of(config: &Config) -> Option<LabJournalOptions> {
         let wanted = config.journal.record == journal::When::On;
-        wanted.then(|| Keeping {
+        wanted.then(|| LabJournalOptions {
             data: config.data_folder().to_owned(),
             options: config.journal,
         })
@@ -96,33 +96,33 @@ impl Fast {
     ) -> Result<Result<Outcome, AgentError>, Failure> {
         let runtime = runtime()?;
         let began = Instant::now();
-        let (outcome, simulated) = runtime.block_on(self.watched(names, began, console))?;
+        let (outcome, simulated) = runtime.block_on(self.run_watched(names, began, console))?;
         tracing::info!("{}", Pace::new(simulated, began.elapsed()).summary());
         Ok(outcome)
     }
 
-    async fn watched(
+    async fn run_watched(
         self,
         names: String,
         began: Instant,
         console: &Console,
     ) -> Result<Run, Failure> {
-        let (mut signals, stop) = (EndingSignals::but(&[])?, self.options.stop.clone());
+        let (mut signals, stop) = (TerminatingSignals::except(&[])?, self.options.stop.clone());
         let last = console.clone();
-        script::when_stuck(STUCK, move |file| {
+        script::when_stuck(STUCK_LIMIT, move |file| {
             let words = format!("error: {}", script::stuck(file));
-            end_here(&last, &words, Exit::Script);
+            exit_with_message(&last, &words, Exit::Script);
         });
         let last = console.clone();
         let (opened, view) = oneshot::channel();
         let (ended, mut end) = oneshot::channel();
         let shown = console.clone();
-        let life = move || {
-            let _ = ended.send(self.live(opened, &shown));
+        let lab_thread = move || {
+            let _ = ended.send(self.run_lab(opened, &shown));
         };
         let thread = std::thread::Builder::new()
             .name("fast".into())
-            .spawn(life)
+            .spawn(lab_thread)
             .map_err(no_lab)?;
         let watching = async {
             signals.next().await;
@@ -130,13 +130,13 @@ impl Fast {
             // A run that can end does so at once; a second signal skips the wait.
             tokio::select! {
                 () = signals.next() => {}
-                () = sleep(PARTING) => {}
+                () = sleep(SHUTDOWN_LIMIT) => {}
             }
             let words = match script::running().first() {
                 Some(file) => format!("error: interrupted within {file}, which did not end"),
                 None => "error: interrupted before the run had ended".to_owned(),
             };
-            end_here(&last, &words, Exit::Interrupted)
+            exit_with_message(&last, &words, Exit::Interrupted)
         };
         let result = tokio::select! {
             biased;
@@ -155,7 +155,7 @@ impl Fast {
     }
 
     /// Runs the laboratory, on a thread without a runtime.
-    fn live(
+    fn run_lab(
         self,
         opened: oneshot::Sender<LabView>,
         console: &Console,
@@ -170,7 +170,8 @@ impl Fast {
                 robot: lab.sim().clone(),
                 tempo,
             };
-            let page = page.map(|page| page.serve(asked(&run, streams), Some(simulation), console));
+            let page =
+                page.map(|page| page.serve(run_handle(&run, streams), Some(simulation), console));
             let _page = page.transpose()?;
             let _ = opened.send((run.status(), lab.sim().clone()));
             let outcome = run.outcome().await;
@@ -186,7 +187,7 @@ impl Fast {
 }
 
 /// The handle through which the page accesses the run.
-fn asked(run: &Running, streams: Streams) -> control::Run {
+fn run_handle(run: &Running, streams: Streams) -> control::Run {
     control::Run {
         requests: run.requests(),
         roster: run.roster(),
@@ -204,7 +205,7 @@ fn asked(run: &Running, streams: Streams) -> control::Run {
 }
 
 /// Ends the program with these last words when the laboratory cannot be ended.
-fn end_here(console: &Console, words: &str, exit: Exit) -> ! {
+fn exit_with_message(console: &Console, words: &str, exit: Exit) -> ! {
     console.end(Some(words), super::CONSOLE_LIMIT);
     std::process::exit(exit as i32)
 }
@@ -219,15 +220,15 @@ async fn show(
         return std::future::pending().await;
     };
     let mut line = StatusLine::new(names, Some(sim.clone()), Tries::default());
-    let mut beat = interval(STATUS_PERIOD);
-    beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut ticks = interval(STATUS_PERIOD);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
-        beat.tick().await;
+        ticks.tick().await;
         let newest = *status.borrow();
         let pace = Pace::new(sim.state().time, began.elapsed());
         if console.has_status_line() {
             console.status(format!("{pace} · {}", line.draw(&newest)));
-        } else if let Some(text) = line.news(&newest) {
+        } else if let Some(text) = line.plain_line(&newest) {
             console.status_line_plain(&format!("{pace} · {text}"));
         }
     }

@@ -14,12 +14,12 @@ use super::terminal::Terminal;
 use crate::robot::channel::{Request, Sleep};
 
 /// Time for SIGSTOP to suspend this program.
-const FALLING_ASLEEP: Duration = Duration::from_millis(50);
+const SUSPEND_DELAY: Duration = Duration::from_millis(50);
 
 /// Signals that terminate a program by default. Here each ends the run in an orderly way and stops
 /// the tracks first. SIGKILL cannot be handled, and after SIGABRT and similar signals the program's
 /// state cannot be trusted: then the guardian stops the robot.
-const ENDING: [i32; 13] = [
+const TERMINATING: [i32; 13] = [
     libc::SIGINT,
     libc::SIGTERM,
     libc::SIGHUP,
@@ -40,35 +40,35 @@ const ENDING: [i32; 13] = [
 /// # Errors
 /// The signal handlers cannot be installed.
 pub(super) fn interruption() -> Result<impl Future<Output = ()> + Send, Failure> {
-    let mut signals = EndingSignals::but(&[])?;
+    let mut signals = TerminatingSignals::except(&[])?;
     Ok(async move { signals.next().await })
 }
 
 /// A listener for the signals that terminate a program by default.
-pub(super) struct EndingSignals(Vec<Signal>);
+pub(super) struct TerminatingSignals(Vec<Signal>);
 
-impl EndingSignals {
+impl TerminatingSignals {
     /// Listens from now on to all of them except those that the caller handles itself.
     ///
     /// # Errors
     /// The signal handlers cannot be installed.
-    pub(super) fn but(others: &[i32]) -> Result<EndingSignals, Failure> {
-        let ours = ENDING.iter().filter(|number| !others.contains(number));
+    pub(super) fn except(others: &[i32]) -> Result<TerminatingSignals, Failure> {
+        let ours = TERMINATING.iter().filter(|number| !others.contains(number));
         let signals: Result<_, Failure> = ours.map(|&number| listen(number)).collect();
-        signals.map(EndingSignals)
+        signals.map(TerminatingSignals)
     }
 
     /// Waits for the next signal.
     pub(super) async fn next(&mut self) {
         poll_fn(|context| {
             // Polls all of them, so that each can wake this task.
-            let mut heard = Poll::Pending;
+            let mut received = Poll::Pending;
             for signal in &mut self.0 {
                 if signal.poll_recv(context).is_ready() {
-                    heard = Poll::Ready(());
+                    received = Poll::Ready(());
                 }
             }
-            heard
+            received
         })
         .await;
     }
@@ -89,49 +89,49 @@ pub(super) fn listen(number: i32) -> Result<Signal, Failure> {
 ///
 /// # Errors
 /// The signal handlers cannot be installed.
-pub(super) fn obey(
+pub(super) fn handle_signals(
     core: &Handle,
     requests: mpsc::Sender<Request>,
     stop: CancellationToken,
 ) -> Result<(), Failure> {
-    hear(core, requests, stop, &[], None)
+    install_handlers(core, requests, stop, &[], None)
 }
 
-/// Like [`obey`], for a service: the caller handles SIGHUP.
+/// Like [`handle_signals`], for a service: the caller handles SIGHUP.
 ///
 /// # Errors
 /// The signal handlers cannot be installed.
-pub(super) fn obey_as_service(
+pub(super) fn handle_service_signals(
     core: &Handle,
     requests: mpsc::Sender<Request>,
     stop: CancellationToken,
 ) -> Result<(), Failure> {
-    hear(core, requests, stop, &[libc::SIGHUP], None)
+    install_handlers(core, requests, stop, &[libc::SIGHUP], None)
 }
 
-/// Like [`obey`], for a prompt: the caller handles SIGINT, and while this program is suspended the
-/// terminal has its original settings.
+/// Like [`handle_signals`], for a prompt: the caller handles SIGINT, and while this program is
+/// suspended the terminal has its original settings.
 ///
 /// # Errors
 /// The signal handlers cannot be installed.
-pub(super) fn obey_at_prompt(
+pub(super) fn handle_prompt_signals(
     core: &Handle,
     requests: mpsc::Sender<Request>,
     stop: CancellationToken,
-    usual: Terminal,
+    original: Terminal,
 ) -> Result<(), Failure> {
-    hear(core, requests, stop, &[libc::SIGINT], Some(usual))
+    install_handlers(core, requests, stop, &[libc::SIGINT], Some(original))
 }
 
-fn hear(
+fn install_handlers(
     core: &Handle,
     requests: mpsc::Sender<Request>,
     stop: CancellationToken,
     others: &[i32],
-    usual: Option<Terminal>,
+    original: Option<Terminal>,
 ) -> Result<(), Failure> {
-    let _heard_by = core.enter();
-    let mut ending = EndingSignals::but(others)?;
+    let _guard = core.enter();
+    let mut ending = TerminatingSignals::except(others)?;
     let mut stopped = listen(libc::SIGTSTP)?;
     core.spawn(async move {
         ending.next().await;
@@ -139,8 +139,8 @@ fn hear(
     });
     core.spawn(async move {
         while stopped.recv().await.is_some() {
-            let usual = usual.clone();
-            let sleep = Sleep(Box::new(move || sleep_here(usual)));
+            let original = original.clone();
+            let sleep = Sleep(Box::new(move || suspend(original)));
             if requests.send(Request::Sleep(sleep)).await.is_err() {
                 return;
             }
@@ -150,13 +150,13 @@ fn hear(
 }
 
 /// Suspends this program as the terminal would have done; returns when it is resumed.
-fn sleep_here(usual: Option<Terminal>) {
+fn suspend(original: Option<Terminal>) {
     use rustix::process::{Signal, getpid, kill_process};
     tracing::info!("suspended by Ctrl-Z; the robot is stopped");
-    let edited = usual.and_then(|usual| usual.enforce());
+    let edited = original.and_then(|original| original.enforce());
     let _ = kill_process(getpid(), Signal::STOP);
     // The signal may reach another thread first: do nothing until it has taken effect.
-    std::thread::sleep(FALLING_ASLEEP);
+    std::thread::sleep(SUSPEND_DELAY);
     if let Some(edited) = edited {
         edited.restore();
     }

@@ -64,7 +64,7 @@ fn parse_name(text: &str) -> Result<String, ArgumentError> {
 
 /// The matches of the learned colour in one picture.
 #[derive(Debug, Serialize)]
-struct Proof {
+struct ColourCheck {
     file: String,
     inside: Count,
     outside: Count,
@@ -90,7 +90,7 @@ pub(super) fn run(args: &LearnArgs, console: &Console) -> Result<Exit, Failure> 
         match load(path, args.roi) {
             Ok(image) => images.push((path.as_path(), image)),
             Err(failure) => {
-                console.say("ERROR", &failure.report());
+                console.write_line("ERROR", &failure.report());
                 exit = failure.exit;
             }
         }
@@ -103,11 +103,11 @@ pub(super) fn run(args: &LearnArgs, console: &Console) -> Result<Exit, Failure> 
         Ok(learned) => learned,
         Err(refusal) => return refuse(refusal, args.json),
     };
-    let proofs = prove(&images, args.roi, &learned.colour);
+    let checks = check_pictures(&images, args.roi, &learned.colour);
     print(&if args.json {
-        format!("{}\n", json(&args.name, &learned, &proofs))
+        format!("{}\n", json(&args.name, &learned, &checks))
     } else {
-        yaml(&args.name, &learned, &proofs)
+        yaml(&args.name, &learned, &checks)
     })?;
     Ok(exit)
 }
@@ -141,7 +141,7 @@ fn refuse(refusal: LearnRefusal, as_json: bool) -> Result<Exit, Failure> {
 }
 
 /// Counts the colour's pixels in each picture with the blob finder that scripts use.
-fn prove(images: &[(&Path, Image)], roi: Roi, colour: &Colour) -> Vec<Proof> {
+fn check_pictures(images: &[(&Path, Image)], roi: Roi, colour: &Colour) -> Vec<ColourCheck> {
     let mut palette = Palette::compile(&[*colour], false);
     let mut finder = BlobFinder::default();
     let mut find = |image: &Image, options: &BlobOptions| {
@@ -149,7 +149,7 @@ fn prove(images: &[(&Path, Image)], roi: Roi, colour: &Colour) -> Vec<Proof> {
             .find(image, &mut palette, options, Camera::default())
             .to_vec()
     };
-    let prove = |(path, image): &(&Path, Image)| {
+    let check_picture = |(path, image): &(&Path, Image)| {
         let mut count = |roi| {
             let blobs = find(image, &every_pixel(roi));
             blobs.iter().map(|blob| blob.pixels).sum()
@@ -158,7 +158,7 @@ fn prove(images: &[(&Path, Image)], roi: Roi, colour: &Colour) -> Vec<Proof> {
         let size = image.size();
         let of = roi.within(size).map_or(0, |part| part.w * part.h);
         let largest = find(image, &BlobOptions::default()).first().copied();
-        Proof {
+        ColourCheck {
             file: path.display().to_string(),
             inside: Count { pixels: inside, of },
             outside: Count {
@@ -168,7 +168,7 @@ fn prove(images: &[(&Path, Image)], roi: Roi, colour: &Colour) -> Vec<Proof> {
             largest_is_inside: largest.map(|blob| overlaps(&blob, roi)),
         }
     };
-    images.iter().map(prove).collect()
+    images.iter().map(check_picture).collect()
 }
 
 fn every_pixel(roi: Option<Roi>) -> BlobOptions {
@@ -188,25 +188,25 @@ fn overlaps(blob: &Blob, roi: Roi) -> bool {
 }
 
 /// Whether some picture has hardly any of the colour where the object should be.
-fn absent(proofs: &[Proof]) -> bool {
+fn object_missing(checks: &[ColourCheck]) -> bool {
     const LEAST_PERCENT: u32 = 20;
     let hardly = |inside: &Count| inside.pixels * 100 < inside.of * LEAST_PERCENT;
-    proofs.iter().any(|proof| hardly(&proof.inside))
+    checks.iter().any(|check| hardly(&check.inside))
 }
 
-fn misled(proofs: &[Proof]) -> bool {
-    proofs
+fn largest_is_elsewhere(checks: &[ColourCheck]) -> bool {
+    checks
         .iter()
-        .any(|proof| proof.largest_is_inside != Some(true))
+        .any(|check| check.largest_is_inside != Some(true))
 }
 
 /// Rates the colour, with advice if it is poor.
-fn verdict(quality: f64, proofs: &[Proof]) -> &'static str {
+fn verdict(quality: f64, checks: &[ColourCheck]) -> &'static str {
     match quality {
-        _ if absent(proofs) => {
+        _ if object_missing(checks) => {
             "poor: not every picture shows the object in this part; leave out those that do not"
         }
-        _ if misled(proofs) => {
+        _ if largest_is_elsewhere(checks) => {
             "poor: the largest blob is not the object; add pictures in different light, choose \
              --roi well inside the object, or an object of a rarer colour"
         }
@@ -221,9 +221,9 @@ fn verdict(quality: f64, proofs: &[Proof]) -> &'static str {
 }
 
 /// The result as YAML to paste into a config: everything except the colour is a comment.
-fn yaml(name: &str, learned: &Learned, proofs: &[Proof]) -> String {
-    let rows: Vec<Vec<String>> = proofs.iter().map(row).collect();
-    let verdict = verdict(learned.quality, proofs);
+fn yaml(name: &str, learned: &Learned, checks: &[ColourCheck]) -> String {
+    let rows: Vec<Vec<String>> = checks.iter().map(row).collect();
+    let verdict = verdict(learned.quality, checks);
     let quality = learned.quality;
     format!(
         "# Pixels that have the learned colour:\n{}# Quality {quality:.2} of 1: {verdict}\n\
@@ -234,18 +234,18 @@ fn yaml(name: &str, learned: &Learned, proofs: &[Proof]) -> String {
     )
 }
 
-fn row(proof: &Proof) -> Vec<String> {
-    let largest = match proof.largest_is_inside {
+fn row(check: &ColourCheck) -> Vec<String> {
+    let largest = match check.largest_is_inside {
         Some(true) => "the object",
         Some(false) => "elsewhere",
         None => "none",
     };
     vec![
-        format!("# {}", commented(&proof.file)),
-        proof.inside.pixels.to_string(),
-        proof.inside.of.to_string(),
-        proof.outside.pixels.to_string(),
-        proof.outside.of.to_string(),
+        format!("# {}", commented(&check.file)),
+        check.inside.pixels.to_string(),
+        check.inside.of.to_string(),
+        check.outside.pixels.to_string(),
+        check.outside.of.to_string(),
         largest.to_owned(),
     ]
 }
@@ -265,13 +265,13 @@ fn key(name: &str) -> String {
     }
 }
 
-fn json(name: &str, learned: &Learned, proofs: &[Proof]) -> serde_json::Value {
+fn json(name: &str, learned: &Learned, checks: &[ColourCheck]) -> serde_json::Value {
     json!({
         "name": name,
         "colour": learned.colour,
         "quality": learned.quality,
-        "verdict": verdict(learned.quality, proofs),
-        "pictures": proofs,
+        "verdict": verdict(learned.quality, checks),
+        "pictures": checks,
     })
 }
 
@@ -281,8 +281,8 @@ mod tests {
     use crate::config::Config;
     use proptest::prelude::*;
 
-    fn proof(file: &str) -> Proof {
-        Proof {
+    fn check(file: &str) -> ColourCheck {
+        ColourCheck {
             file: file.to_owned(),
             inside: Count {
                 pixels: 390,
@@ -306,7 +306,7 @@ mod tests {
     #[test]
     fn names_with_a_meaning_in_yaml_are_quoted() {
         for name in ["null", "true", "false", "Null", "y", "no", "e3", "red"] {
-            let text = yaml(&parse_name(name).unwrap(), &learned(), &[proof("a.jpg")]);
+            let text = yaml(&parse_name(name).unwrap(), &learned(), &[check("a.jpg")]);
             let config = Config::parse(&text, "learned").unwrap();
             assert_eq!(config.colours[name], learned().colour, "{text}");
         }
@@ -317,14 +317,14 @@ mod tests {
 
     #[test]
     fn a_colour_whose_largest_blob_is_elsewhere_is_poor_whatever_its_quality() {
-        let mut elsewhere = proof("a.jpg");
-        assert_eq!(verdict(0.97, &[proof("b.jpg")]), "very good");
+        let mut elsewhere = check("a.jpg");
+        assert_eq!(verdict(0.97, &[check("b.jpg")]), "very good");
         elsewhere.largest_is_inside = Some(false);
-        assert!(verdict(0.97, &[proof("b.jpg"), elsewhere]).starts_with("poor"));
-        assert!(verdict(0.3, &[proof("b.jpg")]).starts_with("poor"));
-        let mut absent = proof("c.jpg");
-        absent.inside.pixels = 3;
-        assert!(verdict(0.5, &[proof("b.jpg"), absent]).contains("not every picture"));
+        assert!(verdict(0.97, &[check("b.jpg"), elsewhere]).starts_with("poor"));
+        assert!(verdict(0.3, &[check("b.jpg")]).starts_with("poor"));
+        let mut object_missing = check("c.jpg");
+        object_missing.inside.pixels = 3;
+        assert!(verdict(0.5, &[check("b.jpg"), object_missing]).contains("not every picture"));
     }
 
     proptest! {
@@ -334,7 +334,7 @@ mod tests {
             file in "[^\\x00]{0,40}|[a \\n\u{2028}\u{85}\u{fffe}\u{feff}#:]{1,9}"
         ) {
             if let Ok(name) = parse_name(&name) {
-                let text = yaml(&name, &learned(), &[proof(&file)]);
+                let text = yaml(&name, &learned(), &[check(&file)]);
                 let config = Config::parse(&text, "learned");
                 prop_assert!(config.is_ok(), "{:?} {}", config, text);
                 prop_assert_eq!(config.unwrap().colours[&name], learned().colour);

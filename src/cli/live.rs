@@ -15,17 +15,17 @@ use crate::robot::{Bus, Listener};
 use crate::script::ParamValue;
 
 /// The page's inputs that must be collected before the run starts.
-pub(super) struct Ahead {
+pub(super) struct PageInputs {
     options: Options,
     data: std::path::PathBuf,
     known: watch::Receiver<Known>,
     bus: Listener,
 }
 
-impl Ahead {
+impl PageInputs {
     /// Collects the inputs from the config, the known scripts and the bus.
-    pub(super) fn of(config: &Config, known: watch::Receiver<Known>, bus: &Bus) -> Ahead {
-        Ahead {
+    pub(super) fn of(config: &Config, known: watch::Receiver<Known>, bus: &Bus) -> PageInputs {
+        PageInputs {
             options: config.live.clone(),
             data: config.data_folder().to_owned(),
             known,
@@ -44,7 +44,7 @@ impl Ahead {
         sim: Option<Simulation>,
         console: &Console,
     ) -> Result<Live, Failure> {
-        let Ahead {
+        let PageInputs {
             options,
             data,
             known,

@@ -174,9 +174,9 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     #[derive(Clone, Default)]
-    struct Paper(Arc<Mutex<Vec<u8>>>);
+    struct TestOutput(Arc<Mutex<Vec<u8>>>);
 
-    impl Write for Paper {
+    impl Write for TestOutput {
         fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
             self.0.lock().unwrap().write(bytes)
         }
@@ -187,8 +187,8 @@ mod tests {
     }
 
     fn logged(log: impl FnOnce()) -> String {
-        let paper = Paper::default();
-        let written = paper.clone();
+        let output = TestOutput::default();
+        let written = output.clone();
         let subscriber = tracing_subscriber::fmt()
             .with_writer(move || written.clone())
             .with_ansi(false)
@@ -197,7 +197,7 @@ mod tests {
             .fmt_fields(Plain)
             .finish();
         tracing::subscriber::with_default(subscriber, log);
-        let bytes = paper.0.lock().unwrap().clone();
+        let bytes = output.0.lock().unwrap().clone();
         String::from_utf8(bytes).unwrap().trim().to_owned()
     }
 

@@ -4,10 +4,10 @@
 mod api;
 mod argument;
 mod behaviour;
+mod behaviour_loader;
 mod blobs;
 mod broker;
 mod calibrate;
-mod cast;
 mod check;
 mod colours;
 mod completions;
@@ -223,7 +223,7 @@ pub fn main() -> ExitCode {
         Some(first) if first == GUARDIAN_ARGUMENT => return guardian_main(),
         _ => {}
     }
-    secret::leave_environment();
+    secret::remove_from_environment();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => {
@@ -290,7 +290,7 @@ fn report_panics(console: Console) {
         if trace.status() == std::backtrace::BacktraceStatus::Captured {
             text.push_str(&format!("\n{trace}"));
         }
-        console.say("ERROR", &text);
+        console.write_line("ERROR", &text);
     }));
 }
 

@@ -14,7 +14,7 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use super::interrupt::{listen, obey, obey_at_prompt};
+use super::interrupt::{handle_prompt_signals, handle_signals, listen};
 use super::reach::{dial, place, reach};
 use super::settings::SettingsArgs;
 use super::startup::{driving_core, launcher, pulse, rescue, runtime};
@@ -33,7 +33,7 @@ const NAME: &str = "repl";
 /// If the terminal takes longer than this to show a prompt, the tracks are stopped.
 const TERMINAL_LIMIT: Duration = Duration::from_secs(2);
 /// Length of the queue to the terminal; the last slot is reserved for the outcome of the line.
-const MAX_TOLD: usize = 257;
+const MAX_EDITOR_COMMANDS: usize = 257;
 
 /// Run Lua interactively on a robot
 ///
@@ -74,10 +74,10 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
         setup: PilotSetup::new(settings, dial, core.handle().clone(), pulse),
         rescue: rescue(&config, seed)?,
     };
-    let terminal = Terminal::remember();
-    let outcome = runtime.block_on(converse(talk, &terminal, console));
+    let terminal = Terminal::current();
+    let outcome = runtime.block_on(run_session(talk, &terminal, console));
     drop(core);
-    console.divert(None);
+    console.redirect(None);
     terminal.restore();
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
     drop(sim);
@@ -99,24 +99,24 @@ fn launch(config: &Config, seed: u64) -> Result<Launch, Failure> {
     })
 }
 
-async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<Exit, Failure> {
+async fn run_session(talk: Talk, terminal: &Terminal, console: &Console) -> Result<Exit, Failure> {
     let (order, orders) = mpsc::channel(16);
-    let (say, said) = mpsc::channel(64);
-    let (type_, typed) = mpsc::channel(1);
-    let (tell, told) = mpsc::channel(MAX_TOLD);
+    let (said_sender, said) = mpsc::channel(64);
+    let (typed_sender, typed) = mpsc::channel(1);
+    let (to_editor, editor_commands) = mpsc::channel(MAX_EDITOR_COMMANDS);
     let stop = CancellationToken::new();
     let interactive = std::io::stdin().is_terminal();
     let (core, requests) = (talk.setup.core().clone(), talk.setup.requests());
     let mut interruption = if interactive {
-        obey_at_prompt(&core, requests, stop.clone(), terminal.clone())?;
+        handle_prompt_signals(&core, requests, stop.clone(), terminal.clone())?;
         Some(listen(libc::SIGINT)?)
     } else {
-        obey(&core, requests, stop.clone())?;
+        handle_signals(&core, requests, stop.clone())?;
         None
     };
     let mut repl = Repl {
         order: Some(order),
-        tell,
+        to_editor,
         console: console.clone(),
         interactive,
         begun: false,
@@ -127,16 +127,16 @@ async fn converse(talk: Talk, terminal: &Terminal, console: &Console) -> Result<
     let console = console.clone();
     let thread = std::thread::Builder::new().name("editor".into());
     thread
-        .spawn(move || editor::serve(&type_, told, &console))
+        .spawn(move || editor::serve(&typed_sender, editor_commands, &console))
         .map_err(|error| Failure::usage(format_args!("no thread for the prompt: {error}")))?;
-    let mut session = std::pin::pin!(talk.run(orders, say, stop.clone()));
+    let mut session = std::pin::pin!(talk.run(orders, said_sender, stop.clone()));
     let (mut typed, mut said) = (typed, said);
     loop {
         tokio::select! {
             biased;
             ended = &mut session => return repl.exit(ended, stop.is_cancelled()),
             () = next(&mut interruption) => repl.interrupted(&stop),
-            Some(said) = said.recv() => repl.hear(said),
+            Some(said) = said.recv() => repl.receive(said),
             () = until(repl.terminal_due) => repl.give_up_on_terminal(),
             typed = typed.recv(), if repl.order.is_some() => match typed {
                 Some(typed) => repl.take(typed),
@@ -158,7 +158,7 @@ async fn next(signal: &mut Option<Signal>) {
 struct Repl {
     /// Commands to the behaviour; `None` ends the session.
     order: Option<mpsc::Sender<PromptCommand>>,
-    tell: mpsc::Sender<EditorCommand>,
+    to_editor: mpsc::Sender<EditorCommand>,
     console: Console,
     /// Whether a person types; otherwise lines come from a pipe.
     interactive: bool,
@@ -186,7 +186,7 @@ impl Repl {
             }
             Typed::End => {
                 self.order = None;
-                self.console.divert(None);
+                self.console.redirect(None);
             }
         }
     }
@@ -209,7 +209,7 @@ impl Repl {
         }
     }
 
-    fn hear(&mut self, said: Said) {
+    fn receive(&mut self, said: Said) {
         match said {
             Said::Ready if !self.begun => {
                 self.begun = true;
@@ -249,18 +249,20 @@ impl Repl {
     /// Prints text: while a line runs, in order with its result; otherwise above the prompt.
     fn print(&self, text: &str) {
         if !self.running {
-            return self.console.say("INFO", text);
+            return self.console.write_line("INFO", text);
         }
         // The last slot is reserved for the outcome of the line.
-        if self.tell.capacity() > 1 {
-            let _ = self.tell.try_send(EditorCommand::Print(text.to_owned()));
+        if self.to_editor.capacity() > 1 {
+            let _ = self
+                .to_editor
+                .try_send(EditorCommand::Print(text.to_owned()));
         }
     }
 
     fn finish(&mut self, next: Next) {
         self.running = false;
         self.terminal_due = Some(Instant::now() + TERMINAL_LIMIT);
-        let _ = self.tell.try_send(EditorCommand::Done(next));
+        let _ = self.to_editor.try_send(EditorCommand::Done(next));
     }
 
     fn give_up_on_terminal(&mut self) {

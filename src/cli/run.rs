@@ -11,12 +11,12 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use super::argument::ArgumentError;
-use super::cast::{Cast, Casting};
+use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
 use super::embedded::{EmbeddedSim, Simulated};
-use super::fast::{EventFile, Fast, Keeping};
+use super::fast::{EventFile, Fast, LabJournalOptions};
 use super::firmware::FirmwareArgs;
-use super::interrupt::obey;
-use super::live::Ahead;
+use super::interrupt::handle_signals;
+use super::live::PageInputs;
 use super::outcome::exit;
 use super::params::Param;
 use super::reach::{dial, place, reach_with};
@@ -148,11 +148,11 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     }
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let Cast {
+    let LoadedBehaviours {
         behaviours,
         blueprints,
         watches,
-    } = cast(&args, &config, seed)?;
+    } = load(&args, &config, seed)?;
     // With --watch the agent checks each version: a mistake must not end the run.
     if !args.no_check && !args.watch {
         check::before_run(&behaviours, console)?;
@@ -260,9 +260,9 @@ fn names(behaviours: &[Behaviour]) -> String {
     names.collect::<Vec<_>>().join(" ")
 }
 
-fn page(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> Ahead {
+fn page(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> PageInputs {
     let scripts: Vec<Script> = behaviours.iter().map(super::live::script).collect();
-    Ahead::of(config, watch::channel(scripts.into()).1, bus)
+    PageInputs::of(config, watch::channel(scripts.into()).1, bus)
 }
 
 /// Runs in virtual time, in this process.
@@ -308,7 +308,7 @@ fn fast(
         limit: args.limit,
         trace,
         page,
-        journal: Keeping::of(config),
+        journal: LabJournalOptions::of(config),
     };
     let outcome = fast.run(names, console)?;
     events.map_or(Ok(()), EventFile::finish)?;
@@ -319,14 +319,14 @@ async fn drive(
     plan: Plan,
     line: StatusLine,
     (desk, (target, simulated)): (io::Result<Desk>, (String, bool)),
-    (page, account): (Option<(Ahead, Option<sim::Handle>)>, Option<Account>),
+    (page, account): (Option<(PageInputs, Option<sim::Handle>)>, Option<Account>),
     console: &Console,
 ) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
     let (core, streams) = (plan.core.clone(), plan.settings.streams);
     let bus = plan.bus.clone();
     let (agent, status) = Agent::new(plan);
-    obey(&core, agent.requests(), stop.clone())?;
+    handle_signals(&core, agent.requests(), stop.clone())?;
     let run = control::Run {
         requests: agent.requests(),
         roster: agent.roster(),
@@ -355,7 +355,7 @@ async fn drive(
     outcome
 }
 
-fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
+fn load(args: &RunArgs, config: &Config, seed: u64) -> Result<LoadedBehaviours, Failure> {
     let named = |file: &PathBuf| Entry::of(file.clone());
     let entries: Vec<Entry> = if args.files.is_empty() {
         config.behaviours.clone()
@@ -367,7 +367,7 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         let failure = Failure::usage("what to run? no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }
-    Casting {
+    BehaviourLoader {
         config,
         file: args.settings.file(),
         params: &args.params,
@@ -379,7 +379,7 @@ fn cast(args: &RunArgs, config: &Config, seed: u64) -> Result<Cast, Failure> {
         clock: clock(args, config),
         zone: zone(args, config),
     }
-    .cast(&entries)
+    .load(&entries)
 }
 
 /// The time zone. A fast run does not use the computer's zone, to be the same on every computer.

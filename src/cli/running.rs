@@ -11,14 +11,14 @@ use crate::control::{self, Answer, Client, Errand};
 use crate::link::Target;
 
 /// Timeout for requests that a run carries out immediately.
-pub(super) const AT_ONCE: Duration = Duration::from_secs(5);
+pub(super) const REPLY_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The run that uses the named robot, else the config's robot, or else the only run. `None` with
 /// `--sim`, which starts its own robot.
 ///
 /// # Errors
 /// A config that cannot be used; several runs are active and no robot was named.
-pub(super) fn run_on(
+pub(super) fn find_run(
     settings: &SettingsArgs,
     connection: &ConnectionArgs,
     remote: &RemoteArgs,
@@ -28,7 +28,7 @@ pub(super) fn run_on(
             "--url and --sim cannot be combined: a service has its own robot",
         )),
         Some(_) => Ok(None),
-        None => run_of(settings, connection.robot.as_ref(), remote),
+        None => find_run_of_target(settings, connection.robot.as_ref(), remote),
     }
 }
 
@@ -36,8 +36,8 @@ pub(super) fn run_on(
 /// names, the run that uses the config's robot, or else the only run.
 ///
 /// # Errors
-/// See [`run_on`].
-pub(super) fn run_of(
+/// See [`find_run`].
+pub(super) fn find_run_of_target(
     settings: &SettingsArgs,
     robot: Option<&Target>,
     remote: &RemoteArgs,
@@ -58,7 +58,7 @@ pub(super) fn run_of(
         tracing::warn!("a run does not answer: is it suspended by Ctrl-Z, or of another version?");
     }
     if let Some(target) = robot.or(config.robot.as_ref()) {
-        runs.retain(|run| has(run, target));
+        runs.retain(|run| uses_robot(run, target));
     } else if runs.len() > 1 {
         let robots: Vec<&str> = runs.iter().map(|run| &*run.overview.target).collect();
         let failure = Failure::usage("several runs are active: which one?");
@@ -68,7 +68,7 @@ pub(super) fn run_of(
 }
 
 /// Whether the run uses this robot: compares the name given to the run, and the connected address.
-fn has(run: &Client, target: &Target) -> bool {
+fn uses_robot(run: &Client, target: &Target) -> bool {
     let target = target.to_string();
     let address = |text: &str| text.parse::<SocketAddr>().ok();
     let connected = run.overview.robot.as_ref();
@@ -114,13 +114,13 @@ pub(super) fn ask(
 
 /// The failure for a reply that does not match the request, which only a run of another version
 /// sends.
-pub(super) fn nonsense() -> Failure {
+pub(super) fn unexpected_reply() -> Failure {
     Failure::new(Exit::Unreachable, "the run sent an unexpected reply")
         .help("was it started by another version of this program?")
 }
 
 /// The failure for a command that needs the robot to itself while a run uses it.
-pub(super) fn taken(run: &Client) -> Failure {
+pub(super) fn robot_in_use(run: &Client) -> Failure {
     let overview = &run.overview;
     let what = format!(
         "a run uses the robot {} ({}), but this command needs it to itself",

@@ -19,37 +19,37 @@ use crate::files;
 /// The environment variable with the password; overrides the config's file.
 const VARIABLE: &str = "SPYKEE_PASSWORD";
 /// Tells the restarted program the descriptor of the pipe from which to read the password.
-const HANDOVER: &str = "SPYKEE_PASSWORD_PIPE";
+const PIPE_VARIABLE: &str = "SPYKEE_PASSWORD_PIPE";
 /// Maximum size of a password file, bytes.
 const MAX_FILE_LEN: u64 = 4096;
 
 /// The password taken from the environment.
-static GIVEN: Mutex<Option<Vec<u8>>> = Mutex::new(None);
+static PASSWORD: Mutex<Option<Vec<u8>>> = Mutex::new(None);
 
 /// Removes the password from the environment. The kernel shows a process's initial environment for
 /// its whole life, so the program restarts itself without the variable and passes the password
 /// through a pipe. Must be called before anything else. If the restart fails, the variable stays.
-pub(super) fn leave_environment() {
-    if let Some(handed) = std::env::var_os(HANDOVER) {
-        if let Some(password) = take_over(&handed) {
-            keep(password);
+pub(super) fn remove_from_environment() {
+    if let Some(pipe_number) = std::env::var_os(PIPE_VARIABLE) {
+        if let Some(password) = read_pipe(&pipe_number) {
+            store(password);
         }
         return;
     }
     if let Some(password) = std::env::var_os(VARIABLE) {
-        keep(password.as_bytes().to_owned());
-        if let Ok(pipe) = filled(password.as_bytes()) {
-            start_anew(&pipe);
+        store(password.as_bytes().to_owned());
+        if let Ok(pipe) = password_pipe(password.as_bytes()) {
+            reexec(&pipe);
         }
     }
 }
 
-fn keep(password: Vec<u8>) {
-    *GIVEN.lock().unwrap_or_else(PoisonError::into_inner) = Some(password);
+fn store(password: Vec<u8>) {
+    *PASSWORD.lock().unwrap_or_else(PoisonError::into_inner) = Some(password);
 }
 
 /// The reading end of a pipe that holds the password; it stays open across `exec`.
-fn filled(password: &[u8]) -> std::io::Result<OwnedFd> {
+fn password_pipe(password: &[u8]) -> std::io::Result<OwnedFd> {
     let (reader, mut writer) = std::io::pipe()?;
     fcntl_setfd(&reader, FdFlags::empty())?;
     // Fail instead of blocking if it does not fit: no password is that long.
@@ -59,7 +59,7 @@ fn filled(password: &[u8]) -> std::io::Result<OwnedFd> {
 }
 
 /// Replaces this process by a new instance of the program. Returns only on failure.
-fn start_anew(pipe: &OwnedFd) {
+fn reexec(pipe: &OwnedFd) {
     let mut args = std::env::args_os();
     let name = args.next().unwrap_or_else(|| OsString::from("spykee"));
     let args: Vec<OsString> = args.collect();
@@ -71,13 +71,13 @@ fn start_anew(pipe: &OwnedFd) {
             .arg0(&name)
             .args(&args)
             .env_remove(VARIABLE)
-            .env(HANDOVER, pipe.as_raw_fd().to_string())
+            .env(PIPE_VARIABLE, pipe.as_raw_fd().to_string())
             .exec();
     }
 }
 
 /// Reads the password from the pipe and empties it, so that the secret does not stay in it.
-fn take_over(number: &OsStr) -> Option<Vec<u8>> {
+fn read_pipe(number: &OsStr) -> Option<Vec<u8>> {
     let number: u32 = number.to_str()?.parse().ok()?;
     let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let path = format!("/proc/self/fd/{number}");
@@ -95,7 +95,10 @@ fn take_over(number: &OsStr) -> Option<Vec<u8>> {
 /// # Errors
 /// It is not UTF-8. The error does not contain the password.
 pub(super) fn of_environment() -> Result<Option<String>, Failure> {
-    let given = GIVEN.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let given = PASSWORD
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .clone();
     let given = given.or_else(|| std::env::var_os(VARIABLE).map(OsStringExt::into_vec));
     let text = given.map(String::from_utf8).transpose();
     text.map_err(|_| Failure::usage(format_args!("{VARIABLE} is not UTF-8")))
@@ -110,7 +113,8 @@ pub(super) fn of_credential() -> Result<Option<String>, Failure> {
     let path = folder.map(|folder| Path::new(&folder).join("password"));
     match path.filter(|path| path.exists()) {
         Some(path) => {
-            let text = files::read(&path, MAX_FILE_LEN).map_err(|error| cannot(&path, &error))?;
+            let text =
+                files::read(&path, MAX_FILE_LEN).map_err(|error| unreadable(&path, &error))?;
             first_line(&path, text).map(Some)
         }
         None => Ok(None),
@@ -130,7 +134,7 @@ pub(super) fn of_chosen_file(path: &Path) -> Result<String, Failure> {
     let mut text = Vec::new();
     let read =
         std::fs::File::open(path).and_then(|file| file.take(MAX_FILE_LEN).read_to_end(&mut text));
-    read.map_err(|error| cannot(path, &error))?;
+    read.map_err(|error| unreadable(path, &error))?;
     first_line(path, text)
 }
 
@@ -143,7 +147,7 @@ pub(super) fn of_named_file(path: &Path) -> Result<String, Failure> {
         let path = path.display();
         tracing::warn!("others can read the password file {path}: chmod 600 {path}");
     }
-    let text = files::read(path, MAX_FILE_LEN).map_err(|error| cannot(path, &error))?;
+    let text = files::read(path, MAX_FILE_LEN).map_err(|error| unreadable(path, &error))?;
     first_line(path, text)
 }
 
@@ -159,7 +163,10 @@ pub(super) fn of_found_file(path: &Path, config: &Path) -> Result<String, Failur
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
-    let whole = |path: &Path| path.canonicalize().map_err(|error| cannot(path, &error));
+    let whole = |path: &Path| {
+        path.canonicalize()
+            .map_err(|error| unreadable(path, &error))
+    };
     let (folder, file) = (whole(folder)?, whole(path)?);
     let help = format!(
         "name the config, --config {}, if you trust it",
@@ -175,11 +182,11 @@ pub(super) fn of_found_file(path: &Path, config: &Path) -> Result<String, Failur
         return Err(Failure::usage(what).help(help));
     }
     let text = files::read_private(&file, MAX_FILE_LEN)
-        .map_err(|error| cannot(path, &error).help(help))?;
+        .map_err(|error| unreadable(path, &error).help(help))?;
     first_line(path, text)
 }
 
-fn cannot(path: &Path, error: &dyn std::fmt::Display) -> Failure {
+fn unreadable(path: &Path, error: &dyn std::fmt::Display) -> Failure {
     let path = path.display();
     Failure::usage(format_args!(
         "cannot read the password file {path}: {error}"
@@ -188,7 +195,7 @@ fn cannot(path: &Path, error: &dyn std::fmt::Display) -> Failure {
 }
 
 fn first_line(path: &Path, text: Vec<u8>) -> Result<String, Failure> {
-    let text = String::from_utf8(text).map_err(|_| cannot(path, &"it is not UTF-8"))?;
+    let text = String::from_utf8(text).map_err(|_| unreadable(path, &"it is not UTF-8"))?;
     match text.lines().next().unwrap_or_default() {
         "" => {
             let shown = path.display();
@@ -264,14 +271,14 @@ mod tests {
 
     #[test]
     fn only_a_pipe_is_read_and_only_once() {
-        let pipe = filled(b"hunter2").unwrap();
+        let pipe = password_pipe(b"hunter2").unwrap();
         let number = OsString::from(pipe.as_raw_fd().to_string());
-        assert_eq!(take_over(&number).as_deref(), Some(&b"hunter2"[..]));
-        assert_eq!(take_over(&number).as_deref(), Some(&b""[..]));
+        assert_eq!(read_pipe(&number).as_deref(), Some(&b"hunter2"[..]));
+        assert_eq!(read_pipe(&number).as_deref(), Some(&b""[..]));
         let file = tempfile::tempfile().unwrap();
-        assert_eq!(take_over(OsStr::new(&file.as_raw_fd().to_string())), None);
+        assert_eq!(read_pipe(OsStr::new(&file.as_raw_fd().to_string())), None);
         for wrong in ["", "-1", "../../etc/passwd", "999999"] {
-            assert_eq!(take_over(OsStr::new(wrong)), None, "{wrong}");
+            assert_eq!(read_pipe(OsStr::new(wrong)), None, "{wrong}");
         }
     }
 }

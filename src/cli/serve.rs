@@ -12,10 +12,10 @@ use tokio::sync::{Notify, mpsc, watch};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use self::duties::{LoadedDuties, Reader};
+use self::duties::{DutiesLoader, LoadedDuties};
 use super::embedded::{EmbeddedSim, Simulated};
-use super::interrupt::{listen, obey_as_service};
-use super::live::Ahead;
+use super::interrupt::{handle_service_signals, listen};
+use super::live::PageInputs;
 use super::privileges::leave_root;
 use super::reach::{dial, place, reach_with};
 use super::run::parse_seconds;
@@ -98,7 +98,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     }
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let reader = Reader {
+    let loader = DutiesLoader {
         settings: args.settings.clone(),
         checked: !args.no_check,
         seed,
@@ -110,7 +110,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             Zone::system()
         },
     };
-    let loaded = reader.load(&config)?;
+    let loaded = loader.load(&config)?;
     if args.fast {
         return fast::serve(args, place, login, (&config, loaded), (seed, console));
     }
@@ -148,7 +148,10 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     };
     let account = broker::of_run(args.settings.load()?)?;
     let (known, shown) = watch::channel(loaded.known.clone());
-    let page = config.live.listen.map(|_| Ahead::of(&config, shown, &bus));
+    let page = config
+        .live
+        .listen
+        .map(|_| PageInputs::of(&config, shown, &bus));
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let voice = notify::start(args.settings.load()?, &bus)?;
     let line = StatusLine::new(
@@ -157,7 +160,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         tries,
     );
     let outcome = runtime.block_on(serve(
-        Means {
+        ServiceParts {
             plan,
             clock,
             record,
@@ -165,7 +168,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             target,
             beats,
         },
-        (reader, config, loaded),
+        (loader, config, loaded),
         (page, known, account),
         line,
         console,
@@ -179,14 +182,14 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
 }
 
 /// The companions of a service: its page, the channel with the page's information, and its broker.
-type Beside = (
-    Option<(Ahead, Option<Handle>)>,
+type Companions = (
+    Option<(PageInputs, Option<Handle>)>,
     watch::Sender<Known>,
     Option<Account>,
 );
 
 /// The parts needed to run a service.
-struct Means {
+struct ServiceParts {
     plan: Plan,
     clock: Clock,
     record: (Record, Option<RecordFile>),
@@ -197,21 +200,21 @@ struct Means {
 }
 
 async fn serve(
-    means: Means,
-    (reader, config, loaded): (Reader, Config, LoadedDuties),
-    (page, known, account): Beside,
+    parts: ServiceParts,
+    (loader, config, loaded): (DutiesLoader, Config, LoadedDuties),
+    (page, known, account): Companions,
     line: StatusLine,
     console: &Console,
 ) -> Result<Result<Outcome, AgentError>, Failure> {
-    let Means { plan, desk, .. } = means;
+    let ServiceParts { plan, desk, .. } = parts;
     let stop = CancellationToken::new();
     let (core, settings) = (plan.core.clone(), plan.settings.clone());
     let bus = plan.bus.clone();
     let (agent, status) = Agent::new(plan);
     let hangup = listen(libc::SIGHUP)?;
-    obey_as_service(&core, agent.requests(), stop.clone())?;
+    handle_service_signals(&core, agent.requests(), stop.clone())?;
     let (view, seen) = View::channel();
-    let asked = control::Run {
+    let run_handle = control::Run {
         requests: agent.requests(),
         roster: agent.roster(),
         status: status.clone(),
@@ -219,23 +222,23 @@ async fn serve(
         reactions: agent.reactions(),
         stop: stop.clone(),
         streams: settings.streams,
-        target: means.target.to_string(),
+        target: parts.target.to_string(),
         simulated: settings.simulated,
         began: Instant::now(),
         view: seen,
     };
     let (reload, reloads) = mpsc::channel(1);
     let page =
-        page.map(|(page, sim)| page.serve(asked.clone(), sim.map(Simulation::from), console));
+        page.map(|(page, sim)| page.serve(run_handle.clone(), sim.map(Simulation::from), console));
     let _page = page.transpose()?;
-    let mqtt = broker::start(&bus, &asked, account);
+    let mqtt = broker::start(&bus, &run_handle, account);
     let herald = Herald::of_environment();
     let service = Service {
         agent,
         status: status.clone(),
-        clock: means.clock,
+        clock: parts.clock,
         duties: loaded.duties.clone(),
-        record: means.record,
+        record: parts.record,
         herald: herald.clone(),
         bus,
         view,
@@ -251,9 +254,9 @@ async fn serve(
     let outcome = tokio::select! {
         outcome = service.run(stop) => outcome,
         never = showing => match never {},
-        never = startup::serve(desk, asked) => match never {},
-        never = herald.pass_on(means.beats) => match never {},
-        never = reader.obey(hangup, reload, known, (config, loaded)) => match never {},
+        never = startup::serve(desk, run_handle) => match never {},
+        never = herald.pass_on(parts.beats) => match never {},
+        never = loader.reload_on_hangup(hangup, reload, known, (config, loaded)) => match never {},
     };
     mqtt.map(|mqtt| mqtt.finish(broker::END));
     Ok(outcome)

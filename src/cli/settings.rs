@@ -90,7 +90,7 @@ impl SettingsArgs {
     }
 
     /// The same settings, to be read again.
-    pub(super) fn anew(&self) -> SettingsArgs {
+    pub(super) fn reloaded(&self) -> SettingsArgs {
         SettingsArgs::of(self.config.clone())
     }
 

@@ -111,14 +111,14 @@ pub(super) async fn show(
     status: watch::Receiver<Status>,
     console: &Console,
 ) -> Infallible {
-    let mut beat = interval(STATUS_PERIOD);
-    beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut ticks = interval(STATUS_PERIOD);
+    ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
-        beat.tick().await;
+        ticks.tick().await;
         let newest = *status.borrow();
         if console.has_status_line() {
             console.status(line.draw(&newest));
-        } else if let Some(text) = line.news(&newest) {
+        } else if let Some(text) = line.plain_line(&newest) {
             console.status_line_plain(&text);
         }
     }

@@ -21,14 +21,14 @@ pub(super) struct StatusLine {
     behaviours: String,
     sim: Option<Handle>,
     tries: Tries,
-    counted: (Instant, u64),
+    last_count: (Instant, u64),
     rate: f64,
-    told: Option<(Instant, Essence)>,
+    last_reported: Option<(Instant, StatusKey)>,
 }
 
 /// The part of the status whose changes are written to a file.
 #[derive(PartialEq, Eq)]
-struct Essence {
+struct StatusKey {
     link: LinkState,
     safety: WatchdogState,
     charging: Option<bool>,
@@ -38,14 +38,14 @@ impl StatusLine {
     /// Creates the line for behaviours with these names. With a simulator it shows the robot's true
     /// position; before the first connection it shows the number of failed tries.
     pub(super) fn new(behaviours: String, sim: Option<Handle>, tries: Tries) -> StatusLine {
-        let counted = (Instant::now(), 0);
+        let last_count = (Instant::now(), 0);
         StatusLine {
             behaviours,
             sim,
             tries,
-            counted,
+            last_count,
             rate: 0.0,
-            told: None,
+            last_reported: None,
         }
     }
 
@@ -68,19 +68,19 @@ impl StatusLine {
     }
 
     /// The line for a file, if the status has changed or the last line is old.
-    pub(super) fn news(&mut self, status: &Status) -> Option<String> {
+    pub(super) fn plain_line(&mut self, status: &Status) -> Option<String> {
         let charging = status.battery.map(|battery| battery.charging);
-        let essence = Essence {
+        let key = StatusKey {
             link: status.link,
             safety: status.safety,
             charging,
         };
         let stale =
-            |(at, told): &(Instant, Essence)| *told != essence || at.elapsed() >= PLAIN_PERIOD;
-        if !self.told.as_ref().is_none_or(stale) {
+            |(at, last): &(Instant, StatusKey)| *last != key || at.elapsed() >= PLAIN_PERIOD;
+        if !self.last_reported.as_ref().is_none_or(stale) {
             return None;
         }
-        self.told = Some((Instant::now(), essence));
+        self.last_reported = Some((Instant::now(), key));
         Some(self.draw(status))
     }
 
@@ -97,11 +97,11 @@ impl StatusLine {
     }
 
     fn count(&mut self, frames: u64) {
-        let (since, before) = self.counted;
+        let (since, before) = self.last_count;
         let passed = since.elapsed();
         if passed >= RATE_PERIOD {
             self.rate = frames.saturating_sub(before) as f64 / passed.as_secs_f64();
-            self.counted = (Instant::now(), frames);
+            self.last_count = (Instant::now(), frames);
         }
     }
 }

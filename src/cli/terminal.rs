@@ -5,11 +5,11 @@ use std::time::Duration;
 use rustix::termios::{OptionalActions, Termios, tcgetattr, tcsetattr};
 
 /// Settings that more than this many successive checks find unchanged count as stable.
-const ENOUGH_LOOKS: u32 = 3;
+const STABLE_CHECKS: u32 = 3;
 /// Maximum number of checks.
-const MOST_LOOKS: u32 = 20;
+const MAX_CHECKS: u32 = 20;
 /// Pause between two checks.
-const LOOK: Duration = Duration::from_millis(10);
+const CHECK_PAUSE: Duration = Duration::from_millis(10);
 
 /// The settings of standard input, if it is a terminal.
 #[derive(Clone)]
@@ -17,7 +17,7 @@ pub(super) struct Terminal(Option<Termios>);
 
 impl Terminal {
     /// The current settings.
-    pub(super) fn remember() -> Terminal {
+    pub(super) fn current() -> Terminal {
         Terminal(tcgetattr(rustix::stdio::stdin()).ok())
     }
 
@@ -31,19 +31,19 @@ impl Terminal {
     /// Sets these settings repeatedly until they are stable: an editor that was suspended by a key
     /// may set its own once more meanwhile. Returns the settings that it replaced, if any.
     pub(super) fn enforce(&self) -> Option<Terminal> {
-        let (mut others, mut stays) = (None, 0);
-        for _ in 0..MOST_LOOKS {
-            let now = Terminal::remember();
+        let (mut others, mut unchanged) = (None, 0);
+        for _ in 0..MAX_CHECKS {
+            let now = Terminal::current();
             if now == *self {
-                stays += 1;
+                unchanged += 1;
             } else {
-                (others, stays) = (Some(now), 0);
+                (others, unchanged) = (Some(now), 0);
                 self.restore();
             }
-            if stays > ENOUGH_LOOKS {
+            if unchanged > STABLE_CHECKS {
                 break;
             }
-            std::thread::sleep(LOOK);
+            std::thread::sleep(CHECK_PAUSE);
         }
         others
     }

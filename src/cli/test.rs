@@ -1,7 +1,7 @@
 //! `spykee test`: runs the scenarios of `*_test.lua` files in parallel.
 
-pub(super) mod crew;
 mod files;
+pub(super) mod job_pool;
 mod junit;
 mod report;
 
@@ -16,7 +16,7 @@ use super::{Console, Exit, Failure, print};
 use crate::clean;
 use crate::config::Config;
 use crate::scenario::{Book, BookError, Scenario, Setting, Trials};
-use crew::{Crew, Done, parse_timeout};
+use job_pool::{JobPool, JobResult, parse_timeout};
 use report::Report;
 
 /// Run scenarios: *_test.lua files that state what behaviours must achieve
@@ -71,20 +71,20 @@ pub(super) struct TestArgs {
 }
 
 /// A scenario file.
-struct Page {
+struct ScenarioFile {
     file: PathBuf,
     book: Result<Book, BookError>,
 }
 
 pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
     let config = args.settings.config()?.clone();
-    let trials = crew::trials(args.timeout)?;
-    let pages = pages(&args.paths, &trials)?;
-    let jobs = jobs(args, &pages);
+    let trials = job_pool::trials(args.timeout)?;
+    let scenario_files = scenario_files(&args.paths, &trials)?;
+    let jobs = jobs(args, &scenario_files);
     if args.list {
-        return list(&pages, &jobs);
+        return list(&scenario_files, &jobs);
     }
-    if jobs.is_empty() && pages.iter().all(|page| page.book.is_ok()) {
+    if jobs.is_empty() && scenario_files.iter().all(|file| file.book.is_ok()) {
         let failure = Failure::usage("no scenario matches --filter");
         return Err(failure.help("`spykee test --list` lists all scenarios"));
     }
@@ -95,22 +95,22 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
         ..Setting::default()
     };
     let stop = setting.stop.clone();
-    let crew = Crew::new(args.jobs, setting, trials);
+    let pool = JobPool::new(args.jobs, setting, trials);
     // Whether the status line shares the terminal with stdout.
     let shared = console.has_status_line() && std::io::stdout().is_terminal();
     let live = !args.json && !shared;
-    let mut report = Report::new(&pages, &jobs, pictures);
-    let books: Vec<&Book> = pages
+    let mut report = Report::new(&scenario_files, &jobs, pictures);
+    let books: Vec<&Book> = scenario_files
         .iter()
-        .filter_map(|page| page.book.as_ref().ok())
+        .filter_map(|file| file.book.as_ref().ok())
         .collect();
     let mut trouble = Ok(());
-    crew.play(&books, &jobs, |done: Done| {
+    pool.run(&books, &jobs, |done: JobResult| {
         let file = books[done.job.book].file().display().to_string();
         report.take(done);
         console.status(format!("{} · {file}", report.progress()));
         if live && trouble.is_ok() {
-            trouble = print(&report.whole_pages());
+            trouble = print(&report.completed_files());
         }
     })?;
     trouble?;
@@ -124,7 +124,7 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
     if args.json {
         print(&format!("{:#}\n", report.json()))?
     } else {
-        print(&format!("{}{}", report.whole_pages(), report.summary()))?
+        print(&format!("{}{}", report.completed_files(), report.summary()))?
     }
     Ok(match (stop.is_cancelled(), report.has_failed()) {
         (true, _) => Exit::Interrupted,
@@ -138,7 +138,7 @@ fn pictures(args: &TestArgs, config: &Config) -> PathBuf {
     args.pictures.clone().unwrap_or_else(own)
 }
 
-fn pages(paths: &[PathBuf], trials: &Trials) -> Result<Vec<Page>, Failure> {
+fn scenario_files(paths: &[PathBuf], trials: &Trials) -> Result<Vec<ScenarioFile>, Failure> {
     let mut files = Vec::new();
     for path in paths {
         files::collect(path, &mut files)?;
@@ -152,24 +152,26 @@ fn pages(paths: &[PathBuf], trials: &Trials) -> Result<Vec<Page>, Failure> {
         let failure = Failure::usage(format_args!("no *_test.lua file in {}", places.join(", ")));
         return Err(failure.help("`spykee new NAME` creates a behaviour with scenarios"));
     }
-    let page = |file: PathBuf| {
+    let read = |file: PathBuf| {
         let book = trials.read(&file);
         match book {
             Err(error @ BookError::Read { .. }) => Err(Failure::usage(error)),
-            book => Ok(Page { file, book }),
+            book => Ok(ScenarioFile { file, book }),
         }
     };
-    files.into_iter().map(page).collect()
+    files.into_iter().map(read).collect()
 }
 
 /// The jobs to run, in the order of the files.
-fn jobs<'a>(args: &TestArgs, pages: &'a [Page]) -> Vec<crew::Job<'a>> {
+fn jobs<'a>(args: &TestArgs, scenario_files: &'a [ScenarioFile]) -> Vec<job_pool::Job<'a>> {
     let wanted = |file: &Path, scenario: &Scenario| {
         let text = args.filter.as_deref().unwrap_or_default();
         format!("{}: {}", file.display(), scenario.name).contains(text)
     };
     let mut jobs = Vec::new();
-    let books = pages.iter().filter_map(|page| page.book.as_ref().ok());
+    let books = scenario_files
+        .iter()
+        .filter_map(|file| file.book.as_ref().ok());
     for (index, book) in books.enumerate() {
         let scenarios = book.scenarios().iter();
         for scenario in scenarios.filter(|one| wanted(book.file(), one)) {
@@ -178,7 +180,7 @@ fn jobs<'a>(args: &TestArgs, pages: &'a [Page]) -> Vec<crew::Job<'a>> {
                 (None, Some(count)) => 1..=count,
                 (None, None) => scenario.seeds(),
             };
-            jobs.extend(seeds.map(|seed| crew::Job {
+            jobs.extend(seeds.map(|seed| job_pool::Job {
                 book: index,
                 scenario,
                 seed,
@@ -188,10 +190,10 @@ fn jobs<'a>(args: &TestArgs, pages: &'a [Page]) -> Vec<crew::Job<'a>> {
     jobs
 }
 
-fn list(pages: &[Page], jobs: &[crew::Job<'_>]) -> Result<Exit, Failure> {
+fn list(scenario_files: &[ScenarioFile], jobs: &[job_pool::Job<'_>]) -> Result<Exit, Failure> {
     let mut text = String::new();
-    for (index, page) in pages.iter().enumerate() {
-        if let Err(error) = &page.book {
+    for (index, file) in scenario_files.iter().enumerate() {
+        if let Err(error) = &file.book {
             return Err(Failure::new(Exit::Check, error));
         }
         let own = jobs.iter().filter(|job| job.book == index);
@@ -199,7 +201,7 @@ fn list(pages: &[Page], jobs: &[crew::Job<'_>]) -> Result<Exit, Failure> {
         names.dedup();
         for name in names {
             // Writing into a string does not fail.
-            let file = page.file.display().to_string();
+            let file = file.file.display().to_string();
             let _ = writeln!(text, "{}: {}", clean::line(&file), clean::line(name));
         }
     }

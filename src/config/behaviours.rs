@@ -82,8 +82,8 @@ impl Entry {
 
 /// Reads a name, which is also used for a folder: it must not contain path separators.
 fn name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
-    struct Word;
-    impl Visitor<'_> for Word {
+    struct NameVisitor;
+    impl Visitor<'_> for NameVisitor {
         type Value = Option<String>;
 
         fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -102,14 +102,14 @@ fn name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> 
             }
         }
     }
-    from.deserialize_str(Word)
+    from.deserialize_str(NameVisitor)
 }
 
 /// For `deserialize_with`: reads entries with unique names, as two of one name would share a data
 /// folder. The error for a duplicate has the place of the second entry.
 pub(super) fn entries<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Entry>, D::Error> {
-    struct List;
-    impl<'de> Visitor<'de> for List {
+    struct EntriesVisitor;
+    impl<'de> Visitor<'de> for EntriesVisitor {
         type Value = Vec<Entry>;
 
         fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -118,19 +118,19 @@ pub(super) fn entries<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Entry>, 
 
         fn visit_seq<S: SeqAccess<'de>>(self, mut list: S) -> Result<Vec<Entry>, S::Error> {
             let mut entries: Vec<Entry> = Vec::new();
-            while let Some(entry) = list.next_element_seed(Another(&entries))? {
+            while let Some(entry) = list.next_element_seed(UniqueEntrySeed(&entries))? {
                 entries.push(entry);
             }
             Ok(entries)
         }
     }
-    from.deserialize_seq(List)
+    from.deserialize_seq(EntriesVisitor)
 }
 
 /// Reads one more entry, whose name must differ from those of these entries.
-struct Another<'a>(&'a [Entry]);
+struct UniqueEntrySeed<'a>(&'a [Entry]);
 
-impl<'de> DeserializeSeed<'de> for Another<'_> {
+impl<'de> DeserializeSeed<'de> for UniqueEntrySeed<'_> {
     type Value = Entry;
 
     fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<Entry, D::Error> {
@@ -138,7 +138,7 @@ impl<'de> DeserializeSeed<'de> for Another<'_> {
     }
 }
 
-impl<'de> Visitor<'de> for Another<'_> {
+impl<'de> Visitor<'de> for UniqueEntrySeed<'_> {
     type Value = Entry;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -150,13 +150,17 @@ impl<'de> Visitor<'de> for Another<'_> {
         let name = entry.name().map_err(M::Error::custom)?;
         let same = |other: &&Entry| other.name().is_ok_and(|other| other == name);
         match self.0.iter().find(same) {
-            Some(other) => Err(M::Error::custom(twins(&name, &other.file, &entry.file))),
+            Some(other) => Err(M::Error::custom(duplicate_name(
+                &name,
+                &other.file,
+                &entry.file,
+            ))),
             None => Ok(entry),
         }
     }
 }
 
-fn twins(name: &str, first: &Path, second: &Path) -> String {
+fn duplicate_name(name: &str, first: &Path, second: &Path) -> String {
     format!(
         "two behaviours are called `{name}` ({} and {}): give one of them another `name:`",
         first.display(),

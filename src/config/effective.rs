@@ -11,7 +11,7 @@ use super::place::{self, Step};
 use super::{Config, ConfigError};
 
 /// The config that is read if it is in the current folder and no other is named.
-const FILE: &str = "spykee.yaml";
+const DEFAULT_FILE: &str = "spykee.yaml";
 /// The environment variable that names another config.
 const FILE_VARIABLE: &str = "SPYKEE_CONFIG";
 
@@ -94,18 +94,18 @@ impl Effective {
     /// # Errors
     /// See [`ConfigError`].
     pub fn load(named: Option<&Path>) -> Result<Effective, ConfigError> {
-        Effective::of(named, Path::new(FILE), variable)
+        Effective::of(named, Path::new(DEFAULT_FILE), variable)
     }
 
     /// The file that [`Effective::load`] looks for, even if it is missing.
     pub fn path(named: Option<&Path>) -> PathBuf {
         let chosen = chosen(named, variable);
-        chosen.unwrap_or_else(|| FILE.into())
+        chosen.unwrap_or_else(|| DEFAULT_FILE.into())
     }
 
     fn of(
         named: Option<&Path>,
-        usual: &Path,
+        default_file: &Path,
         variable: impl Fn(&str) -> Option<String>,
     ) -> Result<Effective, ConfigError> {
         let chosen = chosen(named, &variable);
@@ -116,7 +116,7 @@ impl Effective {
             },
             ..Effective::default()
         };
-        let path = chosen.or_else(|| usual.is_file().then(|| usual.to_owned()));
+        let path = chosen.or_else(|| default_file.is_file().then(|| default_file.to_owned()));
         if let Some(path) = path {
             let text = Config::read(&path)?;
             effective.config = Config::of_text(&text, &path)?;
@@ -154,7 +154,7 @@ impl Effective {
                 map.insert("behaviours".into(), behaviours);
             }
             leaves(&tree, &mut Vec::new(), &mut |steps, value| {
-                let (key, value) = (written(steps), value.clone());
+                let (key, value) = (dotted_key(steps), value.clone());
                 let origin = self.origin(&key, steps);
                 settings.push(Setting { key, value, origin });
             });
@@ -193,7 +193,7 @@ pub(super) fn keys() -> Vec<String> {
     if let Ok(tree) = serde_yaml::to_value(Config::default()) {
         leaves(&tree, &mut Vec::new(), &mut |steps, value| {
             if !value.is_sequence() && !value.is_mapping() {
-                keys.push(written(steps));
+                keys.push(dotted_key(steps));
             }
         });
     }
@@ -221,7 +221,7 @@ fn leaves(tree: &Value, steps: &mut Vec<Step>, found: &mut impl FnMut(&[Step], &
     }
 }
 
-fn written(steps: &[Step]) -> String {
+fn dotted_key(steps: &[Step]) -> String {
     let mut key = String::new();
     for step in steps {
         match step {
@@ -246,7 +246,7 @@ fn overridden(
     let as_text = Value::String(text.to_owned());
     let mut refusal = String::new();
     for value in [as_yaml, as_text] {
-        if let Some(place) = slot(&mut tree, key) {
+        if let Some(place) = value_at(&mut tree, key) {
             *place = value;
         }
         match serde_yaml::from_value(tree.clone()) {
@@ -262,7 +262,7 @@ fn overridden(
     Err(invalid(&format!("${variable}"), &refusal))
 }
 
-fn slot<'a>(tree: &'a mut Value, key: &str) -> Option<&'a mut Value> {
+fn value_at<'a>(tree: &'a mut Value, key: &str) -> Option<&'a mut Value> {
     key.split('.')
         .try_fold(tree, |tree, name| tree.as_mapping_mut()?.get_mut(name))
 }
@@ -280,7 +280,7 @@ mod tests {
 
     fn load(file: &str, variables: &[(&str, &str)]) -> Result<Effective, ConfigError> {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join(FILE);
+        let path = folder.path().join(DEFAULT_FILE);
         std::fs::write(&path, file).unwrap();
         Effective::of(None, &path, |name| {
             let found = variables.iter().find(|(known, _)| *known == name)?;

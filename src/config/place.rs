@@ -22,7 +22,7 @@ pub(super) fn of(text: &str, steps: &[Step]) -> Option<(usize, usize)> {
     if steps.is_empty() {
         return None;
     }
-    let error = Seek(steps)
+    let error = KeySearch(steps)
         .deserialize(serde_yaml::Deserializer::from_str(text))
         .err()?;
     let place = error.location()?;
@@ -34,9 +34,9 @@ pub(super) fn of(text: &str, steps: &[Step]) -> Option<(usize, usize)> {
 
 /// Follows its steps and fails at their end.
 #[derive(Clone, Copy)]
-struct Seek<'a>(&'a [Step]);
+struct KeySearch<'a>(&'a [Step]);
 
-impl<'de> DeserializeSeed<'de> for Seek<'_> {
+impl<'de> DeserializeSeed<'de> for KeySearch<'_> {
     type Value = ();
 
     fn deserialize<D: Deserializer<'de>>(self, from: D) -> Result<(), D::Error> {
@@ -44,8 +44,8 @@ impl<'de> DeserializeSeed<'de> for Seek<'_> {
     }
 }
 
-impl Seek<'_> {
-    fn end<E: Error>(self) -> Result<(), E> {
+impl KeySearch<'_> {
+    fn check_end<E: Error>(self) -> Result<(), E> {
         if self.0.is_empty() {
             Err(E::custom(FOUND))
         } else {
@@ -54,7 +54,7 @@ impl Seek<'_> {
     }
 }
 
-impl<'de> Visitor<'de> for Seek<'_> {
+impl<'de> Visitor<'de> for KeySearch<'_> {
     type Value = ();
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -63,7 +63,7 @@ impl<'de> Visitor<'de> for Seek<'_> {
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
         let Some((step, rest)) = self.0.split_first() else {
-            return self.end();
+            return self.check_end();
         };
         let wanted = match step {
             Step::Key(key) => key.as_str(),
@@ -72,7 +72,7 @@ impl<'de> Visitor<'de> for Seek<'_> {
         let last = rest.is_empty();
         while let Some(found) = map.next_key_seed(Key { wanted, last })? {
             if found {
-                map.next_value_seed(Seek(rest))?;
+                map.next_value_seed(KeySearch(rest))?;
             } else {
                 map.next_value::<IgnoredAny>()?;
             }
@@ -82,40 +82,40 @@ impl<'de> Visitor<'de> for Seek<'_> {
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
         let Some((Step::Index(wanted), rest)) = self.0.split_first() else {
-            self.end()?;
+            self.check_end()?;
             while list.next_element::<IgnoredAny>()?.is_some() {}
             return Ok(());
         };
         for _ in 0..*wanted {
             list.next_element::<IgnoredAny>()?;
         }
-        list.next_element_seed(Seek(rest))?;
+        list.next_element_seed(KeySearch(rest))?;
         while list.next_element::<IgnoredAny>()?.is_some() {}
         Ok(())
     }
 
     fn visit_bool<E: Error>(self, _: bool) -> Result<(), E> {
-        self.end()
+        self.check_end()
     }
 
     fn visit_i64<E: Error>(self, _: i64) -> Result<(), E> {
-        self.end()
+        self.check_end()
     }
 
     fn visit_u64<E: Error>(self, _: u64) -> Result<(), E> {
-        self.end()
+        self.check_end()
     }
 
     fn visit_f64<E: Error>(self, _: f64) -> Result<(), E> {
-        self.end()
+        self.check_end()
     }
 
     fn visit_str<E: Error>(self, _: &str) -> Result<(), E> {
-        self.end()
+        self.check_end()
     }
 
     fn visit_unit<E: Error>(self) -> Result<(), E> {
-        self.end()
+        self.check_end()
     }
 }
 

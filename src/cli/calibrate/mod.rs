@@ -79,10 +79,10 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
     }
     let seed = args.seed.unwrap_or_else(rand::random);
     let aim = args.aim.aim(seed)?;
-    let means = aim.means(seed)?;
+    let parts = aim.driver_parts(seed)?;
     let simulator = aim.sim.as_ref().map(super::embedded::EmbeddedSim::handle);
     let mut measured = None;
-    let measuring = drive(means, async |driver| {
+    let measuring = drive(parts, async |driver| {
         let mut rounds = Vec::new();
         for _ in 0..args.rounds {
             rounds.push(match &simulator {

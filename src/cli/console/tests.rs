@@ -5,27 +5,27 @@ const LIMIT: Duration = Duration::from_secs(20);
 
 /// Keeps the written bytes; if it has a gate, each write waits for a permit.
 #[derive(Clone)]
-struct Paper {
+struct TestOutput {
     written: Arc<Mutex<Vec<u8>>>,
     gate: Option<Arc<Mutex<Receiver<()>>>>,
 }
 
-impl Paper {
-    fn new() -> Paper {
-        Paper {
+impl TestOutput {
+    fn new() -> TestOutput {
+        TestOutput {
             written: Arc::default(),
             gate: None,
         }
     }
 
     /// Every write blocks until the sender sends a permit or is dropped.
-    fn blocked() -> (Paper, Sender<()>) {
+    fn blocked() -> (TestOutput, Sender<()>) {
         let (open, gate) = channel();
         let gate = Some(Arc::new(Mutex::new(gate)));
         (
-            Paper {
+            TestOutput {
                 gate,
-                ..Paper::new()
+                ..TestOutput::new()
             },
             open,
         )
@@ -36,7 +36,7 @@ impl Paper {
     }
 }
 
-impl Write for Paper {
+impl Write for TestOutput {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         if let Some(gate) = &self.gate {
             let _ = gate.lock().unwrap().recv();
@@ -50,65 +50,72 @@ impl Write for Paper {
     }
 }
 
-fn console(paper: &Paper, features: Features, format: LogFormat) -> Console {
-    Console::over(paper.clone(), features, || 20, format, Budget::new(1 << 40)).unwrap()
+fn console(output: &TestOutput, features: Features, format: LogFormat) -> Console {
+    Console::with_output(
+        output.clone(),
+        features,
+        || 20,
+        format,
+        Budget::new(1 << 40),
+    )
+    .unwrap()
 }
 
 #[test]
 fn lines_and_status_share_a_terminal() {
-    let paper = Paper::new();
-    let console = console(&paper, Features::TERMINAL, LogFormat::Text);
+    let output = TestOutput::new();
+    let console = console(&output, Features::TERMINAL, LogFormat::Text);
     console.status("driving");
     console.end(None, LIMIT);
-    console.say("INFO", "hello");
+    console.write_line("INFO", "hello");
     console.status_line_plain("not here");
     console.end(None, LIMIT);
-    assert_eq!(paper.text(), "\r\x1b[Kdriving\r\x1b[K\r\x1b[Khello\n");
+    assert_eq!(output.text(), "\r\x1b[Kdriving\r\x1b[K\r\x1b[Khello\n");
 }
 
 #[test]
 fn a_file_gets_only_plain_status_lines() {
-    let paper = Paper::new();
-    let console = console(&paper, Features::FILE, LogFormat::Text);
+    let output = TestOutput::new();
+    let console = console(&output, Features::FILE, LogFormat::Text);
     console.status("driving");
     console.status_line_plain("docked");
     console.end(None, LIMIT);
-    assert_eq!(paper.text(), "docked\n");
+    assert_eq!(output.text(), "docked\n");
 }
 
 #[test]
 fn last_words_are_written_when_the_day_limit_is_used_up() {
-    let paper = Paper::new();
+    let output = TestOutput::new();
     let day = Budget::new(24 * 1000);
     let console =
-        Console::over(paper.clone(), Features::FILE, || 20, LogFormat::Text, day).unwrap();
+        Console::with_output(output.clone(), Features::FILE, || 20, LogFormat::Text, day).unwrap();
     for number in 0..300 {
-        console.say("INFO", &format!("line {number} of a flood"));
+        console.write_line("INFO", &format!("line {number} of a flood"));
     }
     console.end(Some("last words"), LIMIT);
-    let text = paper.text();
-    let said = text
+    let text = output.text();
+    let written = text
         .lines()
         .filter(|line| line.starts_with("line "))
         .count();
-    assert!((20..=60).contains(&said), "{said}");
+    assert!((20..=60).contains(&written), "{written}");
     assert_eq!(text.matches("24000 bytes a day is used up").count(), 1);
     assert!(text.ends_with("last words\n"), "{text}");
 }
 
 #[test]
 fn a_blocked_stderr_does_not_block_callers_and_dropped_lines_are_counted() {
-    let (paper, open) = Paper::blocked();
-    let console = console(&paper, Features::FILE, LogFormat::Text);
+    let (output, open) = TestOutput::blocked();
+    let console = console(&output, Features::FILE, LogFormat::Text);
     for number in 0..MAX_WAITING * 4 {
-        console.say("INFO", &format!("line {number}"));
+        console.write_line("INFO", &format!("line {number}"));
         console.status("driving");
     }
     console.end(Some("last words"), Duration::from_millis(50));
-    assert_eq!(paper.text(), "");
+    assert_eq!(output.text(), "");
     drop(open);
     console.end(None, LIMIT);
-    let text = paper.text();
+    let text = output.text();
     let lines = text
         .lines()
         .filter(|line| line.starts_with("line "))
@@ -128,27 +135,27 @@ fn a_blocked_stderr_does_not_block_callers_and_dropped_lines_are_counted() {
 
 #[test]
 fn in_json_every_line_is_an_object() {
-    let paper = Paper::new();
-    let console = console(&paper, Features::FILE, LogFormat::Json);
-    console.say("ERROR", "two\nlines \x1b[2J");
+    let output = TestOutput::new();
+    let console = console(&output, Features::FILE, LogFormat::Json);
+    console.write_line("ERROR", "two\nlines \x1b[2J");
     console.end(None, LIMIT);
-    let value: serde_json::Value = serde_json::from_str(&paper.text()).unwrap();
+    let value: serde_json::Value = serde_json::from_str(&output.text()).unwrap();
     assert_eq!(value["message"], "two\nlines \x1b[2J");
 
     let mut record = console.make_writer();
     record.write_all(&[b'x'; 3 * MAX_RECORD_LEN]).unwrap();
     drop(record);
     console.end(None, LIMIT);
-    let text = paper.text();
+    let text = output.text();
     let value: serde_json::Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
     assert_eq!(value["message"], TOO_LONG);
 }
 
 #[test]
 fn a_long_record_is_cut() {
-    let paper = Paper::new();
-    let console = console(&paper, Features::FILE, LogFormat::Text);
-    console.say("INFO", &"x".repeat(3 * MAX_RECORD_LEN));
+    let output = TestOutput::new();
+    let console = console(&output, Features::FILE, LogFormat::Text);
+    console.write_line("INFO", &"x".repeat(3 * MAX_RECORD_LEN));
     console.end(None, LIMIT);
-    assert_eq!(paper.text().trim_end().len(), MAX_RECORD_LEN);
+    assert_eq!(output.text().trim_end().len(), MAX_RECORD_LEN);
 }

@@ -10,18 +10,18 @@ use crate::clock::{Clock, is_plausible};
 use crate::walls::{Landlock, Restrictions};
 
 /// Seconds from 1970 to the beginning of 2100.
-const LATEST: i64 = 4_102_444_800;
+const LATEST_PLAUSIBLE: i64 = 4_102_444_800;
 /// Free space, MiB, below which the check warns (pictures will soon not fit), and below which it
 /// fails.
-const LITTLE: u64 = 200;
-const NOTHING: u64 = 10;
+const LOW_SPACE_MIB: u64 = 200;
+const MIN_SPACE_MIB: u64 = 10;
 
 pub(super) fn clock() -> Finding {
     clock_finding(Clock::default().now())
 }
 
 fn clock_finding(now: Timestamp) -> Finding {
-    if is_plausible(now) && now.as_second() < LATEST {
+    if is_plausible(now) && now.as_second() < LATEST_PLAUSIBLE {
         return Finding::ok("clock", "the date is plausible");
     }
     Finding::warn(
@@ -63,8 +63,10 @@ fn try_to_write(folder: &Path) -> std::io::Result<()> {
 fn space_finding(folder: &str, mebibytes: u64) -> Finding {
     let found = format!("{folder} is writable, {mebibytes} MiB free");
     match mebibytes {
-        ..NOTHING => Finding::fail("disk", found, "free some space"),
-        NOTHING..LITTLE => Finding::warn("disk", found, "free some space: pictures need it"),
+        ..MIN_SPACE_MIB => Finding::fail("disk", found, "free some space"),
+        MIN_SPACE_MIB..LOW_SPACE_MIB => {
+            Finding::warn("disk", found, "free some space: pictures need it")
+        }
         _ => Finding::ok("disk", found),
     }
 }
@@ -149,7 +151,7 @@ mod tests {
         let verdict = |now| clock_finding(Timestamp::from_second(now).unwrap()).verdict;
         assert_eq!(verdict(1000), Verdict::Warn);
         assert_eq!(verdict(1_800_000_000), Verdict::Ok);
-        assert_eq!(verdict(LATEST), Verdict::Warn);
+        assert_eq!(verdict(LATEST_PLAUSIBLE), Verdict::Warn);
     }
 
     #[test]

@@ -110,7 +110,7 @@ pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
         computer::seccomp(),
         computer::terminal(),
     ] {
-        diagnosis.tell(finding)?;
+        diagnosis.add(finding)?;
     }
     let place = args.connection.place();
     let place = place.or_else(|| config.robot.clone().map(RobotChoice::Robot));
@@ -126,7 +126,7 @@ pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
 /// Loads the settings. Reports an invalid config and falls back to the defaults.
 fn settings(args: &DoctorArgs, diagnosis: &mut Diagnosis) -> Result<Effective, Failure> {
     let config = args.settings.load();
-    diagnosis.tell(match (&config, args.settings.file()) {
+    diagnosis.add(match (&config, args.settings.file()) {
         (Ok(_), Some(path)) => Finding::ok("config", format!("{} is valid", path.display())),
         (Ok(_), None) => Finding::ok("config", "no config named, no spykee.yaml here: defaults"),
         (Err(error), _) => {
@@ -144,7 +144,7 @@ struct Diagnosis {
 }
 
 impl Diagnosis {
-    fn tell(&mut self, finding: Finding) -> Result<(), Failure> {
+    fn add(&mut self, finding: Finding) -> Result<(), Failure> {
         if !self.json {
             print(&finding.line())?;
         }

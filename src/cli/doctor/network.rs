@@ -36,13 +36,13 @@ pub(super) async fn examine(
 ) -> Result<(), Failure> {
     let interrupted = interruption()?;
     let checks = async {
-        diagnosis.tell(interfaces())?;
-        diagnosis.tell(discovery().await)?;
+        diagnosis.add(interfaces())?;
+        diagnosis.add(discovery().await)?;
         match place {
             None => {
                 let help = "name a robot with --robot HOST[:PORT] or in the config; --sim checks a \
                             simulated one";
-                diagnosis.tell(Finding::warn("robot", "no robot named: not checked", help))
+                diagnosis.add(Finding::warn("robot", "no robot named: not checked", help))
             }
             Some(place) => robot(place, connection, settings, diagnosis).await,
         }
@@ -102,9 +102,9 @@ async fn robot(
     let config = &settings.config;
     let login = connection.login.login(settings)?;
     let (target, _sim) = reach(place, &login, 0)?;
-    let reachable = knock(&target, config.link.connect_timeout).await;
+    let reachable = check_reachable(&target, config.link.connect_timeout).await;
     let open = reachable.verdict != super::Verdict::Fail;
-    diagnosis.tell(reachable)?;
+    diagnosis.add(reachable)?;
     if !open {
         return Ok(());
     }
@@ -112,7 +112,7 @@ async fn robot(
     {
         Ok(session) => session,
         Err(error) => {
-            return diagnosis.tell(Finding::fail("login", error.to_string(), error.help()));
+            return diagnosis.add(Finding::fail("login", error.to_string(), error.help()));
         }
     };
     let who = &session.accepted;
@@ -121,12 +121,12 @@ async fn robot(
         "{} accepted the login, firmware {}, {docked} its station",
         who.uid, who.firmware
     );
-    diagnosis.tell(Finding::ok("login", found))?;
-    diagnosis.tell(battery(&session, config))?;
-    match further(&mut session, config, diagnosis).await {
+    diagnosis.add(Finding::ok("login", found))?;
+    diagnosis.add(battery(&session, config))?;
+    match check_link(&mut session, config, diagnosis).await {
         Ok(result) => result?,
         Err(error) => {
-            return diagnosis.tell(Finding::fail("link", error.to_string(), error.help()));
+            return diagnosis.add(Finding::fail("link", error.to_string(), error.help()));
         }
     }
     link::close_gracefully(session.reader, session.writer, DELIVERY).await;
@@ -134,22 +134,22 @@ async fn robot(
 }
 
 /// The checks that need an open link.
-async fn further(
+async fn check_link(
     session: &mut Session,
     config: &Config,
     diagnosis: &mut Diagnosis,
 ) -> Result<Result<(), Failure>, LinkError> {
     send_home_if_low(session, config).await?;
     let latency = latency(session).await?;
-    if let Err(failure) = diagnosis.tell(latency) {
+    if let Err(failure) = diagnosis.add(latency) {
         return Ok(Err(failure));
     }
     let video = video(session).await?;
-    Ok(diagnosis.tell(video))
+    Ok(diagnosis.add(video))
 }
 
 /// Opens one TCP connection and closes it at once: this takes one round trip.
-async fn knock(target: &Target, limit: Duration) -> Finding {
+async fn check_reachable(target: &Target, limit: Duration) -> Finding {
     let began = Instant::now();
     let help = "is the robot on, and is this computer in its Wi-Fi? `spykee discover` lists robots";
     match timeout(

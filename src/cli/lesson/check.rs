@@ -10,7 +10,7 @@ use super::marks::Marks;
 use super::{Console, Exit, Failure, LessonParser, print};
 use crate::behaviour;
 use crate::cli::check::{has_errors, of_source};
-use crate::cli::test::crew::{Crew, Done, Job, parse_timeout, trials};
+use crate::cli::test::job_pool::{Job, JobPool, JobResult, parse_timeout, trials};
 use crate::cli::world::{parse_png, save};
 use crate::config::Config;
 use crate::scenario::{Book, Setting};
@@ -99,8 +99,8 @@ pub(super) fn marks_of(
     let mut marks = Marks::new(book.scenarios(), findings, cannot_run);
     let stop = setting.stop.clone();
     if !cannot_run {
-        let crew = Crew::new(jobs, setting, trials);
-        play(&book, crew, &mut marks, console)?;
+        let pool = JobPool::new(jobs, setting, trials);
+        run_scenarios(&book, pool, &mut marks, console)?;
     }
     Ok((!stop.is_cancelled()).then_some(marks))
 }
@@ -130,7 +130,12 @@ fn unnamed() -> Failure {
     )
 }
 
-fn play(book: &Book, crew: Crew, marks: &mut Marks, console: &Console) -> Result<(), Failure> {
+fn run_scenarios(
+    book: &Book,
+    pool: JobPool,
+    marks: &mut Marks,
+    console: &Console,
+) -> Result<(), Failure> {
     let jobs: Vec<Job<'_>> = book
         .scenarios()
         .iter()
@@ -141,7 +146,7 @@ fn play(book: &Book, crew: Crew, marks: &mut Marks, console: &Console) -> Result
             seed,
         })
         .collect();
-    crew.play(&[book], &jobs, |done: Done<'_>| {
+    pool.run(&[book], &jobs, |done: JobResult<'_>| {
         marks.take(done.job.scenario, done.job.seed, done.played.failure);
         console.status(marks.progress());
     })?;

@@ -32,9 +32,9 @@ impl Feedback<'_> {
             marks.marks.iter().for_each(|mark| write(mark, &mut text));
             text.push('\n');
         }
-        text += &self.complaints();
-        text += &format!("{} of {} points.", marks.points(), marks.worth());
-        text += &self.way_on(&file);
+        text += &self.script_mistakes();
+        text += &format!("{} of {} points.", marks.points(), marks.max_points());
+        text += &self.next_step(&file);
         if let Some(hint) = self.hint.and_then(|number| lesson.hint(number)) {
             text += &format!("\nHint: {hint}\n");
         }
@@ -42,10 +42,10 @@ impl Feedback<'_> {
     }
 
     /// The mistakes in the script itself, with each line marked as a quotation.
-    fn complaints(&self) -> String {
+    fn script_mistakes(&self) -> String {
         let marks = self.marks;
         let mut text = String::new();
-        if let Some(words) = marks.breakdown() {
+        if let Some(words) = marks.script_error() {
             text += &format!("The script stopped with an error:\n\n{}\n", quoted(words));
         }
         if !marks.findings.is_empty() {
@@ -60,14 +60,14 @@ impl Feedback<'_> {
         text
     }
 
-    fn way_on(&self, file: &str) -> String {
+    fn next_step(&self, file: &str) -> String {
         let (marks, number) = (self.marks, self.lesson.number);
         match (marks.is_full(), number < Lesson::all().len()) {
             (true, true) => format!(" Well done! Next: spykee lesson start {}\n", number + 1),
             (true, false) => " Well done! That was the last lesson.\n".to_owned(),
             // No hint is offered if the script has mistakes to fix or a hint is already shown.
             (false, _)
-                if marks.cannot_run || marks.breakdown().is_some() || self.hint.is_some() =>
+                if marks.cannot_run || marks.script_error().is_some() || self.hint.is_some() =>
             {
                 "\n".to_owned()
             }
@@ -80,7 +80,7 @@ impl Feedback<'_> {
         let (lesson, marks) = (self.lesson, self.marks);
         let scenario = |mark: &Mark| {
             json!({
-                "name": mark.name, "points": mark.points(), "max_points": mark.worth,
+                "name": mark.name, "points": mark.points(), "max_points": mark.max_points,
                 "passed": mark.passed(), "tries": mark.seeds(), "failed_seeds": mark.failed_seeds(),
                 "message": mark.failure().map(sentence),
             })
@@ -88,8 +88,8 @@ impl Feedback<'_> {
         json!({
             "lesson": lesson.number, "title": lesson.title(),
             "file": self.file.display().to_string(),
-            "points": marks.points(), "max_points": marks.worth(), "passed": marks.is_full(),
-            "mistakes": marks.findings, "error": marks.breakdown(),
+            "points": marks.points(), "max_points": marks.max_points(), "passed": marks.is_full(),
+            "mistakes": marks.findings, "error": marks.script_error(),
             "scenarios": marks.marks.iter().map(scenario).collect::<Vec<Value>>(),
         })
     }
@@ -100,7 +100,7 @@ pub(super) fn gradescope(feedback: &Feedback<'_>) -> Value {
     let marks = feedback.marks;
     let test = |mark: &Mark| {
         json!({
-            "name": mark.name, "score": mark.points(), "max_score": mark.worth,
+            "name": mark.name, "score": mark.points(), "max_score": mark.max_points,
             "status": if mark.passed() { "passed" } else { "failed" },
             "output": match (marks.cannot_run, mark.failure()) {
                 (true, _) => "The script cannot run yet; see above.".to_owned(),
@@ -111,7 +111,7 @@ pub(super) fn gradescope(feedback: &Feedback<'_>) -> Value {
     };
     let lesson = feedback.lesson;
     let title = format!("Lesson {}, {}", lesson.number, lesson.title());
-    let output = format!("{title}\n\n{}", feedback.complaints());
+    let output = format!("{title}\n\n{}", feedback.script_mistakes());
     json!({
         "score": marks.points(), "output": output.trim_end(),
         "tests": marks.marks.iter().map(test).collect::<Vec<Value>>(),
@@ -120,9 +120,9 @@ pub(super) fn gradescope(feedback: &Feedback<'_>) -> Value {
 
 fn write(mark: &Mark, text: &mut String) {
     let word = if mark.passed() { "ok" } else { "not yet" };
-    let (points, worth) = (mark.points(), mark.worth);
+    let (points, max_points) = (mark.points(), mark.max_points);
     // Writing into a string does not fail.
-    let _ = writeln!(text, "  {word:7}  {points} of {worth}  {}", mark.name);
+    let _ = writeln!(text, "  {word:7}  {points} of {max_points}  {}", mark.name);
     if let Some(failure) = mark.failure() {
         let _ = writeln!(text, "           {}{}", sentence(failure), tries(mark));
     }

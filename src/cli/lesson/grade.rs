@@ -15,7 +15,7 @@ use super::marks::Marks;
 use super::{Console, Exit, Failure, LessonParser, Side, aligned, print};
 use crate::clean;
 use crate::cli::table::csv_cell;
-use crate::cli::test::crew::parse_timeout;
+use crate::cli::test::job_pool::parse_timeout;
 
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct GradeArgs {
@@ -61,7 +61,7 @@ struct Graded {
 /// The results of a class.
 struct Class {
     lesson: &'static Lesson,
-    worth: u32,
+    max_points: u32,
     learners: Vec<Graded>,
     alike: Vec<Pair>,
 }
@@ -74,18 +74,18 @@ pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> 
         let why = format!("there is no script in {}", folder.display());
         return Err(Failure::usage(why).help("it needs a folder or a script for each learner"));
     }
-    let (mut graded, mut texts, mut worth) = (Vec::new(), Vec::new(), 0);
+    let (mut graded, mut texts, mut max_points) = (Vec::new(), Vec::new(), 0);
     for learner in found {
         let Some((one, text, points)) = grade(learner, args, console)? else {
             return Ok(Exit::Interrupted);
         };
-        worth = worth.max(points);
+        max_points = max_points.max(points);
         graded.push(one);
         texts.push(text);
     }
     let class = Class {
         lesson,
-        worth,
+        max_points,
         learners: graded,
         alike: pairs(&texts, lesson.starter),
     };
@@ -110,10 +110,14 @@ fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
 }
 
 /// One learner's result and script text, and the maximum number of points.
-type One = (Graded, Option<String>, u32);
+type GradeResult = (Graded, Option<String>, u32);
 
 /// Grades one learner; `None` if interrupted.
-fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Option<One>, Failure> {
+fn grade(
+    learner: Learner,
+    args: &GradeArgs,
+    console: &Console,
+) -> Result<Option<GradeResult>, Failure> {
     let mut graded = Graded {
         name: learner.name,
         file: None,
@@ -147,7 +151,7 @@ fn grade(learner: Learner, args: &GradeArgs, console: &Console) -> Result<Option
     graded.points = marks.points();
     graded.missing = missing(&marks);
     let text = String::from_utf8_lossy(&source).into_owned();
-    Ok(Some((graded, Some(text), marks.worth())))
+    Ok(Some((graded, Some(text), marks.max_points())))
 }
 
 /// The sentences that say what is missing, each once.
@@ -169,7 +173,7 @@ fn missing(marks: &Marks) -> Vec<String> {
         let words = mark.failure().map(sentence);
         sentences.extend(words.filter(|words| !sentences.contains(words)));
     }
-    if let Some(words) = marks.breakdown() {
+    if let Some(words) = marks.script_error() {
         sentences.push(words.lines().next().unwrap_or_default().to_owned());
     }
     sentences
@@ -192,7 +196,7 @@ impl Class {
         };
         let rows: Vec<Vec<String>> = self.learners.iter().map(row).collect();
         let (number, title) = (self.lesson.number, self.lesson.title());
-        let mut text = format!("Lesson {number}, {title}: {} points\n\n", self.worth);
+        let mut text = format!("Lesson {number}, {title}: {} points\n\n", self.max_points);
         text += &aligned(&head, &rows);
         let absent: Vec<&str> = self
             .learners
@@ -224,7 +228,7 @@ impl Class {
             let cells = [
                 one.name.clone(),
                 one.points.to_string(),
-                self.worth.to_string(),
+                self.max_points.to_string(),
                 one.missing.join(" "),
                 file.unwrap_or_default(),
                 self.alike_with(place).join(", "),
@@ -262,7 +266,7 @@ impl Class {
             json!({ "names": [one, other], "likeness": (pair.likeness * 100.0).round() / 100.0 })
         };
         json!({
-            "lesson": self.lesson.number, "title": self.lesson.title(), "max_points": self.worth,
+            "lesson": self.lesson.number, "title": self.lesson.title(), "max_points": self.max_points,
             "learners": self.learners.iter().map(learner).collect::<Vec<Value>>(),
             "same_text": self.alike.iter().map(pair).collect::<Vec<Value>>(),
         })

@@ -18,7 +18,7 @@ pub(super) struct Marks {
 /// The result of one scenario.
 pub(super) struct Mark {
     pub(super) name: String,
-    pub(super) worth: u32,
+    pub(super) max_points: u32,
     /// The failure of each seed; `None` if it passed.
     tries: BTreeMap<u64, Option<Failure>>,
     seeds: usize,
@@ -29,7 +29,7 @@ impl Marks {
     pub(super) fn new(scenarios: &[Scenario], findings: Vec<Finding>, cannot_run: bool) -> Marks {
         let mark = |scenario: &Scenario| Mark {
             name: scenario.name.clone(),
-            worth: scenario.options.points,
+            max_points: scenario.options.points,
             tries: BTreeMap::new(),
             seeds: scenario.seeds().count(),
         };
@@ -54,8 +54,8 @@ impl Marks {
         self.marks.iter().map(Mark::points).sum()
     }
 
-    pub(super) fn worth(&self) -> u32 {
-        self.marks.iter().map(|mark| mark.worth).sum()
+    pub(super) fn max_points(&self) -> u32 {
+        self.marks.iter().map(|mark| mark.max_points).sum()
     }
 
     pub(super) fn is_full(&self) -> bool {
@@ -63,8 +63,8 @@ impl Marks {
     }
 
     /// The first error of the script itself, as opposed to unmet expectations.
-    pub(super) fn breakdown(&self) -> Option<&str> {
-        self.marks.iter().find_map(Mark::breakdown)
+    pub(super) fn script_error(&self) -> Option<&str> {
+        self.marks.iter().find_map(Mark::script_error)
     }
 
     /// The first try that failed.
@@ -86,7 +86,7 @@ impl Mark {
     }
 
     pub(super) fn points(&self) -> u32 {
-        if self.passed() { self.worth } else { 0 }
+        if self.passed() { self.max_points } else { 0 }
     }
 
     pub(super) fn seeds(&self) -> usize {
@@ -106,7 +106,7 @@ impl Mark {
         self.tries.values().flatten().next()
     }
 
-    fn breakdown(&self) -> Option<&str> {
+    fn script_error(&self) -> Option<&str> {
         self.tries
             .values()
             .flatten()

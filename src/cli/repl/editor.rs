@@ -64,15 +64,15 @@ type Lines = Editor<Names, FileHistory>;
 /// Runs the prompt until the input ends or the receiver is dropped.
 pub(super) fn serve(
     typed: &mpsc::Sender<Typed>,
-    told: mpsc::Receiver<EditorCommand>,
+    commands: mpsc::Receiver<EditorCommand>,
     console: &Console,
 ) {
     let mut prompt = match open() {
         Ok(lines) => Prompt {
             lines,
-            told,
+            commands,
             history: None,
-            person: io::stdin().is_terminal(),
+            interactive: io::stdin().is_terminal(),
             pending: String::new(),
         },
         Err(error) => {
@@ -81,9 +81,9 @@ pub(super) fn serve(
         }
     };
     if io::stdin().is_terminal() {
-        prompt.divert(console);
-        prompt.remember();
-        console.say("INFO", "Lua for the robot; :help shows help, Ctrl-D ends");
+        prompt.redirect_console(console);
+        prompt.open_history();
+        console.write_line("INFO", "Lua for the robot; :help shows help, Ctrl-D ends");
     }
     while let Some(next) = prompt.wait() {
         if typed.blocking_send(Typed::Ready).is_err() {
@@ -113,24 +113,24 @@ fn open() -> rustyline::Result<Lines> {
 
 struct Prompt {
     lines: Lines,
-    told: mpsc::Receiver<EditorCommand>,
+    commands: mpsc::Receiver<EditorCommand>,
     history: Option<PathBuf>,
     /// Whether a person types; otherwise lines come from a pipe.
-    person: bool,
+    interactive: bool,
     /// The lines so far of a continued input.
     pending: String,
 }
 
 impl Prompt {
     /// Redirects the console's output above the prompt.
-    fn divert(&mut self, console: &Console) {
+    fn redirect_console(&mut self, console: &Console) {
         match self.lines.create_external_printer() {
-            Ok(printer) => console.divert(Some(Box::new(Above(printer)))),
+            Ok(printer) => console.redirect(Some(Box::new(AbovePrompt(printer)))),
             Err(error) => tracing::debug!("logs and the prompt share the terminal: {error}"),
         }
     }
 
-    fn remember(&mut self) {
+    fn open_history(&mut self) {
         let Some(path) = history::path() else {
             return;
         };
@@ -146,7 +146,7 @@ impl Prompt {
     /// Prints output until the next input is due.
     fn wait(&mut self) -> Option<Next> {
         loop {
-            match self.told.blocking_recv()? {
+            match self.commands.blocking_recv()? {
                 EditorCommand::Print(text) => show(&text),
                 EditorCommand::Done(next) => return Some(next),
             }
@@ -165,10 +165,10 @@ impl Prompt {
             } else {
                 PROMPTS.1
             };
-            let read = if self.person {
+            let read = if self.interactive {
                 self.lines.readline(prompt)
             } else {
-                self.piped()
+                self.read_piped_line()
             };
             match read {
                 Ok(line) => {
@@ -191,7 +191,7 @@ impl Prompt {
     }
 
     /// Reads a line from a pipe. Of a line that is too long, keeps only enough to detect that.
-    fn piped(&mut self) -> rustyline::Result<String> {
+    fn read_piped_line(&mut self) -> rustyline::Result<String> {
         bounded_line(&mut io::stdin().lock(), MAX_SOURCE + 1)
     }
 
@@ -200,7 +200,7 @@ impl Prompt {
         if begins && line.trim().is_empty() {
             return None;
         }
-        self.keep(line);
+        self.add_to_history(line);
         if begins && line.trim_start().starts_with(':') {
             return self.command(line.trim());
         }
@@ -217,7 +217,7 @@ impl Prompt {
         Some(Typed::Line { text, more })
     }
 
-    fn keep(&mut self, line: &str) {
+    fn add_to_history(&mut self, line: &str) {
         let Some(path) = &self.history else { return };
         let added = self.lines.add_history_entry(line).unwrap_or(false);
         if added && let Err(error) = self.lines.append_history(path) {
@@ -278,9 +278,9 @@ fn show(text: &str) {
 }
 
 /// Prints each record above the prompt.
-struct Above<P>(P);
+struct AbovePrompt<P>(P);
 
-impl<P: ExternalPrinter> Write for Above<P> {
+impl<P: ExternalPrinter> Write for AbovePrompt<P> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let text = String::from_utf8_lossy(bytes).into_owned();
         self.0.print(text).map_err(io::Error::other)?;

@@ -3,8 +3,8 @@
 use clap::builder::PossibleValuesParser;
 
 use super::SharedAimArgs;
-use super::talk::talk;
-use crate::cli::running::{AT_ONCE, ask, nonsense};
+use super::session::with_session;
+use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
 use crate::cli::{Exit, Failure};
 use crate::control::{Answer, Errand};
 use crate::robot::Percent;
@@ -59,35 +59,35 @@ pub(super) fn led(args: &LedArgs) -> Result<Exit, Failure> {
     let led = Led::from_name(&args.led)
         .ok_or_else(|| Failure::usage(format_args!("no such light: {}", args.led)))?;
     let on = args.state == "on";
-    say(&args.aim, Command::Led { led, on }, Errand::Led { led, on })
+    send_command(&args.aim, Command::Led { led, on }, Errand::Led { led, on })
 }
 
 pub(super) fn play(args: &PlayArgs) -> Result<Exit, Failure> {
     let Some(name) = &args.sound else {
-        return say(&args.aim, Command::StopSound, Errand::StopSound);
+        return send_command(&args.aim, Command::StopSound, Errand::StopSound);
     };
     let sound = Sound::from_name(name)
         .ok_or_else(|| Failure::usage(format_args!("no such sound: {name}")))?;
-    say(&args.aim, Command::Play(sound), Errand::Play(sound))
+    send_command(&args.aim, Command::Play(sound), Errand::Play(sound))
 }
 
 pub(super) fn volume(args: &VolumeArgs) -> Result<Exit, Failure> {
     let percent = Percent::saturating(args.percent);
     let command = Command::Volume(percent.get());
-    say(&args.aim, command, Errand::Volume(percent))
+    send_command(&args.aim, command, Errand::Volume(percent))
 }
 
 /// Sends a command, directly or through the run that uses the robot.
-fn say(aim: &SharedAimArgs, command: Command, errand: Errand) -> Result<Exit, Failure> {
-    if let Some(run) = aim.run_on()? {
-        return match ask(&run, &errand, AT_ONCE)? {
+fn send_command(aim: &SharedAimArgs, command: Command, errand: Errand) -> Result<Exit, Failure> {
+    if let Some(run) = aim.find_run()? {
+        return match ask(&run, &errand, REPLY_TIMEOUT)? {
             None => Ok(Exit::Interrupted),
             Some(Answer::Done) => Ok(Exit::Done),
-            Some(_) => Err(nonsense()),
+            Some(_) => Err(unexpected_reply()),
         };
     }
-    talk(aim, async |talk| {
-        talk.tell(command).await?;
+    with_session(aim, async |session| {
+        session.send_confirmed(command).await?;
         Ok(Exit::Done)
     })
 }

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::talk::{talk, talk_alone};
+use super::session::{with_exclusive_session, with_session};
 use super::{AimArgs, SharedAimArgs};
 use crate::clean;
 use crate::cli::runs::words;
@@ -59,7 +59,7 @@ struct Facts {
 }
 
 pub(super) fn info(args: &InfoArgs) -> Result<Exit, Failure> {
-    if let Some(run) = args.aim.run_on()? {
+    if let Some(run) = args.aim.find_run()? {
         let Overview {
             robot,
             docked,
@@ -83,17 +83,17 @@ pub(super) fn info(args: &InfoArgs) -> Result<Exit, Failure> {
             },
         );
     }
-    talk(&args.aim, async |talk| {
-        let robot = &talk.session.accepted;
+    with_session(&args.aim, async |session| {
+        let robot = &session.link.accepted;
         let facts = Facts {
             uid: robot.uid.clone(),
             name: robot.name.clone(),
             third_name: Some(robot.place.clone()),
             firmware: robot.firmware.clone(),
-            address: talk.session.peer.to_string(),
+            address: session.link.peer.to_string(),
             docked: robot.docked,
-            battery: Some(Battery::reported(talk.session.power)),
-            simulated: talk.simulated,
+            battery: Some(Battery::reported(session.link.power)),
+            simulated: session.simulated,
         };
         show_info(args.json, &facts)
     })
@@ -130,12 +130,12 @@ fn show_info(as_json: bool, facts: &Facts) -> Result<Exit, Failure> {
 }
 
 pub(super) fn battery(args: &BatteryArgs) -> Result<Exit, Failure> {
-    if let Some(run) = args.aim.run_on()? {
+    if let Some(run) = args.aim.find_run()? {
         let battery = run.overview.battery.ok_or_else(never_connected)?;
         return show_battery(args.json, battery);
     }
-    talk(&args.aim, async |talk| {
-        show_battery(args.json, Battery::reported(talk.session.power))
+    with_session(&args.aim, async |session| {
+        show_battery(args.json, Battery::reported(session.link.power))
     })
 }
 
@@ -158,12 +158,12 @@ fn never_connected() -> Failure {
 }
 
 pub(super) fn log(args: &LogArgs) -> Result<Exit, Failure> {
-    talk_alone(&args.aim, async |talk| {
+    with_exclusive_session(&args.aim, async |session| {
         let pick = |report| match report {
             Report::Log(text) => Some(text),
             _ => None,
         };
-        let text = talk.text(Command::LogQuery, "its log", pick).await?;
+        let text = session.text(Command::LogQuery, "its log", pick).await?;
         let text = latin1(&text);
         let text = text.trim_end_matches(['\0', '\r', '\n']);
         if args.json {

@@ -5,25 +5,25 @@ mod act;
 mod ask;
 mod mp3;
 mod say;
+mod session;
 mod settings;
 mod snapshot;
 mod station;
 mod stop;
-mod talk;
 mod upload;
 mod wav;
 
-pub(super) use talk::send_home_if_low;
+pub(super) use session::send_home_if_low;
 
 use std::ops::Deref;
 
 use clap::Subcommand;
 
-use super::driver::Means;
+use super::driver::DriverParts;
 use super::embedded::EmbeddedSim;
 use super::reach::{dial, place, reach};
 use super::remote::RemoteArgs;
-use super::running::run_on;
+use super::running::find_run;
 use super::settings::SettingsArgs;
 use super::startup::rescue;
 use super::{ConnectionArgs, Console, Exit, Failure};
@@ -155,9 +155,9 @@ impl SharedAimArgs {
     /// The active run or the service that uses the chosen robot, if any.
     ///
     /// # Errors
-    /// See [`run_on`].
-    pub(super) fn run_on(&self) -> Result<Option<Client>, Failure> {
-        run_on(&self.settings, &self.connection, &self.remote)
+    /// See [`find_run`].
+    pub(super) fn find_run(&self) -> Result<Option<Client>, Failure> {
+        find_run(&self.settings, &self.connection, &self.remote)
     }
 }
 
@@ -199,9 +199,9 @@ impl Aim {
     ///
     /// # Errors
     /// The rescue behaviour of the config cannot be read.
-    pub(super) fn means(&self, seed: u64) -> Result<Means, Failure> {
+    pub(super) fn driver_parts(&self, seed: u64) -> Result<DriverParts, Failure> {
         let link = self.config.link.clone();
-        Ok(Means {
+        Ok(DriverParts {
             dial: dial(self.target.clone(), self.login.clone(), link),
             settings: self.config.pilot(self.sim.is_some(), seed),
             rescue: rescue(&self.config, seed)?,

@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::SharedAimArgs;
 use super::wav;
 use crate::cli::driver::drive;
-use crate::cli::running::{ask, nonsense};
+use crate::cli::running::{ask, unexpected_reply};
 use crate::cli::{Exit, Failure, block_on};
 use crate::control::{Answer, Errand, MAX_SPEECH};
 use crate::robot::Use;
@@ -44,12 +44,12 @@ pub(super) fn say(args: &SayArgs) -> Result<Exit, Failure> {
     if samples.len() > MAX_SPEECH {
         return Err(refused(&"it is longer than 30 s"));
     }
-    if let Some(run) = args.aim.run_on()? {
+    if let Some(run) = args.aim.find_run()? {
         let length = Duration::from_secs_f64(samples.len() as f64 / RATE);
         return match ask(&run, &Errand::Say(samples.to_vec()), length + SLACK)? {
             None => Ok(Exit::Interrupted),
             Some(Answer::Done) => Ok(Exit::Done),
-            Some(_) => Err(nonsense()),
+            Some(_) => Err(unexpected_reply()),
         };
     }
     let seed = rand::random();
@@ -58,7 +58,7 @@ pub(super) fn say(args: &SayArgs) -> Result<Exit, Failure> {
         let failure = Failure::usage("the config keeps the loudspeaker off");
         return Err(failure.help("it has streams: { audio_out: off }"));
     }
-    block_on(drive(aim.means(seed)?, async |driver| {
+    block_on(drive(aim.driver_parts(seed)?, async |driver| {
         driver.say(samples).await?;
         Ok(Exit::Done)
     }))?

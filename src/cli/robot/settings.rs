@@ -7,7 +7,7 @@ use std::path::Path;
 use serde_json::{Map, Value, json};
 
 use super::AimArgs;
-use super::talk::{Talk, talk_alone};
+use super::session::{RobotSession, with_exclusive_session};
 use crate::clean;
 use crate::cli::table::{Side, aligned};
 use crate::cli::{Exit, Failure, print};
@@ -69,10 +69,10 @@ pub(super) struct ChangeArgs {
 pub(super) fn config(args: &ConfigArgs) -> Result<Exit, Failure> {
     let args = &args.change;
     let wanted = wanted(args)?;
-    talk_alone(&args.aim, async |talk| {
-        let mut settings = settings(talk).await?;
+    with_exclusive_session(&args.aim, async |session| {
+        let mut settings = settings(session).await?;
         if !wanted.is_empty() {
-            settings = change(talk, args, &settings, &wanted).await?;
+            settings = change(session, args, &settings, &wanted).await?;
         }
         if args.json {
             print(&format!("{}\n", Value::Object(object(&settings))))?
@@ -92,18 +92,20 @@ pub(super) fn wifi(args: &WifiArgs) -> Result<Exit, Failure> {
             Failure::usage(what).help("change other settings with `spykee robot config --set`")
         );
     }
-    talk_alone(&args.aim, async |talk| {
-        let mut own = settings(talk).await?;
+    with_exclusive_session(&args.aim, async |session| {
+        let mut own = settings(session).await?;
         own.retain(|setting| concerns_network(&setting.key));
         if !wanted.is_empty() {
-            own = change(talk, args, &own, &wanted).await?;
+            own = change(session, args, &own, &wanted).await?;
             own.retain(|setting| concerns_network(&setting.key));
         }
         let pick = |report| match report {
             Report::Networks(text) => Some(text),
             _ => None,
         };
-        let text = talk.text(Command::NetworksQuery, "networks", pick).await?;
+        let text = session
+            .text(Command::NetworksQuery, "networks", pick)
+            .await?;
         show_networks(&parse_networks(&text), &own, args.json)?;
         Ok(Exit::Done)
     })
@@ -134,12 +136,12 @@ fn show_networks(networks: &[Network], own: &[Setting], json: bool) -> Result<()
     print(&format!("{}\n{}", aligned(&head, &rows), table(own)))
 }
 
-async fn settings(talk: &mut Talk) -> Result<Vec<Setting>, Failure> {
+async fn settings(session: &mut RobotSession) -> Result<Vec<Setting>, Failure> {
     let pick = |report| match report {
         Report::Config(text) => Some(text),
         _ => None,
     };
-    let messages = talk
+    let messages = session
         .messages(Command::ConfigQuery, "its settings", pick)
         .await?;
     Ok(parse_settings(&join_settings(&messages)))
@@ -147,7 +149,7 @@ async fn settings(talk: &mut Talk) -> Result<Vec<Setting>, Failure> {
 
 /// Checks the changes, asks for confirmation, sends them, and reads the settings back.
 async fn change(
-    talk: &mut Talk,
+    session: &mut RobotSession,
     args: &ChangeArgs,
     listed: &[Setting],
     wanted: &[Setting],
@@ -161,7 +163,7 @@ async fn change(
         let help = clean::text(&format!("it has {}", keys.join(", ")), false);
         return Err(Failure::usage(what).help(help));
     }
-    confirm(&talk.session.accepted.uid, args, wanted)?;
+    confirm(&session.link.accepted.uid, args, wanted)?;
     let pairs: Vec<String> = wanted
         .iter()
         .map(|setting| format!("{}={}", setting.key, setting.value))
@@ -169,8 +171,8 @@ async fn change(
     // `wanted` accepts only characters that fit into one byte.
     let byte = |c| u8::try_from(u32::from(c)).unwrap_or(b'?');
     let text = pairs.join("&").chars().map(byte).collect();
-    talk.say(&[Command::ConfigSet(text)]).await?;
-    let now = settings(talk).await?;
+    session.send(&[Command::ConfigSet(text)]).await?;
+    let now = settings(session).await?;
     match wanted.iter().find(|wanted| !now.contains(wanted)) {
         None => Ok(now),
         Some(refused) => {
@@ -219,10 +221,10 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
 
 /// Parses the `--set` options, before connecting to the robot.
 fn wanted(args: &ChangeArgs) -> Result<Vec<Setting>, Failure> {
-    args.set.iter().map(|text| wish(text)).collect()
+    args.set.iter().map(|text| parse_change(text)).collect()
 }
 
-fn wish(text: &str) -> Result<Setting, Failure> {
+fn parse_change(text: &str) -> Result<Setting, Failure> {
     let wrong = |what: &str| Failure::usage(format_args!("--set {what}"));
     let (key, value) = text
         .split_once('=')
@@ -302,7 +304,7 @@ mod tests {
         };
         assert_eq!(shown(&setting), HIDDEN);
         assert!(!table(std::slice::from_ref(&setting)).contains("hunter2"));
-        let refusal = wish("wifi-key=hunter2").unwrap_err();
+        let refusal = parse_change("wifi-key=hunter2").unwrap_err();
         assert!(
             !refusal.report().contains("hunter2"),
             "{}",
@@ -321,8 +323,8 @@ mod tests {
             "name=a\nb",
             "name=\u{20AC}",
         ] {
-            assert!(wish(text).is_err(), "{text}");
+            assert!(parse_change(text).is_err(), "{text}");
         }
-        assert_eq!(wish("name=Anna").unwrap().value, "Anna");
+        assert_eq!(parse_change("name=Anna").unwrap().value, "Anna");
     }
 }

@@ -8,8 +8,8 @@ use serde_json::json;
 use tokio::time::Instant;
 
 use super::SharedAimArgs;
-use super::talk::{Talk, talk};
-use crate::cli::running::{AT_ONCE, ask, nonsense};
+use super::session::{RobotSession, with_session};
+use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
 use crate::cli::{Exit, Failure, print};
 use crate::control::{Answer, Client, Errand};
 use crate::robot::Use;
@@ -44,23 +44,23 @@ struct Shot {
 }
 
 pub(super) fn snapshot(args: &SnapshotArgs) -> Result<Exit, Failure> {
-    if let Some(run) = args.aim.run_on()? {
-        return match ask_for_shot(&run, Duration::from_secs(args.timeout))? {
-            Some(shot) => keep(args, &shot),
+    if let Some(run) = args.aim.find_run()? {
+        return match request_picture(&run, Duration::from_secs(args.timeout))? {
+            Some(shot) => save_and_report(args, &shot),
             None => Ok(Exit::Interrupted),
         };
     }
-    talk(&args.aim, async |talk| {
-        if talk.streams.video == Use::Off {
+    with_session(&args.aim, async |session| {
+        if session.streams.video == Use::Off {
             let failure = Failure::usage("the config keeps video off");
             return Err(failure.help("it has streams: { video: off }"));
         }
-        let shot = shoot(talk, Duration::from_secs(args.timeout)).await?;
-        keep(args, &shot)
+        let shot = take_picture(session, Duration::from_secs(args.timeout)).await?;
+        save_and_report(args, &shot)
     })
 }
 
-fn keep(args: &SnapshotArgs, shot: &Shot) -> Result<Exit, Failure> {
+fn save_and_report(args: &SnapshotArgs, shot: &Shot) -> Result<Exit, Failure> {
     save(&args.output, &shot.jpeg)?;
     let (file, bytes) = (args.output.display().to_string(), shot.jpeg.len());
     let Size { width, height } = shot.size;
@@ -77,16 +77,16 @@ fn keep(args: &SnapshotArgs, shot: &Shot) -> Result<Exit, Failure> {
 }
 
 /// Requests an intact picture from the run that uses the robot; `None` if interrupted.
-fn ask_for_shot(run: &Client, limit: Duration) -> Result<Option<Shot>, Failure> {
+fn request_picture(run: &Client, limit: Duration) -> Result<Option<Shot>, Failure> {
     let until = std::time::Instant::now() + limit;
     let (mut decoder, mut damaged) = (Decoder::default(), 0);
     loop {
         let left = until.saturating_duration_since(std::time::Instant::now());
-        let jpeg = match ask(run, &Errand::Picture(left), left + AT_ONCE)? {
+        let jpeg = match ask(run, &Errand::Picture(left), left + REPLY_TIMEOUT)? {
             None => return Ok(None),
             Some(Answer::Picture(jpeg)) => Bytes::from(jpeg),
-            Some(Answer::NoPicture) => return Err(none_in_time(limit, damaged)),
-            Some(_) => return Err(nonsense()),
+            Some(Answer::NoPicture) => return Err(no_picture_in_time(limit, damaged)),
+            Some(_) => return Err(unexpected_reply()),
         };
         match decoder.decode(&jpeg).map(|image| image.size()) {
             Ok(size) => {
@@ -104,22 +104,22 @@ fn ask_for_shot(run: &Client, limit: Duration) -> Result<Option<Shot>, Failure> 
     }
 }
 
-async fn shoot(talk: &mut Talk, limit: Duration) -> Result<Shot, Failure> {
+async fn take_picture(session: &mut RobotSession, limit: Duration) -> Result<Shot, Failure> {
     let video = |on| Command::Stream {
         stream: Stream::Video,
         on,
     };
     let until = Instant::now() + limit;
     let (mut decoder, mut damaged) = (Decoder::default(), 0);
-    talk.say(&[video(true)]).await?;
+    session.send(&[video(true)]).await?;
     let shot = loop {
         let left = until.saturating_duration_since(Instant::now());
-        let frame = talk.hear(left, |report| match report {
+        let frame = session.receive(left, |report| match report {
             Report::Video(jpeg) => Some(jpeg),
             _ => None,
         });
         let Some(jpeg) = frame.await? else {
-            return Err(none_in_time(limit, damaged));
+            return Err(no_picture_in_time(limit, damaged));
         };
         match decoder.decode(&jpeg) {
             Ok(image) => break (image.size(), jpeg),
@@ -129,7 +129,7 @@ async fn shoot(talk: &mut Talk, limit: Duration) -> Result<Shot, Failure> {
             }
         }
     };
-    talk.say(&[video(false)]).await?;
+    session.send(&[video(false)]).await?;
     let (size, jpeg) = shot;
     Ok(Shot {
         jpeg,
@@ -138,7 +138,7 @@ async fn shoot(talk: &mut Talk, limit: Duration) -> Result<Shot, Failure> {
     })
 }
 
-fn none_in_time(limit: Duration, damaged: u32) -> Failure {
+fn no_picture_in_time(limit: Duration, damaged: u32) -> Failure {
     let seconds = limit.as_secs();
     let what = format!("no intact frame arrived within {seconds} s; damaged ones: {damaged}");
     Failure::new(Exit::Unreachable, what)

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::SharedAimArgs;
 use crate::agent::Docked;
 use crate::cli::driver::drive;
-use crate::cli::running::{ask, nonsense};
+use crate::cli::running::{ask, unexpected_reply};
 use crate::cli::{Exit, Failure, block_on, print};
 use crate::control::{Answer, Errand};
 use crate::robot::{DockEnd, DockPlan};
@@ -61,7 +61,7 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
         retries: args.retries,
         ..DockPlan::default()
     };
-    if let Some(run) = args.aim.run_on()? {
+    if let Some(run) = args.aim.find_run()? {
         let limit = (plan.timeout + plan.charge_timeout) * (plan.retries + 1) + SLACK;
         return match ask(&run, &Errand::Dock(plan), limit)? {
             None => Ok(Exit::Interrupted),
@@ -78,12 +78,12 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
                 show_docked(args.json, docked)?;
                 exit_of(end, run.overview.low)
             }
-            Some(_) => Err(nonsense()),
+            Some(_) => Err(unexpected_reply()),
         };
     }
     let seed = rand::random();
     let aim = args.aim.aim(seed)?;
-    let docking = drive(aim.means(seed)?, async |driver| {
+    let docking = drive(aim.driver_parts(seed)?, async |driver| {
         let docked = driver.dock(plan).await?;
         show_docked(args.json, docked)?;
         exit_of(docked.end, driver.status().low)
@@ -107,19 +107,19 @@ fn show_docked(as_json: bool, docked: Docked) -> Result<(), Failure> {
 
 pub(super) fn undock(args: &UndockArgs) -> Result<Exit, Failure> {
     let limit = Duration::from_secs(args.timeout);
-    if let Some(run) = args.aim.run_on()? {
+    if let Some(run) = args.aim.find_run()? {
         return match ask(&run, &Errand::Undock(limit), limit + SLACK)? {
             None => Ok(Exit::Interrupted),
             Some(Answer::Undocked(end)) => {
                 show_undocked(args.json, end)?;
                 exit_of(end, run.overview.low)
             }
-            Some(_) => Err(nonsense()),
+            Some(_) => Err(unexpected_reply()),
         };
     }
     let seed = rand::random();
     let aim = args.aim.aim(seed)?;
-    let undocking = drive(aim.means(seed)?, async |driver| {
+    let undocking = drive(aim.driver_parts(seed)?, async |driver| {
         let end = driver.undock(limit).await?;
         show_undocked(args.json, end)?;
         exit_of(end, driver.status().low)

@@ -7,7 +7,7 @@ use tokio_util::sync::CancellationToken;
 
 use super::{Aim, AimArgs, SharedAimArgs};
 use crate::cli::interrupt::interruption;
-use crate::cli::running::{AT_ONCE, ask};
+use crate::cli::running::{REPLY_TIMEOUT, ask};
 use crate::cli::{Exit, Failure, block_on, print};
 use crate::control::{Client, Errand};
 use crate::link::{LinkError, close_gracefully};
@@ -42,9 +42,9 @@ pub(super) struct StopArgs {
 }
 
 pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
-    let running = args.aim.run_on()?;
+    let running = args.aim.find_run()?;
     if let Some(run) = running.as_ref().filter(|run| run.is_remote()) {
-        return hold(run);
+        return stop_through_service(run);
     }
     let mut aim = AimArgs::clone(&args.aim);
     if let Some(run) = &running {
@@ -52,7 +52,7 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
             "ending the run that uses the robot (process {})",
             run.overview.pid
         );
-        let asked = ask(run, &Errand::Stop, AT_ONCE);
+        let asked = ask(run, &Errand::Stop, REPLY_TIMEOUT);
         if run.overview.simulated {
             if asked?.is_none() {
                 return Ok(Exit::Interrupted);
@@ -76,7 +76,7 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
             interrupted.await;
             ending.cancel();
         });
-        match insist(&aim, limit, &ended).await? {
+        match stop_with_retries(&aim, limit, &ended).await? {
             Some(Delivery::Acknowledged) => {
                 print("stopped: the robot's side has acknowledged it\n")?;
                 Ok(Exit::Done)
@@ -92,8 +92,8 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
 
 /// Stops the robot through a service. The service continues, but the robot cannot move until the
 /// stop is released.
-fn hold(run: &Client) -> Result<Exit, Failure> {
-    if ask(run, &Errand::Stop, AT_ONCE)?.is_none() {
+fn stop_through_service(run: &Client) -> Result<Exit, Failure> {
+    if ask(run, &Errand::Stop, REPLY_TIMEOUT)?.is_none() {
         return Ok(Exit::Interrupted);
     }
     print(
@@ -104,14 +104,14 @@ fn hold(run: &Client) -> Result<Exit, Failure> {
 
 /// Retries until a stop is acknowledged or the time is up. Returns the outcome of the last try that
 /// connected; `None` if interrupted before one did.
-async fn insist(
+async fn stop_with_retries(
     aim: &Aim,
     limit: Duration,
     ended: &CancellationToken,
 ) -> Result<Option<Delivery>, LinkError> {
     let until = Instant::now() + limit;
     loop {
-        let tried = once(aim, ended).await;
+        let tried = try_stop(aim, ended).await;
         let again = Instant::now() + PAUSE < until && !ended.is_cancelled();
         match tried {
             Ok(Some(delivery)) if delivery != Delivery::Acknowledged && again => {
@@ -128,7 +128,7 @@ async fn insist(
 
 /// Tries once. The login already sends MOVE 0 0; the second stop ends any motion left by the
 /// cancelled search.
-async fn once(aim: &Aim, ended: &CancellationToken) -> Result<Option<Delivery>, LinkError> {
+async fn try_stop(aim: &Aim, ended: &CancellationToken) -> Result<Option<Delivery>, LinkError> {
     let mut session = tokio::select! {
         biased;
         () = ended.cancelled() => return Ok(None),

@@ -8,7 +8,7 @@ use serde_json::json;
 
 use super::AimArgs;
 use super::mp3::{self, Mp3};
-use super::talk::{Talk, talk_alone};
+use super::session::{RobotSession, with_exclusive_session};
 use crate::cli::{Console, Exit, Failure, print};
 use crate::files;
 use crate::wire::{Command, FileChunk, Report, Sound};
@@ -46,9 +46,9 @@ pub(super) struct UploadArgs {
 pub(super) fn upload(args: &UploadArgs, console: &Console) -> Result<Exit, Failure> {
     let (content, mp3) = load(&args.file)?;
     let chunks = chunks(&args.slot, &content)?;
-    talk_alone(&args.aim, async |talk| {
-        send(talk, &chunks, console).await?;
-        confirm(talk).await?;
+    with_exclusive_session(&args.aim, async |session| {
+        send(session, &chunks, console).await?;
+        confirm(session).await?;
         report(args, content.len(), mp3)?;
         Ok(Exit::Done)
     })
@@ -86,10 +86,14 @@ fn chunks(slot: &str, content: &Bytes) -> Result<Vec<Command>, Failure> {
     chunks.ok_or_else(|| Failure::usage(format_args!("{slot} is not a slot for a sound")))
 }
 
-async fn send(talk: &mut Talk, chunks: &[Command], console: &Console) -> Result<(), Failure> {
+async fn send(
+    session: &mut RobotSession,
+    chunks: &[Command],
+    console: &Console,
+) -> Result<(), Failure> {
     for (sent, chunk) in chunks.iter().enumerate() {
         console.status(format!("uploading · {} %", 100 * sent / chunks.len()));
-        talk.say(std::slice::from_ref(chunk)).await?;
+        session.send(std::slice::from_ref(chunk)).await?;
     }
     console.status("");
     Ok(())
@@ -98,10 +102,10 @@ async fn send(talk: &mut Talk, chunks: &[Command], console: &Console) -> Result<
 /// Waits until the robot has read the file. The robot processes messages in order, so a reply to
 /// the last request acknowledges all messages before it. The robot sends CONFIG only on request, so
 /// no other report can be mistaken for the reply.
-async fn confirm(talk: &mut Talk) -> Result<(), Failure> {
-    talk.say(&[Command::ConfigQuery]).await?;
+async fn confirm(session: &mut RobotSession) -> Result<(), Failure> {
+    session.send(&[Command::ConfigQuery]).await?;
     let answer = |report| matches!(report, Report::Config(_)).then_some(());
-    if talk.hear(ANSWER, answer).await?.is_some() {
+    if session.receive(ANSWER, answer).await?.is_some() {
         return Ok(());
     }
     let what = "the whole file was sent, but the robot did not reply afterwards";

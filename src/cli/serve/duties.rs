@@ -8,7 +8,7 @@ use tokio::signal::unix::Signal;
 use tokio::sync::{mpsc, watch};
 
 use crate::agent::Behaviour;
-use crate::cli::cast::{Cast, Casting};
+use crate::cli::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
 use crate::cli::settings::SettingsArgs;
 use crate::cli::{Console, Failure, check, live};
 use crate::clock::{Clock, Zone};
@@ -22,14 +22,14 @@ use crate::timetable::Timetable;
 pub(super) struct LoadedDuties {
     pub(super) duties: Duties,
     /// Fingerprints of the behaviours: their scripts and options.
-    prints: BTreeMap<String, u64>,
+    fingerprints: BTreeMap<String, u64>,
     /// Information for the page.
     pub(super) known: Known,
 }
 
 /// Builds duties from the config, at the start and at each reload.
 #[derive(Clone)]
-pub(super) struct Reader {
+pub(super) struct DutiesLoader {
     pub(super) settings: SettingsArgs,
     /// Whether to check scripts first.
     pub(super) checked: bool,
@@ -40,13 +40,13 @@ pub(super) struct Reader {
     pub(super) zone: Zone,
 }
 
-impl Reader {
+impl DutiesLoader {
     /// Builds the duties.
     ///
     /// # Errors
     /// A script that cannot be read or has a mistake, a timetable that names an unknown behaviour.
     pub(super) fn load(&self, config: &Config) -> Result<LoadedDuties, Failure> {
-        let casting = Casting {
+        let loader = BehaviourLoader {
             config,
             file: self.settings.file(),
             params: &[],
@@ -58,11 +58,11 @@ impl Reader {
             clock: self.clock,
             zone: self.zone(config),
         };
-        let Cast {
+        let LoadedBehaviours {
             behaviours,
             blueprints,
             ..
-        } = casting.cast(&config.behaviours)?;
+        } = loader.load(&config.behaviours)?;
         if self.checked {
             check::before_run(&behaviours, &self.console)?;
         }
@@ -89,8 +89,11 @@ impl Reader {
         };
         let always = config.behaviours.iter().zip(&names).filter(always);
         let always = always.map(|(_, name)| name.clone()).collect();
-        let prints = names.iter().cloned().zip(behaviours.iter().map(print));
-        let prints = prints.collect();
+        let fingerprints = names
+            .iter()
+            .cloned()
+            .zip(behaviours.iter().map(fingerprint));
+        let fingerprints = fingerprints.collect();
         let known = Known {
             scripts: behaviours.iter().map(live::script).collect(),
             timetable: (!table.rules.is_empty()).then(|| (table.clone(), self.clock)),
@@ -107,13 +110,13 @@ impl Reader {
                     dock: config.service.dock,
                 },
             },
-            prints,
+            fingerprints,
             known,
         })
     }
 
     /// Reloads the config at each SIGHUP; a config with an error changes nothing. Never returns.
-    pub(super) async fn obey(
+    pub(super) async fn reload_on_hangup(
         self,
         mut hangup: Signal,
         reload: mpsc::Sender<Reload>,
@@ -122,16 +125,16 @@ impl Reader {
     ) -> Infallible {
         while hangup.recv().await.is_some() {
             tracing::info!("SIGHUP: reloading the settings");
-            let reader = self.clone();
-            let read = tokio::task::spawn_blocking(move || reader.read_anew()).await;
+            let loader = self.clone();
+            let read = tokio::task::spawn_blocking(move || loader.reload()).await;
             match read {
                 Ok(Ok(new)) => {
-                    say_what_waits(&now.0, &new.0);
+                    warn_restart_needed(&now.0, &new.0);
                     let before = std::mem::replace(&mut now, new);
-                    let prints = &now.1.prints;
-                    let changed = prints
-                        .iter()
-                        .filter(|(name, print)| before.1.prints.get(*name) != Some(*print));
+                    let fingerprints = &now.1.fingerprints;
+                    let changed = fingerprints.iter().filter(|(name, fingerprint)| {
+                        before.1.fingerprints.get(*name) != Some(*fingerprint)
+                    });
                     let changed = changed.map(|(name, _)| name.clone()).collect();
                     shown.send_replace(now.1.known.clone());
                     let duties = now.1.duties.clone();
@@ -154,19 +157,19 @@ impl Reader {
             .unwrap_or_else(|| self.zone.clone())
     }
 
-    fn read_anew(&self) -> Result<(Config, LoadedDuties), Failure> {
-        let reader = Reader {
-            settings: self.settings.anew(),
+    fn reload(&self) -> Result<(Config, LoadedDuties), Failure> {
+        let loader = DutiesLoader {
+            settings: self.settings.reloaded(),
             ..self.clone()
         };
-        let config = reader.settings.config()?.clone();
-        let loaded = reader.load(&config)?;
+        let config = loader.settings.config()?.clone();
+        let loaded = loader.load(&config)?;
         Ok((config, loaded))
     }
 }
 
 /// The fingerprint of a behaviour: equal if script and options are equal.
-fn print(behaviour: &Behaviour) -> u64 {
+fn fingerprint(behaviour: &Behaviour) -> u64 {
     let mut hasher = DefaultHasher::new();
     behaviour.launch.source.hash(&mut hasher);
     let rest = (
@@ -179,8 +182,8 @@ fn print(behaviour: &Behaviour) -> u64 {
 }
 
 /// Logs the changed settings that only take effect after a restart of the service.
-fn say_what_waits(old: &Config, new: &Config) {
-    const WAITS: [&str; 13] = [
+fn warn_restart_needed(old: &Config, new: &Config) {
+    const RESTART_KEYS: [&str; 13] = [
         "robot",
         "user",
         "password_file",
@@ -204,14 +207,14 @@ fn say_what_waits(old: &Config, new: &Config) {
         serde_yaml::to_value(config).unwrap_or_default()
     };
     let (old, new) = (tree(old), tree(new));
-    let waits = WAITS
+    let needs_restart = RESTART_KEYS
         .into_iter()
         .filter(|key| old.get(*key) != new.get(*key));
-    let waits: Vec<&str> = waits.collect();
-    if !waits.is_empty() {
+    let needs_restart: Vec<&str> = needs_restart.collect();
+    if !needs_restart.is_empty() {
         tracing::warn!(
             "takes effect when the service is restarted: {}",
-            waits.join(", ")
+            needs_restart.join(", ")
         );
     }
 }

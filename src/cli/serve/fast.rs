@@ -4,8 +4,8 @@ use super::duties::LoadedDuties;
 use super::{ServeArgs, exit};
 use crate::agent::{Agent, Tries, until_answered};
 use crate::cli::embedded;
-use crate::cli::fast::{EventFile, Keeping};
-use crate::cli::interrupt::EndingSignals;
+use crate::cli::fast::{EventFile, LabJournalOptions};
+use crate::cli::interrupt::TerminatingSignals;
 use crate::cli::{Console, Exit, Failure, RobotChoice, startup};
 use crate::clock::{Clock, Zone};
 use crate::config::Config;
@@ -49,8 +49,8 @@ pub(super) fn serve(
     let world = embedded::load(world.as_deref())?;
     end_at_a_signal(stop.clone())?;
     let (limit, last) = (args.limit, console.clone());
-    let (keeping, link) = (Keeping::of(config), config.link.clone());
-    crate::script::when_stuck(STUCK, move |file| {
+    let (journal_options, link) = (LabJournalOptions::of(config), config.link.clone());
+    crate::script::when_stuck(STUCK_LIMIT, move |file| {
         let words = format!("error: {}", crate::script::stuck(file));
         last.end(Some(&words), crate::cli::CONSOLE_LIMIT);
         std::process::exit(Exit::Script as i32)
@@ -61,7 +61,7 @@ pub(super) fn serve(
         plan.blueprints = loaded.duties.blueprints.clone();
         plan.dial = until_answered(plan.dial, link, lab.seed(), Tries::default());
         let bus = plan.bus.clone();
-        let journal = keeping.map(|keeping| keeping.start(&bus));
+        let journal = journal_options.map(|options| options.start(&bus));
         let (agent, status) = Agent::new(plan);
         let (_none, reloads) = tokio::sync::mpsc::channel(1);
         let service = Service {
@@ -88,16 +88,16 @@ pub(super) fn serve(
 }
 
 /// A script that cannot be interrupted for this long ends the program.
-const STUCK: std::time::Duration = std::time::Duration::from_secs(5);
+const STUCK_LIMIT: std::time::Duration = std::time::Duration::from_secs(5);
 
 /// Starts a thread that cancels `stop` at the first terminating signal, in real time.
 fn end_at_a_signal(stop: tokio_util::sync::CancellationToken) -> Result<(), Failure> {
     let runtime = startup::runtime()?;
     let mut signals = {
-        let _heard_by = runtime.enter();
-        EndingSignals::but(&[])?
+        let _guard = runtime.enter();
+        TerminatingSignals::except(&[])?
     };
-    let hear = move || {
+    let watch_signals = move || {
         runtime.block_on(async {
             signals.next().await;
             stop.cancel();
@@ -105,7 +105,7 @@ fn end_at_a_signal(stop: tokio_util::sync::CancellationToken) -> Result<(), Fail
     };
     std::thread::Builder::new()
         .name("signals".into())
-        .spawn(hear)
+        .spawn(watch_signals)
         .map(|_| ())
         .map_err(|error| Failure::usage(format_args!("cannot start a thread: {error}")))
 }

@@ -24,7 +24,7 @@ fn write(report: &Report) -> io::Result<Vec<u8>> {
     xml.create_element("testsuites")
         .with_attribute(("name", "spykee test"))
         .write_inner_content(|xml| {
-            for (file, broken, runs) in report.sheets() {
+            for (file, broken, runs) in report.files() {
                 write_file(xml, file, broken, &runs)?;
             }
             Ok(())

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::Page;
-use super::crew::{Done, Job};
+use super::ScenarioFile;
+use super::job_pool::{Job, JobResult};
 use crate::clean;
 use crate::cli::plural;
 use crate::clock::hours;
@@ -17,12 +17,12 @@ use crate::files::Folder;
 use crate::scenario::{Failure, Scene};
 
 /// All runs of a file.
-struct Sheet {
+struct FileReport {
     file: String,
     /// Why its scenarios cannot be run, if they cannot.
     broken: Option<String>,
     runs: Vec<Run>,
-    told: bool,
+    printed: bool,
 }
 
 /// One scenario with one seed.
@@ -52,53 +52,54 @@ struct Outcome {
 
 /// The results of all runs; see the module.
 pub(super) struct Report {
-    sheets: Vec<Sheet>,
+    files: Vec<FileReport>,
     pictures: PathBuf,
 }
 
 impl Report {
     /// Creates a report for the jobs to run.
-    pub(super) fn new(pages: &[Page], jobs: &[Job<'_>], pictures: PathBuf) -> Report {
+    pub(super) fn new(
+        scenario_files: &[ScenarioFile],
+        jobs: &[Job<'_>],
+        pictures: PathBuf,
+    ) -> Report {
         let mut books = 0;
-        let sheet = |page: &Page| {
-            let mut sheet = Sheet {
-                file: page.file.display().to_string(),
-                broken: page.book.as_ref().err().map(ToString::to_string),
+        let file_report = |file: &ScenarioFile| {
+            let mut report = FileReport {
+                file: file.file.display().to_string(),
+                broken: file.book.as_ref().err().map(ToString::to_string),
                 runs: Vec::new(),
-                told: false,
+                printed: false,
             };
-            if page.book.is_ok() {
+            if file.book.is_ok() {
                 let own = jobs.iter().filter(|job| job.book == books);
-                sheet.runs = own.map(Run::of).collect();
+                report.runs = own.map(Run::of).collect();
                 books += 1;
             }
-            sheet
+            report
         };
         Report {
-            sheets: pages.iter().map(sheet).collect(),
+            files: scenario_files.iter().map(file_report).collect(),
             pictures,
         }
     }
 
     /// Stores a result, and saves its picture if it failed.
-    pub(super) fn take(&mut self, done: Done<'_>) {
+    pub(super) fn take(&mut self, done: JobResult<'_>) {
         let pictures = self.pictures.clone();
-        let playable = self
-            .sheets
-            .iter_mut()
-            .filter(|sheet| sheet.broken.is_none());
-        let Some(sheet) = playable.into_iter().nth(done.job.book) else {
+        let playable = self.files.iter_mut().filter(|file| file.broken.is_none());
+        let Some(file) = playable.into_iter().nth(done.job.book) else {
             return;
         };
         let is_meant =
             |run: &&mut Run| run.scenario == done.job.scenario.name && run.seed == done.job.seed;
-        let Some(run) = sheet.runs.iter_mut().find(is_meant) else {
+        let Some(run) = file.runs.iter_mut().find(is_meant) else {
             return;
         };
         let failure = done.played.failure;
         let scene = failure.as_ref().and_then(|failure| failure.scene.as_ref());
         let picture = scene.map(|scene| {
-            let path = pictures.join(run.picture_name(&sheet.file));
+            let path = pictures.join(run.picture_name(&file.file));
             save(scene, &pictures, &path).map(|()| path)
         });
         run.outcome = Some(Outcome {
@@ -122,17 +123,17 @@ impl Report {
     }
 
     /// The text for the next files, in order, as far as they are complete; each file only once.
-    pub(super) fn whole_pages(&mut self) -> String {
+    pub(super) fn completed_files(&mut self) -> String {
         let mut text = String::new();
-        for sheet in &mut self.sheets {
-            if sheet.told {
+        for file in &mut self.files {
+            if file.printed {
                 continue;
             }
-            if sheet.runs.iter().any(|run| run.outcome.is_none()) {
+            if file.runs.iter().any(|run| run.outcome.is_none()) {
                 break;
             }
-            sheet.told = true;
-            sheet.write(&mut text);
+            file.printed = true;
+            file.write(&mut text);
         }
         text
     }
@@ -149,7 +150,7 @@ impl Report {
         if done < all {
             let _ = write!(text, ", {} not run", all - done);
         }
-        let broken = self.sheets.iter().filter(|sheet| sheet.broken.is_some());
+        let broken = self.files.iter().filter(|file| file.broken.is_some());
         match broken.count() {
             0 => {}
             count => {
@@ -161,42 +162,38 @@ impl Report {
 
     /// Whether a run has failed or a file cannot be run.
     pub(super) fn has_failed(&self) -> bool {
-        self.failures() > 0 || self.sheets.iter().any(|sheet| sheet.broken.is_some())
+        self.failures() > 0 || self.files.iter().any(|file| file.broken.is_some())
     }
 
     /// The whole report as JSON.
     pub(super) fn json(&self) -> Value {
         let failed = self.failures();
         let runs: Vec<Value> = self
-            .sheets
+            .files
             .iter()
-            .flat_map(|sheet| sheet.runs.iter().filter_map(|run| run.json(&sheet.file)))
+            .flat_map(|file| file.runs.iter().filter_map(|run| run.json(&file.file)))
             .collect();
         let broken: Vec<Value> = self
-            .sheets
+            .files
             .iter()
-            .filter_map(|sheet| {
-                let message = sheet.broken.as_ref()?;
-                Some(json!({"file": sheet.file, "message": message}))
+            .filter_map(|file| {
+                let message = file.broken.as_ref()?;
+                Some(json!({"file": file.file, "message": message}))
             })
             .collect();
         json!({"passed": runs.len() - failed, "failed": failed, "broken": broken, "runs": runs})
     }
 
     /// For each file: its name, why it cannot be run if it cannot, and its finished runs.
-    pub(super) fn sheets(&self) -> impl Iterator<Item = (&str, Option<&str>, Vec<&Run>)> {
-        self.sheets.iter().map(|sheet| {
-            let played = sheet.runs.iter().filter(|run| run.outcome.is_some());
-            (
-                sheet.file.as_str(),
-                sheet.broken.as_deref(),
-                played.collect(),
-            )
+    pub(super) fn files(&self) -> impl Iterator<Item = (&str, Option<&str>, Vec<&Run>)> {
+        self.files.iter().map(|file| {
+            let played = file.runs.iter().filter(|run| run.outcome.is_some());
+            (file.file.as_str(), file.broken.as_deref(), played.collect())
         })
     }
 
     fn runs(&self) -> impl Iterator<Item = &Run> {
-        self.sheets.iter().flat_map(|sheet| &sheet.runs)
+        self.files.iter().flat_map(|file| &file.runs)
     }
 
     fn outcomes(&self) -> impl Iterator<Item = &Outcome> {
@@ -210,7 +207,7 @@ impl Report {
     }
 }
 
-impl Sheet {
+impl FileReport {
     fn write(&self, text: &mut String) {
         // Writing into a string does not fail.
         let _ = writeln!(text, "{}", clean::line(&self.file));
@@ -218,9 +215,9 @@ impl Sheet {
             let _ = writeln!(text, "  FAIL  {}\n", indented(broken, 8));
             return;
         }
-        let mut told = BTreeSet::new();
+        let mut printed = BTreeSet::new();
         for run in &self.runs {
-            if told.insert(&run.scenario) {
+            if printed.insert(&run.scenario) {
                 self.write_scenario(&run.scenario, text);
             }
         }

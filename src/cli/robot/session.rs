@@ -8,7 +8,7 @@ use tokio::time::{Instant, timeout_at};
 use super::{Aim, AimArgs};
 use crate::cli::interrupt::interruption;
 use crate::cli::remote::RemoteArgs;
-use crate::cli::running::{run_on, taken};
+use crate::cli::running::{find_run, robot_in_use};
 use crate::cli::{Exit, Failure, block_on};
 use crate::config::Config;
 use crate::link::{LinkError, Session, close_gracefully};
@@ -28,12 +28,12 @@ const MAX_TEXT: usize = 1 << 20;
 const MAX_MESSAGES: usize = 1000;
 
 /// A session with the robot, which has been told to stop or to search for its station.
-pub(super) struct Talk {
-    pub(super) session: Session,
+pub(super) struct RobotSession {
+    pub(super) link: Session,
     pub(super) simulated: bool,
     pub(super) streams: Streams,
     /// Whether a command was sent that must be acknowledged.
-    said: bool,
+    must_confirm: bool,
 }
 
 /// Logs in, runs the job, and disconnects when the robot's side has acknowledged all commands. A
@@ -41,40 +41,40 @@ pub(super) struct Talk {
 ///
 /// # Errors
 /// The robot cannot be reached, the job fails, or the commands are not acknowledged.
-pub(super) fn talk(
+pub(super) fn with_session(
     args: &AimArgs,
-    job: impl AsyncFnOnce(&mut Talk) -> Result<Exit, Failure>,
+    job: impl AsyncFnOnce(&mut RobotSession) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
     let aim = args.aim(rand::random())?;
     block_on(async {
         let mut interrupted = std::pin::pin!(interruption()?);
-        let mut talk = tokio::select! {
+        let mut session = tokio::select! {
             biased;
             () = &mut interrupted => return Ok(Exit::Interrupted),
-            talk = Talk::begin(&aim) => talk?,
+            session = RobotSession::begin(&aim) => session?,
         };
         let done = tokio::select! {
             biased;
             () = &mut interrupted => Ok(Exit::Interrupted),
-            done = job(&mut talk) => done,
+            done = job(&mut session) => done,
         };
-        let arrived = talk.end().await;
+        let arrived = session.end().await;
         let exit = done?;
         arrived.map(|()| exit)
     })?
 }
 
-/// Like [`talk`], for commands that a run cannot carry out.
+/// Like [`with_session`], for commands that a run cannot carry out.
 ///
 /// # Errors
-/// As for [`talk`], or a run uses the robot.
-pub(super) fn talk_alone(
+/// As for [`with_session`], or a run uses the robot.
+pub(super) fn with_exclusive_session(
     args: &AimArgs,
-    job: impl AsyncFnOnce(&mut Talk) -> Result<Exit, Failure>,
+    job: impl AsyncFnOnce(&mut RobotSession) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
-    match run_on(&args.settings, &args.connection, &RemoteArgs::default())? {
-        Some(run) => Err(taken(&run)),
-        None => talk(args, job),
+    match find_run(&args.settings, &args.connection, &RemoteArgs::default())? {
+        Some(run) => Err(robot_in_use(&run)),
+        None => with_session(args, job),
     }
 }
 
@@ -107,23 +107,23 @@ pub(in crate::cli) async fn send_home_if_low(
     Ok(())
 }
 
-impl Talk {
-    async fn begin(aim: &Aim) -> Result<Talk, LinkError> {
-        let mut session = aim.connect().await?;
-        send_home_if_low(&mut session, &aim.config).await?;
-        Ok(Talk {
-            session,
+impl RobotSession {
+    async fn begin(aim: &Aim) -> Result<RobotSession, LinkError> {
+        let mut link = aim.connect().await?;
+        send_home_if_low(&mut link, &aim.config).await?;
+        Ok(RobotSession {
+            link,
             simulated: aim.sim.is_some(),
             streams: aim.config.streams,
-            said: false,
+            must_confirm: false,
         })
     }
 
     /// Disconnects when all commands are acknowledged.
     async fn end(self) -> Result<(), Failure> {
-        let Session { reader, writer, .. } = self.session;
+        let Session { reader, writer, .. } = self.link;
         match close_gracefully(reader, writer, DELIVERY).await {
-            Delivery::NotAcknowledged { after } if self.said => {
+            Delivery::NotAcknowledged { after } if self.must_confirm => {
                 let seconds = after.as_secs_f64();
                 let what = format_args!(
                     "the robot's side has not acknowledged the commands within {seconds:.1} s"
@@ -135,35 +135,35 @@ impl Talk {
         }
     }
 
-    /// Sends a command that must be acknowledged: see [`talk`].
+    /// Sends a command that must be acknowledged: see [`with_session`].
     ///
     /// # Errors
     /// The link is lost.
-    pub(super) async fn tell(&mut self, command: Command) -> Result<(), Failure> {
-        self.said = true;
-        self.say(&[command]).await
+    pub(super) async fn send_confirmed(&mut self, command: Command) -> Result<(), Failure> {
+        self.must_confirm = true;
+        self.send(&[command]).await
     }
 
     /// Sends commands in one write.
     ///
     /// # Errors
     /// The link is lost.
-    pub(super) async fn say(&mut self, commands: &[Command]) -> Result<(), Failure> {
-        Ok(self.session.writer.write(commands).await?)
+    pub(super) async fn send(&mut self, commands: &[Command]) -> Result<(), Failure> {
+        Ok(self.link.writer.write(commands).await?)
     }
 
     /// Waits for a report that `pick` accepts; `None` if none arrives within `limit`.
     ///
     /// # Errors
     /// The link is lost.
-    pub(super) async fn hear<T>(
+    pub(super) async fn receive<T>(
         &mut self,
         limit: Duration,
         mut pick: impl FnMut(Report) -> Option<T>,
     ) -> Result<Option<T>, Failure> {
         let until = Instant::now() + limit;
         loop {
-            let Ok(report) = timeout_at(until, self.session.reader.next()).await else {
+            let Ok(report) = timeout_at(until, self.link.reader.next()).await else {
                 return Ok(None);
             };
             if let Some(picked) = pick(report?) {
@@ -182,8 +182,8 @@ impl Talk {
         what: &str,
         pick: impl Fn(Report) -> Option<Bytes>,
     ) -> Result<Vec<Bytes>, Failure> {
-        self.say(&[ask]).await?;
-        let Some(first) = self.hear(ANSWER, &pick).await? else {
+        self.send(&[ask]).await?;
+        let Some(first) = self.receive(ANSWER, &pick).await? else {
             let seconds = ANSWER.as_secs();
             let what = format_args!("the robot did not send {what} within {seconds} s");
             let failure = Failure::new(Exit::Unreachable, what);
@@ -191,7 +191,7 @@ impl Talk {
         };
         let (mut length, mut messages) = (first.len(), vec![first]);
         while length < MAX_TEXT && messages.len() < MAX_MESSAGES {
-            let Some(more) = self.hear(QUIET, &pick).await? else {
+            let Some(more) = self.receive(QUIET, &pick).await? else {
                 break;
             };
             length += more.len();

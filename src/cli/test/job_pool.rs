@@ -22,7 +22,7 @@ pub(in super::super) struct Job<'a> {
 }
 
 /// A job and its result.
-pub(in super::super) struct Done<'a> {
+pub(in super::super) struct JobResult<'a> {
     pub(in super::super) job: Job<'a>,
     pub(in super::super) played: Played,
     /// Duration in real time.
@@ -30,17 +30,17 @@ pub(in super::super) struct Done<'a> {
 }
 
 /// A pool of threads with their common settings.
-pub(in super::super) struct Crew {
+pub(in super::super) struct JobPool {
     threads: usize,
     setting: Setting,
     trials: Trials,
 }
 
-impl Crew {
+impl JobPool {
     /// Creates a pool with this many threads [default: one per processor].
-    pub(in super::super) fn new(threads: Option<u16>, setting: Setting, trials: Trials) -> Crew {
+    pub(in super::super) fn new(threads: Option<u16>, setting: Setting, trials: Trials) -> JobPool {
         let processors = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
-        Crew {
+        JobPool {
             threads: threads.map_or_else(processors, usize::from),
             setting,
             trials,
@@ -51,11 +51,11 @@ impl Crew {
     ///
     /// # Errors
     /// Threads, processes or signal handlers that cannot be started.
-    pub(in super::super) fn play<'a>(
+    pub(in super::super) fn run<'a>(
         &self,
         books: &[&Book],
         jobs: &[Job<'a>],
-        mut take: impl FnMut(Done<'a>),
+        mut take: impl FnMut(JobResult<'a>),
     ) -> Result<(), Failure> {
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
@@ -99,7 +99,7 @@ impl Crew {
         books: &[&Book],
         jobs: &[Job<'a>],
         next: &AtomicUsize,
-        done: &mpsc::Sender<std::io::Result<Done<'a>>>,
+        done: &mpsc::Sender<std::io::Result<JobResult<'a>>>,
     ) {
         while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
             if self.setting.stop.is_cancelled() {
@@ -113,7 +113,7 @@ impl Crew {
             let Some(played) = played.transpose() else {
                 return;
             };
-            let result = played.map(|played| Done {
+            let result = played.map(|played| JobResult {
                 job: *job,
                 played,
                 took: began.elapsed(),

@@ -22,7 +22,7 @@ use crate::script::{self, GivenParam};
 pub(super) type Watch = (Watched, mpsc::Sender<Reload>);
 
 /// Builds the behaviours of a command.
-pub(super) struct Casting<'a> {
+pub(super) struct BehaviourLoader<'a> {
     pub(super) config: &'a Config,
     /// The config's file, for messages.
     pub(super) file: Option<&'a Path>,
@@ -45,19 +45,19 @@ pub(super) struct Casting<'a> {
 }
 
 /// The behaviours of a command.
-pub(super) struct Cast {
+pub(super) struct LoadedBehaviours {
     pub(super) behaviours: Vec<Behaviour>,
     pub(super) blueprints: Vec<Blueprint>,
     pub(super) watches: Vec<Watch>,
 }
 
-impl Casting<'_> {
+impl BehaviourLoader<'_> {
     /// Reads the scripts of these entries.
     ///
     /// # Errors
     /// A script that cannot be read, a name that is not valid, a parameter that the script does not
     /// declare.
-    pub(super) fn cast(&self, entries: &[Entry]) -> Result<Cast, Failure> {
+    pub(super) fn load(&self, entries: &[Entry]) -> Result<LoadedBehaviours, Failure> {
         let (mut names, mut watches, mut behaviours) = (Vec::new(), Vec::new(), Vec::new());
         for (entry, seed) in entries.iter().zip(self.seed..) {
             // Before the file is read, so that no save is missed.
@@ -77,7 +77,7 @@ impl Casting<'_> {
         let blueprints = blueprints
             .map(|(behaviour, entry)| blueprint(behaviour, entry.file.clone(), self.checked))
             .collect();
-        Ok(Cast {
+        Ok(LoadedBehaviours {
             behaviours,
             blueprints,
             watches,
