@@ -199,7 +199,7 @@ fn speech_waits_for_acknowledgements_and_a_stalled_link_is_detected() {
     rig.queue.say(&samples(1024));
     assert!(rig.queue.offer(rig.now, || Some(4097)).is_empty());
     assert_eq!(rig.queue.waits_since(), Some(rig.now));
-    assert_eq!(rig.queue.next_offer(rig.now), Some(rig.now + LOOK_AGAIN));
+    assert_eq!(rig.queue.next_offer(rig.now), Some(rig.now + RECHECK));
     assert_eq!(rig.queue.offer(rig.now, || Some(4096)).len(), 1029);
     assert_eq!(rig.queue.offer(rig.now, || None).len(), 1029);
 }
