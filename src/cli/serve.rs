@@ -26,7 +26,7 @@ use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify}
 use crate::agent::{Agent, AgentError, Bus, Outcome, Plan, Tries, until_answered};
 use crate::clock::{Clock, Date, Zone};
 use crate::config::Config;
-use crate::control::{self, Desk};
+use crate::control::{self, ControlServer};
 use crate::journal::When;
 use crate::link::Target;
 use crate::live::{Known, Simulation};
@@ -120,7 +120,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         ..Simulated::default()
     };
     let (target, sim) = reach_with(place, &login, seed, kind)?;
-    let desk = Desk::open(config.data_folder());
+    let server = ControlServer::open(config.data_folder());
     let record = RecordFile::open(config.data_folder());
     let (core, bus) = (driving_core()?, Bus::default());
     let (tries, beats) = (Tries::default(), Arc::new(Notify::new()));
@@ -161,7 +161,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             plan,
             clock,
             record,
-            desk,
+            server,
             target,
             beats,
         },
@@ -190,7 +190,7 @@ struct Means {
     plan: Plan,
     clock: Clock,
     record: (Record, Option<RecordFile>),
-    desk: std::io::Result<Desk>,
+    server: std::io::Result<ControlServer>,
     target: Target,
     /// Heartbeats of the driving core.
     beats: Arc<Notify>,
@@ -203,7 +203,7 @@ async fn serve(
     line: StatusLine,
     console: &Console,
 ) -> Result<Result<Outcome, AgentError>, Failure> {
-    let Means { plan, desk, .. } = means;
+    let Means { plan, server, .. } = means;
     let stop = CancellationToken::new();
     let (core, settings) = (plan.core.clone(), plan.settings.clone());
     let bus = plan.bus.clone();
@@ -251,7 +251,7 @@ async fn serve(
     let outcome = tokio::select! {
         outcome = service.run(stop) => outcome,
         never = showing => match never {},
-        never = startup::serve(desk, asked) => match never {},
+        never = startup::serve(server, asked) => match never {},
         never = herald.pass_on(means.beats) => match never {},
         never = reader.obey(hangup, reload, known, (config, loaded)) => match never {},
     };

@@ -1,6 +1,6 @@
-//! The commands of a person at the page or a program at the API, and their execution: by the run's
-//! desk, so that there is one definition of each errand, or on the simulated world, with the
-//! operations of scenarios.
+//! The commands of a person at the page or a program at the API, and their execution: by the run,
+//! so that there is one definition of each request, or on the simulated world, with the operations
+//! of scenarios.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::world::Simulation;
-use crate::control::{self, Answer, Errand, Run};
+use crate::control::{self, Answer, Run, RunRequest};
 use crate::lab::{Factor, Tempo};
 use crate::robot::{DockEnd, DockPlan, ParamValue, Percent};
 use crate::sim::{Fault, Handle, Point, Pose};
@@ -180,8 +180,8 @@ pub(super) type Done = (bool, String);
 
 /// Executes a command. Dropping the future cancels it.
 pub(super) async fn perform(order: PageCommand, run: &Run, sim: Option<&Simulation>) -> Done {
-    match errand(order) {
-        Ok(errand) => in_words(run.perform(errand).await),
+    match to_request(order) {
+        Ok(request) => in_words(run.perform(request).await),
         Err(order) => match (*order, sim) {
             (PageCommand::Sim { change }, Some(sim)) => told(alter(change, sim)),
             (PageCommand::Param { name, param, value }, _) => {
@@ -196,24 +196,23 @@ pub(super) async fn perform(order: PageCommand, run: &Run, sim: Option<&Simulati
     }
 }
 
-/// Converts a command to an errand for the run's desk; returns it unchanged if the desk cannot
-/// execute it.
-pub(super) fn errand(order: PageCommand) -> Result<Errand, Box<PageCommand>> {
+/// Converts a command to a request to the run; returns it unchanged if the run cannot execute it.
+pub(super) fn to_request(order: PageCommand) -> Result<RunRequest, Box<PageCommand>> {
     Ok(match order {
-        PageCommand::Dock => Errand::Dock(DockPlan::DEFAULT),
-        PageCommand::Undock => Errand::Undock(UNDOCK),
-        PageCommand::Led { light, on } => Errand::Led {
+        PageCommand::Dock => RunRequest::Dock(DockPlan::DEFAULT),
+        PageCommand::Undock => RunRequest::Undock(UNDOCK),
+        PageCommand::Led { light, on } => RunRequest::Led {
             led: light.into(),
             on,
         },
-        PageCommand::StopSound => Errand::StopSound,
-        PageCommand::Behaviour { name, change } => Errand::Behaviour {
+        PageCommand::StopSound => RunRequest::StopSound,
+        PageCommand::Behaviour { name, change } => RunRequest::Behaviour {
             name,
             change: change.into(),
         },
-        PageCommand::Volume { percent } => Errand::Volume(percent),
+        PageCommand::Volume { percent } => RunRequest::Volume(percent),
         PageCommand::Play { ref sound } => match wire::Sound::from_name(sound) {
-            Some(sound) => Errand::Play(sound),
+            Some(sound) => RunRequest::Play(sound),
             None => return Err(Box::new(order)),
         },
         other @ (PageCommand::Param { .. } | PageCommand::Sim { .. }) => {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::task::{AbortHandle, JoinSet};
 
 use super::command::{Answer, BrokerCommand};
-use crate::control::{self, Change, Errand, Run};
+use crate::control::{self, Change, Run, RunRequest};
 use crate::robot::{DockEnd, DockPlan};
 use crate::wire::Sound;
 
@@ -115,21 +115,21 @@ async fn perform(
     chosen: Option<String>,
 ) -> (Done, Option<Vec<u8>>) {
     let change = Change::Start;
-    let errand = match order {
+    let request = match order {
         BrokerCommand::Stop => return (outcome_of(run.rest().await), None),
         BrokerCommand::Start => match chosen {
-            Some(name) => Errand::Behaviour { name, change },
+            Some(name) => RunRequest::Behaviour { name, change },
             None => return (Err("there is no behaviour to start".to_owned()), None),
         },
-        BrokerCommand::Run(name) => Errand::Behaviour { name, change },
+        BrokerCommand::Run(name) => RunRequest::Behaviour { name, change },
         // The envoy handles this, since it keeps the choice.
         BrokerCommand::Choose(_) => return (Ok(None), None),
-        BrokerCommand::Dock => Errand::Dock(DockPlan::default()),
-        BrokerCommand::Undock => Errand::Undock(UNDOCKING),
-        BrokerCommand::Locate => Errand::Play(Sound::Laser),
-        BrokerCommand::Snapshot => Errand::Picture(PICTURE),
+        BrokerCommand::Dock => RunRequest::Dock(DockPlan::default()),
+        BrokerCommand::Undock => RunRequest::Undock(UNDOCKING),
+        BrokerCommand::Locate => RunRequest::Play(Sound::Laser),
+        BrokerCommand::Snapshot => RunRequest::Picture(PICTURE),
     };
-    match run.perform(errand).await {
+    match run.perform(request).await {
         control::Answer::Picture(jpeg) => (Ok(None), Some(jpeg)),
         answer => (outcome_of(answer), None),
     }

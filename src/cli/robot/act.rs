@@ -6,7 +6,7 @@ use super::SharedAimArgs;
 use super::talk::talk;
 use crate::cli::running::{AT_ONCE, ask, nonsense};
 use crate::cli::{Exit, Failure};
-use crate::control::{Answer, Errand};
+use crate::control::{Answer, RunRequest};
 use crate::robot::Percent;
 use crate::wire::{Command, Led, Sound};
 
@@ -59,28 +59,32 @@ pub(super) fn led(args: &LedArgs) -> Result<Exit, Failure> {
     let led = Led::from_name(&args.led)
         .ok_or_else(|| Failure::usage(format_args!("no such light: {}", args.led)))?;
     let on = args.state == "on";
-    say(&args.aim, Command::Led { led, on }, Errand::Led { led, on })
+    say(
+        &args.aim,
+        Command::Led { led, on },
+        RunRequest::Led { led, on },
+    )
 }
 
 pub(super) fn play(args: &PlayArgs) -> Result<Exit, Failure> {
     let Some(name) = &args.sound else {
-        return say(&args.aim, Command::StopSound, Errand::StopSound);
+        return say(&args.aim, Command::StopSound, RunRequest::StopSound);
     };
     let sound = Sound::from_name(name)
         .ok_or_else(|| Failure::usage(format_args!("no such sound: {name}")))?;
-    say(&args.aim, Command::Play(sound), Errand::Play(sound))
+    say(&args.aim, Command::Play(sound), RunRequest::Play(sound))
 }
 
 pub(super) fn volume(args: &VolumeArgs) -> Result<Exit, Failure> {
     let percent = Percent::saturating(args.percent);
     let command = Command::Volume(percent.get());
-    say(&args.aim, command, Errand::Volume(percent))
+    say(&args.aim, command, RunRequest::Volume(percent))
 }
 
 /// Sends a command, directly or through the run that uses the robot.
-fn say(aim: &SharedAimArgs, command: Command, errand: Errand) -> Result<Exit, Failure> {
+fn say(aim: &SharedAimArgs, command: Command, request: RunRequest) -> Result<Exit, Failure> {
     if let Some(run) = aim.run_on()? {
-        return match ask(&run, &errand, AT_ONCE)? {
+        return match ask(&run, &request, AT_ONCE)? {
             None => Ok(Exit::Interrupted),
             Some(Answer::Done) => Ok(Exit::Done),
             Some(_) => Err(nonsense()),

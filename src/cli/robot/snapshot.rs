@@ -11,7 +11,7 @@ use super::SharedAimArgs;
 use super::talk::{Talk, talk};
 use crate::cli::running::{AT_ONCE, ask, nonsense};
 use crate::cli::{Exit, Failure, print};
-use crate::control::{Answer, Client, Errand};
+use crate::control::{Answer, Client, RunRequest};
 use crate::robot::Use;
 use crate::vision::{Decoder, Size};
 use crate::wire::{Command, Report, Stream};
@@ -82,7 +82,7 @@ fn ask_for_shot(run: &Client, limit: Duration) -> Result<Option<Shot>, Failure> 
     let (mut decoder, mut damaged) = (Decoder::default(), 0);
     loop {
         let left = until.saturating_duration_since(std::time::Instant::now());
-        let jpeg = match ask(run, &Errand::Picture(left), left + AT_ONCE)? {
+        let jpeg = match ask(run, &RunRequest::Picture(left), left + AT_ONCE)? {
             None => return Ok(None),
             Some(Answer::Picture(jpeg)) => Bytes::from(jpeg),
             Some(Answer::NoPicture) => return Err(none_in_time(limit, damaged)),
