@@ -14,7 +14,9 @@ use super::command::{Done, PageCommand, Turn, UNDOCK, good, in_words, perform, t
 use super::hub::Hub;
 use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
-use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume};
+use super::shapes::{
+    BehaviourChange, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume,
+};
 use super::state::{self, Rate};
 use super::ticket::Ticket;
 use super::{messages, openapi, viewer};
@@ -91,7 +93,7 @@ async fn healthz(State(hub): Shared) -> Response {
 async fn metrics(State(hub): Shared, _: Visitor) -> impl IntoResponse {
     let text = hub
         .metrics
-        .text(&hub.run, hub.viewers(), hub.camera.bytes());
+        .text(&hub.run, hub.viewer_count(), hub.camera.bytes());
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     ([(header::CONTENT_TYPE, kind)], text)
 }
@@ -138,7 +140,7 @@ async fn change(
     hub: Shared,
     who: Driver,
     Path(name): Path<String>,
-    Json(Become { change, lasts }): Json<Become>,
+    Json(BehaviourChange { change, lasts }): Json<BehaviourChange>,
 ) -> Reply<Outcome> {
     let Some(lasts) = lasts else {
         return order(hub, who, PageCommand::Behaviour { name, change }).await;
@@ -300,7 +302,7 @@ async fn stop(State(hub): Shared, _: Visitor) -> Reply<Outcome> {
 }
 
 async fn let_go(State(hub): Shared, _: Driver) -> Reply<Outcome> {
-    held(hub.let_go().await.is_ok())
+    held(hub.release_stop().await.is_ok())
 }
 
 fn held(ok: bool) -> Reply<Outcome> {

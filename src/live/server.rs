@@ -153,7 +153,9 @@ async fn serve(listener: LimitedListener, access: Arc<Access>, shown: Shown, opt
     let _serving = AbortOnDropHandle::new(tokio::spawn(hub.clone().serve(bus)));
     let keeper = hub.clone();
     let _keeping = log.map(|log| {
-        AbortOnDropHandle::new(tokio::spawn(async move { keeper.book.keep(log).await }))
+        AbortOnDropHandle::new(tokio::spawn(
+            async move { keeper.log_buffer.keep(log).await },
+        ))
     });
     let router = page::routes()
         .merge(http::routes(access.clone()))
