@@ -48,7 +48,7 @@ const MOST_LINES: usize = 100;
 type Sink = SplitSink<WebSocket, Message>;
 
 /// The channels from the reader to the writer.
-struct ToWriter {
+struct Queues {
     watch: watch::Sender<Watch>,
     /// Number of frames taken.
     taken: watch::Sender<u32>,
@@ -80,7 +80,7 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
     let mut writing = AbortOnDropHandle::new(tokio::spawn(writer.run(sink, hello)));
     let mut reader = Reader {
         ticket,
-        to_writer: ToWriter {
+        queues: Queues {
             watch,
             taken,
             words,
@@ -96,10 +96,8 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
             _ = &mut writing => return,
         };
         match message {
-            Ok(Some(Ok(Message::Text(said)))) if reader.within_limit() => {
-                reader.handle(&said).await
-            }
-            Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if reader.within_limit() => {}
+            Ok(Some(Ok(Message::Text(said)))) if reader.admits() => reader.handle(&said).await,
+            Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if reader.admits() => {}
             // Closed, broken, silent, too many messages, or binary.
             _ => return,
         }
@@ -109,7 +107,7 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
 /// Handles the messages of a page. Dropping it leaves the wheel.
 struct Reader {
     ticket: Ticket,
-    to_writer: ToWriter,
+    queues: Queues,
     orders: Vec<AbortOnDropHandle<()>>,
     wheel: Option<AbortOnDropHandle<()>>,
     /// Start of the current counting period, and the number of messages in it.
@@ -118,7 +116,7 @@ struct Reader {
 
 impl Reader {
     /// Counts a message. Returns false if there are too many.
-    fn within_limit(&mut self) -> bool {
+    fn admits(&mut self) -> bool {
         if self.window.0.elapsed() >= Duration::from_secs(1) {
             self.window = (Instant::now(), 0);
         }
@@ -136,10 +134,10 @@ impl Reader {
         };
         match message {
             FromPage::Watch(watch) => {
-                self.to_writer.watch.send_replace(watch);
+                self.queues.watch.send_replace(watch);
             }
             FromPage::Taken => self
-                .to_writer
+                .queues
                 .taken
                 .send_modify(|taken| *taken = taken.wrapping_add(1)),
             FromPage::Name { name } => self.ticket.rename(&name),
@@ -184,7 +182,7 @@ impl Reader {
 
     fn order(&mut self, id: u32, order: PageCommand) {
         self.orders.retain(|order| !order.is_finished());
-        let words = self.to_writer.words.clone();
+        let words = self.queues.words.clone();
         let answer = move |(ok, said): (bool, String)| {
             // Dropped if the page does not read its answers.
             let _ = words.try_send(text(&ToPage::Answer { id, ok, text: said }));
@@ -207,7 +205,7 @@ impl Reader {
 
     fn notice(&self, key: &'static str, name: String) {
         let _ = self
-            .to_writer
+            .queues
             .words
             .try_send(text(&ToPage::Notice { key, name }));
     }
@@ -262,7 +260,7 @@ impl Writer {
                     changed.ok()?;
                     let watch = *self.watched.borrow_and_update();
                     camera = watch.camera.then(|| camera.take().unwrap_or_else(|| hub.camera.register()));
-                    self.update_feeds(watch, &mut feeds, sink).await?;
+                    self.update(watch, &mut feeds, sink).await?;
                 }
                 changed = self.taken.changed() => changed.ok()?,
                 Ok(()) = state.changed() => {
@@ -307,12 +305,7 @@ impl Writer {
         })
     }
 
-    async fn update_feeds(
-        &mut self,
-        watch: Watch,
-        feeds: &mut Feeds,
-        sink: &mut Sink,
-    ) -> Option<()> {
+    async fn update(&mut self, watch: Watch, feeds: &mut Feeds, sink: &mut Sink) -> Option<()> {
         match (&self.hub.sim, watch.map) {
             (Some(sim), true) if feeds.map.is_none() => {
                 send_text(sink, text(&ToPage::World(&world::place(&sim.robot)))).await?;

@@ -20,24 +20,24 @@ const UNDOCKING: Duration = Duration::from_secs(15);
 const PICTURE: Duration = Duration::from_secs(5);
 
 /// A finished order.
-pub(super) struct Over {
+pub(super) struct FinishedCommand {
     pub(super) answer: Answer,
     /// The picture taken, if any.
     pub(super) picture: Option<Vec<u8>>,
 }
 
 /// The orders in progress.
-pub(super) struct Errands {
+pub(super) struct CommandTasks {
     run: Run,
-    tasks: JoinSet<Over>,
+    tasks: JoinSet<FinishedCommand>,
     /// The task of the order that drives the robot.
     drive: Option<AbortHandle>,
 }
 
-impl Errands {
-    pub(super) fn new(run: Run) -> Errands {
+impl CommandTasks {
+    pub(super) fn new(run: Run) -> CommandTasks {
         let (tasks, drive) = (JoinSet::new(), None);
-        Errands { run, tasks, drive }
+        CommandTasks { run, tasks, drive }
     }
 
     /// Starts an order. `chosen` is the behaviour that `start` starts.
@@ -50,7 +50,7 @@ impl Errands {
         let drives = matches!(order, BrokerCommand::Dock | BrokerCommand::Undock);
         if drives || order == BrokerCommand::Stop {
             // Cancel the previous docking or undocking: the pilot then ends it.
-            self.give_up_driving();
+            self.cancel_driving();
         }
         if self.tasks.len() >= MOST_STOPS {
             return;
@@ -75,7 +75,7 @@ impl Errands {
                 done,
                 text,
             };
-            Over { answer, picture }
+            FinishedCommand { answer, picture }
         });
         if drives && !full {
             self.drive = Some(task);
@@ -83,7 +83,7 @@ impl Errands {
     }
 
     /// Cancels the docking or undocking in progress.
-    pub(super) fn give_up_driving(&mut self) {
+    pub(super) fn cancel_driving(&mut self) {
         if let Some(last) = self.drive.take() {
             last.abort();
         }
@@ -95,10 +95,10 @@ impl Errands {
     }
 
     /// Waits for the next finished order; never returns if none is in progress. Cancel-safe.
-    pub(super) async fn next(&mut self) -> Over {
+    pub(super) async fn next(&mut self) -> FinishedCommand {
         loop {
             match self.tasks.join_next().await {
-                Some(Ok(over)) => return over,
+                Some(Ok(finished)) => return finished,
                 // Cancelled in favour of a newer one.
                 Some(Err(_)) => {}
                 None => std::future::pending().await,
@@ -122,7 +122,7 @@ async fn perform(
             None => return (Err("there is no behaviour to start".to_owned()), None),
         },
         BrokerCommand::Run(name) => RunRequest::Behaviour { name, change },
-        // The envoy handles this, since it keeps the choice.
+        // The broker client handles this, since it keeps the choice.
         BrokerCommand::Choose(_) => return (Ok(None), None),
         BrokerCommand::Dock => RunRequest::Dock(DockPlan::default()),
         BrokerCommand::Undock => RunRequest::Undock(UNDOCKING),
