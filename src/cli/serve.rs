@@ -31,7 +31,7 @@ use crate::journal::When;
 use crate::link::Target;
 use crate::live::{Known, Simulation};
 use crate::mqtt::Account;
-use crate::service::{Herald, RecordFile, Service, View};
+use crate::service::{ManagerNotifier, RecordFile, Service, View};
 use crate::sim::Handle;
 use crate::timetable::Record;
 
@@ -229,14 +229,14 @@ async fn serve(
         page.map(|(page, sim)| page.serve(asked.clone(), sim.map(Simulation::from), console));
     let _page = page.transpose()?;
     let mqtt = broker::start(&bus, &asked, account);
-    let herald = Herald::of_environment();
+    let notifier = ManagerNotifier::of_environment();
     let service = Service {
         agent,
         status: status.clone(),
         clock: means.clock,
         duties: loaded.duties.clone(),
         record: means.record,
-        herald: herald.clone(),
+        notifier: notifier.clone(),
         bus,
         view,
         reloads,
@@ -252,7 +252,7 @@ async fn serve(
         outcome = service.run(stop) => outcome,
         never = showing => match never {},
         never = startup::serve(server, asked) => match never {},
-        never = herald.pass_on(means.beats) => match never {},
+        never = notifier.pass_on(means.beats) => match never {},
         never = reader.obey(hangup, reload, known, (config, loaded)) => match never {},
     };
     mqtt.map(|mqtt| mqtt.finish(broker::END));
