@@ -191,8 +191,8 @@ fn warning(text: String) -> FromHost {
 }
 
 impl Host {
-    /// Processes the initial messages until the agent sends `Run`. Returns false if the agent closed
-    /// the stream.
+    /// Processes the initial messages until the agent sends `Run`. Returns false if the agent has
+    /// closed the stream.
     async fn prepare(&mut self) -> io::Result<bool> {
         while let Some(message) = self.inbox.next().await? {
             if let ToHost::Run = message {
