@@ -34,4 +34,4 @@ pub use policy::{
 pub use prepared::Prepared;
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
 pub use supervisor::{Handle, Supervisor};
-pub use watch::{Reload, Watched, read_source};
+pub use watch::{Reload, ScriptWatcher, read_source};

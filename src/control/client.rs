@@ -13,9 +13,9 @@ use super::request::{Answer, Overview, RunRequest};
 use super::web::Remote;
 
 /// Timeout for a run's reply to [`RunRequest::Overview`].
-const OVERVIEW: Duration = Duration::from_secs(3);
+const OVERVIEW_TIMEOUT: Duration = Duration::from_secs(3);
 /// The same for a run on another computer, including name resolution and login.
-const CONNECTING: Duration = Duration::from_secs(8);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(8);
 
 /// An active run.
 #[derive(Debug, Clone)]
@@ -41,7 +41,7 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
     };
     let (mut clients, mut silent) = (Vec::new(), 0);
     for stream in folder.connect_all() {
-        match ask(stream, &RunRequest::Overview, OVERVIEW).await {
+        match ask(stream, &RunRequest::Overview, OVERVIEW_TIMEOUT).await {
             Ok(Answer::Overview(overview)) => clients.push(Client {
                 transport: Transport::Socket(data.to_owned()),
                 overview: *overview,
@@ -60,7 +60,7 @@ impl Client {
     /// # Errors
     /// See [`AskError`].
     pub async fn of_service(remote: Remote) -> Result<Client, AskError> {
-        match ask_web(remote.clone(), &RunRequest::Overview, CONNECTING).await? {
+        match ask_web(remote.clone(), &RunRequest::Overview, CONNECT_TIMEOUT).await? {
             Answer::Overview(overview) => Ok(Client {
                 transport: Transport::Web(remote),
                 overview: *overview,

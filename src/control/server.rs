@@ -25,15 +25,15 @@ use crate::vision::validate_markers;
 use crate::wire::Stream;
 
 /// Maximum number of clients served at a time; more wait in the system's queue.
-const MOST_CLIENTS: usize = 8;
+const MAX_CLIENTS: usize = 8;
 /// Timeout for receiving a client's request.
-const ASKING: Duration = Duration::from_secs(2);
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(2);
 /// Timeout for sending the answer to a client.
-const ANSWERING: Duration = Duration::from_secs(5);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Timeout for the pilot's list of running behaviours.
-const CREW: Duration = Duration::from_secs(1);
+const CREW_TIMEOUT: Duration = Duration::from_secs(1);
 /// Timeout for connecting again to a robot whose link was released.
-const REACH: Duration = Duration::from_millis(3500);
+const RECONNECT_TIMEOUT: Duration = Duration::from_millis(3500);
 /// Pause after a failed `accept`.
 const PAUSE: Duration = Duration::from_millis(200);
 /// The first ID of a person's seat; behaviours are numbered from 0, and the last number belongs to
@@ -95,7 +95,7 @@ impl ControlServer {
         loop {
             tokio::select! {
                 Some(_) = clients.join_next() => {}
-                accepted = listener.accept(), if clients.len() < MOST_CLIENTS => match accepted {
+                accepted = listener.accept(), if clients.len() < MAX_CLIENTS => match accepted {
                     Ok((stream, _)) => {
                         clients.spawn(serve(stream, run.clone()));
                     }
@@ -112,7 +112,7 @@ impl ControlServer {
 /// Serves one request of one client. A client that disconnects cancels it.
 async fn serve(stream: UnixStream, run: Run) {
     let mut pipe = Pipe::new(stream);
-    let request = match timeout(ASKING, pipe.receive::<RunRequest>()).await {
+    let request = match timeout(REQUEST_TIMEOUT, pipe.receive::<RunRequest>()).await {
         Ok(Ok(Some(request))) => request,
         Ok(Ok(None)) => return,
         Ok(Err(error)) => return debug!("a client sent an invalid request: {error}"),
@@ -128,7 +128,7 @@ async fn serve(stream: UnixStream, run: Run) {
         answer = run.perform(request) => answer,
         _ = pipe.receive::<RunRequest>() => return,
     };
-    if timeout(ANSWERING, pipe.send(&answer)).await.is_err() {
+    if timeout(ANSWER_TIMEOUT, pipe.send(&answer)).await.is_err() {
         debug!("a client does not read its answer");
     }
 }
@@ -162,7 +162,7 @@ impl Run {
         if status.borrow().link == LinkState::Released {
             let _ = self.requests.send(Request::Release(false)).await;
             let up = status.wait_for(|status| status.link == LinkState::Up);
-            let _ = timeout(REACH, up).await;
+            let _ = timeout(RECONNECT_TIMEOUT, up).await;
         }
         self.status.borrow().link == LinkState::Up
     }
@@ -346,7 +346,7 @@ impl Run {
 
     /// Returns the robot and the running behaviours; `None` if the pilot does not reply in time.
     pub async fn aboard(&self) -> Option<Crew> {
-        timeout(CREW, self.crew()).await.ok().flatten()
+        timeout(CREW_TIMEOUT, self.crew()).await.ok().flatten()
     }
 
     async fn crew(&self) -> Option<Crew> {

@@ -107,7 +107,7 @@ impl Remote {
         let status = answer.status().as_u16();
         let body = answer.body_mut().with_config().limit(LONGEST);
         let body = body.read_to_vec().map_err(failed)?;
-        understand(request, status, body)
+        parse_answer(request, status, body)
     }
 }
 
@@ -212,7 +212,7 @@ struct End {
     text: String,
 }
 
-fn understand(request: &RunRequest, status: u16, body: Vec<u8>) -> Result<Answer, AskError> {
+fn parse_answer(request: &RunRequest, status: u16, body: Vec<u8>) -> Result<Answer, AskError> {
     match (request, status) {
         (RunRequest::Dock(_) | RunRequest::Undock(_), 200 | 409) => match read::<Docking>(&body) {
             Ok(docking) => Ok(docking.answer(request)),
@@ -235,7 +235,7 @@ fn understand(request: &RunRequest, status: u16, body: Vec<u8>) -> Result<Answer
         (_, 503) => Ok(Answer::Offline),
         (RunRequest::Picture(_), 504) => Ok(Answer::NoPicture),
         (_, 401 | 403 | 421 | 429) => Err(AskError::Denied(why(&body))),
-        _ => Err(AskError::Strange(status)),
+        _ => Err(AskError::UnexpectedStatus(status)),
     }
 }
 
@@ -322,17 +322,20 @@ mod tests {
     #[test]
     fn replies_map_to_the_same_answers_as_on_the_socket() {
         let overview = |status, body: &str| {
-            understand(&RunRequest::StopSound, status, body.as_bytes().to_vec())
+            parse_answer(&RunRequest::StopSound, status, body.as_bytes().to_vec())
         };
         assert_eq!(overview(200, "{}").unwrap(), Answer::Done);
         assert_eq!(overview(503, "").unwrap(), Answer::Offline);
         let refused = overview(409, r#"{"error":"no\u001b[2J"}"#).unwrap();
         assert!(matches!(refused, Answer::Refused(why) if !why.contains('\u{1b}')));
         assert!(matches!(overview(401, "{}"), Err(AskError::Denied(_))));
-        assert!(matches!(overview(404, ""), Err(AskError::Strange(404))));
+        assert!(matches!(
+            overview(404, ""),
+            Err(AskError::UnexpectedStatus(404))
+        ));
         let dock = |status, body: &str| {
             let plan = crate::robot::DockPlan::DEFAULT;
-            understand(&RunRequest::Dock(plan), status, body.as_bytes().to_vec()).unwrap()
+            parse_answer(&RunRequest::Dock(plan), status, body.as_bytes().to_vec()).unwrap()
         };
         let body = r#"{"error":"x","end":"base_not_found","attempts":3,"seconds":1.5}"#;
         let docked = Answer::Docked {

@@ -10,7 +10,7 @@ use axum::routing::{get, post};
 use axum::{Json, Router};
 use serde::Deserialize;
 
-use super::command::{Done, PageCommand, Turn, UNDOCK, good, in_words, perform, to_request};
+use super::command::{Done, PageCommand, Turn, UNDOCK, in_words, perform, succeeded, to_request};
 use super::hub::Hub;
 use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
@@ -279,7 +279,7 @@ fn docking(answer: Answer) -> Response {
         Answer::Undocked(end) => (end, None, None),
         other => return done(other).into_response(),
     };
-    let ok = good(end);
+    let ok = succeeded(end);
     let docking = Docking {
         ok,
         text: end.name().to_owned(),

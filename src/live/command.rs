@@ -183,13 +183,13 @@ pub(super) async fn perform(order: PageCommand, run: &Run, sim: Option<&Simulati
     match to_request(order) {
         Ok(request) => in_words(run.perform(request).await),
         Err(order) => match (*order, sim) {
-            (PageCommand::Sim { change }, Some(sim)) => told(alter(change, sim)),
+            (PageCommand::Sim { change }, Some(sim)) => to_done(apply(change, sim)),
             (PageCommand::Param { name, param, value }, _) => {
                 let turned = run.roster.turn(&name, &param, value);
-                told(turned)
+                to_done(turned)
             }
             (PageCommand::Play { sound }, _) => {
-                (false, format!("there is no sound `{}`", short(&sound)))
+                (false, format!("there is no sound `{}`", truncated(&sound)))
             }
             _ => (false, "this robot is not simulated".to_owned()),
         },
@@ -236,22 +236,22 @@ pub(super) fn in_words(answer: Answer) -> Done {
         Answer::Done | Answer::Overview(_) | Answer::Picture(_) | Answer::Behaviours(_) => {
             (true, String::new())
         }
-        Answer::Docked { end, .. } => (good(end), end.name().to_owned()),
-        Answer::Undocked(end) => (good(end), end.name().to_owned()),
+        Answer::Docked { end, .. } => (succeeded(end), end.name().to_owned()),
+        Answer::Undocked(end) => (succeeded(end), end.name().to_owned()),
         Answer::NoPicture => (false, "no picture arrived in time".to_owned()),
         Answer::Offline => (false, "the robot is out of reach".to_owned()),
         Answer::Refused(why) => (false, why),
     }
 }
 
-pub(super) fn good(end: DockEnd) -> bool {
+pub(super) fn succeeded(end: DockEnd) -> bool {
     matches!(
         end,
         DockEnd::Done | DockEnd::AlreadyDocked | DockEnd::NotDocked
     )
 }
 
-fn told(altered: Result<(), impl std::fmt::Display>) -> Done {
+fn to_done(altered: Result<(), impl std::fmt::Display>) -> Done {
     match altered {
         Ok(()) => (true, String::new()),
         Err(error) => (false, error.to_string()),
@@ -260,7 +260,7 @@ fn told(altered: Result<(), impl std::fmt::Display>) -> Done {
 
 /// Why the simulation cannot be changed.
 #[derive(Debug, thiserror::Error)]
-enum AlterError {
+enum ChangeError {
     #[error("{0} is out of range")]
     Range(&'static str),
     #[error("the speed is out of range: 1 to 100")]
@@ -271,7 +271,7 @@ enum AlterError {
     Fault(String),
 }
 
-fn alter(change: Change, simulation: &Simulation) -> Result<(), AlterError> {
+fn apply(change: Change, simulation: &Simulation) -> Result<(), ChangeError> {
     let sim = &simulation.robot;
     match change {
         Change::Place { x, y, heading } => {
@@ -308,31 +308,31 @@ fn alter(change: Change, simulation: &Simulation) -> Result<(), AlterError> {
         Change::Pause { paused } => tempo(simulation)?.pause(paused),
         Change::Step => tempo(simulation)?.step(),
         Change::Speed { factor } => {
-            let factor = Factor::new(factor).ok_or(AlterError::Speed)?;
+            let factor = Factor::new(factor).ok_or(ChangeError::Speed)?;
             tempo(simulation)?.hurry(factor);
         }
     }
     Ok(())
 }
 
-fn tempo(simulation: &Simulation) -> Result<&Tempo, AlterError> {
-    simulation.tempo.as_ref().ok_or(AlterError::NoTempo)
+fn tempo(simulation: &Simulation) -> Result<&Tempo, ChangeError> {
+    simulation.tempo.as_ref().ok_or(ChangeError::NoTempo)
 }
 
-fn within(is: bool, what: &'static str) -> Result<(), AlterError> {
-    is.then_some(()).ok_or(AlterError::Range(what))
+fn within(is: bool, what: &'static str) -> Result<(), ChangeError> {
+    is.then_some(()).ok_or(ChangeError::Range(what))
 }
 
 /// Starts a fault, given as in the YAML of `spykee sim --faults`, of which JSON is a subset.
-fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), AlterError> {
+fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), ChangeError> {
     let list = json!({ "faults": [fault] }).to_string();
     let faults = Fault::list_from_yaml(&list, "fault")
-        .map_err(|error| AlterError::Fault(error.into_message()))?;
+        .map_err(|error| ChangeError::Fault(error.into_message()))?;
     faults.into_iter().for_each(|fault| sim.begin(fault));
     Ok(())
 }
 
 /// Truncates a text, so that errors echo little of their input.
-fn short(text: &str) -> String {
+fn truncated(text: &str) -> String {
     text.chars().take(40).collect()
 }

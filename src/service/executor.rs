@@ -170,7 +170,7 @@ impl Executor {
         // If the pilot's queue is full, the next poll tries again.
         if self.requests.try_send(Request::Quiet(quiet)).is_ok() {
             self.quiet = quiet;
-            words::tell_quiet(quiet);
+            words::log_quiet_hours(quiet);
         }
     }
 
@@ -200,12 +200,12 @@ impl Executor {
                 info!(behaviour = run, "its time is over");
                 self.orders.stop(run);
             }
-            Act::Tell(told) => self.report_notice(&told),
+            Act::Report(told) => self.report_notice(&told),
         }
     }
 
     fn report_notice(&self, told: &Notice) {
-        if let Some((run, reason)) = words::tell(told, &self.duties.table.zone) {
+        if let Some((run, reason)) = words::log_notice(told, &self.duties.table.zone) {
             self.report_missed(run, reason.to_owned());
         }
     }
@@ -284,7 +284,7 @@ impl Executor {
                     return;
                 }
                 self.docking_task = None;
-                let done = words::tell_home(&ended);
+                let done = words::log_homing(&ended);
                 self.idle.docked(done, Instant::now());
             }
         }
