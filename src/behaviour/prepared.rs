@@ -94,14 +94,14 @@ impl Prepared {
         match timeout(LOAD_TIME, prepared.from_host.next()).await {
             Ok(Ok(Some(FromHost::Ready))) => Ok(prepared),
             Ok(Ok(Some(FromHost::Ended(ending)))) => Err(ending),
-            Ok(Ok(_)) => Err(prepared.broken().await),
+            Ok(Ok(_)) => Err(prepared.failure_ending().await),
             Ok(Err(error)) => Err(broken(error)),
             Err(_) => Err(broken(io::ErrorKind::TimedOut.into())),
         }
     }
 
     /// Describes the end of a host that exited without reporting a reason.
-    pub(super) async fn broken(&mut self) -> Ending {
+    pub(super) async fn failure_ending(&mut self) -> Ending {
         let status = match timeout(EXIT_TIME, self.process.wait()).await {
             Ok(status) => status,
             Err(_) => self.process.kill().await,

@@ -154,7 +154,7 @@ impl Supervisor {
         let ending = match ending {
             Some(ending) => ending,
             // Finding out why the host failed takes time; its motion has stopped by then.
-            None => supervisor.host.broken().await,
+            None => supervisor.host.failure_ending().await,
         };
         supervisor.reap().await;
         ending

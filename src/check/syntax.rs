@@ -57,9 +57,9 @@ impl ErrorSite<'_> {
         let rules: [fn(&Self) -> Option<Diagnosis>; 16] = [
             Self::quotes,
             Self::unfinished,
-            Self::strangers,
+            Self::unknown_symbols,
             Self::comments,
-            Self::steps,
+            Self::increments,
             Self::other_languages,
             Self::single_equals,
             Self::else_if,

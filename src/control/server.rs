@@ -134,8 +134,8 @@ async fn serve(stream: UnixStream, run: Run) {
 }
 
 impl Run {
-    /// Performs one request of a person. The same rules apply whether it comes from a tool, the page
-    /// or a broker. Dropping the future cancels it.
+    /// Performs one request of a person. The same rules apply whether it comes from a tool, the
+    /// page or a broker. Dropping the future cancels it.
     pub async fn perform(&self, request: RunRequest) -> Answer {
         let request = match request {
             RunRequest::Overview => return self.overview().await,
@@ -259,7 +259,7 @@ impl Run {
 
     /// Stops the tracks at once and ends all behaviours, so that nothing keeps driving. Unlike
     /// [`RunRequest::Stop`], it does not end the run itself.
-    pub async fn rest(&self) -> Answer {
+    pub async fn stop_behaviours(&self) -> Answer {
         let stopped = self.stop_tracks().await;
         let mut ending = JoinSet::new();
         for member in self.roster.members().borrow().iter() {

@@ -145,7 +145,7 @@ impl BrokerClient {
     fn handle_event(&mut self, heard: Heard) {
         match heard {
             Heard::Happening(one) => {
-                self.report.hear(&one.what);
+                self.report.record_event(&one.what);
                 if let Occurrence::LinkUp { robot, .. } = &one.what {
                     self.adopt_robot(robot.clone());
                 }
@@ -358,7 +358,7 @@ impl BrokerClient {
             }
         }
         while let Some(Heard::Happening(one)) = self.listener.try_next() {
-            self.report.hear(&one.what);
+            self.report.record_event(&one.what);
             self.announce(&one.what);
         }
         let _ = self.try_publish();

@@ -116,7 +116,7 @@ async fn perform(
 ) -> (Done, Option<Vec<u8>>) {
     let change = Change::Start;
     let request = match order {
-        BrokerCommand::Stop => return (outcome_of(run.rest().await), None),
+        BrokerCommand::Stop => return (outcome_of(run.stop_behaviours().await), None),
         BrokerCommand::Start => match chosen {
             Some(name) => RunRequest::Behaviour { name, change },
             None => return (Err("there is no behaviour to start".to_owned()), None),

@@ -61,7 +61,7 @@ impl Fleet {
     ///
     /// # Errors
     /// See [`FleetError`].
-    pub async fn visit(account: Account) -> Result<Fleet, FleetError> {
+    pub async fn connect(account: Account) -> Result<Fleet, FleetError> {
         let client = format!("spykee-fleet-{:08x}", rand::random::<u32>());
         let connection = Connection::dial(&account, &client, None);
         let mut fleet = Fleet {
@@ -199,7 +199,7 @@ impl Fleet {
     }
 
     /// Disconnects.
-    pub async fn leave(self) {
+    pub async fn disconnect(self) {
         self.connection.close(Duration::from_secs(1)).await;
     }
 

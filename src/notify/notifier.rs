@@ -153,7 +153,7 @@ impl Dispatcher {
     fn handle_event(&mut self, heard: &Heard) -> bool {
         match heard {
             Heard::Happening(one) => {
-                let notification = self.rules.hear(&one.what, Instant::now());
+                let notification = self.rules.handle_event(&one.what, Instant::now());
                 self.enqueue(notification, one.at);
             }
             Heard::Missed(missed) => warn!(missed, "events were lost before a rule could see them"),

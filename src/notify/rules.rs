@@ -64,7 +64,7 @@ impl Rules {
     }
 
     /// Handles an event.
-    pub(super) fn hear(&mut self, what: &Occurrence, now: Instant) -> Option<Notification> {
+    pub(super) fn handle_event(&mut self, what: &Occurrence, now: Instant) -> Option<Notification> {
         match what {
             Occurrence::LinkUp { robot, .. } => {
                 let name = if robot.name.is_empty() {

@@ -50,7 +50,7 @@ impl ErrorSite<'_> {
     }
 
     /// Symbols that this language does not have.
-    pub(super) fn strangers(&self) -> Option<Diagnosis> {
+    pub(super) fn unknown_symbols(&self) -> Option<Diagnosis> {
         let tokens = self.around();
         for (at, token) in tokens.iter().enumerate() {
             let next = tokens.get(at + 1).map_or("", |next| self.text(next));
@@ -104,7 +104,7 @@ impl ErrorSite<'_> {
     }
 
     /// `x++`, and `x--`, where `--` begins a comment.
-    pub(super) fn steps(&self) -> Option<Diagnosis> {
+    pub(super) fn increments(&self) -> Option<Diagnosis> {
         for tokens in [self.last_line_before(), self.on_line()] {
             for pair in tokens.windows(3) {
                 let [name, one, two] = pair else { continue };
