@@ -55,7 +55,7 @@ impl Budget {
 #[derive(Debug, Clone)]
 pub struct Repeats<K> {
     every: Duration,
-    said: Vec<(K, Instant, u64)>,
+    reported: Vec<(K, Instant, u64)>,
 }
 
 impl<K: PartialEq> Repeats<K> {
@@ -63,23 +63,24 @@ impl<K: PartialEq> Repeats<K> {
     pub fn new(every: Duration) -> Repeats<K> {
         Repeats {
             every,
-            said: Vec::new(),
+            reported: Vec::new(),
         }
     }
 
     /// Returns `Some` if this message should be reported, with the number of suppressed messages of
     /// its kind since the last report.
     pub fn note(&mut self, kind: K, now: Instant) -> Option<u64> {
-        let Some((_, at, held)) = self.said.iter_mut().find(|(known, ..)| *known == kind) else {
-            self.said.push((kind, now, 0));
+        let Some((_, at, suppressed)) = self.reported.iter_mut().find(|(known, ..)| *known == kind)
+        else {
+            self.reported.push((kind, now, 0));
             return Some(0);
         };
         if now.saturating_duration_since(*at) < self.every {
-            *held += 1;
+            *suppressed += 1;
             return None;
         }
         *at = now;
-        Some(std::mem::take(held))
+        Some(std::mem::take(suppressed))
     }
 }
 

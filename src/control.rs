@@ -4,20 +4,20 @@
 //!
 //! The socket is not served on the driving core. The number of clients served at a time is limited;
 //! each sends one request of bounded length within a timeout, or is disconnected. A run on another
-//! computer accepts the same errands and gives the same answers through its JSON API.
+//! computer accepts the same requests and gives the same answers through its JSON API.
 
 mod client;
-mod desk;
-mod errand;
 mod error;
 mod folder;
 mod pipe;
 mod report;
+mod request;
+mod server;
 mod web;
 
 pub use client::{Client, runs};
-pub use desk::{Desk, Run};
-pub use errand::{Answer, Change, Errand, Listed, MAX_SPEECH, Next, Overview};
 pub use error::AskError;
 pub use report::{Level, Report, Runs, Start};
+pub use request::{Answer, Change, Listed, MAX_SPEECH, Next, Overview, RunRequest};
+pub use server::{ControlServer, Run};
 pub use web::{Remote, RemoteError};

@@ -8,11 +8,11 @@
 
 mod access;
 mod attempts;
-mod door;
-mod gate;
 mod guard;
 mod keyring;
+mod listener;
 mod login;
+mod middleware;
 mod options;
 mod refusal;
 mod role;
@@ -20,10 +20,10 @@ mod secret;
 mod sessions;
 
 pub use access::{Access, AccessError};
-pub use door::{Door, Peer};
-pub use gate::{Driver, guarded};
 pub use keyring::{Keyring, KeyringError, Listed};
+pub use listener::{LimitedListener, Peer};
 pub use login::{Me, routes};
+pub use middleware::{Driver, guard_request};
 pub use options::Options;
 pub use refusal::Refusal;
 pub use role::{Role, Visitor};

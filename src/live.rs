@@ -6,8 +6,8 @@
 //! pilot's seat like those of any behaviour, under the same watchdog. A slow viewer loses frames
 //! first, then the connection.
 //!
-//! A person who drives by hand sends setpoints; each is valid for 0.3 s (`wheel`). STOP is not a
-//! setpoint but a latch: it holds the robot until a person releases it.
+//! A person who drives by hand sends setpoints; each is valid for 0.3 s (`manual_drive`). STOP is
+//! not a setpoint but a latch: it holds the robot until a person releases it.
 
 mod api;
 mod camera;
@@ -15,6 +15,7 @@ mod command;
 mod history;
 mod hub;
 mod log;
+mod manual_drive;
 mod messages;
 mod metrics;
 mod openapi;
@@ -26,7 +27,6 @@ mod shapes;
 mod state;
 mod ticket;
 mod viewer;
-mod wheel;
 mod world;
 
 pub use log::{LogTap, tap};

@@ -12,7 +12,7 @@ use tracing::warn;
 
 use super::{AgentError, PilotSetup, RunningPilot, SCRIPTS_END};
 use crate::behaviour::{
-    Dialogue, Handle, Launch, Launcher, Prepared, PromptCommand, Said, Supervisor,
+    Dialogue, Handle, Launch, Launcher, Prepared, PromptCommand, PromptMessage, Supervisor,
 };
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, EndReason, Intent, Pictures, Priority};
@@ -64,7 +64,7 @@ impl Talk {
     pub async fn run(
         mut self,
         mut orders: mpsc::Receiver<PromptCommand>,
-        said: mpsc::Sender<Said>,
+        said: mpsc::Sender<PromptMessage>,
         stop: CancellationToken,
     ) -> Result<bool, TalkError> {
         if let Some(launch) = self.rescue {
@@ -92,7 +92,7 @@ impl Session {
     async fn live(
         &mut self,
         orders: &mut mpsc::Receiver<PromptCommand>,
-        said: &mpsc::Sender<Said>,
+        said: &mpsc::Sender<PromptMessage>,
         stop: &CancellationToken,
     ) -> Result<bool, TalkError> {
         tokio::select! {
@@ -101,7 +101,7 @@ impl Session {
             up = self.pilot.connected() => up?,
         }
         while let Some(ending) = self.converse(orders, said, stop).await? {
-            let _ = said.send(Said::Ended(ending)).await;
+            let _ = said.send(PromptMessage::Ended(ending)).await;
         }
         tokio::select! {
             biased;
@@ -114,7 +114,7 @@ impl Session {
     async fn converse(
         &mut self,
         orders: &mut mpsc::Receiver<PromptCommand>,
-        said: &mpsc::Sender<Said>,
+        said: &mpsc::Sender<PromptMessage>,
         stop: &CancellationToken,
     ) -> Result<Option<Ending>, TalkError> {
         let (order, mut hear, dialogue) = Dialogue::new();
@@ -122,7 +122,7 @@ impl Session {
         let handle = Handle::default();
         let core = self.core.clone();
         let mut running = pin!(supervisor.run(handle.clone(), &core));
-        let _ = said.send(Said::Ready).await;
+        let _ = said.send(PromptMessage::Ready).await;
         loop {
             tokio::select! {
                 biased;

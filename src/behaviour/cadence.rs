@@ -26,7 +26,7 @@ pub(super) struct Cadence {
 
 impl Cadence {
     /// Records the arrival of a frame.
-    pub(super) fn came(&mut self, at: Instant) {
+    pub(super) fn record_arrival(&mut self, at: Instant) {
         let period = self.last.map(|last| at.saturating_duration_since(last));
         let before = std::mem::replace(&mut self.period, period);
         self.last = Some(at);
@@ -46,7 +46,7 @@ impl Cadence {
     }
 
     /// Cancels the preparation: it is done, or the frame is already arriving.
-    pub(super) fn prepared(&mut self) {
+    pub(super) fn cancel_preparation(&mut self) {
         self.prepare_at = None;
     }
 }
@@ -60,12 +60,12 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn with_a_steady_rate_each_frame_is_prepared_for_once_before_it_is_due() {
         let (mut cadence, begin) = (Cadence::default(), Instant::now());
-        cadence.came(begin);
-        cadence.came(begin + PERIOD);
+        cadence.record_arrival(begin);
+        cadence.record_arrival(begin + PERIOD);
         assert_eq!(cadence.prepare_at(), None);
-        cadence.came(begin + 2 * PERIOD);
+        cadence.record_arrival(begin + 2 * PERIOD);
         assert_eq!(cadence.prepare_at(), Some(begin + 3 * PERIOD - LEAD));
-        cadence.prepared();
+        cadence.cancel_preparation();
         assert_eq!(cadence.prepare_at(), None);
     }
 
@@ -73,12 +73,12 @@ mod tests {
     async fn no_preparation_for_an_unsteady_rate_or_closely_spaced_frames() {
         let (mut cadence, begin) = (Cadence::default(), Instant::now());
         for at in [0, 66, 132] {
-            cadence.came(begin + Duration::from_millis(at));
+            cadence.record_arrival(begin + Duration::from_millis(at));
         }
-        cadence.came(begin + Duration::from_millis(300));
+        cadence.record_arrival(begin + Duration::from_millis(300));
         assert_eq!(cadence.prepare_at(), None);
         for at in [300, 302, 304] {
-            cadence.came(begin + Duration::from_millis(at));
+            cadence.record_arrival(begin + Duration::from_millis(at));
         }
         assert_eq!(cadence.prepare_at(), None);
     }

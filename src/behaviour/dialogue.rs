@@ -9,12 +9,12 @@ use crate::script::{Ending, Evaluated, LogLine};
 /// Capacity of the queue of commands to the behaviour.
 const MAX_COMMANDS: usize = 16;
 /// Capacity of the queue to the user; its last slot is reserved for answers.
-const MAX_SAID: usize = 512;
+const MAX_MESSAGES: usize = 512;
 
 /// A command from the user.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PromptCommand {
-    /// Run this text; answered by [`Said::Evaluated`].
+    /// Run this text; answered by [`PromptMessage::Evaluated`].
     Evaluate {
         /// The Luau source text.
         text: String,
@@ -26,8 +26,8 @@ pub enum PromptCommand {
 }
 
 impl From<PromptCommand> for ToHost {
-    fn from(order: PromptCommand) -> ToHost {
-        match order {
+    fn from(command: PromptCommand) -> ToHost {
+        match command {
             PromptCommand::Evaluate { text, more } => ToHost::Evaluate { text, more },
             PromptCommand::Interrupt => ToHost::Interrupt,
         }
@@ -36,7 +36,7 @@ impl From<PromptCommand> for ToHost {
 
 /// A message from the behaviour.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Said {
+pub enum PromptMessage {
     /// The behaviour accepts commands from now on.
     Ready,
     /// A log line of the behaviour.
@@ -50,23 +50,27 @@ pub enum Said {
 /// The behaviour's end of the two queues.
 #[derive(Debug)]
 pub struct Dialogue {
-    orders: mpsc::Receiver<PromptCommand>,
-    said: mpsc::Sender<Said>,
+    commands: mpsc::Receiver<PromptCommand>,
+    messages: mpsc::Sender<PromptMessage>,
 }
 
 impl Dialogue {
     /// Creates the queues; also returns the user's ends of them.
-    pub fn new() -> (mpsc::Sender<PromptCommand>, mpsc::Receiver<Said>, Dialogue) {
-        let (order, orders) = mpsc::channel(MAX_COMMANDS);
-        let (said, hear) = mpsc::channel(MAX_SAID);
-        (order, hear, Dialogue { orders, said })
+    pub fn new() -> (
+        mpsc::Sender<PromptCommand>,
+        mpsc::Receiver<PromptMessage>,
+        Dialogue,
+    ) {
+        let (commands_sender, commands) = mpsc::channel(MAX_COMMANDS);
+        let (messages, received) = mpsc::channel(MAX_MESSAGES);
+        (commands_sender, received, Dialogue { commands, messages })
     }
 
     /// Sends a message to the user. A log line is dropped if the user's side does not keep up.
-    pub(super) fn say(&self, said: Said) {
-        let room = self.said.capacity() > 1 || !matches!(said, Said::Line(_));
+    pub(super) fn send(&self, message: PromptMessage) {
+        let room = self.messages.capacity() > 1 || !matches!(message, PromptMessage::Line(_));
         if room {
-            let _ = self.said.try_send(said);
+            let _ = self.messages.try_send(message);
         }
     }
 }
@@ -74,9 +78,9 @@ impl Dialogue {
 /// Returns the next command. Without a prompt, or once it is closed, it never completes.
 pub(super) async fn next(dialogue: &mut Option<Dialogue>) -> PromptCommand {
     if let Some(dialogue) = dialogue
-        && let Some(order) = dialogue.orders.recv().await
+        && let Some(command) = dialogue.commands.recv().await
     {
-        return order;
+        return command;
     }
     std::future::pending().await
 }

@@ -34,7 +34,7 @@ pub(super) struct Gallery {
     trouble: Option<Receiver<String>>,
     thread: Option<JoinHandle<()>>,
     /// For virtual time: waits for the thread instead of skipping a frame.
-    patient: bool,
+    blocking: bool,
 }
 
 impl Gallery {
@@ -61,25 +61,25 @@ impl Gallery {
             sightings: Some(sightings),
             trouble: Some(trouble),
             thread: Some(thread),
-            patient: false,
+            blocking: false,
         })
     }
 
     /// For virtual time, in which any thread appears slow: [`Gallery::offer`] waits until the
     /// previous picture was taken from the queue.
-    pub(super) fn patient(self) -> Gallery {
-        let mut patient = self;
-        patient.patient = true;
-        patient
+    pub(super) fn blocking(self) -> Gallery {
+        let mut gallery = self;
+        gallery.blocking = true;
+        gallery
     }
 
     /// Queues a picture to be written; skips it if the queue is full. Never waits, unless the
-    /// gallery is patient.
+    /// gallery is blocking.
     pub(super) fn offer(&self, sighting: Sighting) {
         let Some(sightings) = &self.sightings else {
             return;
         };
-        if self.patient {
+        if self.blocking {
             let _ = sightings.send(sighting);
         } else {
             let _ = sightings.try_send(sighting);

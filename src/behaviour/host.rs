@@ -106,7 +106,7 @@ pub(super) async fn serve(
         .clone()
         .map(|folder| match time {
             Time::Real => Gallery::open(folder, &options.limits),
-            Time::Virtual => Gallery::open(folder, &options.limits).map(Gallery::patient),
+            Time::Virtual => Gallery::open(folder, &options.limits).map(Gallery::blocking),
         })
         .transpose()?;
     let store = options.data_dir.clone().map(|folder| match time {
@@ -193,14 +193,14 @@ fn warning(text: String) -> FromHost {
 }
 
 impl Host {
-    /// Processes the initial messages until the agent sends `Go`. Returns false if the agent closed
-    /// the stream.
+    /// Processes the initial messages until the agent sends `Run`. Returns false if the agent has
+    /// closed the stream.
     async fn prepare(&mut self) -> io::Result<bool> {
         while let Some(message) = self.inbox.next().await? {
-            if let ToHost::Go = message {
+            if let ToHost::Run = message {
                 return Ok(true);
             }
-            self.take(message);
+            self.handle(message);
         }
         Ok(false)
     }
@@ -213,8 +213,8 @@ impl Host {
         self.script.run_ready(Instant::now());
         let ending = loop {
             self.send_output().await?;
-            self.show().await?;
-            self.keep().await?;
+            self.report_sighting().await?;
+            self.save_store().await?;
             if let Some(ending) = self.script.ended() {
                 break ending;
             }
@@ -226,14 +226,14 @@ impl Host {
             tokio::select! {
                 biased;
                 message = self.inbox.next() => match message? {
-                    Some(message) => self.take(message),
+                    Some(message) => self.handle(message),
                     None => return Ok(()),
                 },
                 () = std::future::ready(()), if ready => {}
                 () = until(self.script.next_deadline()) => {}
                 () = until(writes_at) => {}
                 () = until(self.cadence.prepare_at()), if self.time == Time::Real => {
-                    self.cadence.prepared();
+                    self.cadence.cancel_preparation();
                     self.script.warm_up();
                     continue;
                 }
@@ -259,7 +259,7 @@ impl Host {
         waits.then(|| store.next().unwrap_or_else(Instant::now))
     }
 
-    async fn keep(&mut self) -> io::Result<()> {
+    async fn save_store(&mut self) -> io::Result<()> {
         let Some(store) = &mut self.store else {
             return Ok(());
         };
@@ -273,29 +273,29 @@ impl Host {
         }
     }
 
-    fn take(&mut self, message: ToHost) {
+    fn handle(&mut self, message: ToHost) {
         let now = Instant::now();
         match message {
             ToHost::Event(event) => self.script.deliver(event, now),
             ToHost::Frame(frame) => {
                 self.frame_asked = false;
                 self.coming.clear();
-                self.cadence.came(frame.at);
+                self.cadence.record_arrival(frame.at);
                 self.damaged = !self.script.deliver_frame(frame, now);
             }
-            ToHost::Ahead { at, jpeg } => self.look_ahead(at, &jpeg),
+            ToHost::PartialFrame { at, jpeg } => self.add_part(at, &jpeg),
             ToHost::Evaluate { text, more } => self.script.evaluate(&text, more, now),
-            ToHost::Turn { name, value } => self.script.set_live_param(&name, value, now),
+            ToHost::SetParam { name, value } => self.script.set_live_param(&name, value, now),
             ToHost::Interrupt => self.script.interrupt(now),
             ToHost::Module(name, file) => self.script.deliver_module(&name, file, now),
             ToHost::Stop(reason) => self.script.stop(reason, now),
-            ToHost::Load(_) | ToHost::Go => {}
+            ToHost::Load(_) | ToHost::Run => {}
         }
     }
 
     /// Reports and saves the frame that the script analysed. Runs after the output, which must not
     /// wait for pictures.
-    async fn show(&mut self) -> io::Result<()> {
+    async fn report_sighting(&mut self) -> io::Result<()> {
         let sighting = self.script.take_sighting();
         if let Some(sighting) = sighting.as_ref().filter(|_| self.findings) {
             self.outbox.send(&found(sighting)).await?;
@@ -313,18 +313,18 @@ impl Host {
         self.outbox.send(&warning(text)).await
     }
 
-    fn look_ahead(&mut self, at: usize, part: &[u8]) {
+    fn add_part(&mut self, at: usize, part: &[u8]) {
         if at == 0 {
             self.coming.clear();
-            self.look_further(part);
-            self.cadence.prepared();
+            self.decode_partial(part);
+            self.cadence.cancel_preparation();
             self.script.warm_up();
         } else if at == self.coming.len() {
-            self.look_further(part);
+            self.decode_partial(part);
         }
     }
 
-    fn look_further(&mut self, part: &[u8]) {
+    fn decode_partial(&mut self, part: &[u8]) {
         self.coming.extend_from_slice(part);
         self.script.look_ahead(&self.coming);
     }
@@ -335,8 +335,8 @@ impl Host {
         }
         if self.script.wants_frames() && !self.frame_asked {
             self.frame_asked = true;
-            let (ahead, damaged) = (self.script.examines_frames(), self.damaged);
-            let want = FromHost::WantFrame { ahead, damaged };
+            let (partial, damaged) = (self.script.examines_frames(), self.damaged);
+            let want = FromHost::WantFrame { partial, damaged };
             self.outbox.feed(&want).await?;
         }
         self.outbox.flush().await

@@ -114,9 +114,9 @@ pub fn inspection_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
             options,
             folder,
         } = postcard::from_bytes(question).map_err(io::Error::other)?;
-        let surroundings = CheckContext::new(&options, Some(Path::new(&options.chunk)));
+        let context = CheckContext::new(&options, Some(Path::new(&options.chunk)));
         let inspected = Inspected {
-            findings: check(&source, &options.chunk, &surroundings),
+            findings: check(&source, &options.chunk, &context),
             required: required(&source, &folder),
         };
         postcard::to_allocvec(&inspected).map_err(io::Error::other)

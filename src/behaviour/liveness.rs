@@ -13,28 +13,29 @@ const SILENCE_GRACE: Duration = Duration::from_millis(500);
 pub(super) struct Liveness {
     pub(super) limit: Duration,
     /// Time of the last message; `None` until the host runs.
-    heard: Option<Instant>,
+    last_message: Option<Instant>,
     /// End of the extra time, if it was granted.
     grace: Option<Instant>,
 }
 
 impl Liveness {
-    /// Starts to count at the first call of [`Liveness::heard`].
+    /// Starts to count at the first call of [`Liveness::reset`].
     pub(super) fn new(limit: Duration) -> Liveness {
         Liveness {
             limit,
-            heard: None,
+            last_message: None,
             grace: None,
         }
     }
 
-    pub(super) fn heard(&mut self) {
-        (self.heard, self.grace) = (Some(Instant::now()), None);
+    pub(super) fn reset(&mut self) {
+        (self.last_message, self.grace) = (Some(Instant::now()), None);
     }
 
     /// When the silence will have lasted too long.
     pub(super) fn deadline(&self) -> Option<Instant> {
-        self.grace.or(self.heard.map(|heard| heard + self.limit))
+        self.grace
+            .or(self.last_message.map(|last| last + self.limit))
     }
 
     /// To be called when the deadline has passed. Returns whether the host must be ended; grants

@@ -13,7 +13,7 @@ use crate::script::{Level, LogLine};
 const MAX_LINES: u32 = 120;
 const WINDOW: Duration = Duration::from_secs(1);
 /// Minimum interval between two reports of dropped lines.
-const SAID_EVERY: Duration = Duration::from_secs(60);
+const REPORT_INTERVAL: Duration = Duration::from_secs(60);
 /// Maximum length of a text, a field name and a field value, in characters; an honest host cuts
 /// them shorter.
 const LONGEST: usize = 4096;
@@ -28,19 +28,19 @@ pub(super) struct LogLimiter {
     day: Budget,
     window: Option<Instant>,
     lines: u32,
-    said: Repeats<()>,
+    reports: Repeats<()>,
 }
 
 /// The outcome for a line.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Fate {
+pub(super) enum Admission {
     /// The line is written, possibly shortened.
     Written(LogLine),
     /// The line is dropped, and this must be reported, with the number of lines dropped since the
     /// last report.
-    LeftOut(u64),
+    Dropped(u64),
     /// The line is dropped; a recent report already said so.
-    Silent,
+    DroppedSilently,
 }
 
 impl LogLimiter {
@@ -50,16 +50,18 @@ impl LogLimiter {
             day: Budget::new(per_day),
             window: None,
             lines: 0,
-            said: Repeats::new(SAID_EVERY),
+            reports: Repeats::new(REPORT_INTERVAL),
         }
     }
 
-    pub(super) fn admit(&mut self, line: LogLine, now: Instant) -> Fate {
+    pub(super) fn admit(&mut self, line: LogLine, now: Instant) -> Admission {
         let line = cut(line);
         if self.has_room(now) && self.day.take(cost(&line), now) {
-            return Fate::Written(line);
+            return Admission::Written(line);
         }
-        self.said.note((), now).map_or(Fate::Silent, Fate::LeftOut)
+        self.reports
+            .note((), now)
+            .map_or(Admission::DroppedSilently, Admission::Dropped)
     }
 
     fn has_room(&mut self, now: Instant) -> bool {
@@ -128,7 +130,10 @@ mod tests {
     }
 
     fn written(log_limiter: &mut LogLimiter, now: Instant) -> bool {
-        matches!(log_limiter.admit(line("x".into()), now), Fate::Written(_))
+        matches!(
+            log_limiter.admit(line("x".into()), now),
+            Admission::Written(_)
+        )
     }
 
     #[test]
@@ -140,12 +145,15 @@ mod tests {
         assert_eq!(passed, MAX_LINES as usize);
         now += WINDOW;
         assert!(written(&mut log_limiter, now));
-        now += SAID_EVERY;
+        now += REPORT_INTERVAL;
         let flood = (0..200).map(|_| log_limiter.admit(line("x".into()), now));
-        let said: Vec<_> = flood
-            .filter(|fate| matches!(fate, Fate::LeftOut(_)))
+        let reported: Vec<_> = flood
+            .filter(|admission| matches!(admission, Admission::Dropped(_)))
             .collect();
-        assert_eq!(said, [Fate::LeftOut(10_000 - u64::from(MAX_LINES) - 1)]);
+        assert_eq!(
+            reported,
+            [Admission::Dropped(10_000 - u64::from(MAX_LINES) - 1)]
+        );
     }
 
     #[test]
@@ -162,7 +170,7 @@ mod tests {
             fields: vec![("k".repeat(9000), "v".repeat(9000)); 900],
             ..line("ä".repeat(100_000))
         };
-        let Fate::Written(cut) = log_limiter.admit(long, now) else {
+        let Admission::Written(cut) = log_limiter.admit(long, now) else {
             panic!("left out");
         };
         assert_eq!(cut.text.chars().count(), LONGEST);

@@ -26,13 +26,13 @@ pub enum ToHost {
     /// Load this script; answered by [`FromHost::Ready`] or [`FromHost::Ended`].
     Load(Box<Launch>),
     /// Run the loaded script.
-    Go,
+    Run,
     /// An event for the script.
     Event(Event),
     /// A frame, in answer to [`FromHost::WantFrame`].
     Frame(Frame),
     /// A further part of the frame that is being received, in answer to [`FromHost::WantFrame`].
-    Ahead {
+    PartialFrame {
         /// Offset of this part in the frame, in bytes.
         at: usize,
         /// A part of the JPEG.
@@ -46,7 +46,7 @@ pub enum ToHost {
         more: bool,
     },
     /// A user changes the value of a parameter.
-    Turn {
+    SetParam {
         /// The name of the parameter.
         name: String,
         /// Its new value.
@@ -72,7 +72,7 @@ pub enum FromHost {
     /// Requests one frame newer than the last, as soon as there is one.
     WantFrame {
         /// Also send the parts of it that have already been received.
-        ahead: bool,
+        partial: bool,
         /// The last frame was damaged: the one before it is also acceptable.
         damaged: bool,
     },

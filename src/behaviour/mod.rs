@@ -2,9 +2,9 @@
 //! side) and the messages between them. The agent runs no Lua and no image decoder, so a crash in a
 //! host affects only its own behaviour.
 
-mod ahead;
 mod cadence;
 mod dialogue;
+mod frame_progress;
 mod gallery;
 mod host;
 mod inspection;
@@ -17,12 +17,12 @@ mod pipe;
 mod policy;
 mod prepared;
 mod process;
-mod remarks;
+mod remark_limiter;
 mod store_writer;
 mod supervisor;
 mod watch;
 
-pub use dialogue::{Dialogue, PromptCommand, Said};
+pub use dialogue::{Dialogue, PromptCommand, PromptMessage};
 pub use host::{STACK, host, host_main};
 pub use inspection::{INSPECTION, Inspected, InspectionError, Inspector, inspection_main};
 pub use library::{Library, LibraryError};
@@ -34,4 +34,4 @@ pub use policy::{
 pub use prepared::Prepared;
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
 pub use supervisor::{Handle, Supervisor};
-pub use watch::{Reload, Watched, read_source};
+pub use watch::{Reload, ScriptWatcher, read_source};

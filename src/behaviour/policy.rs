@@ -74,13 +74,13 @@ impl FromStr for RestartPolicy {
 /// A word, or a table such as `{ policy: on-failure, max_restarts: 3 }`.
 impl<'de> Deserialize<'de> for RestartPolicy {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<RestartPolicy, D::Error> {
-        from.deserialize_any(Written)
+        from.deserialize_any(PolicyVisitor)
     }
 }
 
-struct Written;
+struct PolicyVisitor;
 
-impl<'de> Visitor<'de> for Written {
+impl<'de> Visitor<'de> for PolicyVisitor {
     type Value = RestartPolicy;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

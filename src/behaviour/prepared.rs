@@ -15,7 +15,7 @@ use super::message::{FromHost, Launch, ToHost};
 use super::name::validate_name;
 use super::pipe::{Receiver, Sender};
 use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
-use super::remarks::Remarks;
+use super::remark_limiter::RemarkLimiter;
 use crate::robot::{BehaviourId, EndReason, Priority};
 use crate::script::{Ending, ModuleName, NoModule};
 
@@ -42,7 +42,7 @@ pub struct Prepared {
     /// False in virtual time, in which no sign of life is expected.
     pub(super) in_real_time: bool,
     pub(super) log_limiter: LogLimiter,
-    pub(super) remarks: Remarks,
+    pub(super) remark_limiter: RemarkLimiter,
 }
 
 impl Prepared {
@@ -68,11 +68,11 @@ impl Prepared {
         validate_name(&name).map_err(|error| ending(EndReason::Error, &error.to_string()))?;
         let log_limiter = LogLimiter::new(launch.options.limits.log_bytes_a_day);
         let folder = launch.options.data_dir.clone();
-        let remarks = Remarks::new(name.clone(), folder, &launch.options.limits);
+        let remark_limiter = RemarkLimiter::new(name.clone(), folder, &launch.options.limits);
         let started = launcher.start(&launch.options.folders(), core);
         let (process, reader, writer) = started.map_err(broken)?;
         let (from_host, to_host, pump) = connect(reader, writer, core);
-        let modules = librarian(
+        let modules = serve_modules(
             launch.library.clone(),
             to_host.clone(),
             launcher.is_in_this_thread(),
@@ -88,20 +88,20 @@ impl Prepared {
             pump,
             in_real_time: !launcher.is_in_this_thread(),
             log_limiter,
-            remarks,
+            remark_limiter,
         };
         let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
         match timeout(LOAD_TIME, prepared.from_host.next()).await {
             Ok(Ok(Some(FromHost::Ready))) => Ok(prepared),
             Ok(Ok(Some(FromHost::Ended(ending)))) => Err(ending),
-            Ok(Ok(_)) => Err(prepared.broken().await),
+            Ok(Ok(_)) => Err(prepared.failure_ending().await),
             Ok(Err(error)) => Err(broken(error)),
             Err(_) => Err(broken(io::ErrorKind::TimedOut.into())),
         }
     }
 
     /// Describes the end of a host that exited without reporting a reason.
-    pub(super) async fn broken(&mut self) -> Ending {
+    pub(super) async fn failure_ending(&mut self) -> Ending {
         let status = match timeout(EXIT_TIME, self.process.wait()).await {
             Ok(status) => status,
             Err(_) => self.process.kill().await,
@@ -136,7 +136,7 @@ fn connect(
 
 /// Reads modules for a host, one after the other, on a thread that may block on the disk; with
 /// `here`, for virtual time, on the current thread. Ends with the behaviour.
-fn librarian(
+fn serve_modules(
     library: Library,
     to_host: mpsc::Sender<ToHost>,
     here: bool,
@@ -149,9 +149,9 @@ fn librarian(
                 Some(left) => left,
                 None => return,
             };
-            let (shelf, wanted) = (library.clone(), name.clone());
+            let (source, wanted) = (library.clone(), name.clone());
             let refused = |error: &dyn std::fmt::Display| NoModule(error.to_string());
-            let fetch = move || shelf.fetch(&wanted).map_err(|error| refused(&error));
+            let fetch = move || source.fetch(&wanted).map_err(|error| refused(&error));
             let file = if here {
                 fetch()
             } else {

@@ -39,10 +39,10 @@ pub(super) struct StoreWriter {
     /// Earliest time of the next write.
     next: Option<Instant>,
     /// Content that the thread was too busy to take.
-    held: Option<Vec<u8>>,
-    told: Option<String>,
+    unsent: Option<Vec<u8>>,
+    last_error: Option<String>,
     /// Writes only at the end: see [`StoreWriter::at_the_end`].
-    late: bool,
+    write_at_end: bool,
     day: Budget,
     /// Bytes of the disk that must stay free.
     free: u64,
@@ -64,9 +64,9 @@ impl StoreWriter {
             folder,
             writer: None,
             next: None,
-            held: None,
-            told: None,
-            late: false,
+            unsent: None,
+            last_error: None,
+            write_at_end: false,
             day: Budget::new(limits.store_bytes_a_day),
             free: limits.free_bytes,
             slow: None,
@@ -77,7 +77,7 @@ impl StoreWriter {
     /// and varying time: the file is written once, when the script ends or is ended.
     pub(super) fn at_the_end(folder: PathBuf, limits: &Limits) -> StoreWriter {
         let mut writer = StoreWriter::new(folder, limits);
-        writer.late = true;
+        writer.write_at_end = true;
         writer
     }
 
@@ -114,7 +114,7 @@ impl StoreWriter {
 
     /// Whether content is waiting to be written.
     pub(super) fn is_behind(&self) -> bool {
-        self.held.is_some() && !self.late
+        self.unsent.is_some() && !self.write_at_end
     }
 
     /// Whether [`StoreWriter::offer`] may be called now.
@@ -124,13 +124,13 @@ impl StoreWriter {
 
     /// Hands the newest content to the writing thread. Never waits.
     pub(super) fn offer(&mut self, newest: Option<Vec<u8>>, now: Instant) {
-        let Some(content) = newest.or_else(|| self.held.take()) else {
+        let Some(content) = newest.or_else(|| self.unsent.take()) else {
             return;
         };
-        self.held = None;
+        self.unsent = None;
         self.next = Some(now + PACE);
-        if self.late {
-            self.held = Some(content);
+        if self.write_at_end {
+            self.unsent = Some(content);
             return;
         }
         if !self.day.take(content.len() as u64, now) {
@@ -140,9 +140,9 @@ impl StoreWriter {
         match self.writer().map(|writer| writer.files.try_send(content)) {
             Ok(Ok(())) => {}
             Ok(Err(TrySendError::Full(content) | TrySendError::Disconnected(content))) => {
-                self.held = Some(content);
+                self.unsent = Some(content);
             }
-            Err(error) => self.told = Some(error.to_string()),
+            Err(error) => self.last_error = Some(error.to_string()),
         }
     }
 
@@ -164,14 +164,14 @@ impl StoreWriter {
             ));
         }
         let heard = self.writer.as_ref()?.trouble.try_recv().ok()?;
-        let new = self.told.as_ref() != Some(&heard);
-        self.told = Some(heard.clone());
+        let new = self.last_error.as_ref() != Some(&heard);
+        self.last_error = Some(heard.clone());
         new.then_some(heard)
     }
 
     /// Writes the remaining content and waits for the thread. Returns its last error.
     pub(super) fn finish(&mut self, last: Option<Vec<u8>>) -> Option<String> {
-        if let Some(content) = last.or_else(|| self.held.take())
+        if let Some(content) = last.or_else(|| self.unsent.take())
             && let Ok(writer) = self.writer()
         {
             let _ = writer.files.send(content);
@@ -191,7 +191,7 @@ impl StoreWriter {
 /// process would have done.
 impl Drop for StoreWriter {
     fn drop(&mut self) {
-        if let Some(content) = self.held.take().filter(|_| self.late) {
+        if let Some(content) = self.unsent.take().filter(|_| self.write_at_end) {
             let _ = replace(&self.folder, &content, self.free);
         }
     }

@@ -12,13 +12,13 @@ use tokio::time::{Instant, sleep_until, timeout};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, warn};
 
-use super::ahead::Ahead;
-use super::dialogue::{self, Dialogue, Said};
+use super::dialogue::{self, Dialogue, PromptMessage};
+use super::frame_progress::FrameProgress;
 use super::liveness::Liveness;
-use super::log_limiter::{Fate, log};
+use super::log_limiter::{Admission, log};
 use super::message::{FromHost, ToHost};
 use super::prepared::{EXIT_TIME, Prepared, ending};
-use super::remarks;
+use super::remark_limiter;
 use crate::clock::until;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{
@@ -63,8 +63,8 @@ pub struct Supervisor {
     last_but_one: u64,
     frame_wanted: bool,
     /// The host wants partial frames, to decode them early.
-    ahead_wanted: bool,
-    ahead: Ahead,
+    partial_wanted: bool,
+    frame_progress: FrameProgress,
     dropped: u64,
     dialogue: Option<Dialogue>,
     liveness: Option<Liveness>,
@@ -100,8 +100,8 @@ impl Supervisor {
             last_frame: 0,
             last_but_one: 0,
             frame_wanted: false,
-            ahead_wanted: false,
-            ahead: Ahead::default(),
+            partial_wanted: false,
+            frame_progress: FrameProgress::default(),
             dropped: 0,
             dialogue: None,
             liveness: None,
@@ -156,7 +156,7 @@ impl Supervisor {
         let ending = match ending {
             Some(ending) => ending,
             // Finding out why the host failed takes time; its motion has stopped by then.
-            None => supervisor.host.broken().await,
+            None => supervisor.host.failure_ending().await,
         };
         supervisor.reap().await;
         ending
@@ -190,39 +190,39 @@ impl Supervisor {
                     PilotMessage::Event(event) => {
                         let (answer, go) = (event.is_answer(), event.is_welcome() && !running);
                         if !self.pass_on(ToHost::Event(event)) && answer {
-                            return Some(self.deaf());
+                            return Some(self.queue_full_ending());
                         }
-                        if go && self.pass_on(ToHost::Go) {
+                        if go && self.pass_on(ToHost::Run) {
                             running = true;
-                            self.liveness.iter_mut().for_each(Liveness::heard);
+                            self.liveness.iter_mut().for_each(Liveness::reset);
                         }
                     }
-                    PilotMessage::Kill(reason) => return Some(self.killed(reason)),
-                    PilotMessage::Closed => return Some(self.killed(EndReason::Shutdown)),
+                    PilotMessage::Kill(reason) => return Some(self.killed_ending(reason)),
+                    PilotMessage::Closed => return Some(self.killed_ending(EndReason::Shutdown)),
                 },
                 Ok(()) = stop.changed(), if last_moment.is_none() => {
                     let reason = stop.borrow_and_update().unwrap_or(EndReason::Shutdown);
                     self.pass_on(ToHost::Stop(reason));
-                    running = running || self.pass_on(ToHost::Go);
+                    running = running || self.pass_on(ToHost::Run);
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
                 }
-                Some(reason) = at(last_moment) => return Some(self.killed(reason)),
+                Some(reason) = at(last_moment) => return Some(self.killed_ending(reason)),
                 Ok(change) = self.param_changes.recv() => {
                     if change.behaviour == self.host.name {
                         let (name, value) = (change.name, change.value);
-                        self.pass_on(ToHost::Turn { name, value });
+                        self.pass_on(ToHost::SetParam { name, value });
                     }
                 }
                 order = dialogue::next(&mut self.dialogue) => {
                     if !self.pass_on(order.into()) {
-                        return Some(self.deaf());
+                        return Some(self.queue_full_ending());
                     }
                 }
                 message = self.host.from_host.next() => match message {
                     Ok(Some(FromHost::Ended(ending))) => return Some(ending),
                     Ok(Some(message)) => {
-                        self.liveness.iter_mut().filter(|_| running).for_each(Liveness::heard);
-                        self.heard(message).await;
+                        self.liveness.iter_mut().filter(|_| running).for_each(Liveness::reset);
+                        self.handle_message(message).await;
                     }
                     Ok(None) => return None,
                     Err(error) => {
@@ -233,22 +233,22 @@ impl Supervisor {
                 () = picture.notified(), if self.frame_wanted => self.pass_picture(),
                 () = until(self.liveness.as_ref().and_then(Liveness::deadline)) => {
                     if self.liveness.as_mut().is_some_and(Liveness::is_over) {
-                        return Some(self.silent());
+                        return Some(self.unresponsive_ending());
                     }
                 }
             }
         }
     }
 
-    async fn heard(&mut self, message: FromHost) {
+    async fn handle_message(&mut self, message: FromHost) {
         let by = self.host.by;
         let request = match message {
             FromHost::Output(Output::Intent(intent)) => Request::Intent(by, intent),
             FromHost::Alive => Request::Alive(by),
-            FromHost::WantFrame { ahead, damaged } => {
-                (self.frame_wanted, self.ahead_wanted) = (true, ahead);
+            FromHost::WantFrame { partial, damaged } => {
+                (self.frame_wanted, self.partial_wanted) = (true, partial);
                 return if damaged {
-                    self.pass_before()
+                    self.pass_previous()
                 } else {
                     self.pass_picture()
                 };
@@ -268,7 +268,7 @@ impl Supervisor {
             FromHost::Output(Output::Remark(remark)) => return self.remark(remark),
             FromHost::Output(Output::Evaluated(evaluated)) => {
                 if let Some(dialogue) = &self.dialogue {
-                    dialogue.say(Said::Evaluated(evaluated));
+                    dialogue.send(PromptMessage::Evaluated(evaluated));
                 }
                 return;
             }
@@ -288,36 +288,38 @@ impl Supervisor {
             self.host.log_limiter.admit(line, Instant::now()),
             &self.dialogue,
         ) {
-            (Fate::Written(line), Some(dialogue)) => dialogue.say(Said::Line(line)),
-            (Fate::Written(line), None) => log(name, &line),
-            (Fate::LeftOut(before), _) => warn!(
+            (Admission::Written(line), Some(dialogue)) => dialogue.send(PromptMessage::Line(line)),
+            (Admission::Written(line), None) => log(name, &line),
+            (Admission::Dropped(before), _) => warn!(
                 behaviour = %name,
                 before,
                 "it logs too much: lines are dropped; this is logged at most once a minute"
             ),
-            (Fate::Silent, _) => {}
+            (Admission::DroppedSilently, _) => {}
         }
     }
 
     fn remark(&mut self, remark: Remark) {
-        match self.host.remarks.admit(remark, Instant::now()) {
-            remarks::Fate::Passed(what) => self.bus.tell(what),
-            remarks::Fate::LeftOut(before) => warn!(
+        match self.host.remark_limiter.admit(remark, Instant::now()) {
+            remark_limiter::Admission::Passed(what) => self.bus.tell(what),
+            remark_limiter::Admission::Dropped(before) => warn!(
                 behaviour = %self.host.name,
                 before,
                 "it sends too much: journal entries, messages or pictures are dropped; this is logged at \
                  most once a minute"
             ),
-            remarks::Fate::Silent => {}
+            remark_limiter::Admission::DroppedSilently => {}
         }
     }
 
     /// Passes on the newest frame if it is newer than the last one passed on, or else the received
     /// part of the next frame.
     fn pass_picture(&mut self) {
-        let pictures = self.frames.borrow().clone();
-        let Some(frame) = pictures.newest.filter(|frame| frame.seq > self.last_frame) else {
-            return self.pass_beginning(pictures.partial);
+        let Pictures {
+            newest, partial, ..
+        } = self.frames.borrow().clone();
+        let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
+            return self.pass_partial(partial);
         };
         self.last_but_one = std::mem::replace(&mut self.last_frame, frame.seq);
         self.frame_wanted = false;
@@ -326,7 +328,7 @@ impl Supervisor {
 
     /// Replaces a damaged frame: passes on the frame before it, unless that one was passed on too
     /// or a newer one has arrived.
-    fn pass_before(&mut self) {
+    fn pass_previous(&mut self) {
         let Pictures { newest, before, .. } = self.frames.borrow().clone();
         let still_newest = newest.is_some_and(|frame| frame.seq == self.last_frame);
         match before.filter(|frame| still_newest && frame.seq > self.last_but_one) {
@@ -338,10 +340,10 @@ impl Supervisor {
         }
     }
 
-    fn pass_beginning(&mut self, partial: Option<PartialFrame>) {
-        let partial = partial.filter(|_| self.ahead_wanted);
-        if let Some((at, jpeg)) = partial.and_then(|partial| self.ahead.rest(&partial)) {
-            self.pass_on(ToHost::Ahead { at, jpeg });
+    fn pass_partial(&mut self, partial: Option<PartialFrame>) {
+        let partial = partial.filter(|_| self.partial_wanted);
+        if let Some((at, jpeg)) = partial.and_then(|partial| self.frame_progress.rest(&partial)) {
+            self.pass_on(ToHost::PartialFrame { at, jpeg });
         }
     }
 
@@ -352,7 +354,7 @@ impl Supervisor {
         sent
     }
 
-    fn silent(&self) -> Ending {
+    fn unresponsive_ending(&self) -> Ending {
         let limit = self
             .liveness
             .as_ref()
@@ -365,12 +367,12 @@ impl Supervisor {
         ending(EndReason::Cpu, &text)
     }
 
-    fn deaf(&self) -> Ending {
+    fn queue_full_ending(&self) -> Ending {
         let text = format!("{}: it does not read its messages", self.host.name);
         ending(EndReason::Cpu, &text)
     }
 
-    fn killed(&self, reason: EndReason) -> Ending {
+    fn killed_ending(&self, reason: EndReason) -> Ending {
         ending(
             reason,
             &format!("{}: {}", self.host.name, reason.sentence()),

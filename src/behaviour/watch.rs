@@ -44,21 +44,21 @@ pub fn read_source(file: &Path) -> io::Result<Vec<u8>> {
 
 /// Watches a script's file and its modules.
 #[derive(Debug)]
-pub struct Watched {
+pub struct ScriptWatcher {
     file: PathBuf,
-    saves: Saves<Mark>,
+    detector: SaveDetector<FileState>,
     library: Library,
-    modules: BTreeMap<PathBuf, Saves<Mark>>,
+    modules: BTreeMap<PathBuf, SaveDetector<FileState>>,
 }
 
-impl Watched {
+impl ScriptWatcher {
     /// Starts from the file's current state. To be called before the file is first read, so that no
     /// save is missed.
-    pub fn new(file: PathBuf) -> Watched {
-        let saves = Saves::new(mark(&file));
-        Watched {
+    pub fn new(file: PathBuf) -> ScriptWatcher {
+        let detector = SaveDetector::new(file_state(&file));
+        ScriptWatcher {
             file,
-            saves,
+            detector,
             library: Library::default(),
             modules: BTreeMap::new(),
         }
@@ -66,8 +66,8 @@ impl Watched {
 
     /// Also watches the modules that this library has read.
     #[must_use]
-    pub fn with_modules(self, library: Library) -> Watched {
-        Watched { library, ..self }
+    pub fn with_modules(self, library: Library) -> ScriptWatcher {
+        ScriptWatcher { library, ..self }
     }
 
     /// Sends the text after every save, until the receiver is dropped. Saving an unchanged text
@@ -79,13 +79,13 @@ impl Watched {
                 () = sleep(PERIOD) => {}
             }
             let (file, modules) = (self.file.clone(), self.library.files());
-            let look = move || (mark(&file), marks(modules));
+            let look = move || (file_state(&file), file_states(modules));
             let Ok((mark, modules)) = spawn_blocking(look).await else {
                 return;
             };
             let now = Instant::now();
             let module = self.is_module_saved(modules, now);
-            if (self.saves.is_over(mark, now) || module)
+            if (self.detector.is_complete(mark, now) || module)
                 && let Some(source) = self.read(mark).await
                 && reloads.send(Reload { source }).await.is_err()
             {
@@ -96,12 +96,15 @@ impl Watched {
 
     /// Whether a module was saved. A module that appears for the first time has just been read and
     /// does not count.
-    fn is_module_saved(&mut self, marks: Vec<(PathBuf, Option<Mark>)>, now: Instant) -> bool {
+    fn is_module_saved(&mut self, marks: Vec<(PathBuf, Option<FileState>)>, now: Instant) -> bool {
         let mut saved = false;
         for (file, mark) in marks {
-            let saves = self.modules.entry(file).or_insert_with(|| Saves::new(mark));
-            if saves.is_over(mark, now) {
-                saves.taken(mark);
+            let detector = self
+                .modules
+                .entry(file)
+                .or_insert_with(|| SaveDetector::new(mark));
+            if detector.is_complete(mark, now) {
+                detector.accept(mark);
                 saved = true;
             }
         }
@@ -109,14 +112,14 @@ impl Watched {
     }
 
     /// Returns the text, unless the file changes while it is read: then the save was not complete.
-    async fn read(&mut self, before: Option<Mark>) -> Option<Vec<u8>> {
+    async fn read(&mut self, before: Option<FileState>) -> Option<Vec<u8>> {
         let file = self.file.clone();
-        let read = spawn_blocking(move || (read_source(&file), mark(&file)));
+        let read = spawn_blocking(move || (read_source(&file), file_state(&file)));
         let (source, after) = read.await.ok()?;
         if after != before {
             return None;
         }
-        self.saves.taken(after);
+        self.detector.accept(after);
         source
             .inspect_err(|error| {
                 let file = self.file.display();
@@ -128,15 +131,15 @@ impl Watched {
 
 /// File metadata that changes with every save, so that the file need not be read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Mark {
+struct FileState {
     inode: (u64, u64),
     length: u64,
     modified: (i64, i64),
 }
 
-impl From<Metadata> for Mark {
-    fn from(data: Metadata) -> Mark {
-        Mark {
+impl From<Metadata> for FileState {
+    fn from(data: Metadata) -> FileState {
+        FileState {
             inode: (data.dev(), data.ino()),
             length: data.len(),
             modified: (data.mtime(), data.mtime_nsec()),
@@ -145,29 +148,29 @@ impl From<Metadata> for Mark {
 }
 
 /// Returns the file's current mark; `None` if there is no such file.
-fn mark(file: &Path) -> Option<Mark> {
-    std::fs::metadata(file).ok().map(Mark::from)
+fn file_state(file: &Path) -> Option<FileState> {
+    std::fs::metadata(file).ok().map(FileState::from)
 }
 
-fn marks(files: Vec<PathBuf>) -> Vec<(PathBuf, Option<Mark>)> {
-    let marked = |file: PathBuf| (file.clone(), mark(&file));
+fn file_states(files: Vec<PathBuf>) -> Vec<(PathBuf, Option<FileState>)> {
+    let marked = |file: PathBuf| (file.clone(), file_state(&file));
     files.into_iter().map(marked).collect()
 }
 
 /// Debounces changes to detect when a save is complete. Pure: the time is an argument.
 #[derive(Debug)]
-struct Saves<M> {
+struct SaveDetector<M> {
     taken: Option<M>,
     seen: Option<(M, Instant)>,
 }
 
-impl<M: Copy + PartialEq> Saves<M> {
-    fn new(taken: Option<M>) -> Saves<M> {
-        Saves { taken, seen: None }
+impl<M: Copy + PartialEq> SaveDetector<M> {
+    fn new(taken: Option<M>) -> SaveDetector<M> {
+        SaveDetector { taken, seen: None }
     }
 
     /// Whether the file differs from the one taken last and has not changed for a while.
-    fn is_over(&mut self, mark: Option<M>, now: Instant) -> bool {
+    fn is_complete(&mut self, mark: Option<M>, now: Instant) -> bool {
         let Some(mark) = mark.filter(|mark| Some(*mark) != self.taken) else {
             self.seen = None;
             return false;
@@ -181,7 +184,7 @@ impl<M: Copy + PartialEq> Saves<M> {
     }
 
     /// Records that the file was read in this state.
-    fn taken(&mut self, mark: Option<M>) {
+    fn accept(&mut self, mark: Option<M>) {
         (self.taken, self.seen) = (mark, None);
     }
 }
@@ -195,22 +198,28 @@ mod tests {
 
     #[test]
     fn a_save_in_several_writes_counts_once() {
-        let (mut saves, now) = (Saves::new(Some(1)), Instant::now());
-        assert!(!saves.is_over(Some(1), now), "as it was");
-        assert!(!saves.is_over(Some(2), now + 250 * MS), "just written");
-        assert!(!saves.is_over(None, now + 500 * MS), "renamed away");
-        assert!(!saves.is_over(Some(3), now + 750 * MS), "written again");
-        assert!(saves.is_over(Some(3), now + 1000 * MS));
-        saves.taken(Some(3));
-        assert!(!saves.is_over(Some(3), now + 1250 * MS), "taken");
+        let (mut detector, now) = (SaveDetector::new(Some(1)), Instant::now());
+        assert!(!detector.is_complete(Some(1), now), "as it was");
+        assert!(
+            !detector.is_complete(Some(2), now + 250 * MS),
+            "just written"
+        );
+        assert!(!detector.is_complete(None, now + 500 * MS), "renamed away");
+        assert!(
+            !detector.is_complete(Some(3), now + 750 * MS),
+            "written again"
+        );
+        assert!(detector.is_complete(Some(3), now + 1000 * MS));
+        detector.accept(Some(3));
+        assert!(!detector.is_complete(Some(3), now + 1250 * MS), "taken");
     }
 
     #[test]
     fn a_file_that_appears_later_counts_as_a_save() {
-        let (mut saves, now) = (Saves::new(None), Instant::now());
-        assert!(!saves.is_over(None, now));
-        assert!(!saves.is_over(Some(1), now));
-        assert!(saves.is_over(Some(1), now + SETTLED));
+        let (mut detector, now) = (SaveDetector::new(None), Instant::now());
+        assert!(!detector.is_complete(None, now));
+        assert!(!detector.is_complete(Some(1), now));
+        assert!(detector.is_complete(Some(1), now + SETTLED));
     }
 
     proptest! {
@@ -220,7 +229,7 @@ mod tests {
             last in 0u8..4,
         ) {
             let (mut now, mut taken, mut since) = (Instant::now(), Some(0), None);
-            let mut saves = Saves::new(taken);
+            let mut detector = SaveDetector::new(taken);
             let ends = [(Some(last), 1), (Some(last), 300), (Some(last), 300)];
             for (mark, pause) in looks.into_iter().chain(ends) {
                 now += pause * MS;
@@ -228,10 +237,10 @@ mod tests {
                     Some((same, since)) if same == mark => Some((same, since)),
                     _ => Some((mark, now)),
                 };
-                if saves.is_over(mark, now) {
+                if detector.is_complete(mark, now) {
                     prop_assert!(mark.is_some() && mark != taken);
                     prop_assert!(since.is_some_and(|(_, since)| now >= since + SETTLED));
-                    saves.taken(mark);
+                    detector.accept(mark);
                     taken = mark;
                 }
             }
@@ -244,7 +253,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("script.lua");
         std::fs::write(&file, "one").unwrap();
-        let watched = Watched::new(file.clone());
+        let watched = ScriptWatcher::new(file.clone());
         let (reloads, mut received) = mpsc::channel(1);
         let watching = tokio::spawn(watched.run(reloads));
         std::fs::write(&file, "two, longer").unwrap();

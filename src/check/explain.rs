@@ -16,7 +16,7 @@ use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree
 use super::{CheckContext, parser, walk};
 
 /// What failed, and where.
-struct Remark {
+struct Diagnosis {
     at: Span,
     message: String,
     help: String,
@@ -30,13 +30,13 @@ pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
     let number: usize = line.parse().ok()?;
     let whole = line_span(source, number)?;
     let tree = parser::parse(source).ok();
-    let remark = tree.as_ref().and_then(|tree| {
-        let surroundings = CheckContext::defined();
-        let scene = Scene::new(tree, source, number, &surroundings);
-        scene.remark(words)
+    let diagnosis = tree.as_ref().and_then(|tree| {
+        let context = CheckContext::defined();
+        let site = ErrorSite::new(tree, source, number, &context);
+        site.diagnosis(words)
     });
-    let remark = remark.or_else(|| general(words, whole));
-    if remark.is_none()
+    let diagnosis = diagnosis.or_else(|| general(words, whole));
+    if diagnosis.is_none()
         && ["error(", "assert("]
             .iter()
             .any(|call| whole.of(source).contains(call))
@@ -44,21 +44,21 @@ pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
         // An error that the script raised itself needs no explanation.
         return None;
     }
-    let remark = remark.unwrap_or(Remark {
+    let diagnosis = diagnosis.unwrap_or(Diagnosis {
         at: whole,
         message: words.to_owned(),
         help: String::new(),
     });
     // The caret must be on the line that the VM reports.
-    let at = if remark.at.start >= whole.start && remark.at.start <= whole.end {
-        remark.at
+    let at = if diagnosis.at.start >= whole.start && diagnosis.at.start <= whole.end {
+        diagnosis.at
     } else {
         whole
     };
-    let finding = Finding::new((chunk, source), at, Severity::Error, "").help(remark.help);
+    let finding = Finding::new((chunk, source), at, Severity::Error, "").help(diagnosis.help);
     Some(format!(
         "{chunk}:{line}: {}\n{}",
-        remark.message,
+        diagnosis.message,
         finding.excerpt()
     ))
 }
@@ -79,9 +79,9 @@ fn line_span(source: &str, number: usize) -> Option<Span> {
 }
 
 /// Explains an error without a syntax tree.
-fn general(words: &str, at: Span) -> Option<Remark> {
+fn general(words: &str, at: Span) -> Option<Diagnosis> {
     let said = |message: &str, help: &str| {
-        Some(Remark {
+        Some(Diagnosis {
             at,
             message: message.to_owned(),
             help: help.to_owned(),
@@ -142,7 +142,7 @@ fn general(words: &str, at: Span) -> Option<Remark> {
     found.and_then(|(_, message)| said(message, "print the values to see which one it is"))
 }
 
-struct Scene<'a> {
+struct ErrorSite<'a> {
     source: &'a str,
     /// The expressions that overlap the line, in the order of the text.
     exprs: Vec<&'a Expr>,
@@ -152,15 +152,15 @@ struct Scene<'a> {
     begins: BTreeMap<LocalId, (&'a Expr, usize)>,
 }
 
-impl<'a> Scene<'a> {
+impl<'a> ErrorSite<'a> {
     fn new(
         tree: &'a Tree,
         source: &'a str,
         line: usize,
-        surroundings: &'a CheckContext,
-    ) -> Scene<'a> {
-        let (_, kinds) = walk::walked(tree, ("", source), surroundings);
-        let mut scene = Scene {
+        context: &'a CheckContext,
+    ) -> ErrorSite<'a> {
+        let (_, kinds) = walk::walked(tree, ("", source), context);
+        let mut site = ErrorSite {
             source,
             exprs: Vec::new(),
             statements: Vec::new(),
@@ -173,23 +173,23 @@ impl<'a> Scene<'a> {
             |span: Span| line_of(span.start) <= line && line <= line_of(span.end.saturating_sub(1));
         each_statement(&tree.block, &mut |statement| {
             if on_line(statement.span) {
-                scene.statements.push(statement);
+                site.statements.push(statement);
             }
             if let StatementKind::Local(ids, values) = &statement.kind {
                 for (at, id) in ids.iter().enumerate() {
                     let last = values.len().saturating_sub(1);
                     if let Some(value) = values.get(at.min(last)) {
-                        scene.begins.insert(*id, (value, at.saturating_sub(last)));
+                        site.begins.insert(*id, (value, at.saturating_sub(last)));
                     }
                 }
             }
         });
         tree.each_expr(&mut |expr| {
             if on_line(expr.span) {
-                scene.exprs.push(expr);
+                site.exprs.push(expr);
             }
         });
-        scene
+        site
     }
 
     fn text(&self, expr: &Expr) -> String {
@@ -198,7 +198,7 @@ impl<'a> Scene<'a> {
         short.trim().to_owned()
     }
 
-    fn remark(&self, words: &str) -> Option<Remark> {
+    fn diagnosis(&self, words: &str) -> Option<Diagnosis> {
         if let Some(rest) = words.strip_prefix("attempt to index ") {
             let (what, with) = rest.split_once(" with ")?;
             return self.index(what, with.trim_matches('\''));

@@ -121,8 +121,8 @@ fn may_be_file(path: &Path) -> bool {
 /// Returns the errors that prevent a script with these options from running, without the warnings.
 /// The options' chunk name is the script's file.
 pub fn errors(source: &[u8], options: &Options) -> Vec<Finding> {
-    let surroundings = CheckContext::new(options, Some(Path::new(&options.chunk)));
-    let mut findings = check(source, &options.chunk, &surroundings);
+    let context = CheckContext::new(options, Some(Path::new(&options.chunk)));
+    let mut findings = check(source, &options.chunk, &context);
     findings.retain(|finding| finding.severity == Severity::Error);
     findings
 }
@@ -135,7 +135,7 @@ fn is_scenario(file: &Path) -> bool {
 }
 
 /// Returns everything wrong with a script that can be detected without running it.
-pub fn check(source: &[u8], chunk: &str, surroundings: &CheckContext) -> Vec<Finding> {
+pub fn check(source: &[u8], chunk: &str, context: &CheckContext) -> Vec<Finding> {
     let text = match read_text(source, chunk) {
         Ok(text) => text,
         Err(failure) => return vec![unreadable(source, chunk, &failure)],
@@ -144,7 +144,7 @@ pub fn check(source: &[u8], chunk: &str, surroundings: &CheckContext) -> Vec<Fin
         return vec![syntax::finding((chunk, text), &complaint)];
     }
     match parser::parse(text) {
-        Ok(tree) => walk::walk(&tree, (chunk, text), surroundings),
+        Ok(tree) => walk::walk(&tree, (chunk, text), context),
         Err(_) => Vec::new(),
     }
 }

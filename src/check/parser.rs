@@ -13,11 +13,11 @@ use super::tree::{Local, LocalId, MAX_DEPTH, Tree};
 
 /// The position where parsing failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Lost {
+pub(crate) struct ParseError {
     pub(super) at: Span,
 }
 
-type Parsed<T> = Result<T, Lost>;
+type Parsed<T> = Result<T, ParseError>;
 
 /// Binary operators with their left and right binding power.
 const OPERATORS: [(&str, u8, u8); 16] = [
@@ -57,7 +57,7 @@ pub(crate) fn parse(source: &str) -> Parsed<Tree> {
             block,
             locals: parser.locals,
         }),
-        _ => Err(parser.lost()),
+        _ => Err(parser.parse_error()),
     }
 }
 
@@ -74,20 +74,20 @@ impl<'a> Parser<'a> {
     // Tokens ---------------------------------------------------------------------------------
 
     fn token(&self) -> Token {
-        self.ahead(0)
+        self.peek(0)
     }
 
-    fn ahead(&self, by: usize) -> Token {
+    fn peek(&self, by: usize) -> Token {
         let last = self.tokens.len() - 1;
         self.tokens[(self.at + by).min(last)]
     }
 
     fn word(&self) -> &'a str {
-        self.word_ahead(0)
+        self.peek_word(0)
     }
 
-    fn word_ahead(&self, by: usize) -> &'a str {
-        let token = self.ahead(by);
+    fn peek_word(&self, by: usize) -> &'a str {
+        let token = self.peek(by);
         match token.kind {
             TokenKind::Keyword | TokenKind::Symbol => token.span.of(self.source),
             _ => "",
@@ -113,11 +113,13 @@ impl<'a> Parser<'a> {
     }
 
     fn expect(&mut self, word: &str) -> Parsed<()> {
-        self.accept(word).then_some(()).ok_or_else(|| self.lost())
+        self.accept(word)
+            .then_some(())
+            .ok_or_else(|| self.parse_error())
     }
 
-    fn lost(&self) -> Lost {
-        Lost {
+    fn parse_error(&self) -> ParseError {
+        ParseError {
             at: self.token().span,
         }
     }
@@ -131,25 +133,25 @@ impl<'a> Parser<'a> {
                 self.advance();
                 Ok((span.of(self.source), span))
             }
-            _ => Err(self.lost()),
+            _ => Err(self.parse_error()),
         }
     }
 
     fn is_name(&self, by: usize, text: &str) -> bool {
-        let token = self.ahead(by);
+        let token = self.peek(by);
         token.kind == TokenKind::Name && token.span.of(self.source) == text
     }
 
     /// Whether an interpolated string begins at this token, as opposed to continuing.
     fn begins_pieces(&self, by: usize) -> bool {
-        let token = self.ahead(by);
+        let token = self.peek(by);
         let piece = matches!(token.kind, TokenKind::PieceBefore | TokenKind::PieceLast);
         piece && token.span.of(self.source).starts_with('`')
     }
 
     fn deeper<T>(&mut self, parse: impl FnOnce(&mut Self) -> Parsed<T>) -> Parsed<T> {
         if self.depth >= MAX_DEPTH {
-            return Err(self.lost());
+            return Err(self.parse_error());
         }
         self.depth += 1;
         let parsed = parse(self);

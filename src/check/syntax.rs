@@ -9,7 +9,7 @@ use super::lexer::{Span, Token, TokenKind, tokens};
 use super::parser;
 
 /// A source with its tokens, and the line and words of the compiler's error.
-struct Scene<'a> {
+struct ErrorSite<'a> {
     source: &'a str,
     tokens: Vec<Token>,
     line: usize,
@@ -19,7 +19,7 @@ struct Scene<'a> {
 }
 
 /// What is wrong, and what to do.
-struct Remark {
+struct Diagnosis {
     at: Span,
     message: String,
     help: String,
@@ -34,26 +34,32 @@ pub(super) fn finding((chunk, source): (&str, &str), complaint: &str) -> Finding
         None => (1, rest.trim()),
     };
     let words = words.lines().next().unwrap_or_default();
-    let scene = Scene {
+    let site = ErrorSite {
         source,
         tokens: tokens(source),
         line,
         words,
         ends: source.match_indices('\n').map(|(at, _)| at).collect(),
     };
-    let remark = scene.remark();
-    Finding::new((chunk, source), remark.at, Severity::Error, remark.message).help(remark.help)
+    let diagnosis = site.diagnosis();
+    Finding::new(
+        (chunk, source),
+        diagnosis.at,
+        Severity::Error,
+        diagnosis.message,
+    )
+    .help(diagnosis.help)
 }
 
-impl Scene<'_> {
-    fn remark(&self) -> Remark {
+impl ErrorSite<'_> {
+    fn diagnosis(&self) -> Diagnosis {
         // The most certain rules first.
-        let rules: [fn(&Self) -> Option<Remark>; 16] = [
+        let rules: [fn(&Self) -> Option<Diagnosis>; 16] = [
             Self::quotes,
             Self::unfinished,
-            Self::strangers,
+            Self::unknown_symbols,
             Self::comments,
-            Self::steps,
+            Self::increments,
             Self::other_languages,
             Self::single_equals,
             Self::else_if,
@@ -67,7 +73,7 @@ impl Scene<'_> {
             Self::missing_word,
         ];
         let found = rules.iter().find_map(|rule| rule(self));
-        found.unwrap_or_else(|| Remark {
+        found.unwrap_or_else(|| Diagnosis {
             at: self.place(),
             message: plain(self.words),
             help: String::new(),
@@ -114,10 +120,10 @@ impl Scene<'_> {
     /// Returns the position of the error: where our own parser failed, if that is on the line;
     /// otherwise the whole line.
     fn place(&self) -> Span {
-        if let Err(lost) = parser::parse(self.source)
-            && self.ends.partition_point(|end| *end < lost.at.start) + 1 == self.line
+        if let Err(error) = parser::parse(self.source)
+            && self.ends.partition_point(|end| *end < error.at.start) + 1 == self.line
         {
-            return lost.at;
+            return error.at;
         }
         self.whole_line()
     }

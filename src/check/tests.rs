@@ -11,12 +11,12 @@ use crate::robot::{Streams, Use};
 use crate::script::Options;
 use crate::script::tests::failure_with;
 
-fn surroundings() -> CheckContext {
+fn context() -> CheckContext {
     CheckContext::new(&Options::new("test", "test.lua"), None)
 }
 
 fn checked(source: &[u8]) -> Vec<Finding> {
-    check(source, "test.lua", &surroundings())
+    check(source, "test.lua", &context())
 }
 
 fn errors(source: &str) -> Vec<String> {
@@ -34,9 +34,9 @@ fn use_of_a_stream_that_the_config_keeps_off_is_a_warning() {
         },
         ..Options::new("test", "test.lua")
     };
-    let surroundings = CheckContext::new(&options, None);
+    let context = CheckContext::new(&options, None);
     let warned = |source: &str| {
-        let found = check(source.as_bytes(), "test.lua", &surroundings);
+        let found = check(source.as_bytes(), "test.lua", &context);
         let [finding] = found.as_slice() else {
             assert!(found.is_empty(), "{found:?}");
             return false;
@@ -129,8 +129,8 @@ fn each_broken_script_gets_the_message_that_it_expects() {
 #[test]
 fn correct_scripts_have_no_findings() {
     for (path, source) in scripts("behaviours") {
-        let surroundings = CheckContext::new(&Options::new("test", "test.lua"), Some(&path));
-        let found = check(&source, "test.lua", &surroundings);
+        let context = CheckContext::new(&Options::new("test", "test.lua"), Some(&path));
+        let found = check(&source, "test.lua", &context);
         assert_eq!(found, [], "{}", path.display());
     }
     let of_behaviours =

@@ -16,7 +16,7 @@ use crate::script::suggestion;
 
 pub(super) struct Walk<'a> {
     pub(super) kinds: Kinds<'a>,
-    pub(super) surroundings: &'a CheckContext,
+    pub(super) context: &'a CheckContext,
     /// File and source.
     text: (&'a str, &'a str),
     findings: Vec<Finding>,
@@ -62,20 +62,20 @@ impl Surplus {
 pub(super) fn walk<'a>(
     tree: &'a Tree,
     text: (&'a str, &'a str),
-    surroundings: &'a CheckContext,
+    context: &'a CheckContext,
 ) -> Vec<Finding> {
-    walked(tree, text, surroundings).0
+    walked(tree, text, context).0
 }
 
 /// Same as [`walk`], but also returns what is then known about the names.
 pub(super) fn walked<'a>(
     tree: &'a Tree,
     text: (&'a str, &'a str),
-    surroundings: &'a CheckContext,
+    context: &'a CheckContext,
 ) -> (Vec<Finding>, Kinds<'a>) {
     let mut walk = Walk {
-        kinds: Kinds::new(tree, &surroundings.paths),
-        surroundings,
+        kinds: Kinds::new(tree, &context.paths),
+        context,
         text,
         findings: Vec::new(),
         surplus: Surplus::default(),
@@ -98,7 +98,7 @@ impl<'a> Walk<'a> {
     }
 
     fn note(&mut self, span: Span, severity: Severity, message: impl Into<String>) -> &mut Finding {
-        if self.has_said_enough() {
+        if self.is_full() {
             self.surplus.count(severity);
             let text = ("", "");
             let spare = || Finding::new(text, Span { start: 0, end: 0 }, severity, "");
@@ -110,14 +110,14 @@ impl<'a> Walk<'a> {
         &mut self.findings[last]
     }
 
-    pub(super) fn has_said_enough(&self) -> bool {
+    pub(super) fn is_full(&self) -> bool {
         self.findings.len() >= MAX_FINDINGS
     }
 
     /// Suggests a similar name; empty when the maximum of findings is reached, as the search takes
     /// long.
     pub(super) fn near<'n>(&self, wrong: &str, known: impl IntoIterator<Item = &'n str>) -> String {
-        if self.has_said_enough() {
+        if self.is_full() {
             String::new()
         } else {
             suggestion(wrong, known)

@@ -12,7 +12,7 @@ use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, print};
 use crate::clock::{self, Span};
-use crate::control::{Answer, Change, Client, Errand, Listed};
+use crate::control::{Answer, Change, Client, Listed, RunRequest};
 use crate::link::Target;
 
 /// Timeout of a request: the old script's end handlers, loading the new script, and a margin.
@@ -133,7 +133,7 @@ pub(super) fn run(args: &BehaviourArgs) -> Result<Exit, Failure> {
 }
 
 fn list(args: &ListArgs) -> Result<Exit, Failure> {
-    match ask(&args.which.client()?, &Errand::Behaviours, CHANGED)? {
+    match ask(&args.which.client()?, &RunRequest::Behaviours, CHANGED)? {
         None => Ok(Exit::Interrupted),
         Some(Answer::Behaviours(behaviours)) => {
             if args.json {
@@ -155,8 +155,8 @@ fn list(args: &ListArgs) -> Result<Exit, Failure> {
 
 fn change(args: &NameArgs, change: Change) -> Result<Exit, Failure> {
     let name = args.name.clone();
-    let errand = Errand::Behaviour { name, change };
-    match ask(&args.which.client()?, &errand, CHANGED)? {
+    let request = RunRequest::Behaviour { name, change };
+    match ask(&args.which.client()?, &request, CHANGED)? {
         None => Ok(Exit::Interrupted),
         Some(Answer::Done) => {
             let done = match change {

@@ -13,13 +13,13 @@ use super::Failure;
 use super::params::{self, Param};
 use super::source::read_source;
 use crate::agent::{Behaviour, Blueprint, BlueprintError};
-use crate::behaviour::{self, Launch, Library, Reload, RestartPolicy, Watched};
+use crate::behaviour::{self, Launch, Library, Reload, RestartPolicy, ScriptWatcher};
 use crate::clock::{Clock, Zone};
 use crate::config::{Config, Entry};
 use crate::script::{self, GivenParam};
 
 /// A watched behaviour file and the channel for its reloads.
-pub(super) type Watch = (Watched, mpsc::Sender<Reload>);
+pub(super) type Watch = (ScriptWatcher, mpsc::Sender<Reload>);
 
 /// Builds the behaviours of a command.
 pub(super) struct BehaviourLoader<'a> {
@@ -61,7 +61,7 @@ impl BehaviourLoader<'_> {
         let (mut names, mut watches, mut behaviours) = (Vec::new(), Vec::new(), Vec::new());
         for (entry, seed) in entries.iter().zip(self.seed..) {
             // Before the file is read, so that no save is missed.
-            let watched = self.watch.then(|| Watched::new(entry.file.clone()));
+            let watched = self.watch.then(|| ScriptWatcher::new(entry.file.clone()));
             let mut behaviour = self.behaviour(entry, seed, &mut names)?;
             if let Some(watched) = watched {
                 let (reloads, received) = mpsc::channel(1);

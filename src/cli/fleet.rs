@@ -93,9 +93,9 @@ pub(super) fn run(args: &FleetArgs) -> Result<Exit, Failure> {
             .help("add mqtt: { host: broker.local }; see README.md, \"MQTT\"")
     })?;
     let visit = async {
-        let mut fleet = Fleet::visit(account).await.map_err(unreachable)?;
+        let mut fleet = Fleet::connect(account).await.map_err(unreachable)?;
         let exit = act(&mut fleet, &args.action).await;
-        fleet.leave().await;
+        fleet.disconnect().await;
         exit
     };
     block_on(visit)?

@@ -12,7 +12,9 @@ use super::{Exit, Failure, broker, print, secret};
 use crate::agent::Bus;
 use crate::config::{Effective, Named};
 use crate::mqtt::{PostError, publish};
-use crate::notify::{Delivery, Letter, Notice, Notifier, Options, Post, Rule, Target, deliver};
+use crate::notify::{
+    BrokerMessage, BrokerPublisher, Delivery, Notice, Notifier, Options, Rule, Target, deliver,
+};
 
 /// Time limit for the last deliveries at the end of a run.
 pub(super) const END: Duration = Duration::from_secs(3);
@@ -144,15 +146,15 @@ pub(super) fn start(settings: &Effective, bus: &Bus) -> Result<Option<Notifier>,
 }
 
 /// The function that publishes to the broker, if a target is a topic.
-fn post(settings: &Effective) -> Result<Post, Failure> {
+fn post(settings: &Effective) -> Result<BrokerPublisher, Failure> {
     if settings.config.notify.needs_broker().is_none() {
         return Ok(None);
     }
     let account = broker::account(settings)?;
-    Ok(
-        account.map(|account| -> Arc<dyn Fn(Letter) -> Delivery + Send + Sync> {
+    Ok(account.map(
+        |account| -> Arc<dyn Fn(BrokerMessage) -> Delivery + Send + Sync> {
             Arc::new(move |letter| {
-                let Letter {
+                let BrokerMessage {
                     topic,
                     payload,
                     limit,
@@ -163,8 +165,8 @@ fn post(settings: &Effective) -> Result<Post, Failure> {
                     Err(error) => Delivery::Later(error.to_string()),
                 }
             })
-        }),
-    )
+        },
+    ))
 }
 
 /// The secrets of the targets that have one, by name.

@@ -21,7 +21,7 @@ use super::startup::{driving_core, launcher, pulse, rescue, runtime};
 use super::terminal::Terminal;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, PilotSetup, Talk, TalkError};
-use crate::behaviour::{Launch, Library, PromptCommand, Said};
+use crate::behaviour::{Launch, Library, PromptCommand, PromptMessage};
 use crate::clock::until;
 use crate::config::Config;
 use crate::robot::EndReason;
@@ -209,16 +209,16 @@ impl Repl {
         }
     }
 
-    fn receive(&mut self, said: Said) {
+    fn receive(&mut self, said: PromptMessage) {
         match said {
-            Said::Ready if !self.begun => {
+            PromptMessage::Ready if !self.begun => {
                 self.begun = true;
                 self.finish(Next::Prompt);
             }
-            Said::Ready => {}
-            Said::Line(line) => self.print(&written(&line)),
-            Said::Evaluated(evaluated) => self.evaluated(evaluated),
-            Said::Ended(ending) => {
+            PromptMessage::Ready => {}
+            PromptMessage::Line(line) => self.print(&written(&line)),
+            PromptMessage::Evaluated(evaluated) => self.evaluated(evaluated),
+            PromptMessage::Ended(ending) => {
                 let why = ending.message.unwrap_or_default();
                 let reason = ending.reason;
                 self.failed |= !matches!(reason, EndReason::Done);

@@ -31,7 +31,7 @@ use crate::agent::{Agent, Behaviour, Bus, Plan, Tries, until_answered};
 use crate::behaviour::RestartPolicy;
 use crate::clock::{Clock, Date, Zone};
 use crate::config::{Config, Entry};
-use crate::control::{self, Desk};
+use crate::control::{self, ControlServer};
 use crate::journal;
 use crate::lab::{self, Tempo};
 use crate::live::{Script, Simulation};
@@ -190,7 +190,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         firmware: args.firmware.load()?,
     };
     let (target, sim) = reach_with(place, &login, seed, kind)?;
-    let desk = Desk::open(config.data_folder());
+    let server = ControlServer::open(config.data_folder());
     let about = (target.to_string(), sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
     let names = names(&behaviours);
@@ -228,7 +228,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
         }
-        drive(plan, line, (desk, about), (page, account), console).await
+        drive(plan, line, (server, about), (page, account), console).await
     });
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
@@ -318,7 +318,7 @@ fn fast(
 async fn drive(
     plan: Plan,
     line: StatusLine,
-    (desk, (target, simulated)): (io::Result<Desk>, (String, bool)),
+    (server, (target, simulated)): (io::Result<ControlServer>, (String, bool)),
     (page, account): (Option<(PageInputs, Option<sim::Handle>)>, Option<Account>),
     console: &Console,
 ) -> Result<Exit, Failure> {
@@ -349,7 +349,7 @@ async fn drive(
     let outcome = tokio::select! {
         outcome = agent.run(stop) => exit(outcome),
         never = showing => match never {},
-        never = serve(desk, run) => match never {},
+        never = serve(server, run) => match never {},
     };
     mqtt.map(|mqtt| mqtt.finish(broker::END));
     outcome

@@ -7,7 +7,7 @@ use super::interrupt::interruption;
 use super::remote::RemoteArgs;
 use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Exit, Failure, block_on};
-use crate::control::{self, Answer, Client, Errand};
+use crate::control::{self, Answer, Client, RunRequest};
 use crate::link::Target;
 
 /// Timeout for requests that a run carries out immediately.
@@ -83,7 +83,7 @@ fn uses_robot(run: &Client, target: &Target) -> bool {
 /// The run does not answer, its robot cannot be reached, or it refuses the request.
 pub(super) fn ask(
     run: &Client,
-    errand: &Errand,
+    request: &RunRequest,
     limit: Duration,
 ) -> Result<Option<Answer>, Failure> {
     let name = run.name();
@@ -92,7 +92,7 @@ pub(super) fn ask(
         tokio::select! {
             biased;
             () = interrupted => Ok(None),
-            answer = run.ask(errand, limit) => answer.map(Some).map_err(|error| {
+            answer = run.ask(request, limit) => answer.map(Some).map_err(|error| {
                 Failure::new(Exit::Unreachable, format_args!("{error} ({name})"))
                     .help("`spykee status` lists the active runs")
             }),

@@ -8,7 +8,7 @@ use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, print};
 use crate::clock::{self, Date, Zone};
-use crate::timetable::{Outlook, Reason, outlook};
+use crate::timetable::{PredictedStart, Reason, predict_starts};
 
 const HEAD: [(&str, Side); 4] = [
     ("WHEN", Side::Left),
@@ -40,7 +40,7 @@ pub(super) struct ScheduleArgs {
     pub(super) settings: SettingsArgs,
 }
 
-/// Prints the outlook.
+/// Prints the predicted starts.
 ///
 /// # Errors
 /// A config that cannot be used.
@@ -53,7 +53,7 @@ pub(super) fn run(args: &ScheduleArgs) -> Result<Exit, Failure> {
         .filter_map(|entry| entry.name().ok());
     let names: Vec<String> = names.collect();
     let now = or_now(args.from, config);
-    let starts = outlook(&table, &names, now, usize::from(args.next));
+    let starts = predict_starts(&table, &names, now, usize::from(args.next));
     if args.json {
         let starts = starts.iter().map(|one| object(one, &table.zone)).collect();
         print(&format!("{}\n", Value::Array(starts)))?;
@@ -72,7 +72,7 @@ pub(super) fn run(args: &ScheduleArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-fn row(one: &Outlook, zone: &Zone) -> Vec<String> {
+fn row(one: &PredictedStart, zone: &Zone) -> Vec<String> {
     let day = zone.time(one.at).date();
     let until = one.until.map(|until| {
         let until = zone.time(until);
@@ -99,7 +99,7 @@ fn words(reason: Reason) -> &'static str {
     }
 }
 
-fn object(one: &Outlook, zone: &Zone) -> Value {
+fn object(one: &PredictedStart, zone: &Zone) -> Value {
     let time = |at: Timestamp| zone.time(at).strftime("%Y-%m-%dT%H:%M:%S%:z").to_string();
     let has = |reason| one.reasons.contains(&reason);
     json!({

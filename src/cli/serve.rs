@@ -26,12 +26,12 @@ use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify}
 use crate::agent::{Agent, AgentError, Bus, Outcome, Plan, Tries, until_answered};
 use crate::clock::{Clock, Date, Zone};
 use crate::config::Config;
-use crate::control::{self, Desk};
+use crate::control::{self, ControlServer};
 use crate::journal::When;
 use crate::link::Target;
 use crate::live::{Known, Simulation};
 use crate::mqtt::Account;
-use crate::service::{Herald, RecordFile, Service, View};
+use crate::service::{ManagerNotifier, RecordFile, Service, View};
 use crate::sim::Handle;
 use crate::timetable::Record;
 
@@ -120,7 +120,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         ..Simulated::default()
     };
     let (target, sim) = reach_with(place, &login, seed, kind)?;
-    let desk = Desk::open(config.data_folder());
+    let server = ControlServer::open(config.data_folder());
     let record = RecordFile::open(config.data_folder());
     let (core, bus) = (driving_core()?, Bus::default());
     let (tries, beats) = (Tries::default(), Arc::new(Notify::new()));
@@ -164,7 +164,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             plan,
             clock,
             record,
-            desk,
+            server,
             target,
             beats,
         },
@@ -193,7 +193,7 @@ struct ServiceParts {
     plan: Plan,
     clock: Clock,
     record: (Record, Option<RecordFile>),
-    desk: std::io::Result<Desk>,
+    server: std::io::Result<ControlServer>,
     target: Target,
     /// Heartbeats of the driving core.
     beats: Arc<Notify>,
@@ -206,7 +206,7 @@ async fn serve(
     line: StatusLine,
     console: &Console,
 ) -> Result<Result<Outcome, AgentError>, Failure> {
-    let ServiceParts { plan, desk, .. } = parts;
+    let ServiceParts { plan, server, .. } = parts;
     let stop = CancellationToken::new();
     let (core, settings) = (plan.core.clone(), plan.settings.clone());
     let bus = plan.bus.clone();
@@ -232,14 +232,14 @@ async fn serve(
         page.map(|(page, sim)| page.serve(run_handle.clone(), sim.map(Simulation::from), console));
     let _page = page.transpose()?;
     let mqtt = broker::start(&bus, &run_handle, account);
-    let herald = Herald::of_environment();
+    let notifier = ManagerNotifier::of_environment();
     let service = Service {
         agent,
         status: status.clone(),
         clock: parts.clock,
         duties: loaded.duties.clone(),
         record: parts.record,
-        herald: herald.clone(),
+        notifier: notifier.clone(),
         bus,
         view,
         reloads,
@@ -254,8 +254,8 @@ async fn serve(
     let outcome = tokio::select! {
         outcome = service.run(stop) => outcome,
         never = showing => match never {},
-        never = startup::serve(desk, run_handle) => match never {},
-        never = herald.pass_on(parts.beats) => match never {},
+        never = startup::serve(server, run_handle) => match never {},
+        never = notifier.pass_on(parts.beats) => match never {},
         never = loader.reload_on_hangup(hangup, reload, known, (config, loaded)) => match never {},
     };
     mqtt.map(|mqtt| mqtt.finish(broker::END));

@@ -1,5 +1,5 @@
 //! Starts the parts that every command with an agent needs: heartbeat and guardian, driving core,
-//! rescue behaviour, journal, the desk for other commands, and the status line.
+//! rescue behaviour, journal, the control server for other commands, and the status line.
 
 use std::convert::Infallible;
 use std::io;
@@ -15,7 +15,7 @@ use crate::agent::{self, Bus, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher};
 use crate::clock::Clock;
 use crate::config::Config;
-use crate::control::{self, Desk};
+use crate::control::{self, ControlServer};
 use crate::guardian::Guardian;
 use crate::journal::{self, Journal};
 use crate::pilot::{DrivingCore, Pulse, Status};
@@ -53,10 +53,10 @@ pub(super) fn journal(
     started.map_err(|error| tracing::warn!("{error}")).ok()
 }
 
-/// Serves the desk. On an error logs a warning: the run continues without it.
-pub(super) async fn serve(desk: io::Result<Desk>, run: control::Run) -> Infallible {
-    let served = match desk {
-        Ok(desk) => desk.serve(run).await,
+/// Runs the control server. On an error logs a warning: the run continues without it.
+pub(super) async fn serve(server: io::Result<ControlServer>, run: control::Run) -> Infallible {
+    let served = match server {
+        Ok(server) => server.serve(run).await,
         Err(error) => Err(error),
     };
     if let Err(error) = served {

@@ -85,8 +85,8 @@ impl Serialize for Span {
 
 impl<'de> Deserialize<'de> for Span {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Span, D::Error> {
-        struct Word;
-        impl Visitor<'_> for Word {
+        struct SpanVisitor;
+        impl Visitor<'_> for SpanVisitor {
             type Value = Span;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -106,7 +106,7 @@ impl<'de> Deserialize<'de> for Span {
                 known.ok_or_else(|| E::invalid_value(Unexpected::Unsigned(seconds), &self))
             }
         }
-        from.deserialize_any(Word)
+        from.deserialize_any(SpanVisitor)
     }
 }
 

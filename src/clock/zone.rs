@@ -79,8 +79,8 @@ impl Serialize for Zone {
 
 impl<'de> Deserialize<'de> for Zone {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Zone, D::Error> {
-        struct Word;
-        impl Visitor<'_> for Word {
+        struct ZoneVisitor;
+        impl Visitor<'_> for ZoneVisitor {
             type Value = Zone;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -95,6 +95,6 @@ impl<'de> Deserialize<'de> for Zone {
                 })
             }
         }
-        from.deserialize_str(Word)
+        from.deserialize_str(ZoneVisitor)
     }
 }

@@ -6,28 +6,28 @@ use std::time::Duration;
 use tokio::net::UnixStream;
 use tokio::time::timeout;
 
-use super::errand::{Answer, Errand, Overview};
 use super::error::AskError;
 use super::folder::Folder;
 use super::pipe::Pipe;
+use super::request::{Answer, Overview, RunRequest};
 use super::web::Remote;
 
-/// Timeout for a run's reply to [`Errand::Overview`].
-const OVERVIEW: Duration = Duration::from_secs(3);
+/// Timeout for a run's reply to [`RunRequest::Overview`].
+const OVERVIEW_TIMEOUT: Duration = Duration::from_secs(3);
 /// The same for a run on another computer, including name resolution and login.
-const CONNECTING: Duration = Duration::from_secs(8);
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(8);
 
 /// An active run.
 #[derive(Debug, Clone)]
 pub struct Client {
-    way: Way,
+    transport: Transport,
     /// The run's state when it was found.
     pub overview: Overview,
 }
 
 /// How the run is reached.
 #[derive(Debug, Clone)]
-enum Way {
+enum Transport {
     /// Through its private socket in this data folder.
     Socket(PathBuf),
     /// Through its JSON API.
@@ -41,9 +41,9 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
     };
     let (mut clients, mut silent) = (Vec::new(), 0);
     for stream in folder.connect_all() {
-        match ask(stream, &Errand::Overview, OVERVIEW).await {
+        match ask(stream, &RunRequest::Overview, OVERVIEW_TIMEOUT).await {
             Ok(Answer::Overview(overview)) => clients.push(Client {
-                way: Way::Socket(data.to_owned()),
+                transport: Transport::Socket(data.to_owned()),
                 overview: *overview,
             }),
             // The run is about to end.
@@ -60,9 +60,9 @@ impl Client {
     /// # Errors
     /// See [`AskError`].
     pub async fn of_service(remote: Remote) -> Result<Client, AskError> {
-        match ask_web(remote.clone(), &Errand::Overview, CONNECTING).await? {
+        match ask_web(remote.clone(), &RunRequest::Overview, CONNECT_TIMEOUT).await? {
             Answer::Overview(overview) => Ok(Client {
-                way: Way::Web(remote),
+                transport: Transport::Web(remote),
                 overview: *overview,
             }),
             Answer::Refused(why) => Err(AskError::Denied(why)),
@@ -72,48 +72,52 @@ impl Client {
 
     /// The name shown to people: the process on this computer, the address of a remote run.
     pub fn name(&self) -> String {
-        match &self.way {
-            Way::Socket(_) => format!("process {}", self.overview.pid),
-            Way::Web(remote) => remote.url().to_owned(),
+        match &self.transport {
+            Transport::Socket(_) => format!("process {}", self.overview.pid),
+            Transport::Web(remote) => remote.url().to_owned(),
         }
     }
 
-    /// Whether the run is reached through its API, which offers nothing beyond the errands.
+    /// Whether the run is reached through its API, which offers nothing beyond these requests.
     pub fn is_remote(&self) -> bool {
-        matches!(self.way, Way::Web(_))
+        matches!(self.transport, Transport::Web(_))
     }
 
-    /// Sends one errand and waits for the answer at most this long. Dropping the future cancels an
-    /// errand on this computer; a remote one is cancelled only when this process ends.
+    /// Sends one request and waits for the answer at most this long. Dropping the future cancels a
+    /// request on this computer; a remote one is cancelled only when this process ends.
     ///
     /// # Errors
     /// See [`AskError`].
-    pub async fn ask(&self, errand: &Errand, limit: Duration) -> Result<Answer, AskError> {
-        match &self.way {
-            Way::Socket(data) => {
+    pub async fn ask(&self, request: &RunRequest, limit: Duration) -> Result<Answer, AskError> {
+        match &self.transport {
+            Transport::Socket(data) => {
                 let stream = Folder::open(data)?.connect_to(self.overview.pid)?;
-                ask(stream, errand, limit).await
+                ask(stream, request, limit).await
             }
-            Way::Web(remote) => ask_web(remote.clone(), errand, limit).await,
+            Transport::Web(remote) => ask_web(remote.clone(), request, limit).await,
         }
     }
 }
 
-/// Sends the errand from a separate thread; the service cancels it when the calling process ends.
-async fn ask_web(remote: Remote, errand: &Errand, limit: Duration) -> Result<Answer, AskError> {
-    let errand = errand.clone();
-    let asked = tokio::task::spawn_blocking(move || remote.ask(&errand, limit));
+/// Sends the request from a separate thread; the service cancels it when the calling process ends.
+async fn ask_web(
+    remote: Remote,
+    request: &RunRequest,
+    limit: Duration,
+) -> Result<Answer, AskError> {
+    let request = request.clone();
+    let asked = tokio::task::spawn_blocking(move || remote.ask(&request, limit));
     asked.await.unwrap_or(Err(AskError::Ended))
 }
 
 async fn ask(
     stream: std::os::unix::net::UnixStream,
-    errand: &Errand,
+    request: &RunRequest,
     limit: Duration,
 ) -> Result<Answer, AskError> {
     let mut pipe = Pipe::new(UnixStream::from_std(stream)?);
     let answered = timeout(limit, async {
-        pipe.send(errand).await?;
+        pipe.send(request).await?;
         pipe.receive().await
     });
     match answered.await {

@@ -20,5 +20,5 @@ pub enum AskError {
     Denied(String),
     /// A service on another computer replies with an unexpected HTTP status.
     #[error("the service replies with the HTTP status {0}: is it a different version?")]
-    Strange(u16),
+    UnexpectedStatus(u16),
 }

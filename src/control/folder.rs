@@ -69,7 +69,7 @@ impl Folder {
         self.sweep();
         // Left behind by an earlier process with the same ID.
         let _ = unlinkat(&self.open, &name, AtFlags::empty());
-        let listener = UnixListener::bind(self.way_to(&name))?;
+        let listener = UnixListener::bind(self.socket_path(&name))?;
         std::fs::set_permissions(self.path.join(&name), Permissions::from_mode(0o600))?;
         listener.set_nonblocking(true)?;
         let path = self.path.join(name);
@@ -96,7 +96,7 @@ impl Folder {
     }
 
     fn connect(&self, name: &str) -> io::Result<UnixStream> {
-        let stream = UnixStream::connect(self.way_to(name))?;
+        let stream = UnixStream::connect(self.socket_path(name))?;
         stream.set_nonblocking(true)?;
         Ok(stream)
     }
@@ -122,7 +122,7 @@ impl Folder {
         names
     }
 
-    fn way_to(&self, name: &str) -> String {
+    fn socket_path(&self, name: &str) -> String {
         format!("/proc/self/fd/{}/{name}", self.open.as_raw_fd())
     }
 }

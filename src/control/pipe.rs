@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 use tokio::net::UnixStream;
 use tokio_util::codec::{Framed, LengthDelimitedCodec};
 
-use super::errand::MAX_SPEECH;
+use super::request::MAX_SPEECH;
 
 /// Protocol version, incremented with every change of the messages; the two ends may be different
 /// builds.
@@ -63,14 +63,14 @@ impl Pipe {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::errand::{Answer, Errand};
+    use crate::control::request::{Answer, RunRequest};
 
     #[tokio::test]
     async fn messages_arrive_and_garbage_is_an_error() {
         let (near, far) = UnixStream::pair().unwrap();
         let (mut near, mut far) = (Pipe::new(near), Pipe::new(far));
-        near.send(&Errand::Overview).await.unwrap();
-        assert_eq!(far.receive().await.unwrap(), Some(Errand::Overview));
+        near.send(&RunRequest::Overview).await.unwrap();
+        assert_eq!(far.receive().await.unwrap(), Some(RunRequest::Overview));
         for garbage in [&[0xff; 40][..], &[], &[2], &[1, 0]] {
             near.0.send(Bytes::copy_from_slice(garbage)).await.unwrap();
             assert!(far.receive::<Answer>().await.is_err(), "{garbage:?}");
@@ -84,6 +84,6 @@ mod tests {
         use tokio::io::AsyncWriteExt;
         let (mut near, far) = UnixStream::pair().unwrap();
         near.write_all(&u32::MAX.to_be_bytes()).await.unwrap();
-        assert!(Pipe::new(far).receive::<Errand>().await.is_err());
+        assert!(Pipe::new(far).receive::<RunRequest>().await.is_err());
     }
 }

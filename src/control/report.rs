@@ -5,7 +5,7 @@ use std::time::Duration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::errand::{Next, Overview};
+use super::request::{Next, Overview};
 use crate::robot::channel::RunningBehaviour;
 use crate::robot::{Battery, Percent, Priority, RobotInfo};
 

@@ -1,4 +1,4 @@
-//! A run on another computer, reached through its JSON API: each errand is one of the calls that
+//! A run on another computer, reached through its JSON API: each request is one of the calls that
 //! `/api/openapi.json` describes, and has the same answer as through the private socket.
 
 use std::io;
@@ -8,9 +8,9 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use ureq::http::{HeaderValue, Request};
 
-use super::errand::{Answer, Change, Errand, Listed};
 use super::error::AskError;
 use super::report::Report;
+use super::request::{Answer, Change, Listed, RunRequest};
 use crate::clean;
 use crate::clock::Span;
 use crate::robot::{DockEnd, EndReason, Priority};
@@ -70,23 +70,26 @@ impl Remote {
         &self.url
     }
 
-    /// Sends one errand and waits for the answer at most this long. Blocks the calling thread.
+    /// Sends one request and waits for the answer at most this long. Blocks the calling thread.
     ///
     /// # Errors
     /// See [`AskError`].
-    pub fn ask(&self, errand: &Errand, limit: Duration) -> Result<Answer, AskError> {
-        let call = Call::of(errand);
+    pub fn ask(&self, request: &RunRequest, limit: Duration) -> Result<Answer, AskError> {
+        let call = Call::of(request);
         let method = if call.body.is_some() { "POST" } else { "GET" };
         let (kind, body) = call.body.unwrap_or_default();
-        let request = Request::builder()
+        let http_request = Request::builder()
             .method(method)
             .uri(format!("{}{}", self.url, call.path))
             .header("content-type", kind)
             .body(body);
         // Scheme, host and path were checked, and names in the path are percent-encoded.
-        let mut request = request.map_err(|error| AskError::Io(io::Error::other(error)))?;
+        let mut http_request =
+            http_request.map_err(|error| AskError::Io(io::Error::other(error)))?;
         if let Some(token) = &self.token {
-            request.headers_mut().insert("authorization", token.clone());
+            http_request
+                .headers_mut()
+                .insert("authorization", token.clone());
         }
         let agent: ureq::Agent = ureq::Agent::config_builder()
             .timeout_global(Some(limit))
@@ -100,11 +103,11 @@ impl Remote {
             ureq::Error::Io(error) => AskError::Io(error),
             other => AskError::Io(io::Error::other(other)),
         };
-        let mut answer = agent.run(request).map_err(failed)?;
+        let mut answer = agent.run(http_request).map_err(failed)?;
         let status = answer.status().as_u16();
         let body = answer.body_mut().with_config().limit(LONGEST);
         let body = body.read_to_vec().map_err(failed)?;
-        understand(errand, status, body)
+        parse_answer(request, status, body)
     }
 }
 
@@ -115,7 +118,7 @@ struct Call {
 }
 
 impl Call {
-    fn of(errand: &Errand) -> Call {
+    fn of(request: &RunRequest) -> Call {
         let get = |path: &str| Call {
             path: path.to_owned(),
             body: None,
@@ -125,34 +128,36 @@ impl Call {
             body: Some(("application/json", body.to_string().into_bytes())),
         };
         let bare = |path: &str| post(path.to_owned(), json!({}));
-        match errand {
-            Errand::Overview => get("/api/run"),
-            Errand::Behaviours => get("/api/behaviours"),
-            Errand::Picture(limit) => get(&format!("/api/picture?seconds={}", seconds(*limit))),
-            Errand::Dock(plan) => {
+        match request {
+            RunRequest::Overview => get("/api/run"),
+            RunRequest::Behaviours => get("/api/behaviours"),
+            RunRequest::Picture(limit) => get(&format!("/api/picture?seconds={}", seconds(*limit))),
+            RunRequest::Dock(plan) => {
                 let body = json!({ "seconds": seconds(plan.timeout), "retries": plan.retries });
                 post("/api/dock".to_owned(), body)
             }
-            Errand::Undock(limit) => post(
+            RunRequest::Undock(limit) => post(
                 "/api/undock".to_owned(),
                 json!({ "seconds": seconds(*limit) }),
             ),
-            Errand::Stop => bare("/api/stop"),
-            Errand::StopSound => bare("/api/stop-sound"),
-            Errand::Led { led, on } => post(
+            RunRequest::Stop => bare("/api/stop"),
+            RunRequest::StopSound => bare("/api/stop-sound"),
+            RunRequest::Led { led, on } => post(
                 "/api/led".to_owned(),
                 json!({ "light": led.name(), "on": on }),
             ),
-            Errand::Play(sound) => post("/api/play".to_owned(), json!({ "sound": sound.name() })),
-            Errand::Volume(percent) => post(
+            RunRequest::Play(sound) => {
+                post("/api/play".to_owned(), json!({ "sound": sound.name() }))
+            }
+            RunRequest::Volume(percent) => post(
                 "/api/volume".to_owned(),
                 json!({ "percent": percent.get() }),
             ),
-            Errand::Say(samples) => Call {
+            RunRequest::Say(samples) => Call {
                 path: "/api/say".to_owned(),
                 body: Some(("application/octet-stream", samples.clone())),
             },
-            Errand::Behaviour { name, change } => {
+            RunRequest::Behaviour { name, change } => {
                 let body = match change {
                     Change::Start => json!({ "change": "start" }),
                     Change::StartFor(lasts) => {
@@ -207,30 +212,30 @@ struct End {
     text: String,
 }
 
-fn understand(errand: &Errand, status: u16, body: Vec<u8>) -> Result<Answer, AskError> {
-    match (errand, status) {
-        (Errand::Dock(_) | Errand::Undock(_), 200 | 409) => match read::<Docking>(&body) {
-            Ok(docking) => Ok(docking.answer(errand)),
+fn parse_answer(request: &RunRequest, status: u16, body: Vec<u8>) -> Result<Answer, AskError> {
+    match (request, status) {
+        (RunRequest::Dock(_) | RunRequest::Undock(_), 200 | 409) => match read::<Docking>(&body) {
+            Ok(docking) => Ok(docking.answer(request)),
             Err(_) if status == 409 => Ok(Answer::Refused(why(&body))),
             Err(error) => Err(error),
         },
-        (Errand::Overview, 200) => {
+        (RunRequest::Overview, 200) => {
             let report: Report = read(&body)?;
             Ok(Answer::Overview(Box::new(report.into())))
         }
-        (Errand::Behaviours, 200) => {
+        (RunRequest::Behaviours, 200) => {
             let all: Vec<Behaviour> = read(&body)?;
             Ok(Answer::Behaviours(
                 all.into_iter().map(Behaviour::listed).collect(),
             ))
         }
-        (Errand::Picture(_), 200) => Ok(Answer::Picture(body)),
+        (RunRequest::Picture(_), 200) => Ok(Answer::Picture(body)),
         (_, 200) => Ok(Answer::Done),
         (_, 409) => Ok(Answer::Refused(why(&body))),
         (_, 503) => Ok(Answer::Offline),
-        (Errand::Picture(_), 504) => Ok(Answer::NoPicture),
+        (RunRequest::Picture(_), 504) => Ok(Answer::NoPicture),
         (_, 401 | 403 | 421 | 429) => Err(AskError::Denied(why(&body))),
-        _ => Err(AskError::Strange(status)),
+        _ => Err(AskError::UnexpectedStatus(status)),
     }
 }
 
@@ -252,14 +257,14 @@ fn why(body: &[u8]) -> String {
 }
 
 impl Docking {
-    fn answer(self, errand: &Errand) -> Answer {
+    fn answer(self, request: &RunRequest) -> Answer {
         let Docking {
             end,
             attempts,
             seconds,
         } = self;
-        match errand {
-            Errand::Undock(_) => Answer::Undocked(end),
+        match request {
+            RunRequest::Undock(_) => Answer::Undocked(end),
             _ => Answer::Docked {
                 end,
                 attempts,
@@ -316,17 +321,21 @@ mod tests {
 
     #[test]
     fn replies_map_to_the_same_answers_as_on_the_socket() {
-        let overview =
-            |status, body: &str| understand(&Errand::StopSound, status, body.as_bytes().to_vec());
+        let overview = |status, body: &str| {
+            parse_answer(&RunRequest::StopSound, status, body.as_bytes().to_vec())
+        };
         assert_eq!(overview(200, "{}").unwrap(), Answer::Done);
         assert_eq!(overview(503, "").unwrap(), Answer::Offline);
         let refused = overview(409, r#"{"error":"no\u001b[2J"}"#).unwrap();
         assert!(matches!(refused, Answer::Refused(why) if !why.contains('\u{1b}')));
         assert!(matches!(overview(401, "{}"), Err(AskError::Denied(_))));
-        assert!(matches!(overview(404, ""), Err(AskError::Strange(404))));
+        assert!(matches!(
+            overview(404, ""),
+            Err(AskError::UnexpectedStatus(404))
+        ));
         let dock = |status, body: &str| {
             let plan = crate::robot::DockPlan::DEFAULT;
-            understand(&Errand::Dock(plan), status, body.as_bytes().to_vec()).unwrap()
+            parse_answer(&RunRequest::Dock(plan), status, body.as_bytes().to_vec()).unwrap()
         };
         let body = r#"{"error":"x","end":"base_not_found","attempts":3,"seconds":1.5}"#;
         let docked = Answer::Docked {

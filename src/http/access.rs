@@ -8,7 +8,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::attempts::Attempts;
-use super::guard::{Addressed, Names, Reason};
+use super::guard::{Names, OriginHeaders, Reason};
 use super::keyring::{Keyring, KeyringError};
 use super::options::Options;
 use super::role::{Role, Visitor};
@@ -104,7 +104,7 @@ impl Access {
 
     /// # Errors
     /// If the request is not addressed to us, or comes from another site's page.
-    pub(super) fn validate(&self, request: Addressed<'_>) -> Result<(), Reason> {
+    pub(super) fn validate(&self, request: OriginHeaders<'_>) -> Result<(), Reason> {
         self.names.validate(request)
     }
 

@@ -8,11 +8,11 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 /// Attempts at once, from one address and from all together.
-const OF_ONE: u32 = 5;
-const OF_ALL: u32 = 50;
+const MAX_PER_ADDRESS: u32 = 5;
+const MAX_TOTAL: u32 = 50;
 /// Time until one more attempt is allowed.
-const REFILL_OF_ONE: Duration = Duration::from_secs(20);
-const REFILL_OF_ALL: Duration = Duration::from_secs(2);
+const REFILL_PER_ADDRESS: Duration = Duration::from_secs(20);
+const REFILL_TOTAL: Duration = Duration::from_secs(2);
 /// Maximum number of addresses that are remembered.
 const MOST_ADDRESSES: usize = 1024;
 
@@ -70,16 +70,16 @@ impl Attempts {
     /// How long to wait before the next attempt.
     pub(super) fn take(&mut self, address: IpAddr, now: Instant) -> Result<(), Duration> {
         self.each.retain(|_, bucket| {
-            bucket.refill(REFILL_OF_ONE, now);
+            bucket.refill(REFILL_PER_ADDRESS, now);
             bucket.used > 0
         });
-        self.all.refill(REFILL_OF_ALL, now);
+        self.all.refill(REFILL_TOTAL, now);
         if self.each.len() >= MOST_ADDRESSES && !self.each.contains_key(&address) {
-            return Err(REFILL_OF_ONE);
+            return Err(REFILL_PER_ADDRESS);
         }
         let one = self.each.entry(address).or_insert_with(|| Bucket::new(now));
-        let waits = one.wait(OF_ONE, REFILL_OF_ONE, now);
-        if let Some(wait) = waits.or_else(|| self.all.wait(OF_ALL, REFILL_OF_ALL, now)) {
+        let waits = one.wait(MAX_PER_ADDRESS, REFILL_PER_ADDRESS, now);
+        if let Some(wait) = waits.or_else(|| self.all.wait(MAX_TOTAL, REFILL_TOTAL, now)) {
             return Err(wait);
         }
         (one.used, self.all.used) = (one.used + 1, self.all.used + 1);
@@ -107,10 +107,10 @@ mod tests {
     fn the_sixth_failed_attempt_must_wait_and_other_addresses_need_not() {
         let now = Instant::now();
         let mut attempts = Attempts::new(now);
-        (0..OF_ONE).for_each(|_| attempts.take(address(1), now).unwrap());
-        assert_eq!(attempts.take(address(1), now), Err(REFILL_OF_ONE));
+        (0..MAX_PER_ADDRESS).for_each(|_| attempts.take(address(1), now).unwrap());
+        assert_eq!(attempts.take(address(1), now), Err(REFILL_PER_ADDRESS));
         attempts.take(address(2), now).unwrap();
-        let later = now + REFILL_OF_ONE;
+        let later = now + REFILL_PER_ADDRESS;
         attempts.take(address(1), later).unwrap();
         assert!(attempts.take(address(1), later).is_err());
     }
@@ -120,7 +120,7 @@ mod tests {
         let now = Instant::now();
         let mut attempts = Attempts::new(now);
         let tries = (0..200).filter(|last| attempts.take(address(*last), now).is_ok());
-        assert_eq!(tries.count(), OF_ALL as usize);
+        assert_eq!(tries.count(), MAX_TOTAL as usize);
         assert!(attempts.each.len() <= MOST_ADDRESSES);
     }
 
@@ -128,7 +128,7 @@ mod tests {
     fn a_successful_attempt_does_not_count() {
         let now = Instant::now();
         let mut attempts = Attempts::new(now);
-        for _ in 0..3 * OF_ONE {
+        for _ in 0..3 * MAX_PER_ADDRESS {
             attempts.take(address(1), now).unwrap();
             attempts.give_back(address(1));
         }

@@ -7,9 +7,9 @@
 
 use std::net::{IpAddr, SocketAddr};
 
-/// How a request is addressed.
+/// What a request's headers show of its origin.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Addressed<'a> {
+pub(super) struct OriginHeaders<'a> {
     /// Its `Host`, if it has exactly one.
     pub host: Option<&'a str>,
     /// Its `Origin`, if it has one.
@@ -17,7 +17,7 @@ pub(super) struct Addressed<'a> {
     /// Its `Sec-Fetch-Site`, if it has one.
     pub site: Option<&'a str>,
     /// Whether it is more than a GET or HEAD request, or opens a WebSocket.
-    pub acts: bool,
+    pub changes_state: bool,
 }
 
 /// Why a request is rejected.
@@ -48,7 +48,7 @@ impl Names {
 
     /// # Errors
     /// See [`Reason`].
-    pub(super) fn validate(&self, request: Addressed<'_>) -> Result<(), Reason> {
+    pub(super) fn validate(&self, request: OriginHeaders<'_>) -> Result<(), Reason> {
         let host = request.host.ok_or(Reason::Host)?.to_ascii_lowercase();
         if !self.is_ours(&host) {
             return Err(Reason::Host);
@@ -62,7 +62,7 @@ impl Names {
         let foreign = matches!(request.site, Some("cross-site" | "same-site"));
         match request.origin {
             Some(origin) if !same(origin) => Err(Reason::Origin),
-            None if request.acts && foreign => Err(Reason::Origin),
+            None if request.changes_state && foreign => Err(Reason::Origin),
             _ => Ok(()),
         }
     }
@@ -109,11 +109,11 @@ mod tests {
 
     fn validate(listen: &str, host: &str, origin: Option<&str>) -> Result<(), Reason> {
         let host = Some(host);
-        names(listen).validate(Addressed {
+        names(listen).validate(OriginHeaders {
             host,
             origin,
             site: None,
-            acts: true,
+            changes_state: true,
         })
     }
 
@@ -147,7 +147,7 @@ mod tests {
             Err(Reason::Host)
         );
         assert_eq!(validate("[::1]:7788", "[::1]:7788", None), Ok(()));
-        let nobody = names(here).validate(Addressed::default());
+        let nobody = names(here).validate(OriginHeaders::default());
         assert_eq!(nobody, Err(Reason::Host));
     }
 
@@ -168,12 +168,12 @@ mod tests {
             assert_eq!(ask(bad), Err(Reason::Origin), "{bad}");
         }
         let (host, origin) = (Some(here), None);
-        let from = |site, acts| {
-            names(here).validate(Addressed {
+        let from = |site, changes_state| {
+            names(here).validate(OriginHeaders {
                 host,
                 origin,
                 site,
-                acts,
+                changes_state,
             })
         };
         assert_eq!(from(Some("cross-site"), true), Err(Reason::Origin));

@@ -11,8 +11,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::access::Access;
-use super::door::Peer;
-use super::gate::{COOKIE, Somebody, denied, session};
+use super::listener::Peer;
+use super::middleware::{COOKIE, Identity, denied, session};
 use super::refusal::Refusal;
 use super::role::{Role, Visitor};
 use super::sessions::LIFE;
@@ -49,7 +49,7 @@ pub fn routes(access: Arc<Access>) -> Router {
 
 async fn me(
     State(access): State<Arc<Access>>,
-    axum::Extension(Somebody(visitor)): axum::Extension<Somebody>,
+    axum::Extension(Identity(visitor)): axum::Extension<Identity>,
 ) -> Json<Me> {
     Json(Me {
         role: visitor.map(|visitor: Visitor| visitor.role),

@@ -8,8 +8,8 @@ use rusqlite::{Connection, OpenFlags, params_from_iter};
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
+use super::database::{FILE, folder};
 use super::error::JournalError;
-use super::ledger::{FILE, folder};
 use super::schema;
 
 /// How long a reader waits for a writer.

@@ -5,9 +5,9 @@
 //! does not: events that do not fit into the queue are counted, and the count is written once there
 //! is room. A process that is killed loses the events of its last half second.
 
+mod database;
 mod error;
 mod history;
-mod ledger;
 mod local;
 mod options;
 mod pending;
@@ -16,9 +16,9 @@ mod retention;
 mod row;
 mod schema;
 
+pub use database::{folder, journal_file};
 pub use error::JournalError;
 pub use history::{History, Kinds, Record, Span};
-pub use ledger::{folder, journal_file};
 pub use local::LabJournal;
 pub use options::{About, Options, When};
 pub use recorder::Journal;

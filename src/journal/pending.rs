@@ -15,9 +15,9 @@ const MOST_WAITING: usize = 2000;
 const MOST_A_MINUTE: u32 = 600;
 const MINUTE: Duration = Duration::from_secs(60);
 /// Rows within this time are written together.
-const TOGETHER: Duration = Duration::from_millis(250);
+const BATCH_TIME: Duration = Duration::from_millis(250);
 /// Pause after a failed write.
-const AGAIN: Duration = Duration::from_secs(5);
+const RETRY_PAUSE: Duration = Duration::from_secs(5);
 
 /// See the module.
 #[derive(Debug, Default)]
@@ -36,7 +36,7 @@ pub(super) struct Pending {
 
 impl Pending {
     /// Adds an event that happened at this time.
-    pub(super) fn hear(&mut self, what: &Occurrence, at: i64, now: Instant) {
+    pub(super) fn add_event(&mut self, what: &Occurrence, at: i64, now: Instant) {
         match what {
             Occurrence::LinkUp { robot, .. } => self.robot = Some(robot.uid.clone()),
             Occurrence::LinkDown { .. } => self.battery = None,
@@ -49,9 +49,9 @@ impl Pending {
     }
 
     /// Counts events that were missed.
-    pub(super) fn miss(&mut self, count: u64, now: Instant) {
+    pub(super) fn add_lost(&mut self, count: u64, now: Instant) {
         self.lost += count;
-        self.due.get_or_insert(now + TOGETHER);
+        self.due.get_or_insert(now + BATCH_TIME);
     }
 
     /// When [`Pending::sample`] should be called next.
@@ -72,11 +72,11 @@ impl Pending {
 
     fn push(&mut self, content: Content, at: i64, now: Instant) {
         if self.rows.len() >= MOST_WAITING || !self.has_room(now) {
-            return self.miss(1, now);
+            return self.add_lost(1, now);
         }
         let robot = self.robot.clone();
         self.rows.push(Row { at, robot, content });
-        self.due.get_or_insert(now + TOGETHER);
+        self.due.get_or_insert(now + BATCH_TIME);
     }
 
     fn has_room(&mut self, now: Instant) -> bool {
@@ -104,7 +104,7 @@ impl Pending {
 
     /// Records that the write failed; it is retried after a pause.
     pub(super) fn failed(&mut self, now: Instant) {
-        self.due = Some(now + AGAIN);
+        self.due = Some(now + RETRY_PAUSE);
     }
 }
 
@@ -129,8 +129,8 @@ mod tests {
     #[test]
     fn the_battery_is_recorded_at_each_change_and_each_minute_while_the_link_is_up() {
         let (mut pending, mut now) = (Pending::default(), Instant::now());
-        pending.hear(&battery(70), 0, now);
-        pending.hear(&battery(69), 1, now);
+        pending.add_event(&battery(70), 0, now);
+        pending.add_event(&battery(69), 1, now);
         assert_eq!(pending.rows().0.len(), 2);
         pending.sample(2, now);
         assert_eq!(pending.rows().0.len(), 2, "the minute is not over");
@@ -138,7 +138,7 @@ mod tests {
         assert_eq!(pending.samples_at(), Some(now));
         pending.sample(3, now);
         assert_eq!(pending.rows().0.len(), 3);
-        pending.hear(&down(), 4, now);
+        pending.add_event(&down(), 4, now);
         assert_eq!(pending.samples_at(), None);
     }
 
@@ -153,8 +153,8 @@ mod tests {
             simulated: false,
         };
         let docked = false;
-        pending.hear(&Occurrence::LinkUp { robot, docked }, 0, now);
-        pending.hear(&down(), 1, now);
+        pending.add_event(&Occurrence::LinkUp { robot, docked }, 0, now);
+        pending.add_event(&down(), 1, now);
         let robots = pending.rows().0.iter().map(|row| row.robot.as_deref());
         assert_eq!(robots.collect::<Vec<_>>(), [Some("SPYKEE7"); 2]);
     }
@@ -163,14 +163,14 @@ mod tests {
     fn a_flood_is_limited_and_every_lost_event_is_counted() {
         let (mut pending, mut now) = (Pending::default(), Instant::now());
         for _ in 0..10_000 {
-            pending.hear(&down(), 0, now);
+            pending.add_event(&down(), 0, now);
         }
         let (rows, lost) = pending.rows();
         assert_eq!((rows.len() as u64 + lost, rows.len()), (10_000, 600));
         pending.written();
         assert_eq!((pending.due(), pending.rows()), (None, (&[][..], 0)));
         now += MINUTE;
-        pending.hear(&down(), 0, now);
+        pending.add_event(&down(), 0, now);
         assert_eq!((pending.rows().0.len(), pending.rows().1), (1, 0));
     }
 
@@ -179,10 +179,10 @@ mod tests {
         let (mut pending, mut now) = (Pending::default(), Instant::now());
         for minute in 0..10_u64 {
             for _ in 0..500 {
-                pending.hear(&down(), minute as i64, now);
+                pending.add_event(&down(), minute as i64, now);
             }
             pending.failed(now);
-            assert_eq!(pending.due(), Some(now + AGAIN));
+            assert_eq!(pending.due(), Some(now + RETRY_PAUSE));
             now += MINUTE;
         }
         assert_eq!((pending.rows().0.len(), pending.rows().1), (2000, 3000));

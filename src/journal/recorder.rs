@@ -11,8 +11,8 @@ use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
+use super::database::Database;
 use super::error::JournalError;
-use super::ledger::Ledger;
 use super::options::{About, Options};
 use super::pending::Pending;
 use crate::budget::Repeats;
@@ -20,9 +20,9 @@ use crate::clock::{Clock, until};
 use crate::robot::{Bus, Heard, Listener};
 
 /// How often rows that are too old are deleted.
-const FORGET_EVERY: Duration = Duration::from_secs(3600);
+const CLEANUP_INTERVAL: Duration = Duration::from_secs(3600);
 /// Minimum interval between two reports of failed writes.
-const SAID_EVERY: Duration = Duration::from_secs(600);
+const REPORT_INTERVAL: Duration = Duration::from_secs(600);
 
 /// A journal that is being written. Dropping it tells its thread to write the waiting rows and to
 /// end; [`Journal::finish`] waits for that.
@@ -53,7 +53,7 @@ impl Journal {
         let runtime = runtime.map_err(JournalError::Thread)?;
         let recorder = Recorder::new(data, options, about, clock);
         let life = move || {
-            runtime.block_on(recorder.live(listener, stopped));
+            runtime.block_on(recorder.run(listener, stopped));
             drop(alive);
         };
         let thread = std::thread::Builder::new().name("journal".into());
@@ -87,9 +87,9 @@ pub(super) struct Recorder {
     options: Options,
     about: About,
     clock: Clock,
-    ledger: Option<Ledger>,
+    database: Option<Database>,
     pending: Pending,
-    said: Repeats<()>,
+    reports: Repeats<()>,
 }
 
 impl Recorder {
@@ -99,22 +99,22 @@ impl Recorder {
             options,
             about,
             clock,
-            ledger: None,
+            database: None,
             pending: Pending::default(),
-            said: Repeats::new(SAID_EVERY),
+            reports: Repeats::new(REPORT_INTERVAL),
         }
     }
 
     /// Returns the time of day of a recent instant, according to the clock's current setting.
-    fn wall(&self, at: Instant) -> Timestamp {
+    fn wall_time(&self, at: Instant) -> Timestamp {
         let ago = SignedDuration::try_from(at.elapsed()).unwrap_or_default();
         let now = self.clock.now();
         now.checked_sub(ago).unwrap_or(now)
     }
 
     /// Runs until `stop` is cancelled or the bus is closed; then writes the waiting rows and ends.
-    pub(super) async fn live(mut self, mut listener: Listener, stop: CancellationToken) {
-        let mut forgets = Instant::now();
+    pub(super) async fn run(mut self, mut listener: Listener, stop: CancellationToken) {
+        let mut next_cleanup = Instant::now();
         loop {
             let (due, samples) = (self.pending.due(), self.pending.samples_at());
             tokio::select! {
@@ -122,19 +122,19 @@ impl Recorder {
                 () = stop.cancelled() => break,
                 () = until(due) => self.write(),
                 () = until(samples) => self.sample(),
-                () = sleep_until(forgets), if self.ledger.is_some() => {
-                    self.forget();
-                    forgets = Instant::now() + FORGET_EVERY;
+                () = sleep_until(next_cleanup), if self.database.is_some() => {
+                    self.delete_old();
+                    next_cleanup = Instant::now() + CLEANUP_INTERVAL;
                 }
                 heard = listener.next() => {
-                    if !self.hear(heard) {
+                    if !self.handle_event(heard) {
                         break;
                     }
                 }
             }
         }
         while let Some(heard) = listener.try_next() {
-            if !self.hear(heard) {
+            if !self.handle_event(heard) {
                 break;
             }
         }
@@ -142,14 +142,14 @@ impl Recorder {
     }
 
     /// Adds an event. Returns false if the bus is closed.
-    fn hear(&mut self, heard: Heard) -> bool {
+    fn handle_event(&mut self, heard: Heard) -> bool {
         let now = Instant::now();
         match heard {
             Heard::Happening(one) => {
-                let at = self.wall(one.at).as_millisecond();
-                self.pending.hear(&one.what, at, now);
+                let at = self.wall_time(one.at).as_millisecond();
+                self.pending.add_event(&one.what, at, now);
             }
-            Heard::Missed(count) => self.pending.miss(count, now),
+            Heard::Missed(count) => self.pending.add_lost(count, now),
             Heard::Closed => return false,
         }
         true
@@ -157,7 +157,8 @@ impl Recorder {
 
     fn sample(&mut self) {
         let now = Instant::now();
-        self.pending.sample(self.wall(now).as_millisecond(), now);
+        self.pending
+            .sample(self.wall_time(now).as_millisecond(), now);
     }
 
     fn write(&mut self) {
@@ -171,8 +172,8 @@ impl Recorder {
                 }
                 self.pending.failed(now);
                 let (rows, lost) = self.pending.rows();
-                let (waiting, said) = (rows.len(), self.said.note((), now));
-                if said.is_some() {
+                let (waiting, report) = (rows.len(), self.reports.note((), now));
+                if report.is_some() {
                     warn!(waiting, lost, "the journal cannot be written: {error}");
                 }
             }
@@ -181,17 +182,17 @@ impl Recorder {
 
     fn try_write(&mut self) -> Result<(), JournalError> {
         let now = self.clock.now();
-        let ledger = match &mut self.ledger {
-            Some(ledger) => ledger,
+        let database = match &mut self.database {
+            Some(database) => database,
             None => {
-                let opened = Ledger::open(&self.data, self.options, &self.about, now)?;
-                self.ledger.insert(opened)
+                let opened = Database::open(&self.data, self.options, &self.about, now)?;
+                self.database.insert(opened)
             }
         };
         let (rows, lost) = self.pending.rows();
-        match ledger.write(rows, lost, now) {
-            Err(error) if error.is_full() && ledger.forget(now)? > 0 => {
-                ledger.write(rows, lost, now)
+        match database.write(rows, lost, now) {
+            Err(error) if error.is_full() && database.delete_old(now)? > 0 => {
+                database.write(rows, lost, now)
             }
             written => written,
         }
@@ -199,26 +200,30 @@ impl Recorder {
 
     /// Renames and keeps a file that is not a journal, so that a new journal can be created.
     fn set_aside(&mut self, error: &JournalError) {
-        self.ledger = None;
-        match Ledger::set_aside(&self.data, self.clock.now()) {
+        self.database = None;
+        match Database::set_aside(&self.data, self.clock.now()) {
             Ok(aside) => {
                 warn!(
                     "the journal is damaged ({error}); it is kept as {aside}, and a new one is created"
                 )
             }
-            Err(why) => self.said_once(why),
+            Err(why) => self.report_rename_failure(why),
         }
     }
 
-    fn said_once(&mut self, why: io::Error) {
-        if self.said.note((), Instant::now()).is_some() {
+    fn report_rename_failure(&mut self, why: io::Error) {
+        if self.reports.note((), Instant::now()).is_some() {
             warn!("the damaged journal cannot be renamed: {why}");
         }
     }
 
-    fn forget(&mut self) {
+    fn delete_old(&mut self) {
         let now = self.clock.now();
-        match self.ledger.as_mut().map(|ledger| ledger.forget(now)) {
+        match self
+            .database
+            .as_mut()
+            .map(|database| database.delete_old(now))
+        {
             Some(Ok(gone)) if gone > 0 => {
                 info!(gone, "the oldest rows of the journal were deleted")
             }
@@ -238,7 +243,7 @@ impl Recorder {
             warn!(unwritten, "the journal is incomplete");
         }
         let now = self.clock.now();
-        if let Some(Err(error)) = self.ledger.as_ref().map(|ledger| ledger.end(now)) {
+        if let Some(Err(error)) = self.database.as_ref().map(|database| database.end(now)) {
             debug!("the end of the journal's session cannot be written: {error}");
         }
     }

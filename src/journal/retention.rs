@@ -7,15 +7,15 @@ use super::error::JournalError;
 use super::options::Options;
 
 /// Maximum number of rows deleted at once, so that no transaction grows large.
-const FORGOTTEN_AT_ONCE: i64 = 2000;
+const DELETED_AT_ONCE: i64 = 2000;
 /// If the file is too large, one row in this many of each table is deleted at once.
 const PART: i64 = 16;
 /// Maximum number of deletions in one clean-up.
-const MOST_GOES: u32 = 200;
+const MAX_ROUNDS: u32 = 200;
 
 /// Deletes the rows that are too old at this time, then the oldest ones until the file is small
 /// enough. Returns the number of deleted rows.
-pub(super) fn forget(
+pub(super) fn delete_old(
     connection: &Connection,
     options: &Options,
     now: Timestamp,
@@ -26,19 +26,19 @@ pub(super) fn forget(
         .as_millisecond()
         .saturating_sub(days.saturating_mul(day));
     let mut gone = 0;
-    for _ in 0..MOST_GOES {
-        let went = forget_some(connection, before, |_| FORGOTTEN_AT_ONCE)?;
+    for _ in 0..MAX_ROUNDS {
+        let went = delete_some(connection, before, |_| DELETED_AT_ONCE)?;
         gone += went;
         if went == 0 {
             break;
         }
     }
     let most = options.max_mib.saturating_mul(1 << 20);
-    for _ in 0..MOST_GOES {
+    for _ in 0..MAX_ROUNDS {
         if bytes(connection)? <= most {
             break;
         }
-        let went = forget_some(connection, i64::MAX, |rows| rows / PART + 1)?;
+        let went = delete_some(connection, i64::MAX, |rows| rows / PART + 1)?;
         gone += went;
         if went == 0 {
             break;
@@ -49,7 +49,7 @@ pub(super) fn forget(
 
 /// Deletes the oldest rows of each table, only those before this time. `most` maps the number of
 /// rows of a table to the maximum number to delete.
-fn forget_some(
+fn delete_some(
     connection: &Connection,
     before: i64,
     most: impl Fn(i64) -> i64,

@@ -10,15 +10,17 @@ use axum::routing::{get, post};
 use axum::{Json, Router};
 use serde::Deserialize;
 
-use super::command::{Done, PageCommand, Turn, UNDOCK, errand, good, in_words, perform};
+use super::command::{Done, PageCommand, Turn, UNDOCK, in_words, perform, succeeded, to_request};
 use super::hub::Hub;
 use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
-use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume};
+use super::shapes::{
+    BehaviourChange, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume,
+};
 use super::state::{self, Rate};
 use super::ticket::Ticket;
 use super::{messages, openapi, viewer};
-use crate::control::{Answer, Change, Errand, MAX_SPEECH, Report};
+use crate::control::{Answer, Change, MAX_SPEECH, Report, RunRequest};
 use crate::http::{Driver, Refusal, Visitor};
 use crate::pilot::LinkState;
 use crate::robot::DockPlan;
@@ -91,7 +93,7 @@ async fn healthz(State(hub): Shared) -> Response {
 async fn metrics(State(hub): Shared, _: Visitor) -> impl IntoResponse {
     let text = hub
         .metrics
-        .text(&hub.run, hub.viewers(), hub.camera.bytes());
+        .text(&hub.run, hub.viewer_count(), hub.camera.bytes());
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     ([(header::CONTENT_TYPE, kind)], text)
 }
@@ -123,7 +125,7 @@ async fn status(State(hub): Shared, _: Visitor) -> Json<state::State> {
 
 /// Returns the same data as `spykee status --json`.
 async fn run(State(hub): Shared, _: Visitor) -> Reply<Report> {
-    match hub.run.perform(Errand::Overview).await {
+    match hub.run.perform(RunRequest::Overview).await {
         Answer::Overview(overview) => Ok(Json(Report::from(&*overview))),
         Answer::Refused(why) => Err(Refusal::new(StatusCode::CONFLICT, why)),
         _ => Err(out_of_reach()),
@@ -138,7 +140,7 @@ async fn change(
     hub: Shared,
     who: Driver,
     Path(name): Path<String>,
-    Json(Become { change, lasts }): Json<Become>,
+    Json(BehaviourChange { change, lasts }): Json<BehaviourChange>,
 ) -> Reply<Outcome> {
     let Some(lasts) = lasts else {
         return order(hub, who, PageCommand::Behaviour { name, change }).await;
@@ -148,7 +150,12 @@ async fn change(
         return Err(Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, why));
     }
     let change = Change::StartFor(lasts.get());
-    done(hub.0.run.perform(Errand::Behaviour { name, change }).await)
+    done(
+        hub.0
+            .run
+            .perform(RunRequest::Behaviour { name, change })
+            .await,
+    )
 }
 
 async fn tune(
@@ -223,7 +230,7 @@ async fn picture(
     Query(TimeLimit { seconds }): Query<TimeLimit>,
 ) -> Result<Response, Refusal> {
     let limit = seconds.map_or(PICTURE, |seconds| time_limit(seconds, LONGEST_PICTURE));
-    match hub.run.perform(Errand::Picture(limit)).await {
+    match hub.run.perform(RunRequest::Picture(limit)).await {
         Answer::Picture(jpeg) => Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response()),
         Answer::Refused(why) => Err(Refusal::new(StatusCode::CONFLICT, why)),
         Answer::NoPicture => {
@@ -246,13 +253,13 @@ async fn dock(State(hub): Shared, _: Driver, body: Option<Json<Dock>>) -> Respon
             .map_or(usual.retries, |retries| retries.min(MOST_RETRIES)),
         ..usual
     };
-    docking(hub.run.perform(Errand::Dock(plan)).await)
+    docking(hub.run.perform(RunRequest::Dock(plan)).await)
 }
 
 async fn undock(State(hub): Shared, _: Driver, body: Option<Json<TimeLimit>>) -> Response {
     let seconds = body.and_then(|Json(asked)| asked.seconds);
     let limit = seconds.map_or(UNDOCK, |seconds| time_limit(seconds, LONGEST_UNDOCKING));
-    docking(hub.run.perform(Errand::Undock(limit)).await)
+    docking(hub.run.perform(RunRequest::Undock(limit)).await)
 }
 
 /// Limits a timeout to at least one second and at most `most`.
@@ -272,7 +279,7 @@ fn docking(answer: Answer) -> Response {
         Answer::Undocked(end) => (end, None, None),
         other => return done(other).into_response(),
     };
-    let ok = good(end);
+    let ok = succeeded(end);
     let docking = Docking {
         ok,
         text: end.name().to_owned(),
@@ -295,7 +302,7 @@ async fn stop(State(hub): Shared, _: Visitor) -> Reply<Outcome> {
 }
 
 async fn let_go(State(hub): Shared, _: Driver) -> Reply<Outcome> {
-    held(hub.let_go().await.is_ok())
+    held(hub.release_stop().await.is_ok())
 }
 
 fn held(ok: bool) -> Reply<Outcome> {
@@ -321,12 +328,12 @@ async fn volume(
 
 /// s16 little-endian, mono, 16 kHz.
 async fn say(State(hub): Shared, _: Driver, samples: bytes::Bytes) -> Reply<Outcome> {
-    done(hub.run.perform(Errand::Say(samples.to_vec())).await)
+    done(hub.run.perform(RunRequest::Say(samples.to_vec())).await)
 }
 
 async fn order(State(hub): Shared, _: Driver, order: PageCommand) -> Reply<Outcome> {
-    match errand(order) {
-        Ok(errand) => done(hub.run.perform(errand).await),
+    match to_request(order) {
+        Ok(request) => done(hub.run.perform(request).await),
         Err(order) => outcome(perform(*order, &hub.run, hub.sim.as_ref()).await),
     }
 }

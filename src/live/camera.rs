@@ -30,9 +30,9 @@ pub(super) struct Camera {
 
 /// A registered viewer of the camera, until dropped.
 #[derive(Debug)]
-pub(super) struct Look<'a>(&'a Camera);
+pub(super) struct CameraViewer<'a>(&'a Camera);
 
-impl Drop for Look<'_> {
+impl Drop for CameraViewer<'_> {
     fn drop(&mut self) {
         self.0
             .viewers
@@ -50,9 +50,9 @@ impl Camera {
     }
 
     /// Registers a viewer.
-    pub(super) fn look(&self) -> Look<'_> {
+    pub(super) fn register(&self) -> CameraViewer<'_> {
         self.viewers.send_modify(|viewers| *viewers += 1);
-        Look(self)
+        CameraViewer(self)
     }
 
     /// Returns a channel with the newest frame.
@@ -67,7 +67,7 @@ impl Camera {
 
     /// Passes frames on until the run has ended.
     pub(super) async fn serve(&self, run: &Run) {
-        tokio::join!(self.pass_on(run), self.want(run));
+        tokio::join!(self.pass_on(run), self.request_stream(run));
     }
 
     async fn pass_on(&self, run: &Run) {
@@ -86,7 +86,7 @@ impl Camera {
     }
 
     /// Requests the stream while there are viewers, and for a while after.
-    async fn want(&self, run: &Run) {
+    async fn request_stream(&self, run: &Run) {
         let mut viewers = self.viewers.subscribe();
         while viewers.wait_for(|viewers| *viewers > 0).await.is_ok() {
             let Err(error) = watch_on(run, &mut viewers).await else {

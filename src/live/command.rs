@@ -1,6 +1,6 @@
-//! The commands of a person at the page or a program at the API, and their execution: by the run's
-//! desk, so that there is one definition of each errand, or on the simulated world, with the
-//! operations of scenarios.
+//! The commands of a person at the page or a program at the API, and their execution: by the run,
+//! so that there is one definition of each request, or on the simulated world, with the operations
+//! of scenarios.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::world::Simulation;
-use crate::control::{self, Answer, Errand, Run};
+use crate::control::{self, Answer, Run, RunRequest};
 use crate::lab::{Factor, Tempo};
 use crate::robot::{DockEnd, DockPlan, ParamValue, Percent};
 use crate::sim::{Fault, Handle, Point, Pose};
@@ -180,40 +180,39 @@ pub(super) type Done = (bool, String);
 
 /// Executes a command. Dropping the future cancels it.
 pub(super) async fn perform(order: PageCommand, run: &Run, sim: Option<&Simulation>) -> Done {
-    match errand(order) {
-        Ok(errand) => in_words(run.perform(errand).await),
+    match to_request(order) {
+        Ok(request) => in_words(run.perform(request).await),
         Err(order) => match (*order, sim) {
-            (PageCommand::Sim { change }, Some(sim)) => told(alter(change, sim)),
+            (PageCommand::Sim { change }, Some(sim)) => to_done(apply(change, sim)),
             (PageCommand::Param { name, param, value }, _) => {
-                let changed = run.roster.change_param(&name, &param, value);
-                told(changed)
+                let turned = run.roster.change_param(&name, &param, value);
+                to_done(turned)
             }
             (PageCommand::Play { sound }, _) => {
-                (false, format!("there is no sound `{}`", short(&sound)))
+                (false, format!("there is no sound `{}`", truncated(&sound)))
             }
             _ => (false, "this robot is not simulated".to_owned()),
         },
     }
 }
 
-/// Converts a command to an errand for the run's desk; returns it unchanged if the desk cannot
-/// execute it.
-pub(super) fn errand(order: PageCommand) -> Result<Errand, Box<PageCommand>> {
+/// Converts a command to a request to the run; returns it unchanged if the run cannot execute it.
+pub(super) fn to_request(order: PageCommand) -> Result<RunRequest, Box<PageCommand>> {
     Ok(match order {
-        PageCommand::Dock => Errand::Dock(DockPlan::DEFAULT),
-        PageCommand::Undock => Errand::Undock(UNDOCK),
-        PageCommand::Led { light, on } => Errand::Led {
+        PageCommand::Dock => RunRequest::Dock(DockPlan::DEFAULT),
+        PageCommand::Undock => RunRequest::Undock(UNDOCK),
+        PageCommand::Led { light, on } => RunRequest::Led {
             led: light.into(),
             on,
         },
-        PageCommand::StopSound => Errand::StopSound,
-        PageCommand::Behaviour { name, change } => Errand::Behaviour {
+        PageCommand::StopSound => RunRequest::StopSound,
+        PageCommand::Behaviour { name, change } => RunRequest::Behaviour {
             name,
             change: change.into(),
         },
-        PageCommand::Volume { percent } => Errand::Volume(percent),
+        PageCommand::Volume { percent } => RunRequest::Volume(percent),
         PageCommand::Play { ref sound } => match wire::Sound::from_name(sound) {
-            Some(sound) => Errand::Play(sound),
+            Some(sound) => RunRequest::Play(sound),
             None => return Err(Box::new(order)),
         },
         other @ (PageCommand::Param { .. } | PageCommand::Sim { .. }) => {
@@ -237,22 +236,22 @@ pub(super) fn in_words(answer: Answer) -> Done {
         Answer::Done | Answer::Overview(_) | Answer::Picture(_) | Answer::Behaviours(_) => {
             (true, String::new())
         }
-        Answer::Docked { end, .. } => (good(end), end.name().to_owned()),
-        Answer::Undocked(end) => (good(end), end.name().to_owned()),
+        Answer::Docked { end, .. } => (succeeded(end), end.name().to_owned()),
+        Answer::Undocked(end) => (succeeded(end), end.name().to_owned()),
         Answer::NoPicture => (false, "no picture arrived in time".to_owned()),
         Answer::Offline => (false, "the robot is out of reach".to_owned()),
         Answer::Refused(why) => (false, why),
     }
 }
 
-pub(super) fn good(end: DockEnd) -> bool {
+pub(super) fn succeeded(end: DockEnd) -> bool {
     matches!(
         end,
         DockEnd::Done | DockEnd::AlreadyDocked | DockEnd::NotDocked
     )
 }
 
-fn told(altered: Result<(), impl std::fmt::Display>) -> Done {
+fn to_done(altered: Result<(), impl std::fmt::Display>) -> Done {
     match altered {
         Ok(()) => (true, String::new()),
         Err(error) => (false, error.to_string()),
@@ -261,7 +260,7 @@ fn told(altered: Result<(), impl std::fmt::Display>) -> Done {
 
 /// Why the simulation cannot be changed.
 #[derive(Debug, thiserror::Error)]
-enum AlterError {
+enum ChangeError {
     #[error("{0} is out of range")]
     Range(&'static str),
     #[error("the speed is out of range: 1 to 100")]
@@ -272,7 +271,7 @@ enum AlterError {
     Fault(String),
 }
 
-fn alter(change: Change, simulation: &Simulation) -> Result<(), AlterError> {
+fn apply(change: Change, simulation: &Simulation) -> Result<(), ChangeError> {
     let sim = &simulation.robot;
     match change {
         Change::Place { x, y, heading } => {
@@ -309,31 +308,31 @@ fn alter(change: Change, simulation: &Simulation) -> Result<(), AlterError> {
         Change::Pause { paused } => tempo(simulation)?.pause(paused),
         Change::Step => tempo(simulation)?.step(),
         Change::Speed { factor } => {
-            let factor = Factor::new(factor).ok_or(AlterError::Speed)?;
+            let factor = Factor::new(factor).ok_or(ChangeError::Speed)?;
             tempo(simulation)?.set_factor(factor);
         }
     }
     Ok(())
 }
 
-fn tempo(simulation: &Simulation) -> Result<&Tempo, AlterError> {
-    simulation.tempo.as_ref().ok_or(AlterError::NoTempo)
+fn tempo(simulation: &Simulation) -> Result<&Tempo, ChangeError> {
+    simulation.tempo.as_ref().ok_or(ChangeError::NoTempo)
 }
 
-fn within(is: bool, what: &'static str) -> Result<(), AlterError> {
-    is.then_some(()).ok_or(AlterError::Range(what))
+fn within(is: bool, what: &'static str) -> Result<(), ChangeError> {
+    is.then_some(()).ok_or(ChangeError::Range(what))
 }
 
 /// Starts a fault, given as in the YAML of `spykee sim --faults`, of which JSON is a subset.
-fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), AlterError> {
+fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), ChangeError> {
     let list = json!({ "faults": [fault] }).to_string();
     let faults = Fault::list_from_yaml(&list, "fault")
-        .map_err(|error| AlterError::Fault(error.into_message()))?;
+        .map_err(|error| ChangeError::Fault(error.into_message()))?;
     faults.into_iter().for_each(|fault| sim.begin(fault));
     Ok(())
 }
 
 /// Truncates a text, so that errors echo little of their input.
-fn short(text: &str) -> String {
+fn truncated(text: &str) -> String {
     text.chars().take(40).collect()
 }

@@ -13,23 +13,23 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::camera::Camera;
 use super::history::History;
-use super::log::Book;
+use super::log::LogBuffer;
+use super::manual_drive::{self, TimedSetpoint};
 use super::messages::{Found, ToPage};
 use super::metrics::Metrics;
 use super::scripts::{self, Behaviour, Known};
 use super::state::{self, People, Person, Rate};
-use super::wheel::{self, Wish};
 use super::world::{self, Simulation};
 use crate::agent::SeatError;
 use crate::control::Run;
 use crate::robot::{Findings, Heard, Listener, Occurrence, RobotInfo};
 
 /// Polling interval for changes.
-const LOOK: Duration = Duration::from_millis(100);
+const STATE_POLL: Duration = Duration::from_millis(100);
 /// How often the behaviours are sent, to update their running times.
 const BEHAVIOURS: Duration = Duration::from_secs(1);
 /// How often the pilot is checked for a response.
-const PULSE: Duration = Duration::from_secs(1);
+const PILOT_CHECK: Duration = Duration::from_secs(1);
 /// Maximum number of threads that read the disk for viewers.
 const READERS: usize = 2;
 /// Number of findings that a viewer may lag behind.
@@ -44,7 +44,7 @@ pub(super) struct Hub {
     /// Limits the number of concurrent disk reads.
     pub(super) reading: Semaphore,
     pub(super) camera: Camera,
-    pub(super) book: Book,
+    pub(super) log_buffer: LogBuffer,
     pub(super) metrics: Metrics,
     pub(super) found: broadcast::Sender<Utf8Bytes>,
     /// The newest messages, for all viewers.
@@ -52,7 +52,7 @@ pub(super) struct Hub {
     pub(super) map: watch::Sender<Utf8Bytes>,
     pub(super) behaviours: watch::Sender<Utf8Bytes>,
     pub(super) history: Mutex<History>,
-    people: Mutex<Folk>,
+    viewers: Mutex<Viewers>,
     robot: watch::Sender<Option<RobotInfo>>,
     /// Whether the pilot responds.
     alive: AtomicBool,
@@ -63,9 +63,9 @@ pub(super) struct Hub {
 
 /// The number of viewers, and the viewer that has the wheel.
 #[derive(Debug, Default)]
-pub(super) struct Folk {
-    pub(super) viewers: usize,
-    pub(super) driver: Option<(Person, watch::Sender<Wish>)>,
+pub(super) struct Viewers {
+    pub(super) count: usize,
+    pub(super) driver: Option<(Person, watch::Sender<TimedSetpoint>)>,
 }
 
 impl Hub {
@@ -84,14 +84,14 @@ impl Hub {
             data,
             reading: Semaphore::new(READERS),
             camera: Camera::new(),
-            book: Book::new(),
+            log_buffer: LogBuffer::new(),
             metrics,
             found: broadcast::Sender::new(FOUND),
             state: empty(),
             map: empty(),
             behaviours: empty(),
             history: Mutex::default(),
-            people: Mutex::default(),
+            viewers: Mutex::default(),
             robot: watch::Sender::new(None),
             alive: AtomicBool::new(true),
             most_viewers: usize::from(most_viewers),
@@ -100,12 +100,12 @@ impl Hub {
     }
 
     /// Locks the viewers; only for short lookups.
-    pub(super) fn folk(&self) -> MutexGuard<'_, Folk> {
-        self.people.lock().unwrap_or_else(PoisonError::into_inner)
+    pub(super) fn lock_viewers(&self) -> MutexGuard<'_, Viewers> {
+        self.viewers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn viewers(&self) -> usize {
-        self.folk().viewers
+    pub(super) fn viewer_count(&self) -> usize {
+        self.lock_viewers().count
     }
 
     pub(super) fn robot(&self) -> Option<RobotInfo> {
@@ -119,9 +119,9 @@ impl Hub {
     /// If the run has ended.
     pub(super) async fn stop(&self) -> Result<(), SeatError> {
         let halted = self.run.hold(true).await;
-        self.folk().driver = None;
+        self.lock_viewers().driver = None;
         if !self.held.send_replace(true) {
-            tokio::spawn(wheel::hold(self.run.clone(), self.held.subscribe()));
+            tokio::spawn(manual_drive::hold(self.run.clone(), self.held.subscribe()));
         }
         halted
     }
@@ -130,7 +130,7 @@ impl Hub {
     ///
     /// # Errors
     /// If the run has ended.
-    pub(super) async fn let_go(&self) -> Result<(), SeatError> {
+    pub(super) async fn release_stop(&self) -> Result<(), SeatError> {
         self.held.send_replace(false);
         self.run.hold(false).await
     }
@@ -140,8 +140,8 @@ impl Hub {
         self.alive.load(Ordering::Relaxed)
     }
 
-    async fn feel_pulse(&self) {
-        let mut beat = interval(PULSE);
+    async fn check_pilot(&self) {
+        let mut beat = interval(PILOT_CHECK);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             beat.tick().await;
@@ -159,14 +159,14 @@ impl Hub {
     /// Serves the shared parts until the run has ended.
     pub(super) async fn serve(self: Arc<Hub>, bus: Listener) {
         let (camera, found) = (self.camera.serve(&self.run), self.pass_on_found());
-        let pulse = self.feel_pulse();
+        let pilot_checks = self.check_pilot();
         tokio::join!(
             camera,
             found,
-            pulse,
+            pilot_checks,
             self.listen(bus),
-            self.look(),
-            self.tell()
+            self.publish_state(),
+            self.publish_behaviours()
         );
     }
 
@@ -218,9 +218,9 @@ impl Hub {
     }
 
     /// Builds the messages for all viewers whenever something has changed.
-    async fn look(&self) {
+    async fn publish_state(&self) {
         let mut rate = Rate::new(self.now());
-        let mut beat = interval(LOOK);
+        let mut beat = interval(STATE_POLL);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             beat.tick().await;
@@ -238,7 +238,7 @@ impl Hub {
         }
     }
 
-    async fn tell(&self) {
+    async fn publish_behaviours(&self) {
         let (mut members, mut knobs) = (self.run.roster.members(), self.run.roster.params());
         let mut beat = interval(BEHAVIOURS);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -266,11 +266,11 @@ impl Hub {
     }
 
     pub(super) fn people(&self) -> People {
-        let folk = self.folk();
-        let driver = folk.driver.as_ref().map(|(person, _)| person.clone());
+        let viewers = self.lock_viewers();
+        let driver = viewers.driver.as_ref().map(|(person, _)| person.clone());
         People {
             driver,
-            viewers: folk.viewers,
+            viewers: viewers.count,
         }
     }
 }

@@ -26,7 +26,7 @@ const LONGEST: usize = 2000;
 
 /// Receives the lines, once the page is tapped into the log. The program has one log.
 static TAP: OnceLock<mpsc::Sender<Line>> = OnceLock::new();
-static LEFT_OUT: AtomicU64 = AtomicU64::new(0);
+static DROPPED: AtomicU64 = AtomicU64::new(0);
 
 /// A line of the log.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -58,28 +58,28 @@ impl<S: Subscriber> Layer<S> for LogTap {
         let Some(lines) = TAP.get() else {
             return;
         };
-        let mut reading = Reading::default();
-        event.record(&mut reading);
+        let mut visitor = EventVisitor::default();
+        event.record(&mut visitor);
         if lines
-            .try_send(reading.line(*event.metadata().level()))
+            .try_send(visitor.line(*event.metadata().level()))
             .is_err()
         {
-            LEFT_OUT.fetch_add(1, Ordering::Relaxed);
+            DROPPED.fetch_add(1, Ordering::Relaxed);
         }
     }
 }
 
 #[derive(Default)]
-struct Reading {
+struct EventVisitor {
     text: String,
     fields: String,
     behaviour: Option<String>,
     line: Option<u64>,
 }
 
-impl Reading {
+impl EventVisitor {
     fn line(self, level: Level) -> Line {
-        let Reading {
+        let EventVisitor {
             mut text,
             fields,
             behaviour,
@@ -119,7 +119,7 @@ impl Reading {
     }
 }
 
-impl Visit for Reading {
+impl Visit for EventVisitor {
     fn record_u64(&mut self, field: &Field, value: u64) {
         match field.name() {
             "line" => self.line = Some(value),
@@ -147,14 +147,14 @@ pub(super) fn now() -> u64 {
 
 /// Keeps the newest lines and distributes new ones.
 #[derive(Debug)]
-pub(super) struct Book {
+pub(super) struct LogBuffer {
     kept: Mutex<VecDeque<Line>>,
     news: broadcast::Sender<Line>,
 }
 
-impl Book {
-    pub(super) fn new() -> Book {
-        Book {
+impl LogBuffer {
+    pub(super) fn new() -> LogBuffer {
+        LogBuffer {
             kept: Mutex::default(),
             news: broadcast::Sender::new(BEHIND),
         }
@@ -164,7 +164,7 @@ impl Book {
     pub(super) async fn keep(&self, mut lines: mpsc::Receiver<Line>) {
         while let Some(line) = lines.recv().await {
             self.write(line);
-            let missed = LEFT_OUT.swap(0, Ordering::Relaxed);
+            let missed = DROPPED.swap(0, Ordering::Relaxed);
             if missed > 0 {
                 let text = format!("{missed} lines were dropped: they came too fast for the page");
                 let (level, behaviour, line) = ("warn", None, None);
@@ -215,11 +215,11 @@ mod tests {
 
     #[test]
     fn the_newest_lines_are_kept_and_slow_viewers_learn_how_many_they_missed() {
-        let book = Book::new();
-        let (none, mut slow) = book.read();
+        let log_buffer = LogBuffer::new();
+        let (none, mut slow) = log_buffer.read();
         assert!(none.is_empty());
-        (0..KEPT + 7).for_each(|number| book.write(line(&number.to_string())));
-        let (kept, _) = book.read();
+        (0..KEPT + 7).for_each(|number| log_buffer.write(line(&number.to_string())));
+        let (kept, _) = log_buffer.read();
         assert_eq!((kept.len(), &*kept[0].text), (KEPT, "7"));
         let lagged = slow.try_recv().unwrap_err();
         let missed = (KEPT + 7 - BEHIND) as u64;
@@ -228,19 +228,19 @@ mod tests {
 
     #[test]
     fn a_line_has_behaviour_position_and_fields_and_is_bounded() {
-        let mut reading = Reading::default();
-        reading.field("message", "hello");
-        reading.field("behaviour", "patrol");
-        reading.field("line", "12");
-        reading.field("legs", "3");
-        let read = reading.line(Level::WARN);
+        let mut visitor = EventVisitor::default();
+        visitor.field("message", "hello");
+        visitor.field("behaviour", "patrol");
+        visitor.field("line", "12");
+        visitor.field("legs", "3");
+        let read = visitor.line(Level::WARN);
         assert_eq!(
             (read.level, read.line, &*read.text),
             ("warn", Some(12), "hello legs=3")
         );
         assert_eq!(read.behaviour.as_deref(), Some("patrol"));
-        let mut reading = Reading::default();
-        reading.field("message", &"ä".repeat(3 * LONGEST));
-        assert_eq!(reading.line(Level::INFO).text.chars().count(), LONGEST);
+        let mut visitor = EventVisitor::default();
+        visitor.field("message", &"ä".repeat(3 * LONGEST));
+        assert_eq!(visitor.line(Level::INFO).text.chars().count(), LONGEST);
     }
 }

@@ -5,7 +5,9 @@ use serde_json::{Map, Value, json};
 
 use super::past::{Past, Start};
 use super::scripts::{Behaviour, Text};
-use super::shapes::{Become, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume};
+use super::shapes::{
+    BehaviourChange, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume,
+};
 use super::state::State;
 use crate::control::Report;
 use crate::http::Me;
@@ -190,7 +192,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         (
             "/api/behaviours/{name}",
             "Start, stop or restart a behaviour; with `for` it is ended after that time.",
-            shape_of::<Become>(generator),
+            shape_of::<BehaviourChange>(generator),
         ),
         (
             "/api/behaviours/{name}/params",

@@ -12,7 +12,7 @@ use crate::clock::{self, Clock};
 use crate::files::Folder;
 use crate::journal::{History, JournalError, Kinds, Record, Span};
 use crate::script::picture_name;
-use crate::timetable::{Reason, Timetable, outlook};
+use crate::timetable::{Reason, Timetable, predict_starts};
 use crate::vision::validate_markers;
 
 /// Maximum number of battery levels in one response; more are thinned out.
@@ -156,7 +156,7 @@ pub(super) fn picture(data: &Path, behaviour: &str, name: &str) -> Option<Vec<u8
 /// Returns the next starts of the timetable.
 pub(super) fn starts(table: &Timetable, known: &[String], clock: Clock) -> Vec<Start> {
     let words = |at: Timestamp| clock::words(&table.zone.time(at));
-    let starts = outlook(table, known, clock.now(), STARTS);
+    let starts = predict_starts(table, known, clock.now(), STARTS);
     starts
         .into_iter()
         .map(|one| Start {

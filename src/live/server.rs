@@ -18,7 +18,7 @@ use super::scripts::Known;
 use super::world::Simulation;
 use super::{api, page};
 use crate::control::Run;
-use crate::http::{self, Access, AccessError, Door, Options, Peer};
+use crate::http::{self, Access, AccessError, LimitedListener, Options, Peer};
 use crate::robot::Listener;
 
 /// The run that the page shows and controls.
@@ -82,9 +82,9 @@ impl Live {
                 };
                 runtime.block_on(async {
                     match open(&shown, &options).await {
-                        Ok((door, access)) => {
-                            let _ = started.send(door.address().map_err(LiveError::System));
-                            let served = serve(door, access, shown, &options);
+                        Ok((listener, access)) => {
+                            let _ = started.send(listener.address().map_err(LiveError::System));
+                            let served = serve(listener, access, shown, &options);
                             let _ = stopped.run_until_cancelled(served).await;
                         }
                         Err(error) => drop(started.send(Err(error))),
@@ -126,18 +126,21 @@ impl Drop for Live {
     }
 }
 
-async fn open(shown: &Shown, options: &Options) -> Result<(Door, Arc<Access>), LiveError> {
+async fn open(
+    shown: &Shown,
+    options: &Options,
+) -> Result<(LimitedListener, Arc<Access>), LiveError> {
     let address = options.address();
     // Check the access before the socket is opened.
     Access::new(options, address, &shown.data)?;
-    let door = Door::open(address, options.viewers).await;
-    let door = door.map_err(|source| LiveError::Socket { address, source })?;
+    let listener = LimitedListener::open(address, options.viewers).await;
+    let listener = listener.map_err(|source| LiveError::Socket { address, source })?;
     // Use the actual port, which matters for the check of `Host`.
-    let access = Access::new(options, door.address()?, &shown.data)?;
-    Ok((door, Arc::new(access)))
+    let access = Access::new(options, listener.address()?, &shown.data)?;
+    Ok((listener, Arc::new(access)))
 }
 
-async fn serve(door: Door, access: Arc<Access>, shown: Shown, options: &Options) {
+async fn serve(listener: LimitedListener, access: Arc<Access>, shown: Shown, options: &Options) {
     let Shown {
         run,
         sim,
@@ -150,14 +153,16 @@ async fn serve(door: Door, access: Arc<Access>, shown: Shown, options: &Options)
     let _serving = AbortOnDropHandle::new(tokio::spawn(hub.clone().serve(bus)));
     let keeper = hub.clone();
     let _keeping = log.map(|log| {
-        AbortOnDropHandle::new(tokio::spawn(async move { keeper.book.keep(log).await }))
+        AbortOnDropHandle::new(tokio::spawn(
+            async move { keeper.log_buffer.keep(log).await },
+        ))
     });
     let router = page::routes()
         .merge(http::routes(access.clone()))
         .merge(api::routes(hub))
-        .layer(middleware::from_fn_with_state(access, http::guarded));
+        .layer(middleware::from_fn_with_state(access, http::guard_request));
     let service = router.into_make_service_with_connect_info::<Peer>();
-    if let Err(error) = axum::serve(door, service).await {
+    if let Err(error) = axum::serve(listener, service).await {
         tracing::error!("the page is no longer served: {error}");
     }
 }

@@ -64,7 +64,8 @@ pub(super) struct Tuned {
 /// A change of a behaviour's state.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Become {
+#[schemars(rename = "Become")]
+pub(super) struct BehaviourChange {
     /// The change.
     pub change: Turn,
     /// With `start`: end it after this time, such as `30m`.

@@ -8,8 +8,8 @@ use tokio::sync::watch;
 use tokio::time::Instant;
 
 use super::hub::Hub;
+use super::manual_drive;
 use super::state::Person;
-use super::wheel;
 use crate::http::{Role, Visitor};
 use crate::lab::Factor;
 use crate::robot::Setpoint;
@@ -28,13 +28,13 @@ pub(super) struct Ticket {
 impl Drop for Ticket {
     fn drop(&mut self) {
         self.leave_wheel();
-        self.hub.folk().viewers -= 1;
+        self.hub.lock_viewers().count -= 1;
     }
 }
 
 /// Why the wheel cannot be taken.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum NoWheel {
+pub(super) enum WheelError {
     /// The role does not permit driving.
     Viewer,
     /// STOP holds.
@@ -48,11 +48,11 @@ pub(super) enum NoWheel {
 impl Ticket {
     /// Admits a viewer; `None` if there are too many.
     pub(super) fn admit(hub: &Arc<Hub>, visitor: &Visitor) -> Option<Ticket> {
-        let mut folk = hub.folk();
-        if folk.viewers >= hub.most_viewers {
+        let mut viewers = hub.lock_viewers();
+        if viewers.count >= hub.most_viewers {
             return None;
         }
-        folk.viewers += 1;
+        viewers.count += 1;
         let id = NUMBER.fetch_add(1, Ordering::Relaxed);
         let name = visitor.token.clone().unwrap_or_else(|| format!("#{id}"));
         Some(Ticket {
@@ -93,57 +93,65 @@ impl Ticket {
     /// already has the wheel.
     ///
     /// # Errors
-    /// See [`NoWheel`].
+    /// See [`WheelError`].
     pub(super) fn take_wheel(
         &self,
-    ) -> Result<Option<impl Future<Output = ()> + Send + use<>>, NoWheel> {
+    ) -> Result<Option<impl Future<Output = ()> + Send + use<>>, WheelError> {
         if self.role != Role::Driver {
-            return Err(NoWheel::Viewer);
+            return Err(WheelError::Viewer);
         }
         if is_halted(&self.hub) {
-            return Err(NoWheel::Halted);
+            return Err(WheelError::Halted);
         }
         if is_hurried(&self.hub) {
-            return Err(NoWheel::Hurried);
+            return Err(WheelError::Hurried);
         }
-        let mut folk = self.hub.folk();
-        match &folk.driver {
+        let mut viewers = self.hub.lock_viewers();
+        match &viewers.driver {
             Some((person, _)) if person.id == self.id => return Ok(None),
-            Some((person, _)) => return Err(NoWheel::Taken(person.name.clone())),
+            Some((person, _)) => return Err(WheelError::Taken(person.name.clone())),
             None => {}
         }
         let person = self.person();
-        let (wishes, wished) = watch::channel((Setpoint::STOP, Instant::now()));
+        let (setpoints, received) = watch::channel((Setpoint::STOP, Instant::now()));
         let name = person.name.clone();
-        folk.driver = Some((person, wishes));
-        Ok(Some(wheel::drive(self.hub.run.clone(), name, wished)))
+        viewers.driver = Some((person, setpoints));
+        Ok(Some(manual_drive::drive(
+            self.hub.run.clone(),
+            name,
+            received,
+        )))
     }
 
     /// Sets the setpoint, which is valid for 0.3 s. Returns whether this viewer has the wheel.
-    pub(super) fn wish(&self, setpoint: Setpoint) -> bool {
+    pub(super) fn set_setpoint(&self, setpoint: Setpoint) -> bool {
         let hurried = is_hurried(&self.hub);
-        let mut folk = self.hub.folk();
+        let mut viewers = self.hub.lock_viewers();
         let id = self.id;
-        let Some((_, wishes)) = folk.driver.as_ref().filter(|(person, _)| person.id == id) else {
+        let Some((_, setpoints)) = viewers
+            .driver
+            .as_ref()
+            .filter(|(person, _)| person.id == id)
+        else {
             return false;
         };
-        let drives = !hurried && wishes.send((setpoint, Instant::now())).is_ok();
+        let drives = !hurried && setpoints.send((setpoint, Instant::now())).is_ok();
         if !drives {
             // The watchdog or the run has ended the seat, or the simulation no longer runs in real
             // time.
-            folk.driver = None;
+            viewers.driver = None;
         }
         drives
     }
 
     pub(super) fn leave_wheel(&self) {
-        let mut folk = self.hub.folk();
-        if folk
+        let mut viewers = self.hub.lock_viewers();
+        if viewers
             .driver
             .as_ref()
             .is_some_and(|(person, _)| person.id == self.id)
         {
-            folk.driver = None;
+            viewers.driver = None;
         }
     }
 }

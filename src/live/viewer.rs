@@ -21,7 +21,7 @@ use super::hub::{Hub, text};
 use super::log::Line;
 use super::messages::{FromPage, Hello, ToPage, Watch};
 use super::state::has_camera;
-use super::ticket::{NoWheel, Ticket};
+use super::ticket::{Ticket, WheelError};
 use super::world;
 use crate::http::Role;
 use crate::robot::{Frame, Setpoint};
@@ -48,7 +48,7 @@ const MOST_LINES: usize = 100;
 type Sink = SplitSink<WebSocket, Message>;
 
 /// The channels from the reader to the writer.
-struct Wants {
+struct Queues {
     watch: watch::Sender<Watch>,
     /// Number of frames taken.
     taken: watch::Sender<u32>,
@@ -80,7 +80,7 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
     let mut writing = AbortOnDropHandle::new(tokio::spawn(writer.run(sink, hello)));
     let mut reader = Reader {
         ticket,
-        wants: Wants {
+        queues: Queues {
             watch,
             taken,
             words,
@@ -96,8 +96,8 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
             _ = &mut writing => return,
         };
         match message {
-            Ok(Some(Ok(Message::Text(said)))) if reader.is_patient() => reader.hear(&said).await,
-            Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if reader.is_patient() => {}
+            Ok(Some(Ok(Message::Text(said)))) if reader.admits() => reader.handle(&said).await,
+            Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if reader.admits() => {}
             // Closed, broken, silent, too many messages, or binary.
             _ => return,
         }
@@ -107,7 +107,7 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
 /// Handles the messages of a page. Dropping it leaves the wheel.
 struct Reader {
     ticket: Ticket,
-    wants: Wants,
+    queues: Queues,
     orders: Vec<AbortOnDropHandle<()>>,
     wheel: Option<AbortOnDropHandle<()>>,
     /// Start of the current counting period, and the number of messages in it.
@@ -116,7 +116,7 @@ struct Reader {
 
 impl Reader {
     /// Counts a message. Returns false if there are too many.
-    fn is_patient(&mut self) -> bool {
+    fn admits(&mut self) -> bool {
         if self.window.0.elapsed() >= Duration::from_secs(1) {
             self.window = (Instant::now(), 0);
         }
@@ -124,7 +124,7 @@ impl Reader {
         self.window.1 <= MOST_MESSAGES
     }
 
-    async fn hear(&mut self, said: &str) {
+    async fn handle(&mut self, said: &str) {
         let message = match serde_json::from_str(said) {
             Ok(message) => message,
             Err(error) => {
@@ -134,16 +134,16 @@ impl Reader {
         };
         match message {
             FromPage::Watch(watch) => {
-                self.wants.watch.send_replace(watch);
+                self.queues.watch.send_replace(watch);
             }
             FromPage::Taken => self
-                .wants
+                .queues
                 .taken
                 .send_modify(|taken| *taken = taken.wrapping_add(1)),
             FromPage::Name { name } => self.ticket.rename(&name),
             FromPage::Stop => drop(self.ticket.hub().stop().await),
             FromPage::LetGo if self.ticket.role == Role::Driver => {
-                let _ = self.ticket.hub().let_go().await;
+                let _ = self.ticket.hub().release_stop().await;
             }
             FromPage::LetGo => self.notice("viewer_only", String::new()),
             FromPage::Wheel { take: true } => self.take_wheel(),
@@ -159,10 +159,10 @@ impl Reader {
                 self.wheel = Some(AbortOnDropHandle::new(tokio::spawn(driving)));
             }
             Ok(None) => {}
-            Err(NoWheel::Viewer) => self.notice("viewer_only", String::new()),
-            Err(NoWheel::Hurried) => self.notice("wheel_hurried", String::new()),
-            Err(NoWheel::Halted) => self.notice("wheel_halted", String::new()),
-            Err(NoWheel::Taken(name)) => self.notice("wheel_taken", name),
+            Err(WheelError::Viewer) => self.notice("viewer_only", String::new()),
+            Err(WheelError::Hurried) => self.notice("wheel_hurried", String::new()),
+            Err(WheelError::Halted) => self.notice("wheel_halted", String::new()),
+            Err(WheelError::Taken(name)) => self.notice("wheel_taken", name),
         }
     }
 
@@ -175,14 +175,14 @@ impl Reader {
     /// mean stop.
     fn drive(&mut self, left: f64, right: f64) {
         let setpoint = Setpoint::from_percent(left, right).unwrap_or(Setpoint::STOP);
-        if !self.ticket.wish(setpoint) {
+        if !self.ticket.set_setpoint(setpoint) {
             self.wheel = None;
         }
     }
 
     fn order(&mut self, id: u32, order: PageCommand) {
         self.orders.retain(|order| !order.is_finished());
-        let words = self.wants.words.clone();
+        let words = self.queues.words.clone();
         let answer = move |(ok, said): (bool, String)| {
             // Dropped if the page does not read its answers.
             let _ = words.try_send(text(&ToPage::Answer { id, ok, text: said }));
@@ -205,7 +205,7 @@ impl Reader {
 
     fn notice(&self, key: &'static str, name: String) {
         let _ = self
-            .wants
+            .queues
             .words
             .try_send(text(&ToPage::Notice { key, name }));
     }
@@ -223,7 +223,7 @@ struct Writer {
 
 /// The optional parts that the page shows.
 #[derive(Default)]
-struct Shows {
+struct Feeds {
     map: Option<watch::Receiver<Utf8Bytes>>,
     log: Option<broadcast::Receiver<Line>>,
     found: Option<broadcast::Receiver<Utf8Bytes>>,
@@ -248,7 +248,7 @@ impl Writer {
         let (mut state, mut behaviours) = (hub.state.subscribe(), hub.behaviours.subscribe());
         state.mark_changed();
         behaviours.mark_changed();
-        let (mut frames, mut look, mut shows) = (hub.camera.frames(), None, Shows::default());
+        let (mut frames, mut camera, mut feeds) = (hub.camera.frames(), None, Feeds::default());
         let mut ping = interval(PING);
         ping.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
@@ -259,8 +259,8 @@ impl Writer {
                 changed = self.watched.changed() => {
                     changed.ok()?;
                     let watch = *self.watched.borrow_and_update();
-                    look = watch.camera.then(|| look.take().unwrap_or_else(|| hub.camera.look()));
-                    self.turn_to(watch, &mut shows, sink).await?;
+                    camera = watch.camera.then(|| camera.take().unwrap_or_else(|| hub.camera.register()));
+                    self.update(watch, &mut feeds, sink).await?;
                 }
                 changed = self.taken.changed() => changed.ok()?,
                 Ok(()) = state.changed() => {
@@ -278,9 +278,9 @@ impl Writer {
                         send(sink, Message::Binary(packed(&frame, hub.now()))).await?;
                     }
                 }
-                text = newest(&mut shows.map) => send_text(sink, text).await?,
-                lines = lines(&mut shows.log) => send_text(sink, lines).await?,
-                found = next_found(&mut shows.found) => send_text(sink, found).await?,
+                text = newest(&mut feeds.map) => send_text(sink, text).await?,
+                lines = lines(&mut feeds.log) => send_text(sink, lines).await?,
+                found = next_found(&mut feeds.found) => send_text(sink, found).await?,
                 _ = ping.tick() => send(sink, Message::Ping(Bytes::new())).await?,
             }
         }
@@ -305,28 +305,28 @@ impl Writer {
         })
     }
 
-    async fn turn_to(&mut self, watch: Watch, shows: &mut Shows, sink: &mut Sink) -> Option<()> {
+    async fn update(&mut self, watch: Watch, feeds: &mut Feeds, sink: &mut Sink) -> Option<()> {
         match (&self.hub.sim, watch.map) {
-            (Some(sim), true) if shows.map.is_none() => {
+            (Some(sim), true) if feeds.map.is_none() => {
                 send_text(sink, text(&ToPage::World(&world::place(&sim.robot)))).await?;
-                shows.map = Some(self.hub.map.subscribe());
+                feeds.map = Some(self.hub.map.subscribe());
             }
-            (_, false) => shows.map = None,
+            (_, false) => feeds.map = None,
             _ => {}
         }
         match watch.log {
-            true if shows.log.is_none() => {
-                let (lines, news) = self.hub.book.read();
+            true if feeds.log.is_none() => {
+                let (lines, news) = self.hub.log_buffer.read();
                 send_text(sink, text(&ToPage::Log { lines, missed: 0 })).await?;
-                shows.log = Some(news);
+                feeds.log = Some(news);
             }
             true => {}
-            false => shows.log = None,
+            false => feeds.log = None,
         }
         match watch.found {
-            true if shows.found.is_none() => shows.found = Some(self.hub.found.subscribe()),
+            true if feeds.found.is_none() => feeds.found = Some(self.hub.found.subscribe()),
             true => {}
-            false => shows.found = None,
+            false => feeds.found = None,
         }
         Some(())
     }

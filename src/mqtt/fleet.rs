@@ -7,7 +7,7 @@ use serde_json::Value;
 use tokio::time::{Instant, timeout_at};
 
 use super::command::{Answer, BrokerCommand};
-use super::line::{Account, Full, Line, Message, Word};
+use super::connection::{Account, Connection, ConnectionEvent, Full, Message};
 use super::presence::Presence;
 use super::topics::Topics;
 
@@ -52,7 +52,7 @@ pub struct Found {
 #[derive(Debug)]
 pub struct Fleet {
     account: Account,
-    line: Line,
+    connection: Connection,
     found: BTreeMap<String, Found>,
 }
 
@@ -61,15 +61,15 @@ impl Fleet {
     ///
     /// # Errors
     /// See [`FleetError`].
-    pub async fn visit(account: Account) -> Result<Fleet, FleetError> {
+    pub async fn connect(account: Account) -> Result<Fleet, FleetError> {
         let client = format!("spykee-fleet-{:08x}", rand::random::<u32>());
-        let line = Line::dial(&account, &client, None);
+        let connection = Connection::dial(&account, &client, None);
         let mut fleet = Fleet {
             account,
-            line,
+            connection,
             found: BTreeMap::new(),
         };
-        fleet.look().await.map_err(|why| fleet.broken(why))?;
+        fleet.collect().await.map_err(|why| fleet.broken(why))?;
         Ok(fleet)
     }
 
@@ -78,21 +78,21 @@ impl Fleet {
         self.found.values()
     }
 
-    async fn look(&mut self) -> Result<(), String> {
+    async fn collect(&mut self) -> Result<(), String> {
         let mut until = Instant::now() + OPENING;
         let (mut missing, mut latest) = (3, None);
         loop {
-            match timeout_at(until, self.line.next()).await {
-                Ok(Word::Up) => {
+            match timeout_at(until, self.connection.next()).await {
+                Ok(ConnectionEvent::Up) => {
                     for what in ["connection", "state", "answer"] {
                         let topic = format!("{}/+/{what}", self.account.options.prefix);
-                        self.line.subscribe(&topic).map_err(in_words)?;
+                        self.connection.subscribe(&topic).map_err(in_words)?;
                     }
                 }
-                Ok(Word::Subscribed) => missing -= 1,
-                Ok(Word::Message(message)) => self.note(&message),
-                Ok(Word::Acknowledged) => {}
-                Ok(Word::Lost(why)) => return Err(why),
+                Ok(ConnectionEvent::Subscribed) => missing -= 1,
+                Ok(ConnectionEvent::Message(message)) => self.note(&message),
+                Ok(ConnectionEvent::Acknowledged) => {}
+                Ok(ConnectionEvent::Lost(why)) => return Err(why),
                 Err(_) if missing <= 0 => return Ok(()),
                 Err(_) => return Err("it did not confirm the subscriptions in time".to_owned()),
             }
@@ -108,7 +108,7 @@ impl Fleet {
     }
 
     fn note(&mut self, message: &Message) {
-        let Some((robot, what)) = self.place(&message.topic) else {
+        let Some((robot, what)) = self.split_topic(&message.topic) else {
             return;
         };
         let presence = match what {
@@ -135,7 +135,7 @@ impl Fleet {
     }
 
     /// Splits a topic into the robot and the rest.
-    fn place<'a>(&self, topic: &'a str) -> Option<(&'a str, &'a str)> {
+    fn split_topic<'a>(&self, topic: &'a str) -> Option<(&'a str, &'a str)> {
         let rest = topic.strip_prefix(&self.account.options.prefix)?;
         rest.strip_prefix('/')?.split_once('/')
     }
@@ -171,18 +171,18 @@ impl Fleet {
             while let Some(robot) = next {
                 let topics = Topics::new(&self.account.options.prefix, "", robot);
                 let payload = order.to_json(id).into_bytes();
-                if self.line.say(&topics.command(), payload) == Err(Full) {
+                if self.connection.publish(&topics.command(), payload) == Err(Full) {
                     break;
                 }
                 next = waiting.next();
             }
-            match timeout_at(until, self.line.next()).await {
-                Ok(Word::Message(message)) => {
+            match timeout_at(until, self.connection.next()).await {
+                Ok(ConnectionEvent::Message(message)) => {
                     if let Some((robot, answer)) = self.answer(&message, id) {
                         answers.insert(robot, answer);
                     }
                 }
-                Ok(Word::Lost(why)) => return Err(why),
+                Ok(ConnectionEvent::Lost(why)) => return Err(why),
                 Ok(_) => {}
                 Err(_) => break,
             }
@@ -191,7 +191,7 @@ impl Fleet {
     }
 
     fn answer(&self, message: &Message, id: &str) -> Option<(String, Answer)> {
-        let (robot, "answer") = self.place(&message.topic)? else {
+        let (robot, "answer") = self.split_topic(&message.topic)? else {
             return None;
         };
         let answer: Answer = serde_json::from_slice(&message.payload).ok()?;
@@ -199,8 +199,8 @@ impl Fleet {
     }
 
     /// Disconnects.
-    pub async fn leave(self) {
-        self.line.close(Duration::from_secs(1)).await;
+    pub async fn disconnect(self) {
+        self.connection.close(Duration::from_secs(1)).await;
     }
 
     fn broken(&self, why: String) -> FleetError {

@@ -12,22 +12,22 @@
 //! An order is executed at most once: sessions are clean, so a broker keeps no orders for an agent
 //! that is offline, and retained orders are ignored.
 
+mod broker_client;
 mod command;
+mod command_tasks;
+mod connection;
 mod discovery;
-mod envoy;
-mod errands;
 mod fleet;
-mod line;
+mod limited_log;
 mod post;
 mod presence;
 mod report;
-mod scribe;
 mod thread;
 mod topics;
 
 pub use command::{Answer, BrokerCommand, BrokerCommandError};
+pub use connection::Account;
 pub use fleet::{Fleet, FleetError, Found};
-pub use line::Account;
 pub use post::{PostError, publish};
 pub use presence::Presence;
 pub use thread::{Mqtt, MqttError};

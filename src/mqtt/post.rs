@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::runtime::Builder;
 use tokio::time::timeout;
 
-use super::line::{Account, LONGEST_SENT, Line, Word};
+use super::connection::{Account, Connection, ConnectionEvent, LONGEST_SENT};
 
 /// Timeout for the disconnection, and for a name lookup still in progress at the end.
 const END: Duration = Duration::from_millis(200);
@@ -19,7 +19,7 @@ pub enum PostError {
     TooLong,
     /// The connection failed.
     #[error("no connection with the broker: {0}")]
-    Line(String),
+    Connection(String),
     /// The broker did not confirm the message in time.
     #[error("the broker did not confirm it within {} s", .0.as_secs_f64())]
     Silent(Duration),
@@ -40,9 +40,9 @@ pub fn publish(
     if payload.len() > LONGEST_SENT - 1024 {
         return Err(PostError::TooLong);
     }
-    let line = |error: std::io::Error| PostError::Line(error.to_string());
+    let failed = |error: std::io::Error| PostError::Connection(error.to_string());
     let runtime = Builder::new_current_thread().enable_all().build();
-    let runtime = runtime.map_err(line)?;
+    let runtime = runtime.map_err(failed)?;
     let sent = runtime.block_on(async {
         let silent = |_| PostError::Silent(limit);
         let sending = send(account, topic, payload);
@@ -55,22 +55,22 @@ pub fn publish(
 async fn send(account: &Account, topic: &str, payload: Vec<u8>) -> Result<(), PostError> {
     // A unique client ID: a second client with the same ID would disconnect the first.
     let client = format!("spykee-post-{:016x}", rand::random::<u64>());
-    let mut line = Line::dial(account, &client, None);
+    let mut connection = Connection::dial(account, &client, None);
     let mut waiting = Some(payload);
     loop {
-        match line.next().await {
-            Word::Up => {
+        match connection.next().await {
+            ConnectionEvent::Up => {
                 let Some(payload) = waiting.take() else {
                     continue;
                 };
-                let full = |_| PostError::Line("its queue is full".to_owned());
-                line.say(topic, payload).map_err(full)?;
+                let full = |_| PostError::Connection("its queue is full".to_owned());
+                connection.publish(topic, payload).map_err(full)?;
             }
-            Word::Acknowledged => break,
-            Word::Lost(why) => return Err(PostError::Line(why)),
-            Word::Message(_) | Word::Subscribed => {}
+            ConnectionEvent::Acknowledged => break,
+            ConnectionEvent::Lost(why) => return Err(PostError::Connection(why)),
+            ConnectionEvent::Message(_) | ConnectionEvent::Subscribed => {}
         }
     }
-    line.close(END).await;
+    connection.close(END).await;
     Ok(())
 }

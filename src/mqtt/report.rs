@@ -29,7 +29,7 @@ pub(super) struct Report {
 
 impl Report {
     /// Records an event.
-    pub(super) fn hear(&mut self, what: &Occurrence) {
+    pub(super) fn record_event(&mut self, what: &Occurrence) {
         match what {
             Occurrence::LinkUp { .. } => self.lost = None,
             Occurrence::LinkDown { reason } => self.lost = Some(reason.clone()),
@@ -213,7 +213,7 @@ mod tests {
         let mut report = Report::default();
         let free = up(WatchdogState::Free);
         assert_eq!(report.state(&free, &[], None)["problem"], false);
-        report.hear(&ended(EndReason::Error));
+        report.record_event(&ended(EndReason::Error));
         let state = report.state(&free, &[], None);
         assert_eq!(state["reason"], "patrol failed: patrol.lua:3: no");
         let lost = Status {
@@ -221,13 +221,13 @@ mod tests {
             ..free
         };
         let reason = "no answer".to_owned();
-        report.hear(&Occurrence::LinkDown { reason });
+        report.record_event(&Occurrence::LinkDown { reason });
         let state = report.state(&lost, &[], None);
         assert_eq!(state["reason"], "the robot is out of reach: no answer");
         let behaviour = "patrol".to_owned();
-        report.hear(&Occurrence::Started { behaviour });
+        report.record_event(&Occurrence::Started { behaviour });
         assert_eq!(report.state(&free, &[], None)["reason"], Value::Null);
-        report.hear(&ended(EndReason::Cancelled));
+        report.record_event(&ended(EndReason::Cancelled));
         assert_eq!(report.state(&free, &[], None)["problem"], false);
     }
 

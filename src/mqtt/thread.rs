@@ -7,8 +7,8 @@ use std::time::Duration;
 use tokio::runtime::Builder;
 use tokio_util::sync::CancellationToken;
 
-use super::envoy::Envoy;
-use super::line::Account;
+use super::broker_client::BrokerClient;
+use super::connection::Account;
 use crate::control::Run;
 use crate::robot::Bus;
 
@@ -44,7 +44,7 @@ impl Mqtt {
         let runtime = Builder::new_current_thread().enable_all().build()?;
         let (listener, stopped) = (bus.listen(), stop.clone());
         let life = move || {
-            runtime.block_on(Envoy::new(account, run, listener).live(&stopped));
+            runtime.block_on(BrokerClient::new(account, run, listener).run(&stopped));
             runtime.shutdown_timeout(LOOKUP);
             drop(alive);
         };

@@ -11,7 +11,7 @@ use super::options::Target;
 
 /// The message to publish.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Letter {
+pub struct BrokerMessage {
     /// The topic.
     pub topic: String,
     /// The payload.
@@ -20,21 +20,21 @@ pub struct Letter {
     pub limit: Duration,
 }
 
-/// Publishes a letter and waits for the broker's confirmation; may block. `None` if the config
+/// Publishes a message and waits for the broker's confirmation; may block. `None` if the config
 /// names no broker.
-pub type Post = Option<Arc<dyn Fn(Letter) -> Delivery + Send + Sync>>;
+pub type BrokerPublisher = Option<Arc<dyn Fn(BrokerMessage) -> Delivery + Send + Sync>>;
 
 /// Publishes a notification to this topic.
 pub(super) fn send(
     (target, topic): (&Target, &str),
-    post: &Post,
+    publisher: &BrokerPublisher,
     notice: &Notice,
     picture: Option<&[u8]>,
 ) -> Delivery {
-    let Some(post) = post else {
+    let Some(publisher) = publisher else {
         return Delivery::Refused("the config names no broker".to_owned());
     };
-    post(Letter {
+    publisher(BrokerMessage {
         topic: topic.to_owned(),
         payload: content(target, "", notice, picture).bytes,
         limit: target.timeout.get(),

@@ -16,7 +16,7 @@ use super::options::Target;
 use super::template::{Slot, fill};
 
 /// Polling interval for the end of the program.
-const LOOK_EVERY: Duration = Duration::from_millis(25);
+const POLL_INTERVAL: Duration = Duration::from_millis(25);
 
 /// Runs the program to its end.
 pub(super) fn send(target: &Target, notice: &Notice, picture: Option<&Path>) -> Delivery {
@@ -42,12 +42,12 @@ pub(super) fn send(target: &Target, notice: &Notice, picture: Option<&Path>) -> 
         command.env("SPYKEE_PICTURE", picture);
     }
     match command.spawn() {
-        Ok(child) => to_the_end(child, notice, target.timeout.get()),
+        Ok(child) => wait_for_exit(child, notice, target.timeout.get()),
         Err(error) => Delivery::Later(format!("{program} cannot be started: {error}")),
     }
 }
 
-fn to_the_end(mut child: Child, notice: &Notice, limit: Duration) -> Delivery {
+fn wait_for_exit(mut child: Child, notice: &Notice, limit: Duration) -> Delivery {
     if let Some(mut input) = child.stdin.take() {
         // Shorter than a pipe's buffer: never blocks, even if the command does not read it.
         let _ = input.write_all(notice.text.as_bytes());
@@ -61,8 +61,8 @@ fn to_the_end(mut child: Child, notice: &Notice, limit: Duration) -> Delivery {
                 break Delivery::Later(format!("it took more than {} s", limit.as_secs_f64()));
             }
             Ok(None) => {
-                std::thread::sleep(LOOK_EVERY.min(left));
-                left = left.saturating_sub(LOOK_EVERY);
+                std::thread::sleep(POLL_INTERVAL.min(left));
+                left = left.saturating_sub(POLL_INTERVAL);
             }
             Err(error) => break Delivery::Later(error.to_string()),
         }

@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use serde_json::Value;
 
 use super::notice::Notice;
-use super::options::{PictureWay, Target};
+use super::options::{PictureMode, Target};
 use super::template::{Slot, fill, fill_json};
 
 /// The content of a message.
@@ -30,11 +30,11 @@ pub(super) fn content(
     let body = target.body.as_deref().unwrap_or("{text}");
     let text = || fill(body, notice, token, Slot::Plain);
     match (picture, target.picture, json) {
-        (Some(picture), PictureWay::Body, _) => Content {
+        (Some(picture), PictureMode::Body, _) => Content {
             kind: "image/jpeg".into(),
             bytes: picture.to_vec(),
         },
-        (Some(picture), PictureWay::Form, json) => {
+        (Some(picture), PictureMode::Form, json) => {
             let name = notice.picture.as_ref().and_then(|path| path.file_name());
             let name = name.unwrap_or_default().to_string_lossy();
             let boundary = boundary();

@@ -12,13 +12,13 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
 
-use super::broker::Post;
+use super::broker::BrokerPublisher;
 use super::notice::Notice;
 use super::options::Options;
 use super::queue::Queue;
-use super::rules::{Rules, Said};
+use super::rate_limit::RateLimit;
+use super::rules::{Notification, Rules};
 use super::sender::Sender;
-use super::share::Share;
 use crate::clock::until;
 use crate::robot::{Bus, Heard, Listener};
 
@@ -40,8 +40,8 @@ pub struct Notifier {
 
 impl Notifier {
     /// Notifies the targets of these options of events on the bus from now on. `tokens` holds the
-    /// targets' tokens by name; `post` publishes to the broker for targets that are topics. Waiting
-    /// messages are stored in this data folder. Does not wait for disk or network.
+    /// targets' tokens by name; `publisher` publishes to the broker for targets that are topics.
+    /// Waiting messages are stored in this data folder. Does not wait for disk or network.
     ///
     /// # Errors
     /// If the system cannot start the threads.
@@ -50,48 +50,48 @@ impl Notifier {
         data: &Path,
         options: &Options,
         tokens: &BTreeMap<String, String>,
-        post: &Post,
+        publisher: &BrokerPublisher,
     ) -> Result<Notifier, NotifyError> {
         let stop = CancellationToken::new();
         let (alive, ended) = mpsc::sync_channel::<()>(1);
         let now = Instant::now();
-        let mut desks = Vec::new();
+        let mut queues = Vec::new();
         for (name, target) in &options.targets {
             let (wake, woken) = mpsc::sync_channel(1);
             let sender = Sender {
                 name: name.clone(),
                 target: target.clone(),
                 token: tokens.get(name).cloned().unwrap_or_default(),
-                post: post.clone(),
+                publisher: publisher.clone(),
                 data: data.to_owned(),
             };
             let alive = alive.clone();
             let life = move || {
-                sender.live(&woken);
+                sender.run(&woken);
                 drop(alive);
             };
             let thread = std::thread::Builder::new().name("notify".into());
             thread.spawn(life).map_err(NotifyError::Thread)?;
-            desks.push(Desk {
+            queues.push(TargetQueue {
                 name: name.clone(),
                 target: target.clone(),
-                share: Share::new(options.per_hour, now),
+                rate_limit: RateLimit::new(options.per_hour, now),
                 wake,
             });
         }
         let runtime = Builder::new_current_thread().enable_time().build();
         let runtime = runtime.map_err(NotifyError::Thread)?;
-        let voice = Voice {
+        let dispatcher = Dispatcher {
             rules: Rules::new(options.unreachable_after.get(), now),
             data: data.to_owned(),
-            desks,
+            queues,
         };
         let (listener, stopped) = (bus.listen(), stop.clone());
         let life = move || {
-            runtime.block_on(voice.live(listener, stopped));
+            runtime.block_on(dispatcher.run(listener, stopped));
             drop(alive);
         };
-        let thread = std::thread::Builder::new().name("voice".into());
+        let thread = std::thread::Builder::new().name("notify-rules".into());
         thread.spawn(life).map_err(NotifyError::Thread)?;
         Ok(Notifier { stop, ended })
     }
@@ -113,48 +113,48 @@ impl Drop for Notifier {
 }
 
 /// Accepts messages for one target.
-struct Desk {
+struct TargetQueue {
     name: String,
     target: super::Target,
-    share: Share,
+    rate_limit: RateLimit,
     wake: mpsc::SyncSender<()>,
 }
 
-struct Voice {
+struct Dispatcher {
     rules: Rules,
     data: std::path::PathBuf,
-    desks: Vec<Desk>,
+    queues: Vec<TargetQueue>,
 }
 
-impl Voice {
-    async fn live(mut self, mut listener: Listener, stop: CancellationToken) {
+impl Dispatcher {
+    async fn run(mut self, mut listener: Listener, stop: CancellationToken) {
         loop {
             tokio::select! {
                 biased;
                 () = stop.cancelled() => break,
                 () = until(self.rules.deadline()) => {
                     let now = Instant::now();
-                    let said = self.rules.poll(now);
-                    self.tell(said, now);
+                    let notification = self.rules.poll(now);
+                    self.enqueue(notification, now);
                 }
-                heard = listener.next() => if !self.hear(&heard) {
+                heard = listener.next() => if !self.handle_event(&heard) {
                     break;
                 }
             }
         }
         while let Some(heard) = listener.try_next() {
-            if !self.hear(&heard) {
+            if !self.handle_event(&heard) {
                 break;
             }
         }
     }
 
     /// Handles an event. Returns false if the bus is closed.
-    fn hear(&mut self, heard: &Heard) -> bool {
+    fn handle_event(&mut self, heard: &Heard) -> bool {
         match heard {
             Heard::Happening(one) => {
-                let said = self.rules.hear(&one.what, Instant::now());
-                self.tell(said, one.at);
+                let notification = self.rules.handle_event(&one.what, Instant::now());
+                self.enqueue(notification, one.at);
             }
             Heard::Missed(missed) => warn!(missed, "events were lost before a rule could see them"),
             Heard::Closed => return false,
@@ -162,12 +162,12 @@ impl Voice {
         true
     }
 
-    fn tell(&mut self, said: Option<Said>, at: Instant) {
-        let Some(Said {
+    fn enqueue(&mut self, notification: Option<Notification>, at: Instant) {
+        let Some(Notification {
             rule,
             text,
             picture,
-        }) = said
+        }) = notification
         else {
             return;
         };
@@ -180,19 +180,19 @@ impl Voice {
             at: now.checked_sub(ago).unwrap_or(now).as_millisecond(),
             picture,
         };
-        for desk in &mut self.desks {
-            desk.take(&self.data, &notice);
+        for queue in &mut self.queues {
+            queue.accept(&self.data, &notice);
         }
     }
 }
 
-impl Desk {
-    fn take(&mut self, data: &Path, notice: &Notice) {
+impl TargetQueue {
+    fn accept(&mut self, data: &Path, notice: &Notice) {
         if !self.target.wants(notice.rule) {
             return;
         }
         let name = &self.name;
-        let Some(before) = self.share.take(Instant::now()) else {
+        let Some(before) = self.rate_limit.take(Instant::now()) else {
             return debug!(
                 target = name,
                 "too many messages in an hour: one was dropped"

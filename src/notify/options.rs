@@ -66,7 +66,7 @@ pub struct Target {
     /// The JSON that it is sent; the strings in it are filled in.
     pub json: Option<Value>,
     /// How a picture is sent with it; to a topic `none` or `body`.
-    pub picture: PictureWay,
+    pub picture: PictureMode,
     /// A file with `{token}` in its first line.
     pub token_file: Option<PathBuf>,
     /// The environment variable that holds `{token}`.
@@ -88,7 +88,7 @@ impl Default for Target {
             topic: None,
             body: None,
             json: None,
-            picture: PictureWay::default(),
+            picture: PictureMode::default(),
             token_file: None,
             token_env: None,
             command: Vec::new(),
@@ -102,7 +102,7 @@ impl Default for Target {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 #[schemars(rename = "NotifyPicture")]
-pub enum PictureWay {
+pub enum PictureMode {
     /// No picture.
     #[default]
     None,
@@ -185,8 +185,8 @@ impl Target {
             return Err(TargetError::TokenOfTopic);
         }
         match self.picture {
-            PictureWay::Form => Err(TargetError::PictureOfTopic),
-            PictureWay::None | PictureWay::Body => Ok(()),
+            PictureMode::Form => Err(TargetError::PictureOfTopic),
+            PictureMode::None | PictureMode::Body => Ok(()),
         }
     }
 }

@@ -17,7 +17,7 @@ const LONGEST: usize = 1000;
 
 /// A notification to be sent.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Said {
+pub(super) struct Notification {
     pub(super) rule: Rule,
     pub(super) text: String,
     pub(super) picture: Option<PathBuf>,
@@ -42,7 +42,7 @@ pub(super) struct Rules {
     battery: Option<Battery>,
     low: bool,
     /// When each problem was last reported, by rule and subject.
-    told: BTreeMap<(Rule, String), Instant>,
+    last_reported: BTreeMap<(Rule, String), Instant>,
 }
 
 impl Rules {
@@ -54,7 +54,7 @@ impl Rules {
             robot: None,
             battery: None,
             low: false,
-            told: BTreeMap::new(),
+            last_reported: BTreeMap::new(),
         }
     }
 
@@ -64,7 +64,7 @@ impl Rules {
     }
 
     /// Handles an event.
-    pub(super) fn hear(&mut self, what: &Occurrence, now: Instant) -> Option<Said> {
+    pub(super) fn handle_event(&mut self, what: &Occurrence, now: Instant) -> Option<Notification> {
         match what {
             Occurrence::LinkUp { robot, .. } => {
                 let name = if robot.name.is_empty() {
@@ -75,7 +75,8 @@ impl Rules {
                 self.robot = Some(name.clone());
                 let was = std::mem::replace(&mut self.link, Link::Up);
                 let missing = matches!(was, Link::Missing);
-                missing.then(|| said(Rule::Unreachable, format!("{name} is in reach again")))
+                missing
+                    .then(|| notification(Rule::Unreachable, format!("{name} is in reach again")))
             }
             Occurrence::LinkDown { reason } => {
                 if let Link::Up = self.link {
@@ -89,7 +90,7 @@ impl Rules {
             }
             Occurrence::Watchdog { low, .. } => {
                 let was_low = std::mem::replace(&mut self.low, *low);
-                (*low && !was_low).then(|| said(Rule::Low, self.low_text()))
+                (*low && !was_low).then(|| notification(Rule::Low, self.low_text()))
             }
             Occurrence::Safety {
                 action: SafetyAction::Alarm,
@@ -116,7 +117,7 @@ impl Rules {
             }
             Occurrence::GivenUp { behaviour, message } => {
                 let text = format!("{behaviour} is given up, it failed too often: {message}");
-                Some(said(Rule::RunFailed, text))
+                Some(notification(Rule::RunFailed, text))
             }
             Occurrence::StartMissed { behaviour, reason } => {
                 let text = format!("{behaviour} did not start: {reason}");
@@ -135,9 +136,9 @@ impl Rules {
                 let text = format!("{behaviour}: {what}{}", fields(data));
                 self.once(Rule::Moved, kind, text, now)
             }
-            Occurrence::Notify { text, picture, .. } => Some(Said {
+            Occurrence::Notify { text, picture, .. } => Some(Notification {
                 picture: picture.clone(),
-                ..said(Rule::Script, text.clone())
+                ..notification(Rule::Script, text.clone())
             }),
             _ => None,
         }
@@ -152,7 +153,7 @@ impl Rules {
     }
 
     /// Reports a robot that has been out of reach for too long.
-    pub(super) fn poll(&mut self, now: Instant) -> Option<Said> {
+    pub(super) fn poll(&mut self, now: Instant) -> Option<Notification> {
         if self.deadline().is_none_or(|deadline| now < deadline) {
             return None;
         }
@@ -165,7 +166,7 @@ impl Rules {
             "{} has been out of reach for {minutes:.0} min{why}",
             self.robot()
         );
-        Some(said(Rule::Unreachable, text))
+        Some(notification(Rule::Unreachable, text))
     }
 
     fn low_text(&self) -> String {
@@ -176,20 +177,26 @@ impl Rules {
     }
 
     /// Returns the notification, unless the same problem was reported recently.
-    fn once(&mut self, rule: Rule, about: &str, text: String, now: Instant) -> Option<Said> {
-        self.told
+    fn once(
+        &mut self,
+        rule: Rule,
+        about: &str,
+        text: String,
+        now: Instant,
+    ) -> Option<Notification> {
+        self.last_reported
             .retain(|_, at| now.saturating_duration_since(*at) < AGAIN);
         let key = (rule, about.to_owned());
-        if self.told.contains_key(&key) {
+        if self.last_reported.contains_key(&key) {
             return None;
         }
-        self.told.insert(key, now);
-        Some(said(rule, text))
+        self.last_reported.insert(key, now);
+        Some(notification(rule, text))
     }
 }
 
-fn said(rule: Rule, text: String) -> Said {
-    Said {
+fn notification(rule: Rule, text: String) -> Notification {
+    Notification {
         rule,
         text: text.chars().take(LONGEST).collect(),
         picture: None,

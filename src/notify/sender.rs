@@ -8,11 +8,11 @@ use jiff::Timestamp;
 use tokio::time::Instant;
 use tracing::{info, warn};
 
-use super::broker::{self, Post};
+use super::broker::{self, BrokerPublisher};
 use super::command;
 use super::delivery::Delivery;
 use super::notice::Notice;
-use super::options::{PictureWay, Target};
+use super::options::{PictureMode, Target};
 use super::queue::Queue;
 use super::webhook;
 use crate::files::Folder;
@@ -22,20 +22,27 @@ const FIRST_PAUSE: Duration = Duration::from_secs(5);
 /// ... up to this maximum.
 const LONGEST_PAUSE: Duration = Duration::from_secs(900);
 /// Polling interval of the queue: another program may have left messages there.
-const LOOK_EVERY: Duration = Duration::from_secs(30);
+const POLL_INTERVAL: Duration = Duration::from_secs(30);
 /// Maximum size of a picture, in bytes; a larger one is not sent.
 const LARGEST_PICTURE: u64 = 8 << 20;
 
-/// Sends one message now; `post` publishes to the broker.
-pub fn deliver(target: &Target, token: &str, post: &Post, notice: &Notice) -> Delivery {
+/// Sends one message now; `publisher` publishes to the broker.
+pub fn deliver(
+    target: &Target,
+    token: &str,
+    publisher: &BrokerPublisher,
+    notice: &Notice,
+) -> Delivery {
     let picture = || {
-        let wanted = target.picture != PictureWay::None;
+        let wanted = target.picture != PictureMode::None;
         let path = notice.picture.as_deref().filter(|_| wanted);
         path.and_then(read_picture)
     };
     match (&target.url, &target.topic) {
         (Some(url), _) => webhook::send(target, url, token, notice, picture().as_deref()),
-        (None, Some(topic)) => broker::send((target, topic), post, notice, picture().as_deref()),
+        (None, Some(topic)) => {
+            broker::send((target, topic), publisher, notice, picture().as_deref())
+        }
         (None, None) => command::send(target, notice, notice.picture.as_deref()),
     }
 }
@@ -53,13 +60,13 @@ pub(super) struct Sender {
     pub(super) name: String,
     pub(super) target: Target,
     pub(super) token: String,
-    pub(super) post: Post,
+    pub(super) publisher: BrokerPublisher,
     pub(super) data: PathBuf,
 }
 
 impl Sender {
     /// Runs until the last waker is dropped; then tries the waiting messages once more.
-    pub(super) fn live(self, woken: &Receiver<()>) {
+    pub(super) fn run(self, woken: &Receiver<()>) {
         let (mut pause, mut is_last) = (None, false);
         loop {
             let sent = self.send_all();
@@ -71,7 +78,7 @@ impl Sender {
                 (false, None) => Some(FIRST_PAUSE),
                 (false, Some(pause)) => Some(LONGEST_PAUSE.min(pause * 2)),
             };
-            let until = Instant::now() + pause.unwrap_or(LOOK_EVERY);
+            let until = Instant::now() + pause.unwrap_or(POLL_INTERVAL);
             is_last = wait(woken, until, pause.is_some());
         }
     }
@@ -92,7 +99,7 @@ impl Sender {
                 Ok(None) => return true,
                 Err(_) => return false,
             };
-            match deliver(&self.target, &self.token, &self.post, &waiting.notice) {
+            match deliver(&self.target, &self.token, &self.publisher, &waiting.notice) {
                 Delivery::Done => {
                     let event = waiting.notice.rule.name();
                     info!(target = self.name, event, "notification sent");

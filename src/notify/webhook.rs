@@ -114,7 +114,7 @@ fn failed(error: &ureq::Error, limit: Duration) -> Delivery {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::notify::{PictureWay, Rule};
+    use crate::notify::{PictureMode, Rule};
     use serde_json::{Value, json};
 
     fn notice() -> Notice {
@@ -141,7 +141,7 @@ mod tests {
             ("/s3%20cret", "POST")
         );
         let ntfy = Target {
-            picture: PictureWay::Body,
+            picture: PictureMode::Body,
             headers: [("Message".to_owned(), "{text}".to_owned())].into(),
             ..Target::default()
         };
@@ -154,7 +154,7 @@ mod tests {
         assert_eq!(of(ntfy, None).0, "somebody is there");
         let apprise = Target {
             json: Some(json!({ "title": "{robot}", "body": "{text}" })),
-            picture: PictureWay::Form,
+            picture: PictureMode::Form,
             ..Target::default()
         };
         let (body, _) = of(apprise.clone(), Some(b"jpeg"));

@@ -1,5 +1,5 @@
 //! Handles an idle robot: while no behaviour runs, it is sent to its station, and its link may be
-//! released there. A state machine: takes facts and the time, returns a wish.
+//! released there. A state machine: takes facts and the time, returns an action.
 
 use std::time::Duration;
 
@@ -27,15 +27,15 @@ pub(super) struct Facts {
 
 /// What to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Wish {
+pub(super) enum IdleAction {
     /// Send the robot to its station.
     Dock,
     /// Cancel the docking: a behaviour wants to run.
-    LeaveBe,
+    CancelDocking,
     /// Release the link.
     Release,
     /// Connect again.
-    Take,
+    Connect,
 }
 
 /// See the module.
@@ -85,7 +85,7 @@ impl IdleRobot {
     }
 
     /// Returns what to do now.
-    pub(super) fn poll(&mut self, facts: Facts) -> Option<Wish> {
+    pub(super) fn poll(&mut self, facts: Facts) -> Option<IdleAction> {
         if self.asked.is_some_and(|link| link != facts.link) {
             self.asked = None;
         }
@@ -93,12 +93,12 @@ impl IdleRobot {
             self.since = None;
             (self.failures, self.next) = (0, None);
             if std::mem::take(&mut self.docking) {
-                return Some(Wish::LeaveBe);
+                return Some(IdleAction::CancelDocking);
             }
-            return self.once(facts.link, LinkState::Released, Wish::Take);
+            return self.request_once(facts.link, LinkState::Released, IdleAction::Connect);
         }
         if facts.link == LinkState::Released && !self.policy.release {
-            return self.once(facts.link, LinkState::Released, Wish::Take);
+            return self.request_once(facts.link, LinkState::Released, IdleAction::Connect);
         }
         if facts.link != LinkState::Up {
             self.since = None;
@@ -111,14 +111,14 @@ impl IdleRobot {
         if facts.docked {
             let release = self.policy.release;
             return release
-                .then(|| self.once(facts.link, LinkState::Up, Wish::Release))
+                .then(|| self.request_once(facts.link, LinkState::Up, IdleAction::Release))
                 .flatten();
         }
         if !self.policy.dock || self.next.is_some_and(|next| facts.now < next) {
             return None;
         }
         self.docking = true;
-        Some(Wish::Dock)
+        Some(IdleAction::Dock)
     }
 
     /// When to poll again if nothing happens before.
@@ -127,13 +127,18 @@ impl IdleRobot {
         idle.max(self.next)
     }
 
-    /// Returns the wish if the link is in state `of`, but only once until the link changes.
-    fn once(&mut self, link: LinkState, of: LinkState, wish: Wish) -> Option<Wish> {
+    /// Returns the action if the link is in state `of`, but only once until the link changes.
+    fn request_once(
+        &mut self,
+        link: LinkState,
+        of: LinkState,
+        action: IdleAction,
+    ) -> Option<IdleAction> {
         if link != of || self.asked == Some(of) {
             return None;
         }
         self.asked = Some(of);
-        Some(wish)
+        Some(action)
     }
 }
 
@@ -164,17 +169,17 @@ mod tests {
         let (mut idle, mut facts) = idle(true);
         assert_eq!(idle.poll(facts), None);
         facts.now += MINUTE;
-        assert_eq!(idle.poll(facts), Some(Wish::Dock));
+        assert_eq!(idle.poll(facts), Some(IdleAction::Dock));
         assert_eq!(idle.poll(facts), None, "it is under way");
         idle.docked(true, facts.now);
         facts.docked = true;
-        assert_eq!(idle.poll(facts), Some(Wish::Release));
+        assert_eq!(idle.poll(facts), Some(IdleAction::Release));
         assert_eq!(idle.poll(facts), None, "said once");
         facts.link = LinkState::Released;
         facts.now += 1000 * MINUTE;
         assert_eq!(idle.poll(facts), None);
         facts.busy = true;
-        assert_eq!(idle.poll(facts), Some(Wish::Take));
+        assert_eq!(idle.poll(facts), Some(IdleAction::Connect));
         assert_eq!(idle.poll(facts), None);
     }
 
@@ -193,9 +198,9 @@ mod tests {
         let (mut idle, mut facts) = idle(false);
         idle.poll(facts);
         facts.now += MINUTE;
-        assert_eq!(idle.poll(facts), Some(Wish::Dock));
+        assert_eq!(idle.poll(facts), Some(IdleAction::Dock));
         facts.busy = true;
-        assert_eq!(idle.poll(facts), Some(Wish::LeaveBe));
+        assert_eq!(idle.poll(facts), Some(IdleAction::CancelDocking));
         (facts.busy, facts.low) = (false, true);
         idle.poll(facts);
         facts.now += 10 * MINUTE;
@@ -209,7 +214,7 @@ mod tests {
         let (begin, mut tries) = (facts.now, Vec::new());
         while facts.now < begin + 300 * MINUTE {
             facts.now += MINUTE;
-            if idle.poll(facts) == Some(Wish::Dock) {
+            if idle.poll(facts) == Some(IdleAction::Dock) {
                 tries.push((facts.now - begin).as_secs() / 60);
                 idle.docked(false, facts.now);
             }

@@ -3,11 +3,12 @@
 //! journal, broker and page work beside it, through the agent's handles.
 //!
 //! Nothing here runs on the driving core: a service that hangs does not affect the watchdog, the
-//! running behaviours and their ends, or the watchdog notifications to systemd (see [`Herald`]).
+//! running behaviours and their ends, or the watchdog notifications to systemd (see
+//! [`ManagerNotifier`]).
 
-mod clerk;
-mod herald;
+mod executor;
 mod idle;
+mod manager_notifier;
 mod orders;
 mod record;
 mod unit;
@@ -19,11 +20,11 @@ use jiff::Timestamp;
 use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
-pub use herald::Herald;
+pub use manager_notifier::ManagerNotifier;
 pub use record::RecordFile;
 pub use unit::{Unit, unit};
 
-use self::clerk::Clerk;
+use self::executor::Executor;
 use crate::agent::{Agent, AgentError, Blueprint, Bus, Outcome};
 use crate::clock::{Clock, is_plausible};
 use crate::pilot::Status;
@@ -78,10 +79,10 @@ pub struct Reload {
     pub changed: Vec<String>,
 }
 
-/// The listeners that the clerk informs.
+/// The listeners that the executor informs.
 struct Listeners {
     file: Option<RecordFile>,
-    herald: Herald,
+    notifier: ManagerNotifier,
     bus: Bus,
     view: watch::Sender<View>,
 }
@@ -100,7 +101,7 @@ pub struct Service {
     /// without a file nothing is recorded.
     pub record: (Record, Option<RecordFile>),
     /// Notifies the service manager.
-    pub herald: Herald,
+    pub notifier: ManagerNotifier,
     /// Publishes missed starts; the bus of the agent's plan.
     pub bus: Bus,
     /// Publishes the next start, for display: see [`View::channel`].
@@ -121,12 +122,12 @@ impl Service {
             clock,
             duties,
             record: (record, file),
-            herald,
+            notifier,
             bus,
             view,
             reloads,
         } = self;
-        let clerk = Clerk::new(
+        let executor = Executor::new(
             agent.roster(),
             agent.requests(),
             status,
@@ -135,7 +136,7 @@ impl Service {
             duties,
             Listeners {
                 file,
-                herald: herald.clone(),
+                notifier: notifier.clone(),
                 bus,
                 view,
             },
@@ -143,9 +144,9 @@ impl Service {
         let outcome = tokio::select! {
             biased;
             outcome = agent.run(stop.clone()) => outcome,
-            never = clerk.work(reloads, stop) => match never {},
+            never = executor.work(reloads, stop) => match never {},
         };
-        herald.stopping();
+        notifier.stopping();
         outcome
     }
 }

@@ -13,13 +13,13 @@ use crate::robot::{BehaviourId, DockPlan, Priority};
 
 /// The seat from which an idle robot is sent home; its number is between those of the persons and
 /// of the rescue behaviour.
-const ME: BehaviourId = BehaviourId(0xFFFD);
+const IDLE_SEAT: BehaviourId = BehaviourId(0xFFFD);
 /// The lowest priority.
-const LAST: Priority = Priority(i16::MIN);
+const LOWEST: Priority = Priority(i16::MIN);
 
 /// The result of an order.
 #[derive(Debug)]
-pub(super) enum Outcome {
+pub(super) enum OrderResult {
     /// A start.
     Started(String, Result<(), RosterError>),
     /// A stop or a restart.
@@ -31,7 +31,7 @@ pub(super) enum Outcome {
 /// See the module.
 pub(super) struct Orders {
     roster: Roster,
-    given: JoinSet<Outcome>,
+    tasks: JoinSet<OrderResult>,
     /// Behaviours with an outstanding order.
     names: BTreeSet<String>,
 }
@@ -40,7 +40,7 @@ impl Orders {
     pub(super) fn new(roster: Roster) -> Orders {
         Orders {
             roster,
-            given: JoinSet::new(),
+            tasks: JoinSet::new(),
             names: BTreeSet::new(),
         }
     }
@@ -57,48 +57,48 @@ impl Orders {
 
     pub(super) fn start(&mut self, run: String) {
         let (roster, name) = (self.roster.clone(), run.clone());
-        self.give(run, async move {
+        self.spawn(run, async move {
             let started = roster.start(&name).await;
-            Outcome::Started(name, started)
+            OrderResult::Started(name, started)
         });
     }
 
     pub(super) fn stop(&mut self, run: String) {
         let (roster, name) = (self.roster.clone(), run.clone());
-        self.give(run, async move {
+        self.spawn(run, async move {
             let stopped = roster.stop(&name).await;
-            Outcome::Changed(name, stopped)
+            OrderResult::Changed(name, stopped)
         });
     }
 
     pub(super) fn restart(&mut self, run: String) {
         let (roster, name) = (self.roster.clone(), run.clone());
-        self.give(run, async move {
+        self.spawn(run, async move {
             let restarted = roster.restart(&name).await;
-            Outcome::Changed(name, restarted)
+            OrderResult::Changed(name, restarted)
         });
     }
 
-    fn give(&mut self, run: String, order: impl Future<Output = Outcome> + Send + 'static) {
+    fn spawn(&mut self, run: String, order: impl Future<Output = OrderResult> + Send + 'static) {
         self.names.insert(run);
-        self.given.spawn(order);
+        self.tasks.spawn(order);
     }
 
     /// Sends the idle robot to its station. Aborting the returned task cancels the docking.
     pub(super) fn send_home(&mut self, requests: mpsc::Sender<Request>) -> AbortHandle {
-        self.given
-            .spawn(async move { Outcome::Home(send_home(requests).await) })
+        self.tasks
+            .spawn(async move { OrderResult::Home(send_home(requests).await) })
     }
 
     /// Returns the next result; `None` while no order is outstanding. Cancel-safe.
-    pub(super) async fn next(&mut self) -> Option<Outcome> {
+    pub(super) async fn next(&mut self) -> Option<OrderResult> {
         loop {
             // An aborted order has no result.
-            if let Ok(outcome) = self.given.join_next().await? {
-                if let Outcome::Started(run, _) | Outcome::Changed(run, _) = &outcome {
+            if let Ok(result) = self.tasks.join_next().await? {
+                if let OrderResult::Started(run, _) | OrderResult::Changed(run, _) = &result {
                     self.names.remove(run);
                 }
-                return Some(outcome);
+                return Some(result);
             }
         }
     }
@@ -114,6 +114,6 @@ impl Orders {
 
 /// Docks with the lowest priority. Dropping the future cancels the docking.
 async fn send_home(requests: mpsc::Sender<Request>) -> Result<Docked, SeatError> {
-    let seat = Seat::join(requests, ME, "an idle robot", LAST, Role::Person).await;
+    let seat = Seat::join(requests, IDLE_SEAT, "an idle robot", LOWEST, Role::Person).await;
     seat?.dock(DockPlan::DEFAULT).await
 }

@@ -12,7 +12,7 @@ use crate::timetable::Notice;
 
 /// Logs a notice of the timetable. For a start that did not happen, returns the behaviour and the
 /// reason.
-pub(super) fn tell<'a>(told: &'a Notice, zone: &Zone) -> Option<(&'a str, &'static str)> {
+pub(super) fn log_notice<'a>(told: &'a Notice, zone: &Zone) -> Option<(&'a str, &'static str)> {
     let time = |at: &Timestamp| clock::words(&zone.time(*at));
     match told {
         Notice::Missed {
@@ -50,7 +50,7 @@ pub(super) fn tell<'a>(told: &'a Notice, zone: &Zone) -> Option<(&'a str, &'stat
 }
 
 /// Logs a change of the quiet hours.
-pub(super) fn tell_quiet(quiet: Quiet) {
+pub(super) fn log_quiet_hours(quiet: Quiet) {
     match quiet {
         Quiet::Off => info!("quiet hours are over"),
         Quiet::Scripts => info!("quiet hours: no sounds and no headlight but the alarm's"),
@@ -59,7 +59,7 @@ pub(super) fn tell_quiet(quiet: Quiet) {
 }
 
 /// Logs the result of sending an idle robot to its station. Returns whether it arrived.
-pub(super) fn tell_home(ended: &Result<Docked, SeatError>) -> bool {
+pub(super) fn log_homing(ended: &Result<Docked, SeatError>) -> bool {
     let why = match ended {
         Ok(Docked {
             end: DockEnd::Done | DockEnd::AlreadyDocked,

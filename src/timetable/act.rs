@@ -25,7 +25,7 @@ pub enum Act {
         run: String,
     },
     /// Inform people.
-    Tell(Notice),
+    Report(Notice),
 }
 
 /// A notice for people.

@@ -8,9 +8,9 @@
 
 mod act;
 mod error;
-mod outlook;
 mod pattern;
 mod planner;
+mod prediction;
 mod quiet;
 mod record;
 mod rule;
@@ -18,9 +18,9 @@ mod view;
 
 pub use act::{Act, Notice};
 pub use error::TimetableError;
-pub use outlook::{Outlook, Reason, outlook};
 pub use pattern::Pattern;
 pub use planner::{Facts, Planner};
+pub use prediction::{PredictedStart, Reason, predict_starts};
 pub use quiet::Quiet;
 pub use record::{Record, UnderWay};
 pub use rule::{Rule, Timetable};

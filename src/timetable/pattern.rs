@@ -133,8 +133,8 @@ impl Serialize for Pattern {
 
 impl<'de> Deserialize<'de> for Pattern {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Pattern, D::Error> {
-        struct Word;
-        impl Visitor<'_> for Word {
+        struct PatternVisitor;
+        impl Visitor<'_> for PatternVisitor {
             type Value = Pattern;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -152,7 +152,7 @@ impl<'de> Deserialize<'de> for Pattern {
                 })
             }
         }
-        from.deserialize_str(Word)
+        from.deserialize_str(PatternVisitor)
     }
 }
 

@@ -14,10 +14,10 @@ use crate::clock::is_plausible;
 /// A start this late is still on time: the service polls several times a minute.
 const GRACE: Duration = Duration::from_secs(60);
 /// The clock was set if it has advanced this much more, or less, than the elapsed time.
-const SET: SignedDuration = SignedDuration::from_secs(30);
+const CLOCK_LEAP: SignedDuration = SignedDuration::from_secs(30);
 /// If the clock is put back by at most this, no start is repeated; if by more, planning restarts at
 /// the time it shows.
-const BACK: SignedDuration = SignedDuration::from_hours(1);
+const MAX_SETBACK: SignedDuration = SignedDuration::from_hours(1);
 /// Maximum number of starts of one rule that are counted after a leap of the clock; the rest was
 /// missed anyway.
 const MOST_MISSED: usize = 1000;
@@ -43,12 +43,12 @@ struct Due {
     lasts: Option<Duration>,
     /// Whether this resumes an interrupted run.
     resumed: bool,
-    over: Option<Instant>,
+    expires: Option<Instant>,
 }
 
 /// A behaviour that the timetable has started.
 #[derive(Debug, Clone)]
-struct Started {
+struct ActiveRun {
     run: String,
     planned: Timestamp,
     /// When it must be ended.
@@ -62,13 +62,13 @@ pub struct Planner {
     table: Timetable,
     record: Record,
     /// The clock time at the last poll, and its monotonic time.
-    seen: Option<(Timestamp, Instant)>,
+    last_poll: Option<(Timestamp, Instant)>,
     /// Starts up to this time are handled.
     looked: Option<Timestamp>,
     /// The next start of each rule.
     next: Vec<Option<Timestamp>>,
     due: Vec<Due>,
-    started: Vec<Started>,
+    started: Vec<ActiveRun>,
 }
 
 impl Planner {
@@ -77,7 +77,7 @@ impl Planner {
         Planner {
             table,
             record,
-            seen: None,
+            last_poll: None,
             looked: None,
             next: Vec::new(),
             due: Vec::new(),
@@ -158,30 +158,30 @@ impl Planner {
             return Vec::new();
         }
         let mut acts = Vec::new();
-        let moves = self.see_clock(facts, &mut acts);
+        let moves = self.check_clock(facts, &mut acts);
         if moves {
-            self.collect(facts.now, &mut acts);
+            self.collect_due(facts.now, &mut acts);
             self.looked = Some(facts.now);
         }
-        self.end_over(facts.at, &mut acts);
+        self.end_expired(facts.at, &mut acts);
         self.start_due(facts, &mut acts);
         acts
     }
 
     /// Detects changes of the clock. Returns whether it shows a time that is not handled yet.
-    fn see_clock(&mut self, facts: Facts<'_>, acts: &mut Vec<Act>) -> bool {
-        let seen = self.seen.replace((facts.now, facts.at));
-        let (Some((before, at)), Some(looked)) = (seen, self.looked) else {
+    fn check_clock(&mut self, facts: Facts<'_>, acts: &mut Vec<Act>) -> bool {
+        let last_poll = self.last_poll.replace((facts.now, facts.at));
+        let (Some((before, at)), Some(looked)) = (last_poll, self.looked) else {
             self.begin(facts);
             return true;
         };
         let passed = SignedDuration::try_from(facts.at.saturating_duration_since(at));
         let leap = facts.now.duration_since(before) - passed.unwrap_or_default();
-        if leap.abs() > SET {
+        if leap.abs() > CLOCK_LEAP {
             let seconds = leap.as_secs();
-            acts.push(Act::Tell(Notice::ClockSet { seconds }));
+            acts.push(Act::Report(Notice::ClockSet { seconds }));
         }
-        if looked.duration_since(facts.now) > BACK {
+        if looked.duration_since(facts.now) > MAX_SETBACK {
             self.plan_from(facts.now);
             return true;
         }
@@ -215,7 +215,7 @@ impl Planner {
                 planned,
                 lasts,
                 resumed: true,
-                over: lasts.map(|lasts| facts.at + lasts),
+                expires: lasts.map(|lasts| facts.at + lasts),
             });
         }
     }
@@ -230,7 +230,7 @@ impl Planner {
     }
 
     /// Collects the starts whose time has come; reports those that are too late.
-    fn collect(&mut self, now: Timestamp, acts: &mut Vec<Act>) {
+    fn collect_due(&mut self, now: Timestamp, acts: &mut Vec<Act>) {
         for (rule, next) in self.table.rules.iter().zip(&mut self.next) {
             let recent = now.checked_sub(self.table.catch_up.get()).unwrap_or(now);
             let (mut missed, mut newest) = (0, None);
@@ -256,7 +256,7 @@ impl Planner {
                     planned,
                     count,
                 };
-                acts.push(Act::Tell(told));
+                acts.push(Act::Report(told));
             }
             if !late_too {
                 self.due.push(Due {
@@ -264,13 +264,13 @@ impl Planner {
                     planned,
                     lasts: rule.lasts.map(|lasts| lasts.get()),
                     resumed: false,
-                    over: None,
+                    expires: None,
                 });
             }
         }
     }
 
-    fn end_over(&mut self, at: Instant, acts: &mut Vec<Act>) {
+    fn end_expired(&mut self, at: Instant, acts: &mut Vec<Act>) {
         for one in &mut self.started {
             if !one.ending && one.until.is_some_and(|(until, _)| until <= at) {
                 one.ending = true;
@@ -282,8 +282,8 @@ impl Planner {
 
     fn start_due(&mut self, facts: Facts<'_>, acts: &mut Vec<Act>) {
         for mut due in std::mem::take(&mut self.due) {
-            if let Some(over) = due.over {
-                let left = over.saturating_duration_since(facts.at);
+            if let Some(expires) = due.expires {
+                let left = expires.saturating_duration_since(facts.at);
                 if left.is_zero() {
                     continue;
                 }
@@ -294,12 +294,12 @@ impl Planner {
             let busy = busy || self.started.iter().any(|one| one.run == run);
             if busy {
                 if !due.resumed {
-                    acts.push(Act::Tell(Notice::Overlap { run, planned }));
+                    acts.push(Act::Report(Notice::Overlap { run, planned }));
                 }
             } else if facts.ready {
                 acts.push(self.start(due, facts));
             } else if !due.resumed && facts.now.duration_since(planned) > allowed(&self.table) {
-                acts.push(Act::Tell(Notice::NoRobot { run, planned }));
+                acts.push(Act::Report(Notice::NoRobot { run, planned }));
             } else {
                 self.due.push(due);
             }
@@ -318,7 +318,7 @@ impl Planner {
             let shown = facts.now.checked_add(lasts).unwrap_or(Timestamp::MAX);
             (facts.at + lasts, shown)
         });
-        self.started.push(Started {
+        self.started.push(ActiveRun {
             run: run.clone(),
             planned,
             until,

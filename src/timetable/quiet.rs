@@ -62,8 +62,8 @@ impl Serialize for Quiet {
 
 impl<'de> Deserialize<'de> for Quiet {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Quiet, D::Error> {
-        struct Word;
-        impl Visitor<'_> for Word {
+        struct QuietVisitor;
+        impl Visitor<'_> for QuietVisitor {
             type Value = Quiet;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -76,7 +76,7 @@ impl<'de> Deserialize<'de> for Quiet {
                 })
             }
         }
-        from.deserialize_str(Word)
+        from.deserialize_str(QuietVisitor)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::rig::{QUIET_WORLD, Rig};
 
-async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     let mut run = rig.spykee(args);
     let code = run.code().await;
     (code, run.text())
@@ -23,7 +23,8 @@ async fn in_virtual_time_the_clock_follows_the_change_to_summer_time() {
     rig.file("world.yaml", QUIET_WORLD);
     rig.file("spykee.yaml", "time_zone: Europe/Rome\n");
     let args = ["run", "tells.lua", "--sim", "world.yaml", "--fast"];
-    let (code, text) = tool(&rig, &[&args[..], &["--date", "2026-03-29 00:30"]].concat()).await;
+    let (code, text) =
+        run_spykee(&rig, &[&args[..], &["--date", "2026-03-29 00:30"]].concat()).await;
     assert_eq!(code, Some(0), "{text}");
     for line in [
         "it is 2026-03-29 00:30:0", // the login takes its time
@@ -34,7 +35,7 @@ async fn in_virtual_time_the_clock_follows_the_change_to_summer_time() {
         assert!(text.contains(line), "{line}: {text}");
     }
     // Without a date, the virtual clock is the same on every computer.
-    let (_, text) = tool(&rig, &args).await;
+    let (_, text) = run_spykee(&rig, &args).await;
     assert!(text.contains("it is 2026-01-01 10:00:0"), "{text}");
 }
 
@@ -50,7 +51,7 @@ async fn a_script_in_its_own_process_has_the_date_of_the_simulation() {
     rig.file("spykee.yaml", "time_zone: America/New_York\n");
     let date = ["--date", "2026-07-04 12:00"];
     let args = [&["run", "tells.lua", "--sim", "world.yaml"][..], &date].concat();
-    let (code, text) = tool(&rig, &args).await;
+    let (code, text) = run_spykee(&rig, &args).await;
     assert_eq!(code, Some(0), "{text}");
     assert!(
         text.contains("it is 2026-07-04 12:0") && text.contains("America/New_York"),
@@ -58,7 +59,7 @@ async fn a_script_in_its_own_process_has_the_date_of_the_simulation() {
     );
     assert!(text.contains("1969-12-31 19:00:00 20638"), "{text}");
     let robot = ["run", "tells.lua", "--robot", &rig.address];
-    let (code, text) = tool(&rig, &[&robot[..], &date].concat()).await;
+    let (code, text) = run_spykee(&rig, &[&robot[..], &date].concat()).await;
     assert_eq!(
         (code, text.contains("--date needs --sim")),
         (Some(2), true),
@@ -93,7 +94,7 @@ scenario('puts the light on at night', { world = 'playpen', limit = 40000 }, fun
     expect(not fine, 'no date')
 end)",
     );
-    let (code, text) = tool(&rig, &["test", "night_test.lua"]).await;
+    let (code, text) = run_spykee(&rig, &["test", "night_test.lua"]).await;
     assert_eq!(code, Some(0), "{text}");
 }
 
@@ -123,7 +124,7 @@ async fn days_of_service_pass_in_virtual_time_across_a_clock_change() {
         "--seed",
         "7",
     ];
-    let (code, text) = tool(&rig, &args).await;
+    let (code, text) = run_spykee(&rig, &args).await;
     assert_eq!(code, Some(0), "{text}");
     assert_eq!(text.matches("on my way").count(), 4, "{text}");
     assert_eq!(text.matches("starts by the timetable").count(), 4);

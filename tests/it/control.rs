@@ -20,8 +20,8 @@ async fn running(rig: &Rig, script: &str) -> Run {
     run
 }
 
-/// Runs a tool in the folder of the run; returns its exit code and output.
-async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+/// Runs `spykee` in the folder of the run; returns its exit code and output.
+async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     let mut run = rig.spykee(args);
     let code = run.code().await;
     (code, run.text())
@@ -36,7 +36,7 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
     let rig = Rig::quiet().await;
     let run = running(&rig, IDLE).await;
     let user = rig.sim.state().user;
-    let (code, text) = tool(&rig, &["status", "--json"]).await;
+    let (code, text) = run_spykee(&rig, &["status", "--json"]).await;
     let status = json(&text)[0].clone();
     assert_eq!(
         (code, status["robot"].as_str()),
@@ -50,7 +50,7 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
         status["process"].as_i64(),
         Some(run.pid().as_raw_nonzero().get().into())
     );
-    let (code, text) = tool(&rig, &["status"]).await;
+    let (code, text) = run_spykee(&rig, &["status"]).await;
     assert_eq!(code, Some(0));
     assert!(text.contains("90 %") && text.contains("script"), "{text}");
     // A volume that the robot already has is not sent again.
@@ -59,14 +59,14 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
         (&[], ("40", 40)),
     ] {
         let ask = |args: &[&'static str]| [&["robot"], args, robot].concat();
-        let (code, text) = tool(&rig, &ask(&["battery"])).await;
+        let (code, text) = run_spykee(&rig, &ask(&["battery"])).await;
         assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
-        let (code, text) = tool(&rig, &ask(&["battery", "--json"])).await;
+        let (code, text) = run_spykee(&rig, &ask(&["battery", "--json"])).await;
         assert_eq!((code, json(&text)["percent"].as_u64()), (Some(0), Some(90)));
         assert!(json(&text).get("minutes_left").is_some(), "{text}");
-        let (_, text) = tool(&rig, &ask(&["info", "--json"])).await;
+        let (_, text) = run_spykee(&rig, &ask(&["info", "--json"])).await;
         assert_eq!(json(&text)["uid"].as_str(), Some("SPYKEE0001"), "{text}");
-        let (code, text) = tool(&rig, &ask(&["snapshot", "-o", "seen.jpg"])).await;
+        let (code, text) = run_spykee(&rig, &ask(&["snapshot", "-o", "seen.jpg"])).await;
         assert_eq!(code, Some(0), "{text}");
         let jpeg = std::fs::read(rig.folder().join("seen.jpg")).unwrap();
         spykee::vision::validate_markers(&jpeg).unwrap();
@@ -76,7 +76,7 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
             (&["volume", volume], Command::Volume(told)),
         ] {
             let from = rig.sim.heard_count();
-            let (code, text) = tool(&rig, &ask(args)).await;
+            let (code, text) = run_spykee(&rig, &ask(args)).await;
             assert_eq!(code, Some(0), "{text}");
             rig.heard(from, |command| *command == wanted).await;
         }
@@ -84,15 +84,15 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
     for on in [true, false] {
         let from = rig.sim.heard_count();
         let word = if on { "on" } else { "off" };
-        let (code, text) = tool(&rig, &["robot", "led", "flash", word]).await;
+        let (code, text) = run_spykee(&rig, &["robot", "led", "flash", word]).await;
         assert_eq!(code, Some(0), "{text}");
         let led = Led::Flash;
         rig.heard(from, |command| *command == Command::Led { led, on })
             .await;
     }
-    let (code, text) = tool(&rig, &["robot", "undock"]).await;
+    let (code, text) = run_spykee(&rig, &["robot", "undock"]).await;
     assert_eq!(code, Some(0), "{text}");
-    let (code, text) = tool(&rig, &["robot", "log", "--robot", &rig.address]).await;
+    let (code, text) = run_spykee(&rig, &["robot", "log", "--robot", &rig.address]).await;
     assert_eq!(
         (code, text.contains("a run uses the robot")),
         (Some(3), true),
@@ -128,16 +128,16 @@ async fn a_sound_file_is_played_through_a_run_and_without_one() {
             .sum()
     };
     let say = ["robot", "say", "hello.wav", "--robot", &rig.address];
-    let (code, text) = tool(&rig, &say).await;
+    let (code, text) = run_spykee(&rig, &say).await;
     assert_eq!(code, Some(0), "{text}");
     assert_eq!(spoken(0), 32_000);
     let _run = running(&rig, IDLE).await;
     let from = rig.sim.heard_count();
-    let (code, text) = tool(&rig, &say).await;
+    let (code, text) = run_spykee(&rig, &say).await;
     assert_eq!(code, Some(0), "{text}");
     assert_eq!(spoken(from), 32_000);
     rig.file("no.wav", "RIFF");
-    let (code, text) = tool(&rig, &["robot", "say", "no.wav"]).await;
+    let (code, text) = run_spykee(&rig, &["robot", "say", "no.wav"]).await;
     assert_eq!(
         (code, text.contains("not a WAV file")),
         (Some(2), true),
@@ -150,7 +150,7 @@ async fn stop_stops_what_a_run_drives_and_ends_the_run() {
     let rig = Rig::quiet().await;
     let mut run = running(&rig, DRIVE).await;
     let moving = rig.heard_motion(0).await;
-    let (code, text) = tool(&rig, &["robot", "stop"]).await;
+    let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
     assert_eq!(
         (code, text.contains("has acknowledged it")),
         (Some(0), true),
@@ -160,7 +160,7 @@ async fn stop_stops_what_a_run_drives_and_ends_the_run() {
     let stopped = rig.heard_stop(moving).await;
     assert!(!rig.commands(stopped).iter().any(moves));
     assert!(!rig.sim.state().moving());
-    let (code, text) = tool(&rig, &["status"]).await;
+    let (code, text) = run_spykee(&rig, &["status"]).await;
     assert_eq!(
         (code, text.contains("no run is active")),
         (Some(0), true),
@@ -178,7 +178,7 @@ async fn stop_overrides_the_watchdogs_search_and_reports_the_low_battery() {
     rig.heard_motion(0).await;
     rig.sim.set_battery(12.0);
     rig.heard_dock(0).await;
-    let (code, text) = tool(&rig, &["robot", "stop"]).await;
+    let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
     assert_eq!(
         (code, text.contains("the battery is low")),
         (Some(0), true),
@@ -211,7 +211,7 @@ async fn docking_by_a_person_has_the_highest_priority_and_ends_with_the_request(
     assert!(!rig.commands(asked)[..cancelled - asked].iter().any(moves));
     rig.heard_motion(cancelled).await;
     rig.sim.hide_station(false);
-    let (code, text) = tool(&rig, &["robot", "dock", "--json"]).await;
+    let (code, text) = run_spykee(&rig, &["robot", "dock", "--json"]).await;
     assert_eq!(code, Some(0), "{text} {}", run.text());
     assert_eq!(json(&text)["end"].as_str(), Some("done"));
     assert!(rig.sim.state().docked);
@@ -224,7 +224,7 @@ async fn a_run_with_a_low_robot_refuses_to_undock() {
         .replace("level: 90", "level: 12");
     let rig = Rig::new(&world, Firmware::default()).await;
     let _run = running(&rig, IDLE).await;
-    let (code, text) = tool(&rig, &["robot", "undock"]).await;
+    let (code, text) = run_spykee(&rig, &["robot", "undock"]).await;
     assert_eq!(code, Some(5), "{text}");
     let undock = Command::Engine(Engage::Undock);
     assert!(!rig.commands(0).contains(&undock));
@@ -241,11 +241,11 @@ async fn the_socket_of_a_killed_run_disturbs_nothing() {
         .join("spykee-data/.run")
         .join(format!("{}.sock", run.pid().as_raw_nonzero()));
     assert!(socket.exists());
-    let (code, text) = tool(&rig, &["status", "--json"]).await;
+    let (code, text) = run_spykee(&rig, &["status", "--json"]).await;
     assert_eq!((code, &*text), (Some(0), "[]"));
     let free = rig.sim.wait_state(|state| state.user.is_none());
     timeout(WAIT_LIMIT, free).await.unwrap();
-    let (code, text) = tool(&rig, &["robot", "battery", "--robot", &rig.address]).await;
+    let (code, text) = run_spykee(&rig, &["robot", "battery", "--robot", &rig.address]).await;
     assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
     let _run = running(&rig, IDLE).await;
     assert!(!socket.exists());
@@ -270,7 +270,7 @@ async fn silent_or_invalid_clients_block_neither_the_robot_nor_other_clients() {
     // They are disconnected after a while, so that others are served.
     let told = async {
         loop {
-            let (code, text) = tool(&rig, &["status", "--json"]).await;
+            let (code, text) = run_spykee(&rig, &["status", "--json"]).await;
             if code == Some(0) && text.contains("\"off its station\"") {
                 return;
             }
@@ -299,20 +299,20 @@ async fn a_simulated_run_accepts_requests_and_two_runs_must_be_told_apart() {
     home.file("world.yaml", QUIET_WORLD);
     let mut first = home.spykee(&["run", "script.lua", "--sim", "world.yaml"]);
     first.says("connected").await;
-    let (code, text) = tool(&home, &["robot", "battery"]).await;
+    let (code, text) = run_spykee(&home, &["robot", "battery"]).await;
     assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
     let second = home.spykee(&["run", "script.lua", "--robot", &home.address]);
     second.says("connected").await;
-    let (code, text) = tool(&home, &["robot", "battery"]).await;
+    let (code, text) = run_spykee(&home, &["robot", "battery"]).await;
     assert_eq!(
         (code, text.contains("several runs")),
         (Some(2), true),
         "{text}"
     );
-    let (code, text) = tool(&home, &["robot", "battery", "--robot", &home.address]).await;
+    let (code, text) = run_spykee(&home, &["robot", "battery", "--robot", &home.address]).await;
     assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
     drop(second);
-    let (code, text) = tool(&home, &["robot", "stop"]).await;
+    let (code, text) = run_spykee(&home, &["robot", "stop"]).await;
     assert_eq!(code, Some(0), "{text}");
     assert_eq!(first.code().await, Some(130), "{}", first.text());
 }

@@ -235,7 +235,7 @@ impl Stage {
     }
 
     /// Whether the robot receives a command before the connection ends.
-    async fn hears(&self, from: usize, wanted: Command) -> bool {
+    async fn receives(&self, from: usize, wanted: Command) -> bool {
         let heard = || {
             let heard = self.sim.heard_since(from).into_iter();
             heard.map(|heard| heard.command).any(|one| one == wanted)
@@ -249,7 +249,7 @@ impl Stage {
     async fn stop_arrives(&self, script: &str, outage: Duration) -> (bool, String) {
         let (mut agent, moving) = self.driving(script).await;
         let said = self.interrupt(&mut agent, outage).await;
-        (self.hears(moving, Command::STOP).await, said)
+        (self.receives(moving, Command::STOP).await, said)
     }
 }
 
@@ -279,7 +279,7 @@ async fn a_low_robot_is_still_sent_home_at_the_end() {
     let first = timeout(WAIT_LIMIT, stage.sim.wait_heard(moving, dock)).await;
     stage.interrupt(&mut agent, OUTAGES[1]).await;
     let again = first.expect("no BASE_FIND") + 1;
-    assert!(stage.hears(again, Command::Engine(Engage::Dock)).await);
+    assert!(stage.receives(again, Command::Engine(Engage::Dock)).await);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -47,40 +47,52 @@ async fn home_assistant_receives_the_state_and_sends_the_robot_home() {
     let Some(broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
+    let (rig, subscriber) = (robot(A).await, Subscriber::connect(&broker).await);
     let mut run = start(&rig, &broker, IDLE);
-    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    subscriber
+        .wait_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
-    let config = ear
-        .hears(0, "homeassistant/device/SPYKEE0001/config", |_| true)
+    let config = subscriber
+        .wait_for(0, "homeassistant/device/SPYKEE0001/config", |_| true)
         .await;
     let config: Value = serde_json::from_slice(&config).unwrap();
     let options = &config["components"]["behaviour"]["options"];
     assert_eq!(*options, serde_json::json!(["patrol", "other"]));
     let running = |state: &Value| state["running"].as_array().unwrap().len() == 2;
-    let state = ear.waits_for_state(0, A, running).await;
+    let state = subscriber.wait_for_state(0, A, running).await;
     assert_eq!(state["problem"], false, "{state}");
     assert_eq!(state["battery"], 90, "{state}");
-    let from = ear.len();
-    ear.say("homeassistant/status", "online", false).await;
-    ear.hears(from, "homeassistant/device/SPYKEE0001/config", |_| true)
+    let from = subscriber.len();
+    subscriber
+        .publish("homeassistant/status", "online", false)
         .await;
-    ear.say("spykee/SPYKEE0001/command", "locate", false).await;
+    subscriber
+        .wait_for(from, "homeassistant/device/SPYKEE0001/config", |_| true)
+        .await;
+    subscriber
+        .publish("spykee/SPYKEE0001/command", "locate", false)
+        .await;
     rig.heard(0, |one| *one == Command::Play(Sound::Laser))
         .await;
-    ear.say("spykee/SPYKEE0001/command", "snapshot", false)
+    subscriber
+        .publish("spykee/SPYKEE0001/command", "snapshot", false)
         .await;
-    let jpeg = ear.hears(from, "spykee/SPYKEE0001/picture", |_| true).await;
+    let jpeg = subscriber
+        .wait_for(from, "spykee/SPYKEE0001/picture", |_| true)
+        .await;
     assert!(jpeg.starts_with(&[0xff, 0xd8]));
-    ear.say("spykee/SPYKEE0001/command", "return_to_base", false)
+    subscriber
+        .publish("spykee/SPYKEE0001/command", "return_to_base", false)
         .await;
     rig.heard_dock(0).await;
-    ear.waits_for_state(from, A, |state| state["state"] == "returning")
+    subscriber
+        .wait_for_state(from, A, |state| state["state"] == "returning")
         .await;
-    let from = ear.len();
+    let from = subscriber.len();
     run.signal(Signal::TERM);
     run.code().await;
-    ear.waits_for_text(from, "spykee/SPYKEE0001/connection", "OFFLINE")
+    subscriber
+        .wait_for_text(from, "spykee/SPYKEE0001/connection", "OFFLINE")
         .await;
 }
 
@@ -89,26 +101,35 @@ async fn retained_orders_are_ignored_and_no_order_runs_twice_when_the_broker_res
     let Some(mut broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
-    ear.say("spykee/SPYKEE0001/command", "return_to_base", true)
+    let (rig, subscriber) = (robot(A).await, Subscriber::connect(&broker).await);
+    subscriber
+        .publish("spykee/SPYKEE0001/command", "return_to_base", true)
         .await;
-    ear.waits_for_text(0, "spykee/SPYKEE0001/command", "return_to_base")
+    subscriber
+        .wait_for_text(0, "spykee/SPYKEE0001/command", "return_to_base")
         .await;
     let run = start(&rig, &broker, IDLE);
     run.says("a retained order is ignored").await;
-    ear.say("spykee/SPYKEE0001/command", "locate", false).await;
+    subscriber
+        .publish("spykee/SPYKEE0001/command", "locate", false)
+        .await;
     let laser = |one: &Command| *one == Command::Play(Sound::Laser);
     rig.heard(0, laser).await;
-    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    subscriber
+        .wait_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
-    let from = ear.len();
+    let from = subscriber.len();
     broker.restart();
     // The state that is published again after the reconnect.
-    ear.hears(from, "spykee/SPYKEE0001/state", |_| true).await;
+    subscriber
+        .wait_for(from, "spykee/SPYKEE0001/state", |_| true)
+        .await;
     // When the agent receives this order, it has processed all messages before it.
     let ordered = async {
         loop {
-            ear.say("spykee/SPYKEE0001/command", "stop", false).await;
+            subscriber
+                .publish("spykee/SPYKEE0001/command", "stop", false)
+                .await;
             tokio::time::sleep(Duration::from_millis(300)).await;
             if run.text().contains("order from the broker: stop") {
                 return;

@@ -11,13 +11,13 @@ use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT};
 
 const BASE: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { user: root }\n";
 
-async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     let mut run = rig.spykee(args);
     let code = run.code().await;
     (code, run.text())
 }
 
-async fn waits_for(mut what: impl FnMut() -> bool) {
+async fn wait_until(mut what: impl FnMut() -> bool) {
     let looks = async {
         while !what() {
             tokio::time::sleep(std::time::Duration::from_millis(20)).await;
@@ -75,7 +75,7 @@ async fn a_full_disk_does_not_affect_driving_and_the_journal_resumes_when_there_
         &format!("{BASE}data: disk/data\nbehaviours: [{{ file: ticks.lua }}]\n"),
     );
     let mut run = rig.spykee(&["serve", "--config", "spykee.yaml", "--robot", &rig.address]);
-    waits_for(|| kinds(&rig, "entry") > 0).await;
+    wait_until(|| kinds(&rig, "entry") > 0).await;
     let filler = disk.0.join("filler");
     std::fs::write(&filler, vec![7; 30 << 20]).unwrap();
     run.says("the journal cannot be written: the disk has less than")
@@ -87,7 +87,7 @@ async fn a_full_disk_does_not_affect_driving_and_the_journal_resumes_when_there_
     }
     let stuck = kinds(&rig, "entry");
     std::fs::remove_file(&filler).unwrap();
-    waits_for(|| kinds(&rig, "entry") > stuck + 5).await;
+    wait_until(|| kinds(&rig, "entry") > stuck + 5).await;
     run.signal(Signal::TERM);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
 }
@@ -194,10 +194,10 @@ async fn a_clock_set_back_by_a_day_is_reported_and_the_timetable_follows_it() {
     tokio::time::timeout(minutes, again)
         .await
         .expect("it does not start again within a minute");
-    waits_for(|| run.text().matches("the script has finished").count() > 1).await;
+    wait_until(|| run.text().matches("the script has finished").count() > 1).await;
     run.signal(Signal::TERM);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    let (code, text) = tool(
+    let (code, text) = run_spykee(
         &rig,
         &["history", "entries", "--json", "--config", "spykee.yaml"],
     )
@@ -214,7 +214,7 @@ async fn a_clock_set_back_by_a_day_is_reported_and_the_timetable_follows_it() {
         times.len() >= 2 && times[0] > times[1],
         "as they happened: {times:?}"
     );
-    let (_, runs) = tool(&rig, &["history", "runs", "--config", "spykee.yaml"]).await;
+    let (_, runs) = run_spykee(&rig, &["history", "runs", "--config", "spykee.yaml"]).await;
     assert!(
         runs.contains("0:00:01") && !runs.contains('-'.to_string().repeat(2).as_str()),
         "{runs}"
@@ -255,7 +255,7 @@ async fn the_service_tries_until_an_unreachable_robot_is_back_and_the_history_sh
     run.signal(Signal::TERM);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let history = ["history", "link", "--json", "--config", "spykee.yaml"];
-    let (_, text) = tool(&rig, &history).await;
+    let (_, text) = run_spykee(&rig, &history).await;
     let records: serde_json::Value = serde_json::from_str(&text).unwrap();
     let records = records.as_array().unwrap();
     let kinds: Vec<&str> = records

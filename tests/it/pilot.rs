@@ -97,8 +97,8 @@ impl TestPilot {
     }
 
     /// Waits for a matching event.
-    async fn told(&mut self, wanted: impl Fn(&Event) -> bool) -> Event {
-        let told = async {
+    async fn wait_for(&mut self, wanted: impl Fn(&Event) -> bool) -> Event {
+        let received = async {
             loop {
                 match self.inbox.next().await {
                     PilotMessage::Event(event) if wanted(&event) => return event,
@@ -107,11 +107,11 @@ impl TestPilot {
                 }
             }
         };
-        timeout(WAIT_LIMIT, told).await.expect("no such event")
+        timeout(WAIT_LIMIT, received).await.expect("no such event")
     }
 
     async fn connected(&mut self) {
-        self.told(|event| matches!(event, Event::Connected { .. }))
+        self.wait_for(|event| matches!(event, Event::Connected { .. }))
             .await;
     }
 }
@@ -228,7 +228,7 @@ async fn at_the_end_a_stop_is_written_and_streams_are_switched_off() {
     let moving = rig.heard_motion(0).await;
     test_pilot.ending.stop_motion.cancel();
     let end = test_pilot
-        .told(|event| matches!(event, Event::MotionEnded { .. }))
+        .wait_for(|event| matches!(event, Event::MotionEnded { .. }))
         .await;
     assert_eq!(
         end,
@@ -269,7 +269,7 @@ async fn streams_are_switched_on_again_after_a_reconnect() {
     let first = rig.heard(0, on).await;
     rig.sim.cut();
     test_pilot
-        .told(|event| matches!(event, Event::Disconnected { .. }))
+        .wait_for(|event| matches!(event, Event::Disconnected { .. }))
         .await;
     test_pilot.connected().await;
     rig.heard(first + 1, on).await;

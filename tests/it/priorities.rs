@@ -36,7 +36,7 @@ impl Crew {
     }
 
     /// Waits until the tracks receive this power, from index `from` on; returns the next index.
-    async fn hears(&self, from: usize, power: i8) -> usize {
+    async fn wait_for_move(&self, from: usize, power: i8) -> usize {
         let (left, right) = (power, power);
         let wanted = Command::Move { left, right };
         self.rig.heard(from, |command| *command == wanted).await + 1
@@ -95,13 +95,13 @@ async fn the_tracks_go_to_the_higher_priority_and_back_to_the_newest_setpoint_of
     let patrol = "robot.move(40, 40) turn(101)\n\
                   robot.move(60, 60) robot.led('left', true) turn(0)";
     let crew = Crew::of(&[("patrol", 0, patrol), ("avoid", 10, &avoid(100, 102, -50))]).await;
-    let at = crew.hears(0, 36).await;
+    let at = crew.wait_for_move(0, 36).await;
     crew.turn(100);
-    let at = crew.hears(at, -45).await;
+    let at = crew.wait_for_move(at, -45).await;
     crew.turn(101);
     crew.light().await;
     crew.turn(102);
-    crew.hears(at, 54).await;
+    crew.wait_for_move(at, 54).await;
     assert_eq!(crew.tracks(), [36, -45, 54]);
 }
 
@@ -110,10 +110,10 @@ async fn a_timed_move_is_preempted_by_a_timed_move_and_both_get_their_result() {
     let patrol = "print('patrol', robot.move(40, 40, 600)) robot.move(60, 60) turn(0)";
     let avoid = "turn(100) print('avoid', robot.move(-50, -50, 0.5)) turn(0)";
     let crew = Crew::of(&[("patrol", 0, patrol), ("avoid", 10, avoid)]).await;
-    let at = crew.hears(0, 36).await;
+    let at = crew.wait_for_move(0, 36).await;
     crew.turn(100);
-    let at = crew.hears(at, -45).await;
-    crew.hears(at, 54).await;
+    let at = crew.wait_for_move(at, -45).await;
+    crew.wait_for_move(at, 54).await;
     crew.run.says("patrol false preempted").await;
     crew.run.says("avoid true done").await;
     assert_eq!(crew.tracks(), [36, -45, 54]);
@@ -130,14 +130,14 @@ async fn however_the_higher_behaviour_ends_the_lower_resumes_without_a_stop() {
     ] {
         let avoid = format!("turn(100) robot.move(-50, -50) turn(101) {end}");
         let crew = Crew::of(&[PATROL, ("avoid", 10, &avoid)]).await;
-        let at = crew.hears(0, 36).await;
+        let at = crew.wait_for_move(0, 36).await;
         crew.turn(100);
-        let at = crew.hears(at, -45).await;
+        let at = crew.wait_for_move(at, -45).await;
         match end {
             "turn(0)" => crew.signal("avoid", Signal::KILL),
             _ => crew.turn(101),
         }
-        crew.hears(at, 36).await;
+        crew.wait_for_move(at, 36).await;
         assert_eq!(crew.tracks(), [36, -45, 36], "{end}: {}", crew.run.text());
     }
 }
@@ -145,11 +145,11 @@ async fn however_the_higher_behaviour_ends_the_lower_resumes_without_a_stop() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_frozen_higher_behaviour_is_stopped_before_the_lower_resumes() {
     let crew = Crew::of(&[PATROL, ("avoid", 10, &avoid(100, 101, -50))]).await;
-    let at = crew.hears(0, 36).await;
+    let at = crew.wait_for_move(0, 36).await;
     crew.turn(100);
-    let at = crew.hears(at, -45).await;
+    let at = crew.wait_for_move(at, -45).await;
     crew.signal("avoid", Signal::STOP);
-    crew.hears(at, 36).await;
+    crew.wait_for_move(at, 36).await;
     assert_eq!(crew.tracks(), [36, -45, 0, 36], "{}", crew.run.text());
 }
 
@@ -164,14 +164,14 @@ async fn a_behaviour_that_holds_the_tracks_still_does_not_count_as_dead() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_frozen_lower_behaviour_without_the_tracks_does_not_disturb_the_higher() {
     let crew = Crew::of(&[PATROL, ("avoid", 10, &avoid(100, 101, -50))]).await;
-    let at = crew.hears(0, 36).await;
+    let at = crew.wait_for_move(0, 36).await;
     crew.turn(100);
-    let at = crew.hears(at, -45).await;
+    let at = crew.wait_for_move(at, -45).await;
     crew.signal("patrol", Signal::STOP);
     crew.run.says("showed no life").await;
     assert_eq!(crew.tracks(), [36, -45], "{}", crew.run.text());
     crew.turn(101);
-    crew.hears(at, 0).await;
+    crew.wait_for_move(at, 0).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -182,14 +182,14 @@ async fn of_three_levels_the_highest_drives_and_a_middle_one_that_released_the_t
         ("avoid", 10, &avoid(101, 103, -50)),
     ])
     .await;
-    let at = crew.hears(0, 36).await;
+    let at = crew.wait_for_move(0, 36).await;
     crew.turn(100);
-    let at = crew.hears(at, 54).await;
+    let at = crew.wait_for_move(at, 54).await;
     crew.turn(101);
-    let at = crew.hears(at, -45).await;
+    let at = crew.wait_for_move(at, -45).await;
     crew.turn(102);
     crew.turn(103);
-    crew.hears(at, 36).await;
+    crew.wait_for_move(at, 36).await;
     assert_eq!(crew.tracks(), [36, 54, -45, 36]);
 }
 
@@ -206,11 +206,11 @@ async fn among_equals_the_first_keeps_the_tracks_until_it_releases_them() {
         }
     };
     first.await;
-    let at = crew.hears(0, 36).await;
+    let at = crew.wait_for_move(0, 36).await;
     crew.turn(100);
     crew.light().await;
     crew.turn(101);
-    crew.hears(at, 63).await;
+    crew.wait_for_move(at, 63).await;
     assert_eq!(crew.tracks(), [36, 63]);
 }
 
@@ -222,9 +222,9 @@ async fn no_change_of_priority_moves_a_robot_that_the_watchdog_sends_home() {
                  local drives = task.spawn(function() robot.move(-50, -50) task.wait(600) end)\n\
                  turn(101) drives:cancel() print('avoid', robot.move(-50, -50, 1)) turn(0)";
     let crew = Crew::of(&[("patrol", 0, stubborn), ("avoid", 10, avoid)]).await;
-    let at = crew.hears(0, 36).await;
+    let at = crew.wait_for_move(0, 36).await;
     crew.turn(100);
-    crew.hears(at, -45).await;
+    crew.wait_for_move(at, -45).await;
     crew.rig.sim.hide_station(true);
     crew.rig.sim.set_battery(15.0);
     let dock = crew

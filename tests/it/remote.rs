@@ -34,7 +34,7 @@ async fn serve(rig: &Rig) -> (Run, String) {
     (run, url.trim_end_matches('/').to_owned())
 }
 
-async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     let mut run = rig.spykee(args);
     let code = run.code().await;
     (code, run.text())
@@ -52,8 +52,8 @@ async fn tools_work_on_a_remote_service_with_the_same_output_and_codes() {
         &["behaviour", "start", "askd"],
     ];
     for args in pairs {
-        let here = tool(&rig, args).await;
-        let there = tool(&elsewhere, &[args, &["--url", &url]].concat()).await;
+        let here = run_spykee(&rig, args).await;
+        let there = run_spykee(&elsewhere, &[args, &["--url", &url]].concat()).await;
         assert_eq!(here.0, there.0, "{args:?}: {} | {}", here.1, there.1);
         let process = format!("process {}", run.pid().as_raw_nonzero());
         assert_eq!(here.1.replace(&process, &url), there.1, "{args:?}");
@@ -66,7 +66,7 @@ async fn tools_work_on_a_remote_service_with_the_same_output_and_codes() {
         (&["robot", "battery", "--json"], "\"percent\":"),
         (&["robot", "undock", "--json"], "{\"end\":\"not_docked\"}"),
     ] {
-        let (code, text) = tool(&elsewhere, &[args, &there[..]].concat()).await;
+        let (code, text) = run_spykee(&elsewhere, &[args, &there[..]].concat()).await;
         assert_eq!(
             (code, text.contains(words)),
             (Some(0), true),
@@ -74,7 +74,7 @@ async fn tools_work_on_a_remote_service_with_the_same_output_and_codes() {
         );
     }
     let status = ["status", "--json", "--url", &url];
-    let (code, text) = tool(&elsewhere, &status).await;
+    let (code, text) = run_spykee(&elsewhere, &status).await;
     let told: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(
         (code, &told[0]["online"]),
@@ -87,10 +87,10 @@ async fn tools_work_on_a_remote_service_with_the_same_output_and_codes() {
         next["at"].as_str().unwrap().ends_with("-02-29T04:00:00Z"),
         "{text}"
     );
-    let (_, here) = tool(&rig, &["status", "--json"]).await;
+    let (_, here) = run_spykee(&rig, &["status", "--json"]).await;
     let here: Value = serde_json::from_str(&here).unwrap();
     assert_eq!(here[0]["next"], next);
-    let (_, table) = tool(&elsewhere, &["status", "--url", &url]).await;
+    let (_, table) = run_spykee(&elsewhere, &["status", "--url", &url]).await;
     assert!(
         table.contains("NEXT START") && table.contains("-02-29 04:00"),
         "{table}"
@@ -106,12 +106,12 @@ async fn tools_work_on_a_remote_service_with_the_same_output_and_codes() {
         "--url",
         &url,
     ];
-    let (code, text) = tool(&elsewhere, &shot).await;
+    let (code, text) = run_spykee(&elsewhere, &shot).await;
     assert_eq!(code, Some(0), "{text}");
     assert!(image::open(elsewhere.folder().join("room.jpg")).is_ok());
     run.signal(Signal::TERM);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    let (code, text) = tool(&elsewhere, &["status", "--url", &url]).await;
+    let (code, text) = run_spykee(&elsewhere, &["status", "--url", &url]).await;
     assert_eq!(code, Some(3), "{text}");
     assert!(text.contains("is the service running there"), "{text}");
 }
@@ -123,7 +123,7 @@ async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
     for (place, more) in [(&rig, &[][..]), (&elsewhere, &["--url", &url][..])] {
         let from = rig.sim.heard_count();
         let start = [&["behaviour", "start", "asked", "--for", "1s"][..], more].concat();
-        let (code, text) = tool(place, &start).await;
+        let (code, text) = run_spykee(place, &start).await;
         assert_eq!(code, Some(0), "{text}");
         assert!(text.contains("runs, for 0:00:01 at most"), "{text}");
         rig.heard(from, |command| *command == Command::Play(Sound::Bomb))
@@ -131,7 +131,7 @@ async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
         let listed = ["behaviour", "list", "--json"];
         let over = async {
             loop {
-                let (_, text) = tool(place, &[&listed[..], more].concat()).await;
+                let (_, text) = run_spykee(place, &[&listed[..], more].concat()).await;
                 if text.contains("\"idle\"")
                     && text.contains("cancelled")
                     && !text.contains("running")
@@ -151,7 +151,7 @@ async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
         run.text()
     );
     let zero = ["behaviour", "start", "asked", "--for", "0s"];
-    assert_eq!(tool(&rig, &zero).await.0, Some(2));
+    assert_eq!(run_spykee(&rig, &zero).await.0, Some(2));
     run.signal(Signal::TERM);
     run.code().await;
 }
@@ -160,14 +160,14 @@ async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
 async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_robot_to_themselves() {
     let (rig, elsewhere) = (Rig::quiet().await, Rig::quiet().await);
     rig.file("spykee.yaml", CONFIG);
-    let (code, made) = tool(&rig, &["token", "new", "sofa", "--role", "driver"]).await;
+    let (code, made) = run_spykee(&rig, &["token", "new", "sofa", "--role", "driver"]).await;
     assert_eq!(code, Some(0), "{made}");
     let token = made.lines().find(|line| line.starts_with("spykee_"));
     let token = token.unwrap_or_else(|| panic!("{made}"));
     let (mut run, url) = serve(&rig).await;
     let wrong = elsewhere.file("wrong", "spykee_0000");
     let wrong = wrong.to_str().unwrap();
-    let (code, text) = tool(
+    let (code, text) = run_spykee(
         &elsewhere,
         &["status", "--url", &url, "--token-file", wrong],
     )
@@ -179,7 +179,7 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
     );
     elsewhere.file("token", token);
     let right = ["--url", &url, "--token-file", "token"];
-    let (code, text) = tool(
+    let (code, text) = run_spykee(
         &elsewhere,
         &[&["robot", "volume", "38"], &right[..]].concat(),
     )
@@ -188,7 +188,7 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
     rig.heard(0, |command| *command == Command::Volume(38))
         .await;
     // STOP stays in force, and the service continues.
-    let (code, text) = tool(&elsewhere, &[&["robot", "stop"], &right[..]].concat()).await;
+    let (code, text) = run_spykee(&elsewhere, &[&["robot", "stop"], &right[..]].concat()).await;
     assert_eq!((code, text.contains("let-go")), (Some(0), true), "{text}");
     assert!(run.lives());
     // The config can name the service, too.
@@ -197,14 +197,14 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
         &format!("remote: {{ url: '{url}', token_file: token }}\n"),
     );
     let named = ["status", "--config", "spykee.yaml"];
-    let (code, text) = tool(&elsewhere, &named).await;
+    let (code, text) = run_spykee(&elsewhere, &named).await;
     assert_eq!(
         (code, text.contains("stopped by a person")),
         (Some(0), true),
         "{text}"
     );
     let log = ["robot", "log", "--config", "spykee.yaml"];
-    let (code, text) = tool(&elsewhere, &log).await;
+    let (code, text) = run_spykee(&elsewhere, &log).await;
     assert_eq!(
         (code, text.contains("needs it to itself")),
         (Some(3), true),
@@ -236,7 +236,7 @@ async fn the_metrics_contain_the_time_from_a_frame_to_the_move_that_answers_it()
         robot.on('frame', function() power = 50 - power robot.move(power, power) end) task.wait(600)";
     let (mut run, url) = serve(&rig).await;
     rig.file("asked.lua", follows);
-    let (code, text) = tool(&rig, &["behaviour", "start", "asked"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "start", "asked"]).await;
     assert_eq!(code, Some(0), "{text}");
     let counted = |text: &str| {
         let line = text

@@ -8,7 +8,7 @@ use crate::rig::{Rig, Run, moves};
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 const IDLES: &str = "task.wait(600)";
 
-async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     let mut run = rig.spykee(args);
     let code = run.code().await;
     (code, run.text())
@@ -36,10 +36,10 @@ async fn a_behaviour_stops_and_starts_by_name_while_another_continues() {
     let rig = Rig::quiet().await;
     let mut run = running(&rig).await;
     let moving = rig.heard_motion(0).await;
-    let (code, text) = tool(&rig, &["behaviour", "stop", "drive"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "stop", "drive"]).await;
     assert_eq!((code, &*text), (Some(0), "drive has ended"));
     let stopped = rig.heard_stop(moving).await;
-    let (_, text) = tool(&rig, &["behaviour", "list", "--json"]).await;
+    let (_, text) = run_spykee(&rig, &["behaviour", "list", "--json"]).await;
     let pair = |name: &str, state: &str| (name.to_owned(), state.to_owned());
     assert_eq!(
         states(&text),
@@ -47,10 +47,10 @@ async fn a_behaviour_stops_and_starts_by_name_while_another_continues() {
     );
     let after = rig.sim.heard_count();
     assert!(!rig.commands(stopped).iter().any(moves), "it stands");
-    let (code, text) = tool(&rig, &["behaviour", "start", "drive"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "start", "drive"]).await;
     assert_eq!(code, Some(0), "{text}");
     rig.heard_motion(after).await;
-    let (code, text) = tool(&rig, &["behaviour", "list"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "list"]).await;
     assert_eq!(
         (code, text.contains("cancelled")),
         (Some(0), true),
@@ -66,7 +66,7 @@ async fn a_restarted_behaviour_is_loaded_from_its_current_file() {
     let run = running(&rig).await;
     rig.heard_motion(0).await;
     rig.file("drive.lua", "robot.volume(41) task.wait(600)");
-    let (code, text) = tool(&rig, &["behaviour", "restart", "drive"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "restart", "drive"]).await;
     assert_eq!(code, Some(0), "{text} {}", run.text());
     let volume = rig
         .heard(0, |command| *command == Command::Volume(41))
@@ -74,13 +74,13 @@ async fn a_restarted_behaviour_is_loaded_from_its_current_file() {
     assert!(!rig.commands(volume).iter().any(moves));
     // A script with a mistake is refused, and no behaviour runs in its place.
     rig.file("drive.lua", "robot.mvoe(30, 30)");
-    let (code, text) = tool(&rig, &["behaviour", "restart", "drive"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "restart", "drive"]).await;
     assert_eq!(
         (code, text.contains("drive.lua:1")),
         (Some(1), true),
         "{text}"
     );
-    let (_, text) = tool(&rig, &["behaviour", "list", "--json"]).await;
+    let (_, text) = run_spykee(&rig, &["behaviour", "list", "--json"]).await;
     assert_eq!(states(&text)[1].1, "idle", "{text}");
 }
 
@@ -114,7 +114,7 @@ async fn a_shell_completes_the_behaviours_of_the_run_without_executing_them() {
         &rig.address,
     ]);
     run.says("connected").await;
-    let (code, text) = tool(&rig, &["behaviour", "list", "--names"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "list", "--names"]).await;
     assert_eq!((code, &*text), (Some(0), "idle\ndrive"));
     let offered = completed(rig.folder(), "");
     assert!(
@@ -134,11 +134,14 @@ async fn invalid_requests_are_explained() {
         (["start", "driv"], "did you mean 'drive'?"),
         (["stop", "patrol"], "there are idle, drive"),
     ] {
-        let (code, text) = tool(&rig, &[&["behaviour"], &args[..]].concat()).await;
+        let (code, text) = run_spykee(&rig, &[&["behaviour"], &args[..]].concat()).await;
         assert_eq!((code, text.contains(words)), (Some(1), true), "{text}");
     }
-    assert_eq!(tool(&rig, &["behaviour", "stop", "drive"]).await.0, Some(0));
-    let (code, text) = tool(&rig, &["behaviour", "stop", "drive"]).await;
+    assert_eq!(
+        run_spykee(&rig, &["behaviour", "stop", "drive"]).await.0,
+        Some(0)
+    );
+    let (code, text) = run_spykee(&rig, &["behaviour", "stop", "drive"]).await;
     assert_eq!(
         (code, text.contains("does not run")),
         (Some(1), true),
@@ -151,10 +154,10 @@ async fn a_run_ends_when_its_last_behaviour_is_stopped() {
     let rig = Rig::quiet().await;
     let mut run = rig.run(DRIVES);
     rig.heard_motion(0).await;
-    let (code, text) = tool(&rig, &["behaviour", "stop", "script"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "stop", "script"]).await;
     assert_eq!(code, Some(0), "{text}");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    let (code, text) = tool(&rig, &["behaviour", "list"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "list"]).await;
     assert_eq!(
         (code, text.contains("no run is active")),
         (Some(3), true),

@@ -25,7 +25,7 @@ fn serve(rig: &Rig) -> Run {
     rig.spykee(&["serve", "--config", "spykee.yaml", "--robot", &rig.address])
 }
 
-async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     let mut run = rig.spykee(args);
     let code = run.code().await;
     (code, run.text())
@@ -54,12 +54,12 @@ async fn behaviours_that_are_always_on_run_and_the_service_outlives_all_behaviou
     );
     let mut run = serve(&rig);
     let moving = rig.heard_motion(0).await;
-    let (code, text) = tool(&rig, &["behaviour", "stop", "drive"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "stop", "drive"]).await;
     assert_eq!(code, Some(0), "{text}");
     rig.heard_stop(moving).await;
     assert!(!rig.commands(0).contains(&Command::Volume(43)));
     // It continues without behaviours, and starts those that a person requests.
-    let (code, text) = tool(&rig, &["behaviour", "start", "asked"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "start", "asked"]).await;
     assert_eq!(code, Some(0), "{text}");
     rig.heard(0, |command| *command == Command::Volume(43))
         .await;
@@ -78,7 +78,7 @@ async fn the_service_waits_for_a_robot_that_is_not_there_yet() {
     let (robot, config) = (address.to_string(), "spykee.yaml");
     let mut run = home.spykee(&["serve", "--config", config, "--robot", &robot]);
     run.says("dialling until it answers").await;
-    let (code, text) = tool(&home, &["behaviour", "start", "drive"]).await;
+    let (code, text) = run_spykee(&home, &["behaviour", "start", "drive"]).await;
     let refused = text.contains("the robot is not connected");
     assert_eq!((code, refused), (Some(1), true), "{text}");
     let options = Options {
@@ -219,10 +219,13 @@ async fn an_idle_robot_is_sent_home() {
     let mut run = serve(&rig);
     let dock = rig.heard_dock(0).await;
     // A start cancels that.
-    let (code, text) = tool(&rig, &["behaviour", "start", "asked"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "start", "asked"]).await;
     assert_eq!(code, Some(0), "{text}");
     let moving = rig.heard_motion(dock).await;
-    assert_eq!(tool(&rig, &["behaviour", "stop", "asked"]).await.0, Some(0));
+    assert_eq!(
+        run_spykee(&rig, &["behaviour", "stop", "asked"]).await.0,
+        Some(0)
+    );
     rig.heard_dock(moving).await;
     let home = rig.sim.wait_state(|state| state.docked);
     timeout(WAIT_LIMIT, home)
@@ -246,20 +249,20 @@ async fn an_idle_robot_on_its_station_is_disconnected_and_connected_again_on_req
     timeout(WAIT_LIMIT, free())
         .await
         .expect("another user cannot log in");
-    let (code, text) = tool(&rig, &["status"]).await;
+    let (code, text) = run_spykee(&rig, &["status"]).await;
     assert_eq!(
         (code, text.contains("free for others")),
         (Some(0), true),
         "{text}"
     );
-    let (code, text) = tool(&rig, &["robot", "volume", "37"]).await;
+    let (code, text) = run_spykee(&rig, &["robot", "volume", "37"]).await;
     assert_eq!(code, Some(0), "{text} {}", run.text());
     rig.heard(0, |command| *command == Command::Volume(37))
         .await;
     timeout(WAIT_LIMIT, free())
         .await
         .expect("the service does not disconnect again");
-    let (code, text) = tool(&rig, &["behaviour", "start", "asked"]).await;
+    let (code, text) = run_spykee(&rig, &["behaviour", "start", "asked"]).await;
     assert_eq!(code, Some(0), "{text} {}", run.text());
     rig.heard(0, |command| *command == Command::Volume(44))
         .await;
@@ -278,7 +281,7 @@ async fn in_quiet_hours_scripts_make_no_sound_but_a_person_may() {
     run.says("quiet hours").await;
     run.says("connected").await;
     assert_eq!(
-        tool(&rig, &["behaviour", "start", "noise"]).await.0,
+        run_spykee(&rig, &["behaviour", "start", "noise"]).await.0,
         Some(0)
     );
     let left = Command::Led {
@@ -293,7 +296,7 @@ async fn in_quiet_hours_scripts_make_no_sound_but_a_person_may() {
     };
     let heard = rig.commands(0);
     assert!(!heard.contains(&laser) && !heard.contains(&flash));
-    let (code, text) = tool(&rig, &["robot", "play", "laser"]).await;
+    let (code, text) = run_spykee(&rig, &["robot", "play", "laser"]).await;
     assert_eq!(code, Some(0), "{text}");
     rig.heard(0, |command| *command == laser).await;
     ends_well(&mut run).await;
@@ -395,7 +398,7 @@ async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
                 - { run: patrol, at: '0 10 * * *' }\n- { run: patrl, at: '0 12 * * *' }\n";
     config(&rig, "", rest);
     let from = ["--from", "2026-05-04 08:00", "--config", "spykee.yaml"];
-    let (code, text) = tool(&rig, &[&["schedule", "--next", "4"], &from[..]].concat()).await;
+    let (code, text) = run_spykee(&rig, &[&["schedule", "--next", "4"], &from[..]].concat()).await;
     assert_eq!(code, Some(0), "{text}");
     let lines: Vec<&str> = text.lines().collect();
     assert!(
@@ -415,7 +418,7 @@ async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
         "{text}"
     );
     let json = [&["schedule", "--next", "1", "--json"], &from[..]].concat();
-    let (_, text) = tool(&rig, &json).await;
+    let (_, text) = run_spykee(&rig, &json).await;
     assert!(text.contains("\"2026-05-04T09:00:00+00:00\""), "{text}");
     // A service with such a timetable does not start.
     rig.file("patrol.lua", DRIVES);

@@ -36,20 +36,20 @@ fn tracks(commands: &[Command]) -> Vec<i8> {
     tracks.split_off(first.unwrap_or(tracks.len()))
 }
 
-async fn hears(rig: &Rig, from: usize, power: i8) -> usize {
+async fn wait_for_move(rig: &Rig, from: usize, power: i8) -> usize {
     let (left, right) = (power, power);
     let wanted = Command::Move { left, right };
     rig.heard(from, |command| *command == wanted).await + 1
 }
 
 /// Waits until a text has been printed this many times.
-async fn says(run: &Run, text: &str, times: usize) {
-    let said = async {
+async fn wait_for_output(run: &Run, text: &str, times: usize) {
+    let printed = async {
         while run.text().matches(text).count() < times {
             sleep(Duration::from_millis(5)).await;
         }
     };
-    let waited = timeout(WAIT_LIMIT, said).await;
+    let waited = timeout(WAIT_LIMIT, printed).await;
     waited.unwrap_or_else(|_| panic!("`{text}` was not printed {times} times:\n{}", run.text()));
 }
 
@@ -130,11 +130,11 @@ async fn a_killed_host_is_restarted_and_a_run_that_then_ends_normally_is_0() {
         "--restart",
         "on-failure",
     ]);
-    let at = hears(&rig, 0, 45).await;
+    let at = wait_for_move(&rig, 0, 45).await;
     let host = run.hosts()[0];
     rustix::process::kill_process(host, Signal::KILL).unwrap();
-    let at = hears(&rig, at, 0).await;
-    hears(&rig, at, 45).await;
+    let at = wait_for_move(&rig, at, 0).await;
+    wait_for_move(&rig, at, 45).await;
     assert_ne!(run.hosts(), [host]);
     rig.sim.inject(Report::Engine(EngineReport::Unknown(100)));
     assert_eq!(run.code().await, Some(0), "{}", run.text());
@@ -164,28 +164,28 @@ async fn a_saved_script_is_reloaded_and_a_faulty_one_does_not_drive() {
         "script.on_stop(function(reason) print('bye', reason) end) robot.move(40, 40) task.wait(600)",
     );
     let mut run = rig.spykee(&["run", "script.lua", "--watch", "--robot", &rig.address]);
-    let at = hears(&rig, 0, 36).await;
+    let at = wait_for_move(&rig, 0, 36).await;
     save("robot.move(60, 60) task.wait(600)");
-    let at = hears(&rig, at, 54).await;
+    let at = wait_for_move(&rig, at, 54).await;
     run.says("bye reload").await;
     assert_eq!(tracks(&rig.commands(0)), [36, 0, 54]);
     save("robot.move(80, 80)\nx = = 1");
     run.says("script.lua:2").await;
     run.says("the old script still runs").await;
-    hears(&rig, rig.sim.heard_count(), 54).await;
+    wait_for_move(&rig, rig.sim.heard_count(), 54).await;
     save("print('short')");
-    let at = hears(&rig, at, 0).await;
+    let at = wait_for_move(&rig, at, 0).await;
     run.says("short").await;
-    says(&run, "stands still until the script is saved again", 1).await;
+    wait_for_output(&run, "stands still until the script is saved again", 1).await;
     save("if true");
-    says(&run, "stands still until the script is saved again", 2).await;
+    wait_for_output(&run, "stands still until the script is saved again", 2).await;
     assert!(run.lives());
     let silent = rig.commands(at);
     assert_eq!(tracks(&silent), [] as [i8; 0], "{silent:?}");
     save("robot.move(30, 30) task.wait(0.2) error('boom')");
-    let at = hears(&rig, at, 27).await;
-    hears(&rig, at, 0).await;
-    says(&run, "stands still until the script is saved again", 3).await;
+    let at = wait_for_move(&rig, at, 27).await;
+    wait_for_move(&rig, at, 0).await;
+    wait_for_output(&run, "stands still until the script is saved again", 3).await;
     assert!(run.hosts().is_empty());
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
@@ -200,7 +200,7 @@ async fn with_watch_a_script_may_have_errors_at_first() {
     run.says("stands still until the script is saved again")
         .await;
     std::fs::write(script, "robot.move(60, 60) task.wait(600)").unwrap();
-    hears(&rig, 0, 54).await;
+    wait_for_move(&rig, 0, 54).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -212,7 +212,7 @@ async fn with_watch_saving_a_module_reloads_its_script() {
         "local power = require('./power') robot.move(power, power) task.wait(600)",
     );
     let run = rig.spykee(&["run", "script.lua", "--watch", "--robot", &rig.address]);
-    hears(&rig, 0, 45).await;
+    wait_for_move(&rig, 0, 45).await;
     // The watcher must have read the module once before it can notice a change.
     let saving = async {
         for save in 1.. {
@@ -221,7 +221,7 @@ async fn with_watch_saving_a_module_reloads_its_script() {
         }
     };
     tokio::select! {
-        _ = hears(&rig, 0, 54) => {}
+        _ = wait_for_move(&rig, 0, 54) => {}
         () = saving => {}
     }
     drop(run);
@@ -231,7 +231,7 @@ async fn with_watch_saving_a_module_reloads_its_script() {
 async fn ctrl_c_in_a_terminal_reaches_only_the_agent() {
     let rig = Rig::quiet().await;
     let run = rig.run("robot.move(50, 50) task.wait(600)");
-    hears(&rig, 0, 45).await;
+    wait_for_move(&rig, 0, 45).await;
     // A terminal's signals go to the agent's process group.
     let group = |pid| rustix::process::getpgid(Some(pid)).unwrap();
     assert_ne!(group(run.hosts()[0]), group(run.pid()));

@@ -8,7 +8,7 @@ use spykee::wire::{Command, Engage, FileChunk, Led, Sound};
 
 use crate::rig::{QUIET_WORLD, Rig};
 
-async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     let mut run = rig.spykee(&[&["robot"], args, &["--robot", &rig.address]].concat());
     let code = run.code().await;
     (code, run.text())
@@ -17,14 +17,14 @@ async fn tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
 #[tokio::test(flavor = "multi_thread")]
 async fn robot_tools_send_the_requested_commands() {
     let rig = Rig::quiet().await;
-    let (code, text) = tool(&rig, &["info", "--json"]).await;
+    let (code, text) = run_spykee(&rig, &["info", "--json"]).await;
     let info: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!((code, info["uid"].as_str()), (Some(0), Some("SPYKEE0001")));
     assert_eq!(
         (info["battery"].as_u64(), info["docked"].as_bool()),
         (Some(90), Some(false))
     );
-    assert!(tool(&rig, &["battery"]).await.1.contains("90 %"));
+    assert!(run_spykee(&rig, &["battery"]).await.1.contains("90 %"));
     for (args, wanted) in [
         (
             &["led", "flash", "on"][..],
@@ -38,11 +38,16 @@ async fn robot_tools_send_the_requested_commands() {
         (&["volume", "30"], Command::Volume(30)),
     ] {
         let from = rig.sim.heard_count();
-        assert_eq!(tool(&rig, args).await.0, Some(0), "{args:?}");
+        assert_eq!(run_spykee(&rig, args).await.0, Some(0), "{args:?}");
         rig.heard(from, |command| *command == wanted).await;
     }
-    assert_eq!(tool(&rig, &["led", "nose", "on"]).await.0, Some(2));
-    assert!(tool(&rig, &["log"]).await.1.contains("user connected"));
+    assert_eq!(run_spykee(&rig, &["led", "nose", "on"]).await.0, Some(2));
+    assert!(
+        run_spykee(&rig, &["log"])
+            .await
+            .1
+            .contains("user connected")
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -53,7 +58,7 @@ async fn stop_ends_a_motion_that_another_program_left_behind() {
     run.signal(rustix::process::Signal::KILL);
     run.status().await;
     let from = rig.sim.heard_count();
-    let (code, text) = tool(&rig, &["stop"]).await;
+    let (code, text) = run_spykee(&rig, &["stop"]).await;
     assert_eq!(code, Some(0), "{text}");
     let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
     let cancelled = rig.heard(from, cancel).await;
@@ -69,7 +74,7 @@ async fn stop_ends_a_motion_that_another_program_left_behind() {
 async fn undock_and_dock_use_the_pilot_and_ctrl_c_ends_the_search_with_a_stop() {
     let world = QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }", "");
     let rig = Rig::new(&world, Firmware::default()).await;
-    let (code, text) = tool(&rig, &["undock"]).await;
+    let (code, text) = run_spykee(&rig, &["undock"]).await;
     assert_eq!(
         (code, text.contains("off its station")),
         (Some(0), true),
@@ -96,7 +101,7 @@ async fn a_robot_with_a_low_battery_does_not_leave_the_station() {
         .replace("start: { at: [4, 4], heading_degrees: 90 }", "")
         .replace("level: 90", "level: 12");
     let rig = Rig::new(&world, Firmware::default()).await;
-    assert_eq!(tool(&rig, &["undock"]).await.0, Some(5));
+    assert_eq!(run_spykee(&rig, &["undock"]).await.0, Some(5));
     let undock = Command::Engine(Engage::Undock);
     assert!(!rig.commands(0).contains(&undock));
 }
@@ -104,25 +109,25 @@ async fn a_robot_with_a_low_battery_does_not_leave_the_station() {
 #[tokio::test(flavor = "multi_thread")]
 async fn settings_change_only_if_the_robot_is_named_and_secrets_are_never_shown() {
     let rig = Rig::quiet().await;
-    let (_, text) = tool(&rig, &["config"]).await;
+    let (_, text) = run_spykee(&rig, &["config"]).await;
     assert!(text.contains("wifi-key") && text.contains("***"), "{text}");
-    let (_, json) = tool(&rig, &["wifi", "--json"]).await;
+    let (_, json) = run_spykee(&rig, &["wifi", "--json"]).await;
     assert!(!(text + &json).contains("made-up-key"));
     assert!(json.contains("\"essid\":\"home\""), "{json}");
     let set = ["config", "--set", "name=Anna"];
     assert_eq!(
-        tool(&rig, &set).await.0,
+        run_spykee(&rig, &set).await.0,
         Some(2),
         "nobody typed a confirmation"
     );
     let wrong = [&set[..], &["--yes-i-mean", "SPYKEE9"]].concat();
-    assert_eq!(tool(&rig, &wrong).await.0, Some(2));
+    assert_eq!(run_spykee(&rig, &wrong).await.0, Some(2));
     let unlisted = ["config", "--set", "nmae=x", "--yes-i-mean", "SPYKEE0001"];
-    assert_eq!(tool(&rig, &unlisted).await.0, Some(2));
+    assert_eq!(run_spykee(&rig, &unlisted).await.0, Some(2));
     let sets = |command: &Command| matches!(command, Command::ConfigSet(_));
     assert!(!rig.commands(0).iter().any(sets), "nothing was sent");
     let right = [&set[..], &["--yes-i-mean", "SPYKEE0001"]].concat();
-    let (code, text) = tool(&rig, &right).await;
+    let (code, text) = run_spykee(&rig, &right).await;
     assert_eq!(code, Some(0), "{text}");
     rig.heard(0, |command| {
         *command == Command::ConfigSet("name=Anna".into())
@@ -133,7 +138,7 @@ async fn settings_change_only_if_the_robot_is_named_and_secrets_are_never_shown(
 #[tokio::test(flavor = "multi_thread")]
 async fn a_snapshot_is_a_complete_picture_or_ends_with_3() {
     let rig = Rig::quiet().await;
-    let (code, text) = tool(&rig, &["snapshot", "-o", "a.jpg"]).await;
+    let (code, text) = run_spykee(&rig, &["snapshot", "-o", "a.jpg"]).await;
     assert_eq!((code, text.contains("320x240")), (Some(0), true), "{text}");
     let jpeg = std::fs::read(rig.folder().join("a.jpg")).unwrap();
     spykee::vision::validate_markers(&jpeg).unwrap();
@@ -146,14 +151,14 @@ async fn a_snapshot_is_a_complete_picture_or_ends_with_3() {
     let world = World::from_yaml(QUIET_WORLD, "test world").unwrap();
     let spoilt = Rig::with(world, options).await;
     let short = ["snapshot", "-o", "b.jpg", "--timeout", "1"];
-    let (code, text) = tool(&spoilt, &short).await;
+    let (code, text) = run_spykee(&spoilt, &short).await;
     assert_eq!(
         (code, text.contains("no intact frame")),
         (Some(3), true),
         "{text}"
     );
     assert!(!spoilt.folder().join("b.jpg").exists());
-    let (code, text) = tool(&rig, &["snapshot", "-o", "/no/such/folder.jpg"]).await;
+    let (code, text) = run_spykee(&rig, &["snapshot", "-o", "/no/such/folder.jpg"]).await;
     assert_eq!(code, Some(2), "{text}");
 }
 
@@ -166,10 +171,12 @@ async fn an_upload_arrives_complete_and_other_files_than_mp3_are_refused() {
     std::fs::write(rig.folder().join("s.mp3"), &sound).unwrap();
     rig.file("w.mp3", "RIFF no sound");
     assert_eq!(
-        tool(&rig, &["upload-sound", "user0", "w.mp3"]).await.0,
+        run_spykee(&rig, &["upload-sound", "user0", "w.mp3"])
+            .await
+            .0,
         Some(2)
     );
-    let (code, text) = tool(&rig, &["upload-sound", "user0", "s.mp3", "--json"]).await;
+    let (code, text) = run_spykee(&rig, &["upload-sound", "user0", "s.mp3", "--json"]).await;
     assert_eq!(
         (code, text.contains("\"bytes\":25020")),
         (Some(0), true),
@@ -189,13 +196,15 @@ async fn an_upload_arrives_complete_and_other_files_than_mp3_are_refused() {
         .collect();
     assert!(content == sound && chunks.len() > 2);
     assert!(
-        tool(&rig, &["log"])
+        run_spykee(&rig, &["log"])
             .await
             .1
             .contains("file 6 stored, 25020 bytes")
     );
     assert_eq!(
-        tool(&rig, &["upload-sound", "firmware", "s.mp3"]).await.0,
+        run_spykee(&rig, &["upload-sound", "firmware", "s.mp3"])
+            .await
+            .0,
         Some(2)
     );
 }

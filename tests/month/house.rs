@@ -11,7 +11,7 @@ use spykee::lab::Lab;
 use spykee::link;
 use spykee::robot::{Priority, Streams, Use};
 use spykee::script;
-use spykee::service::{Duties, Herald, IdlePolicy, RecordFile, Service, View};
+use spykee::service::{Duties, IdlePolicy, ManagerNotifier, RecordFile, Service, View};
 use spykee::timetable::{Rule, Timetable};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
@@ -65,7 +65,7 @@ impl House {
             clock: Clock::default(),
             duties,
             record: RecordFile::open_in_lab(data),
-            herald: Herald::default(),
+            notifier: ManagerNotifier::default(),
             bus,
             view: View::channel().0,
             reloads,

@@ -23,7 +23,7 @@ async fn host_of(source: &str) -> (Sender<ToHost>, Receiver<FromHost>) {
         library: Library::default(),
     };
     to.send(&ToHost::Load(Box::new(launch))).await.unwrap();
-    to.send(&ToHost::Go).await.unwrap();
+    to.send(&ToHost::Run).await.unwrap();
     (to, from)
 }
 
@@ -34,13 +34,13 @@ fn frame(seq: u64) -> ToHost {
 
 /// Waits for the next frame request. Returns whether it asks for partial frames, and the lines the
 /// script logged before it.
-async fn wish(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
+async fn next_request(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
     let mut lines = Vec::new();
     loop {
         let message = timeout(Duration::from_secs(60), from.next()).await.unwrap();
         match message.unwrap().unwrap() {
             FromHost::Output(Output::Log(line)) => lines.push(line.text),
-            FromHost::WantFrame { ahead, .. } => return (ahead, lines),
+            FromHost::WantFrame { partial, .. } => return (partial, lines),
             _ => {}
         }
     }
@@ -50,10 +50,10 @@ async fn wish(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
 async fn a_script_sees_the_same_frame_however_it_is_split_into_parts() {
     let look = "robot.on('frame', function(f) print(f:find_blobs('red')[1].pixels) end)";
     let (mut to, mut from) = host_of(look).await;
-    assert!(!wish(&mut from).await.0);
+    assert!(!next_request(&mut from).await.0);
     to.send(&frame(1)).await.unwrap();
-    let (ahead, seen) = wish(&mut from).await;
-    assert!(ahead && seen.len() == 1, "{ahead} {seen:?}");
+    let (partial, seen) = next_request(&mut from).await;
+    assert!(partial && seen.len() == 1, "{partial} {seen:?}");
     for (number, cuts) in [[700, 1500], [100, JPEG.len() - 1], [0, 0]]
         .iter()
         .enumerate()
@@ -61,23 +61,25 @@ async fn a_script_sees_the_same_frame_however_it_is_split_into_parts() {
         let mut at = 0;
         for &cut in cuts {
             let jpeg = Bytes::from_static(&JPEG[at..cut]);
-            to.send(&ToHost::Ahead { at, jpeg }).await.unwrap();
+            to.send(&ToHost::PartialFrame { at, jpeg }).await.unwrap();
             at = cut;
         }
         to.send(&frame(number as u64 + 2)).await.unwrap();
-        assert_eq!(wish(&mut from).await, (true, seen.clone()));
+        assert_eq!(next_request(&mut from).await, (true, seen.clone()));
     }
     // A part in the middle was lost.
     let jpeg = Bytes::from_static(&JPEG[900..]);
-    to.send(&ToHost::Ahead { at: 900, jpeg }).await.unwrap();
+    to.send(&ToHost::PartialFrame { at: 900, jpeg })
+        .await
+        .unwrap();
     to.send(&frame(9)).await.unwrap();
-    assert_eq!(wish(&mut from).await, (true, seen));
+    assert_eq!(next_request(&mut from).await, (true, seen));
 }
 
 #[tokio::test(flavor = "local")]
 async fn partial_frames_are_not_requested_for_a_script_without_vision() {
     let (mut to, mut from) = host_of("robot.on('frame', function(f) print(f.seq) end)").await;
-    wish(&mut from).await;
+    next_request(&mut from).await;
     to.send(&frame(1)).await.unwrap();
-    assert_eq!(wish(&mut from).await, (false, vec!["1".to_owned()]));
+    assert_eq!(next_request(&mut from).await, (false, vec!["1".to_owned()]));
 }

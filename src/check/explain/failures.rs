@@ -3,11 +3,11 @@
 use super::super::kinds::ValueKind;
 use super::super::tree::{Expr, ExprKind, StatementKind};
 use super::reasons::a;
-use super::{Remark, Scene};
+use super::{Diagnosis, ErrorSite};
 use crate::api;
 
-impl<'a> Scene<'a> {
-    pub(super) fn index(&self, what: &str, key: &str) -> Option<Remark> {
+impl<'a> ErrorSite<'a> {
+    pub(super) fn index(&self, what: &str, key: &str) -> Option<Diagnosis> {
         let read = |expr: &&'a Expr| match &expr.kind {
             ExprKind::Field(object, name, _) | ExprKind::Method(object, name, ..)
                 if name == key =>
@@ -43,17 +43,17 @@ impl<'a> Scene<'a> {
             ),
         };
         let help = self.why(object, what);
-        Some(Remark {
+        Some(Diagnosis {
             at: object.span,
             message,
             help,
         })
     }
 
-    pub(super) fn missing_method(&self, name: &str) -> Option<Remark> {
+    pub(super) fn missing_method(&self, name: &str) -> Option<Diagnosis> {
         let mut exprs = self.exprs.iter();
         exprs.find_map(|expr| match &expr.kind {
-            ExprKind::Method(object, method, at, _) if method == name => Some(Remark {
+            ExprKind::Method(object, method, at, _) if method == name => Some(Diagnosis {
                 at: *at,
                 message: format!("`{}` has no function `{name}`", self.text(object)),
                 help: "check its spelling".to_owned(),
@@ -62,7 +62,7 @@ impl<'a> Scene<'a> {
         })
     }
 
-    pub(super) fn call(&self, what: &str) -> Option<Remark> {
+    pub(super) fn call(&self, what: &str) -> Option<Diagnosis> {
         let mut exprs = self.exprs.iter();
         let callee = exprs.find_map(|expr| match &expr.kind {
             ExprKind::Call(callee, _) => self.may_be(callee, what).then_some(&**callee),
@@ -74,14 +74,14 @@ impl<'a> Scene<'a> {
             _ => "only functions can be called".to_owned(),
         };
         let message = format!("{}, so it cannot be called", self.is(callee, what));
-        Some(Remark {
+        Some(Diagnosis {
             at: callee.span,
             message,
             help,
         })
     }
 
-    pub(super) fn arithmetic(&self, operation: &str, types: &str) -> Option<Remark> {
+    pub(super) fn arithmetic(&self, operation: &str, types: &str) -> Option<Diagnosis> {
         let operator = match operation {
             "add" => "+",
             "sub" | "unm" => "-",
@@ -97,7 +97,7 @@ impl<'a> Scene<'a> {
         Some(self.operand(side, what, "so it cannot be used in arithmetic"))
     }
 
-    pub(super) fn compare(&self, words: &str) -> Option<Remark> {
+    pub(super) fn compare(&self, words: &str) -> Option<Diagnosis> {
         let mut parts = words.split(' ');
         let (left, operator, right) = (parts.next()?, parts.next()?, parts.next()?);
         let turned = if operator == "<" { ">" } else { ">=" };
@@ -114,8 +114,8 @@ impl<'a> Scene<'a> {
         Some(self.operand(side, what, "so it cannot be compared with < or >"))
     }
 
-    pub(super) fn operand(&self, side: &Expr, what: &str, so: &str) -> Remark {
-        Remark {
+    pub(super) fn operand(&self, side: &Expr, what: &str, so: &str) -> Diagnosis {
+        Diagnosis {
             at: side.span,
             message: format!("{}, {so}", self.is(side, what)),
             help: self.why(side, what),
@@ -151,7 +151,7 @@ impl<'a> Scene<'a> {
         })
     }
 
-    pub(super) fn join(&self, left: &str, right: &str) -> Option<Remark> {
+    pub(super) fn join(&self, left: &str, right: &str) -> Option<Diagnosis> {
         let joins = |what: &str| matches!(what, "string" | "number");
         let what = if joins(left) { right } else { left };
         let mut leaves = Vec::new();
@@ -188,7 +188,7 @@ impl<'a> Scene<'a> {
                 .iter()
                 .map(|leaf| format!("`{}`", self.text(leaf)))
                 .collect();
-            return Some(Remark {
+            return Some(Diagnosis {
                 at: side.span,
                 message: format!(
                     "one of {} is nil, so it cannot be joined to a string",
@@ -197,14 +197,14 @@ impl<'a> Scene<'a> {
                 help: "tostring(value) converts any value to a string".to_owned(),
             });
         }
-        let mut remark = self.operand(side, what, "so it cannot be joined to a string");
+        let mut diagnosis = self.operand(side, what, "so it cannot be joined to a string");
         if what != "nil" {
-            remark.help = format!("tostring({}) converts it to a string", self.text(side));
+            diagnosis.help = format!("tostring({}) converts it to a string", self.text(side));
         }
-        Some(remark)
+        Some(diagnosis)
     }
 
-    pub(super) fn length(&self, what: &str) -> Option<Remark> {
+    pub(super) fn length(&self, what: &str) -> Option<Diagnosis> {
         let side = self.exprs.iter().find_map(|expr| match &expr.kind {
             ExprKind::Unary(operator, operand) if operator == "#" && self.may_be(operand, what) => {
                 Some(&**operand)
@@ -214,7 +214,7 @@ impl<'a> Scene<'a> {
         Some(self.operand(side, what, "so it has no length"))
     }
 
-    pub(super) fn iterate(&self, what: &str) -> Option<Remark> {
+    pub(super) fn iterate(&self, what: &str) -> Option<Diagnosis> {
         let list = self
             .statements
             .iter()
@@ -222,15 +222,15 @@ impl<'a> Scene<'a> {
                 StatementKind::Each(_, values, _) => values.first(),
                 _ => None,
             })?;
-        let mut remark = self.operand(list, what, "so a loop cannot go through it");
+        let mut diagnosis = self.operand(list, what, "so a loop cannot go through it");
         if what == "number" {
-            remark.help = format!("to count, write for i = 1, {} do", self.text(list));
+            diagnosis.help = format!("to count, write for i = 1, {} do", self.text(list));
         }
-        Some(remark)
+        Some(diagnosis)
     }
 
     /// `initial value must be a number`, in the VM's words.
-    pub(super) fn count(&self, words: &str) -> Option<Remark> {
+    pub(super) fn count(&self, words: &str) -> Option<Diagnosis> {
         let values = self
             .statements
             .iter()
@@ -249,16 +249,16 @@ impl<'a> Scene<'a> {
             .nth(1)
             .unwrap_or("nil")
             .trim_end_matches(')');
-        let mut remark = self.operand(value, what, "");
-        remark.message = format!(
+        let mut diagnosis = self.operand(value, what, "");
+        diagnosis.message = format!(
             "a `for` {which} with a number, but {}",
             self.is(value, what)
         );
-        Some(remark)
+        Some(diagnosis)
     }
 
     /// `invalid argument #1 to 'floor' (number expected, got nil)`.
-    pub(super) fn library_argument(&self, words: &str) -> Option<Remark> {
+    pub(super) fn library_argument(&self, words: &str) -> Option<Diagnosis> {
         let (_, rest) = words.split_once('#')?;
         let (number, rest) = rest.split_once(" to '")?;
         let (name, rest) = rest.split_once('\'')?;
@@ -290,7 +290,7 @@ impl<'a> Scene<'a> {
         let help = argument
             .map(|argument| self.why(argument, got))
             .unwrap_or_default();
-        Some(Remark {
+        Some(Diagnosis {
             at: argument.map_or(callee, |argument| argument.span),
             message,
             help,
@@ -298,7 +298,7 @@ impl<'a> Scene<'a> {
     }
 
     /// `robot.move: left must be ...`: the caret goes below the argument.
-    pub(super) fn api(&self, words: &str) -> Option<Remark> {
+    pub(super) fn api(&self, words: &str) -> Option<Diagnosis> {
         let (path, rest) = words.split_once(": ")?;
         let function = api::function(path)?;
         let key = function.key();
@@ -323,7 +323,7 @@ impl<'a> Scene<'a> {
             _ if rest.contains("is missing") => format!("it is called as {}", function.call()),
             _ => String::new(),
         };
-        Some(Remark {
+        Some(Diagnosis {
             at: argument.map_or(whole.span, |argument| argument.span),
             message: words.to_owned(),
             help,

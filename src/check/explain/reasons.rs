@@ -2,10 +2,10 @@
 
 use super::super::kinds::ValueKind;
 use super::super::tree::{Expr, ExprKind, each_in_expr};
-use super::Scene;
+use super::ErrorSite;
 use crate::api::{self, Requirement};
 
-impl<'a> Scene<'a> {
+impl<'a> ErrorSite<'a> {
     /// Whether an expression can have this Luau type.
     pub(super) fn may_be(&self, expr: &Expr, what: &str) -> bool {
         let kind = self.kind(expr);
@@ -63,7 +63,7 @@ impl<'a> Scene<'a> {
     }
 
     pub(super) fn kind(&self, expr: &Expr) -> ValueKind<'a> {
-        // Look up the same expression in the scene, where it has the lifetime of the tree.
+        // Look up the same expression in the error site, where it has the lifetime of the tree.
         let own = self.exprs.iter().find_map(|one| {
             let mut found = None;
             each_in_expr(one, &mut |part| {

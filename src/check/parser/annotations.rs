@@ -41,7 +41,7 @@ impl<'a> Parser<'a> {
                         self.advance();
                     }
                     "(" | "{" | "<" => self.skip_bracketed()?,
-                    _ => return Err(self.lost()),
+                    _ => return Err(self.parse_error()),
                 },
             }
             while self.accept("?") {}
@@ -71,7 +71,7 @@ impl<'a> Parser<'a> {
         if computed || self.word() == "<" {
             self.skip_bracketed()?;
             if self.word_follows_generics() {
-                return Err(self.lost());
+                return Err(self.parse_error());
             }
         }
         Ok(())
@@ -83,7 +83,7 @@ impl<'a> Parser<'a> {
             match self.word() {
                 "(" | "{" | "<" | "[" => open += 1,
                 ")" | "}" | ">" | "]" => open = open.saturating_sub(1),
-                _ if self.token().kind == TokenKind::End => return Err(self.lost()),
+                _ if self.token().kind == TokenKind::End => return Err(self.parse_error()),
                 _ => {}
             }
             self.advance();

@@ -56,7 +56,7 @@ impl<'a> Parser<'a> {
         let deepest = expr.parts().iter().map(|part| part.depth).max();
         expr.depth = deepest.unwrap_or(0) + 1;
         if expr.depth > MAX_DEPTH {
-            Err(self.lost())
+            Err(self.parse_error())
         } else {
             Ok(expr)
         }
@@ -87,9 +87,9 @@ impl<'a> Parser<'a> {
         let start = self.token();
         let text = start.span.of(self.source);
         let literal = match (start.kind, self.word()) {
-            (TokenKind::Number, _) => {
-                Some(ExprKind::Number(number(text).ok_or_else(|| self.lost())?))
-            }
+            (TokenKind::Number, _) => Some(ExprKind::Number(
+                number(text).ok_or_else(|| self.parse_error())?,
+            )),
             (TokenKind::Text, _) => Some(ExprKind::Text(contents(text))),
             (_, "nil") => Some(ExprKind::Nil),
             (_, "true") => Some(ExprKind::Boolean(true)),
@@ -155,7 +155,7 @@ impl<'a> Parser<'a> {
                 TokenKind::PieceBefore => parts.push(self.expr()?),
                 _ => {
                     self.at -= 1;
-                    return Err(self.lost());
+                    return Err(self.parse_error());
                 }
             }
         }
@@ -182,7 +182,7 @@ impl<'a> Parser<'a> {
             self.expect("=")?;
             return Ok(Entry::Keyed(key, self.expr()?));
         }
-        if self.token().kind == TokenKind::Name && self.word_ahead(1) == "=" {
+        if self.token().kind == TokenKind::Name && self.peek_word(1) == "=" {
             let (name, span) = self.name()?;
             self.advance();
             return Ok(Entry::Named(name.to_owned(), span, self.expr()?));
@@ -218,7 +218,7 @@ impl<'a> Parser<'a> {
                 ":" => {
                     self.advance();
                     let (name, at) = self.name()?;
-                    let arguments = self.arguments()?.ok_or_else(|| self.lost())?;
+                    let arguments = self.arguments()?.ok_or_else(|| self.parse_error())?;
                     self.wrap(expr, |object| {
                         ExprKind::Method(object, name.to_owned(), at, arguments)
                     })?

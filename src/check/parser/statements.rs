@@ -83,14 +83,14 @@ impl<'a> Parser<'a> {
     /// Parses statements that begin with a name, including the contextual keywords.
     pub(super) fn other_statement(&mut self) -> Parsed<StatementKind> {
         let exported = self.is_name(0, "export") && self.is_name(1, "type");
-        if exported || (self.is_name(0, "type") && self.ahead(1).kind == TokenKind::Name) {
+        if exported || (self.is_name(0, "type") && self.peek(1).kind == TokenKind::Name) {
             self.at += usize::from(exported) + 1;
             return self.type_statement();
         }
-        let alone = !matches!(self.word_ahead(1), "." | "[" | ":" | "(" | "=" | "{" | ",")
-            && self.ahead(1).kind != TokenKind::Text
+        let alone = !matches!(self.peek_word(1), "." | "[" | ":" | "(" | "=" | "{" | ",")
+            && self.peek(1).kind != TokenKind::Text
             && !self.begins_pieces(1)
-            && !self.word_ahead(1).ends_with('=');
+            && !self.peek_word(1).ends_with('=');
         if self.is_name(0, "continue") && alone {
             self.advance();
             return Ok(StatementKind::Leave);
@@ -121,7 +121,7 @@ impl<'a> Parser<'a> {
         }
         match first.kind {
             ExprKind::Call(..) | ExprKind::Method(..) => Ok(StatementKind::Call(first)),
-            _ => Err(self.lost()),
+            _ => Err(self.parse_error()),
         }
     }
 

@@ -2,11 +2,11 @@
 
 use super::super::lexer::{Span, Token, TokenKind};
 use super::super::parser;
-use super::{Remark, Scene, closing, word};
+use super::{Diagnosis, ErrorSite, closing, word};
 
-impl Scene<'_> {
+impl ErrorSite<'_> {
     /// Blocks written as in other languages, with `{` or `:`, or without `then` or `do`.
-    pub(super) fn blocks(&self) -> Option<Remark> {
+    pub(super) fn blocks(&self) -> Option<Diagnosis> {
         let tokens = self.around();
         let (at, begins) = tokens.iter().enumerate().rfind(|(_, token)| {
             matches!(
@@ -39,7 +39,7 @@ impl Scene<'_> {
                 }
                 word => format!("write `{word}` here, and `end` where the block ends"),
             };
-            return Some(Remark {
+            return Some(Diagnosis {
                 at: last.span,
                 message: format!("'{}' does not begin a block", self.text(last)),
                 help,
@@ -47,7 +47,7 @@ impl Scene<'_> {
         }
         let complains = !word.is_empty() && self.words.contains(&format!("'{word}'"));
         let missing = complains && !behind.iter().any(|token| self.text(token) == word);
-        missing.then(|| Remark {
+        missing.then(|| Diagnosis {
             at: Span {
                 start: last.span.end,
                 end: last.span.end,
@@ -58,7 +58,7 @@ impl Scene<'_> {
     }
 
     /// `Expected 'end' (to close 'function' at line 3), got <eof>`.
-    pub(super) fn missing_end(&self) -> Option<Remark> {
+    pub(super) fn missing_end(&self) -> Option<Diagnosis> {
         let rest = self.words.split_once("Expected 'end' (to close '")?.1;
         let (keyword, rest) = rest.split_once('\'')?;
         // The compiler's hint at an inner block is more precise.
@@ -85,14 +85,14 @@ impl Scene<'_> {
             "do" => "loop",
             other => other,
         };
-        Some(Remark {
+        Some(Diagnosis {
             at,
             message: format!("the `{keyword}`{where_} that begins here has no `end`"),
             help: "each function, if, for, while and do is closed by its own end".to_owned(),
         })
     }
 
-    pub(super) fn extra_end(&self) -> Option<Remark> {
+    pub(super) fn extra_end(&self) -> Option<Diagnosis> {
         if !self.words.contains("<eof>, got 'end'") && !self.words.contains("got 'end'") {
             return None;
         }
@@ -120,7 +120,7 @@ impl Scene<'_> {
             return None;
         }
         Some(match head {
-            Some((_, token)) => Remark {
+            Some((_, token)) => Diagnosis {
                 at: token.span,
                 message: format!(
                     "the word `function` is missing before `{}`",
@@ -128,7 +128,7 @@ impl Scene<'_> {
                 ),
                 help: format!("write function {}(...)", self.text(token)),
             },
-            None => Remark {
+            None => Diagnosis {
                 at: end.span,
                 message: "this `end` closes nothing: there is one too many".to_owned(),
                 help: "each function, if, for, while and do has exactly one end".to_owned(),
@@ -145,7 +145,7 @@ impl Scene<'_> {
     }
 
     /// `Expected ')' (to close '(' at line 3), got ...`
-    pub(super) fn brackets(&self) -> Option<Remark> {
+    pub(super) fn brackets(&self) -> Option<Diagnosis> {
         let mut open: Vec<&Token> = Vec::new();
         for token in &self.tokens {
             if self.line_of(token) > self.line {
@@ -158,7 +158,7 @@ impl Scene<'_> {
                         .pop()
                         .is_some_and(|open| closing(self.text(open)) == self.text(token));
                     if !fits {
-                        return Some(Remark {
+                        return Some(Diagnosis {
                             at: token.span,
                             message: format!("this '{}' closes nothing", self.text(token)),
                             help: "each bracket is opened once and closed once".to_owned(),
@@ -176,7 +176,7 @@ impl Scene<'_> {
         }
         let token = open.last()?;
         let close = closing(self.text(token));
-        Some(Remark {
+        Some(Diagnosis {
             at: token.span,
             message: format!("this '{}' is never closed", self.text(token)),
             help: format!("a '{close}' or a comma is missing"),
@@ -184,7 +184,7 @@ impl Scene<'_> {
     }
 
     /// `Incomplete statement: expected assignment or a function call`.
-    pub(super) fn lone_name(&self) -> Option<Remark> {
+    pub(super) fn lone_name(&self) -> Option<Diagnosis> {
         if !self.words.contains("Incomplete statement") {
             return None;
         }
@@ -207,7 +207,7 @@ impl Scene<'_> {
             }
             Some(_) => String::new(),
         };
-        Some(Remark {
+        Some(Diagnosis {
             at: span,
             message: format!("`{}` alone does nothing", span.of(self.source)),
             help,
@@ -215,19 +215,19 @@ impl Scene<'_> {
     }
 
     /// `Expected identifier when parsing expression, got ...`
-    pub(super) fn missing_value(&self) -> Option<Remark> {
+    pub(super) fn missing_value(&self) -> Option<Diagnosis> {
         if !self.words.contains("when parsing expression") {
             return None;
         }
-        let lost = match parser::parse(self.source) {
-            Err(lost) => lost.at,
+        let failed_at = match parser::parse(self.source) {
+            Err(error) => error.at,
             Ok(_) => return None,
         };
         let before = self
             .tokens
             .iter()
-            .rfind(|token| token.span.end <= lost.start && token.kind != TokenKind::End)?;
-        let found = lost.of(self.source);
+            .rfind(|token| token.span.end <= failed_at.start && token.kind != TokenKind::End)?;
+        let found = failed_at.of(self.source);
         let message = match found {
             "" => format!("a value is missing after `{}`", self.text(before)),
             found => format!(
@@ -235,7 +235,7 @@ impl Scene<'_> {
                 self.text(before)
             ),
         };
-        Some(Remark {
+        Some(Diagnosis {
             at: before.span,
             message,
             help: String::new(),
@@ -243,7 +243,7 @@ impl Scene<'_> {
     }
 
     /// `Expected 'X' when parsing Y, got 'Z'`.
-    pub(super) fn missing_word(&self) -> Option<Remark> {
+    pub(super) fn missing_word(&self) -> Option<Diagnosis> {
         let (_, rest) = self.words.split_once("Expected ")?;
         let (expected, rest) = rest.split_once(", got ")?;
         let expected = expected
@@ -264,7 +264,7 @@ impl Scene<'_> {
             (expected, "<eof>") => format!("{} is missing at the end", word(expected)),
             (expected, got) => format!("expected {} here, found {}", word(expected), word(got)),
         };
-        Some(Remark {
+        Some(Diagnosis {
             at: self.place(),
             message,
             help: String::new(),

@@ -76,7 +76,7 @@ impl<'a> Walk<'a> {
                 .and_then(EventName::stream),
             _ => None,
         };
-        let streams = self.surroundings.streams;
+        let streams = self.context.streams;
         if let Some(Err(why)) = wanted.map(|stream| streams.allow(stream)) {
             self.warning(site.span, format!("{}: {why}", site.function.path));
         }
@@ -226,7 +226,7 @@ impl<'a> Walk<'a> {
     ) {
         match kind {
             ValueKind::Text(Some(text)) => {
-                let known: Vec<String> = self.surroundings.colour_names();
+                let known: Vec<String> = self.context.colour_names();
                 if known.iter().any(|name| name == text) {
                     return;
                 }

@@ -77,9 +77,9 @@ impl<'a> Walk<'a> {
         self.units(function, arguments);
         let [.., argument] = arguments else { return };
         let wrong = match (function.path, self.kinds.of(argument)) {
-            ("require", ValueKind::Text(Some(path))) => self.surroundings.missing_module(path),
+            ("require", ValueKind::Text(Some(path))) => self.context.missing_module(path),
             ("params.declare", ValueKind::Table(table)) => {
-                parameters::refused(&self.kinds, table, &self.surroundings.params)
+                parameters::refused(&self.kinds, table, &self.context.params)
             }
             ("Frame:save", ValueKind::Text(Some(name))) if picture_name(name).is_none() => {
                 Some(format!("Frame:save: {PICTURE_NAMES}"))
@@ -154,7 +154,7 @@ impl<'a> Walk<'a> {
         match self.kinds.of(object) {
             ValueKind::Namespace(owner) if self.is_ours(owner) => {
                 let path = format!("{owner}.{name}");
-                if self.surroundings.paths.contains(&path) {
+                if self.context.paths.contains(&path) {
                     let message = format!("{path} is called with a dot, not with a colon");
                     self.error(at, message).help = Some(format!("write {path}(...)"));
                 } else {

@@ -9,11 +9,8 @@ use crate::api;
 
 impl<'a> Walk<'a> {
     pub(super) fn global(&mut self, name: &'a str, span: Span) {
-        let paths = &self.surroundings.paths;
-        if paths.contains(name)
-            || self.kinds.globals.contains(name)
-            || self.surroundings.open_globals
-        {
+        let paths = &self.context.paths;
+        if paths.contains(name) || self.kinds.globals.contains(name) || self.context.open_globals {
             return;
         }
         let (message, help) = self.unknown_name(name, span);
@@ -21,7 +18,7 @@ impl<'a> Walk<'a> {
     }
 
     pub(super) fn unknown_name(&self, name: &str, span: Span) -> (String, Option<String>) {
-        if self.has_said_enough() {
+        if self.is_full() {
             return (String::new(), None);
         }
         let tree = self.kinds.tree;
@@ -41,7 +38,7 @@ impl<'a> Walk<'a> {
         if let Some(meant) = foreign::meant(name) {
             return (format!("unknown name '{name}'"), Some(meant.to_owned()));
         }
-        let globals = self.surroundings.paths.iter().map(String::as_str);
+        let globals = self.context.paths.iter().map(String::as_str);
         let globals = globals.filter(|path| !path.contains('.'));
         let own = tree.locals.iter().map(|local| local.name.as_str());
         let set = self.kinds.globals.iter().copied();
@@ -88,7 +85,7 @@ impl<'a> Walk<'a> {
     }
 
     pub(super) fn has(&self, owner: &str, name: &str) -> bool {
-        let paths = &self.surroundings.paths;
+        let paths = &self.context.paths;
         paths.contains(&format!("{owner}.{name}"))
     }
 
@@ -100,7 +97,7 @@ impl<'a> Walk<'a> {
 
     pub(super) fn unknown_field(&mut self, owner: &str, name: &str, at: Span) {
         let inside = format!("{owner}.");
-        let paths = self.surroundings.paths.iter();
+        let paths = self.context.paths.iter();
         let known: Vec<_> = match api::module(owner) {
             Some(module) => module.members(),
             None => paths

@@ -6,7 +6,7 @@ use super::SharedAimArgs;
 use super::session::with_session;
 use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
 use crate::cli::{Exit, Failure};
-use crate::control::{Answer, Errand};
+use crate::control::{Answer, RunRequest};
 use crate::robot::Percent;
 use crate::wire::{Command, Led, Sound};
 
@@ -59,28 +59,36 @@ pub(super) fn led(args: &LedArgs) -> Result<Exit, Failure> {
     let led = Led::from_name(&args.led)
         .ok_or_else(|| Failure::usage(format_args!("no such light: {}", args.led)))?;
     let on = args.state == "on";
-    send_command(&args.aim, Command::Led { led, on }, Errand::Led { led, on })
+    send_command(
+        &args.aim,
+        Command::Led { led, on },
+        RunRequest::Led { led, on },
+    )
 }
 
 pub(super) fn play(args: &PlayArgs) -> Result<Exit, Failure> {
     let Some(name) = &args.sound else {
-        return send_command(&args.aim, Command::StopSound, Errand::StopSound);
+        return send_command(&args.aim, Command::StopSound, RunRequest::StopSound);
     };
     let sound = Sound::from_name(name)
         .ok_or_else(|| Failure::usage(format_args!("no such sound: {name}")))?;
-    send_command(&args.aim, Command::Play(sound), Errand::Play(sound))
+    send_command(&args.aim, Command::Play(sound), RunRequest::Play(sound))
 }
 
 pub(super) fn volume(args: &VolumeArgs) -> Result<Exit, Failure> {
     let percent = Percent::saturating(args.percent);
     let command = Command::Volume(percent.get());
-    send_command(&args.aim, command, Errand::Volume(percent))
+    send_command(&args.aim, command, RunRequest::Volume(percent))
 }
 
 /// Sends a command, directly or through the run that uses the robot.
-fn send_command(aim: &SharedAimArgs, command: Command, errand: Errand) -> Result<Exit, Failure> {
+fn send_command(
+    aim: &SharedAimArgs,
+    command: Command,
+    request: RunRequest,
+) -> Result<Exit, Failure> {
     if let Some(run) = aim.find_run()? {
-        return match ask(&run, &errand, REPLY_TIMEOUT)? {
+        return match ask(&run, &request, REPLY_TIMEOUT)? {
             None => Ok(Exit::Interrupted),
             Some(Answer::Done) => Ok(Exit::Done),
             Some(_) => Err(unexpected_reply()),

@@ -9,7 +9,7 @@ use super::wav;
 use crate::cli::driver::drive;
 use crate::cli::running::{ask, unexpected_reply};
 use crate::cli::{Exit, Failure, block_on};
-use crate::control::{Answer, Errand, MAX_SPEECH};
+use crate::control::{Answer, MAX_SPEECH, RunRequest};
 use crate::robot::Use;
 
 /// Maximum size of a file: the samples, and room for the chunks before them.
@@ -46,7 +46,7 @@ pub(super) fn say(args: &SayArgs) -> Result<Exit, Failure> {
     }
     if let Some(run) = args.aim.find_run()? {
         let length = Duration::from_secs_f64(samples.len() as f64 / RATE);
-        return match ask(&run, &Errand::Say(samples.to_vec()), length + SLACK)? {
+        return match ask(&run, &RunRequest::Say(samples.to_vec()), length + SLACK)? {
             None => Ok(Exit::Interrupted),
             Some(Answer::Done) => Ok(Exit::Done),
             Some(_) => Err(unexpected_reply()),

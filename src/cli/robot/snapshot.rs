@@ -11,7 +11,7 @@ use super::SharedAimArgs;
 use super::session::{RobotSession, with_session};
 use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
 use crate::cli::{Exit, Failure, print};
-use crate::control::{Answer, Client, Errand};
+use crate::control::{Answer, Client, RunRequest};
 use crate::robot::Use;
 use crate::vision::{Decoder, Size};
 use crate::wire::{Command, Report, Stream};
@@ -82,7 +82,7 @@ fn request_picture(run: &Client, limit: Duration) -> Result<Option<Shot>, Failur
     let (mut decoder, mut damaged) = (Decoder::default(), 0);
     loop {
         let left = until.saturating_duration_since(std::time::Instant::now());
-        let jpeg = match ask(run, &Errand::Picture(left), left + REPLY_TIMEOUT)? {
+        let jpeg = match ask(run, &RunRequest::Picture(left), left + REPLY_TIMEOUT)? {
             None => return Ok(None),
             Some(Answer::Picture(jpeg)) => Bytes::from(jpeg),
             Some(Answer::NoPicture) => return Err(no_picture_in_time(limit, damaged)),

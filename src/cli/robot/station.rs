@@ -9,7 +9,7 @@ use crate::agent::Docked;
 use crate::cli::driver::drive;
 use crate::cli::running::{ask, unexpected_reply};
 use crate::cli::{Exit, Failure, block_on, print};
-use crate::control::{Answer, Errand};
+use crate::control::{Answer, RunRequest};
 use crate::robot::{DockEnd, DockPlan};
 
 /// Timeout for a run's reply, beyond the planned time.
@@ -63,7 +63,7 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
     };
     if let Some(run) = args.aim.find_run()? {
         let limit = (plan.timeout + plan.charge_timeout) * (plan.retries + 1) + SLACK;
-        return match ask(&run, &Errand::Dock(plan), limit)? {
+        return match ask(&run, &RunRequest::Dock(plan), limit)? {
             None => Ok(Exit::Interrupted),
             Some(Answer::Docked {
                 end,
@@ -108,7 +108,7 @@ fn show_docked(as_json: bool, docked: Docked) -> Result<(), Failure> {
 pub(super) fn undock(args: &UndockArgs) -> Result<Exit, Failure> {
     let limit = Duration::from_secs(args.timeout);
     if let Some(run) = args.aim.find_run()? {
-        return match ask(&run, &Errand::Undock(limit), limit + SLACK)? {
+        return match ask(&run, &RunRequest::Undock(limit), limit + SLACK)? {
             None => Ok(Exit::Interrupted),
             Some(Answer::Undocked(end)) => {
                 show_undocked(args.json, end)?;

@@ -9,7 +9,7 @@ use super::{Aim, AimArgs, SharedAimArgs};
 use crate::cli::interrupt::interruption;
 use crate::cli::running::{REPLY_TIMEOUT, ask};
 use crate::cli::{Exit, Failure, block_on, print};
-use crate::control::{Client, Errand};
+use crate::control::{Client, RunRequest};
 use crate::link::{LinkError, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
 use crate::safety::{Fact, Watchdog};
@@ -52,7 +52,7 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
             "ending the run that uses the robot (process {})",
             run.overview.pid
         );
-        let asked = ask(run, &Errand::Stop, REPLY_TIMEOUT);
+        let asked = ask(run, &RunRequest::Stop, REPLY_TIMEOUT);
         if run.overview.simulated {
             if asked?.is_none() {
                 return Ok(Exit::Interrupted);
@@ -93,7 +93,7 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
 /// Stops the robot through a service. The service continues, but the robot cannot move until the
 /// stop is released.
 fn stop_through_service(run: &Client) -> Result<Exit, Failure> {
-    if ask(run, &Errand::Stop, REPLY_TIMEOUT)?.is_none() {
+    if ask(run, &RunRequest::Stop, REPLY_TIMEOUT)?.is_none() {
         return Ok(Exit::Interrupted);
     }
     print(

@@ -10,7 +10,7 @@ use crate::cli::{Console, Exit, Failure, RobotChoice, startup};
 use crate::clock::{Clock, Zone};
 use crate::config::Config;
 use crate::lab::{self, Lab};
-use crate::service::{Herald, Service, View};
+use crate::service::{ManagerNotifier, Service, View};
 use crate::sim;
 use crate::timetable::Record;
 use crate::wire::Login;
@@ -70,7 +70,7 @@ pub(super) fn serve(
             clock: Clock::default(),
             duties: loaded.duties,
             record: (Record::default(), None),
-            herald: Herald::default(),
+            notifier: ManagerNotifier::default(),
             bus,
             view: View::channel().0,
             reloads,

@@ -42,27 +42,27 @@ fn low(low: bool) -> Occurrence {
 fn a_robot_out_of_reach_is_reported_once_and_its_return_too() {
     let mut now = Instant::now();
     let mut rules = Rules::new(LONG, now);
-    assert_eq!(rules.hear(&up(), now), None);
+    assert_eq!(rules.handle_event(&up(), now), None);
     assert_eq!(rules.deadline(), None);
-    rules.hear(&down(), now);
+    rules.handle_event(&down(), now);
     now += LONG / 2;
     assert_eq!(rules.poll(now), None);
     // Another failure meanwhile changes nothing.
-    rules.hear(&down(), now);
+    rules.handle_event(&down(), now);
     now += LONG / 2;
     let told = rules.poll(now).unwrap();
     assert_eq!(told.text, "Rover has been out of reach for 10 min: closed");
     assert_eq!((rules.poll(now + LONG), rules.deadline()), (None, None));
     assert!(
         rules
-            .hear(&up(), now)
+            .handle_event(&up(), now)
             .unwrap()
             .text
             .contains("in reach again")
     );
-    rules.hear(&down(), now);
+    rules.handle_event(&down(), now);
     assert_eq!(
-        rules.hear(&up(), now),
+        rules.handle_event(&up(), now),
         None,
         "a short absence is not reported"
     );
@@ -85,24 +85,24 @@ fn a_robot_that_was_never_connected_is_reported_too() {
 fn a_low_battery_is_reported_on_change_and_each_failure_at_intervals() {
     let mut now = Instant::now();
     let mut rules = Rules::new(LONG, now);
-    assert_eq!(rules.hear(&low(true), now).unwrap().rule, Rule::Low);
-    assert_eq!(rules.hear(&low(true), now), None);
-    assert_eq!(rules.hear(&low(false), now), None);
-    assert!(rules.hear(&low(true), now).is_some());
+    assert_eq!(rules.handle_event(&low(true), now).unwrap().rule, Rule::Low);
+    assert_eq!(rules.handle_event(&low(true), now), None);
+    assert_eq!(rules.handle_event(&low(false), now), None);
+    assert!(rules.handle_event(&low(true), now).is_some());
     assert!(
         rules
-            .hear(&failed("a"), now)
+            .handle_event(&failed("a"), now)
             .unwrap()
             .text
             .contains("a.lua:3")
     );
-    assert_eq!(rules.hear(&failed("a"), now), None);
+    assert_eq!(rules.handle_event(&failed("a"), now), None);
     assert!(
-        rules.hear(&failed("b"), now).is_some(),
+        rules.handle_event(&failed("b"), now).is_some(),
         "of another behaviour"
     );
     now += AGAIN;
-    assert!(rules.hear(&failed("a"), now).is_some());
+    assert!(rules.handle_event(&failed("a"), now).is_some());
 }
 
 #[test]
@@ -155,11 +155,14 @@ fn each_rule_of_the_config_has_its_event_and_its_text() {
         ),
         (sent, Rule::Script, "look"),
     ] {
-        let told = Rules::new(LONG, now).hear(&what, now).unwrap();
+        let told = Rules::new(LONG, now).handle_event(&what, now).unwrap();
         assert_eq!((told.rule, &*told.text), (rule, text));
         assert_eq!(told.picture.is_some(), rule == Rule::Script);
     }
-    assert_eq!(Rules::new(LONG, now).hear(&entry("lamp"), now), None);
+    assert_eq!(
+        Rules::new(LONG, now).handle_event(&entry("lamp"), now),
+        None
+    );
 }
 
 #[test]
@@ -177,8 +180,12 @@ fn only_failed_dockings_are_reported() {
         DockEnd::Preempted,
         DockEnd::Disconnected,
     ] {
-        assert_eq!(Rules::new(LONG, now).hear(&dock(end), now), None, "{end}");
+        assert_eq!(
+            Rules::new(LONG, now).handle_event(&dock(end), now),
+            None,
+            "{end}"
+        );
     }
-    let told = Rules::new(LONG, now).hear(&dock(DockEnd::BaseNotFound), now);
+    let told = Rules::new(LONG, now).handle_event(&dock(DockEnd::BaseNotFound), now);
     assert_eq!(told.unwrap().rule, Rule::NotDocked);
 }

@@ -59,7 +59,7 @@ impl World {
                     self.running.retain(|name| name != run);
                     self.planner.ended(run);
                 }
-                Act::Tell(_) => {}
+                Act::Report(_) => {}
             }
             self.acts.push((self.now, act));
         }
@@ -93,10 +93,10 @@ impl World {
     }
 
     fn told(&self) -> Vec<&Notice> {
-        let told = |(_, act): &'_ (Timestamp, Act)| matches!(act, Act::Tell(_));
+        let told = |(_, act): &'_ (Timestamp, Act)| matches!(act, Act::Report(_));
         let told = self.acts.iter().filter(|act| told(act));
         told.map(|(_, act)| match act {
-            Act::Tell(told) => told,
+            Act::Report(told) => told,
             _ => unreachable!(),
         })
         .collect()
@@ -355,7 +355,7 @@ proptest! {
                         prop_assert!(runs.contains(run));
                         runs.retain(|name| name != run);
                     }
-                    Act::Tell(_) => {}
+                    Act::Report(_) => {}
                 }
             }
             if runs.contains(&"a".to_owned()) && leap % 3 == 0 {

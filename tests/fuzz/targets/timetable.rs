@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use libfuzzer_sys::fuzz_target;
 use spykee::clock::{Date, Span, Zone};
-use spykee::timetable::{Pattern, Quiet, Rule, Timetable, outlook};
+use spykee::timetable::{Pattern, Quiet, Rule, Timetable, predict_starts};
 
 /// Number of starts to compute.
 const STARTS: usize = 6;
@@ -45,7 +45,7 @@ fuzz_target!(|text: &str| {
         quiet,
         catch_up: Span::minutes(10),
     };
-    let found = outlook(&table, &["patrol".to_owned()], begin, STARTS);
+    let found = predict_starts(&table, &["patrol".to_owned()], begin, STARTS);
     assert!(found.len() <= STARTS, "{} starts", found.len());
     assert!(found.iter().all(|one| one.at > begin), "{found:?}");
     assert!(found.windows(2).all(|pair| pair[0].at <= pair[1].at), "{found:?}");

@@ -5,7 +5,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use serde_json::Value;
-use spykee::notify::{Notice, Options, PictureWay, Rule, Target, request};
+use spykee::notify::{Notice, Options, PictureMode, Rule, Target, request};
 
 const TOKEN: &str = "t0ken&/ \r\n\"";
 
@@ -19,7 +19,7 @@ fuzz_target!(|bytes: &[u8]| {
     let (path, field, body, words, robot) = (text(), text(), text(), text(), text());
     let picture = part();
     let json = (how & 1 != 0).then(|| serde_json::from_str(&body).ok()).flatten();
-    let ways = [PictureWay::None, PictureWay::Body, PictureWay::Form];
+    let ways = [PictureMode::None, PictureMode::Body, PictureMode::Form];
     let url = format!("http://hook.example:81/{path}?t={{token}}");
     let target = Target {
         url: Some(url.clone()),

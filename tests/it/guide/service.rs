@@ -163,7 +163,7 @@ impl Owner {
                 self.service = Some(run);
                 return;
             }
-            ["spykee", ref rest @ ..] => self.tool(rest).await,
+            ["spykee", ref rest @ ..] => self.run_spykee(rest).await,
             ["curl", url] => {
                 let (at, path) = url.trim_start_matches("http://").split_once('/').unwrap();
                 let (status, body) = get(at, &format!("/{path}")).await;
@@ -180,7 +180,7 @@ impl Owner {
             ["sudo", "/usr/local/bin/spykee", ref rest @ ..] => {
                 let unit = self.rig.folder().join("spykee.service");
                 let more = ["--to", unit.to_str().unwrap(), "--program", "/usr/bin/env"];
-                self.installed = self.tool(&[rest, &more].concat()).await;
+                self.installed = self.run_spykee(&[rest, &more].concat()).await;
                 return;
             }
             ["sudo", "systemctl", ..] => {
@@ -208,12 +208,12 @@ impl Owner {
         let until = Instant::now() + WAIT_LIMIT;
         let mut known = said.contains(wanted);
         while asks && !known && Instant::now() < until {
-            known = self.tool(&words[1..]).await.contains(wanted);
+            known = self.run_spykee(&words[1..]).await.contains(wanted);
         }
         known
     }
 
-    async fn tool(&self, args: &[&str]) -> String {
+    async fn run_spykee(&self, args: &[&str]) -> String {
         let mut run = self.rig.spykee(args);
         let code = run.code().await;
         let log = self.service.as_ref().map(Run::text).unwrap_or_default();
@@ -242,7 +242,7 @@ async fn a_new_owner_follows_the_steps_about_the_service() {
     owner.writes(&[config, today]);
     let run = "run visitor.lua --sim --for 3 --config spykee.yaml";
     let run: Vec<&str> = run.split(' ').collect();
-    owner.tool(&run).await;
+    owner.run_spykee(&run).await;
     for command in commands(step(19)) {
         owner.types(command).await;
     }

@@ -40,7 +40,7 @@ impl Sim {
     }
 
     /// Waits until the robot has received a command, from index `from` on; returns its index.
-    async fn hears(&self, from: usize, wanted: Command) -> usize {
+    async fn wait_for(&self, from: usize, wanted: Command) -> usize {
         within_limit(self.handle.wait_heard(from, |command| *command == wanted)).await
     }
 
@@ -61,13 +61,13 @@ async fn every_session_begins_with_a_stop_also_after_a_lost_link() {
     let mut first = sim.connect(&login).await.unwrap();
     assert_eq!(first.accepted.uid, "SPYKEE0001");
     first.writer.write(&[GO]).await.unwrap();
-    sim.hears(0, GO).await;
+    sim.wait_for(0, GO).await;
     sim.handle.cut();
     while first.reader.next().await.is_ok() {}
     drop(first);
     let lost = sim.handle.heard_count();
     let _second = sim.connect(&login).await.unwrap();
-    sim.hears(lost, Command::STOP).await;
+    sim.wait_for(lost, Command::STOP).await;
     assert_eq!(
         sim.heard(0)[..3],
         [Command::Login(login.clone()), Command::STOP, GO]
@@ -123,9 +123,9 @@ async fn a_dropped_session_stops_a_robot_that_would_drive_on() {
     let sim = sim(Firmware::default()).await;
     let mut session = sim.connect(&admin()).await.unwrap();
     session.writer.write(&[GO]).await.unwrap();
-    let go = sim.hears(0, GO).await;
+    let go = sim.wait_for(0, GO).await;
     drop(session);
-    sim.hears(go, Command::STOP).await;
+    sim.wait_for(go, Command::STOP).await;
 }
 
 #[tokio::test]

@@ -59,31 +59,35 @@ async fn a_user_of_one_robot_can_neither_drive_nor_see_nor_impersonate_another()
     broker.restart();
     let (first, second) = (robot(A).await, robot("SPYKEE0002").await);
     let (anna, bruno) = (
-        Subscriber::of(&broker, Some(USERS[2])).await,
-        Subscriber::of(&broker, Some(USERS[3])).await,
+        Subscriber::connect_as(&broker, Some(USERS[2])).await,
+        Subscriber::connect_as(&broker, Some(USERS[3])).await,
     );
     let _first = agent(&first, &broker, 0);
     let _second = agent(&second, &broker, 1);
-    anna.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    anna.wait_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     bruno
-        .waits_for_text(0, "spykee/SPYKEE0002/connection", "ONLINE")
+        .wait_for_text(0, "spykee/SPYKEE0002/connection", "ONLINE")
         .await;
     for order in ["return_to_base", "stop"] {
-        bruno.say("spykee/SPYKEE0001/command", order, false).await;
+        bruno
+            .publish("spykee/SPYKEE0001/command", order, false)
+            .await;
     }
     bruno
-        .say("spykee/SPYKEE0002/command", "locate", false)
+        .publish("spykee/SPYKEE0002/command", "locate", false)
         .await;
     let laser = |one: &Command| *one == Command::Play(Sound::Laser);
     second.heard(0, laser).await;
     // The broker received bruno's orders before this one.
-    anna.say("spykee/SPYKEE0001/command", "locate", false).await;
+    anna.publish("spykee/SPYKEE0001/command", "locate", false)
+        .await;
     first.heard(0, laser).await;
     let dock = |one: &&Command| **one == Command::Engine(Engage::Dock);
     assert_eq!(first.commands(0).iter().find(dock), None);
     assert!(
-        !bruno.has_heard_from("spykee/SPYKEE0001") && !anna.has_heard_from("spykee/SPYKEE0002")
+        !bruno.has_message_below("spykee/SPYKEE0001")
+            && !anna.has_message_below("spykee/SPYKEE0002")
     );
     first.file("fleet.yaml", &config(&first, &broker, "bruno", 3));
     let fleet = ["fleet", "stop", A, "--config", "fleet.yaml"];

@@ -126,7 +126,7 @@ type Published = (String, Vec<u8>);
 /// A client that records all messages at the broker.
 pub struct Subscriber {
     client: AsyncClient,
-    heard: Arc<Mutex<Vec<Published>>>,
+    received: Arc<Mutex<Vec<Published>>>,
     task: tokio::task::JoinHandle<()>,
 }
 
@@ -137,12 +137,12 @@ impl Drop for Subscriber {
 }
 
 impl Subscriber {
-    pub async fn at(broker: &Broker) -> Subscriber {
-        Subscriber::of(broker, None).await
+    pub async fn connect(broker: &Broker) -> Subscriber {
+        Subscriber::connect_as(broker, None).await
     }
 
     /// Connects as this user, with this password.
-    pub async fn of(broker: &Broker, user: Option<(&str, &str)>) -> Subscriber {
+    pub async fn connect_as(broker: &Broker, user: Option<(&str, &str)>) -> Subscriber {
         let id = format!("subscriber-{}", rand::random::<u32>());
         let mut options = MqttOptions::new(id, "127.0.0.1", broker.port);
         options.set_max_packet_size(1 << 20, 1 << 20);
@@ -150,8 +150,8 @@ impl Subscriber {
             options.set_credentials(user, password);
         }
         let (client, mut events) = AsyncClient::new(options, 100);
-        let heard = Arc::new(Mutex::new(Vec::new()));
-        let (kept, subscriber) = (heard.clone(), client.clone());
+        let received = Arc::new(Mutex::new(Vec::new()));
+        let (kept, subscriber) = (received.clone(), client.clone());
         let task = tokio::spawn(async move {
             loop {
                 match events.poll().await {
@@ -159,9 +159,9 @@ impl Subscriber {
                         subscriber.try_subscribe("#", QoS::AtLeastOnce).unwrap();
                     }
                     Ok(Event::Incoming(Packet::Publish(one))) => {
-                        let mut heard: std::sync::MutexGuard<'_, Vec<(String, Vec<u8>)>> =
+                        let mut received: std::sync::MutexGuard<'_, Vec<(String, Vec<u8>)>> =
                             kept.lock().unwrap();
-                        heard.push((one.topic, one.payload.to_vec()));
+                        received.push((one.topic, one.payload.to_vec()));
                     }
                     Ok(_) => {}
                     Err(_) => tokio::time::sleep(Duration::from_millis(50)).await,
@@ -170,48 +170,53 @@ impl Subscriber {
         });
         Subscriber {
             client,
-            heard,
+            received,
             task,
         }
     }
 
-    pub async fn say(&self, topic: &str, payload: &str, retain: bool) {
-        let said = self
+    pub async fn publish(&self, topic: &str, payload: &str, retain: bool) {
+        let published = self
             .client
             .publish(topic, QoS::AtLeastOnce, retain, payload);
-        said.await.unwrap();
+        published.await.unwrap();
     }
 
     /// Waits until the client receives messages again, after the broker was away.
-    pub async fn waits_until_connected(&self) {
+    pub async fn wait_until_connected(&self) {
         let until = std::time::Instant::now() + WAIT_LIMIT;
         let from = self.len();
-        while !self.heard.lock().unwrap()[from..]
+        while !self.received.lock().unwrap()[from..]
             .iter()
             .any(|(topic, _)| topic == "subscriber/again")
         {
             assert!(std::time::Instant::now() < until, "the broker is not back");
-            self.say("subscriber/again", "", false).await;
+            self.publish("subscriber/again", "", false).await;
             tokio::time::sleep(Duration::from_millis(50)).await;
         }
     }
 
     pub fn len(&self) -> usize {
-        self.heard.lock().unwrap().len()
+        self.received.lock().unwrap().len()
     }
 
     /// Waits for a matching message, from an index on, and returns its payload.
-    pub async fn hears(&self, from: usize, topic: &str, wanted: impl Fn(&[u8]) -> bool) -> Vec<u8> {
+    pub async fn wait_for(
+        &self,
+        from: usize,
+        topic: &str,
+        wanted: impl Fn(&[u8]) -> bool,
+    ) -> Vec<u8> {
         let until = std::time::Instant::now() + WAIT_LIMIT;
         loop {
-            let heard = self.heard.lock().unwrap()[from..].to_vec();
-            let found = heard
+            let received = self.received.lock().unwrap()[from..].to_vec();
+            let found = received
                 .iter()
                 .find(|(of, payload)| of == topic && wanted(payload));
             if let Some((_, payload)) = found {
                 return payload.clone();
             }
-            let topics: Vec<_> = heard
+            let topics: Vec<_> = received
                 .iter()
                 .map(|(topic, payload)| (topic, String::from_utf8_lossy(payload)))
                 .collect();
@@ -225,23 +230,23 @@ impl Subscriber {
 
     /// The index of the first such message among all recorded ones.
     pub fn index_of(&self, topic: &str, word: &str) -> Option<usize> {
-        let heard = self.heard.lock().unwrap();
-        let mut heard = heard.iter();
-        heard.position(|(of, payload)| of == topic && payload == word.as_bytes())
+        let received = self.received.lock().unwrap();
+        let mut received = received.iter();
+        received.position(|(of, payload)| of == topic && payload == word.as_bytes())
     }
 
     /// Whether a message arrived at a topic below this one.
-    pub fn has_heard_from(&self, below: &str) -> bool {
-        let heard = self.heard.lock().unwrap();
-        heard.iter().any(|(topic, _)| topic.starts_with(below))
+    pub fn has_message_below(&self, below: &str) -> bool {
+        let received = self.received.lock().unwrap();
+        received.iter().any(|(topic, _)| topic.starts_with(below))
     }
 
-    pub async fn waits_for_text(&self, from: usize, topic: &str, word: &str) {
-        self.hears(from, topic, |payload| payload == word.as_bytes())
+    pub async fn wait_for_text(&self, from: usize, topic: &str, word: &str) {
+        self.wait_for(from, topic, |payload| payload == word.as_bytes())
             .await;
     }
 
-    pub async fn waits_for_state(
+    pub async fn wait_for_state(
         &self,
         from: usize,
         robot: &str,
@@ -250,7 +255,7 @@ impl Subscriber {
         let read = |payload: &[u8]| serde_json::from_slice::<Value>(payload).unwrap();
         let topic = format!("spykee/{robot}/state");
         let state = self
-            .hears(from, &topic, |payload| wanted(&read(payload)))
+            .wait_for(from, &topic, |payload| wanted(&read(payload)))
             .await;
         read(&state)
     }

@@ -15,12 +15,14 @@ async fn the_broker_reports_a_killed_agent() {
     let Some(broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
+    let (rig, subscriber) = (robot(A).await, Subscriber::connect(&broker).await);
     let run = start(&rig, &broker, IDLE);
-    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    subscriber
+        .wait_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     run.signal(Signal::KILL);
-    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "CONNECTIONBROKEN")
+    subscriber
+        .wait_for_text(0, "spykee/SPYKEE0001/connection", "CONNECTIONBROKEN")
         .await;
     rig.file("fleet.yaml", &broker.config());
     let mut list = rig.spykee(&["fleet", "list", "--config", "fleet.yaml"]);
@@ -34,7 +36,7 @@ async fn a_fleet_starts_and_stops_together_and_every_robot_follows() {
     let Some(broker) = Broker::start() else {
         return;
     };
-    let ear = Subscriber::at(&broker).await;
+    let subscriber = Subscriber::connect(&broker).await;
     let names = ["SPYKEE0001", "SPYKEE0002", "SPYKEE0003"];
     let mut rigs = Vec::new();
     for name in names {
@@ -43,11 +45,12 @@ async fn a_fleet_starts_and_stops_together_and_every_robot_follows() {
     let drive = "robot.move(40, 40) while true do task.wait(1) end";
     let mut runs: Vec<Run> = rigs.iter().map(|rig| start(rig, &broker, drive)).collect();
     for (name, rig) in names.iter().zip(&rigs) {
-        ear.waits_for_text(0, &format!("spykee/{name}/connection"), "ONLINE")
+        subscriber
+            .wait_for_text(0, &format!("spykee/{name}/connection"), "ONLINE")
             .await;
         rig.heard_motion(0).await;
         let two = |state: &Value| state["running"].as_array().unwrap().len() == 2;
-        ear.waits_for_state(0, name, two).await;
+        subscriber.wait_for_state(0, name, two).await;
     }
     rigs[0].file("fleet.yaml", &broker.config());
     let fleet = |args: &[&str]| {
@@ -84,7 +87,7 @@ async fn among_many_agents_dead_and_hung_ones_are_reported_and_all_others_stop()
         return;
     };
     let count = std::env::var("SPYKEE_FLEET").map_or(4, |text| text.parse().unwrap());
-    let ear = Subscriber::at(&broker).await;
+    let subscriber = Subscriber::connect(&broker).await;
     let names: Vec<String> = (1..=count)
         .map(|number| format!("SPYKEE{number:04}"))
         .collect();
@@ -102,13 +105,16 @@ async fn among_many_agents_dead_and_hung_ones_are_reported_and_all_others_stop()
     }
     for (name, rig) in names.iter().zip(&rigs) {
         rig.heard_motion(0).await;
-        ear.waits_for_text(0, &format!("spykee/{name}/connection"), "ONLINE")
+        subscriber
+            .wait_for_text(0, &format!("spykee/{name}/connection"), "ONLINE")
             .await;
     }
     let places: Vec<usize> = rigs.iter().map(|rig| rig.commands(0).len()).collect();
     let gone = async |name: &str, since: Instant| {
         let topic = format!("spykee/{name}/connection");
-        ear.waits_for_text(0, &topic, "CONNECTIONBROKEN").await;
+        subscriber
+            .wait_for_text(0, &topic, "CONNECTIONBROKEN")
+            .await;
         since.elapsed()
     };
     let since = Instant::now();
@@ -121,7 +127,7 @@ async fn among_many_agents_dead_and_hung_ones_are_reported_and_all_others_stop()
     // reported within that time.
     let place = |name: &str| {
         let topic = format!("spykee/{name}/connection");
-        ear.index_of(&topic, "CONNECTIONBROKEN").unwrap()
+        subscriber.index_of(&topic, "CONNECTIONBROKEN").unwrap()
     };
     assert!(place(&names[1]) < place(&names[0]), "the killed one first");
     let patience = Duration::from_secs(KEEP_ALIVE) * 3 / 2;

@@ -46,7 +46,7 @@ async fn after_a_long_outage_all_states_are_published_again_and_no_old_order_run
     let Some(mut broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
+    let (rig, subscriber) = (robot(A).await, Subscriber::connect(&broker).await);
     let blinks = "local on = true
         while true do robot.led('left', on) on = not on task.wait(0.2) end";
     rig.file("patrol.lua", blinks);
@@ -55,10 +55,13 @@ async fn after_a_long_outage_all_states_are_published_again_and_no_old_order_run
          mqtt: {{ host: 127.0.0.1, port: {}, longest_pause: {LONGEST_PAUSE} }}\n",
         broker.port
     ));
-    ear.waits_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
+    subscriber
+        .wait_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
     let laser = |one: &Command| *one == Command::Play(Sound::Laser);
-    ear.say("spykee/SPYKEE0001/command", "locate", false).await;
+    subscriber
+        .publish("spykee/SPYKEE0001/command", "locate", false)
+        .await;
     rig.heard(0, laser).await;
     broker.stop();
     broker.forget();
@@ -82,17 +85,22 @@ async fn after_a_long_outage_all_states_are_published_again_and_no_old_order_run
         let light = move |one: &Command| *one == Command::Led { led: Led::Left, on };
         rig.heard(gone, light).await;
     }
-    let from = ear.len();
+    let from = subscriber.len();
     broker.begin();
-    ear.waits_for_text(from, "spykee/SPYKEE0001/connection", "ONLINE")
+    subscriber
+        .wait_for_text(from, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
-    ear.hears(from, "homeassistant/device/SPYKEE0001/config", |_| true)
+    subscriber
+        .wait_for(from, "homeassistant/device/SPYKEE0001/config", |_| true)
         .await;
-    ear.waits_for_state(from, A, |state| state["problem"] == false)
+    subscriber
+        .wait_for_state(from, A, |state| state["problem"] == false)
         .await;
     assert!(!rig.commands(gone).iter().any(laser), "the old order");
     let back = rig.sim.heard_count();
-    ear.say("spykee/SPYKEE0001/command", "locate", false).await;
+    subscriber
+        .publish("spykee/SPYKEE0001/command", "locate", false)
+        .await;
     rig.heard(back, laser).await;
     let told = "no broker at 127.0.0.1";
     assert_eq!(run.text().matches(told).count(), 1, "{}", run.text());

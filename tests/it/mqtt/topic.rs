@@ -34,19 +34,19 @@ async fn notifications_are_published_with_their_pictures_and_survive_a_broker_ou
     let Some(mut broker) = Broker::start() else {
         return;
     };
-    let (rig, ear) = (robot(A).await, Subscriber::at(&broker).await);
+    let (rig, subscriber) = (robot(A).await, Subscriber::connect(&broker).await);
     rig.file("one.lua", SENDS);
     config(&rig, &broker);
     let run = || rig.spykee(&["run", "--config", "spykee.yaml", "--robot", &rig.address]);
     let mut first = run();
     assert_eq!(first.code().await, Some(0), "{}", first.text());
-    let said = ear.hears(0, "house/says", |_| true).await;
+    let said = subscriber.wait_for(0, "house/says", |_| true).await;
     let said: Value = serde_json::from_slice(&said).unwrap();
     assert_eq!(
         said,
         serde_json::json!({ "event": "script", "text": "look at this" })
     );
-    let seen = ear.hears(0, "house/sees", |_| true).await;
+    let seen = subscriber.wait_for(0, "house/sees", |_| true).await;
     assert!(seen.starts_with(&[0xff, 0xd8]));
     assert_eq!(waiting(&rig), 0);
     broker.stop();
@@ -58,21 +58,22 @@ async fn notifications_are_published_with_their_pictures_and_survive_a_broker_ou
         "{text}"
     );
     assert_eq!(waiting(&rig), 1);
-    let from = ear.len();
+    let from = subscriber.len();
     broker.begin();
-    ear.waits_until_connected().await;
+    subscriber.wait_until_connected().await;
     rig.file("one.lua", "task.wait(600)");
     let mut third = run();
-    ear.hears(from, "house/says", |_| true).await;
+    subscriber.wait_for(from, "house/says", |_| true).await;
     third.signal(Signal::TERM);
     assert_eq!(third.code().await, Some(130), "{}", third.text());
     assert_eq!(waiting(&rig), 0);
     let mut test = rig.spykee(&["notify", "test", "words", "--config", "spykee.yaml"]);
     assert_eq!(test.code().await, Some(0), "{}", test.text());
-    ear.hears(from, "house/says", |payload| {
-        String::from_utf8_lossy(payload).contains("a test of")
-    })
-    .await;
+    subscriber
+        .wait_for(from, "house/says", |payload| {
+            String::from_utf8_lossy(payload).contains("a test of")
+        })
+        .await;
     let mut found = rig.spykee(&["notify", "test", "words"]);
     assert_eq!(found.code().await, Some(2), "{}", found.text());
     let why = "uses a broker";

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tokio::time::timeout;
 
-use super::{DRIVES, config, ends_well, tool};
+use super::{DRIVES, config, ends_well, run_spykee};
 use crate::guardian::thread_called;
 use crate::rig::{Rig, WAIT_LIMIT};
 use crate::slow_system::trace;
@@ -100,19 +100,22 @@ async fn the_unit_has_few_rights() {
         "--password-file",
         "/etc/hostname",
     ];
-    let (code, text) = tool(&rig, &install).await;
+    let (code, text) = run_spykee(&rig, &install).await;
     assert_eq!(
         (code, text.contains("systemctl enable")),
         (Some(0), true),
         "{text}"
     );
-    let (code, text) = tool(&rig, &install).await;
+    let (code, text) = run_spykee(&rig, &install).await;
     assert_eq!((code, text.contains("--force")), (Some(2), true), "{text}");
     let text = std::fs::read_to_string(&unit).unwrap();
     assert!(text.contains("ExecStart=/usr/bin/env serve --config /etc/spykee/spykee.yaml"));
     assert!(text.contains("LoadCredential=password:/etc/hostname"));
     let print = [&["service", "print"], &install[4..]].concat();
-    assert_eq!(tool(&rig, &print).await, (Some(0), text.trim_end().into()));
+    assert_eq!(
+        run_spykee(&rig, &print).await,
+        (Some(0), text.trim_end().into())
+    );
     let analyzed = std::process::Command::new("systemd-analyze")
         .args(["security", "--offline=true", "--threshold=20", path])
         .output();

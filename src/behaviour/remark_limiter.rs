@@ -14,48 +14,55 @@ use crate::robot::{Occurrence, Remark};
 use crate::script::{self, Limits, MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 
 /// Minimum interval between two reports of dropped remarks.
-const SAID_EVERY: Duration = Duration::from_secs(60);
+const REPORT_INTERVAL: Duration = Duration::from_secs(60);
 /// Bytes counted for each entry besides its text.
 const OVERHEAD: usize = 100;
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Remarks {
+pub(super) struct RemarkLimiter {
     behaviour: String,
     folder: Option<PathBuf>,
     bytes: Budget,
     notices: Budget,
-    said: Repeats<()>,
+    reports: Repeats<()>,
 }
 
 /// The outcome for a remark.
 #[derive(Debug, PartialEq)]
-pub(super) enum Fate {
+pub(super) enum Admission {
     /// It is passed on to the bus.
     Passed(Occurrence),
     /// It is dropped, and this must be reported, with the number of remarks dropped since the last
     /// report.
-    LeftOut(u64),
+    Dropped(u64),
     /// It is dropped; a recent report already said so.
-    Silent,
+    DroppedSilently,
 }
 
-impl Remarks {
+impl RemarkLimiter {
     /// Creates the limiter of a behaviour whose pictures are in this folder.
-    pub(super) fn new(behaviour: String, folder: Option<PathBuf>, limits: &Limits) -> Remarks {
-        Remarks {
+    pub(super) fn new(
+        behaviour: String,
+        folder: Option<PathBuf>,
+        limits: &Limits,
+    ) -> RemarkLimiter {
+        RemarkLimiter {
             behaviour,
             folder,
             bytes: Budget::new(limits.journal_bytes_a_day),
             notices: Budget::new(limits.notices_a_day),
-            said: Repeats::new(SAID_EVERY),
+            reports: Repeats::new(REPORT_INTERVAL),
         }
     }
 
-    pub(super) fn admit(&mut self, remark: Remark, now: Instant) -> Fate {
+    pub(super) fn admit(&mut self, remark: Remark, now: Instant) -> Admission {
         match self.occurrence(remark, now) {
-            Some(what) => Fate::Passed(what),
-            None => self.said.note((), now).map_or(Fate::Silent, Fate::LeftOut),
+            Some(what) => Admission::Passed(what),
+            None => self
+                .reports
+                .note((), now)
+                .map_or(Admission::DroppedSilently, Admission::Dropped),
         }
     }
 
@@ -110,13 +117,13 @@ impl Remarks {
 mod tests {
     use super::*;
 
-    fn remarks() -> Remarks {
+    fn limiter() -> RemarkLimiter {
         let limits = Limits {
             journal_bytes_a_day: 24 * 1000,
             notices_a_day: 48,
             ..Limits::default()
         };
-        Remarks::new("one".to_owned(), Some("data/one".into()), &limits)
+        RemarkLimiter::new("one".to_owned(), Some("data/one".into()), &limits)
     }
 
     fn picture(name: &str) -> Remark {
@@ -137,8 +144,8 @@ mod tests {
     #[test]
     fn a_compromised_host_cannot_name_files_of_others() {
         let now = Instant::now();
-        let mut remarks = remarks();
-        let told = |fate| matches!(fate, Fate::Passed(_));
+        let mut limiter = limiter();
+        let passed = |admission| matches!(admission, Admission::Passed(_));
         for name in [
             "../two/1.jpg",
             "/etc/passwd",
@@ -147,10 +154,11 @@ mod tests {
             ".x.jpg",
             "passwd",
         ] {
-            assert!(!told(remarks.admit(picture(name), now)), "{name}");
-            assert!(!told(remarks.admit(notice(Some(name)), now)), "{name}");
+            assert!(!passed(limiter.admit(picture(name), now)), "{name}");
+            assert!(!passed(limiter.admit(notice(Some(name)), now)), "{name}");
         }
-        let Fate::Passed(Occurrence::Picture { path, .. }) = remarks.admit(picture("1.jpg"), now)
+        let Admission::Passed(Occurrence::Picture { path, .. }) =
+            limiter.admit(picture("1.jpg"), now)
         else {
             panic!("left out");
         };
@@ -162,30 +170,34 @@ mod tests {
         let now = Instant::now();
         let long = format!("{{\"a\":\"{}\"}}", "x".repeat(MAX_ENTRY));
         for json in ["", "1", "[1]", "{\"a\":", long.as_str()] {
-            let fate = remarks().admit(entry("moved", json), now);
-            assert!(matches!(fate, Fate::LeftOut(0)), "{fate:?}");
+            let admission = limiter().admit(entry("moved", json), now);
+            assert!(matches!(admission, Admission::Dropped(0)), "{admission:?}");
         }
         let kind = "k".repeat(MAX_KIND + 1);
         assert!(matches!(
-            remarks().admit(entry(&kind, "{}"), now),
-            Fate::LeftOut(_)
+            limiter().admit(entry(&kind, "{}"), now),
+            Admission::Dropped(_)
         ));
     }
 
     #[test]
     fn a_flood_is_limited_to_the_daily_budget_and_reported_once_a_minute() {
-        let (mut remarks, now) = (remarks(), Instant::now());
-        let fates: Vec<_> = (0..1000)
-            .map(|_| remarks.admit(notice(None), now))
+        let (mut limiter, now) = (limiter(), Instant::now());
+        let admissions: Vec<_> = (0..1000)
+            .map(|_| limiter.admit(notice(None), now))
             .collect();
-        let told = fates.iter().filter(|fate| matches!(fate, Fate::Passed(_)));
-        assert_eq!(told.count(), 2);
-        let said = fates.iter().filter(|fate| matches!(fate, Fate::LeftOut(_)));
-        assert_eq!(said.count(), 1);
-        let entries = (0..1000).map(|_| remarks.admit(entry("moved", "{}"), now));
+        let passed = admissions
+            .iter()
+            .filter(|admission| matches!(admission, Admission::Passed(_)));
+        assert_eq!(passed.count(), 2);
+        let reported = admissions
+            .iter()
+            .filter(|admission| matches!(admission, Admission::Dropped(_)));
+        assert_eq!(reported.count(), 1);
+        let entries = (0..1000).map(|_| limiter.admit(entry("moved", "{}"), now));
         assert!(
             entries
-                .filter(|fate| matches!(fate, Fate::Passed(_)))
+                .filter(|admission| matches!(admission, Admission::Passed(_)))
                 .count()
                 < 10
         );

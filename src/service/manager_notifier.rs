@@ -21,42 +21,42 @@ enum ManagerMessage {
 
 /// See the module. Cheap to clone; without a manager it does nothing.
 #[derive(Debug, Clone, Default)]
-pub struct Herald {
+pub struct ManagerNotifier {
     messages: Option<SyncSender<ManagerMessage>>,
 }
 
-impl Herald {
-    /// Creates the herald for the manager named by the environment.
-    pub fn of_environment() -> Herald {
+impl ManagerNotifier {
+    /// Creates the notifier for the manager named by the environment.
+    pub fn of_environment() -> ManagerNotifier {
         if std::env::var_os("NOTIFY_SOCKET").is_none() {
-            return Herald::default();
+            return ManagerNotifier::default();
         }
-        let (messages, told) = sync_channel(WAITING);
-        let thread = std::thread::Builder::new().name("herald".into());
-        match thread.spawn(move || tell(&told)) {
-            Ok(_) => Herald {
+        let (messages, received) = sync_channel(WAITING);
+        let thread = std::thread::Builder::new().name("sd-notify".into());
+        match thread.spawn(move || forward(&received)) {
+            Ok(_) => ManagerNotifier {
                 messages: Some(messages),
             },
             Err(error) => {
                 tracing::warn!("the service manager cannot be notified: no thread: {error}");
-                Herald::default()
+                ManagerNotifier::default()
             }
         }
     }
 
     /// Reports that the service has started.
     pub fn ready(&self) {
-        self.say(ManagerMessage::Ready);
+        self.send(ManagerMessage::Ready);
     }
 
     /// Reports a status line.
     pub fn status(&self, text: impl Into<String>) {
-        self.say(ManagerMessage::Status(text.into()));
+        self.send(ManagerMessage::Status(text.into()));
     }
 
     /// Reports that the service is stopping.
     pub fn stopping(&self) {
-        self.say(ManagerMessage::Stopping);
+        self.send(ManagerMessage::Stopping);
     }
 
     /// Forwards the heartbeats of the driving core to the manager's watchdog, if it has one, four
@@ -73,19 +73,19 @@ impl Herald {
             let now = Instant::now();
             if last.is_none_or(|last| now.saturating_duration_since(last) >= pace) {
                 last = Some(now);
-                self.say(ManagerMessage::Alive);
+                self.send(ManagerMessage::Alive);
             }
         }
     }
 
-    fn say(&self, message: ManagerMessage) {
+    fn send(&self, message: ManagerMessage) {
         if let Some(sender) = &self.messages {
             let _ = sender.try_send(message);
         }
     }
 }
 
-fn tell(messages: &Receiver<ManagerMessage>) {
+fn forward(messages: &Receiver<ManagerMessage>) {
     let mut failed = false;
     let mut send = |state: &[NotifyState<'_>]| {
         if let (Err(error), false) = (sd_notify::notify(state), failed) {

@@ -2,7 +2,7 @@
 //! send its request and to read the response.
 //!
 //! A connection carries one request (`Connection: close`), so that the timeout for its head counts
-//! from the start. The gate enforces the timeout for the body.
+//! from the start. The middleware enforces the timeout for the body.
 
 use std::future::Future;
 use std::io;
@@ -32,20 +32,20 @@ const PAUSE: Duration = Duration::from_millis(200);
 
 /// See the module.
 #[derive(Debug)]
-pub struct Door {
+pub struct LimitedListener {
     listener: TcpListener,
     room: Arc<Semaphore>,
 }
 
-impl Door {
+impl LimitedListener {
     /// Opens the socket, for this many viewers.
     ///
     /// # Errors
     /// If the address is in use or does not belong to this machine.
-    pub async fn open(address: SocketAddr, viewers: u16) -> io::Result<Door> {
+    pub async fn open(address: SocketAddr, viewers: u16) -> io::Result<LimitedListener> {
         let listener = TcpListener::bind(address).await?;
         let room = Arc::new(Semaphore::new(usize::from(viewers) + SPARE));
-        Ok(Door { listener, room })
+        Ok(LimitedListener { listener, room })
     }
 
     /// Returns the socket's address.
@@ -57,7 +57,7 @@ impl Door {
     }
 }
 
-impl Listener for Door {
+impl Listener for LimitedListener {
     type Io = Connection;
     type Addr = SocketAddr;
 
@@ -92,21 +92,21 @@ pub struct Peer {
     /// Its address.
     pub address: SocketAddr,
     /// Whether the request's head has arrived.
-    heard: Arc<AtomicBool>,
+    head_received: Arc<AtomicBool>,
 }
 
 impl Peer {
     /// Records that the request's head has arrived in time.
-    pub(super) fn heard(&self) {
-        self.heard.store(true, Ordering::Relaxed);
+    pub(super) fn mark_head_received(&self) {
+        self.head_received.store(true, Ordering::Relaxed);
     }
 }
 
-impl Connected<IncomingStream<'_, Door>> for Peer {
-    fn connect_info(stream: IncomingStream<'_, Door>) -> Peer {
+impl Connected<IncomingStream<'_, LimitedListener>> for Peer {
+    fn connect_info(stream: IncomingStream<'_, LimitedListener>) -> Peer {
         Peer {
             address: *stream.remote_addr(),
-            heard: stream.io().heard.clone(),
+            head_received: stream.io().head_received.clone(),
         }
     }
 }
@@ -115,7 +115,7 @@ impl Connected<IncomingStream<'_, Door>> for Peer {
 #[derive(Debug)]
 pub struct Connection {
     stream: TcpStream,
-    heard: Arc<AtomicBool>,
+    head_received: Arc<AtomicBool>,
     head: Pin<Box<Sleep>>,
     /// Set while a write is pending.
     stall: Option<Pin<Box<Sleep>>>,
@@ -126,7 +126,7 @@ impl Connection {
     fn new(stream: TcpStream, permit: OwnedSemaphorePermit) -> Connection {
         Connection {
             stream,
-            heard: Arc::default(),
+            head_received: Arc::default(),
             head: Box::pin(sleep(HEAD)),
             stall: None,
             _permit: permit,
@@ -135,7 +135,7 @@ impl Connection {
 
     /// Returns an error if the other end has read nothing for too long. `progress`: it has just
     /// read something.
-    fn stalls(&mut self, context: &mut Context<'_>, progress: bool) -> io::Result<()> {
+    fn check_stall(&mut self, context: &mut Context<'_>, progress: bool) -> io::Result<()> {
         if progress {
             self.stall = None;
             return Ok(());
@@ -156,7 +156,9 @@ impl AsyncRead for Connection {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        if !self.heard.load(Ordering::Relaxed) && self.head.as_mut().poll(context).is_ready() {
+        if !self.head_received.load(Ordering::Relaxed)
+            && self.head.as_mut().poll(context).is_ready()
+        {
             return Poll::Ready(Err(io::ErrorKind::TimedOut.into()));
         }
         Pin::new(&mut self.stream).poll_read(context, buffer)
@@ -170,7 +172,7 @@ impl AsyncWrite for Connection {
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
         let written = Pin::new(&mut self.stream).poll_write(context, bytes);
-        self.stalls(context, written.is_ready())?;
+        self.check_stall(context, written.is_ready())?;
         written
     }
 
@@ -180,7 +182,7 @@ impl AsyncWrite for Connection {
         slices: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
         let written = Pin::new(&mut self.stream).poll_write_vectored(context, slices);
-        self.stalls(context, written.is_ready())?;
+        self.check_stall(context, written.is_ready())?;
         written
     }
 

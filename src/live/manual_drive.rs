@@ -25,20 +25,24 @@ const BEAT: Duration = Duration::from_millis(50);
 const AGAIN: Duration = Duration::from_millis(200);
 
 /// A setpoint and the time it was received.
-pub(super) type Wish = (Setpoint, Instant);
+pub(super) type TimedSetpoint = (Setpoint, Instant);
 
 /// Drives with the viewer's setpoints until the viewer leaves the wheel. Leaving the seat stops the
 /// robot, or lets the behaviour with the next lower priority drive.
-pub(super) async fn drive(run: Run, name: String, mut wishes: watch::Receiver<Wish>) {
+pub(super) async fn drive(run: Run, name: String, mut setpoints: watch::Receiver<TimedSetpoint>) {
     info!("{name} drives by hand");
-    if let Err(error) = steer(&run, &name, &mut wishes).await {
+    if let Err(error) = steer(&run, &name, &mut setpoints).await {
         info!("{name} can no longer drive by hand: {error}");
     } else {
         info!("{name} has stopped driving by hand");
     }
 }
 
-async fn steer(run: &Run, name: &str, wishes: &mut watch::Receiver<Wish>) -> Result<(), SeatError> {
+async fn steer(
+    run: &Run,
+    name: &str,
+    setpoints: &mut watch::Receiver<TimedSetpoint>,
+) -> Result<(), SeatError> {
     let mut seat = run.seat(name).await?;
     seat.drive(Setpoint::STOP).await?;
     let mut beat = interval(BEAT);
@@ -51,11 +55,11 @@ async fn steer(run: &Run, name: &str, wishes: &mut watch::Receiver<Wish>) -> Res
                 ends = None;
                 seat.drive(Setpoint::STOP).await?;
             }
-            changed = wishes.changed() => {
+            changed = setpoints.changed() => {
                 if changed.is_err() {
                     return Ok(());
                 }
-                let (setpoint, came) = *wishes.borrow_and_update();
+                let (setpoint, came) = *setpoints.borrow_and_update();
                 let dies = came + LIFE;
                 // Ignore a setpoint that has already expired.
                 let alive = !setpoint.is_stop() && dies > Instant::now();

@@ -52,7 +52,7 @@ pub(super) struct Message {
 
 /// An event on a connection.
 #[derive(Debug)]
-pub(super) enum Word {
+pub(super) enum ConnectionEvent {
     /// The broker has accepted the connection.
     Up,
     /// A message was received.
@@ -78,21 +78,21 @@ pub(super) struct Full;
 /// A connection in progress or established. Dropping it breaks it, and the broker publishes the
 /// will.
 #[derive(Debug)]
-pub(super) struct Line {
+pub(super) struct Connection {
     client: AsyncClient,
-    words: mpsc::Receiver<Word>,
+    received: mpsc::Receiver<ConnectionEvent>,
     pump: JoinHandle<()>,
 }
 
-impl Drop for Line {
+impl Drop for Connection {
     fn drop(&mut self) {
         self.pump.abort();
     }
 }
 
-impl Line {
+impl Connection {
     /// Starts to connect, with this client ID.
-    pub(super) fn dial(account: &Account, client: &str, will: Option<Will>) -> Line {
+    pub(super) fn dial(account: &Account, client: &str, will: Option<Will>) -> Connection {
         let (host, port) = account.options.address().unwrap_or(("localhost", 1883));
         let mut options = MqttOptions::new(client, host, port);
         options.set_clean_session(true);
@@ -116,20 +116,20 @@ impl Line {
         let mut network = NetworkOptions::new();
         network.set_connection_timeout(CONNECTING);
         events.set_network_options(network);
-        let (say, words) = mpsc::channel(MOST_COMING);
-        let pump = tokio::spawn(pump(events, say));
-        Line {
+        let (sender, received) = mpsc::channel(MOST_COMING);
+        let pump = tokio::spawn(pump(events, sender));
+        Connection {
             client,
-            words,
+            received,
             pump,
         }
     }
 
-    /// Waits for the next event; after [`Word::Lost`], returns [`Word::Lost`] each time.
+    /// Waits for the next event; after [`ConnectionEvent::Lost`], returns that each time.
     /// Cancel-safe.
-    pub(super) async fn next(&mut self) -> Word {
-        let lost = || Word::Lost("the connection is closed".to_owned());
-        self.words.recv().await.unwrap_or_else(lost)
+    pub(super) async fn next(&mut self) -> ConnectionEvent {
+        let lost = || ConnectionEvent::Lost("the connection is closed".to_owned());
+        self.received.recv().await.unwrap_or_else(lost)
     }
 
     /// Subscribes to a topic.
@@ -139,25 +139,25 @@ impl Line {
     }
 
     /// Publishes a message to the current subscribers.
-    pub(super) fn say(&self, topic: &str, payload: Vec<u8>) -> Result<(), Full> {
-        self.publish(topic, false, payload)
+    pub(super) fn publish(&self, topic: &str, payload: Vec<u8>) -> Result<(), Full> {
+        self.enqueue(topic, false, payload)
     }
 
     /// Publishes a retained message, which later subscribers receive too.
-    pub(super) fn keep(&self, topic: &str, payload: Vec<u8>) -> Result<(), Full> {
-        self.publish(topic, true, payload)
+    pub(super) fn retain(&self, topic: &str, payload: Vec<u8>) -> Result<(), Full> {
+        self.enqueue(topic, true, payload)
     }
 
-    fn publish(&self, topic: &str, retain: bool, payload: Vec<u8>) -> Result<(), Full> {
+    fn enqueue(&self, topic: &str, retain: bool, payload: Vec<u8>) -> Result<(), Full> {
         // A message that exceeds the maximum packet size would break the connection.
         if payload.len() + topic.len() + 64 > LONGEST_SENT {
             tracing::warn!("a message for the broker is too long: {topic}");
             return Ok(());
         }
-        let said = self
+        let queued = self
             .client
             .try_publish(topic, QoS::AtLeastOnce, retain, payload);
-        said.map_err(|_| Full)
+        queued.map_err(|_| Full)
     }
 
     /// Disconnects after all queued messages are sent, and waits for that at most this long.
@@ -165,30 +165,30 @@ impl Line {
         if self.client.try_disconnect().is_err() {
             return;
         }
-        let closed = async { while !matches!(self.next().await, Word::Lost(_)) {} };
+        let closed = async { while !matches!(self.next().await, ConnectionEvent::Lost(_)) {} };
         let _ = tokio::time::timeout(limit, closed).await;
     }
 }
 
 /// Drives the connection until it is lost or its receiver is dropped.
-async fn pump(mut events: EventLoop, say: mpsc::Sender<Word>) {
+async fn pump(mut events: EventLoop, sender: mpsc::Sender<ConnectionEvent>) {
     loop {
-        let word = match events.poll().await {
-            Ok(Event::Incoming(Packet::ConnAck(_))) => Word::Up,
-            Ok(Event::Incoming(Packet::Publish(message))) => Word::Message(Message {
+        let event = match events.poll().await {
+            Ok(Event::Incoming(Packet::ConnAck(_))) => ConnectionEvent::Up,
+            Ok(Event::Incoming(Packet::Publish(message))) => ConnectionEvent::Message(Message {
                 topic: message.topic,
                 payload: message.payload,
                 retained: message.retain,
             }),
-            Ok(Event::Incoming(Packet::SubAck(_))) => Word::Subscribed,
-            Ok(Event::Incoming(Packet::PubAck(_))) => Word::Acknowledged,
+            Ok(Event::Incoming(Packet::SubAck(_))) => ConnectionEvent::Subscribed,
+            Ok(Event::Incoming(Packet::PubAck(_))) => ConnectionEvent::Acknowledged,
             Ok(_) => continue,
             Err(error) => {
-                let _ = say.send(Word::Lost(in_words(&error))).await;
+                let _ = sender.send(ConnectionEvent::Lost(in_words(&error))).await;
                 return;
             }
         };
-        if say.send(word).await.is_err() {
+        if sender.send(event).await.is_err() {
             return;
         }
     }

@@ -17,8 +17,8 @@ use futures_util::stream::unfold;
 use tokio::time::{Instant, timeout_at};
 
 use super::access::{Access, Denied};
-use super::door::Peer;
-use super::guard::{Addressed, Reason};
+use super::guard::{OriginHeaders, Reason};
+use super::listener::Peer;
 use super::refusal::Refusal;
 use super::role::{Role, Visitor};
 
@@ -49,26 +49,26 @@ const HEADERS: [(HeaderName, &str); 6] = [
 ];
 
 /// Middleware: checks a request, identifies the visitor, and adds headers to the response.
-pub async fn guarded(
+pub async fn guard_request(
     State(access): State<Arc<Access>>,
     ConnectInfo(peer): ConnectInfo<Peer>,
     mut request: Request,
     next: Next,
 ) -> Response {
-    peer.heard();
+    peer.mark_head_received();
     let response = match admit(&access, &peer, &request) {
         Ok(visitor) => {
-            request.extensions_mut().insert(Somebody(visitor));
-            next.run(request.map(in_time)).await
+            request.extensions_mut().insert(Identity(visitor));
+            next.run(request.map(with_body_timeout)).await
         }
         Err(refusal) => refusal.into_response(),
     };
-    completed(response)
+    with_response_headers(response)
 }
 
 /// Adds the timeout to a body. Without it, a few clients that send endless bodies could lock out
 /// all others.
-fn in_time(body: Body) -> Body {
+fn with_body_timeout(body: Body) -> Body {
     let until = Instant::now() + BODY;
     let pieces = unfold(Some(body.into_data_stream()), move |pieces| async move {
         let mut pieces = pieces?;
@@ -90,18 +90,20 @@ fn admit(
 ) -> Result<Option<Visitor>, Refusal> {
     let headers = request.headers();
     let upgrade = headers.contains_key(header::UPGRADE);
-    let addressed = Addressed {
+    let origin_headers = OriginHeaders {
         host: only(headers, &header::HOST),
         origin: headers
             .get(header::ORIGIN)
             .map(|origin| origin.to_str().unwrap_or_default()),
         site: only(headers, &HeaderName::from_static("sec-fetch-site")),
-        acts: upgrade || !matches!(*request.method(), Method::GET | Method::HEAD),
+        changes_state: upgrade || !matches!(*request.method(), Method::GET | Method::HEAD),
     };
-    access.validate(addressed).map_err(|reason| match reason {
-        Reason::Host => Refusal::new(StatusCode::MISDIRECTED_REQUEST, reason.to_string()),
-        Reason::Origin => Refusal::new(StatusCode::FORBIDDEN, reason.to_string()),
-    })?;
+    access
+        .validate(origin_headers)
+        .map_err(|reason| match reason {
+            Reason::Host => Refusal::new(StatusCode::MISDIRECTED_REQUEST, reason.to_string()),
+            Reason::Origin => Refusal::new(StatusCode::FORBIDDEN, reason.to_string()),
+        })?;
     let token = only(headers, &header::AUTHORIZATION).and_then(|text| text.strip_prefix("Bearer "));
     match token {
         Some(token) => access
@@ -137,7 +139,7 @@ pub(super) fn denied(denied: Denied) -> Refusal {
     Refusal::new(status, denied.to_string())
 }
 
-fn completed(mut response: Response) -> Response {
+fn with_response_headers(mut response: Response) -> Response {
     let switches = response.status() == StatusCode::SWITCHING_PROTOCOLS;
     let headers = response.headers_mut();
     for (name, value) in HEADERS {
@@ -154,15 +156,15 @@ fn completed(mut response: Response) -> Response {
 
 /// The visitor who sends a request, if known.
 #[derive(Debug, Clone)]
-pub(super) struct Somebody(pub(super) Option<Visitor>);
+pub(super) struct Identity(pub(super) Option<Visitor>);
 
 impl<S: Sync> FromRequestParts<S> for Visitor {
     type Rejection = Refusal;
 
     async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Visitor, Refusal> {
-        let somebody = parts.extensions.get::<Somebody>();
-        somebody
-            .and_then(|Somebody(visitor)| visitor.clone())
+        let identity = parts.extensions.get::<Identity>();
+        identity
+            .and_then(|Identity(visitor)| visitor.clone())
             .ok_or_else(Refusal::unknown)
     }
 }

@@ -38,14 +38,14 @@ pub fn journal_file(data: &Path) -> PathBuf {
 
 /// An open journal, and this agent's session in it.
 #[derive(Debug)]
-pub(super) struct Ledger {
+pub(super) struct Database {
     connection: Connection,
     folder: Folder,
     session: i64,
     options: Options,
 }
 
-impl Ledger {
+impl Database {
     /// Opens the journal of a data folder, creates it if there is none, and starts a session at
     /// this time.
     pub(super) fn open(
@@ -53,7 +53,7 @@ impl Ledger {
         options: Options,
         about: &About,
         now: Timestamp,
-    ) -> Result<Ledger, JournalError> {
+    ) -> Result<Database, JournalError> {
         let path = folder(data);
         let failed = |source| JournalError::Io {
             path: path.display().to_string(),
@@ -81,7 +81,7 @@ impl Ledger {
             params![began, std::process::id(), about.target, about.simulated],
         )?;
         let session = connection.last_insert_rowid();
-        Ok(Ledger {
+        Ok(Database {
             connection,
             folder: private,
             session,
@@ -136,8 +136,8 @@ impl Ledger {
 
     /// Deletes the rows that are too old at this time, then the oldest ones until the file is small
     /// enough. Returns the number of deleted rows.
-    pub(super) fn forget(&mut self, now: Timestamp) -> Result<u64, JournalError> {
-        let gone = retention::forget(&self.connection, &self.options, now)?;
+    pub(super) fn delete_old(&mut self, now: Timestamp) -> Result<u64, JournalError> {
+        let gone = retention::delete_old(&self.connection, &self.options, now)?;
         if gone > 0 {
             let sessions = "DELETE FROM session WHERE id <> ?1
                 AND id NOT IN (SELECT session FROM event) AND id NOT IN (SELECT session FROM battery)";
@@ -236,8 +236,9 @@ mod tests {
     #[test]
     fn its_files_are_private() {
         let data = tempfile::tempdir().unwrap();
-        let mut ledger = Ledger::open(data.path(), Options::default(), &about(), now()).unwrap();
-        ledger.write(&[event(1, "x")], 0, now()).unwrap();
+        let mut database =
+            Database::open(data.path(), Options::default(), &about(), now()).unwrap();
+        database.write(&[event(1, "x")], 0, now()).unwrap();
         let mode = |path: &Path| path.metadata().unwrap().permissions().mode() & 0o777;
         let folder = folder(data.path());
         assert_eq!(mode(&folder), 0o700);
@@ -252,14 +253,14 @@ mod tests {
     fn links_are_not_followed() {
         let (data, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         symlink(elsewhere.path(), folder(data.path())).unwrap();
-        let error = Ledger::open(data.path(), Options::default(), &about(), now()).unwrap_err();
+        let error = Database::open(data.path(), Options::default(), &about(), now()).unwrap_err();
         assert!(error.to_string().contains("symbolic link"), "{error}");
         std::fs::remove_file(folder(data.path())).unwrap();
         std::fs::create_dir(folder(data.path())).unwrap();
         let target = elsewhere.path().join("x");
         std::fs::write(&target, "").unwrap();
         symlink(&target, journal_file(data.path())).unwrap();
-        Ledger::open(data.path(), Options::default(), &about(), now()).unwrap();
+        Database::open(data.path(), Options::default(), &about(), now()).unwrap();
         assert_eq!(target.metadata().unwrap().len(), 0);
         assert!(
             journal_file(data.path())
@@ -277,23 +278,23 @@ mod tests {
             max_mib: 1,
             ..Options::default()
         };
-        let mut ledger = Ledger::open(data.path(), options, &about(), now()).unwrap();
+        let mut database = Database::open(data.path(), options, &about(), now()).unwrap();
         let today = now().as_millisecond();
         let old: Vec<Row> = (0..50)
             .map(|at| event(today - 11 * 86_400_000 + at, "old"))
             .collect();
-        ledger.write(&old, 0, now()).unwrap();
-        ledger.write(&[event(today, "new")], 0, now()).unwrap();
-        assert_eq!(ledger.forget(now()).unwrap(), 50);
+        database.write(&old, 0, now()).unwrap();
+        database.write(&[event(today, "new")], 0, now()).unwrap();
+        assert_eq!(database.delete_old(now()).unwrap(), 50);
         assert_eq!(count(data.path()), 1);
         let long = "x".repeat(2000);
         for round in 0..6 {
             let rows: Vec<Row> = (0..100)
                 .map(|at| event(today + round * 100 + at, &long))
                 .collect();
-            ledger.write(&rows, 0, now()).unwrap();
-            ledger.forget(now()).unwrap();
-            assert!(retention::bytes(&ledger.connection).unwrap() <= 1 << 20);
+            database.write(&rows, 0, now()).unwrap();
+            database.delete_old(now()).unwrap();
+            assert!(retention::bytes(&database.connection).unwrap() <= 1 << 20);
         }
         let history = History::open(data.path()).unwrap().unwrap();
         let last = history.records(&Kinds::All, &Span::default()).unwrap();
@@ -311,20 +312,20 @@ mod tests {
             max_mib: 1,
             ..Options::default()
         };
-        let mut ledger = Ledger::open(data.path(), options, &about(), now()).unwrap();
+        let mut database = Database::open(data.path(), options, &about(), now()).unwrap();
         let long = "x".repeat(10_000);
         let rows: Vec<Row> = (0..50).map(|at| event(at, &long)).collect();
         let mut written = 0;
         let error = loop {
-            match ledger.write(&rows, 0, now()) {
+            match database.write(&rows, 0, now()) {
                 Ok(()) => written += 50,
                 Err(error) => break error,
             }
         };
         assert!(error.is_full(), "{error}");
         assert_eq!(count(data.path()), written);
-        ledger.forget(now()).unwrap();
-        ledger.write(&rows[..1], 50, now()).unwrap();
+        database.delete_old(now()).unwrap();
+        database.write(&rows[..1], 50, now()).unwrap();
         let kinds = Kinds::Of(&["lost"]);
         let history = History::open(data.path()).unwrap().unwrap();
         let lost = history.records(&kinds, &Span::default()).unwrap();
@@ -336,10 +337,10 @@ mod tests {
         let data = tempfile::tempdir().unwrap();
         std::fs::create_dir(folder(data.path())).unwrap();
         std::fs::write(journal_file(data.path()), vec![7; 8192]).unwrap();
-        let error = Ledger::open(data.path(), Options::default(), &about(), now()).unwrap_err();
+        let error = Database::open(data.path(), Options::default(), &about(), now()).unwrap_err();
         assert!(error.is_damage(), "{error}");
-        let aside = Ledger::set_aside(data.path(), now()).unwrap();
-        Ledger::open(data.path(), Options::default(), &about(), now()).unwrap();
+        let aside = Database::set_aside(data.path(), now()).unwrap();
+        Database::open(data.path(), Options::default(), &about(), now()).unwrap();
         let kept = std::fs::read(folder(data.path()).join(aside)).unwrap();
         assert_eq!(kept, vec![7; 8192]);
     }

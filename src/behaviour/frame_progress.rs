@@ -6,12 +6,12 @@ use crate::robot::PartialFrame;
 
 /// The part of the incoming frame that was already passed to a host.
 #[derive(Debug, Default)]
-pub(super) struct Ahead {
+pub(super) struct FrameProgress {
     seq: u64,
     passed: usize,
 }
 
-impl Ahead {
+impl FrameProgress {
     /// Returns the bytes received since the last call and their offset in the frame; `None` if
     /// there are none.
     pub(super) fn rest(
@@ -33,10 +33,10 @@ mod tests {
 
     #[test]
     fn each_byte_is_passed_once_and_each_frame_from_its_start() {
-        let mut ahead = Ahead::default();
+        let mut progress = FrameProgress::default();
         let mut rest = |seq, jpeg: &'static [u8]| {
             let jpeg = Bytes::from_static(jpeg);
-            ahead.rest(&PartialFrame { seq, jpeg })
+            progress.rest(&PartialFrame { seq, jpeg })
         };
         let part = |at, bytes: &'static [u8]| Some((at, Bytes::from_static(bytes)));
         assert_eq!(rest(1, b"ab"), part(0, b"ab"));

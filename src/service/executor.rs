@@ -10,8 +10,8 @@ use tokio::time::{Instant, sleep};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
-use super::idle::{self, IdleRobot, Wish};
-use super::orders::{Orders, Outcome};
+use super::idle::{self, IdleAction, IdleRobot};
+use super::orders::{OrderResult, Orders};
 use super::record::is_news;
 use super::{Duties, Listeners, Reload, View, words};
 use crate::agent::{Member, MemberState, Occurrence, Roster, RosterError};
@@ -24,7 +24,7 @@ use crate::timetable::{Act, Facts, Notice, Planner, Record};
 const LONGEST: Duration = Duration::from_secs(15);
 
 /// See the module.
-pub(super) struct Clerk {
+pub(super) struct Executor {
     members: watch::Receiver<Vec<Member>>,
     requests: mpsc::Sender<Request>,
     status: watch::Receiver<Status>,
@@ -38,15 +38,15 @@ pub(super) struct Clerk {
     /// Permanent behaviours that were not started yet.
     waiting: BTreeSet<String>,
     /// The order that sends the idle robot to its station.
-    way_home: Option<tokio::task::AbortHandle>,
+    docking_task: Option<tokio::task::AbortHandle>,
     quiet: Quiet,
-    kept: Option<Record>,
+    last_record: Option<Record>,
     listeners: Listeners,
-    said: String,
+    last_status: String,
     implausible: bool,
 }
 
-impl Clerk {
+impl Executor {
     pub(super) fn new(
         roster: Roster,
         requests: mpsc::Sender<Request>,
@@ -55,8 +55,8 @@ impl Clerk {
         planner: Planner,
         duties: Duties,
         listeners: Listeners,
-    ) -> Clerk {
-        Clerk {
+    ) -> Executor {
+        Executor {
             members: roster.members(),
             requests,
             status,
@@ -67,11 +67,11 @@ impl Clerk {
             duties,
             orders: Orders::new(roster),
             running: BTreeSet::new(),
-            way_home: None,
+            docking_task: None,
             quiet: Quiet::Off,
-            kept: None,
+            last_record: None,
             listeners,
-            said: String::new(),
+            last_status: String::new(),
             implausible: false,
         }
     }
@@ -83,13 +83,13 @@ impl Clerk {
         mut reloads: mpsc::Receiver<Reload>,
         stop: CancellationToken,
     ) -> Infallible {
-        self.listeners.herald.ready();
+        self.listeners.notifier.ready();
         loop {
             let pause = self.step();
             tokio::select! {
                 biased;
                 () = stop.cancelled() => std::future::pending().await,
-                Some(outcome) = self.orders.next() => self.done(outcome),
+                Some(result) = self.orders.next() => self.handle_result(result),
                 Some(reload) = reloads.recv() => self.reload(reload).await,
                 Ok(()) = self.members.changed() => {}
                 Ok(()) = self.status.changed() => {}
@@ -103,10 +103,10 @@ impl Clerk {
     fn step(&mut self) -> Duration {
         let (now, at) = (self.clock.now(), Instant::now());
         let status = *self.status.borrow_and_update();
-        let running = self.see_members();
+        let running = self.update_running();
         let up = status.link == LinkState::Up;
-        self.begin_always(up);
-        self.follow_quiet(now);
+        self.start_permanent(up);
+        self.apply_quiet_hours(now);
         let names: Vec<String> = running.iter().cloned().collect();
         let acts = self.planner.poll(Facts {
             now,
@@ -117,7 +117,7 @@ impl Clerk {
         for act in acts {
             self.act(act);
         }
-        self.complain_of_clock(now);
+        self.check_clock(now);
         let facts = idle::Facts {
             now: at,
             busy: !running.is_empty() || !self.orders.is_empty() || self.planner.is_due(),
@@ -125,18 +125,18 @@ impl Clerk {
             docked: status.docked,
             low: status.low,
         };
-        if let Some(wish) = self.idle.poll(facts) {
-            self.grant(wish);
+        if let Some(action) = self.idle.poll(facts) {
+            self.execute(action);
         }
         self.keep_record();
-        self.say(&status, now);
+        self.publish_status(&status, now);
         let idle = self.idle.next_deadline().filter(|next| *next > at);
         let idle = idle.map_or(LONGEST, |next| next - at);
         self.planner.pause(now, at).min(idle).min(LONGEST)
     }
 
     /// Returns the running behaviours, and informs the planner of those that have ended.
-    fn see_members(&mut self) -> BTreeSet<String> {
+    fn update_running(&mut self) -> BTreeSet<String> {
         let members = self.members.borrow_and_update();
         let running = members.iter().filter(|one| one.state != MemberState::Idle);
         let running: BTreeSet<String> = running.map(|one| one.name.clone()).collect();
@@ -151,7 +151,7 @@ impl Clerk {
     }
 
     /// Starts the permanent behaviours as soon as the robot is connected.
-    fn begin_always(&mut self, up: bool) {
+    fn start_permanent(&mut self, up: bool) {
         let waiting = self
             .waiting
             .iter()
@@ -162,7 +162,7 @@ impl Clerk {
         }
     }
 
-    fn follow_quiet(&mut self, now: jiff::Timestamp) {
+    fn apply_quiet_hours(&mut self, now: jiff::Timestamp) {
         let quiet = self.duties.quiet(now);
         if quiet == self.quiet {
             return;
@@ -170,7 +170,7 @@ impl Clerk {
         // If the pilot's queue is full, the next poll tries again.
         if self.requests.try_send(Request::Quiet(quiet)).is_ok() {
             self.quiet = quiet;
-            words::tell_quiet(quiet);
+            words::log_quiet_hours(quiet);
         }
     }
 
@@ -200,24 +200,24 @@ impl Clerk {
                 info!(behaviour = run, "its time is over");
                 self.orders.stop(run);
             }
-            Act::Tell(told) => self.tell(&told),
+            Act::Report(told) => self.report_notice(&told),
         }
     }
 
-    fn tell(&self, told: &Notice) {
-        if let Some((run, reason)) = words::tell(told, &self.duties.table.zone) {
-            self.tell_missed(run, reason.to_owned());
+    fn report_notice(&self, told: &Notice) {
+        if let Some((run, reason)) = words::log_notice(told, &self.duties.table.zone) {
+            self.report_missed(run, reason.to_owned());
         }
     }
 
-    fn tell_missed(&self, run: &str, reason: String) {
+    fn report_missed(&self, run: &str, reason: String) {
         self.listeners.bus.tell(Occurrence::StartMissed {
             behaviour: run.to_owned(),
             reason,
         });
     }
 
-    fn complain_of_clock(&mut self, now: jiff::Timestamp) {
+    fn check_clock(&mut self, now: jiff::Timestamp) {
         let implausible = !clock::is_plausible(now) && !self.duties.table.rules.is_empty();
         if implausible != self.implausible {
             self.implausible = implausible;
@@ -229,23 +229,23 @@ impl Clerk {
         }
     }
 
-    fn grant(&mut self, wish: Wish) {
-        match wish {
-            Wish::Take => self.ask(Request::Release(false)),
-            Wish::Release => self.ask(Request::Release(true)),
-            Wish::LeaveBe => {
-                if let Some(way) = self.way_home.take() {
-                    way.abort();
+    fn execute(&mut self, action: IdleAction) {
+        match action {
+            IdleAction::Connect => self.ask(Request::Release(false)),
+            IdleAction::Release => self.ask(Request::Release(true)),
+            IdleAction::CancelDocking => {
+                if let Some(task) = self.docking_task.take() {
+                    task.abort();
                 }
             }
-            Wish::Dock => {
+            IdleAction::Dock => {
                 info!("no behaviour runs and the robot is off its station: sending it there");
-                self.way_home = Some(self.orders.send_home(self.requests.clone()));
+                self.docking_task = Some(self.orders.send_home(self.requests.clone()));
             }
         }
     }
 
-    /// Sends a request to the pilot. If its queue is full, the wish is repeated after the next
+    /// Sends a request to the pilot. If its queue is full, the action is repeated after the next
     /// change of the link.
     fn ask(&self, request: Request) {
         if self.requests.try_send(request).is_err() {
@@ -253,9 +253,9 @@ impl Clerk {
         }
     }
 
-    fn done(&mut self, outcome: Outcome) {
-        match outcome {
-            Outcome::Started(run, started) => {
+    fn handle_result(&mut self, result: OrderResult) {
+        match result {
+            OrderResult::Started(run, started) => {
                 let later = matches!(started, Err(RosterError::Offline | RosterError::Busy));
                 if later && self.waiting.contains(&run) {
                     return;
@@ -263,13 +263,13 @@ impl Clerk {
                 self.waiting.remove(&run);
                 if let Err(why) = started {
                     error!(behaviour = run, "was not started: {why}");
-                    self.tell_missed(&run, why.to_string());
+                    self.report_missed(&run, why.to_string());
                     if !matches!(why, RosterError::RunsAlready(_)) {
                         self.planner.ended(&run);
                     }
                 }
             }
-            Outcome::Changed(run, changed) => {
+            OrderResult::Changed(run, changed) => {
                 match changed {
                     Ok(()) | Err(RosterError::DoesNotRun(_)) => {}
                     Err(why) => error!(behaviour = run, "{why}"),
@@ -279,12 +279,12 @@ impl Clerk {
                     self.planner.ended(&run);
                 }
             }
-            Outcome::Home(ended) => {
+            OrderResult::Home(ended) => {
                 if !self.idle.is_docking() {
                     return;
                 }
-                self.way_home = None;
-                let done = words::tell_home(&ended);
+                self.docking_task = None;
+                let done = words::log_homing(&ended);
                 self.idle.docked(done, Instant::now());
             }
         }
@@ -325,13 +325,13 @@ impl Clerk {
             return;
         };
         let record = self.planner.record();
-        if is_news(self.kept.as_ref(), &record) && file.keep(record.clone()) {
-            self.kept = Some(record);
+        if is_news(self.last_record.as_ref(), &record) && file.keep(record.clone()) {
+            self.last_record = Some(record);
         }
     }
 
     /// Updates the view and the status line of the service manager.
-    fn say(&mut self, status: &Status, now: jiff::Timestamp) {
+    fn publish_status(&mut self, status: &Status, now: jiff::Timestamp) {
         let next = self.planner.next_start();
         let next = next.filter(|_| clock::is_plausible(now));
         let view = View {
@@ -345,9 +345,9 @@ impl Clerk {
         });
         let running = self.running.iter().map(String::as_str);
         let text = words::status(status, running, next, &self.duties.table.zone);
-        if text != self.said {
-            self.listeners.herald.status(text.clone());
-            self.said = text;
+        if text != self.last_status {
+            self.listeners.notifier.status(text.clone());
+            self.last_status = text;
         }
     }
 }

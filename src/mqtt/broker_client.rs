@@ -10,12 +10,12 @@ use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
 use super::command::{Answer, BrokerCommand, BrokerCommandError};
+use super::command_tasks::{CommandTasks, FinishedCommand};
+use super::connection::{Account, Connection, ConnectionEvent, Full, Message, Will};
 use super::discovery::{EVENTS, discovery};
-use super::errands::{Errands, Over};
-use super::line::{Account, Full, Line, Message, Will, Word};
+use super::limited_log::LimitedLog;
 use super::presence::Presence;
 use super::report::Report;
-use super::scribe::Scribe;
 use super::topics::Topics;
 use crate::agent::Member;
 use crate::clock::until;
@@ -24,46 +24,46 @@ use crate::link::{self, Backoff};
 use crate::robot::{Heard, Listener, Occurrence, RobotInfo};
 
 /// Changes within this time are published together.
-const GATHER: Duration = Duration::from_millis(100);
+const COALESCE: Duration = Duration::from_millis(100);
 /// Timeout for closing the connection.
-const GOODBYE: Duration = Duration::from_secs(1);
+const CLOSING: Duration = Duration::from_secs(1);
 /// How long orders in progress at the end may take.
 const ANSWERS: Duration = Duration::from_millis(500);
 /// Maximum length of the name of a chosen behaviour, in bytes.
 const LONGEST_CHOICE: usize = 256;
 /// After a connection that lasted this long, the next pause is short again.
-const GOOD: Duration = Duration::from_secs(60);
+const STABLE: Duration = Duration::from_secs(60);
 
-pub(super) struct Envoy {
+pub(super) struct BrokerClient {
     account: Account,
     run: Run,
     listener: Listener,
     report: Report,
-    errands: Errands,
+    commands: CommandTasks,
     robot: Option<RobotInfo>,
     topics: Topics,
-    side: Side,
+    phase: Phase,
     /// When to publish what has changed.
     due: Option<Instant>,
     /// What was already published on this connection.
-    told: Published,
+    published: Published,
     backoff: Backoff,
     rng: StdRng,
     /// Number of events dropped because the queue was full.
     dropped: u64,
     /// Whether the loss of the connection was logged already.
-    complained: bool,
-    scribe: Scribe,
+    loss_logged: bool,
+    log: LimitedLog,
 }
 
 /// The state of the connection.
-enum Side {
+enum Phase {
     /// The robot's uid is not known yet.
-    Nameless,
+    NoRobot,
     /// Waiting until this instant to connect again.
     Pause(Instant),
-    Dialing(Line),
-    Up(Line, Instant),
+    Dialing(Connection),
+    Up(Connection, Instant),
 }
 
 /// What was published on this connection.
@@ -76,95 +76,95 @@ struct Published {
 }
 
 /// The next thing to handle.
-enum Turn {
+enum Input {
     Stop,
     Heard(Heard),
     Changed,
-    Over(Over),
-    Line(Word),
+    Finished(FinishedCommand),
+    Connection(ConnectionEvent),
     Dial,
-    Tell,
+    Publish,
 }
 
-impl Envoy {
-    pub(super) fn new(account: Account, run: Run, listener: Listener) -> Envoy {
+impl BrokerClient {
+    pub(super) fn new(account: Account, run: Run, listener: Listener) -> BrokerClient {
         let topics = topics(&account, "");
         let pauses = link::Options {
             longest_pause: account.options.longest_pause.get(),
             ..link::Options::default()
         };
-        Envoy {
+        BrokerClient {
             account,
-            errands: Errands::new(run.clone()),
+            commands: CommandTasks::new(run.clone()),
             run,
             listener,
             report: Report::default(),
             robot: None,
             topics,
-            side: Side::Nameless,
+            phase: Phase::NoRobot,
             due: None,
-            told: Published::default(),
+            published: Published::default(),
             backoff: Backoff::new(&pauses),
             rng: StdRng::seed_from_u64(rand::random()),
             dropped: 0,
-            complained: false,
-            scribe: Scribe::new(),
+            loss_logged: false,
+            log: LimitedLog::new(),
         }
     }
 
     /// Runs until it is stopped or the agent has ended.
-    pub(super) async fn live(mut self, stop: &CancellationToken) {
+    pub(super) async fn run(mut self, stop: &CancellationToken) {
         let mut status = self.run.status.clone();
         let mut members = self.run.roster.members();
         let mut view = self.run.view.clone();
         loop {
-            let turn = tokio::select! {
+            let input = tokio::select! {
                 biased;
-                () = stop.cancelled() => Turn::Stop,
-                turn = turn(&mut self.side) => turn,
-                over = self.errands.next() => Turn::Over(over),
-                heard = self.listener.next() => Turn::Heard(heard),
-                Ok(()) = status.changed() => Turn::Changed,
-                Ok(()) = members.changed() => Turn::Changed,
-                Ok(()) = view.changed() => Turn::Changed,
-                () = until(self.due) => Turn::Tell,
+                () = stop.cancelled() => Input::Stop,
+                input = next_input(&mut self.phase) => input,
+                finished = self.commands.next() => Input::Finished(finished),
+                heard = self.listener.next() => Input::Heard(heard),
+                Ok(()) = status.changed() => Input::Changed,
+                Ok(()) = members.changed() => Input::Changed,
+                Ok(()) = view.changed() => Input::Changed,
+                () = until(self.due) => Input::Publish,
             };
-            match turn {
-                Turn::Stop | Turn::Heard(Heard::Closed) => break,
-                Turn::Heard(heard) => self.hear(heard),
-                Turn::Changed => self.touch(),
-                Turn::Over(over) => self.answer(over),
-                Turn::Line(word) => self.take(word),
-                Turn::Dial => self.dial(),
-                Turn::Tell => self.tell(),
+            match input {
+                Input::Stop | Input::Heard(Heard::Closed) => break,
+                Input::Heard(heard) => self.handle_event(heard),
+                Input::Changed => self.schedule_publish(),
+                Input::Finished(finished) => self.answer(finished),
+                Input::Connection(event) => self.handle_connection(event),
+                Input::Dial => self.dial(),
+                Input::Publish => self.publish(),
             }
         }
-        self.part().await;
+        self.shut_down().await;
     }
 
-    fn hear(&mut self, heard: Heard) {
+    fn handle_event(&mut self, heard: Heard) {
         match heard {
             Heard::Happening(one) => {
-                self.report.hear(&one.what);
+                self.report.record_event(&one.what);
                 if let Occurrence::LinkUp { robot, .. } = &one.what {
-                    self.meet(robot.clone());
+                    self.adopt_robot(robot.clone());
                 }
                 self.announce(&one.what);
             }
             Heard::Missed(missed) => warn!(missed, "events were dropped, not sent"),
             Heard::Closed => {}
         }
-        self.touch();
+        self.schedule_publish();
     }
 
     /// Takes over the identity of the robot, whose uid is the agent's name at the broker.
-    fn meet(&mut self, robot: RobotInfo) {
+    fn adopt_robot(&mut self, robot: RobotInfo) {
         let another = self.robot.as_ref().map(|known| &known.uid) != Some(&robot.uid);
         if another {
             // Breaks the connection in another robot's name: the broker publishes its will.
             self.topics = topics(&self.account, &robot.uid);
-            self.side = Side::Pause(Instant::now());
-            self.told = Published::default();
+            self.phase = Phase::Pause(Instant::now());
+            self.published = Published::default();
         }
         self.robot = Some(robot);
     }
@@ -177,89 +177,89 @@ impl Envoy {
         // The same client ID each time: a broker that still holds our old connection closes it, and
         // publishes its will, before it accepts the new one.
         let client = format!("spykee-{}", self.topics.id);
-        self.told = Published::default();
-        self.side = Side::Dialing(Line::dial(&self.account, &client, Some(will)));
+        self.published = Published::default();
+        self.phase = Phase::Dialing(Connection::dial(&self.account, &client, Some(will)));
     }
 
-    fn take(&mut self, word: Word) {
-        match word {
-            Word::Up => {
-                if let Side::Dialing(line) = std::mem::replace(&mut self.side, Side::Nameless) {
+    fn handle_connection(&mut self, event: ConnectionEvent) {
+        match event {
+            ConnectionEvent::Up => {
+                if let Phase::Dialing(open) = std::mem::replace(&mut self.phase, Phase::NoRobot) {
                     info!("{} is connected to the broker", self.topics.id);
-                    self.side = Side::Up(line, Instant::now());
-                    self.complained = false;
+                    self.phase = Phase::Up(open, Instant::now());
+                    self.loss_logged = false;
                     self.due = Some(Instant::now());
                 }
             }
-            Word::Lost(why) => self.lose(&why),
-            Word::Message(message) => self.obey(&message),
-            Word::Subscribed | Word::Acknowledged => {}
+            ConnectionEvent::Lost(why) => self.connection_lost(&why),
+            ConnectionEvent::Message(message) => self.handle_message(&message),
+            ConnectionEvent::Subscribed | ConnectionEvent::Acknowledged => {}
         }
     }
 
-    fn lose(&mut self, why: &str) {
-        if matches!(&self.side, Side::Up(_, since) if since.elapsed() > GOOD) {
+    fn connection_lost(&mut self, why: &str) {
+        if matches!(&self.phase, Phase::Up(_, since) if since.elapsed() > STABLE) {
             self.backoff.reset();
         }
-        if !self.complained {
-            self.complained = true;
+        if !self.loss_logged {
+            self.loss_logged = true;
             let (host, port) = self.account.options.address().unwrap_or_default();
             warn!("no broker at {host}:{port}: {why}; retrying");
         }
         let pause = self.backoff.next(&mut self.rng);
-        self.side = Side::Pause(Instant::now() + pause);
+        self.phase = Phase::Pause(Instant::now() + pause);
     }
 
     /// Something may have changed: schedules publishing it soon.
-    fn touch(&mut self) {
-        let soon = Instant::now() + GATHER;
+    fn schedule_publish(&mut self) {
+        let soon = Instant::now() + COALESCE;
         self.due.get_or_insert(soon);
     }
 
     /// Publishes what the broker does not know yet, in order; the rest later if the queue is full.
-    fn tell(&mut self) {
+    fn publish(&mut self) {
         self.due = None;
-        if self.try_tell() == Err(Full) {
-            self.touch();
+        if self.try_publish() == Err(Full) {
+            self.schedule_publish();
         }
     }
 
-    fn try_tell(&mut self) -> Result<(), Full> {
-        let (Side::Up(line, _), Some(robot)) = (&self.side, &self.robot) else {
+    fn try_publish(&mut self) -> Result<(), Full> {
+        let (Phase::Up(connection, _), Some(robot)) = (&self.phase, &self.robot) else {
             return Ok(());
         };
-        let (topics, told) = (&self.topics, &mut self.told);
-        if !told.subscribed {
+        let (topics, published) = (&self.topics, &mut self.published);
+        if !published.subscribed {
             for topic in [topics.command(), topics.behaviour(), topics.birth()] {
-                line.subscribe(&topic)?;
+                connection.subscribe(&topic)?;
             }
-            told.subscribed = true;
+            published.subscribed = true;
         }
         let members = self.run.roster.members().borrow().clone();
         let names: Vec<String> = members.iter().map(|one| one.name.clone()).collect();
         let entities = discovery(topics, robot, &names);
-        if told.discovery.as_ref() != Some(&entities) {
-            line.keep(&topics.discovery(), entities.to_string().into_bytes())?;
-            told.discovery = Some(entities);
+        if published.discovery.as_ref() != Some(&entities) {
+            connection.retain(&topics.discovery(), entities.to_string().into_bytes())?;
+            published.discovery = Some(entities);
         }
         let next = Next::of(&self.run.view.borrow());
         let state = self
             .report
             .state(&self.run.status.borrow(), &members, next.as_ref());
-        if told.state.as_ref() != Some(&state) {
-            line.keep(&topics.state(), state.to_string().into_bytes())?;
-            told.state = Some(state);
+        if published.state.as_ref() != Some(&state) {
+            connection.retain(&topics.state(), state.to_string().into_bytes())?;
+            published.state = Some(state);
         }
-        if !told.presence {
-            line.keep(&topics.connection(), Presence::Online.word().into())?;
-            told.presence = true;
+        if !published.presence {
+            connection.retain(&topics.connection(), Presence::Online.word().into())?;
+            published.presence = true;
         }
         Ok(())
     }
 
     /// Publishes an event for Home Assistant's event entity and other subscribers.
     fn announce(&mut self, what: &Occurrence) {
-        let Side::Up(line, _) = &self.side else {
+        let Phase::Up(connection, _) = &self.phase else {
             return;
         };
         if !EVENTS.contains(&what.kind()) {
@@ -269,7 +269,7 @@ impl Envoy {
             return;
         };
         event["event_type"] = what.kind().into();
-        if line.say(&self.topics.event(), event.to_string().into()) == Err(Full) {
+        if connection.publish(&self.topics.event(), event.to_string().into()) == Err(Full) {
             self.dropped += 1;
             debug!(
                 dropped = self.dropped,
@@ -278,15 +278,15 @@ impl Envoy {
         }
     }
 
-    fn obey(&mut self, message: &Message) {
+    fn handle_message(&mut self, message: &Message) {
         if message.topic == self.topics.birth() {
             if &message.payload[..] == b"online" {
                 // Home Assistant has just started and knows nothing yet.
-                self.told = Published {
+                self.published = Published {
                     subscribed: true,
                     ..Published::default()
                 };
-                self.touch();
+                self.schedule_publish();
             }
             return;
         }
@@ -300,7 +300,7 @@ impl Envoy {
         };
         if message.retained {
             let topic = &message.topic;
-            return self.scribe.warn(&format!(
+            return self.log.warn(&format!(
                 "a retained order is ignored, because it may be old: {topic}"
             ));
         }
@@ -308,37 +308,36 @@ impl Envoy {
             Ok(read) => read,
             Err(error) => {
                 let line = format!("invalid order from the broker: {error}");
-                return self.scribe.warn(&line);
+                return self.log.warn(&line);
             }
         };
-        self.scribe
+        self.log
             .info(&format!("a person's order from the broker: {order}"));
         let members = self.members();
         if let BrokerCommand::Choose(name) = &order {
             if !self.report.choose(name, &members) {
-                self.scribe
-                    .warn(&format!("no behaviour is called `{name}`"));
+                self.log.warn(&format!("no behaviour is called `{name}`"));
             }
-            return self.touch();
+            return self.schedule_publish();
         }
         let chosen = self.report.chosen(&members);
-        self.errands.begin(order, id, chosen);
+        self.commands.begin(order, id, chosen);
     }
 
-    fn answer(&mut self, Over { answer, picture }: Over) {
+    fn answer(&mut self, FinishedCommand { answer, picture }: FinishedCommand) {
         let Answer { order, text, .. } = &answer;
         if !answer.done {
             let why = text.as_deref().unwrap_or_default();
             let line = format!("the order `{order}` from the broker was not executed: {why}");
-            self.scribe.warn(&line);
+            self.log.warn(&line);
         }
-        let Side::Up(line, _) = &self.side else {
+        let Phase::Up(connection, _) = &self.phase else {
             return;
         };
         let text = serde_json::to_vec(&answer).unwrap_or_default();
-        let said = line.say(&self.topics.answer(), text);
-        let shown = picture.map(|jpeg| line.say(&self.topics.picture(), jpeg));
-        if said == Err(Full) || shown == Some(Err(Full)) {
+        let sent = connection.publish(&self.topics.answer(), text);
+        let shown = picture.map(|jpeg| connection.publish(&self.topics.picture(), jpeg));
+        if sent == Err(Full) || shown == Some(Err(Full)) {
             debug!("the broker is slow: an answer was dropped");
         }
     }
@@ -348,26 +347,26 @@ impl Envoy {
     }
 
     /// Publishes the last events and the offline state, then disconnects.
-    async fn part(mut self) {
+    async fn shut_down(mut self) {
         // A stop order may have caused this end; its answer is still sent.
         let deadline = Instant::now() + ANSWERS;
-        self.errands.give_up_driving();
-        while !self.errands.is_empty() {
-            match timeout_at(deadline, self.errands.next()).await {
-                Ok(over) => self.answer(over),
+        self.commands.cancel_driving();
+        while !self.commands.is_empty() {
+            match timeout_at(deadline, self.commands.next()).await {
+                Ok(finished) => self.answer(finished),
                 Err(_) => break,
             }
         }
         while let Some(Heard::Happening(one)) = self.listener.try_next() {
-            self.report.hear(&one.what);
+            self.report.record_event(&one.what);
             self.announce(&one.what);
         }
-        let _ = self.try_tell();
+        let _ = self.try_publish();
         let topic = self.topics.connection();
-        if let Side::Up(line, _) = self.side
-            && line.keep(&topic, Presence::Offline.word().into()).is_ok()
+        if let Phase::Up(open, _) = self.phase
+            && open.retain(&topic, Presence::Offline.word().into()).is_ok()
         {
-            line.close(GOODBYE).await;
+            open.close(CLOSING).await;
         }
     }
 }
@@ -387,13 +386,13 @@ fn choice(payload: &[u8]) -> Result<BrokerCommand, BrokerCommandError> {
 }
 
 /// Waits for a message of the connection, or for the time to connect. Cancel-safe.
-async fn turn(side: &mut Side) -> Turn {
-    match side {
-        Side::Dialing(line) | Side::Up(line, _) => Turn::Line(line.next().await),
-        Side::Pause(until) => {
+async fn next_input(phase: &mut Phase) -> Input {
+    match phase {
+        Phase::Dialing(open) | Phase::Up(open, _) => Input::Connection(open.next().await),
+        Phase::Pause(until) => {
             sleep_until(*until).await;
-            Turn::Dial
+            Input::Dial
         }
-        Side::Nameless => std::future::pending().await,
+        Phase::NoRobot => std::future::pending().await,
     }
 }

@@ -11,12 +11,12 @@ use crate::robot::{Battery, DockEnd, DockPlan, EndReason, Percent, Priority, Rob
 use crate::timetable::View;
 use crate::wire::{Led, Sound};
 
-/// Maximum length of speech in one errand, in bytes: half a minute of s16, mono, 16 kHz.
+/// Maximum length of speech in one request, in bytes: half a minute of s16, mono, 16 kHz.
 pub const MAX_SPEECH: usize = 30 * 32_000;
 
 /// One request of a person to a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum Errand {
+pub enum RunRequest {
     /// The state of the run.
     Overview,
     /// Drive to the station.
@@ -53,23 +53,25 @@ pub enum Errand {
     },
 }
 
-impl Errand {
-    /// Describes the errand for the log.
+impl RunRequest {
+    /// Describes the request for the log.
     pub(super) fn words(&self) -> String {
         match self {
-            Errand::Overview => "the state of the run".to_owned(),
-            Errand::Dock(_) => "dock".to_owned(),
-            Errand::Undock(_) => "undock".to_owned(),
-            Errand::Stop => "stop; the run ends".to_owned(),
-            Errand::Led { led, on: true } => format!("light {} on", led.name()),
-            Errand::Led { led, on: false } => format!("light {} off", led.name()),
-            Errand::Play(sound) => format!("play {}", sound.name()),
-            Errand::StopSound => "stop the music".to_owned(),
-            Errand::Volume(percent) => format!("volume {percent}"),
-            Errand::Say(_) => "talk".to_owned(),
-            Errand::Picture(_) => "a picture".to_owned(),
-            Errand::Behaviours => "the list of behaviours".to_owned(),
-            Errand::Behaviour { name, change } => format!("{} behaviour {name:?}", change.verb()),
+            RunRequest::Overview => "the state of the run".to_owned(),
+            RunRequest::Dock(_) => "dock".to_owned(),
+            RunRequest::Undock(_) => "undock".to_owned(),
+            RunRequest::Stop => "stop; the run ends".to_owned(),
+            RunRequest::Led { led, on: true } => format!("light {} on", led.name()),
+            RunRequest::Led { led, on: false } => format!("light {} off", led.name()),
+            RunRequest::Play(sound) => format!("play {}", sound.name()),
+            RunRequest::StopSound => "stop the music".to_owned(),
+            RunRequest::Volume(percent) => format!("volume {percent}"),
+            RunRequest::Say(_) => "talk".to_owned(),
+            RunRequest::Picture(_) => "a picture".to_owned(),
+            RunRequest::Behaviours => "the list of behaviours".to_owned(),
+            RunRequest::Behaviour { name, change } => {
+                format!("{} behaviour {name:?}", change.verb())
+            }
         }
     }
 }
@@ -97,7 +99,7 @@ impl Change {
     }
 }
 
-/// The result of an [`Errand`].
+/// The result of a [`RunRequest`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Answer {
     /// The state of the run.
@@ -123,7 +125,7 @@ pub enum Answer {
     Behaviours(Vec<Listed>),
     /// The robot is not connected; the run is reconnecting.
     Offline,
-    /// The errand was refused, for this reason.
+    /// The request was refused, for this reason.
     Refused(String),
 }
 

@@ -9,7 +9,7 @@ const MOST: usize = 10_000;
 
 /// One future start.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Outlook {
+pub struct PredictedStart {
     /// The time.
     pub at: Timestamp,
     /// The behaviour.
@@ -20,7 +20,7 @@ pub struct Outlook {
     pub reasons: Vec<Reason>,
 }
 
-impl Outlook {
+impl PredictedStart {
     /// Whether the behaviour will be started, as far as can be predicted.
     pub fn happens(&self) -> bool {
         self.reasons.iter().all(|reason| *reason == Reason::Quiet)
@@ -49,17 +49,17 @@ impl Timetable {
 
 /// Returns the next starts after an instant, assuming that every run lasts as planned. `known` are
 /// the config's behaviours.
-pub fn outlook(
+pub fn predict_starts(
     table: &Timetable,
     known: &[String],
     after: Timestamp,
     count: usize,
-) -> Vec<Outlook> {
+) -> Vec<PredictedStart> {
     let next = |rule: usize, after| table.rules[rule].at.next_after(after, &table.zone);
     let mut due: Vec<Option<Timestamp>> = (0..table.rules.len())
         .map(|rule| next(rule, after))
         .collect();
-    let mut found: Vec<Outlook> = Vec::new();
+    let mut found: Vec<PredictedStart> = Vec::new();
     while found.len() < count.min(MOST) {
         let soonest = due.iter().enumerate();
         let soonest = soonest.filter_map(|(rule, at)| Some(((*at)?, rule)));
@@ -73,7 +73,7 @@ pub fn outlook(
         if !known.contains(&rule.run) {
             reasons.push(Reason::Unknown);
         }
-        let runs = |other: &&Outlook| other.run == rule.run && other.happens();
+        let runs = |other: &&PredictedStart| other.run == rule.run && other.happens();
         let last = found.iter().rev().find(runs);
         if last.is_some_and(|last| last.at == at || last.until.is_some_and(|until| until > at)) {
             reasons.push(Reason::Overlap);
@@ -84,7 +84,7 @@ pub fn outlook(
         {
             reasons.push(Reason::Quiet);
         }
-        found.push(Outlook {
+        found.push(PredictedStart {
             at,
             run: rule.run.clone(),
             until: lasts.and_then(|lasts| at.checked_add(lasts).ok()),

@@ -1,4 +1,4 @@
-//! The run's side: receives errands and performs them.
+//! The run's side: receives requests and performs them.
 
 use std::io;
 use std::path::Path;
@@ -12,9 +12,9 @@ use tokio::time::{Instant, sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info};
 
-use super::errand::{Answer, Change, Errand, Listed, MAX_SPEECH, Next, Overview};
 use super::folder::{Bound, Folder};
 use super::pipe::Pipe;
+use super::request::{Answer, Change, Listed, MAX_SPEECH, Next, Overview, RunRequest};
 use crate::agent::{Docked, MemberState, Roster, Seat, SeatError};
 use crate::pilot::{LinkState, Reactions, Status};
 use crate::robot::channel::{Request, Role, RunningBehaviours};
@@ -25,15 +25,15 @@ use crate::vision::validate_markers;
 use crate::wire::Stream;
 
 /// Maximum number of clients served at a time; more wait in the system's queue.
-const MOST_CLIENTS: usize = 8;
-/// Timeout for receiving a client's errand.
-const ASKING: Duration = Duration::from_secs(2);
+const MAX_CLIENTS: usize = 8;
+/// Timeout for receiving a client's request.
+const REQUEST_TIMEOUT: Duration = Duration::from_secs(2);
 /// Timeout for sending the answer to a client.
-const ANSWERING: Duration = Duration::from_secs(5);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Timeout for the pilot's list of running behaviours.
-const CREW: Duration = Duration::from_secs(1);
+const CREW_TIMEOUT: Duration = Duration::from_secs(1);
 /// Timeout for connecting again to a robot whose link was released.
-const REACH: Duration = Duration::from_millis(3500);
+const RECONNECT_TIMEOUT: Duration = Duration::from_millis(3500);
 /// Pause after a failed `accept`.
 const PAUSE: Duration = Duration::from_millis(200);
 /// The first ID of a person's seat; behaviours are numbered from 0, and the last number belongs to
@@ -44,7 +44,7 @@ const PERSONS: u16 = 0x0FF0;
 /// Priority of a person: above all behaviours.
 const PERSON: Priority = Priority(i16::MAX);
 
-/// The handles through which a desk controls its run.
+/// The handles through which the server controls its run.
 #[derive(Debug, Clone)]
 pub struct Run {
     /// Requests to the pilot.
@@ -73,16 +73,16 @@ pub struct Run {
 
 /// The socket of a run. Dropping it removes the socket.
 #[derive(Debug)]
-pub struct Desk(Bound);
+pub struct ControlServer(Bound);
 
-impl Desk {
+impl ControlServer {
     /// Opens the socket in this data folder. Blocks on the disk: must not be called on the driving
     /// core.
     ///
     /// # Errors
-    /// Any error of the system; the run then accepts no errands.
-    pub fn open(data: &Path) -> io::Result<Desk> {
-        Folder::make(data)?.bind().map(Desk)
+    /// Any error of the system; the run then accepts no requests.
+    pub fn open(data: &Path) -> io::Result<ControlServer> {
+        Folder::make(data)?.bind().map(ControlServer)
     }
 
     /// Serves clients; returns only on an error.
@@ -95,7 +95,7 @@ impl Desk {
         loop {
             tokio::select! {
                 Some(_) = clients.join_next() => {}
-                accepted = listener.accept(), if clients.len() < MOST_CLIENTS => match accepted {
+                accepted = listener.accept(), if clients.len() < MAX_CLIENTS => match accepted {
                     Ok((stream, _)) => {
                         clients.spawn(serve(stream, run.clone()));
                     }
@@ -109,47 +109,47 @@ impl Desk {
     }
 }
 
-/// Serves one errand of one client. A client that disconnects cancels it.
+/// Serves one request of one client. A client that disconnects cancels it.
 async fn serve(stream: UnixStream, run: Run) {
     let mut pipe = Pipe::new(stream);
-    let errand = match timeout(ASKING, pipe.receive::<Errand>()).await {
-        Ok(Ok(Some(errand))) => errand,
+    let request = match timeout(REQUEST_TIMEOUT, pipe.receive::<RunRequest>()).await {
+        Ok(Ok(Some(request))) => request,
         Ok(Ok(None)) => return,
         Ok(Err(error)) => return debug!("a client sent an invalid request: {error}"),
         Err(_) => return debug!("a client sent no request in time"),
     };
-    if !matches!(errand, Errand::Overview | Errand::Behaviours) {
+    if !matches!(request, RunRequest::Overview | RunRequest::Behaviours) {
         info!(
             "a person's request from another program: {}",
-            errand.words()
+            request.words()
         );
     }
     let answer = tokio::select! {
-        answer = run.perform(errand) => answer,
-        _ = pipe.receive::<Errand>() => return,
+        answer = run.perform(request) => answer,
+        _ = pipe.receive::<RunRequest>() => return,
     };
-    if timeout(ANSWERING, pipe.send(&answer)).await.is_err() {
+    if timeout(ANSWER_TIMEOUT, pipe.send(&answer)).await.is_err() {
         debug!("a client does not read its answer");
     }
 }
 
 impl Run {
-    /// Performs one errand of a person. The same rules apply whether it comes from a tool, the page
-    /// or a broker. Dropping the future cancels it.
-    pub async fn perform(&self, errand: Errand) -> Answer {
-        let errand = match errand {
-            Errand::Overview => return self.overview().await,
-            Errand::Stop => return self.halt().await,
-            Errand::Behaviours => return self.behaviours(),
-            Errand::Behaviour { name, change } => return self.change(&name, change).await,
+    /// Performs one request of a person. The same rules apply whether it comes from a tool, the
+    /// page or a broker. Dropping the future cancels it.
+    pub async fn perform(&self, request: RunRequest) -> Answer {
+        let request = match request {
+            RunRequest::Overview => return self.overview().await,
+            RunRequest::Stop => return self.halt().await,
+            RunRequest::Behaviours => return self.behaviours(),
+            RunRequest::Behaviour { name, change } => return self.change(&name, change).await,
             other => other,
         };
         if !self.reach().await {
             return Answer::Offline;
         }
-        match self.allowed(&errand) {
+        match self.allowed(&request) {
             Err(why) => Answer::Refused(why.to_owned()),
-            Ok(()) => match self.try_perform(errand).await {
+            Ok(()) => match self.try_perform(request).await {
                 Ok(answer) => answer,
                 Err(error) => Answer::Refused(error.to_string()),
             },
@@ -162,26 +162,26 @@ impl Run {
         if status.borrow().link == LinkState::Released {
             let _ = self.requests.send(Request::Release(false)).await;
             let up = status.wait_for(|status| status.link == LinkState::Up);
-            let _ = timeout(REACH, up).await;
+            let _ = timeout(RECONNECT_TIMEOUT, up).await;
         }
         self.status.borrow().link == LinkState::Up
     }
 
     /// Refuses here, with a reason, what lower layers would drop without an answer.
-    fn allowed(&self, errand: &Errand) -> Result<(), &'static str> {
+    fn allowed(&self, request: &RunRequest) -> Result<(), &'static str> {
         let status = *self.status.borrow();
-        let (stream, length) = match errand {
-            Errand::Say(samples) => (Some(Stream::AudioOut), samples.len()),
-            Errand::Picture(_) => (Some(Stream::Video), 0),
+        let (stream, length) = match request {
+            RunRequest::Say(samples) => (Some(Stream::AudioOut), samples.len()),
+            RunRequest::Picture(_) => (Some(Stream::Video), 0),
             _ => (None, 0),
         };
         let lights_and_sounds = matches!(
-            errand,
-            Errand::Led { .. }
-                | Errand::Play(_)
-                | Errand::StopSound
-                | Errand::Volume(_)
-                | Errand::Say(_)
+            request,
+            RunRequest::Led { .. }
+                | RunRequest::Play(_)
+                | RunRequest::StopSound
+                | RunRequest::Volume(_)
+                | RunRequest::Say(_)
         );
         if stream.is_some_and(|stream| self.streams.usage(stream) == Use::Off) {
             Err("the run's config keeps this stream off")
@@ -198,13 +198,16 @@ impl Run {
         }
     }
 
-    async fn try_perform(&self, errand: Errand) -> Result<Answer, SeatError> {
+    async fn try_perform(&self, request: RunRequest) -> Result<Answer, SeatError> {
         let mut seat = self.seat("a person").await?;
-        let intent = match errand {
-            Errand::Overview | Errand::Stop | Errand::Behaviours | Errand::Behaviour { .. } => {
+        let intent = match request {
+            RunRequest::Overview
+            | RunRequest::Stop
+            | RunRequest::Behaviours
+            | RunRequest::Behaviour { .. } => {
                 return Ok(Answer::Done);
             }
-            Errand::Dock(plan) => {
+            RunRequest::Dock(plan) => {
                 let Docked {
                     end,
                     attempts,
@@ -216,13 +219,13 @@ impl Run {
                     took,
                 });
             }
-            Errand::Undock(limit) => return seat.undock(limit).await.map(Answer::Undocked),
-            Errand::Say(samples) => return seat.say(&samples).await.map(|()| Answer::Done),
-            Errand::Picture(limit) => return self.picture(&seat, limit).await,
-            Errand::Led { led, on } => Intent::Led { led, on },
-            Errand::Play(sound) => Intent::Play(sound),
-            Errand::StopSound => Intent::StopSound,
-            Errand::Volume(percent) => Intent::Volume(percent),
+            RunRequest::Undock(limit) => return seat.undock(limit).await.map(Answer::Undocked),
+            RunRequest::Say(samples) => return seat.say(&samples).await.map(|()| Answer::Done),
+            RunRequest::Picture(limit) => return self.picture(&seat, limit).await,
+            RunRequest::Led { led, on } => Intent::Led { led, on },
+            RunRequest::Play(sound) => Intent::Play(sound),
+            RunRequest::StopSound => Intent::StopSound,
+            RunRequest::Volume(percent) => Intent::Volume(percent),
         };
         seat.send_intent(intent).await?;
         Ok(Answer::Done)
@@ -255,8 +258,8 @@ impl Run {
     }
 
     /// Stops the tracks at once and ends all behaviours, so that nothing keeps driving. Unlike
-    /// [`Errand::Stop`], it does not end the run itself.
-    pub async fn rest(&self) -> Answer {
+    /// [`RunRequest::Stop`], it does not end the run itself.
+    pub async fn stop_behaviours(&self) -> Answer {
         let stopped = self.stop_tracks().await;
         let mut ending = JoinSet::new();
         for member in self.roster.members().borrow().iter() {
@@ -344,7 +347,7 @@ impl Run {
 
     /// Returns the robot and the running behaviours; `None` if the pilot does not reply in time.
     pub async fn aboard(&self) -> Option<RunningBehaviours> {
-        timeout(CREW, self.crew()).await.ok().flatten()
+        timeout(CREW_TIMEOUT, self.crew()).await.ok().flatten()
     }
 
     async fn crew(&self) -> Option<RunningBehaviours> {

@@ -9,22 +9,22 @@ const HOUR: Duration = Duration::from_secs(3600);
 
 /// See the module.
 #[derive(Debug)]
-pub(super) struct Share {
+pub(super) struct RateLimit {
     per_hour: f64,
     left: f64,
     at: Instant,
     /// Messages dropped since the last one that was allowed.
-    left_out: u64,
+    dropped: u64,
 }
 
-impl Share {
-    pub(super) fn new(per_hour: u64, now: Instant) -> Share {
+impl RateLimit {
+    pub(super) fn new(per_hour: u64, now: Instant) -> RateLimit {
         let per_hour = per_hour as f64;
-        Share {
+        RateLimit {
             per_hour,
-            left: Share::at_once(per_hour),
+            left: RateLimit::at_once(per_hour),
             at: now,
-            left_out: 0,
+            dropped: 0,
         }
     }
 
@@ -38,13 +38,13 @@ impl Share {
         let passed = now.saturating_duration_since(self.at).as_secs_f64();
         self.at = now;
         let grown = self.left + self.per_hour * passed / HOUR.as_secs_f64();
-        self.left = grown.min(Share::at_once(self.per_hour));
+        self.left = grown.min(RateLimit::at_once(self.per_hour));
         if self.left < 1.0 {
-            self.left_out += 1;
+            self.dropped += 1;
             return None;
         }
         self.left -= 1.0;
-        Some(std::mem::take(&mut self.left_out))
+        Some(std::mem::take(&mut self.dropped))
     }
 }
 
@@ -55,13 +55,16 @@ mod tests {
     #[test]
     fn a_third_is_allowed_at_once_the_rest_evenly_and_drops_are_counted() {
         let mut now = Instant::now();
-        let mut share = Share::new(30, now);
-        let burst = (0..50).filter(|_| share.take(now).is_some()).count();
+        let mut rate_limit = RateLimit::new(30, now);
+        let burst = (0..50).filter(|_| rate_limit.take(now).is_some()).count();
         assert_eq!(burst, 10);
         now += HOUR / 30;
-        assert_eq!(share.take(now), Some(40));
-        assert_eq!(share.take(now), None);
+        assert_eq!(rate_limit.take(now), Some(40));
+        assert_eq!(rate_limit.take(now), None);
         now += HOUR;
-        assert_eq!((0..50).filter(|_| share.take(now).is_some()).count(), 10);
+        assert_eq!(
+            (0..50).filter(|_| rate_limit.take(now).is_some()).count(),
+            10
+        );
     }
 }

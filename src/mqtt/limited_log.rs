@@ -11,28 +11,28 @@ const PER_DAY: u64 = 1 << 20;
 
 /// Writes log lines within a budget, and counts those that are dropped.
 #[derive(Debug)]
-pub(super) struct Scribe {
+pub(super) struct LimitedLog {
     budget: Budget,
-    left_out: u64,
+    dropped: u64,
 }
 
-impl Scribe {
-    pub(super) fn new() -> Scribe {
-        Scribe {
+impl LimitedLog {
+    pub(super) fn new() -> LimitedLog {
+        LimitedLog {
             budget: Budget::new(PER_DAY),
-            left_out: 0,
+            dropped: 0,
         }
     }
 
     pub(super) fn info(&mut self, line: &str) {
-        if let Some(left_out) = self.take(line, Instant::now()) {
-            info!("{line}{left_out}");
+        if let Some(dropped) = self.take(line, Instant::now()) {
+            info!("{line}{dropped}");
         }
     }
 
     pub(super) fn warn(&mut self, line: &str) {
-        if let Some(left_out) = self.take(line, Instant::now()) {
-            warn!("{line}{left_out}");
+        if let Some(dropped) = self.take(line, Instant::now()) {
+            warn!("{line}{dropped}");
         }
     }
 
@@ -40,12 +40,12 @@ impl Scribe {
     /// appended, which may be empty.
     fn take(&mut self, line: &str, now: Instant) -> Option<String> {
         if !self.budget.take(line.len() as u64, now) {
-            self.left_out += 1;
+            self.dropped += 1;
             return None;
         }
-        Some(match std::mem::take(&mut self.left_out) {
+        Some(match std::mem::take(&mut self.dropped) {
             0 => String::new(),
-            left_out => format!(" ({left_out} lines about the broker's messages were dropped)"),
+            dropped => format!(" ({dropped} lines about the broker's messages were dropped)"),
         })
     }
 }
@@ -57,13 +57,13 @@ mod tests {
 
     #[test]
     fn a_flood_is_limited_and_counted_and_later_lines_are_written() {
-        let (mut scribe, mut now) = (Scribe::new(), Instant::now());
+        let (mut log, mut now) = (LimitedLog::new(), Instant::now());
         let line = "x".repeat(100);
-        let written = (0..10_000).filter(|_| scribe.take(&line, now).is_some());
+        let written = (0..10_000).filter(|_| log.take(&line, now).is_some());
         assert!((100..1000).contains(&written.count()));
         now += Duration::from_secs(3600);
-        let said = scribe.take(&line, now).unwrap();
+        let said = log.take(&line, now).unwrap();
         assert!(said.contains("lines about the broker's messages"), "{said}");
-        assert_eq!(scribe.take(&line, now).as_deref(), Some(""));
+        assert_eq!(log.take(&line, now).as_deref(), Some(""));
     }
 }

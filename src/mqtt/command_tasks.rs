@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::task::{AbortHandle, JoinSet};
 
 use super::command::{Answer, BrokerCommand};
-use crate::control::{self, Change, Errand, Run};
+use crate::control::{self, Change, Run, RunRequest};
 use crate::robot::{DockEnd, DockPlan};
 use crate::wire::Sound;
 
@@ -20,24 +20,24 @@ const UNDOCKING: Duration = Duration::from_secs(15);
 const PICTURE: Duration = Duration::from_secs(5);
 
 /// A finished order.
-pub(super) struct Over {
+pub(super) struct FinishedCommand {
     pub(super) answer: Answer,
     /// The picture taken, if any.
     pub(super) picture: Option<Vec<u8>>,
 }
 
 /// The orders in progress.
-pub(super) struct Errands {
+pub(super) struct CommandTasks {
     run: Run,
-    tasks: JoinSet<Over>,
+    tasks: JoinSet<FinishedCommand>,
     /// The task of the order that drives the robot.
     drive: Option<AbortHandle>,
 }
 
-impl Errands {
-    pub(super) fn new(run: Run) -> Errands {
+impl CommandTasks {
+    pub(super) fn new(run: Run) -> CommandTasks {
         let (tasks, drive) = (JoinSet::new(), None);
-        Errands { run, tasks, drive }
+        CommandTasks { run, tasks, drive }
     }
 
     /// Starts an order. `chosen` is the behaviour that `start` starts.
@@ -50,7 +50,7 @@ impl Errands {
         let drives = matches!(order, BrokerCommand::Dock | BrokerCommand::Undock);
         if drives || order == BrokerCommand::Stop {
             // Cancel the previous docking or undocking: the pilot then ends it.
-            self.give_up_driving();
+            self.cancel_driving();
         }
         if self.tasks.len() >= MOST_STOPS {
             return;
@@ -75,7 +75,7 @@ impl Errands {
                 done,
                 text,
             };
-            Over { answer, picture }
+            FinishedCommand { answer, picture }
         });
         if drives && !full {
             self.drive = Some(task);
@@ -83,7 +83,7 @@ impl Errands {
     }
 
     /// Cancels the docking or undocking in progress.
-    pub(super) fn give_up_driving(&mut self) {
+    pub(super) fn cancel_driving(&mut self) {
         if let Some(last) = self.drive.take() {
             last.abort();
         }
@@ -95,10 +95,10 @@ impl Errands {
     }
 
     /// Waits for the next finished order; never returns if none is in progress. Cancel-safe.
-    pub(super) async fn next(&mut self) -> Over {
+    pub(super) async fn next(&mut self) -> FinishedCommand {
         loop {
             match self.tasks.join_next().await {
-                Some(Ok(over)) => return over,
+                Some(Ok(finished)) => return finished,
                 // Cancelled in favour of a newer one.
                 Some(Err(_)) => {}
                 None => std::future::pending().await,
@@ -115,21 +115,21 @@ async fn perform(
     chosen: Option<String>,
 ) -> (Done, Option<Vec<u8>>) {
     let change = Change::Start;
-    let errand = match order {
-        BrokerCommand::Stop => return (outcome_of(run.rest().await), None),
+    let request = match order {
+        BrokerCommand::Stop => return (outcome_of(run.stop_behaviours().await), None),
         BrokerCommand::Start => match chosen {
-            Some(name) => Errand::Behaviour { name, change },
+            Some(name) => RunRequest::Behaviour { name, change },
             None => return (Err("there is no behaviour to start".to_owned()), None),
         },
-        BrokerCommand::Run(name) => Errand::Behaviour { name, change },
-        // The envoy handles this, since it keeps the choice.
+        BrokerCommand::Run(name) => RunRequest::Behaviour { name, change },
+        // The broker client handles this, since it keeps the choice.
         BrokerCommand::Choose(_) => return (Ok(None), None),
-        BrokerCommand::Dock => Errand::Dock(DockPlan::default()),
-        BrokerCommand::Undock => Errand::Undock(UNDOCKING),
-        BrokerCommand::Locate => Errand::Play(Sound::Laser),
-        BrokerCommand::Snapshot => Errand::Picture(PICTURE),
+        BrokerCommand::Dock => RunRequest::Dock(DockPlan::default()),
+        BrokerCommand::Undock => RunRequest::Undock(UNDOCKING),
+        BrokerCommand::Locate => RunRequest::Play(Sound::Laser),
+        BrokerCommand::Snapshot => RunRequest::Picture(PICTURE),
     };
-    match run.perform(errand).await {
+    match run.perform(request).await {
         control::Answer::Picture(jpeg) => (Ok(None), Some(jpeg)),
         answer => (outcome_of(answer), None),
     }
