@@ -1,6 +1,5 @@
 //! Generates the manual pages, one per subcommand, from the definition of the command line. Called
-//! by
-//! `scripts/package`: `cargo bench --profile dev --bench man -- FOLDER`.
+//! by `scripts/package`: `cargo bench --profile dev --bench man -- DIR`.
 #![allow(missing_docs)]
 
 use std::io::{self, Write as _};
@@ -15,16 +14,17 @@ const REST: &str = r#".SH "EXIT STATUS"
 Done.
 .TP
 1
-A script failed, or the robot did not carry out a command.
+A script failed and will not be restarted, or the robot did not carry out a command.
 .TP
 2
 The command line, the config or a file cannot be used.
 .TP
 3
-The robot cannot be reached or refused the login.
+The robot, a run, a service or a broker cannot be reached or refused the login, or doctor found a problem.
 .TP
 4
-A mistake was found in a script, or a scenario failed.
+A mistake was found in a script or a config, a scenario failed, or a script does not yet pass its lesson.
+A notification was not delivered, or a robot did not carry out a fleet command.
 .TP
 5
 At the end the battery was low and the watchdog had taken over.

@@ -65,7 +65,7 @@ pub(super) struct BlobsArgs {
     roi: Option<Roi>,
 
     /// Omit blobs with fewer pixels
-    #[arg(long, value_name = "NUMBER", default_value_t = BlobOptions::default().pixels_threshold)]
+    #[arg(long, value_name = "COUNT", default_value_t = BlobOptions::default().pixels_threshold)]
     min_pixels: u32,
 
     /// Merge blobs whose boxes overlap
@@ -73,7 +73,7 @@ pub(super) struct BlobsArgs {
     merge: bool,
 
     /// Maximum number of blobs per picture; the largest are shown
-    #[arg(long, value_name = "NUMBER", default_value_t = BlobOptions::default().max_blobs)]
+    #[arg(long, value_name = "COUNT", default_value_t = BlobOptions::default().max_blobs)]
     max_blobs: usize,
 
     /// Print a JSON array
@@ -82,7 +82,7 @@ pub(super) struct BlobsArgs {
 
     /// Write a marked copy with boxes, numbers and names: for one picture the PNG file to write;
     /// for several pictures a folder, created if missing, which gets NAME-blobs.png for each
-    #[arg(long, value_name = "OUT.png|FOLDER")]
+    #[arg(long, value_name = "OUT.png|DIR")]
     annotate: Option<PathBuf>,
 }
 

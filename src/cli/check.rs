@@ -25,7 +25,7 @@ pub(super) struct CheckArgs {
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
 
-    /// Print the findings as a JSON array
+    /// Print a JSON array
     #[arg(long)]
     json: bool,
 }

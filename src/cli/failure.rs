@@ -9,13 +9,15 @@ use crate::link::LinkError;
 pub enum Exit {
     /// Success.
     Done = 0,
-    /// A behaviour failed.
+    /// A behaviour failed, or the robot did not carry out a command.
     Script = 1,
     /// The command line, the config, a world or another file cannot be used.
     Usage = 2,
-    /// The robot cannot be reached or refused the login.
+    /// The robot, a run, a service or a broker cannot be reached or refused the login, or `doctor`
+    /// found a problem.
     Unreachable = 3,
-    /// A check or a test of a behaviour failed.
+    /// A check or a test of a behaviour or a config failed, a notification was not delivered, or a
+    /// robot did not carry out a command of `fleet`.
     Check = 4,
     /// The run ended while the watchdog controlled the robot because of a low battery.
     Safety = 5,

@@ -37,6 +37,6 @@ impl FirmwareArgs {
             return Ok(());
         }
         let failure = Failure::usage("--firmware needs --sim: it describes a simulated robot");
-        Err(failure.help("--sim [WORLD.yaml] runs on a simulated robot"))
+        Err(failure.help("--sim [WORLD] runs on a simulated robot"))
     }
 }

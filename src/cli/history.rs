@@ -45,7 +45,7 @@ pub(super) struct HistoryArgs {
     robot: Option<String>,
 
     /// Only this many of the newest entries [default without --since: 1000]
-    #[arg(long, value_name = "NUMBER")]
+    #[arg(long, value_name = "COUNT")]
     newest: Option<u32>,
 
     /// Print a JSON array

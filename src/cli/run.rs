@@ -96,9 +96,10 @@ pub(super) struct RunArgs {
     #[arg(long, value_name = "FILE", requires = "fast")]
     events: Option<PathBuf>,
 
-    /// Serve a web page that shows and controls the run, and print its address [default:
-    /// 127.0.0.1:7788]. The run continues when its behaviours have ended; Ctrl-C ends it. With
-    /// --fast the page controls the clock: pause, single steps, 1 to 100 times real time
+    /// Serve a web page that shows and controls the run, and print its address [default: the
+    /// config's `live: listen`, or else 127.0.0.1:7788]. The run continues when its behaviours have
+    /// ended; Ctrl-C ends it. With --fast the page controls the clock: pause, single steps, 1 to 100
+    /// times real time
     #[arg(long, value_name = "IP:PORT", num_args = 0..=1, require_equals = true)]
     live: Option<Option<SocketAddr>>,
 
@@ -247,7 +248,7 @@ fn trace_file(args: &RunArgs, simulated: bool) -> Result<Option<TraceFile>, Fail
     match args.trace.as_deref() {
         Some(_) if !simulated => {
             let failure = Failure::usage("--trace needs --sim: it draws a simulation");
-            Err(failure.help("--sim [WORLD.yaml] runs on a simulated robot"))
+            Err(failure.help("--sim [WORLD] runs on a simulated robot"))
         }
         path => path.map(TraceFile::create).transpose(),
     }

@@ -21,7 +21,7 @@ const STATUS_PERIOD: Duration = Duration::from_millis(500);
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct SimArgs {
     /// World file, or the name of a built-in world [default: living_room]
-    #[arg(value_name = "WORLD.yaml", value_parser = WorldParser, hide_possible_values = true)]
+    #[arg(value_name = "WORLD", value_parser = WorldParser, hide_possible_values = true)]
     world: Option<PathBuf>,
 
     /// Address and port to listen on, TCP and UDP; port 0 picks a free one

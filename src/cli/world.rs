@@ -24,7 +24,7 @@ enum Action {
         #[arg(value_name = "WORLD", value_parser = WorldParser, hide_possible_values = true)]
         world: Option<PathBuf>,
 
-        /// Picture to write, a .png file
+        /// File to write, which must end in .png; an existing file is replaced
         #[arg(short, long, value_name = "FILE.png", default_value = "map.png", value_parser = parse_png)]
         output: PathBuf,
 

@@ -24,7 +24,7 @@ use crate::safety::WatchdogState;
 use crate::script::Calibration;
 use crate::yaml;
 
-/// Measure track width and speed, and write them into the config
+/// Measure the robot's track width and speed, or its camera, for the config
 ///
 /// Guides you through two moves straight ahead and a turn on the spot, asks how far the robot
 /// really went, and computes `calibration:` from your answers. Every step can be repeated. With
@@ -50,7 +50,7 @@ pub(super) struct CalibrateArgs {
     yes: bool,
 
     /// Number of measurements to average
-    #[arg(long, value_name = "NUMBER", default_value_t = 1,
+    #[arg(long, value_name = "COUNT", default_value_t = 1,
           value_parser = clap::value_parser!(u8).range(1..=20))]
     rounds: u8,
 

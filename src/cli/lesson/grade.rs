@@ -20,7 +20,7 @@ use crate::cli::test::job_pool::parse_timeout;
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct GradeArgs {
     /// Folder with a folder or a script for each learner, named after the learner
-    #[arg(value_name = "FOLDER")]
+    #[arg(value_name = "DIR")]
     folder: PathBuf,
 
     /// Lesson to check the scripts against

@@ -30,7 +30,7 @@ pub(super) struct DockArgs {
           value_parser = clap::value_parser!(u64).range(1..=3600))]
     timeout: u64,
     /// Number of further tries after the first
-    #[arg(long, value_name = "NUMBER", default_value_t = 2,
+    #[arg(long, value_name = "COUNT", default_value_t = 2,
           value_parser = clap::value_parser!(u32).range(0..=20))]
     retries: u32,
     /// Print a JSON object

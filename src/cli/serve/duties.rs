@@ -21,7 +21,7 @@ use crate::timetable::Timetable;
 #[derive(Clone)]
 pub(super) struct LoadedDuties {
     pub(super) duties: Duties,
-    /// Fingerprints of the behaviours: their scripts and options.
+    /// Fingerprints of the behaviours, by name: see [`fingerprint`].
     fingerprints: BTreeMap<String, u64>,
     /// Information for the page.
     pub(super) known: Known,
@@ -168,7 +168,7 @@ impl DutiesLoader {
     }
 }
 
-/// The fingerprint of a behaviour: equal if script and options are equal.
+/// The fingerprint of a behaviour: equal if script, options, priority and restart policy are equal.
 fn fingerprint(behaviour: &Behaviour) -> u64 {
     let mut hasher = DefaultHasher::new();
     behaviour.launch.source.hash(&mut hasher);
