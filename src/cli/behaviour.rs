@@ -16,7 +16,7 @@ use crate::control::{Answer, Change, Client, Listed, RunRequest};
 use crate::link::Target;
 
 /// Timeout of a request: the old script's end handlers, loading the new script, and a margin.
-const CHANGED: Duration = Duration::from_secs(15);
+const CHANGE_TIMEOUT: Duration = Duration::from_secs(15);
 
 const HEAD: [(&str, Side); 5] = [
     ("BEHAVIOUR", Side::Left),
@@ -78,14 +78,14 @@ struct NameArgs {
 #[derive(Debug, Clone, clap::Args)]
 struct StartArgs {
     /// End the behaviour after this time, such as 30m or 1h30m, if it has not ended before
-    #[arg(long = "for", value_name = "TIME", value_parser = some_time)]
+    #[arg(long = "for", value_name = "TIME", value_parser = parse_duration)]
     lasts: Option<Span>,
     #[command(flatten)]
     name: NameArgs,
 }
 
 /// Parses a duration of at least a second.
-fn some_time(text: &str) -> Result<Span, ArgumentError> {
+fn parse_duration(text: &str) -> Result<Span, ArgumentError> {
     let span: Span = text.parse()?;
     if span.get().is_zero() {
         return Err(ArgumentError::NoTime);
@@ -133,7 +133,11 @@ pub(super) fn run(args: &BehaviourArgs) -> Result<Exit, Failure> {
 }
 
 fn list(args: &ListArgs) -> Result<Exit, Failure> {
-    match ask(&args.which.client()?, &RunRequest::Behaviours, CHANGED)? {
+    match ask(
+        &args.which.client()?,
+        &RunRequest::Behaviours,
+        CHANGE_TIMEOUT,
+    )? {
         None => Ok(Exit::Interrupted),
         Some(Answer::Behaviours(behaviours)) => {
             if args.json {
@@ -156,7 +160,7 @@ fn list(args: &ListArgs) -> Result<Exit, Failure> {
 fn change(args: &NameArgs, change: Change) -> Result<Exit, Failure> {
     let name = args.name.clone();
     let request = RunRequest::Behaviour { name, change };
-    match ask(&args.which.client()?, &request, CHANGED)? {
+    match ask(&args.which.client()?, &request, CHANGE_TIMEOUT)? {
         None => Ok(Exit::Interrupted),
         Some(Answer::Done) => {
             let done = match change {

@@ -72,7 +72,7 @@ impl BehaviourLoader<'_> {
             behaviours.push(behaviour);
         }
         let options = behaviours.iter_mut().map(|one| &mut one.launch.options);
-        params::give(self.params, options.collect())?;
+        params::apply(self.params, options.collect())?;
         let blueprints = behaviours.iter().zip(entries);
         let blueprints = blueprints
             .map(|(behaviour, entry)| blueprint(behaviour, entry.file.clone(), self.checked))

@@ -16,7 +16,7 @@ use crate::vision::{
 /// Small pictures are enlarged to about this width for people.
 const SHOWN_WIDTH: u32 = 960;
 /// Largest enlargement factor.
-const MOST_TIMES: u32 = 6;
+const MAX_ENLARGEMENT: u32 = 6;
 
 const HEAD: [(&str, Side); 13] = [
     ("FILE", Side::Left),
@@ -98,7 +98,7 @@ struct Search<'a> {
     args: &'a BlobsArgs,
     colours: Vec<Colour>,
     options: BlobOptions,
-    eyes: FrameAnalyser,
+    analyser: FrameAnalyser,
     marked: Option<MarkedPictures>,
 }
 
@@ -112,10 +112,10 @@ pub(super) fn run(args: &BlobsArgs, console: &Console) -> Result<Exit, Failure> 
     let mut exit = Exit::Done;
     let mut found = Vec::new();
     for (key, image) in (0..).zip(&args.images) {
-        match search.look(key, image) {
+        match search.find(key, image) {
             Ok(one) => {
                 if one.blobs.len() == args.max_blobs {
-                    console.write_line("WARN", &more_may_be_there(&one));
+                    console.write_line("WARN", &limit_note(&one));
                 }
                 found.push(one);
             }
@@ -133,7 +133,7 @@ pub(super) fn run(args: &BlobsArgs, console: &Console) -> Result<Exit, Failure> 
     Ok(exit)
 }
 
-fn more_may_be_there(found: &Found) -> String {
+fn limit_note(found: &Found) -> String {
     let (number, file) = (found.blobs.len(), &found.file);
     format!(
         "note: only the {number} largest blobs of {file} are shown; there may be more: --max-blobs \
@@ -159,27 +159,27 @@ impl<'a> Search<'a> {
                 max_blobs: args.max_blobs,
                 ..BlobOptions::default()
             },
-            eyes: FrameAnalyser::new(config.camera),
+            analyser: FrameAnalyser::new(config.camera),
             marked: marked.transpose()?,
         })
     }
 
-    fn look(&mut self, key: u64, path: &Path) -> Result<Found, Failure> {
+    fn find(&mut self, key: u64, path: &Path) -> Result<Found, Failure> {
         let jpeg = picture::read(path)?;
         let unusable = |error| picture::unusable(path, &error);
-        let image = self.eyes.look(key, &jpeg).map_err(unusable)?;
+        let image = self.analyser.look(key, &jpeg).map_err(unusable)?;
         let size = image.size();
         if let Some(roi) = self.args.roi {
             picture::part(roi, size, path)?;
         }
         let blobs = self
-            .eyes
+            .analyser
             .find_blobs(key, &jpeg, &self.colours, &self.options)
             .map_err(unusable)?
             .to_vec();
         if let Some(pictures) = &mut self.marked {
-            let image = self.eyes.look(key, &jpeg).map_err(unusable)?;
-            pictures.keep(path, &marked(image, &blobs, self.args))?;
+            let image = self.analyser.look(key, &jpeg).map_err(unusable)?;
+            pictures.save(path, &marked(image, &blobs, self.args))?;
         }
         Ok(Found {
             file: path.display().to_string(),
@@ -198,7 +198,7 @@ fn marked(image: &Image, blobs: &[Blob], args: &BlobsArgs) -> RgbImage {
         .collect();
     let marks = blobs.iter().zip(&texts);
     let marks: Vec<Mark<'_>> = marks.map(|(blob, text)| Mark { blob, text }).collect();
-    let times = (SHOWN_WIDTH / image.size().width).clamp(1, MOST_TIMES);
+    let times = (SHOWN_WIDTH / image.size().width).clamp(1, MAX_ENLARGEMENT);
     match args.roi {
         Some(roi) => annotate_enlarged(&dimmed(image, roi), &marks, times),
         None => annotate_enlarged(image, &marks, times),

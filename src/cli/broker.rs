@@ -29,8 +29,8 @@ pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> 
         _ => None,
     };
     let read = |path| match found {
-        Some(config) => secret::of_found_file(path, config),
-        None => secret::of_named_file(path),
+        Some(config) => secret::from_found_file(path, config),
+        None => secret::from_named_file(path),
     };
     let password = options.password_file.as_deref().map(read).transpose()?;
     let certificates = |path: &std::path::PathBuf| {

@@ -97,21 +97,21 @@ impl LoginArgs {
 
     fn password(&self, settings: &Effective) -> Result<String, Failure> {
         if let Some(path) = &self.password_file {
-            return secret::of_chosen_file(path);
+            return secret::from_chosen_file(path);
         }
-        if let Some(password) = secret::of_environment()? {
+        if let Some(password) = secret::from_environment()? {
             return Ok(password);
         }
-        if let Some(password) = secret::of_credential()? {
+        if let Some(password) = secret::from_credential()? {
             return Ok(password);
         }
         let Some(path) = &settings.config.password_file else {
             return Ok(DEFAULT_LOGIN.to_owned());
         };
         match settings.file_of("password_file") {
-            None => secret::of_chosen_file(path),
-            Some((config, Named::Found)) => secret::of_found_file(path, config),
-            Some((_, Named::Chosen)) => secret::of_named_file(path),
+            None => secret::from_chosen_file(path),
+            Some((config, Named::Found)) => secret::from_found_file(path, config),
+            Some((_, Named::Chosen)) => secret::from_named_file(path),
         }
     }
 }

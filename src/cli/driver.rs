@@ -32,7 +32,7 @@ pub(super) struct Driver {
     requests: mpsc::Sender<Request>,
     /// Set once the robot is connected.
     seat: Option<Seat>,
-    flight: RunningPilot,
+    pilot: RunningPilot,
 }
 
 /// Connects, lets `job` drive, and stops the robot before it disconnects, however the job ends. Any
@@ -51,12 +51,12 @@ pub(super) async fn drive(
     let work = async {
         driver.connect().await?;
         let done = job(&mut driver).await;
-        let stayed = driver.flight.wait_until_home().await;
+        let stayed = driver.pilot.wait_until_home().await;
         done.map(|exit| if stayed { Exit::Safety } else { exit })
     };
     let done = unless_stopped(&stop, work).await;
-    let away = driver.flight.is_away();
-    driver.flight.end().await;
+    let away = driver.pilot.is_away();
+    driver.pilot.end().await;
     done.unwrap_or(Ok(if away {
         Exit::Safety
     } else {
@@ -83,21 +83,21 @@ impl Driver {
             rescue,
         } = parts;
         let pulse = pulse(settings.simulated);
-        let mut flight = PilotSetup::new(settings, dial, core.clone(), Some(pulse));
-        let requests = flight.requests();
+        let mut setup = PilotSetup::new(settings, dial, core.clone(), Some(pulse));
+        let requests = setup.requests();
         handle_signals(core, requests.clone(), stop.clone())?;
         if let Some(rescue) = rescue {
-            flight.stand_by(launcher()?, rescue);
+            setup.stand_by(launcher()?, rescue);
         }
         Ok(Driver {
             requests,
             seat: None,
-            flight: flight.launch(stop),
+            pilot: setup.launch(stop),
         })
     }
 
     async fn connect(&mut self) -> Result<(), Failure> {
-        self.flight.connected().await.map_err(failed)?;
+        self.pilot.connected().await.map_err(failed)?;
         let seat = Seat::join(
             self.requests.clone(),
             DRIVER_ID,
@@ -114,7 +114,7 @@ impl Driver {
 
     /// The current state of the robot and the watchdog.
     pub(super) fn status(&self) -> Status {
-        self.flight.status()
+        self.pilot.status()
     }
 
     /// Drives for this long and returns how the motion ended.
@@ -172,7 +172,7 @@ impl Driver {
     /// The failure to report. If the pilot has ended, reports the pilot's own reason.
     async fn refused(&mut self, error: SeatError) -> Failure {
         match error {
-            SeatError::Closed => failed(self.flight.failure().await),
+            SeatError::Closed => failed(self.pilot.failure().await),
             SeatError::Ended(_) => Failure::new(Exit::Safety, error),
         }
     }

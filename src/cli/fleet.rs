@@ -13,7 +13,7 @@ use super::{Exit, Failure, block_on, print};
 use crate::mqtt::{BrokerCommand, Fleet, FleetError, Found, Presence};
 
 /// Timeout for an agent's reply, which includes loading or ending behaviours.
-const ANSWER: Duration = Duration::from_secs(15);
+const REPLY_TIMEOUT: Duration = Duration::from_secs(15);
 /// The name for all robots that are online.
 const ALL: &str = "all";
 
@@ -162,7 +162,7 @@ async fn order(
     named: &[String],
 ) -> Result<Exit, Failure> {
     let (chosen, absent) = choose(fleet, named)?;
-    let answers = fleet.ask(&chosen, order, ANSWER).await;
+    let answers = fleet.ask(&chosen, order, REPLY_TIMEOUT).await;
     let answers = answers.map_err(unreachable)?;
     let mut exit = if absent.is_empty() {
         Exit::Done
@@ -185,7 +185,7 @@ async fn order(
             }
             None => {
                 exit = Exit::Check;
-                format!("no answer within {} s", ANSWER.as_secs())
+                format!("no answer within {} s", REPLY_TIMEOUT.as_secs())
             }
         };
         text += &format!("{robot}: {outcome}\n");

@@ -105,9 +105,9 @@ impl Topic {
 }
 
 /// Default maximum number of entries.
-const USUAL: u32 = 1000;
+const DEFAULT_LIMIT: u32 = 1000;
 /// Default time span of a plot.
-const PLOTTED: jiff::SignedDuration = jiff::SignedDuration::from_hours(7 * 24);
+const DEFAULT_PLOT_SPAN: jiff::SignedDuration = jiff::SignedDuration::from_hours(7 * 24);
 
 /// Prints or draws the journal.
 ///
@@ -158,15 +158,15 @@ fn list(
 ) -> Result<Exit, Failure> {
     let limited = span.newest.is_some() || span.since.is_some();
     if !limited {
-        span.newest = Some(USUAL);
+        span.newest = Some(DEFAULT_LIMIT);
     }
     let records = match args.topic {
         Topic::Battery => history.battery(&span),
         topic => history.records(&topic.kinds(), &span),
     };
     let records = records.map_err(unreadable)?;
-    if !limited && records.len() == USUAL as usize {
-        tracing::warn!("only the newest {USUAL} entries are shown; --since shows more");
+    if !limited && records.len() == DEFAULT_LIMIT as usize {
+        tracing::warn!("only the newest {DEFAULT_LIMIT} entries are shown; --since shows more");
     }
     if args.json {
         let text = serde_json::to_string(&records).map_err(Failure::usage)?;
@@ -208,7 +208,9 @@ fn plot(
     let until = span.until.unwrap_or(now);
     let since = match span.since {
         Some(since) => since,
-        None => until.checked_sub(PLOTTED).map_err(Failure::usage)?,
+        None => until
+            .checked_sub(DEFAULT_PLOT_SPAN)
+            .map_err(Failure::usage)?,
     };
     if since >= until {
         return Err(Failure::usage("--since is not before --until"));

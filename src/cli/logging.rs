@@ -20,7 +20,7 @@ use crate::live::LogTap;
 
 /// The default filter: records of this crate from the config's level up, of other crates only
 /// warnings and errors.
-fn usual(level: Level) -> &'static str {
+fn default_filter(level: Level) -> &'static str {
     match level {
         Level::Error => "error",
         Level::Warn => "warn",
@@ -40,7 +40,7 @@ pub(super) fn start(console: &Console, format: LogFormat, level: Level, time: Ti
     let filter = parsed
         .ok()
         .flatten()
-        .unwrap_or_else(|| EnvFilter::new(usual(level)));
+        .unwrap_or_else(|| EnvFilter::new(default_filter(level)));
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
         .with_timer(Clock::new(time, console.has_status_line()))
@@ -62,7 +62,7 @@ pub(super) fn start(console: &Console, format: LogFormat, level: Level, time: Ti
     if let (Ok(()), Some(complaint)) = (started, complaint) {
         tracing::warn!(
             "RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {}",
-            usual(level)
+            default_filter(level)
         );
     }
 }

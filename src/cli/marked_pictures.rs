@@ -64,7 +64,7 @@ impl MarkedPictures {
     ///
     /// # Errors
     /// The file cannot be written.
-    pub(super) fn keep(&mut self, image: &Path, marked: &RgbImage) -> Result<(), Failure> {
+    pub(super) fn save(&mut self, image: &Path, marked: &RgbImage) -> Result<(), Failure> {
         let path = match self {
             MarkedPictures::File(path) => path.clone(),
             MarkedPictures::Folder(folder, taken) => folder.join(name(image, taken)),

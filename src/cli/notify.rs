@@ -73,7 +73,7 @@ pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
     let options = &settings.config.notify;
     let chosen = chosen(options, targets)?;
     let tokens = tokens(settings, options)?;
-    let post = post(settings)?;
+    let publisher = publisher(settings)?;
     let notice = Notice {
         rule: Rule::Test,
         text: text.clone(),
@@ -84,7 +84,7 @@ pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
     let mut exit = Exit::Done;
     for (name, target) in chosen {
         let token = tokens.get(name).map_or("", String::as_str);
-        let outcome = match deliver(target, token, &post, &notice) {
+        let outcome = match deliver(target, token, &publisher, &notice) {
             Delivery::Done => "sent".to_owned(),
             Delivery::Later(why) | Delivery::Refused(why) => {
                 exit = Exit::Check;
@@ -141,24 +141,24 @@ pub(super) fn start(settings: &Effective, bus: &Bus) -> Result<Option<Notifier>,
     }
     let tokens = tokens(settings, options)?;
     let data = settings.config.data_folder();
-    let started = Notifier::start(bus, data, options, &tokens, &post(settings)?);
+    let started = Notifier::start(bus, data, options, &tokens, &publisher(settings)?);
     Ok(started.map_err(|error| tracing::warn!("{error}")).ok())
 }
 
 /// The function that publishes to the broker, if a target is a topic.
-fn post(settings: &Effective) -> Result<BrokerPublisher, Failure> {
+fn publisher(settings: &Effective) -> Result<BrokerPublisher, Failure> {
     if settings.config.notify.needs_broker().is_none() {
         return Ok(None);
     }
     let account = broker::account(settings)?;
     Ok(account.map(
         |account| -> Arc<dyn Fn(BrokerMessage) -> Delivery + Send + Sync> {
-            Arc::new(move |letter| {
+            Arc::new(move |message| {
                 let BrokerMessage {
                     topic,
                     payload,
                     limit,
-                } = letter;
+                } = message;
                 match publish(&account, &topic, payload, limit) {
                     Ok(()) => Delivery::Done,
                     Err(error @ PostError::TooLong) => Delivery::Refused(error.to_string()),
@@ -220,8 +220,8 @@ fn token(name: &str, target: &Target, found: Option<&Path>) -> Result<Option<Str
         return Ok(None);
     };
     let read = match found {
-        Some(config) => secret::of_found_file(path, config),
-        None => secret::of_named_file(path),
+        Some(config) => secret::from_found_file(path, config),
+        None => secret::from_named_file(path),
     };
     read.map(Some)
 }

@@ -34,7 +34,7 @@ impl Param {
 
 /// Gives each value to its behaviour; overrides values from the config. Of two values for one name
 /// the last is used.
-pub(super) fn give(params: &[Param], mut behaviours: Vec<&mut Options>) -> Result<(), Failure> {
+pub(super) fn apply(params: &[Param], mut behaviours: Vec<&mut Options>) -> Result<(), Failure> {
     for param in params {
         let of = owner(param, &behaviours)?;
         let given = GivenParam {

@@ -13,7 +13,7 @@ use super::Failure;
 ///
 /// # Errors
 /// No user was named, the user does not exist, or a system call failed.
-pub(super) fn leave_root(user: Option<&str>, data: &Path) -> Result<(), Failure> {
+pub(super) fn drop_root(user: Option<&str>, data: &Path) -> Result<(), Failure> {
     if !Uid::effective().is_root() {
         return Ok(());
     }
@@ -34,7 +34,7 @@ pub(super) fn leave_root(user: Option<&str>, data: &Path) -> Result<(), Failure>
         let failure = Failure::usage(format_args!("this computer has no user `{name}`"));
         failure.help("name an existing user in the config, `service: { user: ... }`")
     })?;
-    give_folder(data, &user).map_err(|error| {
+    create_folder(data, &user).map_err(|error| {
         let data = data.display();
         Failure::usage(format_args!("cannot create {data} for `{name}`: {error}"))
     })?;
@@ -45,7 +45,7 @@ pub(super) fn leave_root(user: Option<&str>, data: &Path) -> Result<(), Failure>
 }
 
 /// Creates the folder for this user. Does not change an existing one.
-fn give_folder(data: &Path, user: &User) -> std::io::Result<()> {
+fn create_folder(data: &Path, user: &User) -> std::io::Result<()> {
     if data.exists() {
         return Ok(());
     }

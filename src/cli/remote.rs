@@ -31,7 +31,7 @@ impl RemoteArgs {
         let options = &effective.config.remote;
         let (url, token) = match (&self.url, &options.url) {
             (Some(url), _) => {
-                let read = |path: &PathBuf| secret::of_chosen_file(path);
+                let read = |path: &PathBuf| secret::from_chosen_file(path);
                 (url, self.token_file.as_ref().map(read).transpose()?)
             }
             (None, Some(url)) => (url, token(effective)?),
@@ -55,8 +55,8 @@ fn token(effective: &Effective) -> Result<Option<String>, Failure> {
         return Ok(None);
     };
     let token = match effective.file_of("remote.token_file") {
-        Some((config, Named::Found)) => secret::of_found_file(path, config),
-        _ => secret::of_named_file(path),
+        Some((config, Named::Found)) => secret::from_found_file(path, config),
+        _ => secret::from_named_file(path),
     };
     token.map(Some)
 }

@@ -100,8 +100,8 @@ fn launch(config: &Config, seed: u64) -> Result<Launch, Failure> {
 }
 
 async fn run_session(talk: Talk, terminal: &Terminal, console: &Console) -> Result<Exit, Failure> {
-    let (order, orders) = mpsc::channel(16);
-    let (said_sender, said) = mpsc::channel(64);
+    let (commands, inbox) = mpsc::channel(16);
+    let (message_sender, messages) = mpsc::channel(64);
     let (typed_sender, typed) = mpsc::channel(1);
     let (to_editor, editor_commands) = mpsc::channel(MAX_EDITOR_COMMANDS);
     let stop = CancellationToken::new();
@@ -115,7 +115,7 @@ async fn run_session(talk: Talk, terminal: &Terminal, console: &Console) -> Resu
         None
     };
     let mut repl = Repl {
-        order: Some(order),
+        commands: Some(commands),
         to_editor,
         console: console.clone(),
         interactive,
@@ -129,19 +129,19 @@ async fn run_session(talk: Talk, terminal: &Terminal, console: &Console) -> Resu
     thread
         .spawn(move || editor::serve(&typed_sender, editor_commands, &console))
         .map_err(|error| Failure::usage(format_args!("no thread for the prompt: {error}")))?;
-    let mut session = std::pin::pin!(talk.run(orders, said_sender, stop.clone()));
-    let (mut typed, mut said) = (typed, said);
+    let mut session = std::pin::pin!(talk.run(inbox, message_sender, stop.clone()));
+    let (mut typed, mut messages) = (typed, messages);
     loop {
         tokio::select! {
             biased;
             ended = &mut session => return repl.exit(ended, stop.is_cancelled()),
             () = next(&mut interruption) => repl.interrupted(&stop),
-            Some(said) = said.recv() => repl.receive(said),
+            Some(message) = messages.recv() => repl.receive(message),
             () = until(repl.terminal_due) => repl.give_up_on_terminal(),
-            typed = typed.recv(), if repl.order.is_some() => match typed {
+            typed = typed.recv(), if repl.commands.is_some() => match typed {
                 Some(typed) => repl.take(typed),
                 // The prompt's thread has ended: no more input can arrive.
-                None => drop(repl.order.take()),
+                None => drop(repl.commands.take()),
             },
         }
     }
@@ -157,7 +157,7 @@ async fn next(signal: &mut Option<Signal>) {
 /// Connects the prompt with the behaviour.
 struct Repl {
     /// Commands to the behaviour; `None` ends the session.
-    order: Option<mpsc::Sender<PromptCommand>>,
+    commands: Option<mpsc::Sender<PromptCommand>>,
     to_editor: mpsc::Sender<EditorCommand>,
     console: Console,
     /// Whether a person types; otherwise lines come from a pipe.
@@ -178,14 +178,14 @@ impl Repl {
             Typed::Ready => self.terminal_due = None,
             Typed::Line { text, more } => {
                 self.running = true;
-                self.order(PromptCommand::Evaluate { text, more });
+                self.send(PromptCommand::Evaluate { text, more });
             }
             Typed::Interrupt => {
-                self.order(PromptCommand::Interrupt);
+                self.send(PromptCommand::Interrupt);
                 self.finish(Next::Prompt);
             }
             Typed::End => {
-                self.order = None;
+                self.commands = None;
                 self.console.redirect(None);
             }
         }
@@ -193,24 +193,27 @@ impl Repl {
 
     /// Sends a command to the behaviour. Ends the session if the queue is full, since the robot
     /// would otherwise miss the command.
-    fn order(&mut self, order: PromptCommand) {
-        let sent = self.order.as_ref().map(|orders| orders.try_send(order));
+    fn send(&mut self, command: PromptCommand) {
+        let sent = self
+            .commands
+            .as_ref()
+            .map(|commands| commands.try_send(command));
         if sent.is_some_and(|sent| sent.is_err()) {
-            self.order = None;
+            self.commands = None;
         }
     }
 
     /// Interrupts the line. If the session has ended and only waits for a robot with a low battery
     /// to return to its station, stops waiting.
     fn interrupted(&mut self, stop: &CancellationToken) {
-        match self.order {
-            Some(_) => self.order(PromptCommand::Interrupt),
+        match self.commands {
+            Some(_) => self.send(PromptCommand::Interrupt),
             None => stop.cancel(),
         }
     }
 
-    fn receive(&mut self, said: PromptMessage) {
-        match said {
+    fn receive(&mut self, message: PromptMessage) {
+        match message {
             PromptMessage::Ready if !self.begun => {
                 self.begun = true;
                 self.finish(Next::Prompt);
@@ -267,7 +270,7 @@ impl Repl {
 
     fn give_up_on_terminal(&mut self) {
         self.terminal_due = None;
-        self.order(PromptCommand::Interrupt);
+        self.send(PromptCommand::Interrupt);
         tracing::warn!("the terminal does not accept output: everything was stopped");
     }
 

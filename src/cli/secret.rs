@@ -94,7 +94,7 @@ fn read_pipe(number: &OsStr) -> Option<Vec<u8>> {
 ///
 /// # Errors
 /// It is not UTF-8. The error does not contain the password.
-pub(super) fn of_environment() -> Result<Option<String>, Failure> {
+pub(super) fn from_environment() -> Result<Option<String>, Failure> {
     let given = PASSWORD
         .lock()
         .unwrap_or_else(PoisonError::into_inner)
@@ -108,7 +108,7 @@ pub(super) fn of_environment() -> Result<Option<String>, Failure> {
 ///
 /// # Errors
 /// It cannot be read, or its first line is empty.
-pub(super) fn of_credential() -> Result<Option<String>, Failure> {
+pub(super) fn from_credential() -> Result<Option<String>, Failure> {
     let folder = std::env::var_os("CREDENTIALS_DIRECTORY");
     let path = folder.map(|folder| Path::new(&folder).join("password"));
     match path.filter(|path| path.exists()) {
@@ -126,7 +126,7 @@ pub(super) fn of_credential() -> Result<Option<String>, Failure> {
 ///
 /// # Errors
 /// It cannot be read, or its first line is empty.
-pub(super) fn of_chosen_file(path: &Path) -> Result<String, Failure> {
+pub(super) fn from_chosen_file(path: &Path) -> Result<String, Failure> {
     if files::is_shared(path) {
         let path = path.display();
         tracing::warn!("others can read the password file {path}: chmod 600 {path}");
@@ -142,7 +142,7 @@ pub(super) fn of_chosen_file(path: &Path) -> Result<String, Failure> {
 ///
 /// # Errors
 /// It cannot be read, or its first line is empty.
-pub(super) fn of_named_file(path: &Path) -> Result<String, Failure> {
+pub(super) fn from_named_file(path: &Path) -> Result<String, Failure> {
     if files::is_shared(path) {
         let path = path.display();
         tracing::warn!("others can read the password file {path}: chmod 600 {path}");
@@ -158,7 +158,7 @@ pub(super) fn of_named_file(path: &Path) -> Result<String, Failure> {
 ///
 /// # Errors
 /// The file is elsewhere, others can read it, it cannot be read, or its first line is empty.
-pub(super) fn of_found_file(path: &Path, config: &Path) -> Result<String, Failure> {
+pub(super) fn from_found_file(path: &Path, config: &Path) -> Result<String, Failure> {
     let folder = match config.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -224,7 +224,7 @@ mod tests {
         let path = |name: &str| root.path().join(name);
         fs::create_dir_all(path("here/below")).unwrap();
         let config = path("here/spykee.yaml");
-        let read = |name: &str| of_found_file(&path(name), &config);
+        let read = |name: &str| from_found_file(&path(name), &config);
         write(&path("here/below/password"), 0o600);
         write(&path("here/open"), 0o644);
         write(&path("private"), 0o600);
@@ -262,11 +262,16 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let path = root.path().join("password");
         write(&path, 0o644);
-        assert_eq!(of_chosen_file(&path).unwrap(), "hunter2");
-        assert_eq!(of_named_file(&path).unwrap(), "hunter2");
-        assert!(of_named_file(Path::new("/dev/zero")).is_err());
+        assert_eq!(from_chosen_file(&path).unwrap(), "hunter2");
+        assert_eq!(from_named_file(&path).unwrap(), "hunter2");
+        assert!(from_named_file(Path::new("/dev/zero")).is_err());
         fs::write(&path, "\n").unwrap();
-        assert!(of_named_file(&path).unwrap_err().report().contains("empty"));
+        assert!(
+            from_named_file(&path)
+                .unwrap_err()
+                .report()
+                .contains("empty")
+        );
     }
 
     #[test]

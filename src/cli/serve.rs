@@ -16,7 +16,7 @@ use self::duties::{DutiesLoader, LoadedDuties};
 use super::embedded::{EmbeddedSim, Simulated};
 use super::interrupt::{handle_service_signals, listen};
 use super::live::PageInputs;
-use super::privileges::leave_root;
+use super::privileges::drop_root;
 use super::reach::{dial, place, reach_with};
 use super::run::parse_seconds;
 use super::settings::SettingsArgs;
@@ -94,7 +94,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let simulated = matches!(place, RobotChoice::Sim(_));
     let clock = clock(args, &config, simulated)?;
     if !simulated || config.service.user.is_some() {
-        leave_root(config.service.user.as_deref(), config.data_folder())?;
+        drop_root(config.service.user.as_deref(), config.data_folder())?;
     }
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);

@@ -110,9 +110,9 @@ fn greeting(listening: SocketAddr, uid: &str, user: &str) -> String {
 }
 
 async fn show_status(handle: &Handle, console: &Console) {
-    let mut beat = interval(STATUS_PERIOD);
+    let mut ticks = interval(STATUS_PERIOD);
     loop {
-        beat.tick().await;
+        ticks.tick().await;
         console.status(status(&handle.state()));
     }
 }
@@ -120,7 +120,7 @@ async fn show_status(handle: &Handle, console: &Console) {
 fn status(state: &State) -> String {
     let user = state.user.as_deref().unwrap_or("no client");
     let charging = if state.charging { ", charging" } else { "" };
-    let doing = match state {
+    let activity = match state {
         State {
             searching: true, ..
         } => "searching for its station",
@@ -129,7 +129,7 @@ fn status(state: &State) -> String {
         _ => "standing",
     };
     format!(
-        "{doing} · battery {:.0} %{charging} · at {:.2} {:.2} m · user {user} · {} frames",
+        "{activity} · battery {:.0} %{charging} · at {:.2} {:.2} m · user {user} · {} frames",
         state.battery, state.pose.x, state.pose.y, state.frames,
     )
 }

@@ -174,7 +174,7 @@ impl Effective {
             return Origin::Environment(variable.clone());
         }
         let in_file = self.file.as_ref().and_then(|(path, text)| {
-            let (line, _) = place::of(text, steps)?;
+            let (line, _) = place::find(text, steps)?;
             let path = path.clone();
             Some(Origin::File { path, line })
         });

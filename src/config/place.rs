@@ -18,7 +18,7 @@ pub(super) enum Step {
 }
 
 /// Line and column, from 1, of the key or element at the end of the steps.
-pub(super) fn of(text: &str, steps: &[Step]) -> Option<(usize, usize)> {
+pub(super) fn find(text: &str, steps: &[Step]) -> Option<(usize, usize)> {
     if steps.is_empty() {
         return None;
     }
@@ -160,19 +160,19 @@ mod tests {
     #[test]
     fn the_places_of_keys_and_elements_are_found() {
         let text = "a: 1\nb:\n  - { c: 2 }\n  - d:\n      e: [3]\n";
-        assert_eq!(of(text, &[key("a")]), Some((1, 1)));
+        assert_eq!(find(text, &[key("a")]), Some((1, 1)));
         let c = [key("b"), Step::Index(0), key("c")];
-        assert_eq!(of(text, &c), Some((3, 7)));
+        assert_eq!(find(text, &c), Some((3, 7)));
         let e = [key("b"), Step::Index(1), key("d"), key("e")];
-        assert_eq!(of(text, &e).map(|(line, _)| line), Some(5));
-        assert_eq!(of(text, &[key("b"), Step::Index(2)]), None);
-        assert_eq!(of(text, &[key("f")]), None);
+        assert_eq!(find(text, &e).map(|(line, _)| line), Some(5));
+        assert_eq!(find(text, &[key("b"), Step::Index(2)]), None);
+        assert_eq!(find(text, &[key("f")]), None);
     }
 
     proptest! {
         #[test]
         fn no_text_causes_a_panic(text in "[ -~\n]{0,200}") {
-            let _ = of(&text, &[key("a"), Step::Index(1)]);
+            let _ = find(&text, &[key("a"), Step::Index(1)]);
         }
     }
 }

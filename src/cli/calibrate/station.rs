@@ -50,10 +50,10 @@ pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Resul
         );
     }
     let camera = Camera::default();
-    let mut eyes = FrameAnalyser::new(camera);
+    let mut analyser = FrameAnalyser::new(camera);
     let (mut measures, mut names, mut common) = (Vec::new(), Vec::new(), None);
     for (number, (path, distance)) in images.iter().zip(distances).enumerate() {
-        let (size, station) = look(&mut eyes, number as u64, path)?;
+        let (size, station) = find_front(&mut analyser, number as u64, path)?;
         if *common.get_or_insert(size) != size {
             let what = format_args!("{} differs in size from those before it", path.display());
             return Err(Failure::usage(what).help("take all of them with the same camera"));
@@ -91,10 +91,14 @@ pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Resul
 }
 
 /// Returns the picture's size and the largest blob that looks like the station's front.
-fn look(eyes: &mut FrameAnalyser, key: u64, path: &Path) -> Result<(Size, Option<Front>), Failure> {
+fn find_front(
+    analyser: &mut FrameAnalyser,
+    key: u64,
+    path: &Path,
+) -> Result<(Size, Option<Front>), Failure> {
     let jpeg = picture::read(path)?;
     let unusable = |error: FrameError| picture::unusable(path, &error);
-    let size = eyes.look(key, &jpeg).map_err(unusable)?.size();
+    let size = analyser.look(key, &jpeg).map_err(unusable)?.size();
     let dark = Colour::lab([0.0, 34.0], [-14.0, 14.0], [-18.0, 14.0]).map_err(Failure::usage)?;
     let options = BlobOptions {
         pixels_threshold: 20,
@@ -102,11 +106,11 @@ fn look(eyes: &mut FrameAnalyser, key: u64, path: &Path) -> Result<(Size, Option
         margin: 2,
         ..BlobOptions::default()
     };
-    let blobs = eyes
+    let blobs = analyser
         .find_blobs(key, &jpeg, &[dark], &options)
         .map_err(unusable)?;
     let blobs = blobs.to_vec();
-    let image = eyes.look(key, &jpeg).map_err(unusable)?;
+    let image = analyser.look(key, &jpeg).map_err(unusable)?;
     Ok((size, blobs.iter().find_map(|blob| station_in(image, blob))))
 }
 

@@ -17,11 +17,11 @@ use crate::vision::validate_markers;
 use crate::wire::{Command, Report, Stream};
 
 /// Time to listen for replies to discovery.
-const DISCOVERY: Duration = Duration::from_secs(1);
+const DISCOVERY_PERIOD: Duration = Duration::from_secs(1);
 /// Time to count frames.
-const WATCHING: Duration = Duration::from_secs(3);
+const VIDEO_PERIOD: Duration = Duration::from_secs(3);
 /// Timeout of a request.
-const ANSWER: Duration = Duration::from_secs(2);
+const REPLY_TIMEOUT: Duration = Duration::from_secs(2);
 /// Latency above which behaviours that steer by pictures work badly.
 const SLOW: Duration = Duration::from_millis(150);
 /// Frames per second below which behaviours cannot follow anything.
@@ -69,7 +69,7 @@ fn interfaces() -> Finding {
 }
 
 async fn discovery() -> Finding {
-    match discover::discover(DISCOVERY, &[]).await {
+    match discover::discover(DISCOVERY_PERIOD, &[]).await {
         Err(error) => Finding::fail(
             "discovery",
             format!("cannot broadcast: {error}"),
@@ -186,7 +186,7 @@ async fn latency(session: &mut Session) -> Result<Finding, LinkError> {
     let began = Instant::now();
     session.writer.write(&[Command::PowerQuery]).await?;
     loop {
-        let Ok(report) = timeout_at(began + ANSWER, session.reader.next()).await else {
+        let Ok(report) = timeout_at(began + REPLY_TIMEOUT, session.reader.next()).await else {
             let found = "the robot did not reply to a battery request";
             let help = "some robots may not reply; check whether frames arrive";
             return Ok(Finding::warn("latency", found, help));
@@ -214,7 +214,7 @@ async fn video(session: &mut Session) -> Result<Finding, LinkError> {
     };
     session.writer.write(&[stream(true)]).await?;
     let (mut frames, mut damaged, mut first) = (0_u32, 0_u32, None);
-    let until = Instant::now() + WATCHING;
+    let until = Instant::now() + VIDEO_PERIOD;
     while let Ok(report) = timeout_at(until, session.reader.next()).await {
         if let Report::Video(jpeg) = report? {
             first.get_or_insert_with(Instant::now);
@@ -224,7 +224,7 @@ async fn video(session: &mut Session) -> Result<Finding, LinkError> {
     }
     session.writer.write(&[stream(false)]).await?;
     let seconds = first
-        .map_or(WATCHING, |first| first.elapsed())
+        .map_or(VIDEO_PERIOD, |first| first.elapsed())
         .as_secs_f64();
     Ok(video_finding(
         frames,

@@ -26,7 +26,7 @@ const MOST_LANES: usize = 10;
 /// Longer names are cut to this many characters.
 const LONGEST_NAME: usize = 18;
 /// Levels that are further apart, in seconds, are not joined by a line.
-const APART: i64 = 200;
+const MAX_GAP: i64 = 200;
 
 const DARK: Ink = [33, 37, 41, 255];
 const PALE: Ink = [108, 117, 125, 255];
@@ -47,13 +47,17 @@ const NOTE: TextStyle = TextStyle::small(PALE);
 pub(super) fn draw(story: &Story, zone: &TimeZone) -> RgbImage {
     let lanes = lanes(&story.runs, story);
     let height = HEAD + HEIGHT + AXIS + LANE * (lanes.len() + 1) as f32 + FOOT;
-    let Some(paper) = Canvas::new(WIDTH, height as u32) else {
+    let Some(canvas) = Canvas::new(WIDTH, height as u32) else {
         return RgbImage::default();
     };
     let longest = lanes.iter().map(|lane| lane.name.chars().count()).max();
     let letters = longest.unwrap_or(0).max("docking".len());
     let left = 20.0 + TEXT.size(&"x".repeat(letters)).0 + 14.0;
-    let mut chart = Chart { paper, left, story };
+    let mut chart = Chart {
+        canvas,
+        left,
+        story,
+    };
     chart.head(zone);
     chart.gaps();
     chart.axis(zone, lanes.len() + 1);
@@ -62,7 +66,7 @@ pub(super) fn draw(story: &Story, zone: &TimeZone) -> RgbImage {
     for (number, lane) in lanes.iter().enumerate() {
         chart.lane(number + 1, lane);
     }
-    chart.paper.finish()
+    chart.canvas.finish()
 }
 
 /// A behaviour and its runs.
@@ -106,7 +110,7 @@ fn bounds(run: &Run, story: &Story) -> (Timestamp, Timestamp) {
 }
 
 struct Chart<'a> {
-    paper: Canvas,
+    canvas: Canvas,
     left: f32,
     story: &'a Story,
 }
@@ -134,7 +138,7 @@ impl Chart<'_> {
 
     fn rectangle(&mut self, (left, top): (f32, f32), (right, bottom): (f32, f32), ink: Ink) {
         let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
-        self.paper.fill(&corners, ink);
+        self.canvas.fill(&corners, ink);
     }
 
     fn head(&mut self, zone: &TimeZone) {
@@ -148,14 +152,14 @@ impl Chart<'_> {
             [one] => format!(" of {}", clean::line(one)),
             several => format!(" of {} robots", several.len()),
         };
-        self.paper
+        self.canvas
             .write((20.0, 18.0), &format!("Battery{of}"), title);
         let local = |at: Timestamp| {
             let at = at.to_zoned(zone.clone());
             at.strftime("%a %-d %b %Y, %H:%M").to_string()
         };
         let times = format!("{} to {}", local(self.story.since), local(self.story.until));
-        self.paper.write((20.0, 44.0), &times, NOTE);
+        self.canvas.write((20.0, 44.0), &times, NOTE);
         self.legend();
     }
 
@@ -180,7 +184,7 @@ impl Chart<'_> {
         let y = 72.0;
         for (text, kind) in entries {
             self.sign(kind, (x + 6.0, y + 8.0));
-            self.paper.write((x + sign, y), text, NOTE);
+            self.canvas.write((x + sign, y), text, NOTE);
             x += sign + NOTE.size(text).0 + gap;
         }
     }
@@ -188,18 +192,18 @@ impl Chart<'_> {
     fn sign(&mut self, sign: Sign, (x, y): (f32, f32)) {
         match sign {
             Sign::Line => self
-                .paper
+                .canvas
                 .line(&[(x - 7.0, y), (x + 7.0, y)], 3.0, None, LINE),
             Sign::Area(ink) => self.rectangle((x - 6.0, y - 6.0), (x + 6.0, y + 6.0), ink),
-            Sign::Dot(ink) => self.paper.dot((x, y), 5.0, ink),
+            Sign::Dot(ink) => self.canvas.dot((x, y), 5.0, ink),
             Sign::Alarm => self.triangle((x, y)),
         }
     }
 
     fn triangle(&mut self, (x, y): (f32, f32)) {
         let corners = [(x, y - 7.0), (x + 7.0, y + 6.0), (x - 7.0, y + 6.0)];
-        self.paper.fill(&corners, BAD);
-        self.paper.write(
+        self.canvas.fill(&corners, BAD);
+        self.canvas.write(
             (x - 5.0, y - 7.0),
             "!",
             TextStyle {
@@ -222,11 +226,11 @@ impl Chart<'_> {
         for percent in [0, 25, 50, 75, 100] {
             let y = Chart::y(f64::from(percent));
             let ink = if percent == 0 { DAY } else { GRID };
-            self.paper
+            self.canvas
                 .line(&[(self.left, y), (self.right(), y)], 1.0, None, ink);
             let label = format!("{percent} %");
             let (width, height) = NOTE.size(&label);
-            self.paper
+            self.canvas
                 .write((self.left - 10.0 - width, y - height / 2.0), &label, NOTE);
         }
         for lane in (0..lanes).step_by(2) {
@@ -237,21 +241,21 @@ impl Chart<'_> {
         for tick in ticks(self.story.since, self.story.until, zone, 12) {
             let x = self.x(tick.at);
             let ink = if tick.strong { DAY } else { GRID };
-            self.paper
+            self.canvas
                 .line(&[(x, HEAD), (x, HEAD + HEIGHT)], 1.0, None, ink);
-            self.paper
+            self.canvas
                 .line(&[(x, HEAD + HEIGHT + AXIS), (x, bottom)], 1.0, None, ink);
             let style = if tick.strong { TEXT } else { NOTE };
             let width = style.size(&tick.label).0;
             let most = WIDTH as f32 - width - 4.0;
             let place = ((x - width / 2.0).clamp(4.0, most), HEAD + HEIGHT + 8.0);
-            self.paper.write(place, &tick.label, style);
+            self.canvas.write(place, &tick.label, style);
         }
     }
 
     fn level(&mut self) {
         let together =
-            |one: &Level, next: &Level| next.at.duration_since(one.at).as_secs() <= APART;
+            |one: &Level, next: &Level| next.at.duration_since(one.at).as_secs() <= MAX_GAP;
         let story = self.story;
         for part in story.levels.chunk_by(together) {
             let line: Vec<(f32, f32)> = part
@@ -260,7 +264,7 @@ impl Chart<'_> {
                 .collect();
             if let [only] = line.as_slice() {
                 let only = *only;
-                self.paper.dot(only, 2.0, LINE);
+                self.canvas.dot(only, 2.0, LINE);
                 continue;
             }
             for (from, to, charging) in phases(part) {
@@ -268,16 +272,16 @@ impl Chart<'_> {
                 let floor = Chart::y(0.0);
                 let mut area = line[from..=to].to_vec();
                 area.extend([(line[to].0, floor), (line[from].0, floor)]);
-                self.paper.fill(&area, ink);
+                self.canvas.fill(&area, ink);
             }
-            self.paper.line(&line, 2.5, None, LINE);
+            self.canvas.line(&line, 2.5, None, LINE);
         }
     }
 
     fn name(&mut self, number: usize, name: &str) {
         let (width, height) = TEXT.size(name);
         let y = Chart::lane_top(number) + (LANE - height) / 2.0;
-        self.paper.write((self.left - 10.0 - width, y), name, TEXT);
+        self.canvas.write((self.left - 10.0 - width, y), name, TEXT);
     }
 
     fn docks(&mut self) {
@@ -300,8 +304,8 @@ impl Chart<'_> {
 
     /// Draws a dot with a white edge, so that overlapping dots can be told apart.
     fn dot(&mut self, place: (f32, f32), ink: Ink) {
-        self.paper.dot(place, 6.5, [255, 255, 255, 255]);
-        self.paper.dot(place, 5.0, ink);
+        self.canvas.dot(place, 6.5, [255, 255, 255, 255]);
+        self.canvas.dot(place, 5.0, ink);
     }
 
     fn lane(&mut self, number: usize, lane: &Lane<'_>) {

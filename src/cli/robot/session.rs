@@ -18,7 +18,7 @@ use crate::safety::{Act, Fact, Watchdog};
 use crate::wire::{Command, Report};
 
 /// Timeout for the first part of a reply.
-const ANSWER: Duration = Duration::from_secs(3);
+const REPLY_TIMEOUT: Duration = Duration::from_secs(3);
 /// A text in several messages has no end mark: it is complete when no further message arrives for
 /// this long.
 const QUIET: Duration = Duration::from_millis(400);
@@ -183,8 +183,8 @@ impl RobotSession {
         pick: impl Fn(Report) -> Option<Bytes>,
     ) -> Result<Vec<Bytes>, Failure> {
         self.send(&[ask]).await?;
-        let Some(first) = self.receive(ANSWER, &pick).await? else {
-            let seconds = ANSWER.as_secs();
+        let Some(first) = self.receive(REPLY_TIMEOUT, &pick).await? else {
+            let seconds = REPLY_TIMEOUT.as_secs();
             let what = format_args!("the robot did not send {what} within {seconds} s");
             let failure = Failure::new(Exit::Unreachable, what);
             return Err(failure.help("the robot may send this only to the user admin"));

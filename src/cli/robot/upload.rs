@@ -19,7 +19,7 @@ const CHUNK: usize = 4096;
 /// Maximum size of a file. The robot's limit is not documented; this guards against wrong files.
 const MAX_LEN: usize = 2 << 20;
 /// Timeout for processing the last bytes and replying.
-const ANSWER: Duration = Duration::from_secs(20);
+const REPLY_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Upload an MP3 as a user sound or as the music
 ///
@@ -105,7 +105,7 @@ async fn send(
 async fn confirm(session: &mut RobotSession) -> Result<(), Failure> {
     session.send(&[Command::ConfigQuery]).await?;
     let answer = |report| matches!(report, Report::Config(_)).then_some(());
-    if session.receive(ANSWER, answer).await?.is_some() {
+    if session.receive(REPLY_TIMEOUT, answer).await?.is_some() {
         return Ok(());
     }
     let what = "the whole file was sent, but the robot did not reply afterwards";
