@@ -39,7 +39,7 @@ pub(super) enum ArgumentError {
     /// `discover --timeout`: too short or too long.
     #[error("expected 0.1 to 60 seconds")]
     Search,
-    /// `run --for`.
+    /// `run --for` and `serve --for`.
     #[error("expected a number of seconds, at most {0}")]
     Duration(f64),
     /// `sim --fps`.
@@ -51,7 +51,7 @@ pub(super) enum ArgumentError {
     /// `lesson`: neither a lesson's number nor its name.
     #[error("expected a lesson's name or a number from 1 to {0}; `spykee lesson list` shows them")]
     Lesson(usize),
-    /// `service unit --user`.
+    /// `service --user`.
     #[error("expected a user name: at most 31 letters, digits, -, _ and dots")]
     User,
     /// `--param`.

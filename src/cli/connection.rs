@@ -70,8 +70,8 @@ impl ConnectionArgs {
 }
 
 impl LoginArgs {
-    /// User and password: flags override the environment, which overrides the config, which
-    /// overrides the robot's default.
+    /// User and password: flags override the environment, which overrides systemd's credential (the
+    /// password), which overrides the config, which overrides the robot's default.
     ///
     /// # Errors
     /// A password file that cannot be read or is empty, or that is named by a config which was
@@ -87,7 +87,7 @@ impl LoginArgs {
         Ok(Login::new(user, password))
     }
 
-    /// As [`LoginArgs::login`], without a config.
+    /// Like [`LoginArgs::login`], without a config.
     ///
     /// # Errors
     /// The same.

@@ -34,7 +34,7 @@ impl EmbeddedSim {
     /// Starts a simulator in the default world or the named one; it accepts this one login.
     ///
     /// # Errors
-    /// A world that cannot be used; no socket, no thread.
+    /// A world that cannot be used; a socket or thread that cannot be opened.
     pub(super) fn start(
         world: Option<&Path>,
         login: &Login,

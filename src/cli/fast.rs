@@ -85,10 +85,10 @@ type LabView = (watch::Receiver<Status>, Handle);
 type Run = (Result<Outcome, AgentError>, Duration);
 
 impl Fast {
-    /// Runs it to its end.
+    /// Runs to the end and logs the speed.
     ///
     /// # Errors
-    /// No thread, no runtime, no signals.
+    /// A thread, runtime or signal handler that cannot be started.
     pub(super) fn run(
         self,
         names: String,

@@ -68,9 +68,9 @@ pub(super) struct HistoryArgs {
 /// The entries to show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Topic {
-    /// Everything but the battery's level
+    /// Everything except the battery level
     All,
-    /// The battery's level, each minute and at each change
+    /// The battery level, each minute and at each change
     Battery,
     /// Connections to the robot: when the link was up and down
     Link,

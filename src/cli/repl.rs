@@ -128,7 +128,7 @@ async fn run_session(talk: Talk, terminal: &Terminal, console: &Console) -> Resu
     let thread = std::thread::Builder::new().name("editor".into());
     thread
         .spawn(move || editor::serve(&typed_sender, editor_commands, &console))
-        .map_err(|error| Failure::usage(format_args!("no thread for the prompt: {error}")))?;
+        .map_err(|error| Failure::usage(format_args!("cannot start the prompt: {error}")))?;
     let mut session = std::pin::pin!(talk.run(inbox, message_sender, stop.clone()));
     let (mut typed, mut messages) = (typed, messages);
     loop {

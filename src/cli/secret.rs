@@ -129,7 +129,7 @@ pub(super) fn from_credential() -> Result<Option<String>, Failure> {
 pub(super) fn from_chosen_file(path: &Path) -> Result<String, Failure> {
     if files::is_shared(path) {
         let path = path.display();
-        tracing::warn!("others can read the password file {path}: chmod 600 {path}");
+        tracing::warn!("other users can read the password file {path}: chmod 600 {path}");
     }
     let mut text = Vec::new();
     let read =
@@ -145,7 +145,7 @@ pub(super) fn from_chosen_file(path: &Path) -> Result<String, Failure> {
 pub(super) fn from_named_file(path: &Path) -> Result<String, Failure> {
     if files::is_shared(path) {
         let path = path.display();
-        tracing::warn!("others can read the password file {path}: chmod 600 {path}");
+        tracing::warn!("other users can read the password file {path}: chmod 600 {path}");
     }
     let text = files::read(path, MAX_FILE_LEN).map_err(|error| unreadable(path, &error))?;
     first_line(path, text)
@@ -157,7 +157,7 @@ pub(super) fn from_named_file(path: &Path) -> Result<String, Failure> {
 /// names.
 ///
 /// # Errors
-/// The file is elsewhere, others can read it, it cannot be read, or its first line is empty.
+/// The file is elsewhere, other users can read it, it cannot be read, or its first line is empty.
 pub(super) fn from_found_file(path: &Path, config: &Path) -> Result<String, Failure> {
     let folder = match config.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,

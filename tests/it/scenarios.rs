@@ -92,7 +92,7 @@ fn a_failure_is_reported_with_place_time_and_picture() {
         "9 | \texpect(sim:distance() > 100,",
         "with seed 1 after 2.0 s: robot at ",
         "the robot receives Move",
-        "it fails with seed 2 too",
+        "the scenario also fails with seed 2",
         "1 run passed, 2 failed",
     ] {
         assert!(text.contains(part), "{part:?} is missing in\n{text}");

@@ -55,7 +55,7 @@ pub(super) fn say(args: &SayArgs) -> Result<Exit, Failure> {
     let seed = rand::random();
     let aim = args.aim.aim(seed)?;
     if aim.config.streams.audio_out == Use::Off {
-        let failure = Failure::usage("the config keeps the loudspeaker off");
+        let failure = Failure::usage("the config keeps the speaker off");
         return Err(failure.help("it has streams: { audio_out: off }"));
     }
     block_on(drive(aim.driver_parts(seed)?, async |driver| {

@@ -36,7 +36,7 @@ pub(super) struct Run {
 
 /// Why there is no picture of the robot's path.
 #[derive(Debug, thiserror::Error)]
-#[error("its path could not be drawn in {}: {source}", path.display())]
+#[error("the robot's path could not be drawn in {}: {source}", path.display())]
 struct NotDrawn {
     path: PathBuf,
     source: io::Error,
@@ -243,7 +243,11 @@ impl FileReport {
             first.write_failure(text);
             let others: Vec<String> = failed.map(|run| run.seed.to_string()).collect();
             if !others.is_empty() {
-                let _ = writeln!(text, "        it fails with seed {} too", others.join(", "));
+                let _ = writeln!(
+                    text,
+                    "        the scenario also fails with seed {}",
+                    others.join(", ")
+                );
             }
         }
     }
@@ -321,7 +325,11 @@ impl Run {
         }
         match &outcome.picture {
             Some(Ok(path)) => {
-                let _ = writeln!(text, "        its path is drawn in {}", path.display());
+                let _ = writeln!(
+                    text,
+                    "        the robot's path is drawn in {}",
+                    path.display()
+                );
             }
             Some(Err(why)) => {
                 let _ = writeln!(text, "        {why}");
