@@ -76,7 +76,7 @@ enum Topic {
     Link,
     /// Dockings and undockings: how they ended, tries, time
     Docks,
-    /// Watchdog actions, behaviours that were given up, missed starts
+    /// Watchdog actions, behaviours that were given up, missed starts, events that were lost
     Alarms,
     /// Behaviours: start, end, and how they ended
     Runs,

@@ -1,5 +1,5 @@
-//! Chooses the robot that the flags or the config name, and connects to it or to a simulator
-//! started here.
+//! Chooses the robot that the flags or the config name, starts a simulator if one is meant, and
+//! provides the function that connects.
 
 use super::embedded::{EmbeddedSim, Simulated};
 use super::{ConnectionArgs, Failure, RobotChoice};

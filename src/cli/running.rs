@@ -13,11 +13,11 @@ use crate::link::Target;
 /// Timeout for requests that a run carries out immediately.
 pub(super) const REPLY_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// The run that uses the named robot, else the config's robot, or else the only run. `None` with
-/// `--sim`, which starts its own robot.
+/// The run or service that the flags select: see [`find_run_of_target`]. `None` with `--sim`, which
+/// starts its own robot.
 ///
 /// # Errors
-/// A config that cannot be used; several runs are active and no robot was named.
+/// Flags that cannot be combined; see also [`find_run_of_target`].
 pub(super) fn find_run(
     settings: &SettingsArgs,
     connection: &ConnectionArgs,
@@ -36,7 +36,8 @@ pub(super) fn find_run(
 /// names, the run that uses the config's robot, or else the only run.
 ///
 /// # Errors
-/// See [`find_run`].
+/// Flags that cannot be combined; a config that cannot be used; a service that cannot be reached;
+/// several runs are active and no robot was named.
 pub(super) fn find_run_of_target(
     settings: &SettingsArgs,
     robot: Option<&Target>,

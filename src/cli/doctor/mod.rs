@@ -94,8 +94,8 @@ impl Finding {
 /// Runs all checks and prints a line for each.
 ///
 /// # Errors
-/// No runtime, or a stdout that cannot be written to. A failed check is not an error but sets the
-/// exit code.
+/// No runtime, a login or world that cannot be used, an interruption, or a stdout that cannot be
+/// written to. A failed check is not an error but sets the exit code.
 pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
     let mut diagnosis = Diagnosis {
         json: args.json,

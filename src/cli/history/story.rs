@@ -208,7 +208,7 @@ pub(super) mod tests {
             ),
         ];
         let runs = runs(&records);
-        let told: Vec<_> = runs
+        let summary: Vec<_> = runs
             .iter()
             .map(|run| {
                 (
@@ -223,7 +223,7 @@ pub(super) mod tests {
             ("guard", "error", true),
             ("guard", "", false),
         ];
-        assert_eq!(told, expected);
+        assert_eq!(summary, expected);
         assert!(runs[1].failed() && !runs[0].failed());
         assert_eq!(
             super::runs(&records[2..3])[0].began,

@@ -78,7 +78,7 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
 /// for each; `None` if interrupted.
 ///
 /// # Errors
-/// A process, thread or signal handler that cannot be started; a scenario file that cannot be read.
+/// A process, thread or signal handler that cannot be started.
 pub(super) fn marks_of(
     lesson: &'static Lesson,
     (file, source): (&Path, &[u8]),

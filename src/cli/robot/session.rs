@@ -40,7 +40,8 @@ pub(super) struct RobotSession {
 /// terminating signal ends the job in the same way.
 ///
 /// # Errors
-/// The robot cannot be reached, the job fails, or the commands are not acknowledged.
+/// The robot cannot be reached, the job fails, or commands are not acknowledged of which one was
+/// sent with [`RobotSession::send_confirmed`].
 pub(super) fn with_session(
     args: &AimArgs,
     job: impl AsyncFnOnce(&mut RobotSession) -> Result<Exit, Failure>,

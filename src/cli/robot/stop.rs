@@ -64,7 +64,7 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
         if let Err(failure) = asked {
             tracing::warn!("{failure}");
         }
-        // Without --robot, the run was chosen because it is the only one.
+        // Without --robot, the run was found without an address: use that of its robot.
         aim.connection.robot = run.overview.target.parse().ok();
     }
     let aim = aim.aim(rand::random())?;

@@ -1,4 +1,4 @@
-//! `spykee robot upload-sound`: uploads an MP3 to one of the robot's user slots.
+//! `spykee robot upload-sound`: uploads an MP3 to one of the robot's slots for sounds.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
