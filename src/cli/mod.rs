@@ -246,9 +246,9 @@ pub fn main() -> ExitCode {
         _ => cli.config.file,
     };
     let is_named = named.is_some();
-    let of_log = SettingsArgs::of(named);
+    let default_settings = SettingsArgs::of(named);
     let own = cli.command.settings();
-    let settings = own.unwrap_or(&of_log);
+    let settings = own.unwrap_or(&default_settings);
     let logs = settings.config().map(|config| config.logging.clone());
     let logs = logs.unwrap_or_default();
     let format = cli.log_format.unwrap_or(logs.format.into());
@@ -258,7 +258,7 @@ pub fn main() -> ExitCode {
     report_panics(console.clone());
     logging::start(&console, format, logs.level, logs.time);
     let usable = match own {
-        None if is_named => of_log.load().map(|_| ()),
+        None if is_named => default_settings.load().map(|_| ()),
         _ => Ok(()),
     };
     let (exit, last_words) = match usable.and_then(|()| cli.command.run(&console)) {

@@ -80,7 +80,8 @@ impl Entry {
     }
 }
 
-/// Reads a name, which is also used for a folder: it must not contain path separators.
+/// Reads a name of letters, digits, `-` and `_`: it is also used for a folder, so it must not lead
+/// elsewhere.
 fn name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
     struct NameVisitor;
     impl Visitor<'_> for NameVisitor {
