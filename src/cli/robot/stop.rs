@@ -26,10 +26,10 @@ const PAUSE: Duration = Duration::from_millis(200);
 /// a try that has connected. The robot stays where it is even if its battery is low: `spykee robot
 /// dock` sends it home.
 ///
-/// If a `spykee run` uses the robot, it stops the robot at once, whatever drives it, and ends. While
-/// any other program is connected, the robot refuses further logins: that program must stop it.
-/// With --url the service continues, and the robot stays stopped until a person releases it at the
-/// page.
+/// If a `spykee run` uses the robot, it stops the robot at once, whatever drives it, and ends.
+/// While any other program is connected, the robot refuses further logins: that program must stop
+/// it. With --url the service continues, and the robot stays stopped until a person releases it at
+/// the page.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot stop --robot 172.17.6.1")]
 pub(super) struct StopArgs {
