@@ -199,7 +199,7 @@ impl Tasks {
     }
 
     /// Puts a paced or delayed task into the queue.
-    pub(super) fn run(&mut self, id: TaskId) {
+    pub(super) fn enqueue(&mut self, id: TaskId) {
         if let Some(task) = self.all.get_mut(&id) {
             task.timer = None;
             self.ready.push_back(Ready::Task(id));

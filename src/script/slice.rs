@@ -248,7 +248,7 @@ impl Script {
     fn check_frames(&self, before: SliceStart) -> LuaResult<()> {
         let (held, limit) = {
             let state = self.state.borrow();
-            let held = std::rc::Rc::clone(&state.sight.held_bytes);
+            let held = std::rc::Rc::clone(&state.frames.held_bytes);
             (held, state.options.limits.frame_bytes)
         };
         if held.get() <= limit {
