@@ -68,7 +68,7 @@ impl State {
     }
 
     /// Counts the real time of a slice while the script is stopping.
-    pub(super) fn spend(&mut self, time: Duration) {
+    pub(super) fn count_stopping_time(&mut self, time: Duration) {
         if let Life::Stopping(stopping) = &mut self.life {
             stopping.spent += time;
         }

@@ -103,7 +103,7 @@ fn requiring_module(call: &Call<'_>) -> ModuleId {
 /// text`; or `"again"` after a wait.
 fn open(call: &mut Call<'_>) -> NativeResult {
     let LuaValue::String(path) = call.args.value(0) else {
-        let words = "the path must be a text, such as require(\"./lib/pid\")";
+        let words = "the path must be a string, such as require(\"./lib/pid\")";
         return Err(call.args.misuse(words));
     };
     let bytes = path.as_bytes();
