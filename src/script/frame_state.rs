@@ -1,5 +1,5 @@
-//! The state of the camera's frames: the newest frame, its decoder, and the planned check of a frame
-//! for the robot's own motion.
+//! The state of the camera's frames: the newest frame, its decoder, and the planned check of a
+//! frame for the robot's own motion.
 
 use std::cell::Cell;
 use std::rc::Rc;
