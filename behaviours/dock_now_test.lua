@@ -1,4 +1,4 @@
--- Docks from anywhere within the beacon of the station.
+-- Docks from anywhere that the station's beacon reaches.
 
 local function docks(sim)
 	sim:run("dock_now.lua")

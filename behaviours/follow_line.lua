@@ -14,7 +14,7 @@ local settings = params.declare({
 local HEIGHT, AHEAD = 0.2, 0.1
 -- Metres from the camera at which it looks for the line.
 local STRIPS = { 0.64, 0.69, 0.75, 0.82, 0.91, 1, 1.12, 1.25 }
-local APART, GAP = 0.08, 0.3 -- metres: the least and the largest distance of two points of the line
+local APART, GAP = 0.08, 0.3 -- metres: least and largest distance between two points of the line
 local NEARER = 0.15 -- metres: a point seen from this much nearer replaces the known one
 local WIDE = 24 -- pixels: for each such width the tape gives one point
 local BEGINNING = 1 -- metres: a new line must begin nearer than this

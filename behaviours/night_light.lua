@@ -1,5 +1,5 @@
 -- night_light: switches the lights on when it gets dark, and off when it gets bright. It does not
--- drive. Its own headlight would falsify the measurement, so it is switched off for each look.
+-- drive. Its own headlight would disturb the measurement, so it is switched off for each look.
 -- There is a gap between the limits of night and day, so that the lights do not flicker at dusk.
 
 local settings = params.declare({

@@ -78,7 +78,7 @@ pub fn objects() -> impl Iterator<Item = &'static Object> {
         &vision::COLOUR,
         &vision::LEARNED,
         &task::TASK,
-        &robot::LISTENER,
+        &robot::SUBSCRIPTION,
         &tables::BATTERY,
         &tables::POSE_ESTIMATE,
         &tables::INFO,

@@ -48,7 +48,7 @@ const ENDED_IF_TIMED: &[Value] = &[
 const NAMED_LIGHT: Value = choice("name", LIGHT, "which one");
 const NAMED_EVENT: Value = choice("name", EVENT, "name of the event");
 const HANDLER: Value = value("fn", Type::Handler, "gets the event's payload");
-const SUBSCRIPTION: Value = object("subscription", &LISTENER, "");
+const HANDLE: Value = object("subscription", &SUBSCRIPTION, "");
 const TIMEOUT: Value = bounded("timeout", SECONDS, "default: no limit")
     .unit("s")
     .optional();
@@ -164,7 +164,7 @@ const FUNCTIONS: &[Function] = &[
         "robot.stop_sound",
         &[],
         &[],
-        "Stops the sound, but not the watchdog's alarm: while the alarm sounds, scripts cannot play or stop sounds, use `robot.say` or set the volume.",
+        "Stops the sound, but not the watchdog's alarm. While the alarm sounds, `robot.play`, `robot.stop_sound`, `robot.say` and `robot.volume` have no effect.",
         "robot.play(\"music\")\ntask.wait(2)\nrobot.stop_sound()",
     ),
     call(
@@ -261,14 +261,14 @@ const FUNCTIONS: &[Function] = &[
                 choice("queue", QUEUE, "`all` queues every event, `latest` only the newest; default: latest for frame, audio and noise, all for other events").optional(),
             ]),
         ],
-        &[SUBSCRIPTION],
+        &[HANDLE],
         "Calls a function at each event of this name.",
         "robot.on(\"battery_low\", function(battery)\n\tlog.warn(`{battery.percent} % left`)\nend)",
     ),
     call(
         "robot.once",
         &[NAMED_EVENT, HANDLER],
-        &[SUBSCRIPTION],
+        &[HANDLE],
         "Calls a function at the next event of this name, once.",
         "robot.once(\"frame\", function(frame)\n\tprint(frame.width, frame.height)\nend)",
     ),
@@ -301,7 +301,7 @@ const FUNCTIONS: &[Function] = &[
 ];
 
 /// The object that `robot.on` and `robot.once` return.
-pub(super) const LISTENER: Object = strict(
+pub(super) const SUBSCRIPTION: Object = strict(
     "Subscription",
     "A subscription to an event; made by `robot.on` and `robot.once`.",
     &[],

@@ -18,12 +18,12 @@ pub(super) enum Refusal {
     /// The task was cancelled.
     Cancelled,
     /// A failure of the VM itself, such as too little memory.
-    Machine(LuaError),
+    Vm(LuaError),
 }
 
 impl From<LuaError> for Refusal {
     fn from(error: LuaError) -> Refusal {
-        Refusal::Machine(error)
+        Refusal::Vm(error)
     }
 }
 

@@ -45,7 +45,8 @@ const AT_FIRST: Duration = Duration::from_millis(1200);
 const FORGOTTEN: Duration = Duration::from_millis(500);
 /// Below this turn rate, in radians a second, the robot will meet what it sees ahead.
 const STRAIGHT: f64 = 0.06;
-/// Floor must be seen in this many pictures in a row before the robot no longer counts as close.
+/// A picture that shows floor suspends the state of being close; more than this many of them in a
+/// row end it.
 const FLICKER: u32 = 4;
 /// In a curve, a near object is still ahead if the robot would have turned by less than this since,
 /// in radians.
@@ -67,7 +68,7 @@ const DISAGREE: f64 = 0.15;
 const VEER: f64 = 6.0;
 const PARALLAX: f64 = 1.4;
 /// Largest number of pictures that are kept.
-const MOST: usize = 16;
+const MAX_VIEWS: usize = 16;
 
 /// See the module documentation.
 #[derive(Debug, Default)]
@@ -101,8 +102,8 @@ struct Standing {
 struct View {
     at: Instant,
     odometer: f64,
-    glance: HalfLuma,
-    outline: Profiles,
+    half_luma: HalfLuma,
+    profiles: Profiles,
 }
 
 /// The robot is so close to a plain surface that the pictures no longer show anything. Then only
@@ -144,42 +145,42 @@ impl Blockage {
             self.last_obstacle.begin(at, timed);
         }
         self.wall.drive_on(timed.odometer, timed.drive);
-        let (mut glance, mut outline) = self.spare.take().unwrap_or_default();
-        glance.take(image);
-        outline.take(&glance);
+        let (mut half_luma, mut profiles) = self.spare.take().unwrap_or_default();
+        half_luma.take(image);
+        profiles.take(&half_luma);
         let settled = at >= timed.since + SETTLING;
-        match foot_ahead(&glance) {
+        match foot_ahead(&half_luma) {
             Some(rows) if settled => self.approach.note(timed.odometer, rows),
             _ => {}
         }
-        self.note_close(nearer_than(&glance, camera), at, timed);
+        self.note_close(nearer_than(&half_luma, camera), at, timed);
         if settled && timed.drive.forward > 0.0 {
-            self.wall.look(&glance, camera, self.close.is_some());
+            self.wall.look(&half_luma, camera, self.close.is_some());
         }
         if !settled {
-            self.spare = Some((glance, outline));
+            self.spare = Some((half_luma, profiles));
             return None;
         }
         let now = View {
             at,
             odometer: timed.odometer,
-            glance,
-            outline,
+            half_luma,
+            profiles,
         };
         self.note_looming(&now, camera, timed);
         let (verdict, then) = self.compare(&now, camera, timed.drive);
         self.note(verdict, then, at);
-        self.keep(now);
+        self.add_view(now);
         let close = self.close.is_some_and(|close| close.floor == 0);
         let again = self.last_obstacle.look(at, verdict, close, timed);
-        let held = self
+        let blocked_since = self
             .stood(at, timed.since)
             .or_else(|| self.arrived(timed))
             .or_else(|| self.in_wall(at, timed.drive, verdict))
             .or(again);
-        let may_be_blocked = held.is_some() || self.standing.is_some();
+        let may_be_blocked = blocked_since.is_some() || self.standing.is_some();
         self.last_obstacle.note(may_be_blocked, at, timed);
-        held
+        blocked_since
     }
 
     /// Since when the robot has stood, if enough pictures show it. The motion began at `began`.
@@ -229,24 +230,36 @@ impl Blockage {
             turned.min(0.0) * PARALLAX - VEER,
             turned.max(0.0) * PARALLAX + VEER,
         );
-        let sway = swayed(&before.outline, &now.outline, least as isize, most as isize);
-        match compare_half_luma(&before.glance, &now.glance, camera, drive, apart, sway) {
+        let sway = swayed(
+            &before.profiles,
+            &now.profiles,
+            least as isize,
+            most as isize,
+        );
+        match compare_half_luma(
+            &before.half_luma,
+            &now.half_luma,
+            camera,
+            drive,
+            apart,
+            sway,
+        ) {
             Verdict::Unknown if drive.forward > 0.0 && self.wall.is_away() => Verdict::Unknown,
             Verdict::Unknown => {
                 let ahead = self
                     .close
                     .map(|close| (close.odometer + close.room - before.odometer).max(NEAREST));
-                compare_profiles(&before.outline, &now.outline, camera, drive, apart, ahead)
+                compare_profiles(&before.profiles, &now.profiles, camera, drive, apart, ahead)
             }
             verdict => verdict,
         }
     }
 
-    fn keep(&mut self, now: View) {
+    fn add_view(&mut self, now: View) {
         let old = |view: &View| view.at + FARTHER_APART < now.at;
-        while self.views.len() >= MOST || self.views.front().is_some_and(old) {
+        while self.views.len() >= MAX_VIEWS || self.views.front().is_some_and(old) {
             let oldest = self.views.pop_front();
-            self.spare = oldest.map(|view| (view.glance, view.outline));
+            self.spare = oldest.map(|view| (view.half_luma, view.profiles));
         }
         self.views.push_back(now);
     }
@@ -260,7 +273,12 @@ impl Blockage {
         let seen = self.before(now.at, FARTHER_APART).and_then(|before| {
             let way = now.odometer - before.odometer;
             let turned = turned(now, camera, timed.drive, now.at - before.at);
-            looming_distance(before.outline.horizon(), now.outline.horizon(), way, turned)
+            looming_distance(
+                before.profiles.horizon(),
+                now.profiles.horizon(),
+                way,
+                turned,
+            )
         });
         if let Some(distance) = seen {
             self.looming.note(now.odometer, distance);
@@ -366,7 +384,7 @@ impl Blockage {
 
 /// By how many half-size pixels to the right this turn shifts distant objects.
 fn turned(now: &View, camera: Camera, drive: Drive, apart: Duration) -> f64 {
-    camera.focal_length(now.outline.width()) * drive.turn * apart.as_secs_f64()
+    camera.focal_length(now.profiles.width()) * drive.turn * apart.as_secs_f64()
 }
 
 #[cfg(test)]

@@ -325,7 +325,7 @@ pub(super) fn is_flagged() -> bool {
 
 /// What the interrupt must do.
 pub(super) enum BudgetVerdict {
-    GoOn,
+    Continue,
     Raise(&'static CStr),
     /// Raise, and record where.
     RaiseFirst(&'static CStr),
@@ -334,7 +334,7 @@ pub(super) enum BudgetVerdict {
 /// Whether the running slice may go on.
 pub(super) fn verdict() -> BudgetVerdict {
     let Some(slot) = SLOT.get() else {
-        return BudgetVerdict::GoOn;
+        return BudgetVerdict::Continue;
     };
     match slot.flag.load(Ordering::Acquire) {
         CANCELLED => BudgetVerdict::Raise(CANCELLED_TEXT),
@@ -349,9 +349,9 @@ pub(super) fn verdict() -> BudgetVerdict {
             let again = watcher.nanoseconds(Instant::now() + CHECK_INTERVAL);
             slot.check_at.store(again, Ordering::Release);
             slot.flag.store(WITHIN_BUDGET, Ordering::Release);
-            BudgetVerdict::GoOn
+            BudgetVerdict::Continue
         }
-        _ => BudgetVerdict::GoOn,
+        _ => BudgetVerdict::Continue,
     }
 }
 

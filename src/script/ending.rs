@@ -1,6 +1,7 @@
 //! How a script ends. There are two ways. A script that is asked to stop has its tasks cancelled;
 //! they may clean up, and its `script.on_stop` functions run. A script that is killed runs no
-//! further line, and the intents of its last slice are discarded.
+//! further line, and the output of its last slice is discarded, except log lines, parameters and
+//! saved pictures.
 
 use std::time::Duration;
 
@@ -38,7 +39,8 @@ impl State {
         }
     }
 
-    /// Asks the script to stop: its motion ends now and every task is cancelled.
+    /// Asks the script to stop: its motion ends now, every task is cancelled, and nothing new can
+    /// be started.
     pub(super) fn begin_stop(&mut self, reason: EndReason, message: Option<String>) {
         if !self.is_running() {
             return;
@@ -66,7 +68,7 @@ impl State {
     }
 
     /// Counts the real time of a slice while the script is stopping.
-    pub(super) fn spend(&mut self, time: Duration) {
+    pub(super) fn count_stopping_time(&mut self, time: Duration) {
         if let Life::Stopping(stopping) = &mut self.life {
             stopping.spent += time;
         }
@@ -126,8 +128,8 @@ impl State {
         self.subscriptions.clear();
         self.exit.stop_handlers.clear();
         self.modules.clear();
-        self.sight.newest = None;
-        if let Some(text) = self.sight.damage.rest() {
+        self.frames.newest = None;
+        if let Some(text) = self.frames.damage.rest() {
             self.log(Level::Warn, &text);
         }
         self.output.report_dropped();

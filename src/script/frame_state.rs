@@ -1,4 +1,5 @@
-//! What the script sees: the newest frame, its decoder, and what compares frames.
+//! The state of the camera's frames: the newest frame, its decoder, and the planned check of a
+//! frame for the robot's own motion.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -43,7 +44,7 @@ pub(super) struct FrameState {
     pub(super) newest: Option<Rc<HeldFrame>>,
     /// JPEG bytes of all frames that are still referenced.
     pub(super) held_bytes: Rc<Cell<u64>>,
-    pub(super) eyes: FrameAnalyser,
+    pub(super) analyser: FrameAnalyser,
     /// Number of trackers and motion detectors that exist.
     pub(super) watchers: Rc<Cell<u32>>,
     /// A frame that is still to be examined for the robot's own motion.
@@ -71,7 +72,7 @@ impl FrameState {
         FrameState {
             newest: None,
             held_bytes: Rc::default(),
-            eyes: FrameAnalyser::new(options.camera),
+            analyser: FrameAnalyser::new(options.camera),
             watchers: Rc::default(),
             motion_check: None,
             turned: None,

@@ -51,7 +51,7 @@ unsafe extern "C-unwind" fn interrupt(state: *mut ffi::lua_State, gc: c_int) {
 /// The message to raise, if any. The first overrun records where it was.
 unsafe fn message_of(state: *mut ffi::lua_State) -> Option<&'static CStr> {
     match budget::verdict() {
-        BudgetVerdict::GoOn => None,
+        BudgetVerdict::Continue => None,
         BudgetVerdict::Raise(message) => Some(message),
         BudgetVerdict::RaiseFirst(message) => {
             // SAFETY: as for the caller.

@@ -40,11 +40,11 @@ pub(super) struct LastObstacle {
 #[derive(Debug, Clone, Copy)]
 struct Obstacle {
     at: Instant,
-    /// The last motion for which there were pictures.
+    /// The last motion so far for which there were pictures.
     motion: MotionId,
     /// The odometer then, in metres.
     odometer: f64,
-    /// The direction in which its tracks pushed, in radians to the left.
+    /// The direction in which the robot pushed against it, in radians to the left.
     towards: f64,
 }
 

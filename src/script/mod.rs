@@ -5,8 +5,9 @@
 //! needs no async runtime. All I/O is done by the host.
 //!
 //! A script that runs too long without waiting or uses too much memory is killed with a reason: its
-//! motion ends and the intents of its last slice are discarded. A hang *inside* one library call
-//! cannot be interrupted here; the surrounding process has to handle it.
+//! motion ends and the output of its last slice is discarded, except log lines, parameters and
+//! saved pictures. A hang *inside* one library call cannot be interrupted here; the surrounding
+//! process has to handle it.
 //!
 //! The parts: `sandbox` creates a restricted VM; `budget` and `interrupt` end slices that run too
 //! long; `task`, `queue` and `scheduler` decide which task runs next; `slice` runs it; `ending`

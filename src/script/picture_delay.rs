@@ -11,7 +11,7 @@ const STEP: Duration = Duration::from_millis(50);
 const MIN_SPREAD: f64 = 0.01;
 /// Largest squared error of one picture that counts, in radians squared, so that an outlier does
 /// not dominate for long.
-const MOST: f64 = 0.05;
+const MAX_SQUARED_ERROR: f64 = 0.05;
 /// The weight of earlier pictures is multiplied by this with each picture that is used.
 const FADING: f64 = 0.995;
 /// Another delay replaces the current one only if its misfit is less than this share of the current
@@ -44,7 +44,7 @@ impl PictureDelay {
             return;
         }
         for (misfit, turn) in self.misfits.iter_mut().zip(expected) {
-            *misfit = *misfit * FADING + (seen - turn).powi(2).min(MOST);
+            *misfit = *misfit * FADING + (seen - turn).powi(2).min(MAX_SQUARED_ERROR);
         }
         let best = (0..CANDIDATES).min_by(|one, other| {
             let misfit = |index: usize| self.misfits[index];

@@ -127,7 +127,7 @@ impl PictureStore {
             .free()
             .is_ok_and(|free| free < self.free.saturating_add(heavy))
         {
-            let why = format!("the disk has less than {} bytes free", self.free);
+            let why = format!("the disk has less than {} bytes left", self.free);
             return Err(self.refuse(MessageKind::Disk, &why, now));
         }
         if !self.day.take(heavy, now) {
@@ -273,8 +273,8 @@ mod tests {
         for name in ["a.jpg", "b.jpg", "a.jpg", "c.jpg"] {
             assert!(store.save(name, &[1, 2, 3], now).unwrap().notice.is_none());
         }
-        let told = store.save("d.jpg", &[1], now).unwrap().notice.unwrap();
-        assert!(told.contains("1 of the oldest deleted"), "{told}");
+        let notice = store.save("d.jpg", &[1], now).unwrap().notice.unwrap();
+        assert!(notice.contains("1 of the oldest deleted"), "{notice}");
         assert_eq!(names(&folder), ["a.jpg", "c.jpg", "d.jpg"]);
         assert!(store.save("e.jpg", &[1], now).unwrap().notice.is_none());
         // Files that are not pictures stay, and count.

@@ -28,7 +28,7 @@ pub(super) enum NotPlain {
     TooMany,
     #[error("the value is longer than {0} bytes")]
     TooLong(usize),
-    #[error("a table must be a list without gaps, or have texts as keys only")]
+    #[error("a table must be a list without gaps, or have only strings as keys")]
     Keys,
 }
 

@@ -198,8 +198,8 @@ impl Tasks {
         self.ready.push_back(Ready::Handler(id));
     }
 
-    /// Puts a paced or delayed task into the queue.
-    pub(super) fn run(&mut self, id: TaskId) {
+    /// Puts a paced or delayed task, whose timer has fired, into the queue.
+    pub(super) fn enqueue_due(&mut self, id: TaskId) {
         if let Some(task) = self.all.get_mut(&id) {
             task.timer = None;
             self.ready.push_back(Ready::Task(id));

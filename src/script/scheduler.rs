@@ -53,7 +53,7 @@ impl State {
         while let Some(due) = self.tasks.next_due(self.now) {
             match due {
                 Due::Wait(id) => self.time_out(id),
-                Due::Run(id) => self.tasks.run(id),
+                Due::Run(id) => self.tasks.enqueue_due(id),
                 Due::Handle(id) => {
                     if let Some(subscription) = self.subscriptions.get_mut(&id) {
                         subscription.busy = Busy::No;

@@ -75,7 +75,7 @@ impl Script {
         let (slice, cost) = self.resume(id, &thread, values);
         self.account(&cost);
         if self.state.borrow().exit.broken {
-            self.broken(before);
+            self.kill_broken(before);
             return Ok(());
         }
         if let Some(words) = self.refused_params(id, &slice) {
@@ -84,11 +84,11 @@ impl Script {
             return Ok(());
         }
         if cost.over {
-            self.over_budget(cost, before);
+            self.kill_over_budget(cost, before);
             return Ok(());
         }
         match slice {
-            Slice::Memory => self.out_of_memory(before),
+            Slice::Memory => self.kill_out_of_memory(before),
             Slice::Waits => {}
             Slice::Over(outcome) => {
                 let stopped = self.stop_if_requested();
@@ -172,7 +172,7 @@ impl Script {
         let mut state = self.state.borrow_mut();
         state.usage.cpu += cost.wall;
         state.usage.worst_callback = state.usage.worst_callback.max(cost.wall);
-        state.spend(cost.wall);
+        state.count_stopping_time(cost.wall);
     }
 
     /// Begins to stop the script if the slice has called `script.stop`; how the slice ended does
@@ -203,13 +203,13 @@ impl Script {
         no_declaration_error(&state.options.params)
     }
 
-    fn broken(&self, before: SliceStart) {
+    fn kill_broken(&self, before: SliceStart) {
         let text = "a fault inside spykee, not of the script: please report it, with the script";
         let mut state = self.state.borrow_mut();
         state.kill(EndReason::Error, Some(text.to_owned()), before);
     }
 
-    fn over_budget(&self, cost: SliceCost, before: SliceStart) {
+    fn kill_over_budget(&self, cost: SliceCost, before: SliceStart) {
         let mut state = self.state.borrow_mut();
         let limit = state.options.limits.callback_budget_ms;
         let place = match cost.place {
@@ -222,7 +222,7 @@ impl Script {
         state.kill(EndReason::Cpu, Some(text), before);
     }
 
-    fn out_of_memory(&self, before: SliceStart) {
+    fn kill_out_of_memory(&self, before: SliceStart) {
         let mut state = self.state.borrow_mut();
         let limit = state.options.limits.memory_bytes / 1024;
         let text = format!(
@@ -235,7 +235,7 @@ impl Script {
     /// Kills the script because the VM failed outside the script's own lines.
     fn vm_failed(&self, error: &mlua::Error, before: SliceStart) {
         match VmError::of(error) {
-            VmError::Memory => self.out_of_memory(before),
+            VmError::Memory => self.kill_out_of_memory(before),
             VmError::Text(text) => {
                 let mut state = self.state.borrow_mut();
                 state.kill(EndReason::Error, Some(text), before);
@@ -248,7 +248,7 @@ impl Script {
     fn check_frames(&self, before: SliceStart) -> LuaResult<()> {
         let (held, limit) = {
             let state = self.state.borrow();
-            let held = std::rc::Rc::clone(&state.sight.held_bytes);
+            let held = std::rc::Rc::clone(&state.frames.held_bytes);
             (held, state.options.limits.frame_bytes)
         };
         if held.get() <= limit {

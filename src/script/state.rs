@@ -80,7 +80,7 @@ pub(super) struct State {
     pub(super) odometry: Odometry,
     pub(super) blockage: Blockage,
     pub(super) streams: WantedStreams,
-    pub(super) sight: FrameState,
+    pub(super) frames: FrameState,
     pub(super) picture_store: PictureStore,
     pub(super) store: Store,
     pub(super) daily_limits: DailyLimits,
@@ -118,7 +118,7 @@ impl State {
         let picture_store = PictureStore::new(options.data_dir.clone(), &options.limits);
         let daily_limits = DailyLimits::new(&options.limits);
         let modules = Modules::new(&options.chunk);
-        let sight = FrameState::new(&options);
+        let frames = FrameState::new(&options);
         let odometry = Odometry::new(now, options.calibration);
         State {
             options,
@@ -134,7 +134,7 @@ impl State {
             odometry,
             blockage: Blockage::default(),
             streams: WantedStreams::default(),
-            sight,
+            frames,
             picture_store,
             store: Store::default(),
             daily_limits,
@@ -175,7 +175,7 @@ impl State {
 
     /// Whether a task can run, or a frame must be examined for the robot's own motion.
     pub(super) fn is_ready(&self) -> bool {
-        !self.has_ended() && (self.tasks.is_ready() || self.sight.motion_check.is_some())
+        !self.has_ended() && (self.tasks.is_ready() || self.frames.motion_check.is_some())
     }
 
     /// The source of the robot's motion, as far as the script knows.
@@ -207,24 +207,24 @@ impl State {
             });
         let last = self.odometry.last_track_motion();
         if last.is_some_and(|last| last.most_turn() > LEAST_TURN) {
-            self.sight.turned = Some(at);
+            self.frames.turned = Some(at);
         }
         let lately = |turned: Instant| at.saturating_duration_since(turned) < COASTING_TIME;
-        let turns = self.sight.turned.is_some_and(lately);
+        let turns = self.frames.turned.is_some_and(lately);
         if timed.is_none() && !turns {
             return self.odometry.look(at, None);
         }
         let held = Rc::clone(held);
-        self.sight.motion_check = Some(MotionCheck { held, timed, turns });
+        self.frames.motion_check = Some(MotionCheck { held, timed, turns });
     }
 
     /// Examines the last frame as planned, once.
     pub(super) fn examine_frame_for_motion(&mut self) {
-        let Some(MotionCheck { held, timed, turns }) = self.sight.motion_check.take() else {
+        let Some(MotionCheck { held, timed, turns }) = self.frames.motion_check.take() else {
             return;
         };
         let (camera, frame) = (self.options.camera, &held.frame);
-        let Ok(image) = self.sight.eyes.look(frame.seq, &frame.jpeg) else {
+        let Ok(image) = self.frames.analyser.look(frame.seq, &frame.jpeg) else {
             return;
         };
         let skyline = turns.then(|| Skyline::of(image, camera));
@@ -254,16 +254,16 @@ impl State {
         held: &HeldFrame,
         found: impl IntoIterator<Item = Seen>,
     ) {
-        if let Some(recorder) = &mut self.sight.recorder {
+        if let Some(recorder) = &mut self.frames.recorder {
             recorder.note(&held.frame, self.now, found);
         }
     }
 
     /// See [`Script::take_sighting`](super::Script::take_sighting).
     pub(super) fn take_sighting(&mut self) -> Option<Sighting> {
-        let newest = self.sight.newest.as_ref().map(|held| held.frame.seq);
+        let newest = self.frames.newest.as_ref().map(|held| held.frame.seq);
         let busy = !self.has_ended() && self.tasks.is_ready();
-        let recorder = self.sight.recorder.as_mut()?;
+        let recorder = self.frames.recorder.as_mut()?;
         recorder.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
     }
 

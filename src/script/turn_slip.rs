@@ -10,7 +10,7 @@ const KNOWN_FLOOR: f64 = 0.01;
 /// If camera and tracks differ by more than this for long, the floor has changed.
 const CHANGED_FLOOR: f64 = 0.08;
 /// A larger difference is not slip.
-const MOST: f64 = 0.4;
+const MAX_SLIP: f64 = 0.4;
 /// The least and the largest spread; and the spread expected on an unknown floor.
 const SPREAD: (f64, f64) = (0.03, 0.12);
 const EXPECTED: f64 = 0.05;
@@ -73,7 +73,7 @@ impl TurnSlip {
     /// Records by what share of the turn the camera saw more than the tracks made, between two
     /// pictures.
     pub(super) fn record_difference(&mut self, part: f64) {
-        let part = part.clamp(-MOST, MOST);
+        let part = part.clamp(-MAX_SLIP, MAX_SLIP);
         self.mean += FADING * (part - self.mean);
         self.square += FADING * (part * part - self.square);
     }
@@ -81,7 +81,7 @@ impl TurnSlip {
     /// Learns from a full turn: the commanded turn and the real one, in radians.
     pub(super) fn learn(&mut self, commanded: f64, turned: f64) {
         let share = turned / commanded;
-        if !(1.0 - MOST..=1.0 + MOST).contains(&share) {
+        if !(1.0 - MAX_SLIP..=1.0 + MAX_SLIP).contains(&share) {
             return;
         }
         let gain = self.share_deviation.powi(2)

@@ -21,11 +21,11 @@ const LONGEST: Duration = Duration::from_secs(2);
 #[derive(Debug, Default)]
 pub(super) struct WallAhead {
     odometer: Option<f64>,
-    stand: RobotPose,
+    pose: RobotPose,
     feet: WallFeet,
     wall: Option<Wall>,
     /// Whether feet were seen since the wall was last computed.
-    news: bool,
+    has_new_feet: bool,
 }
 
 impl WallAhead {
@@ -34,17 +34,17 @@ impl WallAhead {
         let way = odometer - self.odometer.unwrap_or(odometer);
         self.odometer = Some(odometer);
         if drive.forward != 0.0 {
-            self.stand = self.stand.after(way, way / drive.forward * drive.turn);
+            self.pose = self.pose.after(way, way / drive.forward * drive.turn);
         }
     }
 
     /// Processes a picture taken from the current position. The wall is only computed where the
     /// robot may be close to one.
-    pub(super) fn look(&mut self, glance: &HalfLuma, camera: Camera, close: bool) {
-        self.news |= self.feet.note(glance, camera, self.stand);
-        if close && self.news {
+    pub(super) fn look(&mut self, half_luma: &HalfLuma, camera: Camera, close: bool) {
+        self.has_new_feet |= self.feet.note(half_luma, camera, self.pose);
+        if close && self.has_new_feet {
             self.wall = self.feet.wall();
-            self.news = false;
+            self.has_new_feet = false;
         }
     }
 
@@ -57,7 +57,7 @@ impl WallAhead {
     /// For how long the tracks have pushed against the wall, if they have.
     pub(super) fn pushed_for(&self, drive: Drive) -> Option<Duration> {
         let over = self.over().filter(|over| *over > INSIDE)?;
-        let ahead = self.wall?.ahead(self.stand);
+        let ahead = self.wall?.ahead(self.pose);
         let seconds = over / (drive.forward * ahead).max(0.01);
         let time = Duration::try_from_secs_f64(seconds).unwrap_or(LONGEST);
         (drive.forward > 0.0 && ahead > TOWARDS).then(|| time.min(LONGEST))
@@ -65,6 +65,6 @@ impl WallAhead {
 
     /// Metres by which the robot would be inside the wall.
     fn over(&self) -> Option<f64> {
-        Some(RADIUS - self.wall?.distance(self.stand)?)
+        Some(RADIUS - self.wall?.distance(self.pose)?)
     }
 }

@@ -223,7 +223,7 @@ scenario("24 remembers and tells what it heard", options({ limit = 60 }), functi
 	sim:run("guide_24.lua")
 	sim:wait(5)
 	sim:noise(-10, 1)
-	says(sim, "told", 20)
+	says(sim, "notified", 20)
 end)
 
 scenario("25 strikes the hour and notes it", FIVE, function(sim)

@@ -12,7 +12,7 @@ const ANGLE: Value = value("degrees", Type::Any, "a number, in degrees; default:
 
 pub(super) const EASY: Namespace = module(
     "easy",
-    "for your first programs: plain words, seconds, centimetres and degrees; each line finishes before the next one begins",
+    "for your first programs: simple calls that take seconds, centimetres and degrees; each line finishes before the next one begins",
     &[
         call(
             "easy.drive",

@@ -238,7 +238,7 @@ fn to_shim(lua: &Lua, answered: NativeResult) -> LuaResult<LuaMultiValue> {
         Ok(Reply::Wait) => Ok(LuaMultiValue::new()),
         Err(Refusal::Misuse(words)) => failed(lua, &words),
         Err(Refusal::Cancelled) => failed(lua, CANCELLED),
-        Err(Refusal::Machine(error)) => Err(error),
+        Err(Refusal::Vm(error)) => Err(error),
     }
 }
 

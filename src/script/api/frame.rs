@@ -66,7 +66,7 @@ fn newest(call: &mut Call<'_>) -> NativeResult {
     events::listen(call, EventName::Frame);
     let now = call.state.now;
     let fresh = |held: &&Rc<HeldFrame>| now.saturating_duration_since(held.frame.at) <= STALE;
-    match call.state.sight.newest.as_ref().filter(fresh) {
+    match call.state.frames.newest.as_ref().filter(fresh) {
         Some(held) => {
             let object = to_lua(call.lua, held)?;
             call.reply(object)

@@ -32,12 +32,15 @@ const LINE_MARGIN: f64 = 4.0;
 impl State {
     /// The picture of a frame; `None` for a damaged one, which is counted.
     pub(super) fn image(&mut self, held: &HeldFrame) -> Option<&Image> {
-        if let Err(error) = self.sight.eyes.look(held.frame.seq, &held.frame.jpeg) {
+        if let Err(error) = self.frames.analyser.look(held.frame.seq, &held.frame.jpeg) {
             self.note_damage(held.frame.seq, &error);
             return None;
         }
         // The frame is decoded already: this only borrows it again.
-        self.sight.eyes.look(held.frame.seq, &held.frame.jpeg).ok()
+        self.frames
+            .analyser
+            .look(held.frame.seq, &held.frame.jpeg)
+            .ok()
     }
 
     /// The blobs of a frame; none in a damaged one.
@@ -48,10 +51,10 @@ impl State {
         options: &BlobOptions,
     ) -> Vec<Blob> {
         let frame = &held.frame;
-        let found = self
-            .sight
-            .eyes
-            .find_blobs(frame.seq, &frame.jpeg, &colours.colours, options);
+        let found =
+            self.frames
+                .analyser
+                .find_blobs(frame.seq, &frame.jpeg, &colours.colours, options);
         match found {
             Ok(blobs) => blobs.to_vec(),
             Err(error) => {
@@ -70,8 +73,8 @@ impl State {
     ) -> Option<Line> {
         let frame = &held.frame;
         let found = self
-            .sight
-            .eyes
+            .frames
+            .analyser
             .find_line(frame.seq, &frame.jpeg, &colours.colours, part);
         found.unwrap_or_else(|error| {
             self.note_damage(frame.seq, &error);

@@ -94,7 +94,7 @@ fn importer(lua: &Lua) -> Option<String> {
     (0..64).map_while(source).flatten().next()
 }
 
-fn from(call: &Call<'_>) -> ModuleId {
+fn requiring_module(call: &Call<'_>) -> ModuleId {
     let chunk = importer(call.lua).unwrap_or_default();
     call.state.modules.of_chunk(&chunk)
 }
@@ -103,7 +103,7 @@ fn from(call: &Call<'_>) -> ModuleId {
 /// text`; or `"again"` after a wait.
 fn open(call: &mut Call<'_>) -> NativeResult {
     let LuaValue::String(path) = call.args.value(0) else {
-        let words = "the path must be a text, such as require(\"./lib/pid\")";
+        let words = "the path must be a string, such as require(\"./lib/pid\")";
         return Err(call.args.misuse(words));
     };
     let bytes = path.as_bytes();
@@ -112,7 +112,7 @@ fn open(call: &mut Call<'_>) -> NativeResult {
         Err(_) => return Err(call.args.misuse("the path must be UTF-8")),
     };
     drop(bytes);
-    let from = from(call);
+    let from = requiring_module(call);
     let target = resolve(call.state.modules.folder(from), &path);
     let target = target.map_err(|why| call.args.misuse(&printable(&why.to_string(), 400)))?;
     let Some(task) = call.state.tasks.current else {
@@ -227,7 +227,7 @@ fn done(call: &mut Call<'_>) -> NativeResult {
     };
     call.state.modules.set(id, progress);
     if let Some(task) = call.state.tasks.current {
-        let from = from(call);
+        let from = requiring_module(call);
         call.state.modules.remove_wait(from, id, task);
     }
     wake(call.state, id);

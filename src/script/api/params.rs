@@ -86,7 +86,7 @@ pub(in crate::script) enum SetParamError {
     #[error("{name} must be {expected}")]
     Refused { name: String, expected: String },
     #[error("{name} could not be changed: {source}")]
-    Machine { name: String, source: LuaError },
+    Vm { name: String, source: LuaError },
 }
 
 /// Changes a parameter for a person: the script's table has the new value from now on.
@@ -117,7 +117,7 @@ pub(in crate::script) fn set_live(
             table.set_readonly(true);
             changed
         });
-    changed.map_err(|source| SetParamError::Machine {
+    changed.map_err(|source| SetParamError::Vm {
         name: name.to_owned(),
         source,
     })?;

@@ -17,7 +17,7 @@ pub(super) const CALLS: &Natives = &[
 fn key(call: &Call<'_>) -> Result<String, Refusal> {
     let key = call.args.get::<String>(0)?;
     if key.is_empty() || key.contains('\u{fffd}') {
-        return Err(call.args.misuse("key must be a text of UTF-8, not empty"));
+        return Err(call.args.misuse("key must be a string in UTF-8, not empty"));
     }
     Ok(key)
 }

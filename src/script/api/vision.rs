@@ -69,7 +69,7 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
 
 /// Counts one more tracker or detector; collects garbage first if there are too many.
 fn count(call: &Call<'_>) -> Result<CountGuard, Refusal> {
-    let watchers = &call.state.sight.watchers;
+    let watchers = &call.state.frames.watchers;
     if watchers.get() >= MAX_WATCHERS {
         call.lua.gc_collect()?;
     }

@@ -41,8 +41,8 @@ fn enough_pictures_must_agree_and_fewer_at_the_beginning_of_a_motion() {
         let (mut blockage, at) = (Blockage::default(), start + STOOD);
         for pictures in 1..=PICTURES {
             blockage.note(Verdict::Stands, Some(start), at);
-            let told = blockage.stood(at, began);
-            assert_eq!(told, (pictures >= fewest).then_some(start));
+            let stood = blockage.stood(at, began);
+            assert_eq!(stood, (pictures >= fewest).then_some(start));
         }
     }
 }

@@ -41,12 +41,12 @@ fn checks_without_an_answer_are_counted_until_the_vm_answers() {
 
 #[test]
 fn a_stuck_slice_is_reported_with_its_file() {
-    let (told, report) = std::sync::mpsc::channel();
+    let (sender, reports) = std::sync::mpsc::channel();
     when_stuck(Duration::from_millis(100), move |file| {
-        let _ = told.send((file.to_owned(), running()));
+        let _ = sender.send((file.to_owned(), running()));
     });
     begin(Duration::from_millis(1), "stuck.lua");
-    let (file, running) = report.recv_timeout(Duration::from_secs(60)).unwrap();
+    let (file, running) = reports.recv_timeout(Duration::from_secs(60)).unwrap();
     let _ = end();
     assert_eq!(file, "stuck.lua");
     assert!(running.contains(&file), "{running:?}");

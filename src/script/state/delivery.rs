@@ -44,29 +44,33 @@ impl Script {
         state.has_ended() || state.deliver_frame(frame)
     }
 
-    /// Decodes the part of the next frame that has arrived, so that the script's look at it takes
-    /// less time.
+    /// Decodes the part of the next frame that has already arrived, so that examining the whole
+    /// frame takes less time.
     pub fn look_ahead(&mut self, beginning: &[u8]) {
-        self.state.borrow_mut().sight.eyes.look_ahead(beginning);
+        self.state
+            .borrow_mut()
+            .frames
+            .analyser
+            .look_ahead(beginning);
     }
 
     /// Repeats what the script did with the newest frame, to warm up caches for the next one; does
     /// nothing if the script has not examined that frame.
     pub fn warm_up(&mut self) {
         let mut state = self.state.borrow_mut();
-        let sight = &mut state.sight;
-        if let Some(held) = sight.newest.clone()
-            && sight.eyes.last_frame() == Some(held.frame.seq)
+        let frames = &mut state.frames;
+        if let Some(held) = frames.newest.clone()
+            && frames.analyser.last_frame() == Some(held.frame.seq)
         {
-            sight.eyes.warm_caches(&held.frame.jpeg);
+            frames.analyser.warm_caches(&held.frame.jpeg);
         }
     }
 
     /// Whether the script has examined the newest frame, rather than ignored or only saved it.
     pub fn examines_frames(&self) -> bool {
         let state = self.state.borrow();
-        let newest = state.sight.newest.as_ref().map(|held| held.frame.seq);
-        newest.is_some() && newest == state.sight.eyes.last_frame()
+        let newest = state.frames.newest.as_ref().map(|held| held.frame.seq);
+        newest.is_some() && newest == state.frames.analyser.last_frame()
     }
 
     /// Whether the script needs frames: something listens to them or waits for one, or the script
@@ -74,7 +78,7 @@ impl Script {
     pub fn wants_frames(&self) -> bool {
         let state = self.state.borrow();
         !state.has_ended()
-            && (state.streams.is_on(Stream::Video) || state.is_heard(EventName::Frame))
+            && (state.streams.is_on(Stream::Video) || state.has_listener(EventName::Frame))
     }
 }
 
@@ -107,7 +111,7 @@ impl State {
                 self.answer(Wait::Undock(call), || Answer::Undock(end));
             }
             Event::Audio(ref samples) => {
-                self.hear(samples);
+                self.detect_noise(samples);
                 self.publish(EventName::Audio, Payload::Event(Rc::new(event)));
             }
             Event::Loan {
@@ -145,8 +149,8 @@ impl State {
                 return false;
             }
         };
-        let held = Rc::new(HeldFrame::new(frame, size, &self.sight.held_bytes));
-        self.sight.newest = Some(Rc::clone(&held));
+        let held = Rc::new(HeldFrame::new(frame, size, &self.frames.held_bytes));
+        self.frames.newest = Some(Rc::clone(&held));
         self.plan_motion_check(&held);
         self.publish(EventName::Frame, Payload::Frame(held));
         true
@@ -154,16 +158,17 @@ impl State {
 
     /// Counts a frame that is not a valid picture; this is logged now and then.
     pub(in crate::script) fn note_damage(&mut self, seq: u64, error: &FrameError) {
-        if let Some(text) = self.sight.damage.note(seq, &error.to_string(), self.now) {
+        if let Some(text) = self.frames.damage.note(seq, &error.to_string(), self.now) {
             self.log(Level::Warn, &text);
         }
     }
 
-    pub(super) fn hear(&mut self, samples: &[u8]) {
-        if self.is_heard(EventName::Noise) {
+    /// Publishes a `noise` event if this audio begins a loud sound and something listens for it.
+    pub(super) fn detect_noise(&mut self, samples: &[u8]) {
+        if self.has_listener(EventName::Noise) {
             let dbfs = Loudness::of(samples).dbfs();
             if dbfs > self.options.limits.noise_dbfs && self.becomes_loud() {
-                let own = self.may_hear_itself();
+                let own = self.may_be_own_sound();
                 self.publish(EventName::Noise, Payload::Noise { dbfs, own });
             }
         }
@@ -177,13 +182,13 @@ impl State {
     }
 
     /// Whether a sound may come from the robot's own motors or loudspeaker.
-    pub(super) fn may_hear_itself(&self) -> bool {
+    pub(super) fn may_be_own_sound(&self) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < SOUND;
         self.has_moved_within(MOTOR) || self.last_sounded.is_some_and(lately)
     }
 
     /// Whether a handler listens to this event or a task waits for it.
-    pub(in crate::script) fn is_heard(&self, name: EventName) -> bool {
+    pub(in crate::script) fn has_listener(&self, name: EventName) -> bool {
         let listens = self.subscriptions.values().any(|one| one.event == name);
         listens
             || !self

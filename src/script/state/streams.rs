@@ -30,7 +30,7 @@ impl State {
     /// Whether a handler listens to a stream or a task waits for it.
     pub(super) fn is_used(&self, stream: Stream) -> bool {
         let mut events = EventName::ALL.iter().copied();
-        events.any(|event| event.stream() == Some(stream) && self.is_heard(event))
+        events.any(|event| event.stream() == Some(stream) && self.has_listener(event))
     }
 
     /// Records the use of each stream that is listened to. Called when time advances, before

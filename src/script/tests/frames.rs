@@ -109,7 +109,7 @@ fn a_frame_is_decoded_once_for_many_calls() {
     for seq in 1..=3 {
         show(&mut rig, seq, &jpeg);
     }
-    assert_eq!(rig.script.state.borrow().sight.eyes.decoded(), 3);
+    assert_eq!(rig.script.state.borrow().frames.analyser.decoded(), 3);
 }
 
 /// A picture of any size with a floor, a wall, and a red object on the floor.

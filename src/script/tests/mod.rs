@@ -45,7 +45,7 @@ struct Rig {
     /// Remarks: output that does not concern the robot.
     remarks: Vec<Remark>,
     /// The parameters as last sent.
-    knobs: Vec<DeclaredParam>,
+    params: Vec<DeclaredParam>,
 }
 
 impl Rig {
@@ -75,7 +75,7 @@ impl Rig {
             modules: Vec::new(),
             answers: Vec::new(),
             remarks: Vec::new(),
-            knobs: Vec::new(),
+            params: Vec::new(),
         }
     }
 
@@ -98,7 +98,7 @@ impl Rig {
                 Output::Module(name) => self.modules.push(name),
                 Output::Evaluated(answer) => self.answers.push(answer),
                 Output::Remark(remark) => self.remarks.push(remark),
-                Output::Params(knobs) => self.knobs = knobs,
+                Output::Params(params) => self.params = params,
             }
         }
     }

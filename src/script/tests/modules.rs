@@ -145,7 +145,7 @@ fn invalid_paths_are_reported() {
         ("require('pid')", "a path begins with ./ or ../"),
         ("require('../x')", "leaves the behaviour's folder"),
         ("require('/etc/passwd')", "a path begins with"),
-        ("require(42)", "the path must be a text"),
+        ("require(42)", "the path must be a string"),
         (
             "require('./' .. ('x'):rep(1e6))",
             "too long: at most 200 bytes",

@@ -29,7 +29,7 @@ fn audio_events_have_their_loudness_and_loud_ones_cause_a_noise() {
 #[test]
 fn a_noise_that_may_be_the_robots_own_is_marked() {
     let mut rig = Rig::new("robot.on('noise', function(n) print(n.own) end)");
-    let mut heard = |event: Option<Event>, seconds: f64| {
+    let mut noise_after = |event: Option<Event>, seconds: f64| {
         if let Some(event) = event {
             rig.deliver(event);
         }
@@ -38,12 +38,12 @@ fn a_noise_that_may_be_the_robots_own_is_marked() {
         rig.texts().last().map(|text| (*text).to_owned())
     };
     let (own, foreign) = (Some("true".to_owned()), Some("false".to_owned()));
-    assert_eq!(heard(None, 2.0), foreign);
-    assert_eq!(heard(Some(Event::Moving { on: true }), 20.0), own);
-    assert_eq!(heard(Some(Event::Moving { on: false }), 0.9), own);
-    assert_eq!(heard(None, 1.1), foreign);
-    assert_eq!(heard(Some(Event::Sounding), 4.9), own);
-    assert_eq!(heard(None, 1.1), foreign);
+    assert_eq!(noise_after(None, 2.0), foreign);
+    assert_eq!(noise_after(Some(Event::Moving { on: true }), 20.0), own);
+    assert_eq!(noise_after(Some(Event::Moving { on: false }), 0.9), own);
+    assert_eq!(noise_after(None, 1.1), foreign);
+    assert_eq!(noise_after(Some(Event::Sounding), 4.9), own);
+    assert_eq!(noise_after(None, 1.1), foreign);
 }
 
 #[test]

@@ -115,17 +115,17 @@ fn a_parameter_that_is_declared_live_changes_within_its_bounds_while_the_script_
         task.every(1, function() print(p.speed, p.mode) end) ",
         &[],
     );
-    let told: Vec<_> = rig
-        .knobs
+    let shown: Vec<_> = rig
+        .params
         .iter()
-        .map(|knob| (&*knob.name, knob.live))
+        .map(|param| (&*param.name, param.live))
         .collect();
-    assert_eq!(told, [("mode", false), ("speed", true)]);
+    assert_eq!(shown, [("mode", false), ("speed", true)]);
     rig.script
         .set_live_param("speed", ParamValue::Number(55.0), rig.now);
     rig.pass(1.5);
     assert_eq!(rig.texts(), ["55 calm"]);
-    assert_eq!(rig.knobs[1].value, ParamValue::Number(55.0));
+    assert_eq!(rig.params[1].value, ParamValue::Number(55.0));
     for (name, value, words) in [
         (
             "speed",

@@ -153,8 +153,8 @@ fn a_stream_that_the_config_keeps_off_stays_off_and_scripts_that_do_not_depend_o
         let mut rig = Rig::with(&format!("for i = 1, 3 do {call} end print('lives')"), off);
         rig.pass(5.0);
         let why = format!("the config keeps {name} off; it has streams: {{ {name}: off }}");
-        let said = format!("'{event}' never comes: {why}");
-        assert_eq!(rig.texts(), [said.as_str(), "lives"], "{call}");
+        let text = format!("'{event}' never comes: {why}");
+        assert_eq!(rig.texts(), [text.as_str(), "lives"], "{call}");
         assert_eq!(rig.intents, [], "{call}");
     }
 }

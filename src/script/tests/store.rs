@@ -30,7 +30,7 @@ fn other_values_than_plain_data_are_refused_with_a_message() {
         ("'\\xff'", "must be UTF-8"),
         ("{1, nil, 3}", "without gaps"),
         ("{1, a = 2}", "without gaps"),
-        ("{[2.5] = 1}", "texts as keys"),
+        ("{[2.5] = 1}", "only strings as keys"),
         (
             "(function() local t = {} t.t = t return t end)()",
             "contains itself",

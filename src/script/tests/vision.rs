@@ -71,7 +71,7 @@ fn a_handler_runs_before_the_frame_is_examined_for_the_robots_own_motion() {
 }
 
 fn decoded(rig: &Rig) -> u64 {
-    rig.script.state.borrow().sight.eyes.decoded()
+    rig.script.state.borrow().frames.analyser.decoded()
 }
 
 /// What a handler with this body logs about one frame.
