@@ -167,7 +167,7 @@ impl<'a> Search<'a> {
     fn look(&mut self, key: u64, path: &Path) -> Result<Found, Failure> {
         let jpeg = picture::read(path)?;
         let unusable = |error| picture::unusable(path, &error);
-        let image = self.eyes.look(key, &jpeg).map_err(unusable)?;
+        let image = self.eyes.decode(key, &jpeg).map_err(unusable)?;
         let size = image.size();
         if let Some(roi) = self.args.roi {
             picture::part(roi, size, path)?;
@@ -178,7 +178,7 @@ impl<'a> Search<'a> {
             .map_err(unusable)?
             .to_vec();
         if let Some(pictures) = &mut self.marked {
-            let image = self.eyes.look(key, &jpeg).map_err(unusable)?;
+            let image = self.eyes.decode(key, &jpeg).map_err(unusable)?;
             pictures.keep(path, &marked(image, &blobs, self.args))?;
         }
         Ok(Found {

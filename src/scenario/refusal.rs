@@ -76,7 +76,7 @@ pub(super) enum CastError {
     Kind,
     #[error("behaviours cannot be named here: call sim:run() without arguments")]
     NoFolder,
-    #[error("{} is not a behaviour: its name must end in .lua", .0.display())]
+    #[error("{} is not a behaviour: its name must end in .lua or .luau", .0.display())]
     NoScript(PathBuf),
     #[error("cannot read the behaviour {}: {source}", path.display())]
     Read { path: PathBuf, source: io::Error },

@@ -177,7 +177,7 @@ impl WallFeet {
         let all: Vec<Foot> = self.last(MOST_SEEN).collect();
         let fits = LAST
             .iter()
-            .filter_map(|looks| agreed(self.last(*looks).collect(), &all));
+            .filter_map(|pictures| agreed(self.last(*pictures).collect(), &all));
         let (count, wall) = fits.max_by_key(|(count, _)| *count)?;
         let newest = self.last(NEWEST).count();
         let belong = self.last(NEWEST).filter(|foot| wall.has(foot)).count();
@@ -187,11 +187,11 @@ impl WallFeet {
     }
 
     /// The feet of the last pictures.
-    fn last(&self, looks: usize) -> impl Iterator<Item = Foot> {
+    fn last(&self, pictures: usize) -> impl Iterator<Item = Foot> {
         self.seen
             .iter()
             .rev()
-            .take(looks)
+            .take(pictures)
             .flatten()
             .flatten()
             .copied()

@@ -92,7 +92,7 @@ impl Bitmap {
     pub(super) fn limit_work(&mut self) -> Option<QrWork> {
         for _ in 0..MAX_ROUNDS {
             let areas = self.areas();
-            let (mut finders, filled) = areas.survey();
+            let (mut finders, filled) = areas.find_patterns();
             if filled > MAX_FILLED {
                 return None;
             }
@@ -109,12 +109,12 @@ impl Bitmap {
                     decoded: 0,
                 });
             }
-            self.paint_over(&areas, &surplus.iter().map(|finder| finder.inner).collect());
+            self.erase(&areas, &surplus.iter().map(|finder| finder.inner).collect());
         }
         None
     }
 
-    fn paint_over(&mut self, areas: &Areas, which: &BTreeSet<usize>) {
+    fn erase(&mut self, areas: &Areas, which: &BTreeSet<usize>) {
         for (y, runs) in areas.by_row().enumerate() {
             for run in runs.iter().filter(|run| which.contains(&run.area)) {
                 let row = y * self.width;
@@ -184,7 +184,7 @@ impl Areas {
     }
 
     /// Finds the patterns and counts the pixels that are flood-filled for this.
-    fn survey(&self) -> (Vec<Finder>, u64) {
+    fn find_patterns(&self) -> (Vec<Finder>, u64) {
         let (mut found, mut filled) = (BTreeMap::new(), 0);
         let (mut asked, mut last) = (0_usize, BTreeMap::new());
         for (y, runs) in self.by_row().enumerate() {
@@ -340,9 +340,9 @@ mod tests {
         assert!((1..MAX_FILLED).contains(&work.filled));
         assert_eq!(few.black, before, "nothing is erased");
         let mut many = sheet(320, 240, 3, &lattice(10, 7, 30));
-        assert_eq!(many.areas().survey().0.len(), 70);
+        assert_eq!(many.areas().find_patterns().0.len(), 70);
         assert_eq!(many.limit_work().unwrap().finders, MAX_FINDERS);
-        assert_eq!(many.areas().survey().0.len(), MAX_FINDERS);
+        assert_eq!(many.areas().find_patterns().0.len(), MAX_FINDERS);
     }
 
     #[test]

@@ -94,7 +94,7 @@ pub(super) fn run(images: &[PathBuf], distances: &[f64], as_json: bool) -> Resul
 fn look(eyes: &mut FrameAnalyser, key: u64, path: &Path) -> Result<(Size, Option<Front>), Failure> {
     let jpeg = picture::read(path)?;
     let unusable = |error: FrameError| picture::unusable(path, &error);
-    let size = eyes.look(key, &jpeg).map_err(unusable)?.size();
+    let size = eyes.decode(key, &jpeg).map_err(unusable)?.size();
     let dark = Colour::lab([0.0, 34.0], [-14.0, 14.0], [-18.0, 14.0]).map_err(Failure::usage)?;
     let options = BlobOptions {
         pixels_threshold: 20,
@@ -106,7 +106,7 @@ fn look(eyes: &mut FrameAnalyser, key: u64, path: &Path) -> Result<(Size, Option
         .find_blobs(key, &jpeg, &[dark], &options)
         .map_err(unusable)?;
     let blobs = blobs.to_vec();
-    let image = eyes.look(key, &jpeg).map_err(unusable)?;
+    let image = eyes.decode(key, &jpeg).map_err(unusable)?;
     Ok((size, blobs.iter().find_map(|blob| station_in(image, blob))))
 }
 

@@ -32,12 +32,15 @@ const LINE_MARGIN: f64 = 4.0;
 impl State {
     /// The picture of a frame; `None` for a damaged one, which is counted.
     pub(super) fn image(&mut self, held: &HeldFrame) -> Option<&Image> {
-        if let Err(error) = self.sight.eyes.look(held.frame.seq, &held.frame.jpeg) {
+        if let Err(error) = self.sight.eyes.decode(held.frame.seq, &held.frame.jpeg) {
             self.note_damage(held.frame.seq, &error);
             return None;
         }
         // The frame is decoded already: this only borrows it again.
-        self.sight.eyes.look(held.frame.seq, &held.frame.jpeg).ok()
+        self.sight
+            .eyes
+            .decode(held.frame.seq, &held.frame.jpeg)
+            .ok()
     }
 
     /// The blobs of a frame; none in a damaged one.

@@ -47,7 +47,7 @@ impl Script {
     /// Decodes the part of the next frame that has arrived, so that the script's look at it takes
     /// less time.
     pub fn look_ahead(&mut self, beginning: &[u8]) {
-        self.state.borrow_mut().sight.eyes.look_ahead(beginning);
+        self.state.borrow_mut().sight.eyes.decode_ahead(beginning);
     }
 
     /// Repeats what the script did with the newest frame, to warm up caches for the next one; does

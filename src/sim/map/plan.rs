@@ -261,11 +261,11 @@ fn frame(world: &World, canvas: &mut MapCanvas) {
     canvas.rule((x, y - 6.0), (x, y + 6.0), 3.0, DARK);
     canvas.rule((end, y - 6.0), (end, y + 6.0), 3.0, DARK);
     canvas.write((end + 10.0, y - 8.0), "1 m", NAME);
-    explain_the_beacon(canvas, (end + 60.0, y));
+    draw_beacon_key(canvas, (end + 60.0, y));
 }
 
 /// Draws the key for the beacon's area at a pixel.
-fn explain_the_beacon(canvas: &mut MapCanvas, (x, y): (f32, f32)) {
+fn draw_beacon_key(canvas: &mut MapCanvas, (x, y): (f32, f32)) {
     let corners = [
         (x, y - 7.0),
         (x + 22.0, y - 7.0),

@@ -108,7 +108,7 @@ impl Site {
     }
 
     /// Returns the discovery reply.
-    pub(crate) fn introduction(&self) -> discovery::Reply {
+    pub(crate) fn discovery_reply(&self) -> discovery::Reply {
         let connected_user = self.clients.user().map(str::to_owned);
         discovery::Reply {
             uid: self.uid.clone(),
@@ -117,7 +117,7 @@ impl Site {
     }
 
     /// Advances the simulation to the current time.
-    pub(crate) fn pass_time(&mut self) {
+    pub(crate) fn advance(&mut self) {
         let now = Instant::now();
         for _ in 0..MAX_CATCH_UP {
             if now.duration_since(self.stepped) < STEP {
@@ -141,7 +141,7 @@ impl Site {
     }
 
     /// Handles a request from a handle.
-    pub(super) fn serve(&mut self, request: Request) {
+    pub(super) fn handle_request(&mut self, request: Request) {
         match request {
             Request::Battery(percent) => self.robot.set_battery(percent),
             Request::ChargerWorks(works) => self.robot.set_charger_works(works),
@@ -162,7 +162,7 @@ impl Site {
     }
 
     /// Handles an event from a connection.
-    pub(crate) fn take(&mut self, event: Event) {
+    pub(crate) fn handle_event(&mut self, event: Event) {
         match event {
             Event::Gone { client } => self.cut(client),
             Event::Commands {
