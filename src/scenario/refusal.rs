@@ -17,7 +17,7 @@ pub(super) enum CallError {
     #[error("the name must have 1 to 200 bytes")]
     NoName,
     #[error("'{name}' is already declared in line {line}")]
-    Twice { name: String, line: u32 },
+    DuplicateName { name: String, line: u32 },
     #[error("a file can have at most {0} scenarios")]
     TooMany(usize),
     #[error("the behaviours have written more than {0} lines: later ones are not kept")]

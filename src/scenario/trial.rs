@@ -106,7 +106,7 @@ impl Trials {
         let answer = answer.map_err(|error| invalid(&error))?;
         let declared: Result<Vec<Scenario>, String> =
             postcard::from_bytes(&answer).map_err(|error| invalid(&error))?;
-        Ok(book.with(declared.map_err(BookError::Invalid)?))
+        Ok(book.with_scenarios(declared.map_err(BookError::Invalid)?))
     }
 
     /// Like [`Book::play`], in a confined process; `None` if it was cancelled by [`Setting::stop`].
@@ -210,7 +210,7 @@ fn is_wide(folder: &Path) -> bool {
 fn without_answer(book: &Book, error: &WorkerError) -> Played {
     let words = match error {
         WorkerError::TimedOut(limit) => format!(
-            "it did not finish within {} s of real time and was ended; --timeout sets a longer \
+            "it did not finish within {} s of real time and was stopped; --timeout sets a longer \
              limit",
             limit.as_secs_f64()
         ),
@@ -243,7 +243,7 @@ pub fn trial_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
         match question.play {
             None => {
                 end_when_stuck(STUCK);
-                let declared = book.declared().map_err(|error| error.to_string());
+                let declared = book.read_declarations().map_err(|error| error.to_string());
                 postcard::to_allocvec(&declared).map_err(io::Error::other)
             }
             Some(play) => {

@@ -87,8 +87,8 @@ impl Bitmap {
         self.black[y * self.width + x]
     }
 
-    /// Erases surplus patterns. Returns the remaining work, or `None` if even that exceeds the
-    /// limits.
+    /// Erases surplus patterns. Returns the remaining work; `None` if too many pixels would have to
+    /// be flood-filled, or if patterns beyond the limits remain after [`MAX_ROUNDS`].
     pub(super) fn limit_work(&mut self) -> Option<QrWork> {
         for _ in 0..MAX_ROUNDS {
             let areas = self.areas();

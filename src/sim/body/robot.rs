@@ -358,7 +358,7 @@ impl Robot {
     }
 
     fn report_engine(&mut self, report: EngineReport) {
-        self.note(&format!("engine says {report:?}"));
+        self.note(&format!("engine reports {report:?}"));
         match report {
             EngineReport::Docked => self.mark(TraceEventKind::Docked),
             EngineReport::Undocked => self.mark(TraceEventKind::Undocked),
