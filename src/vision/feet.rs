@@ -248,9 +248,12 @@ fn fit(feet: &[Foot]) -> Option<Wall> {
         .map(|step| nearest(lens_height(step)))
         .collect();
     // The measured quantity scales with the height above the edge, and so does its error.
-    let unlike = |step: usize| lines[step].0 / lens_height(step).powi(2);
-    let least = (0..HEIGHT_STEPS).map(unlike).fold(f64::INFINITY, f64::min);
-    let step = (0..HEIGHT_STEPS).rfind(|step| unlike(*step) <= MAX_ERROR_RATIO * least + NOISE)?;
+    let relative_error = |step: usize| lines[step].0 / lens_height(step).powi(2);
+    let least = (0..HEIGHT_STEPS)
+        .map(relative_error)
+        .fold(f64::INFINITY, f64::min);
+    let step =
+        (0..HEIGHT_STEPS).rfind(|step| relative_error(*step) <= MAX_ERROR_RATIO * least + NOISE)?;
     let ((error, (x, y)), lens_height) = (lines[step], lens_height(step));
     let lens = x * means[0] + y * means[1];
     let offset = lens + lens_height * (x * means[2] + y * means[3]);

@@ -186,16 +186,16 @@ impl Areas {
     /// Finds the patterns and counts the pixels that are flood-filled for this.
     fn find_patterns(&self) -> (Vec<Finder>, u64) {
         let (mut found, mut filled) = (BTreeMap::new(), 0);
-        let (mut asked, mut last) = (0_usize, BTreeMap::new());
+        let (mut requests, mut last) = (0_usize, BTreeMap::new());
         for (y, runs) in self.by_row().enumerate() {
             for three in runs.windows(3).filter(|three| looks_like_a_square(three)) {
                 let (ring, inner) = (three[2].area, three[1].area);
                 for area in [ring, inner] {
-                    asked += 1;
-                    let before = last.insert(area, asked);
+                    requests += 1;
+                    let before = last.insert(area, requests);
                     // The cache drops an area at the earliest after this many requests for others;
                     // the area is then cleared and filled again.
-                    if before.is_none_or(|before| asked - before > CACHED_AREAS) {
+                    if before.is_none_or(|before| requests - before > CACHED_AREAS) {
                         filled += 2 * self.pixels[area];
                     }
                 }
