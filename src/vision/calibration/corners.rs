@@ -128,7 +128,7 @@ impl Plane {
         })
     }
 
-    /// The subpixel position of a corner: the point towards which all surrounding edges run, so that
+    /// The subpixel position of a corner: the point towards which all surrounding edges run, where
     /// their gradients are perpendicular to the offset from it. `None` if that is too far away or
     /// undefined.
     fn refined(&self, x: i32, y: i32) -> Option<Place> {
