@@ -226,7 +226,7 @@ impl Moved {
         for (strip, (before, now)) in before.strips.iter().zip(&now.strips).enumerate() {
             let right = 2 * strip >= STRIPS;
             self.vote_strip(before, now, horizon, |sample| {
-                sample.vote(right, &mut votes)
+                sample.vote(right, &mut votes);
             });
         }
         votes
