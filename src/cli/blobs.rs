@@ -167,7 +167,7 @@ impl<'a> Search<'a> {
     fn find(&mut self, key: u64, path: &Path) -> Result<Found, Failure> {
         let jpeg = picture::read(path)?;
         let unusable = |error| picture::unusable(path, &error);
-        let image = self.analyser.look(key, &jpeg).map_err(unusable)?;
+        let image = self.analyser.decode(key, &jpeg).map_err(unusable)?;
         let size = image.size();
         if let Some(roi) = self.args.roi {
             picture::part(roi, size, path)?;
@@ -178,7 +178,7 @@ impl<'a> Search<'a> {
             .map_err(unusable)?
             .to_vec();
         if let Some(pictures) = &mut self.marked {
-            let image = self.analyser.look(key, &jpeg).map_err(unusable)?;
+            let image = self.analyser.decode(key, &jpeg).map_err(unusable)?;
             pictures.save(path, &marked(image, &blobs, self.args))?;
         }
         Ok(Found {

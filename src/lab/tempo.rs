@@ -32,11 +32,11 @@ impl Factor {
     /// Real time.
     pub const REAL: Factor = Factor(1.0);
     /// The maximum factor.
-    pub const MOST: f64 = 100.0;
+    pub const MAX: f64 = 100.0;
 
     /// Creates a factor; `None` if it is not in 1..=100.
     pub fn new(factor: f64) -> Option<Factor> {
-        (1.0..=Factor::MOST)
+        (1.0..=Factor::MAX)
             .contains(&factor)
             .then_some(Factor(factor))
     }

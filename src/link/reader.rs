@@ -98,7 +98,7 @@ impl Reader {
 
     /// The received part of a frame, if it has grown enough since it was last passed on.
     fn grown_frame(&mut self) -> Option<Bytes> {
-        let part = self.decoder.coming_frame()?;
+        let part = self.decoder.partial_frame()?;
         if part.len() < self.passed_on + GROWTH {
             return None;
         }

@@ -97,8 +97,8 @@ impl Book {
 
     fn new(file: &Path, folder: Option<PathBuf>, source: Vec<u8>) -> Result<Book, BookError> {
         let book = Book::undeclared(file, folder, source);
-        let scenarios = book.declared()?;
-        Ok(book.with(scenarios))
+        let scenarios = book.read_declarations()?;
+        Ok(book.with_scenarios(scenarios))
     }
 
     /// Creates a book without reading its declarations.
@@ -112,7 +112,7 @@ impl Book {
     }
 
     /// Sets the declarations.
-    pub(super) fn with(self, scenarios: Vec<Scenario>) -> Book {
+    pub(super) fn with_scenarios(self, scenarios: Vec<Scenario>) -> Book {
         Book { scenarios, ..self }
     }
 
@@ -186,7 +186,7 @@ impl Book {
     }
 
     /// Runs the file once to collect its declarations.
-    pub(super) fn declared(&self) -> Result<Vec<Scenario>, BookError> {
+    pub(super) fn read_declarations(&self) -> Result<Vec<Scenario>, BookError> {
         let invalid = |text: String| Err(BookError::Invalid(text));
         let shown = self.file.display();
         let stage = Rc::new(DeclarationStage {
@@ -252,7 +252,7 @@ impl Stage for DeclarationStage {
         let mut found = self.found.borrow_mut();
         if let Some(twin) = found.iter().find(|other| other.name == name) {
             let (name, line) = (name.to_owned(), twin.line);
-            return Err(CallError::Twice { name, line }.into());
+            return Err(CallError::DuplicateName { name, line }.into());
         }
         if found.len() == MAX_SCENARIOS {
             return Err(CallError::TooMany(MAX_SCENARIOS).into());

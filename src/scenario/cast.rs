@@ -89,7 +89,7 @@ impl Cast {
             time_zone: self.zone().name().to_owned(),
             ..self.config.script(name, chunk, seed)
         };
-        refuse_mistakes(&source, &options)?;
+        reject_errors(&source, &options)?;
         let folder = file.parent().unwrap_or(Path::new(""));
         Ok(Behaviour {
             priority: entry.priority,
@@ -112,8 +112,8 @@ fn is_script(file: &Path) -> bool {
         .is_some_and(|ending| ending == "lua" || ending == "luau")
 }
 
-/// Rejects a behaviour with errors that the checks before every run would find.
-fn refuse_mistakes(source: &[u8], options: &script::Options) -> Result<(), CastError> {
+/// Rejects a behaviour if the checks that precede every run find errors in it.
+fn reject_errors(source: &[u8], options: &script::Options) -> Result<(), CastError> {
     let errors = check::errors(source, options);
     let errors: Vec<String> = errors.iter().map(Finding::text).collect();
     if errors.is_empty() {

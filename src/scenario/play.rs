@@ -248,7 +248,7 @@ impl Play<'_> {
             tokio::select! {
                 biased;
                 () = stop.cancelled() => return Err(self.failure_reason("interrupted")),
-                () = sleep_until(limit) => return Err(self.too_long()),
+                () = sleep_until(limit) => return Err(self.limit_exceeded()),
                 outcome = outcome(&mut self.agent) => self.agent_ended(outcome)?,
                 () = until(script.next_deadline()) => {}
             }
@@ -330,7 +330,7 @@ impl Play<'_> {
         }
     }
 
-    fn too_long(&self) -> FailureReason {
+    fn limit_exceeded(&self) -> FailureReason {
         let limit = self.scenario.options.limit.as_secs_f64();
         self.failure_reason(&format!(
             "it did not finish within its limit of {limit} s; set a longer one with {{ limit = \

@@ -17,7 +17,7 @@ pub(super) enum CallError {
     #[error("the name must have 1 to 200 bytes")]
     NoName,
     #[error("'{name}' is already declared in line {line}")]
-    Twice { name: String, line: u32 },
+    DuplicateName { name: String, line: u32 },
     #[error("a file can have at most {0} scenarios")]
     TooMany(usize),
     #[error("the behaviours have written more than {0} lines: later ones are not kept")]
@@ -76,7 +76,7 @@ pub(super) enum CastError {
     Kind,
     #[error("behaviours cannot be named here: call sim:run() without arguments")]
     NoFolder,
-    #[error("{} is not a behaviour: its name must end in .lua", .0.display())]
+    #[error("{} is not a behaviour: its name must end in .lua or .luau", .0.display())]
     NoScript(PathBuf),
     #[error("cannot read the behaviour {}: {source}", path.display())]
     Read { path: PathBuf, source: io::Error },

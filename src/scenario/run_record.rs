@@ -123,7 +123,7 @@ impl RecordState {
             }),
             _ => {}
         }
-        if let Some(words) = words(event, behaviour) {
+        if let Some(words) = describe(event, behaviour) {
             if self.recent.len() == RECENT {
                 self.recent.pop_front();
             }
@@ -145,7 +145,7 @@ impl RecordState {
 }
 
 /// Describes an event in one line; `None` for routine events.
-fn words(event: &Event, behaviour: &str) -> Option<String> {
+fn describe(event: &Event, behaviour: &str) -> Option<String> {
     let text = event.text.lines().next().unwrap_or_default();
     match event.kind {
         EventKind::Heard if text.starts_with("Login") => None,

@@ -137,7 +137,7 @@ impl Stage for PlayStage {
             "running" => return Ok(self.running.get().into()),
             "sim:run" => self.run(asked.arguments)?,
             "sim:stop" => self.push(StageCommand::Stop),
-            "sim:kill" => self.sim.cut(),
+            "sim:kill" => self.sim.disconnect_all(),
             "vanish" => self.push(StageCommand::Vanish),
             _ => return Ok(self.call(call, given)?),
         }

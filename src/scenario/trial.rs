@@ -1,8 +1,8 @@
 //! Plays scenarios in confined processes: each file is read, and each scenario is played, in a
 //! separate process confined by the kernel. The process can read only the folders of the scenario
-//! and of the behaviour under test, and the current folder if it contains the scenario. It writes
-//! to a folder that is deleted afterwards, and its answer goes over a pipe that no script can
-//! access.
+//! and of the behaviour under test, and the current folder if it contains the scenario and is not
+//! too general, as the home folder is. It writes to a folder that is deleted afterwards, and its
+//! answer goes over a pipe that no script can access.
 //!
 //! If a script hangs in one call, crashes the process or takes too long, the process is ended and
 //! the scenario has failed.
@@ -60,8 +60,8 @@ struct Play {
 }
 
 impl Trials {
-    /// Uses processes of the running executable, which must be `spykee`. `timeout` limits each of
-    /// them, in real time.
+    /// Uses processes of the running executable, which must be `spykee`. `timeout` limits each
+    /// played scenario, in real time.
     ///
     /// # Errors
     /// If the path of the executable cannot be determined.
@@ -106,7 +106,7 @@ impl Trials {
         let answer = answer.map_err(|error| invalid(&error))?;
         let declared: Result<Vec<Scenario>, String> =
             postcard::from_bytes(&answer).map_err(|error| invalid(&error))?;
-        Ok(book.with(declared.map_err(BookError::Invalid)?))
+        Ok(book.with_scenarios(declared.map_err(BookError::Invalid)?))
     }
 
     /// Like [`Book::play`], in a confined process; `None` if it was cancelled by [`Setting::stop`].
@@ -172,8 +172,8 @@ fn question(book: &Book, play: Option<Play>) -> Question {
 }
 
 /// Returns the confinement: allows reading the folders of the scenario and of the behaviour, and
-/// the current folder if it contains the scenario's, because a scenario may refer to
-/// `../patrol.lua`.
+/// the current folder if it contains the scenario's and is not too general ([`is_wide`]), because a
+/// scenario may refer to `../patrol.lua`.
 fn sandbox_policy(book: &Book, subject: Option<&Path>, limit: Duration) -> SandboxPolicy {
     let of_subject = subject.map(|file| file.parent().unwrap_or(Path::new("")));
     let mut read: Vec<PathBuf> = [book.folder(), of_subject]
@@ -210,7 +210,7 @@ fn is_wide(folder: &Path) -> bool {
 fn without_answer(book: &Book, error: &WorkerError) -> Played {
     let words = match error {
         WorkerError::TimedOut(limit) => format!(
-            "it did not finish within {} s of real time and was ended; --timeout sets a longer \
+            "it did not finish within {} s of real time and was stopped; --timeout sets a longer \
              limit",
             limit.as_secs_f64()
         ),
@@ -243,7 +243,7 @@ pub fn trial_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
         match question.play {
             None => {
                 end_when_stuck(STUCK);
-                let declared = book.declared().map_err(|error| error.to_string());
+                let declared = book.read_declarations().map_err(|error| error.to_string());
                 postcard::to_allocvec(&declared).map_err(io::Error::other)
             }
             Some(play) => {

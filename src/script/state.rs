@@ -224,7 +224,7 @@ impl State {
             return;
         };
         let (camera, frame) = (self.options.camera, &held.frame);
-        let Ok(image) = self.frames.analyser.look(frame.seq, &frame.jpeg) else {
+        let Ok(image) = self.frames.analyser.decode(frame.seq, &frame.jpeg) else {
             return;
         };
         let skyline = turns.then(|| Skyline::of(image, camera));

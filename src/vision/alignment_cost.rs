@@ -14,8 +14,8 @@ pub(super) struct Square {
 
 /// Steps of the fixed work for every triple of patterns that roughly fits.
 const FIXED: f64 = 20_000.0;
-/// Two distances count as alike if they differ by less than this share.
-const ALIKE: f64 = 0.25;
+/// Two distances count as equal if they differ by less than this share of the larger one.
+const MAX_DIFFERENCE: f64 = 0.25;
 
 impl Square {
     /// A pattern with these corners, in order.
@@ -100,8 +100,8 @@ pub(super) fn candidate_triples(squares: &[Square]) -> Vec<([usize; 3], f64)> {
         }
         for &(one, far) in &along {
             for &(other, wide) in &across {
-                let unlike = 1.0 - far.min(wide) / far.max(wide);
-                if unlike < ALIKE || unlike.is_nan() {
+                let difference = 1.0 - far.min(wide) / far.max(wide);
+                if difference < MAX_DIFFERENCE || difference.is_nan() {
                     let three = [one, middle, other];
                     triples.push((three, steps(three, squares, &views)));
                 }

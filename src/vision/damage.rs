@@ -12,7 +12,7 @@ const PAUSE: Duration = Duration::from_secs(10);
 pub struct Damage {
     count: u64,
     newest: Option<u64>,
-    said: u64,
+    reported: u64,
     said_at: Option<Instant>,
     why: String,
 }
@@ -37,10 +37,10 @@ impl Damage {
 
     /// Returns a log message if there are unreported damaged frames.
     pub fn rest(&mut self) -> Option<String> {
-        if self.said == self.count {
+        if self.reported == self.count {
             return None;
         }
-        self.said = self.count;
+        self.reported = self.count;
         Some(match self.count {
             1 => format!("a damaged frame: {}", self.why),
             count => format!("{count} damaged frames so far; the newest: {}", self.why),

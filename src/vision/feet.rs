@@ -177,7 +177,7 @@ impl WallFeet {
         let all: Vec<Foot> = self.last(MOST_SEEN).collect();
         let fits = LAST
             .iter()
-            .filter_map(|looks| agreed(self.last(*looks).collect(), &all));
+            .filter_map(|pictures| agreed(self.last(*pictures).collect(), &all));
         let (count, wall) = fits.max_by_key(|(count, _)| *count)?;
         let newest = self.last(NEWEST).count();
         let belong = self.last(NEWEST).filter(|foot| wall.has(foot)).count();
@@ -187,11 +187,11 @@ impl WallFeet {
     }
 
     /// The feet of the last pictures.
-    fn last(&self, looks: usize) -> impl Iterator<Item = Foot> {
+    fn last(&self, pictures: usize) -> impl Iterator<Item = Foot> {
         self.seen
             .iter()
             .rev()
-            .take(looks)
+            .take(pictures)
             .flatten()
             .flatten()
             .copied()
@@ -248,9 +248,12 @@ fn fit(feet: &[Foot]) -> Option<Wall> {
         .map(|step| nearest(lens_height(step)))
         .collect();
     // The measured quantity scales with the height above the edge, and so does its error.
-    let unlike = |step: usize| lines[step].0 / lens_height(step).powi(2);
-    let least = (0..HEIGHT_STEPS).map(unlike).fold(f64::INFINITY, f64::min);
-    let step = (0..HEIGHT_STEPS).rfind(|step| unlike(*step) <= MAX_ERROR_RATIO * least + NOISE)?;
+    let relative_error = |step: usize| lines[step].0 / lens_height(step).powi(2);
+    let least = (0..HEIGHT_STEPS)
+        .map(relative_error)
+        .fold(f64::INFINITY, f64::min);
+    let step =
+        (0..HEIGHT_STEPS).rfind(|step| relative_error(*step) <= MAX_ERROR_RATIO * least + NOISE)?;
     let ((error, (x, y)), lens_height) = (lines[step], lens_height(step));
     let lens = x * means[0] + y * means[1];
     let offset = lens + lens_height * (x * means[2] + y * means[3]);

@@ -87,12 +87,12 @@ impl Bitmap {
         self.black[y * self.width + x]
     }
 
-    /// Erases surplus patterns. Returns the remaining work, or `None` if even that exceeds the
-    /// limits.
+    /// Erases surplus patterns. Returns the remaining work; `None` if too many pixels would have to
+    /// be flood-filled, or if patterns beyond the limits remain after [`MAX_ROUNDS`].
     pub(super) fn limit_work(&mut self) -> Option<QrWork> {
         for _ in 0..MAX_ROUNDS {
             let areas = self.areas();
-            let (mut finders, filled) = areas.survey();
+            let (mut finders, filled) = areas.find_patterns();
             if filled > MAX_FILLED {
                 return None;
             }
@@ -109,12 +109,12 @@ impl Bitmap {
                     decoded: 0,
                 });
             }
-            self.paint_over(&areas, &surplus.iter().map(|finder| finder.inner).collect());
+            self.erase(&areas, &surplus.iter().map(|finder| finder.inner).collect());
         }
         None
     }
 
-    fn paint_over(&mut self, areas: &Areas, which: &BTreeSet<usize>) {
+    fn erase(&mut self, areas: &Areas, which: &BTreeSet<usize>) {
         for (y, runs) in areas.by_row().enumerate() {
             for run in runs.iter().filter(|run| which.contains(&run.area)) {
                 let row = y * self.width;
@@ -184,18 +184,18 @@ impl Areas {
     }
 
     /// Finds the patterns and counts the pixels that are flood-filled for this.
-    fn survey(&self) -> (Vec<Finder>, u64) {
+    fn find_patterns(&self) -> (Vec<Finder>, u64) {
         let (mut found, mut filled) = (BTreeMap::new(), 0);
-        let (mut asked, mut last) = (0_usize, BTreeMap::new());
+        let (mut requests, mut last) = (0_usize, BTreeMap::new());
         for (y, runs) in self.by_row().enumerate() {
             for three in runs.windows(3).filter(|three| looks_like_a_square(three)) {
                 let (ring, inner) = (three[2].area, three[1].area);
                 for area in [ring, inner] {
-                    asked += 1;
-                    let before = last.insert(area, asked);
+                    requests += 1;
+                    let before = last.insert(area, requests);
                     // The cache drops an area at the earliest after this many requests for others;
                     // the area is then cleared and filled again.
-                    if before.is_none_or(|before| asked - before > CACHED_AREAS) {
+                    if before.is_none_or(|before| requests - before > CACHED_AREAS) {
                         filled += 2 * self.pixels[area];
                     }
                 }
@@ -340,9 +340,9 @@ mod tests {
         assert!((1..MAX_FILLED).contains(&work.filled));
         assert_eq!(few.black, before, "nothing is erased");
         let mut many = sheet(320, 240, 3, &lattice(10, 7, 30));
-        assert_eq!(many.areas().survey().0.len(), 70);
+        assert_eq!(many.areas().find_patterns().0.len(), 70);
         assert_eq!(many.limit_work().unwrap().finders, MAX_FINDERS);
-        assert_eq!(many.areas().survey().0.len(), MAX_FINDERS);
+        assert_eq!(many.areas().find_patterns().0.len(), MAX_FINDERS);
     }
 
     #[test]

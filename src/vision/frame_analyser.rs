@@ -40,7 +40,7 @@ impl FrameAnalyser {
     ///
     /// # Errors
     /// The reason why the frame cannot be decoded; further calls with the same key return it again.
-    pub fn look(&mut self, key: u64, jpeg: &[u8]) -> Result<&Image, FrameError> {
+    pub fn decode(&mut self, key: u64, jpeg: &[u8]) -> Result<&Image, FrameError> {
         if self.last.as_ref().is_none_or(|(last, _)| *last != key) {
             self.decoded += 1;
             self.last = Some((key, self.decoder.decode(jpeg).map(|_| ())));
@@ -51,9 +51,9 @@ impl FrameAnalyser {
         }
     }
 
-    /// Decodes the part of the next frame that has been received; see [`Decoder::look_ahead`].
-    pub fn look_ahead(&mut self, beginning: &[u8]) {
-        self.decoder.look_ahead(beginning);
+    /// Decodes the part of the next frame that has been received; see [`Decoder::decode_ahead`].
+    pub fn decode_ahead(&mut self, beginning: &[u8]) {
+        self.decoder.decode_ahead(beginning);
     }
 
     /// Decodes the last frame again, unless part of the next one is already decoded, and finds its
@@ -63,7 +63,7 @@ impl FrameAnalyser {
         let Some((_, Ok(()))) = self.last else {
             return;
         };
-        if !self.decoder.is_ahead() && self.decoder.decode(jpeg).is_err() {
+        if !self.decoder.has_decoded_ahead() && self.decoder.decode(jpeg).is_err() {
             return;
         }
         if let (Some(options), Some(palette)) = (&self.last_options, self.palettes.last_mut()) {
@@ -81,7 +81,7 @@ impl FrameAnalyser {
     /// valid until the next call.
     ///
     /// # Errors
-    /// See [`FrameAnalyser::look`].
+    /// See [`FrameAnalyser::decode`].
     pub fn find_blobs(
         &mut self,
         key: u64,
@@ -89,7 +89,7 @@ impl FrameAnalyser {
         colours: &[Colour],
         options: &BlobOptions,
     ) -> Result<&[Blob], FrameError> {
-        self.look(key, jpeg)?;
+        self.decode(key, jpeg)?;
         let palette = newest(&mut self.palettes, colours, options.invert);
         if self.last_options.as_ref() != Some(options) {
             self.last_options = Some(options.clone());
@@ -103,7 +103,7 @@ impl FrameAnalyser {
     /// if there is none.
     ///
     /// # Errors
-    /// See [`FrameAnalyser::look`].
+    /// See [`FrameAnalyser::decode`].
     pub fn find_line(
         &mut self,
         key: u64,
@@ -111,7 +111,7 @@ impl FrameAnalyser {
         colours: &[Colour],
         roi: Option<Roi>,
     ) -> Result<Option<Line>, FrameError> {
-        self.look(key, jpeg)?;
+        self.decode(key, jpeg)?;
         let palette = newest(&mut self.palettes, colours, false);
         Ok(find_line(
             &mut self.finder,
@@ -169,10 +169,10 @@ mod tests {
         assert_eq!(find(&mut analyser, 1, FIRST), expected[0]);
         analyser.warm_caches(FIRST);
         assert_eq!(find(&mut analyser, 1, FIRST), expected[0]);
-        analyser.look_ahead(&SECOND[..SECOND.len() / 2]);
+        analyser.decode_ahead(&SECOND[..SECOND.len() / 2]);
         analyser.warm_caches(FIRST);
         assert!(
-            analyser.decoder.is_ahead(),
+            analyser.decoder.has_decoded_ahead(),
             "the received part stays decoded"
         );
         assert_eq!(find(&mut analyser, 2, SECOND), expected[1]);

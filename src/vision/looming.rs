@@ -46,7 +46,7 @@ pub fn distance(before: &[f32], now: &[f32], way: f64, turned: f64) -> Option<f6
     let slack = SWAY + (0.1 * turned.abs()) as i32;
     let least = |growth: f64, aside: f64| {
         let costs =
-            (-slack..=slack).map(|sway| unlike(before, now, growth, aside + f64::from(sway)));
+            (-slack..=slack).map(|sway| difference(before, now, growth, aside + f64::from(sway)));
         costs.fold(f64::INFINITY, f64::min)
     };
     let still = least(1.0, turned);
@@ -76,7 +76,7 @@ pub fn distance(before: &[f32], now: &[f32], way: f64, turned: f64) -> Option<f6
 
 /// The mean squared difference if the picture has grown by this factor and shifted to the right by
 /// `sway` pixels; ignores a uniform change of brightness.
-fn unlike(before: &[f32], now: &[f32], growth: f64, sway: f64) -> f64 {
+fn difference(before: &[f32], now: &[f32], growth: f64, sway: f64) -> f64 {
     let middle = now.len() as f64 / 2.0 - 0.5;
     let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
     for x in (0..now.len()).step_by(COLUMN_STEP) {

@@ -3,8 +3,8 @@
 //!
 //! [`validate_markers`] checks a frame's markers before it is decoded, [`Decoder`] decodes it to an
 //! [`Image`], [`Colour`]s describe what to look for, a [`Palette`] is their compiled form, and
-//! [`BlobFinder`] groups matching pixels into [`Blob`]s. [`FrameAnalyser`] does all of this frame by
-//! frame; it decodes each frame once and reuses its buffers.
+//! [`BlobFinder`] groups matching pixels into [`Blob`]s. [`FrameAnalyser`] does all of this for one
+//! frame after another; it decodes each frame once and reuses its buffers.
 //!
 //! Most of the time is spent on decoding (`scripts/bench-vision`), so every other operation on a
 //! frame is kept cheap: brightness, sharpness and motion use the decoded luma directly, and colours

@@ -191,7 +191,7 @@ struct Sample {
 
 impl Sample {
     /// Adds a vote if the sample is a witness.
-    fn ask(&self, right: bool, votes: &mut Votes) {
+    fn vote(&self, right: bool, votes: &mut Votes) {
         let change = (self.moved - self.before).abs();
         if change >= WITNESS {
             let off = (self.now - self.stood).abs();
@@ -220,12 +220,14 @@ impl Moved {
         let bands = before.bands.iter().zip(&now.bands);
         for ((before, now), (top, _)) in bands.zip(rows_of_bands(height)) {
             let rows = top as f64 - height as f64 / 2.0;
-            self.ask_band(before, now, rows, sway, &mut votes);
+            self.vote_band(before, now, rows, sway, &mut votes);
         }
         let horizon = height as f64 / 2.0 - top_of_strips(height) as f64;
         for (strip, (before, now)) in before.strips.iter().zip(&now.strips).enumerate() {
             let right = 2 * strip >= STRIPS;
-            self.ask_strip(before, now, horizon, |sample| sample.ask(right, &mut votes));
+            self.vote_strip(before, now, horizon, |sample| {
+                sample.vote(right, &mut votes);
+            });
         }
         votes
     }
@@ -241,7 +243,7 @@ impl Moved {
         depth / (depth - self.way).max(0.05)
     }
 
-    fn ask_band(&self, before: &[f32], now: &[f32], rows: f64, sway: i32, votes: &mut Votes) {
+    fn vote_band(&self, before: &[f32], now: &[f32], rows: f64, sway: i32, votes: &mut Votes) {
         let middle = before.len() as f64 / 2.0 - 0.5;
         let growth = [false, true].map(|near| self.growth(rows, near));
         for (column, value) in now.iter().enumerate() {
@@ -259,12 +261,12 @@ impl Moved {
                     stood: swayed,
                     moved,
                 };
-                sample.ask(x > 0.0, votes);
+                sample.vote(x > 0.0, votes);
             }
         }
     }
 
-    fn ask_strip(&self, before: &[f32], now: &[f32], horizon: f64, mut ask: impl FnMut(&Sample)) {
+    fn vote_strip(&self, before: &[f32], now: &[f32], horizon: f64, mut vote: impl FnMut(&Sample)) {
         for (row, value) in now.iter().enumerate() {
             let y = row as f64 + 0.5 - horizon;
             let from = y / self.growth(y, false);
@@ -273,7 +275,7 @@ impl Moved {
             };
             if y > 0.0 && (y - from).abs() >= LEAST_SHIFT {
                 let stood = f64::from(before[row]);
-                ask(&Sample {
+                vote(&Sample {
                     before: stood,
                     now: f64::from(*value),
                     stood,

@@ -74,8 +74,8 @@ fn search_in(picture: &GrayImage) -> Option<(Vec<QrCode>, QrWork)> {
     let mut bitmap = Bitmap::new(width, height, |x, y| prepared.get_pixel_at(x, y) != 0u8);
     let mut work = bitmap.limit_work()?;
     let black = |x: usize, y: usize| bitmap.is_black(x, y);
-    let mut tamed = rqrr::PreparedImage::prepare_from_bitmap(width, height, black);
-    let grids = tamed.detect_grids();
+    let mut limited = rqrr::PreparedImage::prepare_from_bitmap(width, height, black);
+    let grids = limited.detect_grids();
     let codes: Vec<_> = grids.iter().take(MAX_CODES).map(read).collect();
     work.decoded = codes.len();
     Some((codes.into_iter().flatten().collect(), work))

@@ -144,9 +144,9 @@ pub fn compare(
         return Verdict::Unknown;
     }
     let curve = drive.forward != 0.0 && expected.turn != 0.0;
-    let votes = |sway: isize, asked: &dyn Fn(&Witness) -> bool| {
+    let votes = |sway: isize, filter: &dyn Fn(&Witness) -> bool| {
         let mut votes = Votes::default();
-        for one in witnesses.iter().filter(|one| asked(one)) {
+        for one in witnesses.iter().filter(|one| filter(one)) {
             if let Some(still) = one.stands(before, now, expected.sway_at(one.place, sway)) {
                 votes.add(one.place.0 + TILE / 2 >= now.w / 2, still);
             }
@@ -181,7 +181,7 @@ pub fn compare(
             continue;
         }
         stands = !drives || (!curve && both()) || {
-            let sure = votes(sway, &|one| one.is_unlike_any_sway(before, slides));
+            let sure = votes(sway, &|one| one.differs_from_any_sway(before, slides));
             sure.count() >= FEWEST_WITNESSES && sure.share() >= STANDS
         };
         if stands {
@@ -233,14 +233,14 @@ impl Witness {
 
     /// Whether no sway looks like the movement here. A straight edge through the tile does not show
     /// how far it has moved along itself.
-    fn is_unlike_any_sway(&self, before: &HalfLuma, slides: isize) -> bool {
+    fn differs_from_any_sway(&self, before: &HalfLuma, slides: isize) -> bool {
         let (right, down) = self.shift;
         let here = || before.tile(self.place.0, self.place.1);
         let slides = slides + 2 * (right.abs() + down.abs());
         (-slides..=slides).all(|slid| {
-            let unlike =
+            let least =
                 difference_after_motion(before, self.place, (right + slid, down), here, WITNESS);
-            unlike.is_none_or(|unlike| unlike >= WITNESS)
+            least.is_none_or(|least| least >= WITNESS)
         })
     }
 

@@ -70,7 +70,9 @@ impl Skyline {
         let most = (count as f64 * (1.0 - OVERLAP)) as isize;
         let place = |angle: f64| ((angle / STEP).round() as isize).clamp(-most, most);
         let (first, last) = (place(expected - reach), place(expected + reach));
-        let costs: Vec<f64> = (first..=last).map(|by| self.unlike(before, by)).collect();
+        let costs: Vec<f64> = (first..=last)
+            .map(|by| self.difference(before, by))
+            .collect();
         let (best, least) = costs
             .iter()
             .copied()
@@ -91,7 +93,7 @@ impl Skyline {
 
     /// The difference of the skylines for a turn to the left by `by` samples, which moves
     /// everything that many samples to the right.
-    fn unlike(&self, before: &Skyline, by: isize) -> f64 {
+    fn difference(&self, before: &Skyline, by: isize) -> f64 {
         let count = self.places.len() as isize;
         let (from, to) = (by.max(0), count + by.min(0));
         let differences = (from..to)

@@ -257,7 +257,8 @@ fn threads() -> Option<u64> {
     all.parse().ok()
 }
 
-/// Returns whether the kernel enforces the rules.
+/// Restricts access to files, the network and other processes with landlock. Returns whether the
+/// kernel enforces the rules.
 fn restrict_files(policy: &SandboxPolicy) -> Result<bool, RulesetError> {
     let ruleset = Ruleset::default()
         .handle_access(AccessFs::from_all(LANDLOCK))?
@@ -273,7 +274,7 @@ fn restrict_files(policy: &SandboxPolicy) -> Result<bool, RulesetError> {
     Ok(status != RulesetStatus::NotEnforced)
 }
 
-/// Adds a rule for each folder. One that does not exist gets none: then nothing can be saved in it.
+/// Adds a rule for each folder or file. One that does not exist gets none and stays inaccessible.
 fn allow(
     ruleset: RulesetCreated,
     folders: &[PathBuf],

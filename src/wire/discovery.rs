@@ -99,9 +99,9 @@ mod tests {
             uid: "SPYKEE0001".into(),
             connected_user: Some("a".repeat(80)),
         };
-        let said = reply.emit();
-        assert_eq!(said.len(), MAX_REPLY_LEN);
-        assert_eq!(usize::from(said[5]), MAX_REPLY_LEN - 6);
+        let datagram = reply.emit();
+        assert_eq!(datagram.len(), MAX_REPLY_LEN);
+        assert_eq!(usize::from(datagram[5]), MAX_REPLY_LEN - 6);
         let empty = Reply::parse(b"DSCV\x02\x15uid=S,connected-user=").unwrap();
         assert_eq!(empty.connected_user, None);
     }

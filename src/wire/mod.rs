@@ -7,13 +7,13 @@
 #![doc = include_str!("PROTOCOL.md")]
 
 mod command;
+mod debug;
 pub mod discovery;
 mod listing;
 mod packet;
 #[cfg(test)]
 mod protocol;
 mod report;
-mod shown;
 mod text;
 mod values;
 

@@ -112,7 +112,7 @@ impl Decoder {
     }
 
     /// The received part of an incomplete VIDEO message's payload.
-    pub fn coming_frame(&self) -> Option<&[u8]> {
+    pub fn partial_frame(&self) -> Option<&[u8]> {
         let payload = self.partial.get(HEADER_LEN..)?;
         (self.partial[KIND_OFFSET] == super::kind::VIDEO).then_some(payload)
     }
@@ -184,13 +184,13 @@ mod tests {
         let frame: &[u8] = &[0x50, 0x4B, super::super::kind::VIDEO, 0, 3, 7, 8];
         let mut decoder = Decoder::new();
         assert_eq!(decoder.decode(&mut &frame[..4]), Ok(None));
-        assert_eq!(decoder.coming_frame(), None);
+        assert_eq!(decoder.partial_frame(), None);
         assert_eq!(decoder.decode(&mut &frame[4..]), Ok(None));
-        assert_eq!(decoder.coming_frame(), Some([7, 8].as_slice()));
+        assert_eq!(decoder.partial_frame(), Some([7, 8].as_slice()));
         let power: &[u8] = &[0x50, 0x4B, super::super::kind::POWER, 0, 2, 50];
         let mut decoder = Decoder::new();
         assert_eq!(decoder.decode(&mut &*power), Ok(None));
-        assert_eq!(decoder.coming_frame(), None);
+        assert_eq!(decoder.partial_frame(), None);
     }
 
     #[test]

@@ -201,7 +201,7 @@ impl Drop for Guard {
 struct Session {
     stream: TcpStream,
     decoder: Decoder,
-    told: (i8, i8),
+    last_move: (i8, i8),
     /// The client has requested frames.
     video: bool,
 }
@@ -212,7 +212,7 @@ impl Session {
         let mut session = Session {
             stream,
             decoder: Decoder::new(),
-            told: (0, 0),
+            last_move: (0, 0),
             video: false,
         };
         session.wait_for(|command| matches!(command, wire::Command::Login(_)));
@@ -254,9 +254,9 @@ impl Session {
             let (mut input, mut found) = (&chunk[..count], false);
             while let Some(packet) = self.decoder.decode(&mut input).unwrap() {
                 let command = wire::Command::parse(packet);
-                found |= wanted(&command, self.told);
+                found |= wanted(&command, self.last_move);
                 match command {
-                    wire::Command::Move { left, right } => self.told = (left, right),
+                    wire::Command::Move { left, right } => self.last_move = (left, right),
                     wire::Command::Stream {
                         stream: Stream::Video,
                         on,
@@ -295,7 +295,7 @@ impl Session {
         // Measured before the write: the reader may run before the writer continues.
         let shown = Instant::now();
         self.stream.write_all(last).unwrap();
-        let changed = |command: &wire::Command, told: (i8, i8)| matches!(command, wire::Command::Move { left, right } if (*left, *right) != told);
+        let changed = |command: &wire::Command, last_move: (i8, i8)| matches!(command, wire::Command::Move { left, right } if (*left, *right) != last_move);
         self.listen(due, changed).then(|| shown.elapsed())
     }
 }

@@ -44,7 +44,7 @@ struct Arguments {
 }
 
 /// Number of robots between two progress messages.
-const TELL_EVERY: usize = 10;
+const PROGRESS_EVERY: usize = 10;
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().filter(|one| one != "--bench").collect();
@@ -103,13 +103,13 @@ fn row(arguments: &Arguments, place: &Place, strategy: Strategy) -> Row {
         format!("{}, {}", place.name.text(), strategy.text()),
         Instant::now(),
     );
-    let told = |done: usize| {
-        if done.is_multiple_of(TELL_EVERY) || done == starts.len() {
+    let report_progress = |done: usize| {
+        if done.is_multiple_of(PROGRESS_EVERY) || done == starts.len() {
             let (all, seconds) = (starts.len(), began.elapsed().as_secs_f64());
             eprintln!("{what}: {done} of {all} done, {seconds:.0} s");
         }
     };
-    let played = play_all(place, strategy, &starts, threads, &told);
+    let played = play_all(place, strategy, &starts, threads, &report_progress);
     if arguments.list {
         println!("{what}");
         played.iter().for_each(|one| println!("  {one}"));

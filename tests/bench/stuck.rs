@@ -96,13 +96,13 @@ fn score(name: &str, arguments: &Arguments) -> Score {
 }
 
 fn play(name: &str, seed: u64, time: Duration) -> Score {
-    let heard = Arc::new(Mutex::new(Vec::new()));
-    let hear = heard.clone();
+    let logged = Arc::new(Mutex::new(Vec::new()));
+    let recorded = logged.clone();
     let options = lab::Options {
         seed,
         events: Some(Recorder::new(move |event: Event| {
             if let (EventKind::Log, Some(said)) = (event.kind, Said::parse(&event.text)) {
-                hear.lock().unwrap().push((event.at, said));
+                recorded.lock().unwrap().push((event.at, said));
             }
         })),
         ..lab::Options::default()
@@ -126,8 +126,8 @@ fn play(name: &str, seed: u64, time: Duration) -> Score {
         drop(run.outcome().await);
     })
     .unwrap();
-    let heard = heard.lock().unwrap().clone();
-    looks.score(&heard, time, &format!("{name}, seed {seed}"))
+    let logged = logged.lock().unwrap().clone();
+    looks.score(&logged, time, &format!("{name}, seed {seed}"))
 }
 
 /// Returns the kind of thing that the robot ran into last.

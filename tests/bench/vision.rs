@@ -140,10 +140,12 @@ fn blobs_of_a_picture(bencher: Bencher<'_, '_>, count: usize) {
 
 #[divan::bench(args = [1, 4, 16])]
 fn blobs_of_a_frame(bencher: Bencher<'_, '_>, count: usize) {
-    let (mut eyes, mut key, colours) = (FrameAnalyser::new(Camera::default()), 0, colours(count));
+    let (mut analyser, mut key, colours) =
+        (FrameAnalyser::new(Camera::default()), 0, colours(count));
     in_turn(bencher, frames(), |jpeg| {
         key += 1;
-        eyes.find_blobs(key, jpeg, &colours, &BlobOptions::default())
+        analyser
+            .find_blobs(key, jpeg, &colours, &BlobOptions::default())
             .unwrap()
             .len()
     });

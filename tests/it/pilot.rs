@@ -267,7 +267,7 @@ async fn streams_are_switched_on_again_after_a_reconnect() {
             }
     };
     let first = rig.heard(0, on).await;
-    rig.sim.cut();
+    rig.sim.disconnect_all();
     test_pilot
         .wait_for(|event| matches!(event, Event::Disconnected { .. }))
         .await;

@@ -355,7 +355,7 @@ async fn after_a_lost_link_the_first_command_is_a_stop() {
     );
     let moving = rig.heard_motion(0).await;
     let first = rig.sim.heard_since(moving)[0].client;
-    rig.sim.cut();
+    rig.sim.disconnect_all();
     run.says("disconnected").await;
     let again = async {
         loop {
@@ -491,7 +491,7 @@ async fn a_run_that_waits_for_a_low_robot_survives_a_dropped_link_and_ends_on_an
     rig.sim.set_battery(15.0);
     run.says("staying until the robot is on its station").await;
     let dropped = rig.sim.heard_count();
-    rig.sim.cut();
+    rig.sim.disconnect_all();
     rig.heard_dock(dropped).await;
     assert!(run.lives(), "{}", run.text());
     run.signal(Signal::INT);

@@ -641,7 +641,7 @@ async fn a_handle_changes_the_simulation() {
         .await
         .unwrap();
 
-    handle.cut();
+    handle.disconnect_all();
     while client.next().await.is_some() {}
     timeout(LIMIT, handle.wait_state(|state| state.user.is_none()))
         .await

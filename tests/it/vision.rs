@@ -71,15 +71,18 @@ fn a_frame_is_decoded_once_however_often_it_is_used() {
     for _ in 0..3 {
         eyes.find_blobs(7, &bytes, &red, &BlobOptions::default())
             .unwrap();
-        eyes.look(7, &bytes).unwrap();
+        eyes.decode(7, &bytes).unwrap();
     }
     assert_eq!(eyes.decoded(), 1);
-    eyes.look(8, &bytes).unwrap();
+    eyes.decode(8, &bytes).unwrap();
     assert_eq!(eyes.decoded(), 2);
-    assert!(eyes.look(9, &bytes[..900]).is_err());
-    assert_eq!(eyes.look(9, &bytes[..900]).unwrap_err(), FrameError::NoEnd);
+    assert!(eyes.decode(9, &bytes[..900]).is_err());
+    assert_eq!(
+        eyes.decode(9, &bytes[..900]).unwrap_err(),
+        FrameError::NoEnd
+    );
     assert_eq!(eyes.decoded(), 3);
-    eyes.look(10, &bytes).unwrap();
+    eyes.decode(10, &bytes).unwrap();
 }
 
 #[test]
@@ -133,7 +136,7 @@ fn every_kind_of_jpeg_shows_the_same_balls() {
     let colours = ["red", "blue"].map(|name| Colour::named(name).unwrap());
     let mut eyes = FrameAnalyser::new(Camera::default());
     for (key, (kind, bytes)) in (0..).zip(kinds()) {
-        let size = eyes.look(key, bytes).unwrap().size();
+        let size = eyes.decode(key, bytes).unwrap().size();
         assert_eq!((size.width, size.height), (99, 75), "{kind}");
         let blobs = eyes
             .find_blobs(key, bytes, &colours, &BlobOptions::default())
@@ -222,7 +225,7 @@ fn marks_are_drawn_on_a_copy() {
         )
         .unwrap()
         .to_vec();
-    let image = eyes.look(1, &bytes).unwrap();
+    let image = eyes.decode(1, &bytes).unwrap();
     let marks: Vec<Mark<'_>> = blobs
         .iter()
         .map(|blob| Mark {
@@ -291,7 +294,7 @@ fn nothing_is_allocated_per_frame_once_warm() {
                 .len();
             let line = eyes.find_line(key, jpeg, &colours[..1], None).unwrap();
             seen += usize::from(line.is_some());
-            let image = eyes.look(key, jpeg).unwrap();
+            let image = eyes.decode(key, jpeg).unwrap();
             seen += motion.update(image).blobs.len();
             seen += usize::from(brightness(image, None) > 0.1)
                 + usize::from(sharpness(image, None) > 0.1);
@@ -330,7 +333,7 @@ proptest! {
         let mut eyes = FrameAnalyser::new(Camera::default());
         let colours = [Colour::named("red").unwrap()];
         if eyes.find_blobs(1, &bytes, &colours, &BlobOptions::default()).is_ok() {
-            prop_assert_eq!(Ok(eyes.look(1, &bytes).unwrap().size()), validate_markers(&bytes));
+            prop_assert_eq!(Ok(eyes.decode(1, &bytes).unwrap().size()), validate_markers(&bytes));
         }
     }
 }

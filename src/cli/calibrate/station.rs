@@ -98,7 +98,7 @@ fn find_front(
 ) -> Result<(Size, Option<Front>), Failure> {
     let jpeg = picture::read(path)?;
     let unusable = |error: FrameError| picture::unusable(path, &error);
-    let size = analyser.look(key, &jpeg).map_err(unusable)?.size();
+    let size = analyser.decode(key, &jpeg).map_err(unusable)?.size();
     let dark = Colour::lab([0.0, 34.0], [-14.0, 14.0], [-18.0, 14.0]).map_err(Failure::usage)?;
     let options = BlobOptions {
         pixels_threshold: 20,
@@ -110,7 +110,7 @@ fn find_front(
         .find_blobs(key, &jpeg, &[dark], &options)
         .map_err(unusable)?;
     let blobs = blobs.to_vec();
-    let image = analyser.look(key, &jpeg).map_err(unusable)?;
+    let image = analyser.decode(key, &jpeg).map_err(unusable)?;
     Ok((size, blobs.iter().find_map(|blob| station_in(image, blob))))
 }
 

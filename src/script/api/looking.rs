@@ -32,14 +32,18 @@ const LINE_MARGIN: f64 = 4.0;
 impl State {
     /// The picture of a frame; `None` for a damaged one, which is counted.
     pub(super) fn image(&mut self, held: &HeldFrame) -> Option<&Image> {
-        if let Err(error) = self.frames.analyser.look(held.frame.seq, &held.frame.jpeg) {
+        if let Err(error) = self
+            .frames
+            .analyser
+            .decode(held.frame.seq, &held.frame.jpeg)
+        {
             self.note_damage(held.frame.seq, &error);
             return None;
         }
         // The frame is decoded already: this only borrows it again.
         self.frames
             .analyser
-            .look(held.frame.seq, &held.frame.jpeg)
+            .decode(held.frame.seq, &held.frame.jpeg)
             .ok()
     }
 

@@ -51,7 +51,7 @@ impl Script {
             .borrow_mut()
             .frames
             .analyser
-            .look_ahead(beginning);
+            .decode_ahead(beginning);
     }
 
     /// Repeats what the script did with the newest frame, to warm up caches for the next one; does

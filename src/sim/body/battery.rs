@@ -13,7 +13,7 @@ pub(crate) struct Battery {
     settings: BatterySettings,
     percent: f64,
     charging: bool,
-    full_told: bool,
+    full_reported: bool,
 }
 
 impl Battery {
@@ -23,7 +23,7 @@ impl Battery {
             settings,
             percent: settings.level,
             charging: false,
-            full_told: false,
+            full_reported: false,
         }
     }
 
@@ -49,7 +49,7 @@ impl Battery {
     /// Connects or disconnects the charger.
     pub(crate) fn set_charging(&mut self, charging: bool) {
         if charging != self.charging {
-            self.full_told = false;
+            self.full_reported = false;
         }
         self.charging = charging;
     }
@@ -73,9 +73,9 @@ impl Battery {
 
     /// Whether the battery has become full since the last call. True once per stay on the charger.
     pub(crate) fn take_full(&mut self) -> bool {
-        let news = self.charging && self.percent >= 100.0 && !self.full_told;
-        self.full_told |= news;
-        news
+        let newly_full = self.charging && self.percent >= 100.0 && !self.full_reported;
+        self.full_reported |= newly_full;
+        newly_full
     }
 
     /// Returns the content of POWER. A charging battery reports at least 1, because the wire format

@@ -42,7 +42,7 @@ impl Contacts {
     }
 
     /// Updates whether the contacts touch, for a robot at `pose`.
-    pub(super) fn touch(&mut self, station: &Station, pose: Pose) {
+    pub(super) fn update(&mut self, station: &Station, pose: Pose) {
         self.touching = station.touched(pose, self.touching);
     }
 

@@ -22,7 +22,7 @@ pub(crate) struct Grip {
 }
 
 impl Grip {
-    /// Creates the grip; the seed determines which track is slower.
+    /// Creates the grip; the seed determines by how much each track is slower, and how it slips.
     pub(crate) fn new(settings: TrackSettings, seed: u64) -> Grip {
         // A separate random sequence, independent of the noise of the frames.
         let mut random = StdRng::seed_from_u64(seed ^ 0x7472_6163_6b73);

@@ -109,9 +109,9 @@ mod tests {
         let mut memory = Memory::new("1.0.22");
         let line = memory.configure(b"name=Anna&nonsense=1&version=9");
         assert_eq!(line, "config set: name");
-        let told = join_settings(&memory.settings(80));
-        let told = parse_settings(&told);
-        let value = |key: &str| told.iter().find(|s| s.key == key).map(|s| s.value.as_str());
+        let text = join_settings(&memory.settings(80));
+        let sent = parse_settings(&text);
+        let value = |key: &str| sent.iter().find(|s| s.key == key).map(|s| s.value.as_str());
         assert_eq!(
             (value("name"), value("version")),
             (Some("Anna"), Some("1.0.22"))

@@ -136,7 +136,7 @@ impl Robot {
         self.note("user disconnected");
     }
 
-    /// Reboots in place: resets all commanded state and keeps the battery's level.
+    /// Reboots in place: resets all commanded state and the log, and keeps the battery's level.
     pub fn reboot(&mut self) {
         self.commanded = Tracks::default();
         self.docking.stop();
@@ -272,11 +272,11 @@ impl Robot {
         } else {
             self.grip.step(wanted, dt)
         });
-        self.move_on(dt);
+        self.step_motion(dt);
     }
 
-    /// Moves the robot and everything else that moves by `dt`.
-    fn move_on(&mut self, dt: Duration) {
+    /// Moves the robot and everything else that moves, for `dt`.
+    fn step_motion(&mut self, dt: Duration) {
         self.surroundings.step(dt.as_secs_f64(), &self.chassis);
         let speed = self.chassis.forward_speed();
         let before = self.chassis.collisions();
@@ -294,7 +294,7 @@ impl Robot {
     /// Updates the contacts with the station, and reports changes.
     fn update_contacts(&mut self) {
         let station = &self.surroundings.world.station;
-        self.contacts.touch(station, self.chassis.pose);
+        self.contacts.update(station, self.chassis.pose);
         self.battery.set_charging(self.contacts.charging());
         if self.contacts.touching() && self.docking.searching() {
             self.docking.stop();
@@ -358,7 +358,7 @@ impl Robot {
     }
 
     fn report_engine(&mut self, report: EngineReport) {
-        self.note(&format!("engine says {report:?}"));
+        self.note(&format!("engine reports {report:?}"));
         match report {
             EngineReport::Docked => self.mark(TraceEventKind::Docked),
             EngineReport::Undocked => self.mark(TraceEventKind::Undocked),

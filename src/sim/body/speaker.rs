@@ -13,11 +13,11 @@ struct Voice {
     /// Change of the frequency from start to end, hertz; positive is up.
     sweep: f64,
     /// Number of separate beeps; 1 is one continuous sound.
-    bips: u32,
+    beeps: u32,
 }
 
 fn voice(sound: Sound) -> Option<Voice> {
-    let (millis, hertz, sweep, bips) = match sound {
+    let (millis, hertz, sweep, beeps) = match sound {
         Sound::Alarm => (2500, 900.0, 500.0, 5),
         Sound::Bomb => (2800, 220.0, -180.0, 1),
         Sound::Laser => (700, 1800.0, -1500.0, 1),
@@ -37,7 +37,7 @@ fn voice(sound: Sound) -> Option<Voice> {
         millis,
         hertz,
         sweep,
-        bips,
+        beeps,
     })
 }
 
@@ -121,10 +121,10 @@ impl Speaker {
             return 0.0;
         };
         let share = playing.played.as_secs_f64() / playing.length.as_secs_f64().max(1e-3);
-        let bip = (share * f64::from(voice.bips)).fract();
-        let hertz = voice.hertz + voice.sweep * if voice.bips > 1 { bip } else { share };
+        let beep = (share * f64::from(voice.beeps)).fract();
+        let hertz = voice.hertz + voice.sweep * if voice.beeps > 1 { beep } else { share };
         self.phase = (self.phase + TAU * hertz * seconds) % TAU;
-        let pause = voice.bips > 1 && bip > 0.6;
+        let pause = voice.beeps > 1 && beep > 0.6;
         let loudness = if pause {
             0.0
         } else {

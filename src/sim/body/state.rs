@@ -74,7 +74,8 @@ pub struct State {
     pub searching: bool,
     /// The robot is backing out of the station.
     pub leaving: bool,
-    /// The last MOVE as received; 0 if the tracks were stopped or a manoeuvre was started since.
+    /// The last MOVE that was not ignored, as received; 0 if since then the firmware stopped the
+    /// tracks, or a manoeuvre was started or cancelled.
     pub commanded: Tracks<i8>,
     /// The actual speeds of the tracks, metres per second.
     pub speeds: Tracks<f64>,

@@ -10,7 +10,7 @@ const LEN: usize = WIDTH * HEIGHT * 4;
 /// Number of possible offsets, in pixels, of the noise of a frame.
 const SHIFTS: usize = 4096;
 /// Range of the noise at strength 1, on the scale 0..=255.
-const MAX_AMPLITUDE: f64 = 32.0;
+const MAX_RANGE: f64 = 32.0;
 
 /// Noise for frames: generated once, and added to each frame at a random offset.
 pub(crate) struct Grain {
@@ -24,7 +24,7 @@ impl Grain {
     /// Creates noise of this strength, 0..=1.
     pub(crate) fn new(strength: f64, seed: u64) -> Grain {
         let mut random = StdRng::seed_from_u64(seed);
-        let middle = (strength.clamp(0.0, 1.0) * MAX_AMPLITUDE / 2.0).round() as u8;
+        let middle = (strength.clamp(0.0, 1.0) * MAX_RANGE / 2.0).round() as u8;
         let mut bytes = vec![0; LEN / 4 + SHIFTS];
         random.fill_bytes(&mut bytes);
         let level = |byte: u8| (u16::from(byte) * (2 * u16::from(middle) + 1) / 256) as u8;

@@ -9,7 +9,7 @@ pub(crate) type Rgb = [f32; 3];
 
 /// Distance between the centres of things on a wall, metres.
 const BAY: f32 = 1.7;
-/// Height of a door, metres; walls that are not higher stay bare.
+/// Height of a door, metres; walls that are less than 0.1 m higher stay bare.
 const DOOR: f32 = 2.0;
 
 /// Kinds of vertical surfaces.

@@ -23,7 +23,7 @@ const MAX_WAITING: usize = 256;
 pub(super) struct Lane {
     towards: Direction,
     active_faults: watch::Receiver<ActiveFaults>,
-    momentary: broadcast::Receiver<Fault>,
+    beginnings: broadcast::Receiver<Fault>,
     rng: StdRng,
     splitter: Splitter,
     /// Momentary faults to be applied to the next message.
@@ -42,13 +42,13 @@ impl Lane {
     pub(super) fn new(
         towards: Direction,
         active_faults: watch::Receiver<ActiveFaults>,
-        momentary: broadcast::Receiver<Fault>,
+        beginnings: broadcast::Receiver<Fault>,
         seed: u64,
     ) -> Lane {
         Lane {
             towards,
             active_faults,
-            momentary,
+            beginnings,
             rng: StdRng::seed_from_u64(seed),
             splitter: Splitter::default(),
             pending: Vec::new(),
@@ -91,8 +91,8 @@ impl Lane {
         loop {
             let parcels = tokio::select! {
                 biased;
-                received = self.momentary.recv() => match received {
-                    Ok(fault) => self.on_momentary(&fault),
+                received = self.beginnings.recv() => match received {
+                    Ok(fault) => self.on_beginning(&fault),
                     Err(broadcast::error::RecvError::Lagged(_)) => vec![],
                     Err(broadcast::error::RecvError::Closed) => return,
                 },
@@ -116,7 +116,8 @@ impl Lane {
         }
     }
 
-    fn on_momentary(&mut self, fault: &Fault) -> Vec<Parcel> {
+    /// Applies a fault that begins now, if it is momentary; lasting ones are in `active_faults`.
+    fn on_beginning(&mut self, fault: &Fault) -> Vec<Parcel> {
         if !fault.towards.covers(self.towards) {
             return vec![];
         }

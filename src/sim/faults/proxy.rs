@@ -38,15 +38,15 @@ pub(crate) async fn forward(
     let (robot_reader, robot_writer) = tokio::io::split(robot);
     let FaultFeed {
         mut active_faults,
-        momentary,
+        beginnings,
         seed,
         unacknowledged,
     } = feed;
     let lane =
-        |towards, momentary, seed| Lane::new(towards, active_faults.clone(), momentary, seed);
-    let mut to_robot = lane(Direction::Robot, momentary.resubscribe(), seed);
+        |towards, beginnings, seed| Lane::new(towards, active_faults.clone(), beginnings, seed);
+    let mut to_robot = lane(Direction::Robot, beginnings.resubscribe(), seed);
     to_robot.unacknowledged = unacknowledged;
-    let to_client = lane(Direction::Client, momentary, seed.wrapping_add(1));
+    let to_client = lane(Direction::Client, beginnings, seed.wrapping_add(1));
     let mut to_robot = Box::pin(to_robot.run(client_reader, robot_writer));
     let mut to_client = Box::pin(to_client.run(robot_reader, client_writer));
     let end = tokio::select! {

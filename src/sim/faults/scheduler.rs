@@ -1,5 +1,5 @@
-//! Tracks all faults over time: which are active, which momentary ones occur now, and which changes
-//! the robot must apply. Uses no clock; informs the connections through channels that never block.
+//! Tracks all faults over time: which are active, which begin now, and which changes the robot must
+//! apply. Uses no clock; informs the connections through channels that never block.
 
 use std::time::Duration;
 
@@ -13,8 +13,8 @@ use tokio::time::Instant;
 use super::fault::{Direction, Fault, FaultKind};
 use super::timing::{TimingState, Transition};
 
-/// Maximum number of unread momentary faults per connection; it misses older ones.
-const MAX_MOMENTARY: usize = 64;
+/// Maximum number of unread beginnings of faults per connection; it misses older ones.
+const MAX_UNREAD: usize = 64;
 
 /// The active faults.
 #[derive(Debug, Clone, Default)]
@@ -42,7 +42,8 @@ impl ActiveFaults {
 #[derive(Debug)]
 pub(crate) struct FaultFeed {
     pub(crate) active_faults: watch::Receiver<ActiveFaults>,
-    pub(crate) momentary: broadcast::Receiver<Fault>,
+    /// Each fault when it begins; how momentary ones take effect.
+    pub(crate) beginnings: broadcast::Receiver<Fault>,
     /// Seed of the connection's random numbers.
     pub(crate) seed: u64,
     /// See [`Options::unacknowledged`](crate::sim::Options::unacknowledged).
@@ -60,7 +61,7 @@ struct ScheduledFault {
 pub(crate) struct FaultScheduler {
     scheduled: Vec<ScheduledFault>,
     active_faults: watch::Sender<ActiveFaults>,
-    momentary: broadcast::Sender<Fault>,
+    beginnings: broadcast::Sender<Fault>,
     rng: StdRng,
     unacknowledged: Option<Duration>,
 }
@@ -72,7 +73,7 @@ impl FaultScheduler {
             unacknowledged,
             scheduled: Vec::new(),
             active_faults: watch::Sender::default(),
-            momentary: broadcast::Sender::new(MAX_MOMENTARY),
+            beginnings: broadcast::Sender::new(MAX_UNREAD),
             rng: StdRng::seed_from_u64(seed),
         }
     }
@@ -96,7 +97,7 @@ impl FaultScheduler {
     pub(crate) fn feed(&mut self) -> FaultFeed {
         FaultFeed {
             active_faults: self.active_faults.subscribe(),
-            momentary: self.momentary.subscribe(),
+            beginnings: self.beginnings.subscribe(),
             seed: self.rng.random(),
             unacknowledged: self.unacknowledged,
         }
@@ -113,7 +114,7 @@ impl FaultScheduler {
                     && draw_occurrence(&mut self.rng, &scheduled.fault);
                 if scheduled.on {
                     // Fails only if there is no connection, which is fine.
-                    let _ = self.momentary.send(scheduled.fault);
+                    let _ = self.beginnings.send(scheduled.fault);
                 }
                 if scheduled.on != was_on {
                     transitions.push((scheduled.fault.kind, transition));
@@ -157,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn lasting_faults_become_conditions_and_momentary_ones_are_broadcast() {
+    fn lasting_faults_become_active_and_every_beginning_is_broadcast() {
         let (mut scheduler, now) = (FaultScheduler::new(1, None), Instant::now());
         let mut feed = scheduler.feed();
         scheduler.begin(fault(FaultKind::HalfOpen, 2, 9, 1.0), now);
@@ -171,8 +172,11 @@ mod tests {
         ];
         assert_eq!(transitions, expected);
         assert!(feed.active_faults.borrow().drops_bytes(Direction::Robot));
-        assert_eq!(feed.momentary.try_recv().unwrap().kind, FaultKind::HalfOpen);
-        assert_eq!(feed.momentary.try_recv().unwrap().kind, FaultKind::Reset);
+        assert_eq!(
+            feed.beginnings.try_recv().unwrap().kind,
+            FaultKind::HalfOpen
+        );
+        assert_eq!(feed.beginnings.try_recv().unwrap().kind, FaultKind::Reset);
         assert_eq!(
             scheduler.poll(now + 3 * SECOND),
             [(FaultKind::HalfOpen, Transition::Ends)]

@@ -54,7 +54,7 @@ impl Trace {
         };
         plan::draw_onto(world, &mut canvas);
         let samples: Vec<Sample> = self.samples().collect();
-        draw_way(&mut canvas, &samples);
+        draw_path(&mut canvas, &samples);
         for (ball, place) in world.balls.iter().zip(self.balls()) {
             let [r, g, b] = ball.colour.0;
             canvas.dot(*place, ball.radius as f32 * canvas.scale, [r, g, b, 255]);
@@ -70,7 +70,7 @@ impl Trace {
     }
 }
 
-fn draw_way(canvas: &mut MapCanvas, samples: &[Sample]) {
+fn draw_path(canvas: &mut MapCanvas, samples: &[Sample]) {
     const PIECES: usize = 64;
     let legs: Vec<&[Sample]> = samples.chunk_by(|_, next| !next.placed).collect();
     for leg in &legs {
@@ -164,7 +164,7 @@ fn draw_marks(canvas: &mut MapCanvas, events: &[TraceEvent]) {
                 continue;
             }
             drawn.push((*mark, place));
-            let place = canvas.at(aside(*mark, event.pose));
+            let place = canvas.at(mark_place(*mark, event.pose));
             symbol(canvas, *mark, place, *ink);
             if let TraceEventKind::Note(text) = &event.kind {
                 canvas.label(event.pose.point(), 14.0, text, TextStyle::small(*ink));
@@ -174,7 +174,7 @@ fn draw_marks(canvas: &mut MapCanvas, events: &[TraceEvent]) {
 }
 
 /// Returns the place of a mark: collisions at the bumper, all others at the robot's centre.
-fn aside(mark: Mark, pose: Pose) -> Point {
+fn mark_place(mark: Mark, pose: Pose) -> Point {
     match mark {
         Mark::Collision => pose
             .point()

@@ -181,7 +181,7 @@ fn lamps_and_sounds(world: &World, canvas: &mut MapCanvas) {
 
 fn movers(world: &World, canvas: &mut MapCanvas) {
     for ball in &world.balls {
-        way(
+        draw_route(
             canvas,
             ball.at.point(),
             ball.path.as_ref(),
@@ -192,7 +192,7 @@ fn movers(world: &World, canvas: &mut MapCanvas) {
         canvas.ring(ball.at.point(), radius, 1.0, PALE);
     }
     for walker in &world.walkers {
-        way(canvas, walker.at.point(), walker.path.as_ref(), PALE);
+        draw_route(canvas, walker.at.point(), walker.path.as_ref(), PALE);
         let radius = walker.radius as f32 * canvas.scale;
         canvas.dot(walker.at.point(), radius, ink(walker.colour, 255));
         canvas.dot(walker.at.point(), radius * 0.5, [224, 190, 164, 255]);
@@ -200,7 +200,7 @@ fn movers(world: &World, canvas: &mut MapCanvas) {
 }
 
 /// Draws the dashed path of a moving thing, with its corners.
-fn way(canvas: &mut MapCanvas, from: Point, route: Option<&Route>, ink: Ink) {
+fn draw_route(canvas: &mut MapCanvas, from: Point, route: Option<&Route>, ink: Ink) {
     let Some(route) = route else {
         return;
     };
@@ -261,11 +261,11 @@ fn frame(world: &World, canvas: &mut MapCanvas) {
     canvas.rule((x, y - 6.0), (x, y + 6.0), 3.0, DARK);
     canvas.rule((end, y - 6.0), (end, y + 6.0), 3.0, DARK);
     canvas.write((end + 10.0, y - 8.0), "1 m", NAME);
-    explain_the_beacon(canvas, (end + 60.0, y));
+    draw_beacon_key(canvas, (end + 60.0, y));
 }
 
 /// Draws the key for the beacon's area at a pixel.
-fn explain_the_beacon(canvas: &mut MapCanvas, (x, y): (f32, f32)) {
+fn draw_beacon_key(canvas: &mut MapCanvas, (x, y): (f32, f32)) {
     let corners = [
         (x, y - 7.0),
         (x + 22.0, y - 7.0),

@@ -91,7 +91,7 @@ impl Clients {
     /// Makes a user without a connection here the current user; returns true if this disconnected
     /// another user.
     pub(crate) fn take_over(&mut self, name: &str) -> bool {
-        let disconnected = self.user_id().is_some_and(|id| self.cut(id));
+        let disconnected = self.user_id().is_some_and(|id| self.disconnect(id));
         self.user = Some((EXTERNAL_USER, name.to_owned()));
         disconnected
     }
@@ -121,7 +121,7 @@ impl Clients {
     }
 
     /// Disconnects and removes a client; returns true if it was the user.
-    pub(crate) fn cut(&mut self, id: u64) -> bool {
+    pub(crate) fn disconnect(&mut self, id: u64) -> bool {
         if let Some(client) = self.all.remove(&id) {
             client.cut.cancel();
             self.dropped += client.reports.dropped();

@@ -26,7 +26,7 @@ pub(crate) enum Request {
     Place(Pose),
     Beacon(bool),
     Inject(Report),
-    Cut,
+    DisconnectAll,
     Begin(Fault),
     ClearFaults,
     Connect(Box<dyn Transport>),
@@ -204,8 +204,8 @@ impl Handle {
     }
 
     /// Closes all connections without a message.
-    pub fn cut(&self) {
-        self.request(Request::Cut);
+    pub fn disconnect_all(&self) {
+        self.request(Request::DisconnectAll);
     }
 
     /// Adds a fault; its times count from now.

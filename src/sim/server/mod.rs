@@ -103,14 +103,14 @@ impl Server {
             tokio::select! {
                 biased;
                 _ = ticks.tick() => {
-                    site.pass_time();
-                    sockets.appear(!site.is_rebooting()).await;
+                    site.advance();
+                    sockets.set_visible(!site.is_rebooting()).await;
                 }
-                Some(request) = requests.recv() => site.serve(request),
-                Some(event) = events.recv() => site.take(event),
+                Some(request) = requests.recv() => site.handle_request(request),
+                Some(event) = events.recv() => site.handle_event(event),
                 (stream, breaker) = sockets.accept() => site.admit(stream, breaker),
                 Some((length, from)) = sockets.receive(&mut datagram) => {
-                    sockets.answer(&site.introduction(), &datagram[..length], from).await;
+                    sockets.answer(&site.discovery_reply(), &datagram[..length], from).await;
                 }
                 () = site.reap() => {}
             }

@@ -108,7 +108,7 @@ impl Site {
     }
 
     /// Returns the discovery reply.
-    pub(crate) fn introduction(&self) -> discovery::Reply {
+    pub(crate) fn discovery_reply(&self) -> discovery::Reply {
         let connected_user = self.clients.user().map(str::to_owned);
         discovery::Reply {
             uid: self.uid.clone(),
@@ -117,7 +117,7 @@ impl Site {
     }
 
     /// Advances the simulation to the current time.
-    pub(crate) fn pass_time(&mut self) {
+    pub(crate) fn advance(&mut self) {
         let now = Instant::now();
         for _ in 0..MAX_CATCH_UP {
             if now.duration_since(self.stepped) < STEP {
@@ -134,21 +134,21 @@ impl Site {
         self.clients
             .overdue(now)
             .into_iter()
-            .for_each(|id| self.cut(id));
+            .for_each(|id| self.disconnect(id));
         let transitions = self.scheduler.as_mut().map(|scheduler| scheduler.poll(now));
         self.apply_transitions(transitions.unwrap_or_default());
         self.publish();
     }
 
     /// Handles a request from a handle.
-    pub(super) fn serve(&mut self, request: Request) {
+    pub(super) fn handle_request(&mut self, request: Request) {
         match request {
             Request::Battery(percent) => self.robot.set_battery(percent),
             Request::ChargerWorks(works) => self.robot.set_charger_works(works),
             Request::Place(pose) => self.robot.place(pose),
             Request::Beacon(on) => self.robot.set_beacon(on),
             Request::Inject(report) => self.send_report(&report),
-            Request::Cut => self.cut_all(),
+            Request::DisconnectAll => self.disconnect_all(),
             Request::Begin(fault) => self.begin_fault(fault),
             Request::ClearFaults => {
                 let transitions = self.scheduler.as_mut().map(FaultScheduler::clear);
@@ -162,9 +162,9 @@ impl Site {
     }
 
     /// Handles an event from a connection.
-    pub(crate) fn take(&mut self, event: Event) {
+    pub(crate) fn handle_event(&mut self, event: Event) {
         match event {
-            Event::Gone { client } => self.cut(client),
+            Event::Gone { client } => self.disconnect(client),
             Event::Commands {
                 client,
                 write,
@@ -225,10 +225,10 @@ impl Site {
             tracing::info!(target: "spykee::sim", trouble = ?kind, turn = ?transition, "a fault");
             let begins = transition == Transition::Begins;
             match kind {
-                FaultKind::Drop if begins => self.cut_all(),
+                FaultKind::Drop if begins => self.disconnect_all(),
                 FaultKind::Reboot { forgets } => {
                     self.rebooting = begins;
-                    self.cut_all();
+                    self.disconnect_all();
                     if forgets && begins {
                         self.robot.reboot();
                     }
@@ -283,7 +283,7 @@ impl Site {
             Command::Login(login) => self.log_in(client, &login),
             Command::Move { .. } if !self.clients.is_user(client) || !opened => {
                 tracing::info!(target: "spykee::sim", client, "MOVE before login and POWER");
-                self.cut(client);
+                self.disconnect(client);
             }
             _ if !self.clients.is_user(client) => {}
             command => self.robot.execute(&command),
@@ -325,12 +325,15 @@ impl Site {
         self.robot.begin_session();
     }
 
-    fn cut_all(&mut self) {
-        self.clients.ids().into_iter().for_each(|id| self.cut(id));
+    fn disconnect_all(&mut self) {
+        self.clients
+            .ids()
+            .into_iter()
+            .for_each(|id| self.disconnect(id));
     }
 
-    fn cut(&mut self, client: u64) {
-        if self.clients.cut(client) {
+    fn disconnect(&mut self, client: u64) {
+        if self.clients.disconnect(client) {
             self.robot.end_session();
         }
     }
@@ -347,11 +350,11 @@ impl Site {
             tracing::debug!(target: "spykee::sim::said", "{report:?}");
         }
         if !self.clients.send_report(report) {
-            tracing::info!(target: "spykee::sim", "the client asks and never reads: cut off");
+            tracing::info!(target: "spykee::sim", "the client sends requests but never reads: disconnected");
             self.clients
                 .user_id()
                 .into_iter()
-                .for_each(|id| self.cut(id));
+                .for_each(|id| self.disconnect(id));
         }
     }
 

@@ -85,7 +85,7 @@ impl Sockets {
 
     /// Closes the sockets, or opens them again at the same address; the next call tries again if
     /// that fails.
-    pub(super) async fn appear(&mut self, visible: bool) {
+    pub(super) async fn set_visible(&mut self, visible: bool) {
         if !visible && self.tcp.is_some() {
             (self.tcp, self.udp) = (None, None);
             self.broadcasts.clear();

@@ -109,14 +109,14 @@ impl CameraSettings {
         const STEP: f64 = 0.002;
         let [k1, k2] = self.distortion();
         let corner = (self.hfov_degrees().to_radians() / 2.0).tan() * 1.25;
-        let (mut r, mut bent) = (0.0, 0.0);
-        while bent < corner {
+        let (mut r, mut distorted) = (0.0, 0.0);
+        while distorted < corner {
             r += STEP;
             let farther = r * (1.0 + r * r * (k1 + k2 * r * r));
-            if farther <= bent {
+            if farther <= distorted {
                 return true;
             }
-            bent = farther;
+            distorted = farther;
         }
         false
     }

@@ -56,7 +56,7 @@ fn explain(error: &serde_yaml::Error) -> String {
         let suffix = format!(" at line {} column {}", place.line(), place.column());
         text = text.replace(&suffix, "");
     }
-    match meant(&text) {
+    match suggested_name(&text) {
         Some(name) => format!("{text}; did you mean `{name}`?"),
         None => text,
     }
@@ -64,7 +64,7 @@ fn explain(error: &serde_yaml::Error) -> String {
 
 /// Returns the known name nearest to the unknown one. serde quotes the unknown name first, then the
 /// known ones.
-fn meant(text: &str) -> Option<&str> {
+fn suggested_name(text: &str) -> Option<&str> {
     let mut quoted = text.split('`').skip(1).step_by(2);
     let found = quoted.next().filter(|_| text.contains("unknown "))?;
     let near = quoted

@@ -59,7 +59,7 @@ impl Regions {
             let first = self.runs.len();
             for span in spans.ranges(self.row.len()) {
                 let x = window.x + span.start as u32;
-                cut(&self.row[span], x, &mut self.runs);
+                append_runs(&self.row[span], x, &mut self.runs);
             }
             self.join(above, first, y);
             self.rows.push(self.runs.len());
@@ -189,7 +189,7 @@ fn unite(regions: &mut [Region], a: u32, b: u32) -> u32 {
 }
 
 /// Appends the runs of a row whose first pixel is in column `x`.
-fn cut(row: &[u8], x: u32, runs: &mut Vec<Run>) {
+fn append_runs(row: &[u8], x: u32, runs: &mut Vec<Run>) {
     let mut at = 0;
     while let Some(start) = first_other(row, at, 0) {
         let label = row[start];

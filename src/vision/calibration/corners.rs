@@ -128,8 +128,9 @@ impl Plane {
         })
     }
 
-    /// The subpixel position of a corner, where the gradients of all surrounding edges point.
-    /// `None` if that is too far away.
+    /// The subpixel position of a corner: the point towards which all surrounding edges run, where
+    /// their gradients are perpendicular to the offset from it. `None` if that is too far away or
+    /// undefined.
     fn refined(&self, x: i32, y: i32) -> Option<Place> {
         let (start_x, start_y) = (f64::from(x), f64::from(y));
         let (mut at_x, mut at_y) = (start_x, start_y);

@@ -48,7 +48,7 @@ pub enum CalibrationError {
         /// The number of pictures in which the board was found.
         found: usize,
     },
-    /// The board was always held in a similar way.
+    /// The board was always held in a similar way: the result is uncertain or implausible.
     #[error(
         "the pictures are too similar: tilt the board in a different direction in each picture"
     )]

@@ -16,7 +16,7 @@ use crate::vision::picture::size::Size;
 pub struct Decoder {
     image: Image,
     /// The partly decoded next frame.
-    coming: Image,
+    next_image: Image,
     baseline: Incremental,
     /// Pixels of a frame decoded by the `image` crate.
     pixels: Vec<u8>,
@@ -41,18 +41,18 @@ impl Decoder {
 
     /// Decodes as much as possible of a frame that is still being received, so that little work is
     /// left when [`Decoder::decode`] gets the complete frame. The newest picture stays unchanged.
-    pub fn look_ahead(&mut self, beginning: &[u8]) {
+    pub fn decode_ahead(&mut self, beginning: &[u8]) {
         if let Ok((markers, _)) = Markers::read_before_data(beginning)
             && markers.baseline
         {
             self.baseline
-                .look_ahead(beginning, markers.has_tables, &mut self.coming);
+                .decode_ahead(beginning, markers.has_tables, &mut self.next_image);
         }
     }
 
     /// Whether part of the next frame has been decoded.
-    pub fn is_ahead(&self) -> bool {
-        self.baseline.is_ahead()
+    pub fn has_decoded_ahead(&self) -> bool {
+        self.baseline.has_decoded_ahead()
     }
 
     /// The newest picture; 0x0 before the first one and after an error.
@@ -63,9 +63,9 @@ impl Decoder {
     fn try_decode(&mut self, jpeg: &[u8]) -> Result<(), FrameError> {
         let markers = Markers::read(jpeg)?;
         if markers.baseline {
-            let decoded = match self.baseline.finish(jpeg, &mut self.coming) {
+            let decoded = match self.baseline.finish(jpeg, &mut self.next_image) {
                 Some(finished) => {
-                    std::mem::swap(&mut self.image, &mut self.coming);
+                    std::mem::swap(&mut self.image, &mut self.next_image);
                     finished
                 }
                 None => self
@@ -162,7 +162,7 @@ mod tests {
         assert_eq!(seen, fresh.decode(&other).map(Image::to_rgb));
     }
 
-    fn told(decoder: &mut Decoder, jpeg: &[u8]) -> Result<RgbImage, FrameError> {
+    fn decoded_rgb(decoder: &mut Decoder, jpeg: &[u8]) -> Result<RgbImage, FrameError> {
         decoder.decode(jpeg).map(Image::to_rgb)
     }
 
@@ -190,16 +190,16 @@ mod tests {
             }
             cuts.sort_by(f64::total_cmp);
             let mut ahead = Decoder::default();
-            let before = told(&mut ahead, FILES[other]);
+            let before = decoded_rgb(&mut ahead, FILES[other]);
             for cut in cuts {
-                ahead.look_ahead(&jpeg[..(cut * jpeg.len() as f64) as usize]);
+                ahead.decode_ahead(&jpeg[..(cut * jpeg.len() as f64) as usize]);
                 prop_assert_eq!(Ok(ahead.image().to_rgb()), before.clone());
             }
-            let fresh = told(&mut Decoder::default(), &jpeg);
-            prop_assert_eq!(told(&mut plain(), &jpeg), fresh.clone());
+            let fresh = decoded_rgb(&mut Decoder::default(), &jpeg);
+            prop_assert_eq!(decoded_rgb(&mut plain(), &jpeg), fresh.clone());
             let mut elsewhere = ahead.clone();
-            prop_assert_eq!(told(&mut ahead, &jpeg), fresh);
-            prop_assert_eq!(told(&mut elsewhere, FILES[other]), before);
+            prop_assert_eq!(decoded_rgb(&mut ahead, &jpeg), fresh);
+            prop_assert_eq!(decoded_rgb(&mut elsewhere, FILES[other]), before);
         }
     }
 
@@ -210,12 +210,12 @@ mod tests {
         let mut jpeg = Vec::new();
         JpegEncoder::new(&mut jpeg).encode_image(&noise).unwrap();
         let mut decoder = Decoder::default();
-        decoder.look_ahead(&jpeg[..jpeg.len() - 100]);
+        decoder.decode_ahead(&jpeg[..jpeg.len() - 100]);
         decoder.decode(&jpeg).unwrap();
         let whole = decoder.image().to_rgb();
-        decoder.look_ahead(&jpeg[..jpeg.len() - 100]);
-        let coming = decoder.coming.to_rgb();
-        let rows = coming.rows().zip(whole.rows());
+        decoder.decode_ahead(&jpeg[..jpeg.len() - 100]);
+        let next_image = decoder.next_image.to_rgb();
+        let rows = next_image.rows().zip(whole.rows());
         let done = rows
             .take_while(|(one, other)| one.clone().eq(other.clone()))
             .count();

@@ -80,7 +80,7 @@ impl Default for Table {
 
 impl Table {
     /// Whether this table has this definition.
-    pub(crate) fn is(&self, counts: &[u8; 16], symbols: &[u8]) -> bool {
+    pub(crate) fn has_definition(&self, counts: &[u8; 16], symbols: &[u8]) -> bool {
         self.source.get(..16) == Some(counts) && &self.source[16..] == symbols
     }
 
@@ -88,7 +88,7 @@ impl Table {
     /// the symbols in the order of their codes. Returns whether it is valid. Does nothing if the
     /// previous frame had the same table.
     pub(crate) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
-        if self.is(counts, symbols) {
+        if self.has_definition(counts, symbols) {
             return true;
         }
         self.source.clear();

@@ -36,7 +36,7 @@ impl Incremental {
     }
 
     /// Whether part of the next frame has been decoded.
-    pub(super) fn is_ahead(&self) -> bool {
+    pub(super) fn has_decoded_ahead(&self) -> bool {
         self.progress.is_some()
     }
 
@@ -53,7 +53,7 @@ impl Incremental {
 
     /// Decodes as much as possible of a frame that is still being received and whose markers before
     /// the data have been validated. The rest is left for later.
-    pub(super) fn look_ahead(&mut self, jpeg: &[u8], has_tables: bool, image: &mut Image) {
+    pub(super) fn decode_ahead(&mut self, jpeg: &[u8], has_tables: bool, image: &mut Image) {
         let before = self.progress.take();
         let known = before.filter(|_| jpeg.starts_with(&self.beginning));
         let progress = match known {

@@ -23,8 +23,8 @@ impl Step {
     /// [`Step::ends`].
     const UNKNOWN: Step = Step::new(0, [NOWHERE; 2], NOWHERE, [0; 2]);
 
-    const fn new(taken: u32, ahead: [u32; 2], go_on: u32, values: [i32; 2]) -> Step {
-        let low = taken | ahead[0] << 8 | ahead[1] << 16 | go_on << 24;
+    const fn new(taken: u32, offsets: [u32; 2], advance: u32, values: [i32; 2]) -> Step {
+        let low = taken | offsets[0] << 8 | offsets[1] << 16 | advance << 24;
         let high = values[0] as u16 as u32 | (values[1] as u16 as u32) << 16;
         Step(low as u64 | (high as u64) << 32)
     }
@@ -90,7 +90,7 @@ impl Default for AcTable {
 impl AcTable {
     /// See [`Table::load`].
     pub(super) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
-        if self.codes.is(counts, symbols) {
+        if self.codes.has_definition(counts, symbols) {
             return true;
         }
         let makes_sense = self.codes.load(counts, symbols);

@@ -169,8 +169,8 @@ fn a_confined_process_reaches_its_own_folder_and_nothing_else() {
         .env(INSIDE, &folder)
         .output()
         .unwrap();
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && said.contains(DONE), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && stderr.contains(DONE), "{stderr}");
     assert_eq!(
         fs::read(parent.path().join("neighbour")).unwrap(),
         b"untouched"

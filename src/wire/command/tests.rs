@@ -87,7 +87,7 @@ fn every_type_of_the_table_is_parsed_and_encoded() {
         led: Led::Flash,
         on: false,
     };
-    let eyes = Command::Stream {
+    let video_off = Command::Stream {
         stream: Stream::Video,
         on: false,
     };
@@ -101,14 +101,14 @@ fn every_type_of_the_table_is_parsed_and_encoded() {
         (12, bytes.clone(), Command::Mute(bytes.clone())),
         (13, bytes.clone(), Command::ConfigSet(bytes.clone())),
         (14, Bytes::new(), Command::NetworksQuery),
-        (15, Bytes::from_static(&[1, 0]), eyes),
+        (15, Bytes::from_static(&[1, 0]), video_off),
         (17, Bytes::new(), Command::LogQuery),
         (18, bytes.clone(), Command::MotorSpeed(bytes.clone())),
     ] {
         let packet = Packet::new(kind, payload);
-        let mut said = BytesMut::new();
-        packet.emit(&mut said);
-        assert_eq!(meaning.to_bytes(), said, "{meaning:?}");
+        let mut encoded = BytesMut::new();
+        packet.emit(&mut encoded);
+        assert_eq!(meaning.to_bytes(), encoded, "{meaning:?}");
         assert_eq!(Command::parse(packet), meaning);
     }
 }

@@ -102,9 +102,9 @@ fn every_type_of_the_table_is_parsed_and_encoded() {
         (17, bytes.clone(), Report::Log(bytes.clone())),
     ] {
         let packet = Packet::new(kind, payload);
-        let mut said = BytesMut::new();
-        packet.emit(&mut said);
-        assert_eq!(meaning.to_bytes(), said, "{meaning:?}");
+        let mut encoded = BytesMut::new();
+        packet.emit(&mut encoded);
+        assert_eq!(meaning.to_bytes(), encoded, "{meaning:?}");
         assert_eq!(Report::parse(packet), meaning);
     }
 }
@@ -152,8 +152,8 @@ fn odd_lengths_and_unknown_types_are_values() {
     ] {
         assert_eq!(Report::parse(packet.clone()), Report::Unknown(packet));
     }
-    let news = Report::parse(Packet::new(kind::ENGINE, vec![42]));
-    assert_eq!(news, Report::Engine(EngineReport::Unknown(42)));
+    let report = Report::parse(Packet::new(kind::ENGINE, vec![42]));
+    assert_eq!(report, Report::Engine(EngineReport::Unknown(42)));
 }
 
 proptest! {

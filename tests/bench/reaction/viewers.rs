@@ -87,12 +87,12 @@ fn view(address: SocketAddr, sent: &Sent, ages: &Ages) {
         stream.read_exact(&mut byte).unwrap();
         head.push(byte[0]);
     }
-    say(
+    send(
         &mut stream,
         0x81,
         b"{\"type\":\"watch\",\"camera\":true,\"map\":true,\"log\":true}",
     );
-    while let Some((kind, payload)) = hear(&mut stream) {
+    while let Some((kind, payload)) = receive(&mut stream) {
         match kind {
             2 => {
                 let number = u32::from_be_bytes(payload[..4].try_into().unwrap()) as usize;
@@ -102,22 +102,23 @@ fn view(address: SocketAddr, sent: &Sent, ages: &Ages) {
                 if let Some(at) = at {
                     ages.lock().unwrap().push(at.elapsed());
                 }
-                say(&mut stream, 0x81, b"{\"type\":\"taken\"}");
+                send(&mut stream, 0x81, b"{\"type\":\"taken\"}");
             }
-            9 => say(&mut stream, 0x8a, &payload),
+            9 => send(&mut stream, 0x8a, &payload),
             _ => {}
         }
     }
 }
 
 /// Sends a short WebSocket message with a zero mask.
-fn say(stream: &mut TcpStream, head: u8, payload: &[u8]) {
+fn send(stream: &mut TcpStream, head: u8, payload: &[u8]) {
     let mut frame = vec![head, 0x80 | payload.len() as u8, 0, 0, 0, 0];
     frame.extend(payload);
     let _ = stream.write_all(&frame);
 }
 
-fn hear(stream: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
+/// Receives a WebSocket message: the type and the payload; `None` at the end.
+fn receive(stream: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
     let mut head = [0; 2];
     stream.read_exact(&mut head).ok()?;
     let length = match head[1] {

@@ -43,7 +43,7 @@ fn frames(folder: &Path, set: &str) -> Vec<Vec<u8>> {
 
 /// Measures every frame in microseconds: in total, and the decoding alone.
 fn timing(frames: &[Vec<u8>], colours: &[Colour]) -> Value {
-    let mut eyes = FrameAnalyser::new(Camera::default());
+    let mut analyser = FrameAnalyser::new(Camera::default());
     let mut decoder = Decoder::default();
     let (mut whole, mut decode, mut blobs, mut key) = (Vec::new(), Vec::new(), 0, 0);
     let options = BlobOptions {
@@ -55,7 +55,10 @@ fn timing(frames: &[Vec<u8>], colours: &[Colour]) -> Value {
         for jpeg in frames {
             key += 1;
             let start = Instant::now();
-            blobs += eyes.find_blobs(key, jpeg, colours, &options).unwrap().len();
+            blobs += analyser
+                .find_blobs(key, jpeg, colours, &options)
+                .unwrap()
+                .len();
             let middle = Instant::now();
             std::hint::black_box(decoder.decode(jpeg).unwrap());
             if round > 0 {

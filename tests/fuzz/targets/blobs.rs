@@ -12,20 +12,20 @@ use spykee::vision::{
 
 /// Number of bytes at the end of the input that select the search options; after the end of a JPEG
 /// they count as padding.
-const KNOBS: usize = 8;
+const OPTION_BYTES: usize = 8;
 /// Pictures of up to this many pixels are decoded a second time, by a fresh decoder.
 const SMALL: u32 = 160 * 120;
 
 /// A `FrameAnalyser` that has processed all earlier frames, as in a behaviour.
-struct Seen {
-    eyes: FrameAnalyser,
+struct State {
+    analyser: FrameAnalyser,
     frames: u64,
     sets: Vec<Vec<Colour>>,
 }
 
 thread_local! {
-    static SEEN: RefCell<Seen> = RefCell::new(Seen {
-        eyes: FrameAnalyser::new(Camera::default()),
+    static STATE: RefCell<State> = RefCell::new(State {
+        analyser: FrameAnalyser::new(Camera::default()),
         frames: 0,
         sets: sets(),
     });
@@ -41,84 +41,90 @@ fn sets() -> Vec<Vec<Colour>> {
 }
 
 fuzz_target!(|jpeg: &[u8]| {
-    let judged = validate_markers(jpeg);
-    check_judged(jpeg, &judged);
-    SEEN.with_borrow_mut(|seen| look(seen, jpeg, judged));
+    let validated = validate_markers(jpeg);
+    check_validated(jpeg, &validated);
+    STATE.with_borrow_mut(|state| search(state, jpeg, validated));
 });
 
-fn check_judged(jpeg: &[u8], judged: &Result<Size, FrameError>) {
-    if let Ok(Size { width, height }) = judged {
+fn check_validated(jpeg: &[u8], validated: &Result<Size, FrameError>) {
+    if let Ok(Size { width, height }) = validated {
         assert!(jpeg.len() <= MAX_JPEG_LEN);
         assert!((1..=MAX_WIDTH).contains(width) && (1..=MAX_HEIGHT).contains(height));
     }
 }
 
-fn look(seen: &mut Seen, jpeg: &[u8], judged: Result<Size, FrameError>) {
-    seen.frames += 1;
-    for part in pieces(jpeg) {
-        seen.eyes.look_ahead(part);
+fn search(state: &mut State, jpeg: &[u8], validated: Result<Size, FrameError>) {
+    state.frames += 1;
+    for part in prefixes(jpeg) {
+        state.analyser.decode_ahead(part);
     }
-    let size = match seen.eyes.look(seen.frames, jpeg) {
+    let size = match state.analyser.decode(state.frames, jpeg) {
         Ok(image) => image.size(),
-        Err(error) => return refused(error, judged),
+        Err(error) => return check_refusal(error, validated),
     };
-    assert_eq!(Ok(size), judged, "differs from the validated size");
-    same_for_a_newcomer(seen, jpeg, size);
-    let (options, set) = asked(jpeg);
-    let colours = &seen.sets[set % seen.sets.len()];
-    let found = seen
-        .eyes
-        .find_blobs(seen.frames, jpeg, colours, &options)
+    assert_eq!(Ok(size), validated, "differs from the validated size");
+    compare_with_fresh_decoder(state, jpeg, size);
+    let (options, set) = search_options(jpeg);
+    let colours = &state.sets[set % state.sets.len()];
+    let found = state
+        .analyser
+        .find_blobs(state.frames, jpeg, colours, &options)
         .expect("it was decoded");
     check(found, &options, size, colours.len());
     let (found, max) = (found.len(), options.max_blobs);
     assert!(found <= max, "{found} blobs, at most {max} requested");
-    let line = seen
-        .eyes
-        .find_line(seen.frames, jpeg, colours, options.roi)
+    let line = state
+        .analyser
+        .find_line(state.frames, jpeg, colours, options.roi)
         .expect("it was decoded");
     if let Some(line) = line {
         assert!((-1.0..=1.0).contains(&line.offset), "{line:?}");
         assert!((0.0..=1.0 + 1e-9).contains(&line.strength), "{line:?}");
     }
-    let image = seen.eyes.look(seen.frames, jpeg).expect("it was decoded");
+    let image = state
+        .analyser
+        .decode(state.frames, jpeg)
+        .expect("it was decoded");
     assert!((0.0..=1.0).contains(&brightness(image, options.roi)));
     assert!(sharpness(image, options.roi) >= 0.0);
 }
 
 /// Returns two prefixes of the frame, as received before it was complete.
-fn pieces(jpeg: &[u8]) -> [&[u8]; 2] {
-    let knobs = jpeg
+fn prefixes(jpeg: &[u8]) -> [&[u8]; 2] {
+    let bytes = jpeg
         .split_last_chunk::<2>()
-        .map_or([0; 2], |(_, knobs)| *knobs);
-    knobs.map(|knob| &jpeg[..jpeg.len() * usize::from(knob) / 256])
+        .map_or([0; 2], |(_, bytes)| *bytes);
+    bytes.map(|byte| &jpeg[..jpeg.len() * usize::from(byte) / 256])
 }
 
 /// A frame rejected by its markers must be rejected for the same reason; a frame that they accept
 /// may still be damaged.
-fn refused(error: FrameError, judged: Result<Size, FrameError>) {
-    if let Err(reason) = judged {
+fn check_refusal(error: FrameError, validated: Result<Size, FrameError>) {
+    if let Err(reason) = validated {
         assert_eq!(error, reason);
     }
 }
 
 /// Checks that no earlier frame affects the result, by comparison with a fresh decoder.
-fn same_for_a_newcomer(seen: &mut Seen, jpeg: &[u8], size: Size) {
+fn compare_with_fresh_decoder(state: &mut State, jpeg: &[u8], size: Size) {
     if size.width * size.height > SMALL {
         return;
     }
-    let mut newcomer = Decoder::default();
-    let fresh = newcomer.decode(jpeg).expect("it was decoded").to_rgb();
-    let warm = seen.eyes.look(seen.frames, jpeg).expect("it was decoded");
+    let mut decoder = Decoder::default();
+    let fresh = decoder.decode(jpeg).expect("it was decoded").to_rgb();
+    let warm = state
+        .analyser
+        .decode(state.frames, jpeg)
+        .expect("it was decoded");
     assert!(fresh == warm.to_rgb(), "earlier frames affect the result");
 }
 
 /// Returns the search options and the number of the colour set.
-fn asked(jpeg: &[u8]) -> (BlobOptions, usize) {
-    let Some((_, knobs)) = jpeg.split_last_chunk::<KNOBS>() else {
+fn search_options(jpeg: &[u8]) -> (BlobOptions, usize) {
+    let Some((_, bytes)) = jpeg.split_last_chunk::<OPTION_BYTES>() else {
         return (BlobOptions::default(), 0);
     };
-    let [x, y, w, h, flags, pixels, margin, most] = knobs.map(u32::from);
+    let [x, y, w, h, flags, pixels, margin, most] = bytes.map(u32::from);
     let options = BlobOptions {
         roi: (flags & 1 != 0).then_some(Roi { x, y, w, h }),
         invert: flags & 2 != 0,

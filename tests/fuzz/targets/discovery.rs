@@ -10,9 +10,9 @@ fuzz_target!(|datagram: &[u8]| {
         return;
     };
     assert!(!is_request(datagram), "both a request and a reply");
-    let said = reply.emit();
-    assert!(said.len() <= MAX_REPLY_LEN);
-    if said.len() < MAX_REPLY_LEN {
-        assert_eq!(Reply::parse(&said), Some(reply), "{said:?}");
+    let bytes = reply.emit();
+    assert!(bytes.len() <= MAX_REPLY_LEN);
+    if bytes.len() < MAX_REPLY_LEN {
+        assert_eq!(Reply::parse(&bytes), Some(reply), "{bytes:?}");
     }
 });

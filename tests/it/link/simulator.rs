@@ -62,7 +62,7 @@ async fn every_session_begins_with_a_stop_also_after_a_lost_link() {
     assert_eq!(first.accepted.uid, "SPYKEE0001");
     first.writer.write(&[GO]).await.unwrap();
     sim.wait_for(0, GO).await;
-    sim.handle.cut();
+    sim.handle.disconnect_all();
     while first.reader.next().await.is_ok() {}
     drop(first);
     let lost = sim.handle.heard_count();
