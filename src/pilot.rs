@@ -68,7 +68,7 @@ const REQUESTS_IN_A_ROW: usize = 32;
 const YIELDS_BEFORE_TIMEOUTS: usize = 2;
 
 /// Behaviours are told of a sequence of sounds, such as speech, once per this interval.
-const SOUND_TOLD_AGAIN: Duration = Duration::from_millis(500);
+const SOUND_EVENT_INTERVAL: Duration = Duration::from_millis(500);
 
 /// How long the robot may take at the end to acknowledge what was sent last.
 pub const DELIVERY: Duration = Duration::from_secs(2);
@@ -346,7 +346,7 @@ impl Pilot {
     /// noise.
     fn tell_sound(&mut self) {
         let now = Instant::now();
-        let lately = |at: Instant| now.saturating_duration_since(at) < SOUND_TOLD_AGAIN;
+        let lately = |at: Instant| now.saturating_duration_since(at) < SOUND_EVENT_INTERVAL;
         if !self.sounding.is_some_and(lately) {
             self.sounding = Some(now);
             self.seats.tell_all(&Event::Sounding);

@@ -117,8 +117,8 @@ impl BehaviourSet {
         self.active.is_empty()
     }
 
-    /// Executes commands until the robot is connected: nothing can be started before. Cancel-safe;
-    /// never returns.
+    /// Executes commands while the run waits for the robot: nothing can be started before. Never
+    /// returns; cancel-safe.
     pub(super) async fn wait_for_robot(&mut self) -> std::convert::Infallible {
         while let Some(order) = self.orders.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
@@ -143,7 +143,7 @@ impl BehaviourSet {
     ///
     /// # Errors
     /// [`AgentError::Broken`] if a task of this program panicked.
-    pub(super) async fn turn(&mut self) -> Result<(), AgentError> {
+    pub(super) async fn handle_next(&mut self) -> Result<(), AgentError> {
         let next = self
             .active
             .iter()
@@ -267,7 +267,7 @@ impl BehaviourSet {
                         if let RosterError::CannotLoad(why) = &why {
                             let reason = EndReason::Error;
                             let message = Some(why.clone());
-                            self.context.bus.tell(Occurrence::Ended {
+                            self.context.bus.publish(Occurrence::Ended {
                                 behaviour: one.name.clone(),
                                 reason,
                                 message: message.clone(),

@@ -165,7 +165,7 @@ pub enum RosterError {
     /// The robot is not connected.
     #[error("the robot is not connected")]
     Offline,
-    /// Too many commands are queued, or a command took too long.
+    /// Too many commands are queued, a command took too long, or a later restart replaced it.
     #[error("too many requests at once, try again")]
     Busy,
     /// The run is ending.
@@ -234,13 +234,13 @@ impl Roster {
             .await
     }
 
-    /// Starts a behaviour, and ends it after it has run for `lasts`, unless it has ended before. A
+    /// Starts a behaviour, and ends it after it has run for `time_limit`, unless it has ended before. A
     /// restart resets the time.
     ///
     /// # Errors
     /// See [`RosterError`].
-    pub async fn start_for(&self, name: &str, lasts: Duration) -> Result<(), RosterError> {
-        self.order(|reply| RosterCommand::Start(name.to_owned(), Some(lasts), reply))
+    pub async fn start_for(&self, name: &str, time_limit: Duration) -> Result<(), RosterError> {
+        self.order(|reply| RosterCommand::Start(name.to_owned(), Some(time_limit), reply))
             .await
     }
 
@@ -345,7 +345,7 @@ impl Roster {
 impl fmt::Debug for RosterCommand {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            RosterCommand::Start(name, lasts, _) => write!(f, "Start({name}, {lasts:?})"),
+            RosterCommand::Start(name, time_limit, _) => write!(f, "Start({name}, {time_limit:?})"),
             RosterCommand::Stop(name, reason, _) => write!(f, "Stop({name}, {reason})"),
             RosterCommand::Restart(name, _) => write!(f, "Restart({name})"),
             RosterCommand::Define(blueprints, _) => write!(f, "Define({blueprints:?})"),

@@ -22,7 +22,7 @@ pub enum Received {
     Report(Report),
     /// The first bytes of a frame whose rest is still arriving; at least `GROWTH` bytes more than
     /// the last time.
-    PartOfFrame(Bytes),
+    PartialFrame(Bytes),
 }
 
 /// The read half of a [`super::Session`]. Holds one message and one chunk, never more.
@@ -75,7 +75,7 @@ impl Reader {
                 return Ok(Received::Report(report));
             }
             if let Some(part) = self.grown_frame() {
-                return Ok(Received::PartOfFrame(part));
+                return Ok(Received::PartialFrame(part));
             }
             let read = self.io.read(&mut self.chunk).await;
             let count = read.map_err(|error| LinkError::from_io(error, self.dead_after))?;
@@ -152,7 +152,7 @@ mod tests {
         let mut told = Vec::new();
         let report = loop {
             match reader.receive().await.unwrap() {
-                Received::PartOfFrame(part) => told.push(part),
+                Received::PartialFrame(part) => told.push(part),
                 Received::Report(report) => break report,
             }
         };

@@ -64,7 +64,7 @@ impl Writer {
         self.armed = true;
     }
 
-    /// Sets what is sent to the robot if the agent dies: MOVE 0 0 by default; empty: nothing.
+    /// Sets what is sent to the robot if all else fails: MOVE 0 0 by default; empty: nothing.
     pub fn set_last_words(&mut self, commands: Vec<Command>) {
         self.last_words = commands;
     }

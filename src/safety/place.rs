@@ -119,7 +119,7 @@ impl DockTracker {
     }
 
     /// Whether the robot has just confirmed a CHARGE_STOP: a POWER that reports charging then is
-    /// older than that.
+    /// taken for older than that.
     pub fn has_just_left(&self, now: Instant) -> bool {
         self.left_at
             .is_some_and(|left| now < left + DockTracker::JUST_LEFT)

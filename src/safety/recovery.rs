@@ -223,7 +223,8 @@ impl Recovery {
         self.failures
     }
 
-    /// Whether more searches have failed than the robot may try without a person's help.
+    /// Whether the first search and all further ones that the limits allow have failed: a person
+    /// must help.
     pub fn is_alarming(&self) -> bool {
         self.failures > self.retries
     }

@@ -77,12 +77,12 @@ impl Watchdog {
         let timeout = timeout.min(LONGEST);
         let until = now + timeout;
         self.leaving = Some(Leaving { caller, until });
-        self.whereabouts.leave_station(timeout, now);
+        self.dock_tracker.leave_station(timeout, now);
         self.send(Command::Engine(Engage::Undock));
     }
 
     fn undock_refusal(&self, caller: Caller) -> Option<DockEnd> {
-        let left = matches!(self.place(), DockState::Left(_)) && !self.whereabouts.is_leaving();
+        let left = matches!(self.place(), DockState::Left(_)) && !self.dock_tracker.is_leaving();
         let low = self.guard.low().is_some() || self.guard.at_or_below_low();
         if !self.online {
             Some(DockEnd::Disconnected)

@@ -27,7 +27,7 @@ impl Homing {
 }
 
 impl Watchdog {
-    /// How far a behaviour's docking backs off between tries: at this power ...
+    /// How a behaviour's docking backs off between attempts: at this power, percent ...
     const BACK_OFF_PERCENT: f64 = 30.0;
     /// ... for this long.
     pub(super) const BACK_OFF_TIME: Duration = Duration::from_millis(1500);
@@ -36,7 +36,7 @@ impl Watchdog {
     pub(super) fn became_low(&mut self, cause: LowCause, now: Instant) {
         self.end_motion(MotionEnd::Safety);
         self.path_from_station = self.trail.take(now);
-        self.whereabouts.expect_charge(now);
+        self.dock_tracker.expect_charge(now);
         if let Some(battery) = self.battery() {
             self.acts.push(Act::Announce(Event::BatteryLow(battery)));
         }
@@ -154,7 +154,7 @@ impl Watchdog {
                 DockAction::Halt => self.halt(now),
                 DockAction::Undock => {
                     let timeout = Docking::LEAVE_TIMEOUT;
-                    self.whereabouts.leave_station(timeout, now);
+                    self.dock_tracker.leave_station(timeout, now);
                     self.send(Command::Engine(Engage::Undock));
                 }
             }

@@ -151,8 +151,8 @@ impl Watchdog {
         let Some(by) = self.borrower() else {
             return;
         };
-        let moves = self.arbiter.wishing().any(|wishing| wishing == by);
-        let silent = moves && self.leases.pulse(by, now) != HostLife::Alive;
+        let moves = self.arbiter.claimants().any(|claimant| claimant == by);
+        let silent = moves && self.leases.host_life(by, now) != HostLife::Alive;
         if let Some(recovery) = &mut self.recovery {
             recovery.note_motion(moves, now);
             if silent {

@@ -79,7 +79,7 @@ fn a_docking_that_was_taken_over_is_returned_at_the_ok_level() {
     rig.take(Fact::Power(power(20)));
     for _ in 0..3 {
         assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
-        assert_eq!(sent(&rig.hear(power(50))), []);
+        assert_eq!(sent(&rig.report(power(50))), []);
     }
     assert_eq!(rig.dog.state(), WatchdogState::Docking);
     assert_eq!(sent(&rig.ask(Intent::CancelDock)), [CANCEL, Command::STOP]);

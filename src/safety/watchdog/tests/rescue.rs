@@ -161,10 +161,10 @@ fn loans_are_made_at_the_critical_level_too() {
 fn a_release_of_the_robot_ends_a_loan() {
     let (mut rig, _) = lent(Limits::default());
     drive(&mut rig, 1);
-    rig.hear(power(60));
+    rig.report(power(60));
     rig.take(Fact::Alive(RESCUER));
     while rig.dog.low().is_some() {
-        rig.hear(power(60));
+        rig.report(power(60));
     }
     assert!(!rig.dog.moving());
 }

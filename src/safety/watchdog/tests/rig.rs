@@ -42,7 +42,7 @@ impl Rig {
     }
 
     /// A report, one second later.
-    pub(super) fn hear(&mut self, power: Power) -> Vec<Act> {
+    pub(super) fn report(&mut self, power: Power) -> Vec<Act> {
         self.now += SECOND;
         self.take(Fact::Power(power))
     }

@@ -1,5 +1,5 @@
-//! Last words, and what is sent after a suspension of the link or of the machine, and at the end of
-//! a run.
+//! Last words, and what is sent after a loss of the link or a suspension of the machine, and at the
+//! end of a run.
 
 use super::rig::*;
 use super::*;

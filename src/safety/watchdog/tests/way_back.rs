@@ -185,8 +185,8 @@ fn a_leg_makes_the_path_unknown() {
 fn each_undocking_begins_a_new_path() {
     let mut rig = driven();
     rig.take(Fact::Engine(EngineReport::Docked));
-    rig.hear(charging(90));
-    rig.hear(charging(90));
+    rig.report(charging(90));
+    rig.report(charging(90));
     rig.undock(2);
     rig.now += SECOND;
     rig.take(Fact::Engine(EngineReport::Undocked));

@@ -32,7 +32,7 @@ pub(super) struct Known {
     pub(super) surely_touched: bool,
     /// Whether charging is reported and not believed, and since when it is reported.
     pub(super) unconfirmed: bool,
-    pub(super) said: Option<Instant>,
+    pub(super) charging_since: Option<Instant>,
     /// The last news of a search was that it failed.
     pub(super) not_found: bool,
     pub(super) rescuer: Option<BehaviourId>,
@@ -98,7 +98,7 @@ impl Known {
     }
 
     /// Notes whether the watchdog tells the robot to leave its station.
-    pub(super) fn hear(&mut self, acts: &[Act]) {
+    pub(super) fn note_acts(&mut self, acts: &[Act]) {
         self.told_to_leave |= sent(acts).contains(&LEAVE);
     }
 
@@ -112,7 +112,7 @@ impl Known {
             ..power
         };
         if power.charging && !self.charging {
-            self.said = Some(now);
+            self.charging_since = Some(now);
         }
         (self.charging, self.reported) = (power.charging, Some(now));
         self.charges_here = power.charging;
@@ -183,7 +183,7 @@ impl Known {
 
     pub(super) fn expire_unconfirmed(&mut self, now: Instant) {
         let over = |since: Instant| now >= since + BatteryGuard::UNCONFIRMED_TIMEOUT;
-        if self.unconfirmed && self.said.is_some_and(over) {
+        if self.unconfirmed && self.charging_since.is_some_and(over) {
             (self.charging, self.unconfirmed) = (false, false);
             self.charges_here = false;
         }

@@ -29,10 +29,10 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     let said = dog.guard.charging() == Charging::Unconfirmed;
     note("low with unconfirmed charging", said && dog.low().is_some());
     note(
-        "low when the doubt ends",
+        "low when unconfirmed charging expires",
         moment.fact.is_none() && known.charges > 0 && dog.low().is_some() && !known.docked(),
     );
-    note("several wish to drive", dog.arbiter.wishing().count() > 1);
+    note("several wish to drive", dog.arbiter.claimants().count() > 1);
     note("backs off", homing.is_some() && dog.moving());
     let alarm = dog.state() == WatchdogState::Alarm;
     let low_moves = known.low && dog.moving();
@@ -83,7 +83,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
         "place unknown while low",
         known.low && dog.place() == DockState::Unknown,
     );
-    note("backs out", dog.whereabouts.is_leaving());
+    note("backs out", dog.dock_tracker.is_leaving());
     note(&format!("last words {:?}", dog.last_words()), true);
     note(
         "an unknown engine code",
@@ -160,7 +160,7 @@ fn all_there_is() -> Vec<String> {
         "low on the station",
         "critical",
         "low with unconfirmed charging",
-        "low when the doubt ends",
+        "low when unconfirmed charging expires",
         "sounds the alarm",
         "several wish to drive",
         "asked to stop while it moves",
