@@ -36,7 +36,7 @@ type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 /// The behaviours of an agent; see the module.
 pub(super) struct BehaviourSet {
     context: LaunchContext,
-    orders: mpsc::Receiver<RosterCommand>,
+    commands: mpsc::Receiver<RosterCommand>,
     blueprints: Vec<Blueprint>,
     active: Vec<ActiveBehaviour>,
     running: JoinSet<(BehaviourId, String, Ending)>,
@@ -56,10 +56,10 @@ impl BehaviourSet {
         blueprints: Vec<Blueprint>,
     ) -> (BehaviourSet, Roster) {
         let members = watch::Sender::new(Vec::new());
-        let (roster, orders) = Roster::new(members.subscribe(), context.viewers.clone());
+        let (roster, commands) = Roster::new(members.subscribe(), context.viewers.clone());
         let behaviour_set = BehaviourSet {
             context,
-            orders,
+            commands,
             blueprints,
             active: Vec::new(),
             running: JoinSet::new(),
@@ -120,9 +120,9 @@ impl BehaviourSet {
     /// Executes commands while the run waits for the robot: nothing can be started before. Never
     /// returns; cancel-safe.
     pub(super) async fn wait_for_robot(&mut self) -> std::convert::Infallible {
-        while let Some(order) = self.orders.recv().await {
+        while let Some(command) = self.commands.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
-            match order {
+            match command {
                 RosterCommand::Start(name, _, reply) | RosterCommand::Restart(name, reply)
                     if offline =>
                 {
@@ -132,7 +132,7 @@ impl BehaviourSet {
                     };
                     let _ = reply.send(Err(refusal));
                 }
-                order => self.execute(order),
+                command => self.execute(command),
             }
         }
         std::future::pending().await
@@ -160,7 +160,7 @@ impl BehaviourSet {
                 let (by, loaded) = loaded.map_err(|_| AgentError::Broken("a supervisor"))?;
                 self.loaded(by, loaded);
             }
-            Some(order) = self.orders.recv() => self.execute(order),
+            Some(command) = self.commands.recv() => self.execute(command),
             else => std::future::pending().await,
         }
         Ok(())
@@ -168,7 +168,7 @@ impl BehaviourSet {
 
     /// Ends all behaviours with this reason, in bounded time; returns each one's last ending.
     pub(super) async fn end(mut self, reason: EndReason) -> Vec<(String, Ending)> {
-        self.orders.close();
+        self.commands.close();
         for one in &mut self.active {
             one.restart_reply = None;
             request_stop(&one.stop, reason);
@@ -190,8 +190,8 @@ impl BehaviourSet {
         self.running.shutdown().await;
     }
 
-    fn execute(&mut self, order: RosterCommand) {
-        match order {
+    fn execute(&mut self, command: RosterCommand) {
+        match command {
             RosterCommand::Start(name, time_limit, reply) => match self.find(&name) {
                 Some(_) => refuse(reply, RosterError::RunsAlready(name)),
                 None => self.start(&name, time_limit, reply),

@@ -219,14 +219,14 @@ impl Seat {
         let mut beat = interval(BEAT);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
-            let told = tokio::select! {
-                told = self.inbox.next() => told,
+            let message = tokio::select! {
+                message = self.inbox.next() => message,
                 _ = beat.tick() => {
                     self.ask(Request::Alive(self.by)).await?;
                     continue;
                 }
             };
-            match told {
+            match message {
                 PilotMessage::Event(event) => {
                     if let Some(answer) = answer(&event) {
                         return Ok(answer);

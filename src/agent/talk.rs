@@ -63,7 +63,7 @@ impl Talk {
     /// See [`TalkError`].
     pub async fn run(
         mut self,
-        mut orders: mpsc::Receiver<PromptCommand>,
+        mut commands: mpsc::Receiver<PromptCommand>,
         sink: mpsc::Sender<PromptMessage>,
         stop: CancellationToken,
     ) -> Result<bool, TalkError> {
@@ -80,7 +80,7 @@ impl Talk {
             pilot: self.setup.launch(&stop),
             last: 0,
         };
-        let stayed = session.live(&mut orders, &sink, &stop).await;
+        let stayed = session.live(&mut commands, &sink, &stop).await;
         let safety = session.pilot.is_away();
         session.pilot.end().await;
         stayed.map(|stayed| stayed || safety)
@@ -91,7 +91,7 @@ impl Session {
     /// Returns whether the session had to wait for a robot with a low battery.
     async fn live(
         &mut self,
-        orders: &mut mpsc::Receiver<PromptCommand>,
+        commands: &mut mpsc::Receiver<PromptCommand>,
         sink: &mpsc::Sender<PromptMessage>,
         stop: &CancellationToken,
     ) -> Result<bool, TalkError> {
@@ -100,7 +100,7 @@ impl Session {
             () = stop.cancelled() => return Ok(false),
             up = self.pilot.connected() => up?,
         }
-        while let Some(ending) = self.converse(orders, sink, stop).await? {
+        while let Some(ending) = self.converse(commands, sink, stop).await? {
             let _ = sink.send(PromptMessage::Ended(ending)).await;
         }
         tokio::select! {
@@ -113,11 +113,11 @@ impl Session {
     /// Runs one behaviour and returns its ending; `None` if the session ends.
     async fn converse(
         &mut self,
-        orders: &mut mpsc::Receiver<PromptCommand>,
+        commands: &mut mpsc::Receiver<PromptCommand>,
         sink: &mpsc::Sender<PromptMessage>,
         stop: &CancellationToken,
     ) -> Result<Option<Ending>, TalkError> {
-        let (order, mut messages, dialogue) = Dialogue::new();
+        let (lines, mut messages, dialogue) = Dialogue::new();
         let supervisor = self.start_behaviour().await?.with_dialogue(dialogue);
         let handle = Handle::default();
         let core = self.core.clone();
@@ -128,9 +128,9 @@ impl Session {
                 biased;
                 () = stop.cancelled() => break,
                 error = self.pilot.failure() => return Err(error.into()),
-                next = orders.recv() => match next {
+                next = commands.recv() => match next {
                     // A behaviour that does not read its lines is ended.
-                    Some(next) => if order.try_send(next).is_err() { handle.stop(EndReason::Cancelled) },
+                    Some(next) => if lines.try_send(next).is_err() { handle.stop(EndReason::Cancelled) },
                     None => break,
                 },
                 Some(message) = messages.recv() => { let _ = sink.send(message).await; }

@@ -149,17 +149,17 @@ mod tests {
         let mut pieces = pieces(&Report::Video(jpeg.clone()), 700);
         pieces.extend(self::pieces(&Report::Audio(jpeg.clone()), 700));
         let mut reader = reader(pieces);
-        let mut told = Vec::new();
+        let mut parts = Vec::new();
         let report = loop {
             match reader.receive().await.unwrap() {
-                Received::PartialFrame(part) => told.push(part),
+                Received::PartialFrame(part) => parts.push(part),
                 Received::Report(report) => break report,
             }
         };
         assert_eq!(report, Report::Video(jpeg.clone()));
-        assert!(told.len() > 1, "{} times", told.len());
-        assert!(told.iter().all(|beginning| jpeg.starts_with(beginning)));
-        let lens: Vec<_> = told.iter().map(Bytes::len).collect();
+        assert!(parts.len() > 1, "{} times", parts.len());
+        assert!(parts.iter().all(|beginning| jpeg.starts_with(beginning)));
+        let lens: Vec<_> = parts.iter().map(Bytes::len).collect();
         assert!(
             lens[0] >= GROWTH && lens.is_sorted_by(|a, b| a + GROWTH <= *b),
             "{lens:?}"

@@ -82,7 +82,8 @@ impl Line {
         }
     }
 
-    /// Stops attempts to connect while the link is released, or resumes them; an open link stays open.
+    /// Stops attempts to connect while the link is released, or resumes them; an open link stays
+    /// open.
     pub(super) fn set_released(&mut self, released: bool) {
         if released == self.released {
             return;

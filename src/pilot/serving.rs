@@ -55,10 +55,10 @@ impl Pilot {
                 self.alarm_due = true;
                 self.sound_alarm()
             }
-            Request::Running(tell) => {
+            Request::Running(reply) => {
                 let (robot, behaviours) = (self.info.clone(), self.seats.behaviours());
                 // The receiver may be gone.
-                let _ = tell.send(RunningBehaviours { robot, behaviours });
+                let _ = reply.send(RunningBehaviours { robot, behaviours });
                 Ok(())
             }
             Request::Halt(on) => self.halt(on),

@@ -139,8 +139,8 @@ impl Arbiter {
         )
     }
 
-    /// The setpoint of the tracks: a stop without a claim, and a stop while the first claim is held;
-    /// the next in line does not replace it.
+    /// The setpoint of the tracks: a stop without a claim, and a stop while the first claim is
+    /// held; the next in line does not replace it.
     pub fn setpoint(&self) -> Setpoint {
         self.claims
             .first()

@@ -267,12 +267,12 @@ proptest! {
             let lost = before.iter().flatten().filter(|old| {
                 !model.held.iter().flatten().any(|held| held.motion == old.motion)
             });
-            let told = match step {
+            let expected = match step {
                 Step::Forget(_) => 0,
                 _ => lost.count(),
             };
             let of_before = over.iter().filter(|ended| holds(&before, ended)).count();
-            prop_assert_eq!(of_before, told, "{:?}: {:?}", step, over);
+            prop_assert_eq!(of_before, expected, "{:?}: {:?}", step, over);
             prop_assert!(arbiter.next_deadline().is_none_or(|due| due > now));
         }
     }

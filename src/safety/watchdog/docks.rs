@@ -125,11 +125,11 @@ impl Watchdog {
 
     /// Ends a docking under way and tells its callers.
     pub(super) fn end_docking(&mut self, end: DockEnd, now: Instant) {
-        let orders = self
+        let actions = self
             .homing
             .as_mut()
             .map(|homing| homing.docking.cancel(end, now));
-        self.execute_dock_actions(orders.unwrap_or_default(), now);
+        self.execute_dock_actions(actions.unwrap_or_default(), now);
     }
 
     /// Whether the docking under way belongs to behaviours that all have lower priority.

@@ -117,28 +117,28 @@ impl Watchdog {
     ) {
         self.end_motion(MotionEnd::Preempted);
         self.tracks.want(Setpoint::STOP);
-        let (docking, orders) = Docking::start(approach, self.docked(), now);
+        let (docking, actions) = Docking::start(approach, self.docked(), now);
         self.homing = Some(Homing {
             docking,
             forced: false,
             callers,
         });
-        self.execute_dock_actions(orders, now);
+        self.execute_dock_actions(actions, now);
     }
 
     pub(super) fn continue_homing(&mut self, now: Instant) {
         if !self.online || self.may_charge() {
             return;
         }
-        let orders = self.homing.as_mut().map(|homing| homing.docking.poll(now));
-        self.execute_dock_actions(orders.unwrap_or_default(), now);
+        let actions = self.homing.as_mut().map(|homing| homing.docking.poll(now));
+        self.execute_dock_actions(actions.unwrap_or_default(), now);
         self.pursue_home(now);
     }
 
     /// Executes the docking's actions, then checks whether it has ended.
-    pub(super) fn execute_dock_actions(&mut self, orders: Vec<DockAction>, now: Instant) {
-        for order in orders {
-            match order {
+    pub(super) fn execute_dock_actions(&mut self, actions: Vec<DockAction>, now: Instant) {
+        for action in actions {
+            match action {
                 DockAction::Find => {
                     self.halt(now);
                     self.send(Command::Engine(Engage::Dock));

@@ -293,11 +293,11 @@ impl Watchdog {
             EngineReport::BaseNotFound => self.searching = false,
             EngineReport::Charged | EngineReport::Unknown(_) => {}
         }
-        let orders = self
+        let actions = self
             .homing
             .as_mut()
             .map(|homing| homing.docking.engine(news, now));
-        self.execute_dock_actions(orders.unwrap_or_default(), now);
+        self.execute_dock_actions(actions.unwrap_or_default(), now);
         if news == EngineReport::Undocked && self.homing.is_none() {
             self.search_at_once(now);
         }
@@ -344,8 +344,8 @@ impl Watchdog {
         };
         homing.callers.retain(|caller| caller.by != by);
         if homing.callers.is_empty() && !homing.forced {
-            let orders = homing.docking.cancel(DockEnd::Cancelled, now);
-            self.execute_dock_actions(orders, now);
+            let actions = homing.docking.cancel(DockEnd::Cancelled, now);
+            self.execute_dock_actions(actions, now);
         }
     }
 

@@ -45,7 +45,7 @@ impl Watchdog {
     /// Acts on the charging state, and on a change of the battery's state if there is one.
     pub(super) fn apply_battery_change(&mut self, change: Option<BatteryChange>, now: Instant) {
         let charging = self.charging_here();
-        let orders = self.homing.as_mut().map(|homing| match charging {
+        let actions = self.homing.as_mut().map(|homing| match charging {
             Charging::No => vec![],
             Charging::Unconfirmed => homing.docking.wait(),
             Charging::Confirmed => homing.docking.charging(now),
@@ -54,7 +54,7 @@ impl Watchdog {
             self.searching = false;
             self.end_alarm();
         }
-        self.execute_dock_actions(orders.unwrap_or_default(), now);
+        self.execute_dock_actions(actions.unwrap_or_default(), now);
         match change {
             Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
             Some(BatteryChange::Released) => self.released(now),

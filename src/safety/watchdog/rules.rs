@@ -94,8 +94,8 @@ impl Watchdog {
             return;
         };
         if let Some(homing) = self.homing.as_mut().filter(|homing| homing.forced) {
-            let orders = homing.docking.lost_contact(doubt, now);
-            self.execute_dock_actions(orders, now);
+            let actions = homing.docking.lost_contact(doubt, now);
+            self.execute_dock_actions(actions, now);
         }
         self.search_at_once(now);
     }

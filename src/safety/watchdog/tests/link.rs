@@ -37,7 +37,7 @@ fn a_silent_stream_while_moving_stops_and_reconnects() {
         .position(|act| matches!(act, Act::Reconnect(_)))
         .unwrap();
     assert!(stop < close, "{acts:?}");
-    assert_eq!(told(&acts), [ended(1, MotionEnd::Disconnected)]);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Disconnected)]);
 }
 
 #[test]
@@ -101,11 +101,11 @@ fn without_a_link_nothing_is_sent() {
     rig.drive(1, None);
     let acts = rig.take(Fact::LinkDown);
     assert_eq!(
-        (sent(&acts), told(&acts)),
+        (sent(&acts), events(&acts)),
         (vec![], vec![ended(1, MotionEnd::Disconnected)])
     );
     assert_eq!(
-        told(&rig.drive(2, None)),
+        events(&rig.drive(2, None)),
         [ended(2, MotionEnd::Disconnected)]
     );
     assert_eq!(rig.dog.next_deadline(), None);

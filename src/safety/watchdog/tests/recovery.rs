@@ -91,7 +91,7 @@ fn the_fourth_failure_sounds_the_alarm() {
     );
     let alarms = count(&rig.pass(59 * SECOND, false), &alarm);
     assert!((3..=5).contains(&alarms), "{alarms}");
-    assert_eq!(told(&rig.drive(9, None)), [ended(9, MotionEnd::Safety)]);
+    assert_eq!(events(&rig.drive(9, None)), [ended(9, MotionEnd::Safety)]);
     rig.report(charging(21));
     assert_eq!(rig.dog.state(), WatchdogState::Alarm, "one report");
     rig.report(charging(21));

@@ -33,7 +33,7 @@ fn loan_after(mut rig: Rig) -> Option<(Duration, Option<Vec<Stroke>>)> {
 }
 
 fn loan(acts: &[Act]) -> Option<(Duration, Option<Vec<Stroke>>)> {
-    told(acts).into_iter().find_map(|event| match event {
+    events(acts).into_iter().find_map(|event| match event {
         Event::Loan { low_for, way, .. } => Some((low_for, way.map(rounded))),
         _ => None,
     })

@@ -88,11 +88,11 @@ impl Known {
             }
             _ => {}
         }
-        let said = matches!(
+        let place_reported = matches!(
             fact,
             Fact::Engine(EngineReport::Docked | EngineReport::Undocked)
         );
-        self.idle &= self.on_station && !self.charges_here && !said;
+        self.idle &= self.on_station && !self.charges_here && !place_reported;
         let contact = self.on_station && !self.charges_here;
         self.contact = contact.then(|| self.contact.unwrap_or(now));
     }
@@ -171,8 +171,8 @@ impl Known {
             Command::Engine(Engage::Dock) => Some(true),
             _ => None,
         };
-        let said = sent(&moment.acts).iter().filter_map(ends).next_back();
-        self.online && said.unwrap_or(before && !over)
+        let last = sent(&moment.acts).iter().filter_map(ends).next_back();
+        self.online && last.unwrap_or(before && !over)
     }
 
     /// Whether a leg or a loan may move a robot with a low battery.

@@ -26,8 +26,11 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     );
     note("low on the station", dog.low().is_some() && known.docked());
     note("critical", dog.guard.critical());
-    let said = dog.guard.charging() == Charging::Unconfirmed;
-    note("low with unconfirmed charging", said && dog.low().is_some());
+    let unconfirmed = dog.guard.charging() == Charging::Unconfirmed;
+    note(
+        "low with unconfirmed charging",
+        unconfirmed && dog.low().is_some(),
+    );
     note(
         "low when unconfirmed charging expires",
         moment.fact.is_none() && known.charges > 0 && dog.low().is_some() && !known.docked(),
@@ -45,7 +48,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
         low_moves && dog.guard.critical(),
     );
     let loan = |event: &Event| matches!(event, Event::Loan { .. });
-    note("announces a loan", told(&moment.acts).iter().any(loan));
+    note("announces a loan", events(&moment.acts).iter().any(loan));
     note("searches under alarm", alarm && moment.sends(&FIND));
     note(
         "stands still under alarm, off the station",
@@ -97,7 +100,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
             _ => {}
         }
     }
-    seen.extend(told(&moment.acts).iter().filter_map(|event| match event {
+    seen.extend(events(&moment.acts).iter().filter_map(|event| match event {
         Event::MotionEnded { end, .. } => Some(format!("motion {end:?}")),
         Event::DockEnded { end, .. } => Some(format!("dock {end:?}")),
         Event::UndockEnded { end, .. } => Some(format!("undock {end:?}")),
