@@ -2,7 +2,7 @@
 //! robot. Facts go into the watchdog; the acts that come out are executed here, with all commands
 //! of one batch in one write. Knows no script, no decoder and no lock.
 //!
-//! However this task ends, by order, by a panic or by being dropped, dropping the [`Writer`] sends
+//! However this task ends, as told, by a panic or by being dropped, dropping the [`Writer`] sends
 //! the last words that the watchdog has left with it.
 //!
 //! Nothing here blocks until the robot takes a command: see [`Writer::queue`].
@@ -281,7 +281,7 @@ impl Pilot {
         stopped.and_then(|()| self.take(Fact::Suspended))
     }
 
-    /// Serves the requests that the behaviours sent before the order to close.
+    /// Serves the requests that the behaviours sent before `close_link` was cancelled.
     fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) {
         let rounds = MAX_REQUESTS / REQUESTS_IN_A_ROW;
         for _ in 0..rounds {

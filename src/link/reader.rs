@@ -51,7 +51,7 @@ impl Reader {
     /// Waits for the next report. Cancel-safe: a dropped wait loses nothing.
     ///
     /// # Errors
-    /// As [`Reader::receive`].
+    /// See [`Reader::receive`].
     pub async fn next(&mut self) -> Result<Report, LinkError> {
         loop {
             if let Received::Report(report) = self.receive().await? {

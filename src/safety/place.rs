@@ -143,7 +143,8 @@ impl DockTracker {
         }
     }
 
-    /// ENGINE 2: on the station. A repetition before `charge_due` changes nothing.
+    /// ENGINE 2: on the station. If that is known already, it does not extend `charge_due` before
+    /// that is over.
     pub fn docked(&mut self, now: Instant) {
         self.settle_charge_stop();
         self.contact = true;

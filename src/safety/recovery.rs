@@ -145,7 +145,9 @@ impl Recovery {
         }
     }
 
-    /// The pause doubles each time, up to the cost of a search.
+    /// The next pause: twice the one before, and from `recovery_pause` on again once the alarm
+    /// sounds. It never costs more than a search, but lasts [`Recovery::MOMENT`] at least; at or
+    /// below the critical level there is none.
     fn pause(&mut self, options: RecoveryOptions) -> Duration {
         if self.failures == self.retries.saturating_add(1) {
             self.next_pause = self.alarm_pause;

@@ -146,7 +146,7 @@ impl Watchdog {
         }
     }
 
-    /// Notes whether the borrower drives, and ends its loan if its host falls silent.
+    /// Notes whether the borrower drives, and ends its loan if its host falls silent meanwhile.
     fn watch_borrower(&mut self, now: Instant) {
         let Some(by) = self.borrower() else {
             return;

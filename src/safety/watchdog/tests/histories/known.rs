@@ -30,8 +30,9 @@ pub(super) struct Known {
     pub(super) touched: bool,
     /// The same, and it had not been told to leave.
     pub(super) surely_touched: bool,
-    /// Whether charging is reported and not believed, and since when it is reported.
+    /// Whether charging is reported and not believed.
     pub(super) unconfirmed: bool,
+    /// Since when charging is reported.
     pub(super) charging_since: Option<Instant>,
     /// The last news of a search was that it failed.
     pub(super) not_found: bool,
