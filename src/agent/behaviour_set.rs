@@ -83,7 +83,7 @@ impl BehaviourSet {
         for behaviour in behaviours {
             let name = &behaviour.launch.options.name;
             if !self.blueprints.iter().any(|known| known.name() == name) {
-                self.blueprints.push(Blueprint::of(&behaviour));
+                self.blueprints.push(Blueprint::from_behaviour(&behaviour));
             }
             let (by, stop) = (self.number(), Stop::new(None));
             let restart_loop = self.restart_loop(by, &stop, behaviour);

@@ -62,7 +62,7 @@ impl Blueprint {
     }
 
     /// The blueprint of an existing behaviour: the same text each time.
-    pub(super) fn of(behaviour: &Behaviour) -> Blueprint {
+    pub(super) fn from_behaviour(behaviour: &Behaviour) -> Blueprint {
         let Behaviour {
             priority,
             launch,
