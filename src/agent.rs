@@ -31,7 +31,7 @@ use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy};
 use crate::link::LinkError;
 use crate::pilot::{Dial, Pulse, Reactions, Settings, Status};
 use crate::robot::channel::Request;
-pub use crate::robot::{Bus, Happening, Heard, Listener, Occurrence};
+pub use crate::robot::{Bus, BusMessage, Listener, Occurrence, TimedOccurrence};
 use crate::robot::{EndReason, Pictures, Priority, ViewerChannel};
 use crate::script::Ending;
 
@@ -266,7 +266,7 @@ impl Run {
                 stayed = home, if alone => {
                     return Ok(if stayed { EndReason::Safety } else { EndReason::Done });
                 }
-                turn = self.behaviour_set.turn() => turn?,
+                handled = self.behaviour_set.handle_next() => handled?,
             }
         }
     }

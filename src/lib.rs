@@ -66,8 +66,8 @@
 //! - **A command to the robot**: its section in `wire/PROTOCOL.md` with a byte vector, its variant
 //!   with `parse` and `emit` in `wire/command.rs`, what the simulated robot does with it in
 //!   `sim/body/robot/commands.rs`. If it can move the robot, only the watchdog may make it.
-//! - **A report of the robot**: likewise in `wire/report.rs`; `pilot/link_events.rs` handles it, and
-//!   `sim/body/robot.rs` sends it.
+//! - **A report of the robot**: likewise in `wire/report.rs`; `pilot/link_events.rs` handles it,
+//!   and `sim/body/robot.rs` sends it.
 //! - **A fault**: its variant of `sim::FaultKind` (`sim/faults/fault.rs`), its name and keys in
 //!   YAML (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`,
 //!   `sim/faults/lane.rs`) or on the robot (`sim/server/site.rs`), and its row in
@@ -87,11 +87,12 @@
 //! | behaviour, host | a script of the user; the process that runs it |
 //! | intent | what a behaviour asks of the robot |
 //! | setpoint | the power of both tracks last requested |
-//! | lease | how long a setpoint is valid unless renewed |
+//! | lease | how long a host may move the robot without a new sign of life |
+//! | claim | a behaviour's request for the tracks, which the arbiter keeps until it ends |
 //! | act, fact | an output of the watchdog; an input |
 //! | deferred | accepted as a fact, with its acts postponed to the end of the turn |
 //! | dock state | the robot's position relative to its station, as far as it has reported |
-//! | `Options` | the settings of one room, its part of the config; always written with its room |
+//! | `Options` | a module's settings, its part of the config; written with the module's name |
 //! | last words | the commands that are sent to the robot if the agent dies now |
 //! | seat | what the pilot keeps of one behaviour: its rights, its streams, its queue of events |
 //! | station, docked | the charging station; the robot stands on its contacts |
@@ -140,7 +141,7 @@
 //! | side | `sim` | the simulated robot and its world; imports floor 0 only |
 //!
 //! `tests/it/floors.rs` checks every path into the crate against this table, `tests/it/circles.rs`
-//! finds import cycles inside the rooms.
+//! finds import cycles inside the folders of `src`.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod agent;

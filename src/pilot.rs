@@ -2,7 +2,7 @@
 //! robot. Facts go into the watchdog; the acts that come out are executed here, with all commands
 //! of one batch in one write. Knows no script, no decoder and no lock.
 //!
-//! However this task ends, by order, by a panic or by being dropped, dropping the [`Writer`] sends
+//! However this task ends, as told, by a panic or by being dropped, dropping the [`Writer`] sends
 //! the last words that the watchdog has left with it.
 //!
 //! Nothing here blocks until the robot takes a command: see [`Writer::queue`].
@@ -68,7 +68,7 @@ const REQUESTS_IN_A_ROW: usize = 32;
 const YIELDS_BEFORE_TIMEOUTS: usize = 2;
 
 /// Behaviours are told of a sequence of sounds, such as speech, once per this interval.
-const SOUND_TOLD_AGAIN: Duration = Duration::from_millis(500);
+const SOUND_EVENT_INTERVAL: Duration = Duration::from_millis(500);
 
 /// How long the robot may take at the end to acknowledge what was sent last.
 pub const DELIVERY: Duration = Duration::from_secs(2);
@@ -281,7 +281,7 @@ impl Pilot {
         stopped.and_then(|()| self.take(Fact::Suspended))
     }
 
-    /// Serves the requests that the behaviours sent before the order to close.
+    /// Serves the requests that the behaviours sent before `close_link` was cancelled.
     fn serve_last(&mut self, requests: &mut mpsc::Receiver<Request>) {
         let rounds = MAX_REQUESTS / REQUESTS_IN_A_ROW;
         for _ in 0..rounds {
@@ -346,7 +346,7 @@ impl Pilot {
     /// noise.
     fn tell_sound(&mut self) {
         let now = Instant::now();
-        let lately = |at: Instant| now.saturating_duration_since(at) < SOUND_TOLD_AGAIN;
+        let lately = |at: Instant| now.saturating_duration_since(at) < SOUND_EVENT_INTERVAL;
         if !self.sounding.is_some_and(lately) {
             self.sounding = Some(now);
             self.seats.tell_all(&Event::Sounding);

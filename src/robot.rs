@@ -15,7 +15,7 @@ mod quantity;
 mod streams;
 mod stroke;
 
-pub use bus::{Bus, Happening, Heard, Listener};
+pub use bus::{Bus, BusMessage, Listener, TimedOccurrence};
 pub use ends::{DockEnd, EndReason, MotionEnd, SafetyAction};
 pub use event::Event;
 pub use finding::{Finding, Findings, ViewerChannel};

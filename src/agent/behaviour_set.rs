@@ -36,7 +36,7 @@ type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 /// The behaviours of an agent; see the module.
 pub(super) struct BehaviourSet {
     context: LaunchContext,
-    orders: mpsc::Receiver<RosterCommand>,
+    commands: mpsc::Receiver<RosterCommand>,
     blueprints: Vec<Blueprint>,
     active: Vec<ActiveBehaviour>,
     running: JoinSet<(BehaviourId, String, Ending)>,
@@ -56,10 +56,10 @@ impl BehaviourSet {
         blueprints: Vec<Blueprint>,
     ) -> (BehaviourSet, Roster) {
         let members = watch::Sender::new(Vec::new());
-        let (roster, orders) = Roster::new(members.subscribe(), context.viewers.clone());
+        let (roster, commands) = Roster::new(members.subscribe(), context.viewers.clone());
         let behaviour_set = BehaviourSet {
             context,
-            orders,
+            commands,
             blueprints,
             active: Vec::new(),
             running: JoinSet::new(),
@@ -83,7 +83,7 @@ impl BehaviourSet {
         for behaviour in behaviours {
             let name = &behaviour.launch.options.name;
             if !self.blueprints.iter().any(|known| known.name() == name) {
-                self.blueprints.push(Blueprint::of(&behaviour));
+                self.blueprints.push(Blueprint::from_behaviour(&behaviour));
             }
             let (by, stop) = (self.number(), Stop::new(None));
             let restart_loop = self.restart_loop(by, &stop, behaviour);
@@ -117,12 +117,12 @@ impl BehaviourSet {
         self.active.is_empty()
     }
 
-    /// Executes commands until the robot is connected: nothing can be started before. Cancel-safe;
-    /// never returns.
+    /// Executes commands while the run waits for the robot: nothing can be started before. Never
+    /// returns; cancel-safe.
     pub(super) async fn wait_for_robot(&mut self) -> std::convert::Infallible {
-        while let Some(order) = self.orders.recv().await {
+        while let Some(command) = self.commands.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
-            match order {
+            match command {
                 RosterCommand::Start(name, _, reply) | RosterCommand::Restart(name, reply)
                     if offline =>
                 {
@@ -132,7 +132,7 @@ impl BehaviourSet {
                     };
                     let _ = reply.send(Err(refusal));
                 }
-                order => self.execute(order),
+                command => self.execute(command),
             }
         }
         std::future::pending().await
@@ -143,7 +143,7 @@ impl BehaviourSet {
     ///
     /// # Errors
     /// [`AgentError::Broken`] if a task of this program panicked.
-    pub(super) async fn turn(&mut self) -> Result<(), AgentError> {
+    pub(super) async fn handle_next(&mut self) -> Result<(), AgentError> {
         let next = self
             .active
             .iter()
@@ -160,7 +160,7 @@ impl BehaviourSet {
                 let (by, loaded) = loaded.map_err(|_| AgentError::Broken("a supervisor"))?;
                 self.loaded(by, loaded);
             }
-            Some(order) = self.orders.recv() => self.execute(order),
+            Some(command) = self.commands.recv() => self.execute(command),
             else => std::future::pending().await,
         }
         Ok(())
@@ -168,7 +168,7 @@ impl BehaviourSet {
 
     /// Ends all behaviours with this reason, in bounded time; returns each one's last ending.
     pub(super) async fn end(mut self, reason: EndReason) -> Vec<(String, Ending)> {
-        self.orders.close();
+        self.commands.close();
         for one in &mut self.active {
             one.restart_reply = None;
             request_stop(&one.stop, reason);
@@ -190,8 +190,8 @@ impl BehaviourSet {
         self.running.shutdown().await;
     }
 
-    fn execute(&mut self, order: RosterCommand) {
-        match order {
+    fn execute(&mut self, command: RosterCommand) {
+        match command {
             RosterCommand::Start(name, time_limit, reply) => match self.find(&name) {
                 Some(_) => refuse(reply, RosterError::RunsAlready(name)),
                 None => self.start(&name, time_limit, reply),
@@ -267,7 +267,7 @@ impl BehaviourSet {
                         if let RosterError::CannotLoad(why) = &why {
                             let reason = EndReason::Error;
                             let message = Some(why.clone());
-                            self.context.bus.tell(Occurrence::Ended {
+                            self.context.bus.publish(Occurrence::Ended {
                                 behaviour: one.name.clone(),
                                 reason,
                                 message: message.clone(),

@@ -147,7 +147,7 @@ impl RestartLoop {
         } = self.context.clone();
         let handle = Handle::default();
         let bus = self.context.bus.clone();
-        bus.tell(Occurrence::Started {
+        bus.publish(Occurrence::Started {
             behaviour: self.name().to_owned(),
         });
         let supervisor = Supervisor::board(host, self.role, requests, frames)
@@ -221,7 +221,7 @@ impl RestartLoop {
 
     /// Publishes on the bus how it has ended, after running for `ran`.
     pub(super) fn publish_ended(&self, ending: &Ending, ran: Duration) {
-        self.context.bus.tell(Occurrence::Ended {
+        self.context.bus.publish(Occurrence::Ended {
             behaviour: self.name().to_owned(),
             reason: ending.reason,
             message: ending.message.clone(),
@@ -235,7 +235,7 @@ impl RestartLoop {
         let message = ending.message.as_deref().unwrap_or(reason.sentence());
         let of = self.limits();
         error!(behaviour, %reason, "given up, no restart is left {of}: {message}");
-        self.context.bus.tell(Occurrence::GivenUp {
+        self.context.bus.publish(Occurrence::GivenUp {
             behaviour: behaviour.to_owned(),
             message: message.to_owned(),
         });

@@ -62,7 +62,7 @@ impl Blueprint {
     }
 
     /// The blueprint of an existing behaviour: the same text each time.
-    pub(super) fn of(behaviour: &Behaviour) -> Blueprint {
+    pub(super) fn from_behaviour(behaviour: &Behaviour) -> Blueprint {
         let Behaviour {
             priority,
             launch,
@@ -165,7 +165,7 @@ pub enum RosterError {
     /// The robot is not connected.
     #[error("the robot is not connected")]
     Offline,
-    /// Too many commands are queued, or a command took too long.
+    /// Too many commands are queued, a command took too long, or a later restart replaced it.
     #[error("too many requests at once, try again")]
     Busy,
     /// The run is ending.
@@ -204,7 +204,7 @@ pub(super) enum RosterCommand {
 /// The handle: cheap to clone, usable from any thread.
 #[derive(Debug, Clone)]
 pub struct Roster {
-    orders: mpsc::Sender<RosterCommand>,
+    commands: mpsc::Sender<RosterCommand>,
     members: watch::Receiver<Vec<Member>>,
     viewers: ViewerChannel,
 }
@@ -214,10 +214,10 @@ impl Roster {
         members: watch::Receiver<Vec<Member>>,
         viewers: ViewerChannel,
     ) -> (Roster, mpsc::Receiver<RosterCommand>) {
-        let (orders, taken) = mpsc::channel(MAX_COMMANDS);
+        let (commands, taken) = mpsc::channel(MAX_COMMANDS);
         (
             Roster {
-                orders,
+                commands,
                 members,
                 viewers,
             },
@@ -230,17 +230,17 @@ impl Roster {
     /// # Errors
     /// See [`RosterError`].
     pub async fn start(&self, name: &str) -> Result<(), RosterError> {
-        self.order(|reply| RosterCommand::Start(name.to_owned(), None, reply))
+        self.send_command(|reply| RosterCommand::Start(name.to_owned(), None, reply))
             .await
     }
 
-    /// Starts a behaviour, and ends it after it has run for `lasts`, unless it has ended before. A
-    /// restart resets the time.
+    /// Starts a behaviour, and ends it after it has run for `time_limit`, unless it has ended
+    /// before. A restart resets the time.
     ///
     /// # Errors
     /// See [`RosterError`].
-    pub async fn start_for(&self, name: &str, lasts: Duration) -> Result<(), RosterError> {
-        self.order(|reply| RosterCommand::Start(name.to_owned(), Some(lasts), reply))
+    pub async fn start_for(&self, name: &str, time_limit: Duration) -> Result<(), RosterError> {
+        self.send_command(|reply| RosterCommand::Start(name.to_owned(), Some(time_limit), reply))
             .await
     }
 
@@ -250,7 +250,7 @@ impl Roster {
     /// See [`RosterError`].
     pub async fn stop(&self, name: &str) -> Result<(), RosterError> {
         let reason = EndReason::Cancelled;
-        self.order(|reply| RosterCommand::Stop(name.to_owned(), reason, reply))
+        self.send_command(|reply| RosterCommand::Stop(name.to_owned(), reason, reply))
             .await
     }
 
@@ -260,7 +260,7 @@ impl Roster {
     /// # Errors
     /// See [`RosterError`].
     pub async fn restart(&self, name: &str) -> Result<(), RosterError> {
-        self.order(|reply| RosterCommand::Restart(name.to_owned(), reply))
+        self.send_command(|reply| RosterCommand::Restart(name.to_owned(), reply))
             .await
     }
 
@@ -269,7 +269,7 @@ impl Roster {
     /// # Errors
     /// See [`RosterError`].
     pub async fn define(&self, blueprints: Vec<Blueprint>) -> Result<(), RosterError> {
-        self.order(|reply| RosterCommand::Define(blueprints, reply))
+        self.send_command(|reply| RosterCommand::Define(blueprints, reply))
             .await
     }
 
@@ -326,10 +326,13 @@ impl Roster {
         Ok(())
     }
 
-    async fn order(&self, order: impl FnOnce(Reply) -> RosterCommand) -> Result<(), RosterError> {
+    async fn send_command(
+        &self,
+        make: impl FnOnce(Reply) -> RosterCommand,
+    ) -> Result<(), RosterError> {
         let (reply, answer) = oneshot::channel();
-        self.orders
-            .try_send(order(reply))
+        self.commands
+            .try_send(make(reply))
             .map_err(|error| match error {
                 mpsc::error::TrySendError::Full(_) => RosterError::Busy,
                 mpsc::error::TrySendError::Closed(_) => RosterError::Closed,
@@ -345,7 +348,7 @@ impl Roster {
 impl fmt::Debug for RosterCommand {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            RosterCommand::Start(name, lasts, _) => write!(f, "Start({name}, {lasts:?})"),
+            RosterCommand::Start(name, time_limit, _) => write!(f, "Start({name}, {time_limit:?})"),
             RosterCommand::Stop(name, reason, _) => write!(f, "Stop({name}, {reason})"),
             RosterCommand::Restart(name, _) => write!(f, "Restart({name})"),
             RosterCommand::Define(blueprints, _) => write!(f, "Define({blueprints:?})"),

@@ -160,7 +160,7 @@ impl RunningPilot {
     /// Waits until the robot is connected. Cancel-safe.
     ///
     /// # Errors
-    /// As [`RunningPilot::failure`].
+    /// See [`RunningPilot::failure`].
     pub async fn connected(&mut self) -> Result<(), AgentError> {
         let mut status = self.status.clone();
         tokio::select! {

@@ -189,11 +189,7 @@ impl Seat {
     /// # Errors
     /// See [`SeatError`].
     pub async fn next_event(&mut self) -> Result<Event, SeatError> {
-        match self.inbox.next().await {
-            PilotMessage::Event(event) => Ok(event),
-            PilotMessage::Kill(reason) => Err(SeatError::Ended(reason)),
-            PilotMessage::Closed => Err(SeatError::Closed),
-        }
+        into_event(self.inbox.next().await)
     }
 
     /// Sends a request without waiting for an answer.
@@ -219,23 +215,25 @@ impl Seat {
         let mut beat = interval(BEAT);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
-            let told = tokio::select! {
-                told = self.inbox.next() => told,
+            let message = tokio::select! {
+                message = self.inbox.next() => message,
                 _ = beat.tick() => {
                     self.ask(Request::Alive(self.by)).await?;
                     continue;
                 }
             };
-            match told {
-                PilotMessage::Event(event) => {
-                    if let Some(answer) = answer(&event) {
-                        return Ok(answer);
-                    }
-                }
-                PilotMessage::Kill(reason) => return Err(SeatError::Ended(reason)),
-                PilotMessage::Closed => return Err(SeatError::Closed),
+            if let Some(answer) = answer(&into_event(message)?) {
+                return Ok(answer);
             }
         }
+    }
+}
+
+fn into_event(message: PilotMessage) -> Result<Event, SeatError> {
+    match message {
+        PilotMessage::Event(event) => Ok(event),
+        PilotMessage::Kill(reason) => Err(SeatError::Ended(reason)),
+        PilotMessage::Closed => Err(SeatError::Closed),
     }
 }
 

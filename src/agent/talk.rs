@@ -63,8 +63,8 @@ impl Talk {
     /// See [`TalkError`].
     pub async fn run(
         mut self,
-        mut orders: mpsc::Receiver<PromptCommand>,
-        said: mpsc::Sender<PromptMessage>,
+        mut commands: mpsc::Receiver<PromptCommand>,
+        sink: mpsc::Sender<PromptMessage>,
         stop: CancellationToken,
     ) -> Result<bool, TalkError> {
         if let Some(launch) = self.rescue {
@@ -80,7 +80,7 @@ impl Talk {
             pilot: self.setup.launch(&stop),
             last: 0,
         };
-        let stayed = session.live(&mut orders, &said, &stop).await;
+        let stayed = session.live(&mut commands, &sink, &stop).await;
         let safety = session.pilot.is_away();
         session.pilot.end().await;
         stayed.map(|stayed| stayed || safety)
@@ -91,8 +91,8 @@ impl Session {
     /// Returns whether the session had to wait for a robot with a low battery.
     async fn live(
         &mut self,
-        orders: &mut mpsc::Receiver<PromptCommand>,
-        said: &mpsc::Sender<PromptMessage>,
+        commands: &mut mpsc::Receiver<PromptCommand>,
+        sink: &mpsc::Sender<PromptMessage>,
         stop: &CancellationToken,
     ) -> Result<bool, TalkError> {
         tokio::select! {
@@ -100,8 +100,8 @@ impl Session {
             () = stop.cancelled() => return Ok(false),
             up = self.pilot.connected() => up?,
         }
-        while let Some(ending) = self.converse(orders, said, stop).await? {
-            let _ = said.send(PromptMessage::Ended(ending)).await;
+        while let Some(ending) = self.converse(commands, sink, stop).await? {
+            let _ = sink.send(PromptMessage::Ended(ending)).await;
         }
         tokio::select! {
             biased;
@@ -113,30 +113,30 @@ impl Session {
     /// Runs one behaviour and returns its ending; `None` if the session ends.
     async fn converse(
         &mut self,
-        orders: &mut mpsc::Receiver<PromptCommand>,
-        said: &mpsc::Sender<PromptMessage>,
+        commands: &mut mpsc::Receiver<PromptCommand>,
+        sink: &mpsc::Sender<PromptMessage>,
         stop: &CancellationToken,
     ) -> Result<Option<Ending>, TalkError> {
-        let (order, mut hear, dialogue) = Dialogue::new();
-        let supervisor = self.board().await?.with_dialogue(dialogue);
+        let (lines, mut messages, dialogue) = Dialogue::new();
+        let supervisor = self.start_behaviour().await?.with_dialogue(dialogue);
         let handle = Handle::default();
         let core = self.core.clone();
         let mut running = pin!(supervisor.run(handle.clone(), &core));
-        let _ = said.send(PromptMessage::Ready).await;
+        let _ = sink.send(PromptMessage::Ready).await;
         loop {
             tokio::select! {
                 biased;
                 () = stop.cancelled() => break,
                 error = self.pilot.failure() => return Err(error.into()),
-                next = orders.recv() => match next {
+                next = commands.recv() => match next {
                     // A behaviour that does not read its lines is ended.
-                    Some(next) => if order.try_send(next).is_err() { handle.stop(EndReason::Cancelled) },
+                    Some(next) => if lines.try_send(next).is_err() { handle.stop(EndReason::Cancelled) },
                     None => break,
                 },
-                Some(heard) = hear.recv() => { let _ = said.send(heard).await; }
+                Some(message) = messages.recv() => { let _ = sink.send(message).await; }
                 ending = &mut running => {
-                    while let Ok(heard) = hear.try_recv() {
-                        let _ = said.send(heard).await;
+                    while let Ok(message) = messages.try_recv() {
+                        let _ = sink.send(message).await;
                     }
                     return Ok(Some(ending));
                 }
@@ -152,7 +152,7 @@ impl Session {
         Ok(None)
     }
 
-    async fn board(&mut self) -> Result<Supervisor, TalkError> {
+    async fn start_behaviour(&mut self) -> Result<Supervisor, TalkError> {
         self.last = self.last.wrapping_add(1);
         let (by, launch) = (BehaviourId(self.last), self.launch.clone());
         let prepared = Prepared::start(&self.launcher, &self.core, by, Priority(0), launch).await;

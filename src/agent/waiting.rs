@@ -52,16 +52,16 @@ async fn dial_until_answered(
     tries: &Tries,
 ) -> Result<Session, LinkError> {
     let mut backoff = Backoff::new(options);
-    let (mut rng, mut told) = (StdRng::seed_from_u64(seed), String::new());
+    let (mut rng, mut logged) = (StdRng::seed_from_u64(seed), String::new());
     loop {
         let error = match dial(last_words.clone()).await {
             Err(error) if !error.is_final() => error.to_string(),
             answered => return answered,
         };
         tries.0.fetch_add(1, Ordering::Relaxed);
-        if error != told {
+        if error != logged {
             tracing::info!("{error}; dialling until it answers, Ctrl-C ends");
-            told = error;
+            logged = error;
         }
         sleep(backoff.next(&mut rng)).await;
     }

@@ -301,7 +301,7 @@ impl Supervisor {
 
     fn remark(&mut self, remark: Remark) {
         match self.host.remark_limiter.admit(remark, Instant::now()) {
-            remark_limiter::Admission::Passed(what) => self.bus.tell(what),
+            remark_limiter::Admission::Passed(what) => self.bus.publish(what),
             remark_limiter::Admission::Dropped(before) => warn!(
                 behaviour = %self.host.name,
                 before,

@@ -29,7 +29,7 @@ impl PageInputs {
             options: config.live.clone(),
             data: config.data_folder().to_owned(),
             known,
-            bus: bus.listen(),
+            bus: bus.subscribe(),
         }
     }
 

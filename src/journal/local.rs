@@ -25,7 +25,7 @@ impl LabJournal {
     pub fn start(bus: &Bus, data: &Path, options: Options, about: About) -> LabJournal {
         let stop = CancellationToken::new();
         let recorder = Recorder::new(data, options, about, Clock::default());
-        let task = tokio::spawn(recorder.run(bus.listen(), stop.clone()));
+        let task = tokio::spawn(recorder.run(bus.subscribe(), stop.clone()));
         LabJournal { stop, task }
     }
 

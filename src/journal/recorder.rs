@@ -17,7 +17,7 @@ use super::options::{About, Options};
 use super::pending::Pending;
 use crate::budget::Repeats;
 use crate::clock::{Clock, until};
-use crate::robot::{Bus, Heard, Listener};
+use crate::robot::{Bus, BusMessage, Listener};
 
 /// How often rows that are too old are deleted.
 const CLEANUP_INTERVAL: Duration = Duration::from_secs(3600);
@@ -48,7 +48,7 @@ impl Journal {
     ) -> Result<Journal, JournalError> {
         let stop = CancellationToken::new();
         let (alive, ended) = mpsc::sync_channel::<()>(1);
-        let (listener, stopped) = (bus.listen(), stop.clone());
+        let (listener, stopped) = (bus.subscribe(), stop.clone());
         let runtime = Builder::new_current_thread().enable_time().build();
         let runtime = runtime.map_err(JournalError::Thread)?;
         let recorder = Recorder::new(data, options, about, clock);
@@ -126,15 +126,15 @@ impl Recorder {
                     self.delete_old();
                     next_cleanup = Instant::now() + CLEANUP_INTERVAL;
                 }
-                heard = listener.next() => {
-                    if !self.handle_event(heard) {
+                message = listener.next() => {
+                    if !self.handle_event(message) {
                         break;
                     }
                 }
             }
         }
-        while let Some(heard) = listener.try_next() {
-            if !self.handle_event(heard) {
+        while let Some(message) = listener.try_next() {
+            if !self.handle_event(message) {
                 break;
             }
         }
@@ -142,15 +142,15 @@ impl Recorder {
     }
 
     /// Adds an event. Returns false if the bus is closed.
-    fn handle_event(&mut self, heard: Heard) -> bool {
+    fn handle_event(&mut self, message: BusMessage) -> bool {
         let now = Instant::now();
-        match heard {
-            Heard::Happening(one) => {
+        match message {
+            BusMessage::Occurrence(one) => {
                 let at = self.wall_time(one.at).as_millisecond();
                 self.pending.add_event(&one.what, at, now);
             }
-            Heard::Missed(count) => self.pending.add_lost(count, now),
-            Heard::Closed => return false,
+            BusMessage::Missed(count) => self.pending.add_lost(count, now),
+            BusMessage::Closed => return false,
         }
         true
     }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::Target;
 use crate::wire::{FramingError, Refusal};
 
-/// Why there is no link. Never contains a password.
+/// Why there is no link, or no longer. Never contains a password.
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// No TCP connection could be established.
@@ -52,7 +52,7 @@ pub enum LinkError {
     /// The framing is invalid.
     #[error("the robot sends something that is not a Spykee message: {0}")]
     Framing(#[from] FramingError),
-    /// Written data was not acknowledged in time.
+    /// Data could not be written, or was not acknowledged, in time.
     #[error("the link is dead: nothing could be sent for {after:?}")]
     Dead {
         /// The time limit.

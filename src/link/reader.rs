@@ -22,7 +22,7 @@ pub enum Received {
     Report(Report),
     /// The first bytes of a frame whose rest is still arriving; at least `GROWTH` bytes more than
     /// the last time.
-    PartOfFrame(Bytes),
+    PartialFrame(Bytes),
 }
 
 /// The read half of a [`super::Session`]. Holds one message and one chunk, never more.
@@ -51,7 +51,7 @@ impl Reader {
     /// Waits for the next report. Cancel-safe: a dropped wait loses nothing.
     ///
     /// # Errors
-    /// As [`Reader::receive`].
+    /// See [`Reader::receive`].
     pub async fn next(&mut self) -> Result<Report, LinkError> {
         loop {
             if let Received::Report(report) = self.receive().await? {
@@ -75,7 +75,7 @@ impl Reader {
                 return Ok(Received::Report(report));
             }
             if let Some(part) = self.grown_frame() {
-                return Ok(Received::PartOfFrame(part));
+                return Ok(Received::PartialFrame(part));
             }
             let read = self.io.read(&mut self.chunk).await;
             let count = read.map_err(|error| LinkError::from_io(error, self.dead_after))?;
@@ -149,17 +149,17 @@ mod tests {
         let mut pieces = pieces(&Report::Video(jpeg.clone()), 700);
         pieces.extend(self::pieces(&Report::Audio(jpeg.clone()), 700));
         let mut reader = reader(pieces);
-        let mut told = Vec::new();
+        let mut parts = Vec::new();
         let report = loop {
             match reader.receive().await.unwrap() {
-                Received::PartOfFrame(part) => told.push(part),
+                Received::PartialFrame(part) => parts.push(part),
                 Received::Report(report) => break report,
             }
         };
         assert_eq!(report, Report::Video(jpeg.clone()));
-        assert!(told.len() > 1, "{} times", told.len());
-        assert!(told.iter().all(|beginning| jpeg.starts_with(beginning)));
-        let lens: Vec<_> = told.iter().map(Bytes::len).collect();
+        assert!(parts.len() > 1, "{} times", parts.len());
+        assert!(parts.iter().all(|beginning| jpeg.starts_with(beginning)));
+        let lens: Vec<_> = parts.iter().map(Bytes::len).collect();
         assert!(
             lens[0] >= GROWTH && lens.is_sorted_by(|a, b| a + GROWTH <= *b),
             "{lens:?}"

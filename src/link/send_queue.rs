@@ -52,8 +52,8 @@ impl Message {
     /// Whether it is still to be written when the link ends with these commands: only if there are
     /// none, and if it is an ENGINE or a stop.
     fn is_kept_at_end(&self, last: &[Command]) -> bool {
-        let told = self.kind == CommandKind::Engine || self.bytes == Command::STOP.to_bytes();
-        last.is_empty() && told
+        let lasting = self.kind == CommandKind::Engine || self.bytes == Command::STOP.to_bytes();
+        last.is_empty() && lasting
     }
 }
 

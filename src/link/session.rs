@@ -31,7 +31,7 @@ pub struct Session {
     pub power: Power,
     /// The robot's address.
     pub peer: SocketAddr,
-    /// Reports that came before both answers, in order; without video and audio.
+    /// Other reports that came before both answers were there, in order; without video and audio.
     pub early: Vec<Report>,
     /// Receives from the robot.
     pub reader: Reader,

@@ -64,7 +64,7 @@ impl Writer {
         self.armed = true;
     }
 
-    /// Sets what is sent to the robot if the agent dies: MOVE 0 0 by default; empty: nothing.
+    /// Sets what is sent to the robot if all else fails: MOVE 0 0 by default; empty: nothing.
     pub fn set_last_words(&mut self, commands: Vec<Command>) {
         self.last_words = commands;
     }
@@ -109,7 +109,7 @@ impl Writer {
     /// `false`, and does nothing, when four seconds of them are queued.
     ///
     /// # Errors
-    /// Like [`Writer::send`].
+    /// See [`Writer::send`].
     pub fn say(&mut self, samples: &Bytes) -> Result<bool, LinkError> {
         let taken = self.queue.say(samples);
         self.write_ready()?;
@@ -134,7 +134,7 @@ impl Writer {
     /// Waits until the queue is empty, speech included. Cancel-safe.
     ///
     /// # Errors
-    /// Like [`Writer::progress`].
+    /// See [`Writer::progress`].
     pub async fn written(&mut self) -> Result<(), LinkError> {
         self.write_ready()?;
         loop {
@@ -149,7 +149,7 @@ impl Writer {
     /// Sends commands, and waits until the queue is empty.
     ///
     /// # Errors
-    /// Like [`Writer::progress`].
+    /// See [`Writer::progress`].
     pub async fn write(&mut self, commands: &[Command]) -> Result<(), LinkError> {
         self.send(commands, Instant::now())?;
         self.written().await
@@ -228,7 +228,7 @@ impl Writer {
     /// Writes the queued data that the robot accepts at once.
     ///
     /// # Errors
-    /// Like [`Writer::send`].
+    /// See [`Writer::send`].
     pub fn write_ready(&mut self) -> Result<(), LinkError> {
         let after = self.dead_after;
         match poll_once(|cx| self.poll_written(cx)) {

@@ -22,7 +22,7 @@ use super::state::{self, People, Person, Rate};
 use super::world::{self, Simulation};
 use crate::agent::SeatError;
 use crate::control::Run;
-use crate::robot::{Findings, Heard, Listener, Occurrence, RobotInfo};
+use crate::robot::{BusMessage, Findings, Listener, Occurrence, RobotInfo};
 
 /// Polling interval for changes.
 const STATE_POLL: Duration = Duration::from_millis(100);
@@ -205,14 +205,16 @@ impl Hub {
         }
         loop {
             match bus.next().await {
-                Heard::Happening(happening) => {
-                    self.metrics.count(&happening.what);
-                    if let Occurrence::LinkUp { robot, .. } = &happening.what {
+                BusMessage::Occurrence(occurrence) => {
+                    self.metrics.count(&occurrence.what);
+                    if let Occurrence::LinkUp { robot, .. } = &occurrence.what {
                         self.robot.send_replace(Some(robot.clone()));
                     }
                 }
-                Heard::Missed(missed) => tracing::debug!("the page has missed {missed} events"),
-                Heard::Closed => return,
+                BusMessage::Missed(missed) => {
+                    tracing::debug!("the page has missed {missed} events")
+                }
+                BusMessage::Closed => return,
             }
         }
     }

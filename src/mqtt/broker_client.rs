@@ -21,7 +21,7 @@ use crate::agent::Member;
 use crate::clock::until;
 use crate::control::{Next, Run};
 use crate::link::{self, Backoff};
-use crate::robot::{Heard, Listener, Occurrence, RobotInfo};
+use crate::robot::{BusMessage, Listener, Occurrence, RobotInfo};
 
 /// Changes within this time are published together.
 const COALESCE: Duration = Duration::from_millis(100);
@@ -78,7 +78,7 @@ struct Published {
 /// The next thing to handle.
 enum Input {
     Stop,
-    Heard(Heard),
+    Bus(BusMessage),
     Changed,
     Finished(FinishedCommand),
     Connection(ConnectionEvent),
@@ -123,15 +123,15 @@ impl BrokerClient {
                 () = stop.cancelled() => Input::Stop,
                 input = next_input(&mut self.phase) => input,
                 finished = self.commands.next() => Input::Finished(finished),
-                heard = self.listener.next() => Input::Heard(heard),
+                message = self.listener.next() => Input::Bus(message),
                 Ok(()) = status.changed() => Input::Changed,
                 Ok(()) = members.changed() => Input::Changed,
                 Ok(()) = view.changed() => Input::Changed,
                 () = until(self.due) => Input::Publish,
             };
             match input {
-                Input::Stop | Input::Heard(Heard::Closed) => break,
-                Input::Heard(heard) => self.handle_event(heard),
+                Input::Stop | Input::Bus(BusMessage::Closed) => break,
+                Input::Bus(message) => self.handle_event(message),
                 Input::Changed => self.schedule_publish(),
                 Input::Finished(finished) => self.answer(finished),
                 Input::Connection(event) => self.handle_connection(event),
@@ -142,17 +142,17 @@ impl BrokerClient {
         self.shut_down().await;
     }
 
-    fn handle_event(&mut self, heard: Heard) {
-        match heard {
-            Heard::Happening(one) => {
+    fn handle_event(&mut self, message: BusMessage) {
+        match message {
+            BusMessage::Occurrence(one) => {
                 self.report.record_event(&one.what);
                 if let Occurrence::LinkUp { robot, .. } = &one.what {
                     self.adopt_robot(robot.clone());
                 }
                 self.announce(&one.what);
             }
-            Heard::Missed(missed) => warn!(missed, "events were dropped, not sent"),
-            Heard::Closed => {}
+            BusMessage::Missed(missed) => warn!(missed, "events were dropped, not sent"),
+            BusMessage::Closed => {}
         }
         self.schedule_publish();
     }
@@ -357,7 +357,7 @@ impl BrokerClient {
                 Err(_) => break,
             }
         }
-        while let Some(Heard::Happening(one)) = self.listener.try_next() {
+        while let Some(BusMessage::Occurrence(one)) = self.listener.try_next() {
             self.report.record_event(&one.what);
             self.announce(&one.what);
         }

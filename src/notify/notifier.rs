@@ -20,7 +20,7 @@ use super::rate_limit::RateLimit;
 use super::rules::{Notification, Rules};
 use super::sender::Sender;
 use crate::clock::until;
-use crate::robot::{Bus, Heard, Listener};
+use crate::robot::{Bus, BusMessage, Listener};
 
 /// Why notifications cannot be started.
 #[derive(Debug, thiserror::Error)]
@@ -86,7 +86,7 @@ impl Notifier {
             data: data.to_owned(),
             queues,
         };
-        let (listener, stopped) = (bus.listen(), stop.clone());
+        let (listener, stopped) = (bus.subscribe(), stop.clone());
         let life = move || {
             runtime.block_on(dispatcher.run(listener, stopped));
             drop(alive);
@@ -137,27 +137,29 @@ impl Dispatcher {
                     let notification = self.rules.poll(now);
                     self.enqueue(notification, now);
                 }
-                heard = listener.next() => if !self.handle_event(&heard) {
+                message = listener.next() => if !self.handle_event(&message) {
                     break;
                 }
             }
         }
-        while let Some(heard) = listener.try_next() {
-            if !self.handle_event(&heard) {
+        while let Some(message) = listener.try_next() {
+            if !self.handle_event(&message) {
                 break;
             }
         }
     }
 
     /// Handles an event. Returns false if the bus is closed.
-    fn handle_event(&mut self, heard: &Heard) -> bool {
-        match heard {
-            Heard::Happening(one) => {
+    fn handle_event(&mut self, message: &BusMessage) -> bool {
+        match message {
+            BusMessage::Occurrence(one) => {
                 let notification = self.rules.handle_event(&one.what, Instant::now());
                 self.enqueue(notification, one.at);
             }
-            Heard::Missed(missed) => warn!(missed, "events were lost before a rule could see them"),
-            Heard::Closed => return false,
+            BusMessage::Missed(missed) => {
+                warn!(missed, "events were lost before a rule could see them")
+            }
+            BusMessage::Closed => return false,
         }
         true
     }

@@ -99,11 +99,11 @@ mod tests {
     #[test]
     fn the_core_continues_while_the_thread_that_started_it_blocks() {
         let core = DrivingCore::start().unwrap();
-        let (tell, told) = sync_channel(1);
+        let (done, finished) = sync_channel(1);
         core.handle().spawn(async move {
             tokio::time::sleep(Duration::from_millis(10)).await;
-            let _ = tell.send(());
+            let _ = done.send(());
         });
-        assert!(told.recv().is_ok());
+        assert!(finished.recv().is_ok());
     }
 }

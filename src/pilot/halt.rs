@@ -49,8 +49,8 @@ impl Pilot {
             }
             (true, false) => {
                 warn!("released by a person: the robot may move again");
-                // The robot's state differs from what the watchdog assumes: it starts over, with a
-                // stop.
+                // The robot's state differs from what the watchdog assumes: the watchdog starts
+                // over, with a stop.
                 self.take(Fact::Suspended)
             }
             (false, false) => Ok(()),

@@ -1,4 +1,4 @@
-//! The last words: what the writer, the line and the guardian send to the robot if the agent dies.
+//! The last words: what the writer, the line and the guardian send to the robot if all else fails.
 
 use super::Pilot;
 use super::line::Line;
@@ -11,7 +11,7 @@ impl Pilot {
     /// stops dialling.
     pub(super) fn store_last_words(&mut self, line: &mut Line) {
         line.set_last_words(self.renew_last_words());
-        line.suspend(self.released);
+        line.set_released(self.released);
         if let Some(writer) = &self.writer {
             tell_guardian(&mut self.pulse, writer);
         }

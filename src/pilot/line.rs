@@ -60,7 +60,7 @@ pub(super) struct Line {
     backoff: Backoff,
     rng: StdRng,
     last_words: Vec<Command>,
-    suspended: bool,
+    released: bool,
 }
 
 impl Line {
@@ -78,16 +78,17 @@ impl Line {
             backoff: Backoff::new(options),
             rng: StdRng::seed_from_u64(seed),
             last_words,
-            suspended: false,
+            released: false,
         }
     }
 
-    /// Pauses or resumes attempts to connect; an open link stays open.
-    pub(super) fn suspend(&mut self, suspend: bool) {
-        if suspend == self.suspended {
+    /// Stops attempts to connect while the link is released, or resumes them; an open link stays
+    /// open.
+    pub(super) fn set_released(&mut self, released: bool) {
+        if released == self.released {
             return;
         }
-        self.suspended = suspend;
+        self.released = released;
         if matches!(self.state, State::Dialling(_) | State::Pausing(_)) {
             self.backoff.reset();
             self.state = State::Pausing(Box::pin(sleep(Duration::ZERO)));
@@ -108,7 +109,7 @@ impl Line {
                     self.redial();
                     continue;
                 }
-                State::Pausing(_) if self.suspended => std::future::pending().await,
+                State::Pausing(_) if self.released => std::future::pending().await,
                 State::Pausing(pause) => pause.await,
                 State::Dialling(dialling) => {
                     let result = dialling.await;

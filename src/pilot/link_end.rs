@@ -37,8 +37,8 @@ impl Pilot {
         self.seats.tell_all(&Event::Disconnected { reason });
     }
 
-    /// Sends the last words, switches the streams off, and closes the link when that has been
-    /// acknowledged.
+    /// Ends the run's motion (see [`Fact::RunEnding`]), switches the streams off, and closes the
+    /// link when that has been acknowledged, or [`DELIVERY`] is over.
     pub(super) async fn close(mut self, mut line: Line) -> Delivery {
         let stopped = self.take(Fact::RunEnding);
         let off = self.seats.streams_off();

@@ -20,7 +20,7 @@ impl Pilot {
         match event {
             LinkEvent::Up(session) => self.connected(*session)?,
             LinkEvent::Received(Received::Report(report)) => self.report(report)?,
-            LinkEvent::Received(Received::PartOfFrame(part)) => self.partial_frame(part),
+            LinkEvent::Received(Received::PartialFrame(part)) => self.partial_frame(part),
             LinkEvent::Lost(error) => return Err(LinkLost::from(error).into()),
             LinkEvent::Failed(error) if self.info.is_none() => {
                 return Err(LinkEventError::First(error));
@@ -89,7 +89,7 @@ impl Pilot {
     }
 
     fn report(&mut self, report: Report) -> Result<(), LinkLost> {
-        self.silence.heard(Instant::now());
+        self.silence.note_received(Instant::now());
         let lost = self.take(Fact::BytesReceived);
         match report {
             Report::Power(power) => {
@@ -98,7 +98,7 @@ impl Pilot {
             }
             Report::Engine(report) => return lost.and(self.engine(report)),
             Report::Video(jpeg) => self.frame(jpeg),
-            Report::Audio(samples) => self.seats.tell_audience(&Event::Audio(samples)),
+            Report::Audio(samples) => self.seats.tell_listeners(&Event::Audio(samples)),
             Report::SoundFinished => self.seats.tell_all(&Event::SoundFinished),
             Report::Unknown(packet) => self.log_unknown_message(packet.kind),
             Report::Accepted(_) | Report::Refused(_) => debug!("unexpected login reply"),
@@ -152,15 +152,15 @@ impl Pilot {
         self.stopwatch.frame(at);
         self.pictures
             .send_modify(|pictures| pictures.push(Frame { seq, at, jpeg }));
-        self.seats.show_all();
+        self.seats.notify_frame();
     }
 
     fn partial_frame(&mut self, jpeg: Bytes) {
-        self.silence.heard(Instant::now());
+        self.silence.note_received(Instant::now());
         let seq = self.status.borrow().frames + 1;
         self.pictures
             .send_modify(|pictures| pictures.partial = Some(PartialFrame { seq, jpeg }));
-        self.seats.show_all();
+        self.seats.notify_frame();
     }
 
     /// Logs each reason at long intervals: a robot may be out of reach for weeks.

@@ -6,24 +6,24 @@ use crate::robot::{BehaviourId, DockEnd, Event, Occurrence, RobotInfo};
 impl Pilot {
     pub(super) fn publish_link_up(&self, info: &RobotInfo, docked: bool) {
         let robot = info.clone();
-        self.bus.tell(Occurrence::LinkUp { robot, docked });
+        self.bus.publish(Occurrence::LinkUp { robot, docked });
     }
 
     pub(super) fn publish_link_down(&self, reason: &str) {
         let reason = reason.to_owned();
-        self.bus.tell(Occurrence::LinkDown { reason });
+        self.bus.publish(Occurrence::LinkDown { reason });
     }
 
     pub(super) fn publish_battery(&self) {
         if let Some(battery) = self.watchdog.battery() {
-            self.bus.tell(Occurrence::Battery(battery));
+            self.bus.publish(Occurrence::Battery(battery));
         }
     }
 
     pub(super) fn publish_safety(&self, event: &Event) {
         if let Event::Safety { action, reason } = event {
             let (action, reason) = (*action, reason.clone());
-            self.bus.tell(Occurrence::Safety { action, reason });
+            self.bus.publish(Occurrence::Safety { action, reason });
         }
     }
 
@@ -35,7 +35,7 @@ impl Pilot {
         };
         if let (DockEnd::Done | DockEnd::Timeout, Some(by)) = (*end, self.seats.name(by)) {
             let (by, end) = (by.to_owned(), *end);
-            self.bus.tell(Occurrence::Undock { by, end });
+            self.bus.publish(Occurrence::Undock { by, end });
         }
     }
 
@@ -44,7 +44,7 @@ impl Pilot {
             return;
         };
         let by = report.by.and_then(|by| self.seats.name(by));
-        self.bus.tell(Occurrence::Dock {
+        self.bus.publish(Occurrence::Dock {
             by: by.map(str::to_owned),
             end: report.outcome.end,
             attempts: report.outcome.attempts,
@@ -58,7 +58,8 @@ impl Pilot {
         let essence = |status: &Status| (status.safety, status.low, status.docked);
         if essence(&before) != essence(newest) {
             let (state, low, docked) = essence(newest);
-            self.bus.tell(Occurrence::Watchdog { state, low, docked });
+            self.bus
+                .publish(Occurrence::Watchdog { state, low, docked });
         }
     }
 }

@@ -16,7 +16,7 @@ pub(super) struct Restrictions {
 
 impl Restrictions {
     /// The restrictions that the watchdog demands.
-    pub(super) fn of(watchdog: &Watchdog) -> Restrictions {
+    pub(super) fn demanded_by(watchdog: &Watchdog) -> Restrictions {
         Restrictions {
             shed: watchdog.shed(),
             alarm: watchdog.alarm_sounds(),
@@ -72,7 +72,7 @@ mod tests {
     }
 
     #[test]
-    fn without_distress_everything_is_allowed() {
+    fn without_restrictions_everything_is_allowed() {
         let usual = Restrictions::default();
         let lights = [led(Led::Flash), led(Led::Left), Command::StopSound];
         for command in sounds().iter().chain(&lights) {

@@ -161,8 +161,10 @@ impl Seats {
     }
 
     /// Notifies every behaviour of a newer picture.
-    pub(super) fn show_all(&self) {
-        self.seats.values().for_each(|seat| seat.events.show());
+    pub(super) fn notify_frame(&self) {
+        self.seats
+            .values()
+            .for_each(|seat| seat.events.notify_frame());
     }
 
     /// Sends an event to every behaviour.
@@ -173,10 +175,10 @@ impl Seats {
     }
 
     /// Sends an event to the behaviours that want the microphone.
-    pub(super) fn tell_audience(&mut self, event: &Event) {
+    pub(super) fn tell_listeners(&mut self, event: &Event) {
         let listens = |seat: &&mut Seat| seat.streams.contains(&Stream::AudioIn);
-        let audience = self.seats.values_mut().filter(listens);
-        audience.for_each(|seat| seat.events.tell(event.clone()));
+        let listeners = self.seats.values_mut().filter(listens);
+        listeners.for_each(|seat| seat.events.tell(event.clone()));
     }
 
     /// Sends every behaviour the state after a login.
@@ -220,14 +222,14 @@ impl Seats {
             .collect()
     }
 
-    /// The commands that switch the robot's streams to those wanted; after a login (`anew`) all
-    /// streams of the robot are off.
+    /// The commands that switch the robot's streams to those wanted; `after_login`: all streams of
+    /// the robot are off.
     pub(super) fn stream_changes(
         &mut self,
-        anew: bool,
+        after_login: bool,
         restrictions: Restrictions,
     ) -> Vec<Command> {
-        if anew {
+        if after_login {
             self.streaming.clear();
         }
         let wanted = self.wanted(restrictions);

@@ -55,10 +55,10 @@ impl Pilot {
                 self.alarm_due = true;
                 self.sound_alarm()
             }
-            Request::Running(tell) => {
+            Request::Running(reply) => {
                 let (robot, behaviours) = (self.info.clone(), self.seats.behaviours());
                 // The receiver may be gone.
-                let _ = tell.send(RunningBehaviours { robot, behaviours });
+                let _ = reply.send(RunningBehaviours { robot, behaviours });
                 Ok(())
             }
             Request::Halt(on) => self.halt(on),
@@ -142,7 +142,7 @@ impl Pilot {
 
     /// Whether the current state allows a behaviour this light or sound.
     fn allows(&self, by: BehaviourId, command: &Command) -> bool {
-        let restrictions = Restrictions::of(&self.watchdog);
+        let restrictions = Restrictions::demanded_by(&self.watchdog);
         let role = self.seats.role(by).unwrap_or_default();
         self.quiet_hours.allows(role, command) && self.seats.allows(by, command, restrictions)
     }
@@ -238,17 +238,17 @@ impl Pilot {
         }
     }
 
-    /// Switches the streams that the behaviours want; `anew` after a login, which switches all
+    /// Switches the streams that the behaviours want; `after_login`: the login has switched all
     /// streams off.
-    pub(super) fn apply_streams(&mut self, anew: bool) -> Result<(), LinkLost> {
-        let restrictions = Restrictions::of(&self.watchdog);
-        let commands = self.seats.stream_changes(anew, restrictions);
+    pub(super) fn apply_streams(&mut self, after_login: bool) -> Result<(), LinkLost> {
+        let restrictions = Restrictions::demanded_by(&self.watchdog);
+        let commands = self.seats.stream_changes(after_login, restrictions);
         if commands.is_empty() || self.writer.is_none() {
             return Ok(());
         }
         self.flush_deferred()?;
-        let listening = self.seats.streams(Stream::Video) || self.seats.streams(Stream::AudioIn);
-        self.take(Fact::Listening(listening))?;
+        let streaming = self.seats.streams(Stream::Video) || self.seats.streams(Stream::AudioIn);
+        self.take(Fact::Streaming(streaming))?;
         self.send(&commands)
     }
 
@@ -256,7 +256,7 @@ impl Pilot {
     /// charges; drops queued speech when the alarm sounds or the battery is nearly empty. What the
     /// watchdog wants was sent before.
     pub(super) fn apply_restrictions(&mut self) -> Result<(), LinkLost> {
-        let now = Restrictions::of(&self.watchdog);
+        let now = Restrictions::demanded_by(&self.watchdog);
         let before = std::mem::replace(&mut self.restrictions, now);
         if before == now {
             return Ok(());

@@ -30,7 +30,7 @@ pub(super) enum SilenceAction {
 /// Evaluates the silence; see the module.
 #[derive(Debug)]
 pub(super) struct Silence {
-    heard: Instant,
+    last_received: Instant,
     asked: Option<Instant>,
     level: Option<Instant>,
     pauses: Vec<Duration>,
@@ -41,7 +41,7 @@ impl Silence {
     /// Begins without knowledge of the robot.
     pub(super) fn new(now: Instant) -> Silence {
         Silence {
-            heard: now,
+            last_received: now,
             asked: None,
             level: None,
             pauses: Vec::new(),
@@ -51,12 +51,12 @@ impl Silence {
 
     /// Handles a new login. What is known of the robot is kept.
     pub(super) fn begin(&mut self, now: Instant) {
-        (self.heard, self.asked, self.level) = (now, None, Some(now));
+        (self.last_received, self.asked, self.level) = (now, None, Some(now));
     }
 
     /// Notes that something was received from the robot.
-    pub(super) fn heard(&mut self, now: Instant) {
-        self.heard = now;
+    pub(super) fn note_received(&mut self, now: Instant) {
+        self.last_received = now;
     }
 
     /// Notes a battery level.
@@ -70,12 +70,12 @@ impl Silence {
             let old = self.pauses.len().saturating_sub(PAUSES);
             self.pauses.drain(..old);
         }
-        self.heard(now);
+        self.note_received(now);
     }
 
     /// Returns what to do if the silence is too long.
     pub(super) fn poll(&mut self, now: Instant) -> Option<SilenceAction> {
-        let silence = now.saturating_duration_since(self.heard);
+        let silence = now.saturating_duration_since(self.last_received);
         if self.limit().is_some_and(|limit| silence >= limit) {
             self.begin(now);
             return Some(SilenceAction::Gone(silence));
@@ -89,13 +89,15 @@ impl Silence {
 
     /// When [`Silence::poll`] has something to return.
     pub(super) fn next_deadline(&self) -> Instant {
-        let gone = self.limit().map(|limit| self.heard + limit);
+        let gone = self.limit().map(|limit| self.last_received + limit);
         gone.into_iter()
             .fold(self.next_question(), |next, gone| next.min(gone))
     }
 
     fn next_question(&self) -> Instant {
-        let since = self.asked.map_or(self.heard, |asked| asked.max(self.heard));
+        let since = self
+            .asked
+            .map_or(self.last_received, |asked| asked.max(self.last_received));
         since + ASK_AFTER
     }
 
@@ -202,7 +204,7 @@ mod tests {
         pass(&mut silence, start, 0, 21);
         silence.level(start + 25 * SECOND);
         for second in 26..500 {
-            silence.heard(start + second * SECOND);
+            silence.note_received(start + second * SECOND);
             assert_eq!(silence.poll(start + second * SECOND), None);
         }
         let verdicts = pass(&mut silence, start, 500, 700);

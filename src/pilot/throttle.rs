@@ -153,11 +153,11 @@ mod tests {
     fn refusals_are_logged_at_powers_of_ten() {
         let mut throttle = Throttle::new(Instant::now());
         assert_eq!(throttle.refusals_to_log(), None);
-        let told = (0..250).filter_map(|_| {
+        let logged = (0..250).filter_map(|_| {
             throttle.refuse();
             throttle.refusals_to_log()
         });
-        assert_eq!(told.collect::<Vec<_>>(), [1, 10, 100]);
+        assert_eq!(logged.collect::<Vec<_>>(), [1, 10, 100]);
     }
 
     #[test]

@@ -12,9 +12,8 @@ use super::Occurrence;
 /// The most events that a listener may be behind.
 const MOST_WAITING: usize = 1024;
 
-/// Something that has happened.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Happening {
+pub struct TimedOccurrence {
     /// When it happened.
     pub at: Instant,
     /// What happened.
@@ -23,7 +22,7 @@ pub struct Happening {
 
 /// The publishing end. Cheap to clone; all clones are one bus.
 #[derive(Debug, Clone)]
-pub struct Bus(broadcast::Sender<Arc<Happening>>);
+pub struct Bus(broadcast::Sender<Arc<TimedOccurrence>>);
 
 impl Default for Bus {
     /// Creates a bus without listeners.
@@ -34,27 +33,27 @@ impl Default for Bus {
 
 impl Bus {
     /// Publishes something that has happened just now.
-    pub fn tell(&self, what: Occurrence) {
+    pub fn publish(&self, what: Occurrence) {
         let at = Instant::now();
         // Fails only without listeners.
-        let _ = self.0.send(Arc::new(Happening { at, what }));
+        let _ = self.0.send(Arc::new(TimedOccurrence { at, what }));
     }
 
     /// Subscribes to everything that is published from now on.
-    pub fn listen(&self) -> Listener {
+    pub fn subscribe(&self) -> Listener {
         Listener(self.0.subscribe())
     }
 }
 
 /// A listener's end.
 #[derive(Debug)]
-pub struct Listener(broadcast::Receiver<Arc<Happening>>);
+pub struct Listener(broadcast::Receiver<Arc<TimedOccurrence>>);
 
 /// What a listener receives.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Heard {
+pub enum BusMessage {
     /// Something has happened.
-    Happening(Arc<Happening>),
+    Occurrence(Arc<TimedOccurrence>),
     /// The listener was too slow: this many events are lost.
     Missed(u64),
     /// All publishers are gone.
@@ -63,20 +62,20 @@ pub enum Heard {
 
 impl Listener {
     /// Waits for the next event. Cancel-safe.
-    pub async fn next(&mut self) -> Heard {
+    pub async fn next(&mut self) -> BusMessage {
         match self.0.recv().await {
-            Ok(happening) => Heard::Happening(happening),
-            Err(broadcast::error::RecvError::Lagged(missed)) => Heard::Missed(missed),
-            Err(broadcast::error::RecvError::Closed) => Heard::Closed,
+            Ok(occurrence) => BusMessage::Occurrence(occurrence),
+            Err(broadcast::error::RecvError::Lagged(missed)) => BusMessage::Missed(missed),
+            Err(broadcast::error::RecvError::Closed) => BusMessage::Closed,
         }
     }
 
-    /// The next event, if there is one already; [`Heard::Closed`] on every call at the end.
-    pub fn try_next(&mut self) -> Option<Heard> {
+    /// The next event, if there is one already; [`BusMessage::Closed`] on every call at the end.
+    pub fn try_next(&mut self) -> Option<BusMessage> {
         match self.0.try_recv() {
-            Ok(happening) => Some(Heard::Happening(happening)),
-            Err(broadcast::error::TryRecvError::Lagged(missed)) => Some(Heard::Missed(missed)),
-            Err(broadcast::error::TryRecvError::Closed) => Some(Heard::Closed),
+            Ok(occurrence) => Some(BusMessage::Occurrence(occurrence)),
+            Err(broadcast::error::TryRecvError::Lagged(missed)) => Some(BusMessage::Missed(missed)),
+            Err(broadcast::error::TryRecvError::Closed) => Some(BusMessage::Closed),
             Err(broadcast::error::TryRecvError::Empty) => None,
         }
     }
@@ -94,16 +93,16 @@ mod tests {
     #[tokio::test]
     async fn a_slow_listener_loses_the_oldest_and_is_told_how_many() {
         let bus = Bus::default();
-        let mut slow = bus.listen();
-        (0..MOST_WAITING + 3).for_each(|number| bus.tell(lost(&number.to_string())));
-        assert_eq!(slow.next().await, Heard::Missed(3));
-        let Heard::Happening(first) = slow.next().await else {
+        let mut slow = bus.subscribe();
+        (0..MOST_WAITING + 3).for_each(|number| bus.publish(lost(&number.to_string())));
+        assert_eq!(slow.next().await, BusMessage::Missed(3));
+        let BusMessage::Occurrence(first) = slow.next().await else {
             panic!("nothing is left");
         };
         assert_eq!(first.what, lost("3"));
         drop(bus);
-        while let Some(heard) = slow.try_next() {
-            if heard == Heard::Closed {
+        while let Some(message) = slow.try_next() {
+            if message == BusMessage::Closed {
                 return;
             }
         }
@@ -113,10 +112,12 @@ mod tests {
     #[tokio::test]
     async fn earlier_events_are_not_received() {
         let bus = Bus::default();
-        bus.tell(lost("before"));
-        let mut late = bus.listen();
+        bus.publish(lost("before"));
+        let mut late = bus.subscribe();
         assert_eq!(late.try_next(), None);
-        bus.tell(lost("after"));
-        assert!(matches!(late.next().await, Heard::Happening(one) if one.what == lost("after")));
+        bus.publish(lost("after"));
+        assert!(
+            matches!(late.next().await, BusMessage::Occurrence(one) if one.what == lost("after"))
+        );
     }
 }

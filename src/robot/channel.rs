@@ -148,7 +148,7 @@ impl EventSender {
     /// Announces a newer picture. Each behaviour is notified separately, in an order that the pilot
     /// chooses: tasks waiting on one `watch` are woken in random order, which would make
     /// simulations differ.
-    pub fn show(&self) {
+    pub fn notify_frame(&self) {
         self.picture.notify_one();
     }
 

@@ -30,7 +30,7 @@ macro_rules! named {
 }
 
 named! {
-    /// How a setpoint ended (`API.md`, *robot: motion*).
+    /// How a setpoint ended.
     MotionEnd {
         /// Its time was over, or its task released it.
         Done = "done",
@@ -50,7 +50,7 @@ named! {
 }
 
 named! {
-    /// How docking or undocking ended (`API.md`, *robot: dock*).
+    /// How docking or undocking ended.
     DockEnd {
         /// On the station and charging; or off it, for undocking.
         Done = "done",
@@ -76,7 +76,7 @@ named! {
 }
 
 named! {
-    /// Why a behaviour ended (`API.md`, *A script's life*).
+    /// Why a behaviour ended.
     EndReason {
         /// Nothing was left to do, or `script.stop`.
         Done = "done",

@@ -27,8 +27,8 @@ pub enum Intent {
         /// The setpoint.
         motion: MotionId,
     },
-    /// End the motions and dockings of this behaviour and of all with equal or lower priority. Does
-    /// not end the watchdog's own way home.
+    /// End the motions and dockings of this behaviour and of all with equal or lower priority. Of
+    /// the watchdog's own way home it ends only a loan to this behaviour.
     Stop,
     /// Switch a light.
     Led {
@@ -70,7 +70,7 @@ pub enum Intent {
     CancelDock,
 }
 
-/// Timeouts and retries of one docking (`API.md`, `robot.dock`).
+/// Timeouts and retries of one docking.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DockPlan {
     /// The longest search of one attempt.

@@ -22,7 +22,7 @@ pub enum Fact {
     /// An ENGINE message was received.
     Engine(EngineReport),
     /// Whether a stream is on that makes the robot send data.
-    Listening(bool),
+    Streaming(bool),
     /// A behaviour requests something that moves the robot.
     Asked {
         /// The behaviour.

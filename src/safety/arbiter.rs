@@ -1,9 +1,9 @@
 //! Decides which behaviour drives. Several behaviours may request a setpoint; the highest priority
 //! drives, and among equals the first one keeps the tracks.
 //!
-//! A wish is such a request. A timed wish that cannot have the tracks ends as `preempted` at once.
-//! An untimed wish stands by and takes over the tracks, without a gap, when it comes first. A held
-//! wish keeps its place, but the tracks stand still.
+//! Each request is a claim on the tracks. A timed claim that cannot have them ends as `preempted`
+//! at once. An untimed claim stands by and takes over the tracks, without a gap, when it comes
+//! first. A held claim keeps its place, but moves nothing.
 
 use std::time::Duration;
 
@@ -23,7 +23,7 @@ pub struct Ended {
 }
 
 #[derive(Debug, Clone)]
-struct Wish {
+struct Claim {
     by: BehaviourId,
     priority: Priority,
     motion: MotionId,
@@ -32,7 +32,7 @@ struct Wish {
     held: bool,
 }
 
-impl Wish {
+impl Claim {
     fn ended(&self, end: MotionEnd) -> Ended {
         Ended {
             by: self.by,
@@ -42,16 +42,16 @@ impl Wish {
     }
 }
 
-/// Holds at most one wish per behaviour, the driving one first.
+/// Holds at most one claim per behaviour, the driving one first.
 #[derive(Debug, Clone, Default)]
 pub struct Arbiter {
-    wishes: Vec<Wish>,
+    claims: Vec<Claim>,
 }
 
 impl Arbiter {
-    /// Adds a wish, in place of an earlier one of the same behaviour. A behaviour that already
+    /// Adds a claim, in place of an earlier one of the same behaviour. A behaviour that already
     /// drives keeps the tracks with its new setpoint.
-    pub fn wish(
+    pub fn claim(
         &mut self,
         (by, priority): (BehaviourId, Priority),
         motion: MotionId,
@@ -60,7 +60,7 @@ impl Arbiter {
         now: Instant,
     ) -> Vec<Ended> {
         let until = duration.map(|duration| now + duration);
-        let wish = Wish {
+        let claim = Claim {
             by,
             priority,
             motion,
@@ -69,109 +69,109 @@ impl Arbiter {
             held: false,
         };
         let mut ended = Vec::new();
-        match self.wishes.iter().position(|wish| wish.by == by) {
+        match self.claims.iter().position(|claim| claim.by == by) {
             Some(place) => {
-                ended.push(self.wishes[place].ended(MotionEnd::Preempted));
-                self.wishes[place] = wish;
+                ended.push(self.claims[place].ended(MotionEnd::Preempted));
+                self.claims[place] = claim;
             }
             None => {
                 let place = self
-                    .wishes
+                    .claims
                     .partition_point(|other| other.priority >= priority);
-                self.wishes.insert(place, wish);
+                self.claims.insert(place, claim);
             }
         }
         ended.extend(self.preempt_timed());
         ended
     }
 
-    /// Ends all timed wishes but the first: they do not stand by.
+    /// Ends all timed claims but the first: they do not stand by.
     fn preempt_timed(&mut self) -> Vec<Ended> {
         let mut first = true;
-        let keep = |wish: &Wish| std::mem::take(&mut first) || wish.until.is_none();
+        let keep = |claim: &Claim| std::mem::take(&mut first) || claim.until.is_none();
         self.end_unless(keep, MotionEnd::Preempted)
     }
 
-    /// Ends a behaviour's wish if it is still `motion`.
+    /// Ends a behaviour's claim if it is still `motion`.
     pub fn release(&mut self, by: BehaviourId, motion: MotionId) -> Vec<Ended> {
         self.end_unless(
-            |wish| wish.by != by || wish.motion != motion,
+            |claim| claim.by != by || claim.motion != motion,
             MotionEnd::Done,
         )
     }
 
-    /// `robot.stop()`: ends the behaviour's own wish, and every wish of equal or lower priority.
+    /// `robot.stop()`: ends the behaviour's own claim, and every claim of equal or lower priority.
     pub fn stop(&mut self, by: BehaviourId, priority: Priority) -> Vec<Ended> {
         let mut ended = self.clear_of(by, MotionEnd::Cancelled);
-        ended.extend(self.end_unless(|wish| wish.priority > priority, MotionEnd::Preempted));
+        ended.extend(self.end_unless(|claim| claim.priority > priority, MotionEnd::Preempted));
         ended
     }
 
-    /// Holds a behaviour's wish, or resumes it. Returns whether that changed anything.
+    /// Holds a behaviour's claim, or resumes it. Returns whether that changed anything.
     pub fn hold(&mut self, by: BehaviourId, held: bool) -> bool {
-        let wish = self
-            .wishes
+        let claim = self
+            .claims
             .iter_mut()
-            .find(|wish| wish.by == by && wish.held != held);
-        wish.map(|wish| wish.held = held).is_some()
+            .find(|claim| claim.by == by && claim.held != held);
+        claim.map(|claim| claim.held = held).is_some()
     }
 
-    /// Drops the wish of a behaviour that has ended, without a report.
+    /// Drops the claim of a behaviour that has ended, without a report.
     pub fn forget(&mut self, by: BehaviourId) {
-        self.wishes.retain(|wish| wish.by != by);
+        self.claims.retain(|claim| claim.by != by);
     }
 
-    /// Ends a behaviour's wish.
+    /// Ends a behaviour's claim.
     pub fn clear_of(&mut self, by: BehaviourId, end: MotionEnd) -> Vec<Ended> {
-        self.end_unless(|wish| wish.by != by, end)
+        self.end_unless(|claim| claim.by != by, end)
     }
 
-    /// Ends every wish.
+    /// Ends every claim.
     pub fn clear(&mut self, end: MotionEnd) -> Vec<Ended> {
         self.end_unless(|_| false, end)
     }
 
-    /// Ends the wishes whose duration is over.
+    /// Ends the claims whose duration is over.
     pub fn expire(&mut self, now: Instant) -> Vec<Ended> {
         self.end_unless(
-            |wish| wish.until.is_none_or(|until| until > now),
+            |claim| claim.until.is_none_or(|until| until > now),
             MotionEnd::Done,
         )
     }
 
-    /// The setpoint of the tracks: a stop without a wish, and a stop while the first wish is held;
-    /// the next in line does not replace it.
+    /// The setpoint of the tracks: a stop without a claim, and a stop while the first claim is
+    /// held; the next in line does not replace it.
     pub fn setpoint(&self) -> Setpoint {
-        self.wishes
+        self.claims
             .first()
-            .filter(|wish| !wish.held)
-            .map_or(Setpoint::STOP, |wish| wish.setpoint)
+            .filter(|claim| !claim.held)
+            .map_or(Setpoint::STOP, |claim| claim.setpoint)
     }
 
-    /// The behaviour whose wish comes first, held or not.
+    /// The behaviour whose claim comes first, held or not.
     pub fn driver(&self) -> Option<BehaviourId> {
-        self.wishes.first().map(|wish| wish.by)
+        self.claims.first().map(|claim| claim.by)
     }
 
-    /// The priority of the wish that comes first, held or not.
+    /// The priority of the claim that comes first, held or not.
     pub fn priority(&self) -> Option<Priority> {
-        self.wishes.first().map(|wish| wish.priority)
+        self.claims.first().map(|claim| claim.priority)
     }
 
-    /// All behaviours with a wish, driving or standing by.
-    pub fn wishing(&self) -> impl Iterator<Item = BehaviourId> + '_ {
-        self.wishes.iter().map(|wish| wish.by)
+    /// All behaviours with a claim, driving or standing by.
+    pub fn claimants(&self) -> impl Iterator<Item = BehaviourId> + '_ {
+        self.claims.iter().map(|claim| claim.by)
     }
 
-    /// When the next timed wish expires.
+    /// When the next timed claim expires.
     pub fn next_deadline(&self) -> Option<Instant> {
-        self.wishes.iter().filter_map(|wish| wish.until).min()
+        self.claims.iter().filter_map(|claim| claim.until).min()
     }
 
-    fn end_unless(&mut self, keep: impl FnMut(&Wish) -> bool, end: MotionEnd) -> Vec<Ended> {
-        let (kept, over): (Vec<Wish>, Vec<Wish>) = self.wishes.drain(..).partition(keep);
-        self.wishes = kept;
-        over.iter().map(|wish| wish.ended(end)).collect()
+    fn end_unless(&mut self, keep: impl FnMut(&Claim) -> bool, end: MotionEnd) -> Vec<Ended> {
+        let (kept, over): (Vec<Claim>, Vec<Claim>) = self.claims.drain(..).partition(keep);
+        self.claims = kept;
+        over.iter().map(|claim| claim.ended(end)).collect()
     }
 }
 

@@ -16,7 +16,7 @@ use crate::wire::Power;
 pub enum LowCause {
     /// A report at or below the low level.
     Level(Percent),
-    /// No report for this time, which is longer than allowed.
+    /// No report for this time, the longest that is allowed.
     Silence(Duration),
 }
 
@@ -43,7 +43,7 @@ pub enum BatteryChange {
 /// Whether the battery charges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Charging {
-    /// The last report denies it, or no report that still counts says so.
+    /// The last report denies it, or whether it charges is not known.
     No,
     /// One report says so, and nothing confirms it yet. The robot stays where it is: it is not
     /// driven, and not released either.
@@ -108,9 +108,10 @@ impl BatteryGuard {
         self.reported = Some(now);
         self.judge_charging(power, contact, now);
         self.judge_level(level, power, now);
-        self.low_level.see(level <= self.low, power, now);
-        self.critical_level.see(level <= self.critical, power, now);
-        let good = self.good.see(level >= self.ok, power, now);
+        self.low_level.observe(level <= self.low, power, now);
+        self.critical_level
+            .observe(level <= self.critical, power, now);
+        let good = self.good.observe(level >= self.ok, power, now);
         if good || self.charging == Charging::Confirmed {
             return self.release();
         }
@@ -207,7 +208,7 @@ impl BatteryGuard {
     }
 
     fn judge_charging(&mut self, power: Power, contact: bool, now: Instant) {
-        let proved = self.charged.see(power.charging, power, now);
+        let proved = self.charged.observe(power.charging, power, now);
         let stale = self.unconfirmed_deadline().is_some_and(|due| due <= now);
         self.charging = match self.charging {
             _ if !power.charging => Charging::No,
@@ -227,7 +228,7 @@ impl BatteryGuard {
             .level
             .is_some_and(|before| self.leaps(before, level, now));
         let falls = self.level().is_some_and(|before| level < before);
-        let proved = self.leapt.see(leaps, power, now);
+        let proved = self.leapt.observe(leaps, power, now);
         if !leaps || proved || (falls && level <= self.low) {
             self.level = Some((level, now));
             self.leapt.forget();

@@ -91,8 +91,8 @@ impl Docking {
             attempts: 0,
             phase,
         };
-        let orders = if docked { vec![] } else { docking.search(now) };
-        (docking, orders)
+        let actions = if docked { vec![] } else { docking.search(now) };
+        (docking, actions)
     }
 
     /// Handles an ENGINE message.
@@ -103,9 +103,9 @@ impl Docking {
                 EngineReport::Docked,
             ) => {
                 let until = now + self.approach.plan.charge_timeout;
-                let orders = self.halt_if_backing_off();
+                let actions = self.halt_if_backing_off();
                 self.phase = DockingPhase::AwaitingCharge { until };
-                orders
+                actions
             }
             (DockingPhase::Searching { .. }, EngineReport::BaseNotFound) => {
                 self.failed(DockEnd::BaseNotFound, now)
@@ -120,9 +120,9 @@ impl Docking {
 
     /// The robot is believed to charge: only this counts as docked.
     pub fn charging(&mut self, now: Instant) -> Vec<DockAction> {
-        let orders = self.halt_if_backing_off();
+        let actions = self.halt_if_backing_off();
         self.finish(DockEnd::Done, now);
-        orders
+        actions
     }
 
     /// The robot may be charging: stands still until that is known. The attempt's timeout keeps
@@ -158,12 +158,12 @@ impl Docking {
 
     /// Cancels the docking.
     pub fn cancel(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
-        let orders = match self.phase {
+        let actions = match self.phase {
             DockingPhase::Searching { .. } => vec![DockAction::Cancel],
             _ => self.halt_if_backing_off(),
         };
         self.finish(end, now);
-        orders
+        actions
     }
 
     /// Contact is no longer believed while the docking waits for charging.

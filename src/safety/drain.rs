@@ -92,7 +92,8 @@ impl Drain {
         self.activity = Some(activity);
     }
 
-    /// Forgets level and activity until the next report: the link is lost.
+    /// Forgets level and activity: the link is lost, and what the robot does meanwhile is not
+    /// known.
     pub fn interrupt(&mut self) {
         (self.level, self.activity, self.counted) = (None, None, None);
     }

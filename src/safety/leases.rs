@@ -13,7 +13,7 @@ use crate::robot::BehaviourId;
 pub struct Leases {
     silence: Duration,
     grace: Duration,
-    heard: BTreeMap<BehaviourId, Instant>,
+    last_seen: BTreeMap<BehaviourId, Instant>,
 }
 
 impl Leases {
@@ -23,25 +23,25 @@ impl Leases {
         Leases {
             silence,
             grace,
-            heard: BTreeMap::new(),
+            last_seen: BTreeMap::new(),
         }
     }
 
     /// A host has shown life.
     pub fn renew(&mut self, by: BehaviourId, now: Instant) {
-        self.heard.insert(by, now);
+        self.last_seen.insert(by, now);
     }
 
     /// Removes a host that has ended.
     pub fn forget(&mut self, by: BehaviourId) {
-        self.heard.remove(&by);
+        self.last_seen.remove(&by);
     }
 
     /// The state of a host that moves the robot.
-    pub fn pulse(&self, by: BehaviourId, now: Instant) -> HostLife {
-        match self.heard.get(&by) {
-            Some(&heard) if now < heard + self.silence => HostLife::Alive,
-            Some(&heard) if now < heard + self.silence + self.grace => HostLife::Silent,
+    pub fn host_life(&self, by: BehaviourId, now: Instant) -> HostLife {
+        match self.last_seen.get(&by) {
+            Some(&seen) if now < seen + self.silence => HostLife::Alive,
+            Some(&seen) if now < seen + self.silence + self.grace => HostLife::Silent,
             _ => HostLife::Dead,
         }
     }
@@ -53,7 +53,7 @@ impl Leases {
         now: Instant,
     ) -> Option<Instant> {
         let due = |by| {
-            let silent = *self.heard.get(&by)? + self.silence;
+            let silent = *self.last_seen.get(&by)? + self.silence;
             Some(if now < silent {
                 silent
             } else {
@@ -83,18 +83,18 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
 
     #[test]
-    fn a_pulse_grows_weaker_until_it_is_renewed() {
+    fn a_silent_host_is_held_then_dead_until_it_shows_life() {
         let (mut leases, now) = (Leases::new(250 * MS, 100 * MS), Instant::now());
-        assert_eq!(leases.pulse(WHO, now), HostLife::Dead, "not seen yet");
+        assert_eq!(leases.host_life(WHO, now), HostLife::Dead, "not seen yet");
         leases.renew(WHO, now);
         let deadline = |leases: &Leases, at| leases.next_deadline([WHO].into_iter(), at);
-        assert_eq!(leases.pulse(WHO, now + 249 * MS), HostLife::Alive);
+        assert_eq!(leases.host_life(WHO, now + 249 * MS), HostLife::Alive);
         assert_eq!(deadline(&leases, now), Some(now + 250 * MS));
-        assert_eq!(leases.pulse(WHO, now + 250 * MS), HostLife::Silent);
+        assert_eq!(leases.host_life(WHO, now + 250 * MS), HostLife::Silent);
         assert_eq!(deadline(&leases, now + 250 * MS), Some(now + 350 * MS));
-        assert_eq!(leases.pulse(WHO, now + 350 * MS), HostLife::Dead);
+        assert_eq!(leases.host_life(WHO, now + 350 * MS), HostLife::Dead);
         leases.renew(WHO, now + 300 * MS);
-        assert_eq!(leases.pulse(WHO, now + 350 * MS), HostLife::Alive);
+        assert_eq!(leases.host_life(WHO, now + 350 * MS), HostLife::Alive);
     }
 
     #[test]
@@ -102,7 +102,7 @@ mod tests {
         let (mut leases, now) = (Leases::new(250 * MS, 100 * MS), Instant::now());
         leases.renew(WHO, now);
         leases.forget(WHO);
-        assert_eq!(leases.pulse(WHO, now), HostLife::Dead);
+        assert_eq!(leases.host_life(WHO, now), HostLife::Dead);
         assert_eq!(leases.next_deadline([WHO].into_iter(), now), None);
     }
 }

@@ -25,9 +25,9 @@ pub struct Limits {
     pub charge_timeout: Seconds,
     /// Further searches after the first one; when all have failed, the alarm sounds (3).
     pub dock_retries: u32,
-    /// The pause after a failed search, if no behaviour may drive the robot elsewhere (5 s). It
-    /// doubles each time, up to `recovery_longest_pause`, and never costs more energy than the
-    /// search did. At or below the critical level there is no pause.
+    /// The pause after a failed search, if nothing drives the robot elsewhere then (5 s). It doubles
+    /// each time, up to `recovery_longest_pause`, and never costs more energy than the search did.
+    /// At or below the critical level there is no pause.
     pub dock_pause: Seconds,
     /// Whether the watchdog itself drives a short leg if the station was not found and no rescue
     /// behaviour has driven: any number but 0 (12). It drives legs blindly: at 30 %, straight for 2

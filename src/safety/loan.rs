@@ -128,8 +128,8 @@ mod tests {
     fn a_cap_keeps_the_curve() {
         let thirty = Percent::saturating(30);
         let curve = |left, right| {
-            let wish = Setpoint::from_percent(left, right).unwrap();
-            let Setpoint { left, right } = capped(wish, thirty);
+            let wanted = Setpoint::from_percent(left, right).unwrap();
+            let Setpoint { left, right } = capped(wanted, thirty);
             (left.get(), right.get())
         };
         assert_eq!(curve(100.0, -100.0), (27, -27));
@@ -145,8 +145,8 @@ mod tests {
             right in -100.0..=100.0f64,
             percent in 0..=100u8,
         ) {
-            let wish = Setpoint::from_percent(left, right).unwrap();
-            let Setpoint { left, right } = capped(wish, Percent::saturating(percent));
+            let wanted = Setpoint::from_percent(left, right).unwrap();
+            let Setpoint { left, right } = capped(wanted, Percent::saturating(percent));
             let most = f64::from(percent) * 0.9;
             prop_assert!(f64::from(left.get()).abs() <= most);
             prop_assert!(f64::from(right.get()).abs() <= most);

@@ -119,7 +119,7 @@ impl DockTracker {
     }
 
     /// Whether the robot has just confirmed a CHARGE_STOP: a POWER that reports charging then is
-    /// older than that.
+    /// taken for older than that.
     pub fn has_just_left(&self, now: Instant) -> bool {
         self.left_at
             .is_some_and(|left| now < left + DockTracker::JUST_LEFT)
@@ -143,7 +143,8 @@ impl DockTracker {
         }
     }
 
-    /// ENGINE 2: on the station. A repetition before `charge_due` changes nothing.
+    /// ENGINE 2: on the station. If that is known already, it does not extend `charge_due` before
+    /// that is over.
     pub fn docked(&mut self, now: Instant) {
         self.settle_charge_stop();
         self.contact = true;

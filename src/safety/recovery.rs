@@ -145,7 +145,9 @@ impl Recovery {
         }
     }
 
-    /// The pause doubles each time, up to the cost of a search.
+    /// The next pause: twice the one before, and from `recovery_pause` on again once the alarm
+    /// sounds. It never costs more than a search, but lasts [`Recovery::MOMENT`] at least; at or
+    /// below the critical level there is none.
     fn pause(&mut self, options: RecoveryOptions) -> Duration {
         if self.failures == self.retries.saturating_add(1) {
             self.next_pause = self.alarm_pause;
@@ -223,7 +225,8 @@ impl Recovery {
         self.failures
     }
 
-    /// Whether more searches have failed than the robot may try without a person's help.
+    /// Whether the first search and all further ones that the limits allow have failed: a person
+    /// must help.
     pub fn is_alarming(&self) -> bool {
         self.failures > self.retries
     }

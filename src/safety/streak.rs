@@ -92,7 +92,7 @@ impl Streak {
 
     /// Takes in each report; `claims` tells whether it makes the claim. Returns true once the claim
     /// is proved.
-    pub(super) fn see(&mut self, claims: bool, power: Power, now: Instant) -> bool {
+    pub(super) fn observe(&mut self, claims: bool, power: Power, now: Instant) -> bool {
         let longer = |run: Run| run.with(power, self.proof.spread, now);
         self.run = claims.then(|| {
             self.run
@@ -124,8 +124,8 @@ impl Latch {
         }
     }
 
-    pub(super) fn see(&mut self, says: bool, power: Power, now: Instant) {
-        let denied = self.denied.see(!says, power, now);
+    pub(super) fn observe(&mut self, says: bool, power: Power, now: Instant) {
+        let denied = self.denied.observe(!says, power, now);
         self.on = says || (self.on && !denied);
     }
 
@@ -145,7 +145,7 @@ mod tests {
         for &(at, percent, charging) in reports {
             let power = Power { percent, charging };
             let claims = percent >= 50 || proof == Proof::CHARGING && charging;
-            proved = streak.see(claims, power, start + Duration::from_secs_f64(at));
+            proved = streak.observe(claims, power, start + Duration::from_secs_f64(at));
         }
         proved
     }
@@ -193,7 +193,7 @@ mod tests {
                 percent,
                 charging: false,
             };
-            latch.see(percent <= 8, power, start + Duration::from_secs(seconds));
+            latch.observe(percent <= 8, power, start + Duration::from_secs(seconds));
             latch.is_on()
         };
         assert!(!says(0, 9));

@@ -12,10 +12,10 @@ use crate::robot::Setpoint;
 #[derive(Debug, Clone)]
 pub struct Tracks {
     wanted: Setpoint,
-    told: Setpoint,
-    told_at: Instant,
+    last_sent: Setpoint,
+    sent_at: Instant,
     /// The earliest time for the next setpoint that is not a stop.
-    free: Instant,
+    next_free: Instant,
     moving_since: Option<Instant>,
 }
 
@@ -31,9 +31,9 @@ impl Tracks {
         let stop = Setpoint::STOP;
         Tracks {
             wanted: stop,
-            told: stop,
-            told_at: now,
-            free: now,
+            last_sent: stop,
+            sent_at: now,
+            next_free: now,
             moving_since: None,
         }
     }
@@ -44,7 +44,7 @@ impl Tracks {
     }
 
     /// Notes that the robot was stopped by other means, or that a new login has stopped it.
-    pub fn told_to_stop(&mut self, now: Instant) {
+    pub fn note_stop(&mut self, now: Instant) {
         self.wanted = Setpoint::STOP;
         self.note(Setpoint::STOP, now);
     }
@@ -60,27 +60,27 @@ impl Tracks {
 
     /// When [`Tracks::poll`] has something to send. A time in the past means at once.
     pub fn next_deadline(&self) -> Option<Instant> {
-        match (self.wanted == self.told, self.wanted.is_stop()) {
+        match (self.wanted == self.last_sent, self.wanted.is_stop()) {
             (true, true) => None,
-            (true, false) => Some(self.told_at + Tracks::RESEND),
-            (false, true) => Some(self.told_at),
-            (false, false) => Some(self.free),
+            (true, false) => Some(self.sent_at + Tracks::RESEND),
+            (false, true) => Some(self.sent_at),
+            (false, false) => Some(self.next_free),
         }
     }
 
     /// The last setpoint sent to the robot.
-    pub fn told(&self) -> Setpoint {
-        self.told
+    pub fn last_sent(&self) -> Setpoint {
+        self.last_sent
     }
 
-    /// Since when the last setpoint moves the robot; `None` at rest.
+    /// Since when the setpoints sent have moved the robot without a stop; `None` at rest.
     pub fn moving_since(&self) -> Option<Instant> {
         self.moving_since
     }
 
     fn note(&mut self, setpoint: Setpoint, now: Instant) {
-        (self.told, self.told_at) = (setpoint, now);
-        self.free = self.free.max(now) + Tracks::SPACING;
+        (self.last_sent, self.sent_at) = (setpoint, now);
+        self.next_free = self.next_free.max(now) + Tracks::SPACING;
         if setpoint.is_stop() {
             self.moving_since = None
         } else {
@@ -134,12 +134,12 @@ mod tests {
     proptest! {
         #[test]
         fn at_most_fifty_a_second_and_the_newest_wins(
-            wishes in prop::collection::vec((0u32..30, -2i32..3), 1..400),
+            wanted in prop::collection::vec((0u32..30, -2i32..3), 1..400),
         ) {
             let start = Instant::now();
             let mut tracks = Tracks::new(start);
             let (mut now, mut sent) = (start, Vec::new());
-            for (pause, power) in wishes {
+            for (pause, power) in wanted {
                 now += pause * MS;
                 tracks.want(at(f64::from(power) * 40.0));
                 sent.extend(tracks.poll(now).map(|_| now));

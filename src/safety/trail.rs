@@ -13,13 +13,13 @@ use crate::robot::{Setpoint, Stroke, TrackPower};
 #[derive(Clone)]
 pub struct Trail {
     /// `None` if the path is not known.
-    way: Option<Way>,
-    told: Setpoint,
+    path: Option<Path>,
+    setpoint: Setpoint,
     since: Instant,
 }
 
 #[derive(Debug, Clone, Default)]
-struct Way {
+struct Path {
     strokes: Vec<Stroke>,
     /// The length of all strokes together.
     length: f32,
@@ -38,8 +38,8 @@ impl Trail {
     /// Begins without a known path.
     pub fn new(now: Instant) -> Trail {
         Trail {
-            way: None,
-            told: Setpoint::STOP,
+            path: None,
+            setpoint: Setpoint::STOP,
             since: now,
         }
     }
@@ -47,50 +47,50 @@ impl Trail {
     /// The robot has just left its station on its own: a path begins.
     pub fn begin(&mut self, now: Instant) {
         self.since = now;
-        self.way = Some(Way::default());
+        self.path = Some(Path::default());
     }
 
     /// The path is no longer known.
     pub fn lose(&mut self) {
-        self.way = None;
+        self.path = None;
     }
 
     /// Notes the setpoint of the tracks from `now` on.
-    pub fn tell(&mut self, setpoint: Setpoint, now: Instant) {
+    pub fn record(&mut self, setpoint: Setpoint, now: Instant) {
         self.note(now.saturating_duration_since(self.since));
-        (self.since, self.told) = (now, setpoint);
+        (self.since, self.setpoint) = (now, setpoint);
     }
 
     /// Returns the path from the station to the robot's position and forgets it: what follows is
-    /// not this path's part. `None` if it is not known.
+    /// not part of it. `None` if it is not known.
     pub fn take(&mut self, now: Instant) -> Option<Vec<Stroke>> {
-        self.tell(self.told, now);
-        self.way.take().map(|way| way.strokes)
+        self.record(self.setpoint, now);
+        self.path.take().map(|path| path.strokes)
     }
 
     /// The tracks have followed the last setpoint for `time`.
     fn note(&mut self, time: Duration) {
-        let Some(way) = &mut self.way else {
+        let Some(path) = &mut self.path else {
             return;
         };
-        if self.told.is_stop() || time.is_zero() {
+        if self.setpoint.is_stop() || time.is_zero() {
             return;
         }
         let seconds = |power: TrackPower| {
             f32::from(power.get()) / f32::from(TrackPower::MAX) * time.as_secs_f32()
         };
         let stroke = Stroke {
-            left: seconds(self.told.left),
-            right: seconds(self.told.right),
+            left: seconds(self.setpoint.left),
+            right: seconds(self.setpoint.right),
         };
-        way.add(stroke, self.told);
-        if way.length > Trail::LONGEST {
+        path.add(stroke, self.setpoint);
+        if path.length > Trail::LONGEST {
             self.lose();
         }
     }
 }
 
-impl Way {
+impl Path {
     fn add(&mut self, stroke: Stroke, setpoint: Setpoint) {
         self.length += stroke.length();
         let same = self.last == Some(setpoint);
@@ -110,7 +110,7 @@ impl Way {
 /// Omits the path: no decision of the watchdog depends on its shape.
 impl fmt::Debug for Trail {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let known = self.way.is_some();
+        let known = self.path.is_some();
         f.debug_struct("Trail")
             .field("known", &known)
             .finish_non_exhaustive()
@@ -133,12 +133,12 @@ mod tests {
     }
 
     /// The strokes of these setpoints, each on for its milliseconds.
-    fn way(told: &[(Setpoint, u64)]) -> Option<Vec<Stroke>> {
+    fn path_of(setpoints: &[(Setpoint, u64)]) -> Option<Vec<Stroke>> {
         let mut now = Instant::now();
         let mut trail = Trail::new(now);
         trail.begin(now);
-        for (setpoint, ms) in told {
-            trail.tell(*setpoint, now);
+        for (setpoint, ms) in setpoints {
+            trail.record(*setpoint, now);
             now += Duration::from_millis(*ms);
         }
         trail.take(now)
@@ -146,47 +146,47 @@ mod tests {
 
     #[test]
     fn each_setpoint_is_a_stroke_as_long_as_it_was_on() {
-        let told = [
+        let setpoints = [
             (at(50.0, 50.0), 2000),
             (Setpoint::STOP, 5000),
             (at(-100.0, 100.0), 500),
         ];
         let strokes = [stroke(1.0, 1.0), stroke(-0.5, 0.5)];
-        assert_eq!(way(&told), Some(strokes.to_vec()));
+        assert_eq!(path_of(&setpoints), Some(strokes.to_vec()));
     }
 
     #[test]
     fn repeated_and_short_setpoints_make_one_stroke() {
         let same = [(at(100.0, 50.0), 1000); 3];
-        assert_eq!(way(&same), Some(vec![stroke(3.0, 1.5)]));
+        assert_eq!(path_of(&same), Some(vec![stroke(3.0, 1.5)]));
         let short = [
             (at(100.0, 0.0), 50),
             (at(0.0, 100.0), 50),
             (at(0.0, 100.0), 1000),
             (at(100.0, 100.0), 1000),
         ];
-        let strokes = way(&short).unwrap();
+        let strokes = path_of(&short).unwrap();
         assert_eq!(strokes.len(), 2, "{strokes:?}");
         assert!((strokes[0].left - 0.05).abs() < 1e-6 && (strokes[0].right - 1.05).abs() < 1e-6);
     }
 
     #[test]
     fn a_stroke_of_two_setpoints_is_not_extended() {
-        let told = [
+        let setpoints = [
             (at(100.0, 0.0), 50),
             (at(0.0, 100.0), 100),
             (at(0.0, 100.0), 100),
         ];
-        assert_eq!(way(&told).unwrap().len(), 2);
-        let told = [(at(100.0, 0.0), 100), (at(0.0, 100.0), 100)];
-        assert_eq!(way(&told).unwrap().len(), 2, "long enough");
+        assert_eq!(path_of(&setpoints).unwrap().len(), 2);
+        let setpoints = [(at(100.0, 0.0), 100), (at(0.0, 100.0), 100)];
+        assert_eq!(path_of(&setpoints).unwrap().len(), 2, "long enough");
     }
 
     #[test]
     fn no_path_is_known_before_undocking_or_after_it_was_lost_or_taken() {
         let now = Instant::now();
         let mut trail = Trail::new(now);
-        trail.tell(at(50.0, 50.0), now);
+        trail.record(at(50.0, 50.0), now);
         assert_eq!(trail.take(now + SECOND), None);
         trail.begin(now + SECOND);
         assert_eq!(trail.take(now + SECOND), Some(vec![]));
@@ -200,18 +200,18 @@ mod tests {
     fn motion_before_the_undocking_is_not_recorded() {
         let now = Instant::now();
         let mut trail = Trail::new(now);
-        trail.tell(at(50.0, 50.0), now);
+        trail.record(at(50.0, 50.0), now);
         trail.begin(now + SECOND);
-        trail.tell(at(50.0, 50.0), now + 3 * SECOND);
+        trail.record(at(50.0, 50.0), now + 3 * SECOND);
         assert_eq!(trail.take(now + 3 * SECOND), Some(vec![stroke(1.0, 1.0)]));
     }
 
     #[test]
     fn a_path_longer_than_the_bound_is_forgotten() {
-        assert!(way(&[(at(100.0, -100.0), 200_000)]).is_some());
-        assert_eq!(way(&[(at(100.0, -100.0), 200_001)]), None);
+        assert!(path_of(&[(at(100.0, -100.0), 200_000)]).is_some());
+        assert_eq!(path_of(&[(at(100.0, -100.0), 200_001)]), None);
         assert_eq!(
-            way(&[(at(100.0, 0.0), 150_000), (at(0.0, -100.0), 51_000)]),
+            path_of(&[(at(100.0, 0.0), 150_000), (at(0.0, -100.0), 51_000)]),
             None
         );
     }
@@ -228,9 +228,9 @@ mod tests {
     proptest! {
         #[test]
         fn no_path_exceeds_its_bound_and_its_strokes_keep_their_sums(
-            told in prop::collection::vec((-4..=4i8, -4..=4i8, 0u64..5_000), 0..400),
+            setpoints in prop::collection::vec((-4..=4i8, -4..=4i8, 0u64..5_000), 0..400),
         ) {
-            let told: Vec<(Setpoint, u64)> = told
+            let setpoints: Vec<(Setpoint, u64)> = setpoints
                 .into_iter()
                 .map(|(left, right, ms)| (at(f64::from(left) * 25.0, f64::from(right) * 25.0), ms))
                 .collect();
@@ -238,17 +238,17 @@ mod tests {
                 let seconds = |(setpoint, ms): &(Setpoint, u64)| {
                     f32::from(track(*setpoint).get()) / 90.0 * *ms as f32 / 1000.0
                 };
-                told.iter().map(seconds).sum()
+                setpoints.iter().map(seconds).sum()
             };
             let (left, right) = (sum(|one| one.left), sum(|one| one.right));
-            let length: f32 = told
+            let length: f32 = setpoints
                 .iter()
                 .map(|(one, ms)| {
                     let fastest = one.left.get().abs().max(one.right.get().abs());
                     f32::from(fastest) / 90.0 * *ms as f32 / 1000.0
                 })
                 .sum();
-            match way(&told) {
+            match path_of(&setpoints) {
                 Some(strokes) => {
                     prop_assert!(length < Trail::LONGEST + 0.1);
                     prop_assert!(strokes.len() as f32 <= Trail::LONGEST / Trail::FINEST + 1.0);

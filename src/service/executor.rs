@@ -211,7 +211,7 @@ impl Executor {
     }
 
     fn report_missed(&self, run: &str, reason: String) {
-        self.listeners.bus.tell(Occurrence::StartMissed {
+        self.listeners.bus.publish(Occurrence::StartMissed {
             behaviour: run.to_owned(),
             reason,
         });

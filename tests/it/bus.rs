@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use spykee::agent::{Behaviour, Bus, Heard, Listener, Occurrence};
+use spykee::agent::{Behaviour, Bus, BusMessage, Listener, Occurrence};
 use spykee::behaviour::{Launch, Library, RestartPolicy};
 use spykee::lab::{self, Lab};
 use spykee::robot::{DockEnd, EndReason, Priority, WatchdogState};
@@ -26,16 +26,16 @@ fn behaviour(name: &str, source: &str) -> Behaviour {
 /// All events that have arrived so far.
 fn all(listener: &mut Listener) -> Vec<Occurrence> {
     std::iter::from_fn(|| match listener.try_next()? {
-        Heard::Happening(one) => Some(one.what.clone()),
-        Heard::Missed(missed) => panic!("{missed} missed"),
-        Heard::Closed => None,
+        BusMessage::Occurrence(one) => Some(one.what.clone()),
+        BusMessage::Missed(missed) => panic!("{missed} missed"),
+        BusMessage::Closed => None,
     })
     .collect()
 }
 
 fn play(source: &str, work: impl AsyncFnOnce(&Lab) + Send) -> Vec<Occurrence> {
     let bus = Bus::default();
-    let mut listener = bus.listen();
+    let mut listener = bus.subscribe();
     let options = lab::Options {
         bus,
         ..lab::Options::default()

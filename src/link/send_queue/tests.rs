@@ -51,14 +51,14 @@ impl Rig {
     }
 
     /// The commands written so far.
-    fn said(&self) -> Vec<Command> {
+    fn written(&self) -> Vec<Command> {
         let (mut decoder, mut input) = (Decoder::new(), &self.out[..]);
-        let mut said = Vec::new();
+        let mut written = Vec::new();
         while let Some(packet) = decoder.decode(&mut input).unwrap() {
-            said.push(Command::parse(packet));
+            written.push(Command::parse(packet));
         }
         assert_eq!(decoder.buffered(), 0, "a message is cut");
-        said
+        written
     }
 }
 
@@ -84,7 +84,7 @@ fn written_messages_are_forgotten() {
     assert!(rig.queue.is_empty());
     rig.queue.replace_unstarted(&[Command::STOP], rig.now);
     rig.drain();
-    assert_eq!(rig.said(), [GO, Command::STOP]);
+    assert_eq!(rig.written(), [GO, Command::STOP]);
 }
 
 #[test]
@@ -147,7 +147,7 @@ fn a_newer_move_replaces_the_queued_ones() {
     rig.push(&[GO]);
     rig.push(&[Command::STOP]);
     rig.drain();
-    assert_eq!(rig.said(), [Command::STOP]);
+    assert_eq!(rig.written(), [Command::STOP]);
 }
 
 #[test]
@@ -162,7 +162,7 @@ fn a_newer_move_overtakes_nothing_and_leaves_a_search_its_stop() {
     rig.drain();
     let cancel = Command::Engine(Engage::CancelDock);
     let expected = [Command::STOP, DOCK, Command::Volume(3), GO, cancel, GO];
-    assert_eq!(rig.said(), expected);
+    assert_eq!(rig.written(), expected);
 }
 
 #[test]
@@ -185,12 +185,12 @@ fn commands_go_before_speech_that_is_not_begun() {
     rig.write(100);
     rig.push(&[Command::STOP, DOCK]);
     rig.drain();
-    let said = rig.said();
+    let written = rig.written();
     assert_eq!(
-        said[..3],
+        written[..3],
         [Command::Audio(samples(1024)), Command::STOP, DOCK]
     );
-    assert_eq!(said[3..], vec![Command::Audio(samples(1024)); 3]);
+    assert_eq!(written[3..], vec![Command::Audio(samples(1024)); 3]);
 }
 
 #[test]
@@ -212,7 +212,7 @@ fn without_last_words_a_queued_search_is_still_sent() {
     rig.push(&[GO]);
     rig.queue.replace_unstarted(&[], rig.now);
     rig.drain();
-    assert_eq!(rig.said(), [Command::STOP, DOCK]);
+    assert_eq!(rig.written(), [Command::STOP, DOCK]);
 }
 
 #[test]
@@ -285,7 +285,7 @@ proptest! {
         steps in prop::collection::vec(step(), 1..80),
     ) {
         let mut rig = Rig::new();
-        let (mut pushed, mut said) = (Vec::new(), 0);
+        let (mut pushed, mut accepted) = (Vec::new(), 0);
         for step in steps {
             match step {
                 Step::Push(commands) => {
@@ -303,7 +303,7 @@ proptest! {
                     pushed.extend(commands);
                 }
                 Step::Say(length) => {
-                    said += usize::from(rig.queue.say(&samples(length))) * length;
+                    accepted += usize::from(rig.queue.say(&samples(length))) * length;
                 }
                 Step::Write(room) => {
                     rig.write(room);
@@ -318,16 +318,16 @@ proptest! {
             rig.write(usize::MAX);
             rig.now += 50 * MS;
         }
-        let heard = rig.said();
-        let spoken: usize = heard
+        let written = rig.written();
+        let spoken: usize = written
             .iter()
             .map(|command| if let Command::Audio(samples) = command { samples.len() } else { 0 })
             .sum();
-        prop_assert!(spoken <= said);
-        prop_assert_eq!(last_of(&heard), last_of(&pushed));
+        prop_assert!(spoken <= accepted);
+        prop_assert_eq!(last_of(&written), last_of(&pushed));
         let engines = |commands: &[Command]| {
             commands.iter().filter(|command| matches!(command, Command::Engine(_))).cloned().collect::<Vec<_>>()
         };
-        prop_assert_eq!(engines(&heard), engines(&pushed), "none is lost, none overtakes another");
+        prop_assert_eq!(engines(&written), engines(&pushed), "none is lost, none overtakes another");
     }
 }

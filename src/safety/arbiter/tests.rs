@@ -24,8 +24,8 @@ fn ended(who: (BehaviourId, Priority), motion: u64, end: MotionEnd) -> Ended {
 #[test]
 fn the_higher_priority_drives_and_the_lower_takes_over_again() {
     let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-    assert_eq!(arbiter.wish(PATROL, MotionId(1), at(40.0), None, now), []);
-    assert_eq!(arbiter.wish(AVOID, MotionId(1), at(-20.0), None, now), []);
+    assert_eq!(arbiter.claim(PATROL, MotionId(1), at(40.0), None, now), []);
+    assert_eq!(arbiter.claim(AVOID, MotionId(1), at(-20.0), None, now), []);
     assert_eq!(arbiter.setpoint(), at(-20.0));
     arbiter.release(AVOID.0, MotionId(1));
     assert_eq!(arbiter.setpoint(), at(40.0));
@@ -34,16 +34,16 @@ fn the_higher_priority_drives_and_the_lower_takes_over_again() {
 #[test]
 fn a_timed_move_of_the_loser_is_preempted_when_the_winner_comes() {
     let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-    arbiter.wish(PATROL, MotionId(7), at(40.0), Some(SECOND), now);
-    let over = arbiter.wish(AVOID, MotionId(1), at(-20.0), Some(SECOND), now);
+    arbiter.claim(PATROL, MotionId(7), at(40.0), Some(SECOND), now);
+    let over = arbiter.claim(AVOID, MotionId(1), at(-20.0), Some(SECOND), now);
     assert_eq!(over, [ended(PATROL, 7, MotionEnd::Preempted)]);
 }
 
 #[test]
 fn a_timed_move_below_the_driver_is_preempted_at_once() {
     let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-    arbiter.wish(AVOID, MotionId(1), at(-20.0), None, now);
-    let over = arbiter.wish(PATROL, MotionId(2), at(40.0), Some(SECOND), now);
+    arbiter.claim(AVOID, MotionId(1), at(-20.0), None, now);
+    let over = arbiter.claim(PATROL, MotionId(2), at(40.0), Some(SECOND), now);
     assert_eq!(over, [ended(PATROL, 2, MotionEnd::Preempted)]);
     assert_eq!(arbiter.setpoint(), at(-20.0));
 }
@@ -51,37 +51,37 @@ fn a_timed_move_below_the_driver_is_preempted_at_once() {
 #[test]
 fn among_equals_the_first_keeps_the_tracks() {
     let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-    arbiter.wish(PATROL, MotionId(1), at(40.0), None, now);
-    arbiter.wish(OTHER, MotionId(1), at(90.0), None, now);
+    arbiter.claim(PATROL, MotionId(1), at(40.0), None, now);
+    arbiter.claim(OTHER, MotionId(1), at(90.0), None, now);
     assert_eq!(arbiter.setpoint(), at(40.0));
-    arbiter.wish(PATROL, MotionId(2), at(50.0), None, now);
+    arbiter.claim(PATROL, MotionId(2), at(50.0), None, now);
     assert_eq!(arbiter.setpoint(), at(50.0));
 }
 
 #[test]
 fn a_newer_setpoint_of_the_same_behaviour_ends_the_older() {
     let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-    arbiter.wish(PATROL, MotionId(1), at(40.0), Some(SECOND), now);
-    let over = arbiter.wish(PATROL, MotionId(2), at(50.0), None, now);
+    arbiter.claim(PATROL, MotionId(1), at(40.0), Some(SECOND), now);
+    let over = arbiter.claim(PATROL, MotionId(2), at(50.0), None, now);
     assert_eq!(over, [ended(PATROL, 1, MotionEnd::Preempted)]);
     assert_eq!(arbiter.release(PATROL.0, MotionId(1)), []);
     assert_eq!(arbiter.setpoint(), at(50.0));
 }
 
 #[test]
-fn the_wish_of_a_forgotten_behaviour_is_dropped() {
+fn the_claim_of_a_forgotten_behaviour_is_dropped() {
     let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-    arbiter.wish(PATROL, MotionId(1), at(40.0), None, now);
-    arbiter.wish(AVOID, MotionId(1), at(-20.0), None, now);
+    arbiter.claim(PATROL, MotionId(1), at(40.0), None, now);
+    arbiter.claim(AVOID, MotionId(1), at(-20.0), None, now);
     arbiter.forget(AVOID.0);
     assert_eq!(arbiter.setpoint(), at(40.0));
-    assert!(arbiter.wishing().eq([PATROL.0]));
+    assert!(arbiter.claimants().eq([PATROL.0]));
 }
 
 #[test]
 fn a_timed_move_expires() {
     let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-    arbiter.wish(PATROL, MotionId(1), at(40.0), Some(SECOND), now);
+    arbiter.claim(PATROL, MotionId(1), at(40.0), Some(SECOND), now);
     assert_eq!(arbiter.next_deadline(), Some(now + SECOND));
     assert_eq!(arbiter.expire(now + SECOND / 2), []);
     assert_eq!(
@@ -92,10 +92,10 @@ fn a_timed_move_expires() {
 }
 
 #[test]
-fn a_held_wish_moves_nothing_and_keeps_its_place() {
+fn a_held_claim_moves_nothing_and_keeps_its_place() {
     let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-    arbiter.wish(PATROL, MotionId(1), at(40.0), None, now);
-    arbiter.wish(AVOID, MotionId(1), at(-20.0), None, now);
+    arbiter.claim(PATROL, MotionId(1), at(40.0), None, now);
+    arbiter.claim(AVOID, MotionId(1), at(-20.0), None, now);
     assert!(arbiter.hold(AVOID.0, true));
     assert!(!arbiter.hold(AVOID.0, true), "held already");
     assert_eq!(arbiter.setpoint(), Setpoint::STOP);
@@ -106,9 +106,9 @@ fn a_held_wish_moves_nothing_and_keeps_its_place() {
 #[test]
 fn stop_ends_equals_and_lower_but_not_a_higher_priority() {
     let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-    arbiter.wish(AVOID, MotionId(1), at(-20.0), None, now);
-    arbiter.wish(PATROL, MotionId(2), at(40.0), None, now);
-    arbiter.wish(OTHER, MotionId(3), at(60.0), None, now);
+    arbiter.claim(AVOID, MotionId(1), at(-20.0), None, now);
+    arbiter.claim(PATROL, MotionId(2), at(40.0), None, now);
+    arbiter.claim(OTHER, MotionId(3), at(60.0), None, now);
     let over = arbiter.stop(OTHER.0, OTHER.1);
     let expected = [
         ended(OTHER, 3, MotionEnd::Cancelled),
@@ -121,7 +121,7 @@ fn stop_ends_equals_and_lower_but_not_a_higher_priority() {
 /// What a behaviour or the pilot may do to the arbiter.
 #[derive(Debug, Clone)]
 enum Step {
-    Wish(usize, f64, Option<u64>),
+    Claim(usize, f64, Option<u64>),
     Release(usize, bool),
     Stop(usize),
     Hold(usize, bool),
@@ -135,7 +135,7 @@ fn step() -> impl Strategy<Value = Step> {
     let percent = (-4i32..=4).prop_map(|power| f64::from(power) * 20.0);
     prop_oneof![
         6 => (who.clone(), percent, prop::option::weighted(0.4, 1u64..2_000))
-            .prop_map(|(who, percent, ms)| Step::Wish(who, percent, ms)),
+            .prop_map(|(who, percent, ms)| Step::Claim(who, percent, ms)),
         3 => (who.clone(), any::<bool>()).prop_map(|(who, current)| Step::Release(who, current)),
         1 => who.clone().prop_map(Step::Stop),
         2 => (who.clone(), any::<bool>()).prop_map(|(who, held)| Step::Hold(who, held)),
@@ -146,7 +146,7 @@ fn step() -> impl Strategy<Value = Step> {
 }
 
 /// Two at the bottom, two in the middle, one above.
-const CREW: [(BehaviourId, Priority); 5] = [
+const BEHAVIOURS: [(BehaviourId, Priority); 5] = [
     (BehaviourId(0), Priority(0)),
     (BehaviourId(1), Priority(5)),
     (BehaviourId(2), Priority(0)),
@@ -160,7 +160,7 @@ struct Held {
     setpoint: Setpoint,
     motion: MotionId,
     until: Option<Instant>,
-    /// Its order among equals: the wish that has had the tracks, or has waited for them, longest
+    /// Its order among equals: the claim that has had the tracks, or has waited for them, longest
     /// comes first.
     since: usize,
     silent: bool,
@@ -174,8 +174,9 @@ struct Model {
 
 impl Model {
     fn driver(&self) -> Option<usize> {
-        let place =
-            |who: usize| self.held[who].map(|held| (CREW[who].1, std::cmp::Reverse(held.since)));
+        let place = |who: usize| {
+            self.held[who].map(|held| (BEHAVIOURS[who].1, std::cmp::Reverse(held.since)))
+        };
         (0..5)
             .filter(|&who| self.held[who].is_some())
             .max_by_key(|&who| place(who))
@@ -195,7 +196,7 @@ impl Model {
 
     fn follow(&mut self, step: &Step, count: usize, now: Instant) {
         match *step {
-            Step::Wish(who, percent, ms) => {
+            Step::Claim(who, percent, ms) => {
                 let since = self.held[who].map_or(count, |held| held.since);
                 self.held[who] = Some(Held {
                     setpoint: at(percent),
@@ -208,7 +209,7 @@ impl Model {
                 self.drop_where(|who, held| held.until.is_some() && Some(who) != driver);
             }
             Step::Release(who, current) => self.drop_where(|other, _| other == who && current),
-            Step::Stop(who) => self.drop_where(|other, _| CREW[other].1 <= CREW[who].1),
+            Step::Stop(who) => self.drop_where(|other, _| BEHAVIOURS[other].1 <= BEHAVIOURS[who].1),
             Step::Hold(who, silent) => {
                 self.held[who] = self.held[who].map(|held| Held { silent, ..held });
             }
@@ -223,7 +224,7 @@ impl Model {
 
 proptest! {
     #[test]
-    fn the_tracks_always_follow_the_highest_wish_and_never_a_released_one(
+    fn the_tracks_always_follow_the_highest_claim_and_never_a_released_one(
         steps in prop::collection::vec(step(), 1..80),
     ) {
         let (mut arbiter, mut model, mut now) = (Arbiter::default(), Model::default(), Instant::now());
@@ -233,21 +234,21 @@ proptest! {
                 now += Duration::from_millis(*ms);
             }
             let over = match *step {
-                Step::Wish(who, percent, ms) => {
+                Step::Claim(who, percent, ms) => {
                     let duration = ms.map(Duration::from_millis);
-                    arbiter.wish(CREW[who], MotionId(count as u64), at(percent), duration, now)
+                    arbiter.claim(BEHAVIOURS[who], MotionId(count as u64), at(percent), duration, now)
                 }
                 Step::Release(who, current) => {
                     let motion = model.held[who].filter(|_| current).map(|held| held.motion);
-                    arbiter.release(CREW[who].0, motion.unwrap_or(MotionId(u64::MAX)))
+                    arbiter.release(BEHAVIOURS[who].0, motion.unwrap_or(MotionId(u64::MAX)))
                 }
-                Step::Stop(who) => arbiter.stop(CREW[who].0, CREW[who].1),
+                Step::Stop(who) => arbiter.stop(BEHAVIOURS[who].0, BEHAVIOURS[who].1),
                 Step::Hold(who, silent) => {
-                    arbiter.hold(CREW[who].0, silent);
+                    arbiter.hold(BEHAVIOURS[who].0, silent);
                     vec![]
                 }
                 Step::Forget(who) => {
-                    arbiter.forget(CREW[who].0);
+                    arbiter.forget(BEHAVIOURS[who].0);
                     vec![]
                 }
                 Step::Clear => arbiter.clear(MotionEnd::Safety),
@@ -255,7 +256,7 @@ proptest! {
             };
             model.follow(step, count, now);
             prop_assert_eq!(arbiter.setpoint(), model.setpoint(), "after {:?}", step);
-            prop_assert_eq!(arbiter.driver(), model.driver().map(|who| CREW[who].0));
+            prop_assert_eq!(arbiter.driver(), model.driver().map(|who| BEHAVIOURS[who].0));
             // A behaviour that lost its setpoint is told so once, unless it has ended.
             let holds = |held: &[Option<Held>; 5], ended: &Ended| {
                 held.iter().flatten().any(|held| held.motion == ended.motion)
@@ -266,12 +267,12 @@ proptest! {
             let lost = before.iter().flatten().filter(|old| {
                 !model.held.iter().flatten().any(|held| held.motion == old.motion)
             });
-            let told = match step {
+            let expected = match step {
                 Step::Forget(_) => 0,
                 _ => lost.count(),
             };
             let of_before = over.iter().filter(|ended| holds(&before, ended)).count();
-            prop_assert_eq!(of_before, told, "{:?}: {:?}", step, over);
+            prop_assert_eq!(of_before, expected, "{:?}: {:?}", step, over);
             prop_assert!(arbiter.next_deadline().is_none_or(|due| due > now));
         }
     }

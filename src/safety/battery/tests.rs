@@ -19,17 +19,17 @@ impl Rig {
     fn at(percent: u8) -> Rig {
         let mut rig = Rig::new();
         for _ in 0..4 {
-            rig.hear(percent, false);
+            rig.report(percent, false);
         }
         rig
     }
 
-    fn hear(&mut self, percent: u8, charging: bool) -> Option<BatteryChange> {
-        self.hear_in(percent, charging, false)
+    fn report(&mut self, percent: u8, charging: bool) -> Option<BatteryChange> {
+        self.report_in(percent, charging, false)
     }
 
     /// A report, five seconds after the one before.
-    fn hear_in(&mut self, percent: u8, charging: bool, contact: bool) -> Option<BatteryChange> {
+    fn report_in(&mut self, percent: u8, charging: bool, contact: bool) -> Option<BatteryChange> {
         self.now += 5 * SECOND;
         let power = Power { percent, charging };
         self.guard.report(power, contact, self.now)
@@ -51,11 +51,11 @@ const RELEASED: Option<BatteryChange> = Some(BatteryChange::Released);
 #[test]
 fn one_report_at_the_low_level_is_enough() {
     let mut rig = Rig::new();
-    assert_eq!(rig.hear(21, false), None);
-    assert_eq!(rig.hear(20, false), low_at(20));
-    assert_eq!(rig.hear(19, false), None, "reported once");
+    assert_eq!(rig.report(21, false), None);
+    assert_eq!(rig.report(20, false), low_at(20));
+    assert_eq!(rig.report(19, false), None, "reported once");
     assert_eq!(
-        Rig::at(90).hear(3, false),
+        Rig::at(90).report(3, false),
         low_at(3),
         "however far it leaps"
     );
@@ -73,33 +73,33 @@ fn a_cause_has_a_description() {
 fn the_third_report_at_the_ok_level_releases() {
     let mut rig = Rig::at(20);
     for percent in [49, 50, 51, 49, 50, 80, 50] {
-        assert_eq!(rig.hear(percent, false), None);
+        assert_eq!(rig.report(percent, false), None);
     }
-    assert_eq!(rig.hear(52, false), None);
-    assert_eq!(rig.hear(51, false), RELEASED);
-    assert_eq!(rig.hear(51, false), None, "reported once");
+    assert_eq!(rig.report(52, false), None);
+    assert_eq!(rig.report(51, false), RELEASED);
+    assert_eq!(rig.report(51, false), None, "reported once");
 }
 
 #[test]
 fn one_report_of_charging_is_not_enough_and_two_are() {
     let mut rig = Rig::at(10);
-    assert_eq!(rig.hear(10, true), None);
+    assert_eq!(rig.report(10, true), None);
     assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
-    assert_eq!(rig.hear(10, false), None);
+    assert_eq!(rig.report(10, false), None);
     assert_eq!(rig.guard.charging(), Charging::No);
-    assert_eq!(rig.hear(10, true), None);
-    assert_eq!(rig.hear(10, true), RELEASED);
+    assert_eq!(rig.report(10, true), None);
+    assert_eq!(rig.report(10, true), RELEASED);
     assert_eq!(rig.guard.charging(), Charging::Confirmed);
     assert!(rig.guard.at_or_below_low());
-    assert_eq!(rig.hear(10, false), low_at(10), "and low again at one");
+    assert_eq!(rig.report(10, false), low_at(10), "and low again at one");
 }
 
 #[test]
 fn on_the_contact_one_report_of_charging_is_enough_whichever_comes_first() {
-    assert_eq!(Rig::at(10).hear_in(10, true, true), RELEASED);
+    assert_eq!(Rig::at(10).report_in(10, true, true), RELEASED);
     let mut rig = Rig::at(10);
     assert_eq!(rig.guard.contact(), None, "contact alone is not charging");
-    rig.hear(10, true);
+    rig.report(10, true);
     assert_eq!(rig.guard.contact(), RELEASED);
     assert_eq!(rig.guard.charging(), Charging::Confirmed);
 }
@@ -108,7 +108,7 @@ fn on_the_contact_one_report_of_charging_is_enough_whichever_comes_first() {
 fn two_reports_of_charging_at_levels_far_apart_contradict_each_other() {
     let mut rig = Rig::at(10);
     for percent in [100, 30, 70] {
-        assert_eq!(rig.hear(percent, true), None);
+        assert_eq!(rig.report(percent, true), None);
         assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
     }
 }
@@ -116,7 +116,7 @@ fn two_reports_of_charging_at_levels_far_apart_contradict_each_other() {
 #[test]
 fn a_low_level_counts_when_an_unconfirmed_report_of_charging_expires() {
     let mut rig = Rig::at(30);
-    assert_eq!(rig.hear(15, true), None);
+    assert_eq!(rig.report(15, true), None);
     let due = rig.now + BatteryGuard::UNCONFIRMED_TIMEOUT;
     assert_eq!(rig.guard.unconfirmed_deadline(), Some(due));
     rig.guard.excuse_silence(rig.now + SECOND);
@@ -125,17 +125,17 @@ fn a_low_level_counts_when_an_unconfirmed_report_of_charging_expires() {
     assert_eq!(rig.guard.charging(), Charging::No);
     assert_eq!(rig.guard.unconfirmed_deadline(), None);
     rig.now = due;
-    assert_eq!(rig.hear(15, true), RELEASED, "late, but two in a row");
+    assert_eq!(rig.report(15, true), RELEASED, "late, but two in a row");
 }
 
 #[test]
 fn after_undocking_charging_must_be_confirmed_again() {
     let mut rig = Rig::at(60);
-    rig.hear(60, true);
-    rig.hear(60, true);
+    rig.report(60, true);
+    rig.report(60, true);
     rig.guard.undocked();
     assert_eq!(rig.guard.charging(), Charging::No);
-    rig.hear(60, true);
+    rig.report(60, true);
     assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
 }
 
@@ -149,14 +149,14 @@ fn silence_counts_as_low_until_good_reports() {
     assert_eq!(rig.guard.next_deadline(), None);
     rig.now = due;
     // The same reports before the silence counted too.
-    assert_eq!(rig.hear(80, false), RELEASED);
+    assert_eq!(rig.report(80, false), RELEASED);
 }
 
 #[test]
 fn a_level_is_fresh_until_silence_counts() {
     let mut rig = Rig::new();
     assert!(!rig.guard.is_fresh(rig.now), "no report yet");
-    rig.hear(10, false);
+    rig.report(10, false);
     let later = |ms| rig.now + Duration::from_millis(ms);
     assert!(rig.guard.is_fresh(later(599_999)));
     assert!(!rig.guard.is_fresh(later(600_000)));
@@ -165,7 +165,7 @@ fn a_level_is_fresh_until_silence_counts() {
 #[test]
 fn on_the_station_silence_is_excused() {
     let mut rig = Rig::new();
-    rig.hear(80, true);
+    rig.report(80, true);
     let later = rig.now + Duration::from_secs(599);
     rig.guard.excuse_silence(later);
     assert_eq!(rig.guard.poll(rig.now + Duration::from_secs(700)), None);
@@ -174,12 +174,12 @@ fn on_the_station_silence_is_excused() {
 #[test]
 fn critical_holds_while_charging_and_until_three_reports_deny_it() {
     let mut rig = Rig::new();
-    rig.hear(8, true);
+    rig.report(8, true);
     for percent in [9, 9, 8, 9, 60, 10, 9] {
-        rig.hear(percent, true);
+        rig.report(percent, true);
         assert!(rig.guard.critical(), "{percent}");
     }
-    rig.hear(9, true);
+    rig.report(9, true);
     assert!(!rig.guard.critical());
     assert!(rig.guard.at_or_below_low());
 }
@@ -196,19 +196,19 @@ fn a_level_that_leaps_is_believed_at_the_third_report() {
         (30, 30),
         (29, 29),
     ] {
-        rig.hear(percent, false);
+        rig.report(percent, false);
         assert_eq!(rig.level(), Some(believed), "{percent}");
     }
-    rig.hear(12, false);
+    rig.report(12, false);
     assert_eq!(rig.level(), Some(12), "low at once");
 }
 
 #[test]
 fn time_on_the_charger_explains_a_level_that_rose() {
     let mut rig = Rig::at(30);
-    rig.hear_in(30, true, true);
+    rig.report_in(30, true, true);
     rig.now += 20 * SECOND;
-    rig.hear(75, true);
+    rig.report(75, true);
     assert_eq!(rig.level(), Some(75));
 }
 
@@ -223,7 +223,7 @@ fn a_level_may_change_by_ten_points_and_by_what_driving_explains() {
     ] {
         let mut rig = Rig::at(60);
         rig.now += (seconds - 5) * SECOND;
-        rig.hear(percent, false);
+        rig.report(percent, false);
         assert_eq!(rig.level(), Some(believed), "{percent} in {seconds} s");
     }
 }
@@ -231,23 +231,23 @@ fn a_level_may_change_by_ten_points_and_by_what_driving_explains() {
 #[test]
 fn no_charge_explains_a_level_that_falls() {
     let mut rig = Rig::at(60);
-    rig.hear_in(60, true, true);
+    rig.report_in(60, true, true);
     rig.now += 15 * SECOND;
-    rig.hear(35, true);
+    rig.report(35, true);
     assert_eq!(rig.level(), Some(60));
 }
 
 #[test]
-fn repeated_reports_do_not_extend_a_doubt_and_a_later_one_begins_a_new_doubt() {
+fn repeated_reports_do_not_extend_the_timeout_and_a_report_after_it_begins_a_new_one() {
     let mut rig = Rig::at(30);
-    rig.hear(30, true);
+    rig.report(30, true);
     let due = rig.now + BatteryGuard::UNCONFIRMED_TIMEOUT;
     for percent in [100, 30].into_iter().cycle().take(23) {
-        rig.hear(percent, true);
+        rig.report(percent, true);
         assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
         assert_eq!(rig.guard.unconfirmed_deadline(), Some(due));
     }
-    rig.hear(30, true);
+    rig.report(30, true);
     assert_eq!(rig.now, due);
     assert_eq!(
         rig.guard.unconfirmed_deadline(),
@@ -280,7 +280,7 @@ proptest! {
         let critical = truth <= 8;
         for (percent, charging) in reports {
             rig.now += Duration::from_millis(pause);
-            prop_assert_eq!(rig.hear(percent, charging), None);
+            prop_assert_eq!(rig.report(percent, charging), None);
             prop_assert!(rig.guard.low().is_some() && rig.guard.at_or_below_low());
             prop_assert!(rig.guard.critical() || !critical);
             prop_assert!(rig.level() <= Some(truth + 10), "{:?}", rig.level());
@@ -296,13 +296,13 @@ proptest! {
     ) {
         let mut rig = Rig::at(15);
         for (percent, charging) in before {
-            rig.hear(percent, charging);
+            rig.report(percent, charging);
         }
         // The report before may have been garbage that a true report contradicts.
-        let released = (0..3).any(|_| rig.hear(from, true) == RELEASED);
+        let released = (0..3).any(|_| rig.report(from, true) == RELEASED);
         prop_assert!(released || rig.guard.low().is_none());
         let levels = (1..8).map(|step| (from.max(9) + step * gain).min(100));
-        levels.for_each(|level| { rig.hear(level, true); });
+        levels.for_each(|level| { rig.report(level, true); });
         prop_assert!(!rig.guard.critical());
         prop_assert_eq!(rig.guard.charging(), Charging::Confirmed);
     }
@@ -314,10 +314,10 @@ proptest! {
     ) {
         let mut rig = Rig::new();
         for (percent, charging) in before {
-            rig.hear(percent, charging);
+            rig.report(percent, charging);
         }
         for _ in 0..3 {
-            rig.hear(level, false);
+            rig.report(level, false);
         }
         prop_assert_eq!(rig.level(), Some(level));
         prop_assert_eq!(rig.guard.low().is_some(), level <= 20 || (level < 50 && rig.guard.low().is_some()));

@@ -26,8 +26,8 @@ fn once() -> DockLimits {
 
 fn started(approach: DockLimits) -> (Docking, Instant) {
     let now = Instant::now();
-    let (docking, orders) = Docking::start(approach, false, now);
-    assert_eq!(orders, [DockAction::Find]);
+    let (docking, actions) = Docking::start(approach, false, now);
+    assert_eq!(actions, [DockAction::Find]);
     (docking, now)
 }
 
@@ -65,12 +65,12 @@ fn a_search_that_fails_is_tried_again_from_another_place() {
 #[test]
 fn a_search_that_takes_too_long_is_cancelled_first() {
     let (mut docking, now) = started(once());
-    let orders = docking.poll(now + 10 * SECOND);
-    assert_eq!(orders, [DockAction::Cancel, DockAction::Halt]);
+    let actions = docking.poll(now + 10 * SECOND);
+    assert_eq!(actions, [DockAction::Cancel, DockAction::Halt]);
     assert_eq!(docking.outcome().unwrap().end, DockEnd::Timeout);
     let (mut docking, now) = started(reversing(1));
-    let orders = docking.poll(now + 10 * SECOND);
-    assert_eq!(orders, [DockAction::Cancel, DockAction::Reverse]);
+    let actions = docking.poll(now + 10 * SECOND);
+    assert_eq!(actions, [DockAction::Cancel, DockAction::Reverse]);
     assert_eq!(docking.poll(now + 11 * SECOND), [DockAction::Find]);
 }
 
@@ -93,9 +93,9 @@ fn without_charging_a_behaviour_tries_again_and_a_low_robot_stays() {
 #[test]
 fn a_docking_without_charging_in_any_attempt_ends_as_not_charging() {
     let (mut docking, now) = started(reversing(1));
-    for order in [vec![DockAction::Undock], vec![]] {
+    for actions in [vec![DockAction::Undock], vec![]] {
         docking.engine(EngineReport::Docked, now);
-        assert_eq!(docking.poll(now + 5 * SECOND), order);
+        assert_eq!(docking.poll(now + 5 * SECOND), actions);
         docking.engine(EngineReport::Undocked, now);
     }
     let outcome = docking.outcome().unwrap();
@@ -106,8 +106,8 @@ fn a_docking_without_charging_in_any_attempt_ends_as_not_charging() {
 fn an_undocking_before_charging_is_a_failed_attempt() {
     let (mut docking, now) = started(reversing(1));
     docking.engine(EngineReport::Docked, now);
-    let orders = docking.engine(EngineReport::Undocked, now + SECOND);
-    assert_eq!(orders, [DockAction::Reverse]);
+    let actions = docking.engine(EngineReport::Undocked, now + SECOND);
+    assert_eq!(actions, [DockAction::Reverse]);
 }
 
 #[test]
@@ -144,8 +144,8 @@ fn cancelling_ends_the_search_or_the_reversing() {
 #[test]
 fn on_the_station_no_search_begins() {
     let now = Instant::now();
-    let (mut docking, orders) = Docking::start(reversing(2), true, now);
-    assert_eq!(orders, []);
+    let (mut docking, actions) = Docking::start(reversing(2), true, now);
+    assert_eq!(actions, []);
     assert_eq!(docking.poll(now + 5 * SECOND), []);
     assert_eq!(docking.outcome().unwrap().end, DockEnd::NotCharging);
 }

@@ -12,11 +12,11 @@ impl Rig {
     fn at(level: f64) -> Rig {
         let (drain, now) = (Drain::default(), Instant::now());
         let mut rig = Rig { drain, level, now };
-        rig.say(false);
+        rig.report(false);
         rig
     }
 
-    fn say(&mut self, charging: bool) {
+    fn report(&mut self, charging: bool) {
         self.drain
             .level(self.level.round() as u8, charging, self.now);
     }
@@ -27,7 +27,7 @@ impl Rig {
         for _ in 0..(minutes * 12.0).round() as u32 {
             self.now += Duration::from_secs(5);
             self.level -= rate / 12.0;
-            self.say(rate < 0.0);
+            self.report(rate < 0.0);
         }
     }
 
@@ -58,7 +58,7 @@ fn after_a_leap_the_minutes_left_are_unknown() {
     rig.spend(Activity::Standing, 6.0, 1.0);
     assert!(rig.drain.minutes_left().is_some());
     rig.level = 40.0;
-    rig.say(false);
+    rig.report(false);
     assert_eq!(rig.drain.minutes_left(), None);
     let rate = rig.drain.rate(Activity::Standing).unwrap();
     assert!(near(rate, 1.0, 0.1), "what was learnt stays: {rate}");
@@ -98,7 +98,7 @@ fn time_without_a_link_is_not_learnt_from() {
     rig.drain.interrupt();
     rig.now += Duration::from_secs(3600);
     rig.level = 71.0;
-    rig.say(false);
+    rig.report(false);
     assert!(near(rig.left(), 71.0, 0.1), "{}", rig.left());
     rig.spend(Activity::Standing, 6.0, 1.0);
     assert!(near(rig.left(), rig.level, 0.1));
@@ -111,7 +111,7 @@ fn the_fast_batteries_of_demonstrations_do_not_leap() {
     for _ in 0..4 {
         rig.now += Duration::from_secs(60);
         rig.level -= 17.0;
-        rig.say(false);
+        rig.report(false);
     }
     assert!(near(rig.left(), 22.0 / 17.0, 0.01), "{}", rig.left());
 }
@@ -175,7 +175,7 @@ fn a_level_that_moves_back_flickers_up_to_two_points_and_leaps_beyond() {
         let mut rig = Rig::at(80.0);
         rig.spend(Activity::Standing, 6.0, 1.0);
         rig.level = rig.level.round() + back;
-        rig.say(false);
+        rig.report(false);
         assert_eq!(rig.drain.minutes_left().is_some(), known, "{back}");
     }
 }
@@ -187,10 +187,10 @@ fn a_sudden_change_of_more_than_five_points_is_a_leap() {
         rig.spend(Activity::Standing, 6.0, 1.0);
         // No time has passed since the last change of the level.
         rig.level = rig.level.round() - 1.0;
-        rig.say(false);
+        rig.report(false);
         rig.level -= points;
         rig.now += Duration::from_secs(seconds);
-        rig.say(false);
+        rig.report(false);
         let found = rig.drain.minutes_left().is_some();
         assert_eq!(found, known, "{points} in {seconds} s");
     }
@@ -203,7 +203,7 @@ fn a_charge_of_two_points_a_second_is_not_a_leap() {
     for (seconds, level) in [(0, 5.0), (1, 6.0), (60, 80.0)] {
         rig.now += Duration::from_secs(seconds);
         rig.level = level;
-        rig.say(true);
+        rig.report(true);
     }
     assert_eq!(rig.drain.charging_rate(), Some(74.0));
 }
@@ -223,7 +223,7 @@ proptest! {
         while rig.level > start - 6.0 {
             rig.now += period;
             rig.level -= rate * minutes(period);
-            rig.say(false);
+            rig.report(false);
         }
         let true_left = rig.level / rate;
         prop_assert!(near(rig.left(), true_left, 0.2), "{} for {true_left}", rig.left());

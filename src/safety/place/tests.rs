@@ -4,16 +4,16 @@ const SECOND: Duration = Duration::from_secs(1);
 
 #[test]
 fn each_place_has_a_description() {
-    let told = [
+    let texts = [
         DockState::Charging,
         DockState::ContactReported,
         DockState::Left(Evidence::Login),
         DockState::Unknown,
     ];
-    let told = told.map(|place| place.to_string());
-    assert_eq!(told[0], "on its station, charging");
-    assert_eq!(told[2], "off its station");
-    assert!(told.iter().all(|words| !words.is_empty()));
+    let texts = texts.map(|place| place.to_string());
+    assert_eq!(texts[0], "on its station, charging");
+    assert_eq!(texts[2], "off its station");
+    assert!(texts.iter().all(|text| !text.is_empty()));
 }
 
 fn nowhere() -> (DockTracker, Instant) {

@@ -12,7 +12,7 @@ use crate::wire::{Command, Engage};
 impl Watchdog {
     /// Stops the tracks in this batch of acts, whatever was sent before.
     pub(super) fn halt(&mut self, now: Instant) {
-        self.tracks.told_to_stop(now);
+        self.tracks.note_stop(now);
         let sent = |act: &Act| matches!(act, Act::Send(_));
         let stop = Act::Send(Command::STOP);
         if self.acts.iter().rfind(|act| sent(act)) != Some(&stop) {

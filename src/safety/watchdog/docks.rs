@@ -77,12 +77,12 @@ impl Watchdog {
         let timeout = timeout.min(LONGEST);
         let until = now + timeout;
         self.leaving = Some(Leaving { caller, until });
-        self.whereabouts.leave_station(timeout, now);
+        self.dock_tracker.leave_station(timeout, now);
         self.send(Command::Engine(Engage::Undock));
     }
 
     fn undock_refusal(&self, caller: Caller) -> Option<DockEnd> {
-        let left = matches!(self.place(), DockState::Left(_)) && !self.whereabouts.is_leaving();
+        let left = matches!(self.place(), DockState::Left(_)) && !self.dock_tracker.is_leaving();
         let low = self.guard.low().is_some() || self.guard.at_or_below_low();
         if !self.online {
             Some(DockEnd::Disconnected)
@@ -125,11 +125,11 @@ impl Watchdog {
 
     /// Ends a docking under way and tells its callers.
     pub(super) fn end_docking(&mut self, end: DockEnd, now: Instant) {
-        let orders = self
+        let actions = self
             .homing
             .as_mut()
             .map(|homing| homing.docking.cancel(end, now));
-        self.execute_dock_actions(orders.unwrap_or_default(), now);
+        self.execute_dock_actions(actions.unwrap_or_default(), now);
     }
 
     /// Whether the docking under way belongs to behaviours that all have lower priority.

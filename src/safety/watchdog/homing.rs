@@ -27,7 +27,7 @@ impl Homing {
 }
 
 impl Watchdog {
-    /// How far a behaviour's docking backs off between tries: at this power ...
+    /// How a behaviour's docking backs off between attempts: at this power, percent ...
     const BACK_OFF_PERCENT: f64 = 30.0;
     /// ... for this long.
     pub(super) const BACK_OFF_TIME: Duration = Duration::from_millis(1500);
@@ -36,7 +36,7 @@ impl Watchdog {
     pub(super) fn became_low(&mut self, cause: LowCause, now: Instant) {
         self.end_motion(MotionEnd::Safety);
         self.path_from_station = self.trail.take(now);
-        self.whereabouts.expect_charge(now);
+        self.dock_tracker.expect_charge(now);
         if let Some(battery) = self.battery() {
             self.acts.push(Act::Announce(Event::BatteryLow(battery)));
         }
@@ -117,28 +117,28 @@ impl Watchdog {
     ) {
         self.end_motion(MotionEnd::Preempted);
         self.tracks.want(Setpoint::STOP);
-        let (docking, orders) = Docking::start(approach, self.docked(), now);
+        let (docking, actions) = Docking::start(approach, self.docked(), now);
         self.homing = Some(Homing {
             docking,
             forced: false,
             callers,
         });
-        self.execute_dock_actions(orders, now);
+        self.execute_dock_actions(actions, now);
     }
 
     pub(super) fn continue_homing(&mut self, now: Instant) {
         if !self.online || self.may_charge() {
             return;
         }
-        let orders = self.homing.as_mut().map(|homing| homing.docking.poll(now));
-        self.execute_dock_actions(orders.unwrap_or_default(), now);
+        let actions = self.homing.as_mut().map(|homing| homing.docking.poll(now));
+        self.execute_dock_actions(actions.unwrap_or_default(), now);
         self.pursue_home(now);
     }
 
     /// Executes the docking's actions, then checks whether it has ended.
-    pub(super) fn execute_dock_actions(&mut self, orders: Vec<DockAction>, now: Instant) {
-        for order in orders {
-            match order {
+    pub(super) fn execute_dock_actions(&mut self, actions: Vec<DockAction>, now: Instant) {
+        for action in actions {
+            match action {
                 DockAction::Find => {
                     self.halt(now);
                     self.send(Command::Engine(Engage::Dock));
@@ -154,7 +154,7 @@ impl Watchdog {
                 DockAction::Halt => self.halt(now),
                 DockAction::Undock => {
                     let timeout = Docking::LEAVE_TIMEOUT;
-                    self.whereabouts.leave_station(timeout, now);
+                    self.dock_tracker.leave_station(timeout, now);
                     self.send(Command::Engine(Engage::Undock));
                 }
             }

@@ -9,11 +9,10 @@ use crate::safety::LastWords;
 use crate::wire::{Command, Engage, Power};
 
 impl Watchdog {
-    /// The commands to send on this link if the agent dies now; updated right after every batch of
-    /// acts.
+    /// The commands to send if the agent dies now; valid once the last batch of acts is executed.
     ///
-    /// - [`LastWords::Nothing`] on the station, and while the robot searches for it because its
-    ///   battery is low.
+    /// - [`LastWords::Nothing`] on the station, unless the robot backs out of it, and while the
+    ///   robot searches for it because its battery is low.
     /// - [`LastWords::StopAndDock`] in all other cases of a low battery: waiting for the next
     ///   search, driven by the watchdog or a borrower, or backing out of the station.
     /// - [`LastWords::EndSearch`] during a search that a behaviour asked for: with a good battery
@@ -21,10 +20,10 @@ impl Watchdog {
     /// - [`LastWords::Stop`] otherwise.
     ///
     /// Without a link, these commands are sent if a login is given up half way: a stop, and
-    /// BASE_FIND if the battery was low and the robot off its station by its last report.
+    /// BASE_FIND if the battery was low and the robot not known to be on its station.
     pub fn last_words(&self) -> LastWords {
         let low = self.guard.low().is_some();
-        let stays = self.docked() && !self.whereabouts.is_leaving();
+        let stays = self.docked() && !self.dock_tracker.is_leaving();
         if self.online && (stays || (low && self.searching)) {
             LastWords::Nothing
         } else if low && !stays {
@@ -40,10 +39,10 @@ impl Watchdog {
         if self.online {
             self.link_down(now);
         }
-        (self.online, self.listening) = (true, false);
+        (self.online, self.streaming) = (true, false);
         let low = self.guard.low().is_some();
-        self.whereabouts.login(docked, low, now);
-        self.tracks.told_to_stop(now);
+        self.dock_tracker.login(docked, low, now);
+        self.tracks.note_stop(now);
         if std::mem::take(&mut self.search_cut_off) && !low {
             self.send(Command::Engine(Engage::CancelDock));
             self.halt(now);
@@ -61,7 +60,7 @@ impl Watchdog {
         self.search_cut_off |= self.searching;
         (self.online, self.searching) = (false, false);
         self.drain.interrupt();
-        self.tracks.told_to_stop(now);
+        self.tracks.note_stop(now);
         self.end_motion(MotionEnd::Disconnected);
         if let Some(leaving) = self.leaving.take() {
             self.answer_undock(leaving.caller, DockEnd::Disconnected);
@@ -87,7 +86,7 @@ impl Watchdog {
             self.send(Command::Engine(Engage::CancelDock));
         }
         self.halt(now);
-        self.whereabouts.doubt_leaving();
+        self.dock_tracker.doubt_leaving();
         self.search_at_once(now);
     }
 

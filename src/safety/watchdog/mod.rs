@@ -59,7 +59,7 @@ pub struct Watchdog {
     limits: Limits,
     online: bool,
     run_ending: bool,
-    whereabouts: DockTracker,
+    dock_tracker: DockTracker,
     /// BASE_FIND was sent, and neither a report of the robot nor another command has ended the
     /// search.
     searching: bool,
@@ -84,7 +84,7 @@ pub struct Watchdog {
     /// The behaviour that the tracks may be lent to.
     rescuer: Option<BehaviourId>,
     alarm: Option<Alarm>,
-    listening: bool,
+    streaming: bool,
     /// Since when the robot has moved without sending anything, pauses in the motion included.
     silent_motion_since: Option<Instant>,
     /// The time of the last [`Watchdog::tick`].
@@ -100,7 +100,7 @@ impl Watchdog {
         Watchdog {
             guard: BatteryGuard::new(&limits),
             leases: Leases::new(limits.host_silence.get(), limits.host_grace.get()),
-            whereabouts: DockTracker::new(limits.charge_timeout.get()),
+            dock_tracker: DockTracker::new(limits.charge_timeout.get()),
             limits,
             online: false,
             run_ending: false,
@@ -117,7 +117,7 @@ impl Watchdog {
             waiting: Vec::new(),
             rescuer: None,
             alarm: None,
-            listening: false,
+            streaming: false,
             silent_motion_since: None,
             ticked: now,
             acts: Vec::new(),
@@ -145,11 +145,11 @@ impl Watchdog {
             Fact::BytesReceived => self.note_received(now),
             Fact::Power(power) => self.power(power, now),
             Fact::Engine(news) => self.engine(news, now),
-            Fact::Listening(on) => {
-                if on && !self.listening {
+            Fact::Streaming(on) => {
+                if on && !self.streaming {
                     self.note_received(now);
                 }
-                self.listening = on;
+                self.streaming = on;
             }
             Fact::Asked {
                 by,
@@ -177,7 +177,7 @@ impl Watchdog {
         self.check_leaving(now);
         self.sound_alarm(now);
         self.drive(now);
-        self.trail.tell(self.tracks.told(), now);
+        self.trail.record(self.tracks.last_sent(), now);
         self.drain.advance(self.activity(), now);
         std::mem::take(&mut self.acts)
     }
@@ -198,11 +198,11 @@ impl Watchdog {
         [
             self.arbiter.next_deadline(),
             self.leases
-                .next_deadline(self.arbiter.wishing(), self.ticked),
+                .next_deadline(self.arbiter.claimants(), self.ticked),
             self.tracks.next_deadline(),
             self.stream_deadline(),
             self.leaving.as_ref().map(|leaving| leaving.until),
-            self.whereabouts.next_deadline(self.guard.low().is_some()),
+            self.dock_tracker.next_deadline(self.guard.low().is_some()),
             self.alarm.as_ref().map(|alarm| alarm.next),
             self.recovery_deadline(),
             silence,
@@ -234,12 +234,12 @@ impl Watchdog {
 
     /// Where the robot is.
     pub fn place(&self) -> DockState {
-        self.whereabouts.place()
+        self.dock_tracker.place()
     }
 
     /// Whether the robot is on its station, by its own report or because it charges.
     pub fn docked(&self) -> bool {
-        self.whereabouts.on_station()
+        self.dock_tracker.on_station()
     }
 
     /// What is believed of the battery; `None` before the first report.
@@ -260,10 +260,11 @@ impl Watchdog {
     /// Whether the robot may be in motion: its tracks were told to move, it searches for its
     /// station, or it leaves it.
     pub fn is_robot_moving(&self) -> bool {
-        self.moving() || self.searching || self.leaving.is_some() || self.whereabouts.is_leaving()
+        self.moving() || self.searching || self.leaving.is_some() || self.dock_tracker.is_leaving()
     }
 
-    /// Why no behaviour may move the robot now; `None` if one may.
+    /// Why no behaviour, except one that has borrowed the tracks, may move the robot now; `None` if
+    /// all may.
     pub fn refusal(&self) -> Option<MotionEnd> {
         if !self.online {
             Some(MotionEnd::Disconnected)
@@ -271,7 +272,7 @@ impl Watchdog {
             Some(MotionEnd::Cancelled)
         } else if self.guard.low().is_some() || self.guard.critical() {
             Some(MotionEnd::Safety)
-        } else if self.docked() || self.whereabouts.is_leaving() {
+        } else if self.docked() || self.dock_tracker.is_leaving() {
             Some(MotionEnd::Docked)
         } else if self.homing.is_some() {
             Some(MotionEnd::Preempted)
@@ -284,7 +285,7 @@ impl Watchdog {
         match news {
             EngineReport::Docked => {
                 self.searching = false;
-                self.whereabouts.docked(now);
+                self.dock_tracker.docked(now);
                 self.end_motion(MotionEnd::Docked);
                 self.interrupt_recovery(now);
             }
@@ -292,11 +293,11 @@ impl Watchdog {
             EngineReport::BaseNotFound => self.searching = false,
             EngineReport::Charged | EngineReport::Unknown(_) => {}
         }
-        let orders = self
+        let actions = self
             .homing
             .as_mut()
             .map(|homing| homing.docking.engine(news, now));
-        self.execute_dock_actions(orders.unwrap_or_default(), now);
+        self.execute_dock_actions(actions.unwrap_or_default(), now);
         if news == EngineReport::Undocked && self.homing.is_none() {
             self.search_at_once(now);
         }
@@ -310,13 +311,13 @@ impl Watchdog {
     fn undocked(&mut self, now: Instant) {
         // The position of a robot that left without being asked is not known: it may have been
         // carried.
-        if self.whereabouts.is_leaving() {
+        if self.dock_tracker.is_leaving() {
             self.trail.begin(now)
         } else {
             self.trail.lose()
         }
         self.path_from_station = None;
-        self.whereabouts.undocked(now);
+        self.dock_tracker.undocked(now);
         self.guard.undocked();
         self.guard.excuse_silence(now);
         if let Some(leaving) = self.leaving.take() {
@@ -343,8 +344,8 @@ impl Watchdog {
         };
         homing.callers.retain(|caller| caller.by != by);
         if homing.callers.is_empty() && !homing.forced {
-            let orders = homing.docking.cancel(DockEnd::Cancelled, now);
-            self.execute_dock_actions(orders, now);
+            let actions = homing.docking.cancel(DockEnd::Cancelled, now);
+            self.execute_dock_actions(actions, now);
         }
     }
 

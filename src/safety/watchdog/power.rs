@@ -10,15 +10,15 @@ use crate::wire::Power;
 impl Watchdog {
     pub(super) fn power(&mut self, power: Power, now: Instant) {
         let power = Power {
-            charging: power.charging && !self.whereabouts.has_just_left(now),
+            charging: power.charging && !self.dock_tracker.has_just_left(now),
             ..power
         };
         let was_critical = self.guard.critical();
-        let contact = self.whereabouts.has_contact();
+        let contact = self.dock_tracker.has_contact();
         let change = self.guard.report(power, contact, now);
         let was_docked = self.docked();
         let charges = self.guard.charging() != Charging::No;
-        self.whereabouts.power(charges, now);
+        self.dock_tracker.power(charges, now);
         if self.docked() && !was_docked {
             self.end_motion(MotionEnd::Docked);
             self.interrupt_recovery(now);
@@ -42,10 +42,10 @@ impl Watchdog {
         }
     }
 
-    /// Executes what follows from a change of the battery's state.
+    /// Acts on the charging state, and on a change of the battery's state if there is one.
     pub(super) fn apply_battery_change(&mut self, change: Option<BatteryChange>, now: Instant) {
         let charging = self.charging_here();
-        let orders = self.homing.as_mut().map(|homing| match charging {
+        let actions = self.homing.as_mut().map(|homing| match charging {
             Charging::No => vec![],
             Charging::Unconfirmed => homing.docking.wait(),
             Charging::Confirmed => homing.docking.charging(now),
@@ -54,7 +54,7 @@ impl Watchdog {
             self.searching = false;
             self.end_alarm();
         }
-        self.execute_dock_actions(orders.unwrap_or_default(), now);
+        self.execute_dock_actions(actions.unwrap_or_default(), now);
         match change {
             Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
             Some(BatteryChange::Released) => self.released(now),
@@ -79,7 +79,8 @@ impl Watchdog {
         self.charging_here() == Charging::Unconfirmed
     }
 
-    /// The believed charging state, unless the robot has left its station since that report.
+    /// The believed charging state; [`Charging::No`] once a later report or a doubt has moved the
+    /// robot from [`DockState::Charging`] to another state.
     pub(super) fn charging_here(&self) -> Charging {
         match self.place() {
             DockState::Charging => self.guard.charging(),

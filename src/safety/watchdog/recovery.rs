@@ -146,13 +146,13 @@ impl Watchdog {
         }
     }
 
-    /// Notes whether the borrower drives, and ends its loan if its host falls silent.
+    /// Notes whether the borrower drives, and ends its loan if its host falls silent meanwhile.
     fn watch_borrower(&mut self, now: Instant) {
         let Some(by) = self.borrower() else {
             return;
         };
-        let moves = self.arbiter.wishing().any(|wishing| wishing == by);
-        let silent = moves && self.leases.pulse(by, now) != HostLife::Alive;
+        let moves = self.arbiter.claimants().any(|claimant| claimant == by);
+        let silent = moves && self.leases.host_life(by, now) != HostLife::Alive;
         if let Some(recovery) = &mut self.recovery {
             recovery.note_motion(moves, now);
             if silent {

@@ -69,7 +69,7 @@ impl Watchdog {
             setpoint
         };
         let duration = duration.map(|duration| duration.min(LONGEST));
-        let over = self.arbiter.wish(who, motion, setpoint, duration, now);
+        let over = self.arbiter.claim(who, motion, setpoint, duration, now);
         self.tell_ended(over);
     }
 

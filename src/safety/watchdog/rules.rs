@@ -7,11 +7,11 @@ use crate::robot::{BehaviourId, DockEnd, EndReason, MotionEnd, SafetyAction};
 use crate::safety::{Act, BatteryChange, HostLife};
 
 impl Watchdog {
-    /// Stops a host that moves the robot and shows no life; ends it if it stays silent.
+    /// Holds the motion of a host that shows no life, and ends the host if it stays silent.
     pub(super) fn check_hosts(&mut self, now: Instant) {
-        let moving: Vec<BehaviourId> = self.arbiter.wishing().collect();
+        let moving: Vec<BehaviourId> = self.arbiter.claimants().collect();
         for by in moving {
-            match self.leases.pulse(by, now) {
+            match self.leases.host_life(by, now) {
                 HostLife::Alive => {
                     self.arbiter.hold(by, false);
                 }
@@ -46,7 +46,7 @@ impl Watchdog {
     }
 
     pub(super) fn stream_deadline(&self) -> Option<Instant> {
-        let since = self.silent_motion_since.filter(|_| self.listening)?;
+        let since = self.silent_motion_since.filter(|_| self.streaming)?;
         Some(since + self.limits.stream_silence.get())
     }
 
@@ -76,7 +76,7 @@ impl Watchdog {
             .is_some_and(|due| due <= now)
         {
             let change = self.guard.expire_unconfirmed(now);
-            self.whereabouts.power(false, now);
+            self.dock_tracker.power(false, now);
             self.apply_battery_change(change, now);
         }
         if self.docked() {
@@ -90,12 +90,12 @@ impl Watchdog {
     /// the contacts did not charge, the docking ends as failed, and the alarm calls for a person.
     pub(super) fn check_place(&mut self, now: Instant) {
         let low = self.guard.low().is_some();
-        let Some(doubt) = self.whereabouts.poll(low, now).filter(|_| low) else {
+        let Some(doubt) = self.dock_tracker.poll(low, now).filter(|_| low) else {
             return;
         };
         if let Some(homing) = self.homing.as_mut().filter(|homing| homing.forced) {
-            let orders = homing.docking.lost_contact(doubt, now);
-            self.execute_dock_actions(orders, now);
+            let actions = homing.docking.lost_contact(doubt, now);
+            self.execute_dock_actions(actions, now);
         }
         self.search_at_once(now);
     }

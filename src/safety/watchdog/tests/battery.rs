@@ -14,7 +14,7 @@ fn a_low_report_stops_and_sends_home_in_one_batch() {
     let acts = rig.take(Fact::Power(power(20)));
     assert!(!rig.dog.moving());
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
-    assert_eq!(told(&acts), [ended(1, MotionEnd::Safety)]);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Safety)]);
     assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
 }
 
@@ -43,15 +43,15 @@ fn low_motion_is_refused_until_the_ok_level() {
     rig.take(Fact::Power(power(20)));
     let acts = rig.drive(1, Some(SECOND));
     assert_eq!(
-        (sent(&acts), told(&acts)),
+        (sent(&acts), events(&acts)),
         (vec![], vec![ended(1, MotionEnd::Safety)])
     );
     rig.take(Fact::Power(power(49)));
     for _ in 0..2 {
         assert_eq!(sent(&rig.drive(2, None)), []);
-        assert_eq!(sent(&rig.hear(power(50))), []);
+        assert_eq!(sent(&rig.report(power(50))), []);
     }
-    assert_eq!(sent(&rig.hear(power(50))), [CANCEL, Command::STOP]);
+    assert_eq!(sent(&rig.report(power(50))), [CANCEL, Command::STOP]);
     rig.now += SECOND;
     assert_eq!(sent(&rig.drive(3, None)), [FORWARD]);
 }
@@ -60,14 +60,14 @@ fn low_motion_is_refused_until_the_ok_level() {
 fn one_garbage_report_neither_frees_a_low_robot_nor_disturbs_its_search() {
     for garbage in [power(60), power(100), charging(60), charging(10)] {
         let mut rig = Rig::online(60);
-        rig.hear(power(10));
+        rig.report(power(10));
         for _ in 0..5 {
-            rig.hear(power(10));
-            let acts = [rig.hear(garbage), rig.drive(1, None)].concat();
+            rig.report(power(10));
+            let acts = [rig.report(garbage), rig.drive(1, None)].concat();
             assert_eq!(sent(&acts), [], "{garbage:?}");
-            assert_eq!(told(&acts), [ended(1, MotionEnd::Safety)]);
+            assert_eq!(events(&acts), [ended(1, MotionEnd::Safety)]);
         }
-        assert_eq!(sent(&rig.hear(power(10))), []);
+        assert_eq!(sent(&rig.report(power(10))), []);
         assert_eq!(sent(&rig.pass(100 * SECOND, false)), [], "searches on");
     }
 }
@@ -75,7 +75,7 @@ fn one_garbage_report_neither_frees_a_low_robot_nor_disturbs_its_search() {
 #[test]
 fn an_unconfirmed_report_of_charging_delays_searches_and_legs() {
     let (mut rig, _) = lost(20, standing());
-    rig.hear(charging(15));
+    rig.report(charging(15));
     let acts = rig.pass(BatteryGuard::UNCONFIRMED_TIMEOUT - SECOND, false);
     assert_eq!((count(&acts, &FIND), tracks(&acts)), (0, vec![]));
     assert_eq!(
@@ -86,13 +86,13 @@ fn an_unconfirmed_report_of_charging_delays_searches_and_legs() {
 
     let mut rig = Rig::online(20);
     rig.take(Fact::Engine(EngineReport::BaseNotFound));
-    rig.hear(charging(20));
+    rig.report(charging(20));
     assert_eq!(
         sent(&rig.pass(100 * SECOND, false)),
         [],
         "the next try waits"
     );
-    assert_eq!(sent(&rig.hear(power(20))), [Command::STOP, FIND]);
+    assert_eq!(sent(&rig.report(power(20))), [Command::STOP, FIND]);
 }
 
 #[test]
@@ -129,7 +129,7 @@ fn an_unconfirmed_report_of_charging_halts_a_docking_that_backs_off() {
     assert_eq!(sent(&acts), [Command::STOP]);
     assert_eq!(dock_ended(&acts), None);
     assert_eq!(
-        dock_ended(&rig.hear(charging(60))),
+        dock_ended(&rig.report(charging(60))),
         Some((DockEnd::Done, 1))
     );
 
@@ -164,7 +164,7 @@ fn charging_releases_but_motion_on_the_station_is_refused() {
     rig.take(Fact::Engine(EngineReport::Docked));
     rig.take(Fact::Power(charging(20)));
     assert_eq!(rig.dog.low(), None);
-    assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
+    assert_eq!(events(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
 }
 
 #[test]
@@ -175,7 +175,7 @@ fn the_end_of_an_alarm_switches_its_light_off() {
         on: false,
     };
     assert_eq!(sent(&rig.take(Fact::Power(charging(21)))), []);
-    assert_eq!(sent(&rig.hear(charging(21))), [off]);
+    assert_eq!(sent(&rig.report(charging(21))), [off]);
 }
 
 #[test]
@@ -193,14 +193,14 @@ fn critical_refuses_motion_and_undocking_even_while_charging() {
         docked: true,
         power: charging(8),
     });
-    assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Safety)]);
+    assert_eq!(events(&rig.drive(1, None)), [ended(1, MotionEnd::Safety)]);
     let acts = rig.ask(Intent::Undock {
         call: CallId(1),
         timeout: SECOND,
     });
     assert_eq!(sent(&acts), []);
     assert_eq!(
-        told(&acts),
+        events(&acts),
         [Event::UndockEnded {
             call: CallId(1),
             end: DockEnd::Safety
@@ -222,7 +222,7 @@ fn a_robot_that_is_low_stays_on_its_station_though_it_charges() {
     assert_eq!(sent(&acts), []);
     let end = DockEnd::Safety;
     let call = CallId(1);
-    assert_eq!(told(&acts), [Event::UndockEnded { call, end }]);
+    assert_eq!(events(&acts), [Event::UndockEnded { call, end }]);
 }
 
 #[test]
@@ -236,16 +236,16 @@ fn a_good_level_does_not_interrupt_motion() {
 #[test]
 fn a_critical_level_is_announced_once() {
     let mut rig = Rig::online(60);
-    let said = |acts: Vec<Act>| {
+    let announced = |acts: Vec<Act>| {
         let mut reasons = acts.into_iter().filter_map(|act| match act {
             Act::Announce(Event::Safety { reason, .. }) => Some(reason),
             _ => None,
         });
         reasons.any(|reason| reason.contains("motion is refused except on the way home"))
     };
-    assert!(!said(rig.take(Fact::Power(power(9)))));
-    assert!(said(rig.take(Fact::Power(power(8)))));
-    assert!(!said(rig.take(Fact::Power(power(7)))));
+    assert!(!announced(rig.take(Fact::Power(power(9)))));
+    assert!(announced(rig.take(Fact::Power(power(8)))));
+    assert!(!announced(rig.take(Fact::Power(power(7)))));
 }
 
 #[test]
@@ -307,8 +307,8 @@ fn each_situation_has_its_state() {
 fn sudden_charging_means_docked_and_ends_motion() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
-    let acts: Vec<Act> = (0..3).flat_map(|_| rig.hear(charging(60))).collect();
-    assert_eq!(told(&acts)[..1], [ended(1, MotionEnd::Docked)]);
+    let acts: Vec<Act> = (0..3).flat_map(|_| rig.report(charging(60))).collect();
+    assert_eq!(events(&acts)[..1], [ended(1, MotionEnd::Docked)]);
     assert!(sent(&acts).contains(&Command::STOP));
     assert_eq!(rig.dog.state(), WatchdogState::Docked);
 }

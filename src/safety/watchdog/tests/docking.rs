@@ -79,7 +79,7 @@ fn a_docking_that_was_taken_over_is_returned_at_the_ok_level() {
     rig.take(Fact::Power(power(20)));
     for _ in 0..3 {
         assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
-        assert_eq!(sent(&rig.hear(power(50))), []);
+        assert_eq!(sent(&rig.report(power(50))), []);
     }
     assert_eq!(rig.dog.state(), WatchdogState::Docking);
     assert_eq!(sent(&rig.ask(Intent::CancelDock)), [CANCEL, Command::STOP]);
@@ -121,7 +121,7 @@ fn undocking_waits_for_the_robots_confirmation() {
     assert_eq!(sent(&acts), [Command::Engine(Engage::Undock)]);
     let acts = rig.take(Fact::Engine(EngineReport::Undocked));
     assert_eq!(
-        told(&acts),
+        events(&acts),
         [Event::UndockEnded {
             call: CallId(1),
             end: DockEnd::Done
@@ -157,7 +157,7 @@ fn only_its_caller_is_told_how_an_undocking_ends() {
         });
         rig.take(Fact::Gone(gone));
         let acts = rig.take(Fact::Engine(EngineReport::Undocked));
-        assert_eq!(told(&acts).len(), told_at_the_end);
+        assert_eq!(events(&acts).len(), told_at_the_end);
     }
 }
 

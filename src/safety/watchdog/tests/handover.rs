@@ -54,7 +54,7 @@ impl Rig {
         }
     }
 
-    fn wish(&mut self, by: BehaviourId, percent: f64, duration: Option<Duration>) -> Fact {
+    fn claim(&mut self, by: BehaviourId, percent: f64, duration: Option<Duration>) -> Fact {
         self.motions += 1;
         let intent = Intent::Move {
             motion: MotionId(self.motions),
@@ -69,8 +69,8 @@ impl Rig {
     }
 
     fn drive(&mut self, by: BehaviourId, percent: f64) -> Vec<Act> {
-        let wish = self.wish(by, percent, None);
-        self.take(wish)
+        let claim = self.claim(by, percent, None);
+        self.take(claim)
     }
 
     /// Lets time pass as the pilot does; these hosts show life.
@@ -117,7 +117,7 @@ fn releasing_and_retaking_the_tracks_at_once_never_lets_the_lower_drive() {
         },
     );
     rig.dog.absorb(release, rig.now);
-    let again = rig.wish(AVOID, -20.0, None);
+    let again = rig.claim(AVOID, -20.0, None);
     let acts = rig.take(again);
     assert_eq!(moves(&acts), [-18]);
     assert_eq!(moves(&rig.pass(150 * MS, &[PATROL, AVOID])), [] as [i8; 0]);
@@ -175,7 +175,7 @@ fn a_handover_to_the_same_setpoint_sends_nothing() {
 /// What may happen to three behaviours.
 #[derive(Debug, Clone)]
 enum Step {
-    Wish(u16, i32, Option<u64>),
+    Claim(u16, i32, Option<u64>),
     Release(u16, u64),
     Gone(u16),
     Pass(u64),
@@ -184,7 +184,7 @@ enum Step {
 fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
         4 => (0u16..4, -4i32..=4, prop::option::weighted(0.4, 1u64..2_000))
-            .prop_map(|(by, power, ms)| Step::Wish(by, power, ms)),
+            .prop_map(|(by, power, ms)| Step::Claim(by, power, ms)),
         2 => (0u16..4, 1u64..30).prop_map(|(by, motion)| Step::Release(by, motion)),
         1 => (0u16..4).prop_map(Step::Gone),
         2 => (0u64..700).prop_map(Step::Pass),
@@ -197,13 +197,13 @@ proptest! {
         steps in prop::collection::vec(step(), 1..60),
     ) {
         let mut rig = Rig::new();
-        let crew = [0, 1, 2, 3].map(BehaviourId);
+        let behaviours = [0, 1, 2, 3].map(BehaviourId);
         for step in steps {
             let acts = match step {
-                Step::Wish(by, power, ms) => {
+                Step::Claim(by, power, ms) => {
                     let duration = ms.map(Duration::from_millis);
-                    let wish = rig.wish(BehaviourId(by), f64::from(power) * 25.0, duration);
-                    rig.take(wish)
+                    let claim = rig.claim(BehaviourId(by), f64::from(power) * 25.0, duration);
+                    rig.take(claim)
                 }
                 Step::Release(by, motion) => {
                     let release = rig.fact(BehaviourId(by), Intent::Release { motion: MotionId(motion) });
@@ -214,7 +214,7 @@ proptest! {
                     let end = rig.now + Duration::from_millis(ms);
                     while rig.now < end {
                         rig.now += MS * 10;
-                        crew.iter().for_each(|&by| rig.dog.absorb(Fact::Alive(by), rig.now));
+                        behaviours.iter().for_each(|&by| rig.dog.absorb(Fact::Alive(by), rig.now));
                         let acts = rig.dog.tick(rig.now);
                         let wanted = rig.dog.arbiter.setpoint().left.get();
                         prop_assert!(moves(&acts).iter().all(|&sent| sent == wanted), "{:?}", acts);
@@ -226,7 +226,7 @@ proptest! {
             prop_assert!(moves(&acts).iter().all(|&sent| sent == wanted), "{:?}: {:?}", step, acts);
         }
         // Long enough for the accumulated spacing between MOVE messages.
-        rig.pass(2000 * MS, &crew);
+        rig.pass(2000 * MS, &behaviours);
         prop_assert_eq!(rig.dog.moving(), !rig.dog.arbiter.setpoint().is_stop());
     }
 }

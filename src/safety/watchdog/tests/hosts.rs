@@ -118,5 +118,5 @@ fn a_timed_move_ends_with_a_stop_and_its_answer() {
     rig.drive(1, Some(SECOND));
     let acts = rig.pass(SECOND, true);
     assert_eq!(sent(&acts).last(), Some(&Command::STOP));
-    assert_eq!(told(&acts), [ended(1, MotionEnd::Done)]);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Done)]);
 }

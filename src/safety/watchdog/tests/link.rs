@@ -10,7 +10,7 @@ fn a_leg_over_a_silent_stream_stops_and_nothing_is_sent_after_it() {
         ..Limits::default()
     };
     let (mut rig, _) = lost(20, limits);
-    rig.take(Fact::Listening(true));
+    rig.take(Fact::Streaming(true));
     let acts = rig.pass(1500 * MS, false);
     assert!(reconnects(&acts));
     assert_eq!(tracks(&acts).last(), Some(&(0, 0)));
@@ -20,7 +20,7 @@ fn a_leg_over_a_silent_stream_stops_and_nothing_is_sent_after_it() {
 #[test]
 fn a_silent_stream_while_moving_stops_and_reconnects() {
     let mut rig = Rig::online(60);
-    rig.take(Fact::Listening(true));
+    rig.take(Fact::Streaming(true));
     rig.drive(1, None);
     assert!(
         !rig.pass(2900 * MS, true)
@@ -37,7 +37,7 @@ fn a_silent_stream_while_moving_stops_and_reconnects() {
         .position(|act| matches!(act, Act::Reconnect(_)))
         .unwrap();
     assert!(stop < close, "{acts:?}");
-    assert_eq!(told(&acts), [ended(1, MotionEnd::Disconnected)]);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Disconnected)]);
 }
 
 #[test]
@@ -45,9 +45,9 @@ fn a_late_stream_gets_the_full_timeout_once() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
     rig.pass(10 * SECOND, true);
-    rig.take(Fact::Listening(true));
+    rig.take(Fact::Streaming(true));
     assert!(!reconnects(&rig.pass(2900 * MS, true)));
-    rig.take(Fact::Listening(true));
+    rig.take(Fact::Streaming(true));
     assert!(
         reconnects(&rig.pass(200 * MS, true)),
         "reported twice, no data"
@@ -57,7 +57,7 @@ fn a_late_stream_gets_the_full_timeout_once() {
 #[test]
 fn a_robot_that_sends_data_keeps_driving() {
     let mut rig = Rig::online(60);
-    rig.take(Fact::Listening(true));
+    rig.take(Fact::Streaming(true));
     rig.drive(1, None);
     for _ in 0..10 {
         let acts = rig.pass(SECOND, true);
@@ -101,11 +101,11 @@ fn without_a_link_nothing_is_sent() {
     rig.drive(1, None);
     let acts = rig.take(Fact::LinkDown);
     assert_eq!(
-        (sent(&acts), told(&acts)),
+        (sent(&acts), events(&acts)),
         (vec![], vec![ended(1, MotionEnd::Disconnected)])
     );
     assert_eq!(
-        told(&rig.drive(2, None)),
+        events(&rig.drive(2, None)),
         [ended(2, MotionEnd::Disconnected)]
     );
     assert_eq!(rig.dog.next_deadline(), None);

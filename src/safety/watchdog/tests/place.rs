@@ -36,7 +36,7 @@ fn a_robot_that_becomes_low_while_undocking_searches_after_the_timeout() {
 #[test]
 fn scripts_may_drive_in_an_unknown_place_but_not_while_backing_out() {
     let mut rig = with_unconfirmed_undocking(80);
-    assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
+    assert_eq!(events(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
     rig.pass(20 * SECOND, false);
     assert_eq!(sent(&rig.drive(2, None)), [FORWARD]);
 }
@@ -47,7 +47,7 @@ fn the_end_of_charging_while_backing_out_does_not_allow_motion_yet() {
     rig.undock(1);
     rig.take(Fact::Power(power(80)));
     assert_eq!(rig.dog.place(), DockState::Left(Evidence::Power));
-    assert_eq!(told(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
+    assert_eq!(events(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
     let acts = rig.take(Fact::Engine(EngineReport::Undocked));
     assert_eq!(undock_ended(&acts), Some(DockEnd::Done));
     assert_eq!(sent(&rig.drive(2, None)), [FORWARD]);

@@ -42,7 +42,7 @@ fn a_docking_ends_when_a_higher_priority_wants_to_drive() {
     rig.dock(1);
     rig.now += SECOND;
     let acts = rig.ask_as(WHO, 0, drive(1));
-    assert_eq!(told(&acts), [ended(1, MotionEnd::Preempted)]);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Preempted)]);
     let acts = rig.ask_as(HIGH, 10, drive(1));
     assert_eq!(sent(&acts), [CANCEL, Command::STOP]);
     assert_eq!(sent(&rig.pass(20 * MS, false)), [FORWARD]);
@@ -54,7 +54,7 @@ fn no_priority_ends_the_watchdogs_own_docking() {
     let mut rig = Rig::online(20);
     let acts = rig.ask_as(HIGH, i16::MAX, drive(1));
     assert_eq!(sent(&acts), []);
-    assert_eq!(told(&acts), [ended(1, MotionEnd::Safety)]);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Safety)]);
     assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
 }
 

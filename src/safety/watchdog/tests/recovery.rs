@@ -91,10 +91,10 @@ fn the_fourth_failure_sounds_the_alarm() {
     );
     let alarms = count(&rig.pass(59 * SECOND, false), &alarm);
     assert!((3..=5).contains(&alarms), "{alarms}");
-    assert_eq!(told(&rig.drive(9, None)), [ended(9, MotionEnd::Safety)]);
-    rig.hear(charging(21));
+    assert_eq!(events(&rig.drive(9, None)), [ended(9, MotionEnd::Safety)]);
+    rig.report(charging(21));
     assert_eq!(rig.dog.state(), WatchdogState::Alarm, "one report");
-    rig.hear(charging(21));
+    rig.report(charging(21));
     assert_eq!(rig.dog.state(), WatchdogState::Docked);
     assert!(!rig.dog.alarm_sounds());
 }
@@ -277,7 +277,7 @@ fn a_lost_link_is_not_a_failed_search() {
 fn a_search_that_the_release_ends_is_not_a_failed_one() {
     let mut rig = searching(20, standing());
     rig.pass(SECOND, false);
-    let acts: Vec<Act> = (0..4).flat_map(|_| rig.hear(power(60))).collect();
+    let acts: Vec<Act> = (0..4).flat_map(|_| rig.report(power(60))).collect();
     assert_eq!(reasons(&acts), ["battery at 60 %"]);
     assert_eq!(sent(&acts), [CANCEL, Command::STOP]);
 }

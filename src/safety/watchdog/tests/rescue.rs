@@ -57,10 +57,10 @@ fn a_loan_is_announced_and_lasts_eight_seconds_at_thirty_percent() {
     assert_eq!(count(&alive(&mut rig, 7900), &FIND), 0);
     let acts = alive(&mut rig, 200);
     assert_eq!(sent(&acts)[sent(&acts).len() - 2..], [Command::STOP, FIND]);
-    assert_eq!(told(&acts), [ended(1, MotionEnd::Safety)]);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Safety)]);
     let refused = drive(&mut rig, 2);
     assert_eq!(
-        (sent(&refused), told(&refused)),
+        (sent(&refused), events(&refused)),
         (vec![], vec![ended(2, MotionEnd::Safety)])
     );
 }
@@ -69,7 +69,7 @@ fn a_loan_is_announced_and_lasts_eight_seconds_at_thirty_percent() {
 fn during_a_loan_motion_and_stops_of_others_are_refused() {
     let (mut rig, _) = lent(Limits::default());
     drive(&mut rig, 1);
-    assert_eq!(told(&rig.drive(2, None)), [ended(2, MotionEnd::Safety)]);
+    assert_eq!(events(&rig.drive(2, None)), [ended(2, MotionEnd::Safety)]);
     assert_eq!(rig.ask_as(WHO, i16::MAX, Intent::Stop), []);
     rig.ask_as(WHO, i16::MAX, Intent::CancelDock);
     assert!(rig.dog.moving());
@@ -151,7 +151,7 @@ fn loans_are_made_at_the_critical_level_too() {
     alive(&mut rig, 9000);
     let acts = rig.take(NOT_FOUND);
     assert!(
-        told(&acts)
+        events(&acts)
             .iter()
             .any(|event| matches!(event, Event::Loan { .. }))
     );
@@ -161,10 +161,10 @@ fn loans_are_made_at_the_critical_level_too() {
 fn a_release_of_the_robot_ends_a_loan() {
     let (mut rig, _) = lent(Limits::default());
     drive(&mut rig, 1);
-    rig.hear(power(60));
+    rig.report(power(60));
     rig.take(Fact::Alive(RESCUER));
     while rig.dog.low().is_some() {
-        rig.hear(power(60));
+        rig.report(power(60));
     }
     assert!(!rig.dog.moving());
 }

@@ -42,7 +42,7 @@ impl Rig {
     }
 
     /// A report, one second later.
-    pub(super) fn hear(&mut self, power: Power) -> Vec<Act> {
+    pub(super) fn report(&mut self, power: Power) -> Vec<Act> {
         self.now += SECOND;
         self.take(Fact::Power(power))
     }
@@ -136,7 +136,7 @@ pub(super) fn sent(acts: &[Act]) -> Vec<Command> {
     acts.iter().filter_map(Act::command).collect()
 }
 
-pub(super) fn told(acts: &[Act]) -> Vec<Event> {
+pub(super) fn events(acts: &[Act]) -> Vec<Event> {
     let event = |act: &Act| match act {
         Act::Tell(_, event) => Some(event.clone()),
         _ => None,
@@ -152,14 +152,14 @@ pub(super) fn ended(motion: u64, end: MotionEnd) -> Event {
 }
 
 pub(super) fn dock_ended(acts: &[Act]) -> Option<(DockEnd, u32)> {
-    told(acts).into_iter().find_map(|event| match event {
+    events(acts).into_iter().find_map(|event| match event {
         Event::DockEnded { end, attempts, .. } => Some((end, attempts)),
         _ => None,
     })
 }
 
 pub(super) fn undock_ended(acts: &[Act]) -> Option<DockEnd> {
-    told(acts).into_iter().find_map(|event| match event {
+    events(acts).into_iter().find_map(|event| match event {
         Event::UndockEnded { end, .. } => Some(end),
         _ => None,
     })

@@ -1,5 +1,5 @@
-//! Last words, and what is sent after a suspension of the link or of the machine, and at the end of
-//! a run.
+//! Last words, and what is sent after a loss of the link or a suspension of the machine, and at the
+//! end of a run.
 
 use super::rig::*;
 use super::*;
@@ -96,7 +96,7 @@ fn after_a_sleep_nothing_old_is_repeated() {
     rig.drive(1, None);
     let acts = rig.take(Fact::Suspended);
     assert_eq!(sent(&acts), [Command::STOP]);
-    assert_eq!(told(&acts), [ended(1, MotionEnd::Disconnected)]);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Disconnected)]);
     assert_eq!(sent(&rig.pass(SECOND, true)), []);
     assert_eq!(sent(&rig.drive(2, None)), [FORWARD]);
 }
@@ -137,8 +137,11 @@ fn at_the_end_of_a_run_all_motion_stops_and_is_refused() {
     rig.drive(1, None);
     let acts = rig.take(Fact::RunEnding);
     assert_eq!(sent(&acts), [Command::STOP]);
-    assert_eq!(told(&acts), [ended(1, MotionEnd::Cancelled)]);
-    assert_eq!(told(&rig.drive(2, None)), [ended(2, MotionEnd::Cancelled)]);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Cancelled)]);
+    assert_eq!(
+        events(&rig.drive(2, None)),
+        [ended(2, MotionEnd::Cancelled)]
+    );
 }
 
 #[test]
@@ -159,7 +162,7 @@ fn at_the_end_of_a_run_docking_and_undocking_are_refused() {
     assert_eq!(sent(&acts), []);
     let end = DockEnd::Cancelled;
     assert_eq!(
-        told(&acts),
+        events(&acts),
         [Event::UndockEnded {
             call: CallId(8),
             end

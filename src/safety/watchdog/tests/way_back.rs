@@ -33,7 +33,7 @@ fn loan_after(mut rig: Rig) -> Option<(Duration, Option<Vec<Stroke>>)> {
 }
 
 fn loan(acts: &[Act]) -> Option<(Duration, Option<Vec<Stroke>>)> {
-    told(acts).into_iter().find_map(|event| match event {
+    events(acts).into_iter().find_map(|event| match event {
         Event::Loan { low_for, way, .. } => Some((low_for, way.map(rounded))),
         _ => None,
     })
@@ -185,8 +185,8 @@ fn a_leg_makes_the_path_unknown() {
 fn each_undocking_begins_a_new_path() {
     let mut rig = driven();
     rig.take(Fact::Engine(EngineReport::Docked));
-    rig.hear(charging(90));
-    rig.hear(charging(90));
+    rig.report(charging(90));
+    rig.report(charging(90));
     rig.undock(2);
     rig.now += SECOND;
     rig.take(Fact::Engine(EngineReport::Undocked));

@@ -52,7 +52,7 @@ fn any_fact() -> impl Strategy<Value = Fact> {
     prop_oneof![
         3 => login.prop_map(|(docked, power)| Fact::LinkUp { docked, power }),
         2 => Just(Fact::LinkDown),
-        2 => any::<bool>().prop_map(Fact::Listening),
+        2 => any::<bool>().prop_map(Fact::Streaming),
         3 => Just(Fact::BytesReceived),
         10 => any_power().prop_map(Fact::Power),
         12 => any_news().prop_map(Fact::Engine),

@@ -30,9 +30,10 @@ pub(super) struct Known {
     pub(super) touched: bool,
     /// The same, and it had not been told to leave.
     pub(super) surely_touched: bool,
-    /// Whether charging is reported and not believed, and since when it is reported.
+    /// Whether charging is reported and not believed.
     pub(super) unconfirmed: bool,
-    pub(super) said: Option<Instant>,
+    /// Since when charging is reported.
+    pub(super) charging_since: Option<Instant>,
     /// The last news of a search was that it failed.
     pub(super) not_found: bool,
     pub(super) rescuer: Option<BehaviourId>,
@@ -88,17 +89,17 @@ impl Known {
             }
             _ => {}
         }
-        let said = matches!(
+        let place_reported = matches!(
             fact,
             Fact::Engine(EngineReport::Docked | EngineReport::Undocked)
         );
-        self.idle &= self.on_station && !self.charges_here && !said;
+        self.idle &= self.on_station && !self.charges_here && !place_reported;
         let contact = self.on_station && !self.charges_here;
         self.contact = contact.then(|| self.contact.unwrap_or(now));
     }
 
     /// Notes whether the watchdog tells the robot to leave its station.
-    pub(super) fn hear(&mut self, acts: &[Act]) {
+    pub(super) fn note_acts(&mut self, acts: &[Act]) {
         self.told_to_leave |= sent(acts).contains(&LEAVE);
     }
 
@@ -112,7 +113,7 @@ impl Known {
             ..power
         };
         if power.charging && !self.charging {
-            self.said = Some(now);
+            self.charging_since = Some(now);
         }
         (self.charging, self.reported) = (power.charging, Some(now));
         self.charges_here = power.charging;
@@ -171,8 +172,8 @@ impl Known {
             Command::Engine(Engage::Dock) => Some(true),
             _ => None,
         };
-        let said = sent(&moment.acts).iter().filter_map(ends).next_back();
-        self.online && said.unwrap_or(before && !over)
+        let last = sent(&moment.acts).iter().filter_map(ends).next_back();
+        self.online && last.unwrap_or(before && !over)
     }
 
     /// Whether a leg or a loan may move a robot with a low battery.
@@ -183,7 +184,7 @@ impl Known {
 
     pub(super) fn expire_unconfirmed(&mut self, now: Instant) {
         let over = |since: Instant| now >= since + BatteryGuard::UNCONFIRMED_TIMEOUT;
-        if self.unconfirmed && self.said.is_some_and(over) {
+        if self.unconfirmed && self.charging_since.is_some_and(over) {
             (self.charging, self.unconfirmed) = (false, false);
             self.charges_here = false;
         }

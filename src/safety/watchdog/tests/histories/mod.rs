@@ -21,7 +21,7 @@ use self::any::{any_history, any_limits};
 use self::known::Known;
 use self::play::{Kept, Moment, Play, Step};
 use self::promises::{LongestWait, WayHome};
-use super::rig::{CANCEL, FIND, LEAVE, SECOND, sent, told};
+use super::rig::{CANCEL, FIND, LEAVE, SECOND, events, sent};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
 use crate::safety::{LastWords, Leg, Rescue};

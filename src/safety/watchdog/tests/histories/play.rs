@@ -103,7 +103,7 @@ impl Play {
         see: &mut impl FnMut(Moment<'_>) -> Kept,
     ) -> Kept {
         self.known.pass(&self.limits, self.dog.docked(), self.now);
-        self.known.hear(&acts);
+        self.known.note_acts(&acts);
         self.known.agree(&self.dog, &self.limits)?;
         let play = self;
         see(Moment { play, fact, acts })

@@ -26,13 +26,16 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     );
     note("low on the station", dog.low().is_some() && known.docked());
     note("critical", dog.guard.critical());
-    let said = dog.guard.charging() == Charging::Unconfirmed;
-    note("low with unconfirmed charging", said && dog.low().is_some());
+    let unconfirmed = dog.guard.charging() == Charging::Unconfirmed;
     note(
-        "low when the doubt ends",
+        "low with unconfirmed charging",
+        unconfirmed && dog.low().is_some(),
+    );
+    note(
+        "low when unconfirmed charging expires",
         moment.fact.is_none() && known.charges > 0 && dog.low().is_some() && !known.docked(),
     );
-    note("several wish to drive", dog.arbiter.wishing().count() > 1);
+    note("several wish to drive", dog.arbiter.claimants().count() > 1);
     note("backs off", homing.is_some() && dog.moving());
     let alarm = dog.state() == WatchdogState::Alarm;
     let low_moves = known.low && dog.moving();
@@ -45,7 +48,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
         low_moves && dog.guard.critical(),
     );
     let loan = |event: &Event| matches!(event, Event::Loan { .. });
-    note("announces a loan", told(&moment.acts).iter().any(loan));
+    note("announces a loan", events(&moment.acts).iter().any(loan));
     note("searches under alarm", alarm && moment.sends(&FIND));
     note(
         "stands still under alarm, off the station",
@@ -83,7 +86,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
         "place unknown while low",
         known.low && dog.place() == DockState::Unknown,
     );
-    note("backs out", dog.whereabouts.is_leaving());
+    note("backs out", dog.dock_tracker.is_leaving());
     note(&format!("last words {:?}", dog.last_words()), true);
     note(
         "an unknown engine code",
@@ -97,7 +100,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
             _ => {}
         }
     }
-    seen.extend(told(&moment.acts).iter().filter_map(|event| match event {
+    seen.extend(events(&moment.acts).iter().filter_map(|event| match event {
         Event::MotionEnded { end, .. } => Some(format!("motion {end:?}")),
         Event::DockEnded { end, .. } => Some(format!("dock {end:?}")),
         Event::UndockEnded { end, .. } => Some(format!("undock {end:?}")),
@@ -160,7 +163,7 @@ fn all_there_is() -> Vec<String> {
         "low on the station",
         "critical",
         "low with unconfirmed charging",
-        "low when the doubt ends",
+        "low when unconfirmed charging expires",
         "sounds the alarm",
         "several wish to drive",
         "asked to stop while it moves",
