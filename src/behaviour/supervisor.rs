@@ -26,7 +26,7 @@ use crate::robot::{
 };
 use crate::script::{Ending, LogLine, Output};
 
-/// Time limit for a script's last words (`API.md`, `script.on_stop`) plus the exit of its host.
+/// Time limit for a script's `on_stop` handlers plus the exit of its host.
 const STOP_TIME: Duration = Duration::from_millis(700);
 
 /// Tells a running behaviour to end.
@@ -315,11 +315,9 @@ impl Supervisor {
     /// Passes on the newest frame if it is newer than the last one passed on, or else the received
     /// part of the next frame.
     fn pass_picture(&mut self) {
-        let Pictures {
-            newest, partial, ..
-        } = self.frames.borrow().clone();
-        let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
-            return self.pass_partial(partial);
+        let pictures = self.frames.borrow().clone();
+        let Some(frame) = pictures.newest.filter(|frame| frame.seq > self.last_frame) else {
+            return self.pass_partial(pictures.partial);
         };
         self.last_but_one = std::mem::replace(&mut self.last_frame, frame.seq);
         self.frame_wanted = false;

@@ -12,6 +12,7 @@ use super::Occurrence;
 /// The most events that a listener may be behind.
 const MOST_WAITING: usize = 1024;
 
+/// An occurrence and its time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimedOccurrence {
     /// When it happened.
