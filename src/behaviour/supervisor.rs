@@ -76,7 +76,7 @@ pub struct Supervisor {
 
 impl Supervisor {
     /// Registers a prepared behaviour with the pilot.
-    pub async fn board(
+    pub async fn register(
         host: Prepared,
         role: Role,
         requests: mpsc::Sender<Request>,
@@ -213,8 +213,8 @@ impl Supervisor {
                         self.pass_on(ToHost::SetParam { name, value });
                     }
                 }
-                order = dialogue::next(&mut self.dialogue) => {
-                    if !self.pass_on(order.into()) {
+                command = dialogue::next(&mut self.dialogue) => {
+                    if !self.pass_on(command.into()) {
                         return Some(self.queue_full_ending());
                     }
                 }
@@ -315,11 +315,10 @@ impl Supervisor {
     /// Passes on the newest frame if it is newer than the last one passed on, or else the received
     /// part of the next frame.
     fn pass_picture(&mut self) {
-        let Pictures {
-            newest, partial, ..
-        } = self.frames.borrow().clone();
+        let pictures = self.frames.borrow().clone();
+        let newest = pictures.newest;
         let Some(frame) = newest.filter(|frame| frame.seq > self.last_frame) else {
-            return self.pass_partial(partial);
+            return self.pass_partial(pictures.partial);
         };
         self.last_but_one = std::mem::replace(&mut self.last_frame, frame.seq);
         self.frame_wanted = false;
