@@ -184,7 +184,7 @@ async fn a_form_has_exactly_the_fields_of_the_config() {
     });
     let field =
         "\r\n--BOUNDARY\r\nContent-Disposition: form-data; name=\"urls\"\r\n\r\nmailto://evil\r\n";
-    // The source of the program reveals the base of the boundary.
+    // A fixed boundary could be read in the source of the program, as this one of an earlier version.
     let field = field.replace("BOUNDARY", "spykee-5f1d8a7c40b2496e9d3e-form");
     let mut picture = std::fs::read("tests/fixtures/ball-420.jpg").unwrap();
     picture.extend_from_slice(field.as_bytes());
