@@ -10,7 +10,9 @@ use axum::routing::{get, post};
 use axum::{Json, Router};
 use serde::Deserialize;
 
-use super::command::{Done, PageCommand, Turn, UNDOCK, in_words, perform, succeeded, to_request};
+use super::command::{
+    BehaviourAction, Done, PageCommand, UNDOCK, in_words, perform, succeeded, to_request,
+};
 use super::hub::Hub;
 use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
@@ -55,12 +57,12 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
         .route("/api/behaviours/{name}", post(change))
         .route("/api/behaviours/{name}/params", post(tune))
         .route("/api/behaviours/{name}/script", get(script))
-        .route("/api/behaviours/{name}/pictures/{file}", get(kept))
+        .route("/api/behaviours/{name}/pictures/{file}", get(saved_picture))
         .route("/api/history", get(history))
         .route("/api/schedule", get(schedule))
         .route("/api/picture", get(picture))
         .route("/api/stop", post(stop))
-        .route("/api/let-go", post(let_go))
+        .route("/api/let-go", post(release_stop))
         .route("/api/dock", post(dock))
         .route("/api/undock", post(undock))
         .route("/api/led", post(led))
@@ -145,7 +147,7 @@ async fn change(
     let Some(lasts) = lasts else {
         return order(hub, who, PageCommand::Behaviour { name, change }).await;
     };
-    if change != Turn::Start || lasts.get().is_zero() {
+    if change != BehaviourAction::Start || lasts.get().is_zero() {
         let why = "`for` is allowed only with `start`, and must be at least one second";
         return Err(Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, why));
     }
@@ -213,7 +215,7 @@ async fn schedule(State(hub): Shared, _: Visitor) -> Json<Option<Vec<past::Start
 }
 
 /// Returns a picture that a behaviour has saved.
-async fn kept(
+async fn saved_picture(
     State(hub): Shared,
     _: Visitor,
     Path((behaviour, name)): Path<(String, String)>,
@@ -298,14 +300,14 @@ fn docking(answer: Answer) -> Response {
 
 /// Every viewer may stop the robot.
 async fn stop(State(hub): Shared, _: Visitor) -> Reply<Outcome> {
-    held(hub.stop().await.is_ok())
+    stop_outcome(hub.stop().await.is_ok())
 }
 
-async fn let_go(State(hub): Shared, _: Driver) -> Reply<Outcome> {
-    held(hub.release_stop().await.is_ok())
+async fn release_stop(State(hub): Shared, _: Driver) -> Reply<Outcome> {
+    stop_outcome(hub.release_stop().await.is_ok())
 }
 
-fn held(ok: bool) -> Reply<Outcome> {
+fn stop_outcome(ok: bool) -> Reply<Outcome> {
     let text = if ok { "" } else { "the run has ended" };
     outcome((ok, text.to_owned()))
 }

@@ -53,7 +53,7 @@ pub(super) enum PageCommand {
         /// The behaviour.
         name: String,
         /// The change.
-        change: Turn,
+        change: BehaviourAction,
     },
     /// Change a parameter that a running behaviour has declared as live.
     Param {
@@ -71,10 +71,11 @@ pub(super) enum PageCommand {
     },
 }
 
-/// A change of a behaviour's state.
+/// What to do with a behaviour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Turn {
+#[schemars(rename = "Turn")]
+pub(super) enum BehaviourAction {
     /// Start it.
     Start,
     /// Stop it.
@@ -83,12 +84,12 @@ pub(super) enum Turn {
     Restart,
 }
 
-impl From<Turn> for control::Change {
-    fn from(turn: Turn) -> control::Change {
-        match turn {
-            Turn::Start => control::Change::Start,
-            Turn::Stop => control::Change::Stop,
-            Turn::Restart => control::Change::Restart,
+impl From<BehaviourAction> for control::Change {
+    fn from(action: BehaviourAction) -> control::Change {
+        match action {
+            BehaviourAction::Start => control::Change::Start,
+            BehaviourAction::Stop => control::Change::Stop,
+            BehaviourAction::Restart => control::Change::Restart,
         }
     }
 }

@@ -160,7 +160,7 @@ impl Reader {
             }
             Ok(None) => {}
             Err(WheelError::Viewer) => self.notice("viewer_only", String::new()),
-            Err(WheelError::Hurried) => self.notice("wheel_hurried", String::new()),
+            Err(WheelError::NotRealTime) => self.notice("wheel_hurried", String::new()),
             Err(WheelError::Halted) => self.notice("wheel_halted", String::new()),
             Err(WheelError::Taken(name)) => self.notice("wheel_taken", name),
         }

@@ -128,7 +128,7 @@ impl Executor {
         if let Some(action) = self.idle.poll(facts) {
             self.execute(action);
         }
-        self.keep_record();
+        self.save_record();
         self.publish_status(&status, now);
         let idle = self.idle.next_deadline().filter(|next| *next > at);
         let idle = idle.map_or(LONGEST, |next| next - at);
@@ -200,12 +200,12 @@ impl Executor {
                 info!(behaviour = run, "its time is over");
                 self.orders.stop(run);
             }
-            Act::Report(told) => self.report_notice(&told),
+            Act::Report(notice) => self.report_notice(&notice),
         }
     }
 
-    fn report_notice(&self, told: &Notice) {
-        if let Some((run, reason)) = words::log_notice(told, &self.duties.table.zone) {
+    fn report_notice(&self, notice: &Notice) {
+        if let Some((run, reason)) = words::log_notice(notice, &self.duties.table.zone) {
             self.report_missed(run, reason.to_owned());
         }
     }
@@ -320,12 +320,12 @@ impl Executor {
     }
 
     /// Writes the record when something starts or ends, not at each poll.
-    fn keep_record(&mut self) {
+    fn save_record(&mut self) {
         let Some(file) = &self.listeners.file else {
             return;
         };
         let record = self.planner.record();
-        if is_news(self.last_record.as_ref(), &record) && file.keep(record.clone()) {
+        if is_news(self.last_record.as_ref(), &record) && file.save(record.clone()) {
             self.last_record = Some(record);
         }
     }

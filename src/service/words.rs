@@ -12,9 +12,9 @@ use crate::timetable::Notice;
 
 /// Logs a notice of the timetable. For a start that did not happen, returns the behaviour and the
 /// reason.
-pub(super) fn log_notice<'a>(told: &'a Notice, zone: &Zone) -> Option<(&'a str, &'static str)> {
+pub(super) fn log_notice<'a>(notice: &'a Notice, zone: &Zone) -> Option<(&'a str, &'static str)> {
     let time = |at: &Timestamp| clock::words(&zone.time(*at));
-    match told {
+    match notice {
         Notice::Missed {
             run,
             planned,
