@@ -14,7 +14,7 @@ const SECRET: &str = "not for others";
 
 /// Replaces or changes the journal's file, which is valid before. Beside the data folder there is a
 /// private file.
-type Deed = fn(&Path, &Path);
+type Tampering = fn(&Path, &Path);
 
 fn sql(path: &Path, text: &str) {
     Connection::open(path).unwrap().execute_batch(text).unwrap();
@@ -29,7 +29,7 @@ fn instead(path: &Path) -> &Path {
 /// A query with an infinite number of rows.
 const ENDLESS: &str = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)";
 
-const DEEDS: &[(&str, Deed)] = &[
+const TAMPERINGS: &[(&str, Tampering)] = &[
     ("a link to a private file", |path, private| {
         symlink(private, instead(path)).unwrap()
     }),
@@ -144,14 +144,14 @@ async fn an_invalid_journal_is_reported_or_renamed_and_blocks_nothing() {
     let mut run = rig.run_config(CONFIG);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let honest = std::fs::read(rig.folder().join("data/.journal/journal.db")).unwrap();
-    for (what, deed) in DEEDS {
+    for (what, tamper) in TAMPERINGS {
         let rig = Rig::quiet().await;
         let private = rig.file("private", SECRET);
         let folder = rig.folder().join("data/.journal");
         std::fs::create_dir_all(&folder).unwrap();
         let path = folder.join("journal.db");
         std::fs::write(&path, &honest).unwrap();
-        deed(&path, &private);
+        tamper(&path, &private);
         // `spykee history` is the first to read it.
         rig.file("spykee.yaml", CONFIG);
         for topic in [

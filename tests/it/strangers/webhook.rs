@@ -11,7 +11,7 @@ use crate::rig::Rig;
 const TOKEN: &str = "s3cr3t-t0ken";
 
 /// The reaction of a server to a connection, after it has read something.
-type Deed = fn(&mut TcpStream, &str);
+type Reaction = fn(&mut TcpStream, &str);
 
 fn say(stream: &mut TcpStream, text: &str) {
     let _ = stream.write_all(text.as_bytes());
@@ -38,7 +38,7 @@ fn redirect(stream: &mut TcpStream, status: u16, to: &str) {
 }
 
 /// The reactions of servers.
-const DEEDS: &[(&str, Deed)] = &[
+const REACTIONS: &[(&str, Reaction)] = &[
     ("hangs up at once", |_, _| {}),
     ("says nothing", |stream, _| hang(stream)),
     ("says half a line", |stream, _| {
@@ -105,7 +105,7 @@ const DEEDS: &[(&str, Deed)] = &[
 ];
 
 /// Starts a server with this reaction; returns its address.
-fn serve(deed: Deed) -> String {
+fn serve(reaction: Reaction) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("http://{}/hook", listener.local_addr().unwrap());
     let own = address.clone();
@@ -114,7 +114,7 @@ fn serve(deed: Deed) -> String {
             let own = own.clone();
             std::thread::spawn(move || {
                 let _ = stream.read(&mut [0; 4096]);
-                deed(&mut stream, &own);
+                reaction(&mut stream, &own);
             });
         }
     });
@@ -130,8 +130,8 @@ fn config(rig: &Rig, targets: &str, rest: &str) -> String {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_server_that_hangs_never_ends_or_redirects_times_out() {
     let rig = Rig::quiet().await;
-    for (what, deed) in DEEDS {
-        let address = serve(*deed);
+    for (what, reaction) in REACTIONS {
+        let address = serve(*reaction);
         let target = format!(
             "hook: {{ url: '{address}?{{token}}', token_file: token, timeout: 1, headers: {{ X-Token: '{{token}}' }} }}"
         );
@@ -151,9 +151,9 @@ async fn a_server_that_hangs_never_ends_or_redirects_times_out() {
 #[tokio::test(flavor = "multi_thread")]
 async fn any_number_of_malicious_servers_neither_stops_the_robot_nor_delays_the_end() {
     let rig = Rig::quiet().await;
-    let hooks = DEEDS.iter().take(8).enumerate();
+    let hooks = REACTIONS.iter().take(8).enumerate();
     let hooks: Vec<String> = hooks
-        .map(|(number, (_, deed))| format!("hook{number}: {{ url: '{}' }}", serve(*deed)))
+        .map(|(number, (_, reaction))| format!("hook{number}: {{ url: '{}' }}", serve(*reaction)))
         .collect();
     rig.file("script.lua", &format!("notify.send('hello') {DRIVES}"));
     let rest = "behaviours: [{ file: script.lua }]\n";
