@@ -3,7 +3,7 @@
 //!
 //! It runs on a separate thread with its own runtime. The driving core never waits for it: it reads
 //! channels in which the newest value replaces older ones, and a person's requests go through a
-//! pilot's seat like those of any behaviour, under the same watchdog. A slow viewer loses frames
+//! seat at the pilot like those of any behaviour, under the same watchdog. A slow viewer loses frames
 //! first, then the connection.
 //!
 //! A person who drives by hand sends setpoints; each is valid for 0.3 s (`manual_drive`). STOP is
