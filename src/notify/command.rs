@@ -1,6 +1,6 @@
 //! Passes a notification to a program of the owner: the text on its standard input, the rest as
-//! arguments and in its environment. When it ends or the timeout has passed, its whole process group
-//! is killed.
+//! arguments and in its environment. When it ends or the timeout has passed, its whole process
+//! group is killed.
 
 use std::io::Write as _;
 use std::os::unix::process::CommandExt as _;

@@ -33,7 +33,7 @@ pub(super) struct Executor {
     duties: Duties,
     idle: IdleRobot,
     orders: Orders,
-    /// The behaviours that were running or loading at the last poll.
+    /// The behaviours that were not idle at the last poll.
     running: BTreeSet<String>,
     /// Permanent behaviours that were not started yet.
     waiting: BTreeSet<String>,
@@ -135,7 +135,7 @@ impl Executor {
         self.planner.pause(now, at).min(idle).min(LONGEST)
     }
 
-    /// Returns the running behaviours, and informs the planner of those that have ended.
+    /// Returns the behaviours that are not idle, and informs the planner of those that have ended.
     fn update_running(&mut self) -> BTreeSet<String> {
         let members = self.members.borrow_and_update();
         let running = members.iter().filter(|one| one.state != MemberState::Idle);
@@ -319,7 +319,7 @@ impl Executor {
         info!("the new settings are in effect");
     }
 
-    /// Writes the record when something starts or ends, not at each poll.
+    /// Writes the record when something starts or ends, and every hour; not at each poll.
     fn save_record(&mut self) {
         let Some(file) = &self.listeners.file else {
             return;
