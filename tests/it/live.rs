@@ -528,10 +528,10 @@ async fn invalid_messages_end_only_their_own_connection() {
 async fn metrics_and_the_description_of_the_api_are_served() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;
-    let (status, figures) = get(&at, "/metrics").await;
+    let (status, metrics) = get(&at, "/metrics").await;
     assert_eq!(status, 200);
     for line in ["spykee_battery_percent 90", "spykee_link_up 1", "# EOF"] {
-        assert!(figures.contains(line), "{line}: {figures}");
+        assert!(metrics.contains(line), "{line}: {metrics}");
     }
     let (_, document) = get(&at, "/api/openapi.json").await;
     let document: Value = serde_json::from_str(&document).unwrap();
