@@ -80,7 +80,7 @@ fn the_seed_of_a_low_robots_leg_is_in_the_current_message_format() {
     if std::env::var_os("RENEW_SEEDS").is_some() {
         std::fs::write(&seed, &bytes).unwrap();
     }
-    let stale = "RENEW_SEEDS=1 cargo test seeds writes it anew";
+    let stale = "RENEW_SEEDS=1 cargo test seeds writes it again";
     assert!(std::fs::read(&seed).unwrap() == bytes, "{stale}");
 }
 

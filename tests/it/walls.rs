@@ -459,7 +459,11 @@ mod injected {
             ("fcntl F_NOTIFY", sys::SYS_fcntl, [0, 1026, 0, 0, 0, 0]),
             ("ioctl TIOCSTI", sys::SYS_ioctl, [0, 0x5412, 0, 0, 0, 0]),
             ("ioctl SIOCGIFCONF", sys::SYS_ioctl, [0, 0x8912, 0, 0, 0, 0]),
-            ("sendto somebody", sys::SYS_sendto, [0, 0, 0, 0, page, 16]),
+            (
+                "sendto with an address",
+                sys::SYS_sendto,
+                [0, 0, 0, 0, page, 16],
+            ),
         ]);
         all
     }

@@ -38,7 +38,7 @@ const TAMPERINGS: &[(&str, Tampering)] = &[
         std::fs::rename(path, &elsewhere).unwrap();
         symlink(elsewhere, path).unwrap();
     }),
-    ("a link to zeros without end", |path, _| {
+    ("a link to endless zeros", |path, _| {
         symlink("/dev/zero", instead(path)).unwrap()
     }),
     ("a link to itself", |path, _| {
@@ -63,7 +63,7 @@ const TAMPERINGS: &[(&str, Tampering)] = &[
     ("a script", |path, _| {
         std::fs::write(path, "#!/bin/sh\nrm -rf /\n").unwrap()
     }),
-    ("nothing but a hole", |path, _| {
+    ("a sparse file", |path, _| {
         std::fs::File::create(path)
             .unwrap()
             .set_len(8 << 30)
@@ -79,7 +79,7 @@ const TAMPERINGS: &[(&str, Tampering)] = &[
         let bytes = std::fs::read(path).unwrap();
         std::fs::write(path, &bytes[..bytes.len() / 2 + 100]).unwrap();
     }),
-    ("a journal of the future", |path, _| {
+    ("a journal of a newer version", |path, _| {
         sql(path, "PRAGMA user_version = 77")
     }),
     ("a journal whose log is a link", |path, private| {
@@ -97,7 +97,7 @@ const TAMPERINGS: &[(&str, Tampering)] = &[
             "CREATE TABLE event (x); PRAGMA user_version = 1",
         )
     }),
-    ("a journal that never ends to be read", |path, _| {
+    ("a journal whose reading never ends", |path, _| {
         sql(path, &format!(
             "DROP TABLE event; DROP TABLE battery; CREATE VIEW event AS {ENDLESS} SELECT i AS at, i AS session, 'x' AS robot, 'entry' AS kind,
                 'x' AS behaviour, '{{}}' AS data, i AS rowid FROM n;
@@ -105,7 +105,7 @@ const TAMPERINGS: &[(&str, Tampering)] = &[
                 0 AS charging, i AS rowid FROM n"
         ));
     }),
-    ("a journal that never ends to be written", |path, _| {
+    ("a journal whose writing never ends", |path, _| {
         sql(path, &format!(
         "CREATE TABLE sink (x);
          CREATE TRIGGER endless AFTER INSERT ON event BEGIN
@@ -115,13 +115,13 @@ const TAMPERINGS: &[(&str, Tampering)] = &[
         ["(1)"; 60].join(",")
     ))
     }),
-    ("a journal that forgets what is written", |path, _| {
+    ("a journal that deletes what is written", |path, _| {
         sql(
             path,
             "CREATE TRIGGER gone AFTER INSERT ON event BEGIN DELETE FROM event; END",
         )
     }),
-    ("rows that are none", |path, _| {
+    ("invalid rows", |path, _| {
         sql(
             path,
             "INSERT INTO event VALUES (NULL, 9223372036854775807, -1, x'ff', 'entry', x'00', x'ffff');

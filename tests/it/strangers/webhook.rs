@@ -39,13 +39,13 @@ fn redirect(stream: &mut TcpStream, status: u16, to: &str) {
 
 /// The reactions of servers.
 const REACTIONS: &[(&str, Reaction)] = &[
-    ("hangs up at once", |_, _| {}),
-    ("says nothing", |stream, _| hang(stream)),
-    ("says half a line", |stream, _| {
+    ("closes the connection at once", |_, _| {}),
+    ("sends nothing", |stream, _| hang(stream)),
+    ("sends half a line", |stream, _| {
         say(stream, "HTTP/1.1 2");
         hang(stream);
     }),
-    ("says a letter at a time", |stream, _| {
+    ("sends one byte at a time", |stream, _| {
         for letter in "HTTP/1.1 200 OK\r\nx: y"
             .chars()
             .chain(std::iter::repeat('y'))
@@ -56,19 +56,19 @@ const REACTIONS: &[(&str, Reaction)] = &[
             std::thread::sleep(Duration::from_millis(20));
         }
     }),
-    ("speaks something else", |stream, _| {
+    ("speaks another protocol", |stream, _| {
         pour(stream, "SSH-2.0-OpenSSH_9.2\r\n", &[0; 4096])
     }),
-    ("has a head without end", |stream, _| {
+    ("sends an endless head", |stream, _| {
         pour(stream, "HTTP/1.1 200 OK\r\n", b"x-more: and more\r\n")
     }),
-    ("has a line without end", |stream, _| {
+    ("sends an endless line", |stream, _| {
         pour(stream, "HTTP/1.1 200 OK\r\nx: ", &[b'y'; 4096])
     }),
-    ("has a status that is none", |stream, _| {
+    ("sends an invalid status", |stream, _| {
         say(stream, "HTTP/1.1 99999 OK\r\n\r\n")
     }),
-    ("goes on without end", |stream, _| {
+    ("sends interim responses endlessly", |stream, _| {
         pour(stream, "", b"HTTP/1.1 100 Continue\r\n\r\n");
     }),
     ("fails with an endless page", |stream, _| {
@@ -78,22 +78,22 @@ const REACTIONS: &[(&str, Reaction)] = &[
             b"4\r\nmore\r\n",
         );
     }),
-    ("sends us in a circle", |stream, own| {
+    ("redirects to itself", |stream, own| {
         redirect(stream, 307, own)
     }),
-    ("sends us on and on", |stream, own| {
+    ("redirects endlessly", |stream, own| {
         redirect(stream, 303, &format!("{own}?{}", rand::random::<u32>()));
     }),
-    ("sends us to a file", |stream, _| {
+    ("redirects to a file", |stream, _| {
         redirect(stream, 302, "file:///etc/passwd")
     }),
-    ("sends us nowhere", |stream, _| {
+    ("redirects to a closed port", |stream, _| {
         redirect(stream, 302, "http://127.0.0.1:1/")
     }),
-    ("sends us to nonsense", |stream, _| {
+    ("redirects to an invalid address", |stream, _| {
         redirect(stream, 301, "::\u{1}//")
     }),
-    ("sends us a line too many", |stream, _| {
+    ("redirects with an injected line", |stream, _| {
         redirect(stream, 302, "http://a/\r\nx: y")
     }),
     ("refuses with escape sequences", |stream, _| {
@@ -217,6 +217,6 @@ async fn a_form_has_exactly_the_fields_of_the_config() {
             .next()
             .unwrap();
         let parts = sent.matches(&format!("\r\n--{boundary}\r\n")).count();
-        assert_eq!(parts, 2, "a field that nobody named:\n{sent}");
+        assert_eq!(parts, 2, "a field that is not in the config:\n{sent}");
     }
 }
