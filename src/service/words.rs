@@ -33,9 +33,9 @@ pub(super) fn log_notice<'a>(notice: &'a Notice, zone: &Zone) -> Option<(&'a str
             let planned = time(planned);
             warn!(
                 behaviour = run,
-                "a start was missed: no robot was there; it was planned for {planned}"
+                "a start was missed: no robot was connected; it was planned for {planned}"
             );
-            Some((run.as_str(), "no robot was there"))
+            Some((run.as_str(), "no robot was connected"))
         }
         Notice::Overlap { run, planned } => {
             let planned = time(planned);

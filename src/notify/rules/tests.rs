@@ -126,7 +126,7 @@ fn each_rule_of_the_config_has_its_event_and_its_text() {
     };
     let missed = Occurrence::StartMissed {
         behaviour: behaviour(),
-        reason: "no robot was there".to_owned(),
+        reason: "no robot was connected".to_owned(),
     };
     let sent = Occurrence::Notify {
         behaviour: behaviour(),
@@ -144,7 +144,7 @@ fn each_rule_of_the_config_has_its_event_and_its_text() {
         (
             missed,
             Rule::StartMissed,
-            "patrol did not start: no robot was there",
+            "patrol did not start: no robot was connected",
         ),
         (
             entry("moved"),
