@@ -69,7 +69,9 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
         .route("/api/play", post(play))
         .route(
             "/api/stop-sound",
-            post(async |hub: Shared, who: Driver| order(hub, who, PageCommand::StopSound).await),
+            post(async |hub: Shared, who: Driver| {
+                execute_command(hub, who, PageCommand::StopSound).await
+            }),
         )
         .route("/api/volume", post(volume))
         .layer(DefaultBodyLimit::max(MAX_BODY))
@@ -145,7 +147,7 @@ async fn change(
     Json(BehaviourChange { change, lasts }): Json<BehaviourChange>,
 ) -> Reply<Outcome> {
     let Some(lasts) = lasts else {
-        return order(hub, who, PageCommand::Behaviour { name, change }).await;
+        return execute_command(hub, who, PageCommand::Behaviour { name, change }).await;
     };
     if change != BehaviourAction::Start || lasts.get().is_zero() {
         let why = "`for` is allowed only with `start`, and must be at least one second";
@@ -166,7 +168,7 @@ async fn tune(
     Path(name): Path<String>,
     Json(Tuned { param, value }): Json<Tuned>,
 ) -> Reply<Outcome> {
-    order(hub, who, PageCommand::Param { name, param, value }).await
+    execute_command(hub, who, PageCommand::Param { name, param, value }).await
 }
 
 async fn script(State(hub): Shared, _: Visitor, Path(name): Path<String>) -> Reply<Text> {
@@ -313,11 +315,11 @@ fn stop_outcome(ok: bool) -> Reply<Outcome> {
 }
 
 async fn led(hub: Shared, who: Driver, Json(Lamp { light, on }): Json<Lamp>) -> Reply<Outcome> {
-    order(hub, who, PageCommand::Led { light, on }).await
+    execute_command(hub, who, PageCommand::Led { light, on }).await
 }
 
 async fn play(hub: Shared, who: Driver, Json(Tune { sound }): Json<Tune>) -> Reply<Outcome> {
-    order(hub, who, PageCommand::Play { sound }).await
+    execute_command(hub, who, PageCommand::Play { sound }).await
 }
 
 async fn volume(
@@ -325,7 +327,7 @@ async fn volume(
     who: Driver,
     Json(Volume { percent }): Json<Volume>,
 ) -> Reply<Outcome> {
-    order(hub, who, PageCommand::Volume { percent }).await
+    execute_command(hub, who, PageCommand::Volume { percent }).await
 }
 
 /// s16 little-endian, mono, 16 kHz.
@@ -333,10 +335,10 @@ async fn say(State(hub): Shared, _: Driver, samples: bytes::Bytes) -> Reply<Outc
     done(hub.run.perform(RunRequest::Say(samples.to_vec())).await)
 }
 
-async fn order(State(hub): Shared, _: Driver, order: PageCommand) -> Reply<Outcome> {
-    match to_request(order) {
+async fn execute_command(State(hub): Shared, _: Driver, command: PageCommand) -> Reply<Outcome> {
+    match to_request(command) {
         Ok(request) => done(hub.run.perform(request).await),
-        Err(order) => outcome(perform(*order, &hub.run, hub.sim.as_ref()).await),
+        Err(command) => outcome(perform(*command, &hub.run, hub.sim.as_ref()).await),
     }
 }
 

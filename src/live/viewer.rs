@@ -37,7 +37,7 @@ const PING: Duration = Duration::from_secs(5);
 /// Maximum number of a page's messages per second; an honest page sends twenty.
 const MOST_MESSAGES: u32 = 200;
 /// Maximum number of commands in progress.
-const MOST_ORDERS: usize = 8;
+const MOST_COMMANDS: usize = 8;
 /// Capacity of the queue of messages for this viewer only.
 const MAX_WAITING: usize = 64;
 /// Maximum number of frames sent and not yet taken.
@@ -85,7 +85,7 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
             taken,
             messages,
         },
-        orders: Vec::new(),
+        commands: Vec::new(),
         wheel: None,
         window: (Instant::now(), 0),
     };
@@ -108,7 +108,7 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
 struct Reader {
     ticket: Ticket,
     queues: Queues,
-    orders: Vec<AbortOnDropHandle<()>>,
+    commands: Vec<AbortOnDropHandle<()>>,
     wheel: Option<AbortOnDropHandle<()>>,
     /// Start of the current counting period, and the number of messages in it.
     window: (Instant, u32),
@@ -149,7 +149,7 @@ impl Reader {
             FromPage::Wheel { take: true } => self.take_wheel(),
             FromPage::Wheel { take: false } => self.leave_wheel(),
             FromPage::Drive { left, right } => self.drive(left, right),
-            FromPage::Order { id, order } => self.order(id, order),
+            FromPage::Order { id, order } => self.execute(id, order),
         }
     }
 
@@ -180,8 +180,8 @@ impl Reader {
         }
     }
 
-    fn order(&mut self, id: u32, order: PageCommand) {
-        self.orders.retain(|order| !order.is_finished());
+    fn execute(&mut self, id: u32, command: PageCommand) {
+        self.commands.retain(|command| !command.is_finished());
         let messages = self.queues.messages.clone();
         let answer = move |(ok, why): (bool, String)| {
             // Dropped if the page does not read its answers.
@@ -193,14 +193,14 @@ impl Reader {
                 "viewers may only watch and stop the robot".to_owned(),
             ));
         }
-        if self.orders.len() >= MOST_ORDERS {
+        if self.commands.len() >= MOST_COMMANDS {
             return answer((false, "too many commands at once".to_owned()));
         }
         let hub = self.ticket.hub().clone();
         let doing = tokio::spawn(async move {
-            answer(perform(order, &hub.run, hub.sim.as_ref()).await);
+            answer(perform(command, &hub.run, hub.sim.as_ref()).await);
         });
-        self.orders.push(AbortOnDropHandle::new(doing));
+        self.commands.push(AbortOnDropHandle::new(doing));
     }
 
     fn notice(&self, key: &'static str, name: String) {
