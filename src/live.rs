@@ -3,8 +3,8 @@
 //!
 //! It runs on a separate thread with its own runtime. The driving core never waits for it: it reads
 //! channels in which the newest value replaces older ones, and a person's requests go through a
-//! pilot's seat like those of any behaviour, under the same watchdog. A slow viewer loses frames
-//! first, then the connection.
+//! seat at the pilot like those of any behaviour, under the same watchdog. A slow viewer loses
+//! frames first, then the connection.
 //!
 //! A person who drives by hand sends setpoints; each is valid for 0.3 s (`manual_drive`). STOP is
 //! not a setpoint but a latch: it holds the robot until a person releases it.

@@ -150,7 +150,7 @@ impl RestartLoop {
         bus.publish(Occurrence::Started {
             behaviour: self.name().to_owned(),
         });
-        let supervisor = Supervisor::board(host, self.role, requests, frames)
+        let supervisor = Supervisor::register(host, self.role, requests, frames)
             .await
             .with_longest_silence(longest_silence)
             .with_viewers(viewers)

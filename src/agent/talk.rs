@@ -157,7 +157,7 @@ impl Session {
         let (by, launch) = (BehaviourId(self.last), self.launch.clone());
         let prepared = Prepared::start(&self.launcher, &self.core, by, Priority(0), launch).await;
         let prepared = prepared.map_err(TalkError::Host)?;
-        Ok(Supervisor::board(
+        Ok(Supervisor::register(
             prepared,
             Role::Behaviour,
             self.requests.clone(),

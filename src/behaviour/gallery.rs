@@ -51,7 +51,7 @@ impl Gallery {
             .spawn(move || {
                 let mut ring = ring;
                 for sighting in waiting {
-                    if let Err(error) = ring.keep(&sighting) {
+                    if let Err(error) = ring.save(&sighting) {
                         // Only the first error is reported.
                         let _ = complaints.try_send(error.to_string());
                     }
@@ -125,7 +125,7 @@ impl Ring {
         }
     }
 
-    fn keep(&mut self, sighting: &Sighting) -> io::Result<()> {
+    fn save(&mut self, sighting: &Sighting) -> io::Result<()> {
         // A frame that cannot be decoded is skipped; it is counted elsewhere.
         let Ok(image) = self.decoder.decode(&sighting.frame.jpeg) else {
             return Ok(());
@@ -239,7 +239,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("a/b");
         let mut ring = Ring::new(folder.clone(), &Limits::default());
-        (0..PICTURES as u64 + 3).for_each(|seq| ring.keep(&sighting(seq)).unwrap());
+        (0..PICTURES as u64 + 3).for_each(|seq| ring.save(&sighting(seq)).unwrap());
         assert_eq!((files(&folder), ring.next), (PICTURES, Some(3)));
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
         assert_eq!(
@@ -247,7 +247,7 @@ mod tests {
             (0o700, 0o600)
         );
         let mut again = Ring::new(folder.clone(), &Limits::default());
-        again.keep(&sighting(1)).unwrap();
+        again.save(&sighting(1)).unwrap();
         assert_eq!((files(&folder), again.next), (PICTURES, Some(4)));
     }
 
@@ -279,13 +279,13 @@ mod tests {
         fs::write(&file, "").unwrap();
         let mut gallery = Gallery::open(file.join("folder"), &Limits::default()).unwrap();
         gallery.offer(sighting(1));
-        let told = loop {
-            if let Some(told) = gallery.trouble() {
-                break told;
+        let trouble = loop {
+            if let Some(trouble) = gallery.trouble() {
+                break trouble;
             }
             std::thread::yield_now();
         };
-        assert!(!told.is_empty());
+        assert!(!trouble.is_empty());
         gallery.offer(sighting(2));
         assert_eq!(gallery.trouble(), None);
     }

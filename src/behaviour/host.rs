@@ -126,7 +126,7 @@ pub(super) async fn serve(
                 outbox,
                 frame_asked: false,
                 damaged: false,
-                coming: Vec::new(),
+                partial_frame: Vec::new(),
                 cadence: Cadence::default(),
                 gallery,
                 findings,
@@ -157,7 +157,7 @@ struct Host {
     /// The last frame that arrived was damaged.
     damaged: bool,
     /// The bytes of the next frame received so far.
-    coming: Vec<u8>,
+    partial_frame: Vec<u8>,
     /// Predicts when the next frame is due.
     cadence: Cadence,
     /// Saves marked frames for people to view.
@@ -279,7 +279,7 @@ impl Host {
             ToHost::Event(event) => self.script.deliver(event, now),
             ToHost::Frame(frame) => {
                 self.frame_asked = false;
-                self.coming.clear();
+                self.partial_frame.clear();
                 self.cadence.record_arrival(frame.at);
                 self.damaged = !self.script.deliver_frame(frame, now);
             }
@@ -315,18 +315,18 @@ impl Host {
 
     fn add_part(&mut self, at: usize, part: &[u8]) {
         if at == 0 {
-            self.coming.clear();
+            self.partial_frame.clear();
             self.decode_partial(part);
             self.cadence.cancel_preparation();
             self.script.warm_up();
-        } else if at == self.coming.len() {
+        } else if at == self.partial_frame.len() {
             self.decode_partial(part);
         }
     }
 
     fn decode_partial(&mut self, part: &[u8]) {
-        self.coming.extend_from_slice(part);
-        self.script.look_ahead(&self.coming);
+        self.partial_frame.extend_from_slice(part);
+        self.script.look_ahead(&self.partial_frame);
     }
 
     async fn send_output(&mut self) -> io::Result<()> {

@@ -171,7 +171,7 @@ mod tests {
             ..line("ä".repeat(100_000))
         };
         let Admission::Written(cut) = log_limiter.admit(long, now) else {
-            panic!("left out");
+            panic!("dropped");
         };
         assert_eq!(cut.text.chars().count(), LONGEST);
         assert_eq!(

@@ -160,7 +160,7 @@ mod tests {
         let Admission::Passed(Occurrence::Picture { path, .. }) =
             limiter.admit(picture("1.jpg"), now)
         else {
-            panic!("left out");
+            panic!("dropped");
         };
         assert_eq!(path, PathBuf::from("data/one/1.jpg"));
     }

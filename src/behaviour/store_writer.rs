@@ -163,10 +163,10 @@ impl StoreWriter {
                 self.day.per_day()
             ));
         }
-        let heard = self.writer.as_ref()?.trouble.try_recv().ok()?;
-        let new = self.last_error.as_ref() != Some(&heard);
-        self.last_error = Some(heard.clone());
-        new.then_some(heard)
+        let error = self.writer.as_ref()?.trouble.try_recv().ok()?;
+        let new = self.last_error.as_ref() != Some(&error);
+        self.last_error = Some(error.clone());
+        new.then_some(error)
     }
 
     /// Writes the remaining content and waits for the thread. Returns its last error.
@@ -286,10 +286,11 @@ mod tests {
     fn a_damaged_file_is_kept_aside() {
         let root = tempfile::tempdir().unwrap();
         fs::write(root.path().join(NAME), "{ torn").unwrap();
-        let said = StoreWriter::new(root.path().to_owned(), &Limits::default()).set_aside("torn");
+        let warning =
+            StoreWriter::new(root.path().to_owned(), &Limits::default()).set_aside("torn");
         assert!(
-            said.contains("store.json.bad") && said.contains("torn"),
-            "{said}"
+            warning.contains("store.json.bad") && warning.contains("torn"),
+            "{warning}"
         );
         assert_eq!(fs::read(root.path().join(BAD)).unwrap(), b"{ torn");
         assert!(!root.path().join(NAME).exists());
@@ -347,8 +348,8 @@ mod tests {
             ..Limits::default()
         };
         let mut writer = StoreWriter::new(root.path().to_owned(), &limits);
-        let said = writer.finish(Some(b"1".to_vec())).unwrap();
-        assert!(said.contains("disk"), "{said}");
+        let warning = writer.finish(Some(b"1".to_vec())).unwrap();
+        assert!(warning.contains("disk"), "{warning}");
         assert!(!root.path().join(NAME).exists());
     }
 

@@ -76,7 +76,7 @@ pub struct Supervisor {
 
 impl Supervisor {
     /// Registers a prepared behaviour with the pilot.
-    pub async fn board(
+    pub async fn register(
         host: Prepared,
         role: Role,
         requests: mpsc::Sender<Request>,
@@ -213,8 +213,8 @@ impl Supervisor {
                         self.pass_on(ToHost::SetParam { name, value });
                     }
                 }
-                order = dialogue::next(&mut self.dialogue) => {
-                    if !self.pass_on(order.into()) {
+                command = dialogue::next(&mut self.dialogue) => {
+                    if !self.pass_on(command.into()) {
                         return Some(self.queue_full_ending());
                     }
                 }

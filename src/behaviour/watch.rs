@@ -79,14 +79,14 @@ impl ScriptWatcher {
                 () = sleep(PERIOD) => {}
             }
             let (file, modules) = (self.file.clone(), self.library.files());
-            let look = move || (file_state(&file), file_states(modules));
-            let Ok((mark, modules)) = spawn_blocking(look).await else {
+            let poll = move || (file_state(&file), file_states(modules));
+            let Ok((state, modules)) = spawn_blocking(poll).await else {
                 return;
             };
             let now = Instant::now();
             let module = self.is_module_saved(modules, now);
-            if (self.detector.is_complete(mark, now) || module)
-                && let Some(source) = self.read(mark).await
+            if (self.detector.is_complete(state, now) || module)
+                && let Some(source) = self.read(state).await
                 && reloads.send(Reload { source }).await.is_err()
             {
                 return;
@@ -96,15 +96,15 @@ impl ScriptWatcher {
 
     /// Whether a module was saved. A module that appears for the first time has just been read and
     /// does not count.
-    fn is_module_saved(&mut self, marks: Vec<(PathBuf, Option<FileState>)>, now: Instant) -> bool {
+    fn is_module_saved(&mut self, states: Vec<(PathBuf, Option<FileState>)>, now: Instant) -> bool {
         let mut saved = false;
-        for (file, mark) in marks {
+        for (file, state) in states {
             let detector = self
                 .modules
                 .entry(file)
-                .or_insert_with(|| SaveDetector::new(mark));
-            if detector.is_complete(mark, now) {
-                detector.accept(mark);
+                .or_insert_with(|| SaveDetector::new(state));
+            if detector.is_complete(state, now) {
+                detector.accept(state);
                 saved = true;
             }
         }
@@ -147,14 +147,14 @@ impl From<Metadata> for FileState {
     }
 }
 
-/// Returns the file's current mark; `None` if there is no such file.
+/// Returns the file's current state; `None` if there is no such file.
 fn file_state(file: &Path) -> Option<FileState> {
     std::fs::metadata(file).ok().map(FileState::from)
 }
 
 fn file_states(files: Vec<PathBuf>) -> Vec<(PathBuf, Option<FileState>)> {
-    let marked = |file: PathBuf| (file.clone(), file_state(&file));
-    files.into_iter().map(marked).collect()
+    let with_state = |file: PathBuf| (file.clone(), file_state(&file));
+    files.into_iter().map(with_state).collect()
 }
 
 /// Debounces changes to detect when a save is complete. Pure: the time is an argument.
@@ -170,22 +170,22 @@ impl<M: Copy + PartialEq> SaveDetector<M> {
     }
 
     /// Whether the file differs from the one taken last and has not changed for a while.
-    fn is_complete(&mut self, mark: Option<M>, now: Instant) -> bool {
-        let Some(mark) = mark.filter(|mark| Some(*mark) != self.taken) else {
+    fn is_complete(&mut self, state: Option<M>, now: Instant) -> bool {
+        let Some(state) = state.filter(|state| Some(*state) != self.taken) else {
             self.seen = None;
             return false;
         };
         let since = match self.seen {
-            Some((seen, since)) if seen == mark => since,
+            Some((seen, since)) if seen == state => since,
             _ => now,
         };
-        self.seen = Some((mark, since));
+        self.seen = Some((state, since));
         now >= since + SETTLED
     }
 
     /// Records that the file was read in this state.
-    fn accept(&mut self, mark: Option<M>) {
-        (self.taken, self.seen) = (mark, None);
+    fn accept(&mut self, state: Option<M>) {
+        (self.taken, self.seen) = (state, None);
     }
 }
 
@@ -231,17 +231,17 @@ mod tests {
             let (mut now, mut taken, mut since) = (Instant::now(), Some(0), None);
             let mut detector = SaveDetector::new(taken);
             let ends = [(Some(last), 1), (Some(last), 300), (Some(last), 300)];
-            for (mark, pause) in looks.into_iter().chain(ends) {
+            for (state, pause) in looks.into_iter().chain(ends) {
                 now += pause * MS;
                 since = match since {
-                    Some((same, since)) if same == mark => Some((same, since)),
-                    _ => Some((mark, now)),
+                    Some((same, since)) if same == state => Some((same, since)),
+                    _ => Some((state, now)),
                 };
-                if detector.is_complete(mark, now) {
-                    prop_assert!(mark.is_some() && mark != taken);
+                if detector.is_complete(state, now) {
+                    prop_assert!(state.is_some() && state != taken);
                     prop_assert!(since.is_some_and(|(_, since)| now >= since + SETTLED));
-                    detector.accept(mark);
-                    taken = mark;
+                    detector.accept(state);
+                    taken = state;
                 }
             }
             prop_assert_eq!(taken, Some(last));

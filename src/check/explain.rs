@@ -80,7 +80,7 @@ fn line_span(source: &str, number: usize) -> Option<Span> {
 
 /// Explains an error without a syntax tree.
 fn general(words: &str, at: Span) -> Option<Diagnosis> {
-    let said = |message: &str, help: &str| {
+    let diagnosis = |message: &str, help: &str| {
         Some(Diagnosis {
             at,
             message: message.to_owned(),
@@ -88,30 +88,30 @@ fn general(words: &str, at: Span) -> Option<Diagnosis> {
         })
     };
     if words.contains("stack overflow") {
-        return said(
+        return diagnosis(
             "a function calls itself endlessly",
             "let it end at some point, or use a loop: while true do ... task.wait(0.1) end",
         );
     }
     if words.contains("attempt to call a") || words.contains("attempt to call missing") {
-        return said(
+        return diagnosis(
             "the value called here is not a function",
             "check the spelling of its name",
         );
     }
     if words.contains("attempt to yield across") {
-        return said(
+        return diagnosis(
             words,
             "a function for table.sort or gsub, or a metamethod, cannot wait",
         );
     }
     if words.contains("readonly table") {
-        return said(
+        return diagnosis(
             "this table is read-only and cannot be changed",
             "keep your own values in a local variable",
         );
     }
-    let kin = [
+    let similar = [
         (
             "attempt to index",
             "a field is read from a value that has no fields, perhaps nil",
@@ -138,8 +138,8 @@ fn general(words: &str, at: Span) -> Option<Diagnosis> {
         ),
         ("invalid 'for'", "a `for` counts with numbers only"),
     ];
-    let found = kin.iter().find(|(piece, _)| words.contains(piece));
-    found.and_then(|(_, message)| said(message, "print the values to see which one it is"))
+    let found = similar.iter().find(|(part, _)| words.contains(part));
+    found.and_then(|(_, message)| diagnosis(message, "print the values to see which one it is"))
 }
 
 struct ErrorSite<'a> {

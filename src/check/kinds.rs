@@ -30,7 +30,7 @@ pub(super) enum ValueKind<'a> {
 
 impl ValueKind<'_> {
     /// Describes the kind for messages; `None` if it is unknown.
-    pub(super) fn words(&self) -> Option<String> {
+    pub(super) fn describe(&self) -> Option<String> {
         Some(match self {
             ValueKind::Unknown => return None,
             ValueKind::Nothing => "nothing".to_owned(),
@@ -139,7 +139,7 @@ impl<'a> Kinds<'a> {
         !self.globals.contains(name) && from.is_some_and(|path| path.starts_with(&inside))
     }
 
-    pub(super) fn of(&self, expr: &'a Expr) -> ValueKind<'a> {
+    pub(super) fn kind_of(&self, expr: &'a Expr) -> ValueKind<'a> {
         match &expr.kind {
             ExprKind::Nil => ValueKind::Nothing,
             ExprKind::Boolean(_) => ValueKind::Boolean,
@@ -148,7 +148,7 @@ impl<'a> Kinds<'a> {
             ExprKind::Pieces(_) => ValueKind::Text(None),
             ExprKind::Function(body) => ValueKind::Function(Some(body)),
             ExprKind::Table(_) => ValueKind::Table(expr),
-            ExprKind::Inner(inner) => self.of(inner),
+            ExprKind::Inner(inner) => self.kind_of(inner),
             ExprKind::Local(id) => self.locals.get(id).copied().unwrap_or(ValueKind::Unknown),
             ExprKind::Global(name) if self.globals.contains(name.as_str()) => ValueKind::Unknown,
             ExprKind::Global(name) if self.namespace(name) && name == "sim" => {
@@ -160,13 +160,13 @@ impl<'a> Kinds<'a> {
             ExprKind::Global(name) => {
                 api::function(name).map_or(ValueKind::Unknown, ValueKind::Native)
             }
-            ExprKind::Field(object, name, _) => self.field(self.of(object), name),
-            ExprKind::Item(list, index) => match (self.of(list), self.of(index)) {
+            ExprKind::Field(object, name, _) => self.field(self.kind_of(object), name),
+            ExprKind::Item(list, index) => match (self.kind_of(list), self.kind_of(index)) {
                 (ValueKind::List(of), ValueKind::Number(_)) => of_type(of),
                 _ => ValueKind::Unknown,
             },
             ExprKind::Call(..) | ExprKind::Method(..) => self.result(expr, 0),
-            ExprKind::Unary(operator, operand) => self.unary(operator, self.of(operand)),
+            ExprKind::Unary(operator, operand) => self.unary(operator, self.kind_of(operand)),
             ExprKind::Binary(operator, left, right) => self.binary(operator, left, right),
             ExprKind::Varargs | ExprKind::Choose(_) => ValueKind::Unknown,
         }
@@ -190,7 +190,7 @@ impl<'a> Kinds<'a> {
                     return ValueKind::Unknown;
                 };
                 match entries.iter().find_map(|entry| entry.named("default")) {
-                    Some(default) => self.of(default).of_any_value(),
+                    Some(default) => self.kind_of(default).of_any_value(),
                     None => ValueKind::Unknown,
                 }
             }
@@ -205,7 +205,7 @@ impl<'a> Kinds<'a> {
     /// Returns the kind of a call's result with this index, from 0.
     pub(super) fn result(&self, call: &'a Expr, number: usize) -> ValueKind<'a> {
         let (function, arguments) = match &call.kind {
-            ExprKind::Call(callee, arguments) => match self.of(callee) {
+            ExprKind::Call(callee, arguments) => match self.kind_of(callee) {
                 ValueKind::Native(function) => (function, arguments),
                 ValueKind::Function(Some(body)) if !returns(&body.block) => {
                     return ValueKind::Nothing;
@@ -213,7 +213,7 @@ impl<'a> Kinds<'a> {
                 _ => return ValueKind::Unknown,
             },
             ExprKind::Method(object, name, _, arguments) => {
-                match self.method(self.of(object), name) {
+                match self.method(self.kind_of(object), name) {
                     Some(function) => (function, arguments),
                     None => return ValueKind::Unknown,
                 }
@@ -235,7 +235,7 @@ impl<'a> Kinds<'a> {
     }
 
     fn params(&self, arguments: &'a [Expr]) -> ValueKind<'a> {
-        let Some(ValueKind::Table(table)) = arguments.first().map(|table| self.of(table)) else {
+        let Some(ValueKind::Table(table)) = arguments.first().map(|one| self.kind_of(one)) else {
             return ValueKind::Unknown;
         };
         let names = parameters(table);
@@ -246,7 +246,7 @@ impl<'a> Kinds<'a> {
     /// one of a fixed set of names.
     pub(super) fn bind_choice(&mut self, id: LocalId, call: &'a Expr, number: usize) {
         let function = match &call.kind {
-            ExprKind::Call(callee, _) => match self.of(callee) {
+            ExprKind::Call(callee, _) => match self.kind_of(callee) {
                 ValueKind::Native(function) => function,
                 _ => return,
             },
@@ -264,7 +264,7 @@ impl<'a> Kinds<'a> {
         match &expr.bare().kind {
             ExprKind::Local(id) => self.choices.get(id).copied(),
             ExprKind::Field(object, name, _) => {
-                let ValueKind::Object(object) = self.of(object) else {
+                let ValueKind::Object(object) = self.kind_of(object) else {
                     return None;
                 };
                 let field = object.fields.iter().find(|field| field.name == name)?;
@@ -279,7 +279,7 @@ impl<'a> Kinds<'a> {
 
     /// Returns the built-in module that a call of `require` loads.
     fn module(&self, arguments: &'a [Expr]) -> ValueKind<'a> {
-        let name = match arguments.first().map(|path| self.of(path)) {
+        let name = match arguments.first().map(|path| self.kind_of(path)) {
             Some(ValueKind::Text(Some(path))) => path.strip_prefix("@spykee/"),
             _ => None,
         };
@@ -289,7 +289,8 @@ impl<'a> Kinds<'a> {
 
     /// Returns the kind of the payload of the event that the first argument names.
     pub(super) fn payload(&self, arguments: &'a [Expr]) -> ValueKind<'a> {
-        let Some(ValueKind::Text(Some(name))) = arguments.first().map(|name| self.of(name)) else {
+        let Some(ValueKind::Text(Some(name))) = arguments.first().map(|one| self.kind_of(one))
+        else {
             return ValueKind::Unknown;
         };
         let payload = api::event(name).and_then(|event| event.payload);
@@ -315,12 +316,12 @@ impl<'a> Kinds<'a> {
     fn binary(&self, operator: &str, left: &'a Expr, right: &'a Expr) -> ValueKind<'a> {
         match operator {
             "==" | "~=" | "<" | ">" | "<=" | ">=" => ValueKind::Boolean,
-            ".." => match (self.of(left), self.of(right)) {
+            ".." => match (self.kind_of(left), self.kind_of(right)) {
                 (ValueKind::Unknown, _) | (_, ValueKind::Unknown) => ValueKind::Unknown,
                 _ => ValueKind::Text(None),
             },
             "and" | "or" => ValueKind::Unknown,
-            _ => match (self.of(left), self.of(right)) {
+            _ => match (self.kind_of(left), self.kind_of(right)) {
                 (ValueKind::Number(a), ValueKind::Number(b)) => {
                     ValueKind::Number(a.zip(b).and_then(|(a, b)| computed(operator, a, b)))
                 }

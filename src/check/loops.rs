@@ -60,7 +60,7 @@ fn each_in_expr_outside_functions(expr: &Expr, visit: &mut dyn FnMut(&Expr)) {
 
 fn call_pauses(kinds: &Kinds<'_>, expr: &Expr, depth: u32) -> bool {
     match &expr.kind {
-        ExprKind::Call(callee, arguments) => match kinds.of(callee) {
+        ExprKind::Call(callee, arguments) => match kinds.kind_of(callee) {
             ValueKind::Native(function) => native_pauses(function, arguments),
             ValueKind::Function(Some(body)) if depth < DEEPEST => body
                 .block
@@ -68,7 +68,7 @@ fn call_pauses(kinds: &Kinds<'_>, expr: &Expr, depth: u32) -> bool {
                 .any(|statement| pauses(kinds, statement, depth + 1)),
             _ => !is_quick(kinds, callee),
         },
-        ExprKind::Method(object, name, ..) => match kinds.method(kinds.of(object), name) {
+        ExprKind::Method(object, name, ..) => match kinds.method(kinds.kind_of(object), name) {
             Some(function) => function.waits,
             None => true,
         },
@@ -108,7 +108,7 @@ fn is_quick(kinds: &Kinds<'_>, callee: &Expr) -> bool {
             ];
             quick.contains(&name.as_str()) && !kinds.globals.contains(name.as_str())
         }
-        ExprKind::Field(object, ..) => match kinds.of(object) {
+        ExprKind::Field(object, ..) => match kinds.kind_of(object) {
             ValueKind::Namespace(owner) => {
                 matches!(owner, "math" | "bit32" | "utf8" | "buffer" | "vector")
             }

@@ -80,7 +80,7 @@ fn constant(kinds: &Kinds<'_>, value: &Expr) -> Option<ParamValue> {
     if let ExprKind::Boolean(value) = value.bare().kind {
         return Some(ParamValue::Boolean(value));
     }
-    match kinds.of(value) {
+    match kinds.kind_of(value) {
         ValueKind::Number(Some(number)) => Some(ParamValue::Number(number)),
         ValueKind::Text(Some(text)) => Some(ParamValue::Text(text.to_owned())),
         _ => None,

@@ -124,7 +124,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn words(&self, span: Span) -> String {
+    fn source_text(&self, span: Span) -> String {
         crate::script::printable(span.of(self.text.1), 60)
     }
 
@@ -201,7 +201,7 @@ impl<'a> Walk<'a> {
         for (at, id) in ids.iter().enumerate() {
             self.hides(*id);
             let kind = match (values.get(at), values.last()) {
-                (Some(value), _) if at + 1 < values.len() => self.kinds.of(value),
+                (Some(value), _) if at + 1 < values.len() => self.kinds.kind_of(value),
                 (_, Some(last))
                     if matches!(last.kind, ExprKind::Call(..) | ExprKind::Method(..)) =>
                 {
@@ -209,7 +209,7 @@ impl<'a> Walk<'a> {
                     self.kinds.bind_choice(*id, last, number);
                     self.kinds.result(last, number)
                 }
-                (Some(value), _) => self.kinds.of(value),
+                (Some(value), _) => self.kinds.kind_of(value),
                 (None, Some(last)) if matches!(last.kind, ExprKind::Varargs) => ValueKind::Unknown,
                 (None, _) => ValueKind::Nothing,
             };
@@ -244,9 +244,9 @@ impl<'a> Walk<'a> {
             ExprKind::Call(callee, arguments) if matches!(&callee.kind, ExprKind::Global(name) if name == "ipairs" || name == "pairs") => {
                 arguments
                     .first()
-                    .map_or(ValueKind::Unknown, |list| self.kinds.of(list))
+                    .map_or(ValueKind::Unknown, |list| self.kinds.kind_of(list))
             }
-            _ => self.kinds.of(one),
+            _ => self.kinds.kind_of(one),
         };
         if let (ValueKind::List(of), [index, item, ..]) = (list, ids) {
             self.kinds.bind(*index, ValueKind::Number(None));
@@ -259,7 +259,7 @@ impl<'a> Walk<'a> {
             ExprKind::Global(_) | ExprKind::Local(_) => {}
             ExprKind::Field(object, name, _) => {
                 self.expr(object);
-                if let ValueKind::Namespace(owner) = self.kinds.of(object) {
+                if let ValueKind::Namespace(owner) = self.kinds.kind_of(object) {
                     let message = format!("{owner}.{name} cannot be set");
                     self.error(target.span, message).help =
                         Some("keep your own values in a local variable".to_owned());
@@ -282,7 +282,7 @@ impl<'a> Walk<'a> {
                 }
                 ExprKind::Unary(operator, operand) if operator == "not" => parts.push(operand),
                 _ => {
-                    if let ValueKind::Native(function) = self.kinds.of(part) {
+                    if let ValueKind::Native(function) = self.kinds.kind_of(part) {
                         let path = function.path;
                         let message = format!("{path} is a function here, which is always true");
                         self.warning(part.span, message).help =
@@ -295,12 +295,12 @@ impl<'a> Walk<'a> {
 
     fn unused(&mut self, call: &'a Expr) {
         let function = match &call.kind {
-            ExprKind::Call(callee, _) => match self.kinds.of(callee) {
+            ExprKind::Call(callee, _) => match self.kinds.kind_of(callee) {
                 ValueKind::Native(function) => function,
                 _ => return,
             },
             ExprKind::Method(object, name, ..) => {
-                match self.kinds.method(self.kinds.of(object), name) {
+                match self.kinds.method(self.kinds.kind_of(object), name) {
                     Some(function) => function,
                     None => return,
                 }
@@ -318,7 +318,7 @@ impl<'a> Walk<'a> {
                 .map_or("answer", |value| value.name);
             self.warning(call.span, message).help = Some(format!(
                 "keep it: local {result} = {}",
-                self.words(call.span)
+                self.source_text(call.span)
             ));
         }
     }

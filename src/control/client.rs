@@ -124,6 +124,6 @@ async fn ask(
         Ok(Ok(Some(answer))) => Ok(answer),
         Ok(Ok(None)) => Err(AskError::Ended),
         Ok(Err(error)) => Err(error.into()),
-        Err(_) => Err(AskError::Silent(limit)),
+        Err(_) => Err(AskError::TimedOut(limit)),
     }
 }

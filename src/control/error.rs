@@ -8,12 +8,12 @@ use std::time::Duration;
 pub enum AskError {
     /// No answer in time.
     #[error("the run does not answer within {:.0} s", .0.as_secs_f64())]
-    Silent(Duration),
+    TimedOut(Duration),
     /// The run ended before it answered.
     #[error("the run has ended")]
     Ended,
     /// An error of the system.
-    #[error("the run cannot be reached: {0}")]
+    #[error("the request to the run failed: {0}")]
     Io(#[from] io::Error),
     /// A service on another computer denies access.
     #[error("the service denies access: {0}")]

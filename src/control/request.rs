@@ -55,7 +55,7 @@ pub enum RunRequest {
 
 impl RunRequest {
     /// Describes the request for the log.
-    pub(super) fn words(&self) -> String {
+    pub(super) fn describe(&self) -> String {
         match self {
             RunRequest::Overview => "the state of the run".to_owned(),
             RunRequest::Dock(_) => "dock".to_owned(),

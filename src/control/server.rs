@@ -31,7 +31,7 @@ const REQUEST_TIMEOUT: Duration = Duration::from_secs(2);
 /// Timeout for sending the answer to a client.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Timeout for the pilot's list of running behaviours.
-const CREW_TIMEOUT: Duration = Duration::from_secs(1);
+const RUNNING_TIMEOUT: Duration = Duration::from_secs(1);
 /// Timeout for connecting again to a robot whose link was released.
 const RECONNECT_TIMEOUT: Duration = Duration::from_millis(3500);
 /// Pause after a failed `accept`.
@@ -121,7 +121,7 @@ async fn serve(stream: UnixStream, run: Run) {
     if !matches!(request, RunRequest::Overview | RunRequest::Behaviours) {
         info!(
             "a person's request from another program: {}",
-            request.words()
+            request.describe()
         );
     }
     let answer = tokio::select! {
@@ -318,8 +318,8 @@ impl Run {
     }
 
     async fn overview(&self) -> Answer {
-        let crew = match self.aboard().await {
-            Some(crew) => crew,
+        let running = match self.running_behaviours().await {
+            Some(running) => running,
             None => return Answer::Refused("the run is ending".to_owned()),
         };
         let (status, view) = (*self.status.borrow(), self.view.borrow().clone());
@@ -329,7 +329,7 @@ impl Run {
             simulated: self.simulated,
             running: self.began.elapsed(),
             online: status.link == LinkState::Up,
-            robot: crew.robot,
+            robot: running.robot,
             state: match status.link.absence() {
                 Some(words) => words.to_owned(),
                 None if status.halted => "stopped by a person".to_owned(),
@@ -339,21 +339,24 @@ impl Run {
             docked: status.docked,
             low: status.low,
             battery: status.battery,
-            behaviours: crew.behaviours,
+            behaviours: running.behaviours,
             next: Next::of(&view),
             quiet: view.quiet,
         }))
     }
 
     /// Returns the robot and the running behaviours; `None` if the pilot does not reply in time.
-    pub async fn aboard(&self) -> Option<RunningBehaviours> {
-        timeout(CREW_TIMEOUT, self.crew()).await.ok().flatten()
+    pub async fn running_behaviours(&self) -> Option<RunningBehaviours> {
+        timeout(RUNNING_TIMEOUT, self.query_running())
+            .await
+            .ok()
+            .flatten()
     }
 
-    async fn crew(&self) -> Option<RunningBehaviours> {
-        let (tell, told) = oneshot::channel();
-        self.requests.send(Request::Running(tell)).await.ok()?;
-        told.await.ok()
+    async fn query_running(&self) -> Option<RunningBehaviours> {
+        let (sender, reply) = oneshot::channel();
+        self.requests.send(Request::Running(sender)).await.ok()?;
+        reply.await.ok()
     }
 }
 

@@ -99,7 +99,7 @@ impl Remote {
             .build()
             .into();
         let failed = |error: ureq::Error| match error {
-            ureq::Error::Timeout(_) => AskError::Silent(limit),
+            ureq::Error::Timeout(_) => AskError::TimedOut(limit),
             ureq::Error::Io(error) => AskError::Io(error),
             other => AskError::Io(io::Error::other(other)),
         };

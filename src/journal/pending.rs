@@ -86,7 +86,7 @@ impl Pending {
         rows < MOST_A_MINUTE
     }
 
-    /// When the rows should be written; `None` if there are none.
+    /// When to write the rows and the number of lost events; `None` if there is nothing to write.
     pub(super) fn due(&self) -> Option<Instant> {
         self.due
     }

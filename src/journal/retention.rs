@@ -8,7 +8,8 @@ use super::options::Options;
 
 /// Maximum number of rows deleted at once, so that no transaction grows large.
 const DELETED_AT_ONCE: i64 = 2000;
-/// If the file is too large, one row in this many of each table is deleted at once.
+/// If the file is too large, the oldest rows of each table are deleted, one part in this many at a
+/// time.
 const PART: i64 = 16;
 /// Maximum number of deletions in one clean-up.
 const MAX_ROUNDS: u32 = 200;

@@ -10,7 +10,9 @@ use axum::routing::{get, post};
 use axum::{Json, Router};
 use serde::Deserialize;
 
-use super::command::{Done, PageCommand, Turn, UNDOCK, in_words, perform, succeeded, to_request};
+use super::command::{
+    BehaviourAction, Done, PageCommand, UNDOCK, in_words, perform, succeeded, to_request,
+};
 use super::hub::Hub;
 use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
@@ -55,19 +57,21 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
         .route("/api/behaviours/{name}", post(change))
         .route("/api/behaviours/{name}/params", post(tune))
         .route("/api/behaviours/{name}/script", get(script))
-        .route("/api/behaviours/{name}/pictures/{file}", get(kept))
+        .route("/api/behaviours/{name}/pictures/{file}", get(saved_picture))
         .route("/api/history", get(history))
         .route("/api/schedule", get(schedule))
         .route("/api/picture", get(picture))
         .route("/api/stop", post(stop))
-        .route("/api/let-go", post(let_go))
+        .route("/api/let-go", post(release_stop))
         .route("/api/dock", post(dock))
         .route("/api/undock", post(undock))
         .route("/api/led", post(led))
         .route("/api/play", post(play))
         .route(
             "/api/stop-sound",
-            post(async |hub: Shared, who: Driver| order(hub, who, PageCommand::StopSound).await),
+            post(async |hub: Shared, who: Driver| {
+                execute_command(hub, who, PageCommand::StopSound).await
+            }),
         )
         .route("/api/volume", post(volume))
         .layer(DefaultBodyLimit::max(MAX_BODY))
@@ -143,9 +147,9 @@ async fn change(
     Json(BehaviourChange { change, lasts }): Json<BehaviourChange>,
 ) -> Reply<Outcome> {
     let Some(lasts) = lasts else {
-        return order(hub, who, PageCommand::Behaviour { name, change }).await;
+        return execute_command(hub, who, PageCommand::Behaviour { name, change }).await;
     };
-    if change != Turn::Start || lasts.get().is_zero() {
+    if change != BehaviourAction::Start || lasts.get().is_zero() {
         let why = "`for` is allowed only with `start`, and must be at least one second";
         return Err(Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, why));
     }
@@ -164,7 +168,7 @@ async fn tune(
     Path(name): Path<String>,
     Json(Tuned { param, value }): Json<Tuned>,
 ) -> Reply<Outcome> {
-    order(hub, who, PageCommand::Param { name, param, value }).await
+    execute_command(hub, who, PageCommand::Param { name, param, value }).await
 }
 
 async fn script(State(hub): Shared, _: Visitor, Path(name): Path<String>) -> Reply<Text> {
@@ -213,7 +217,7 @@ async fn schedule(State(hub): Shared, _: Visitor) -> Json<Option<Vec<past::Start
 }
 
 /// Returns a picture that a behaviour has saved.
-async fn kept(
+async fn saved_picture(
     State(hub): Shared,
     _: Visitor,
     Path((behaviour, name)): Path<(String, String)>,
@@ -298,24 +302,24 @@ fn docking(answer: Answer) -> Response {
 
 /// Every viewer may stop the robot.
 async fn stop(State(hub): Shared, _: Visitor) -> Reply<Outcome> {
-    held(hub.stop().await.is_ok())
+    stop_outcome(hub.stop().await.is_ok())
 }
 
-async fn let_go(State(hub): Shared, _: Driver) -> Reply<Outcome> {
-    held(hub.release_stop().await.is_ok())
+async fn release_stop(State(hub): Shared, _: Driver) -> Reply<Outcome> {
+    stop_outcome(hub.release_stop().await.is_ok())
 }
 
-fn held(ok: bool) -> Reply<Outcome> {
+fn stop_outcome(ok: bool) -> Reply<Outcome> {
     let text = if ok { "" } else { "the run has ended" };
     outcome((ok, text.to_owned()))
 }
 
 async fn led(hub: Shared, who: Driver, Json(Lamp { light, on }): Json<Lamp>) -> Reply<Outcome> {
-    order(hub, who, PageCommand::Led { light, on }).await
+    execute_command(hub, who, PageCommand::Led { light, on }).await
 }
 
 async fn play(hub: Shared, who: Driver, Json(Tune { sound }): Json<Tune>) -> Reply<Outcome> {
-    order(hub, who, PageCommand::Play { sound }).await
+    execute_command(hub, who, PageCommand::Play { sound }).await
 }
 
 async fn volume(
@@ -323,7 +327,7 @@ async fn volume(
     who: Driver,
     Json(Volume { percent }): Json<Volume>,
 ) -> Reply<Outcome> {
-    order(hub, who, PageCommand::Volume { percent }).await
+    execute_command(hub, who, PageCommand::Volume { percent }).await
 }
 
 /// s16 little-endian, mono, 16 kHz.
@@ -331,10 +335,10 @@ async fn say(State(hub): Shared, _: Driver, samples: bytes::Bytes) -> Reply<Outc
     done(hub.run.perform(RunRequest::Say(samples.to_vec())).await)
 }
 
-async fn order(State(hub): Shared, _: Driver, order: PageCommand) -> Reply<Outcome> {
-    match to_request(order) {
+async fn execute_command(State(hub): Shared, _: Driver, command: PageCommand) -> Reply<Outcome> {
+    match to_request(command) {
         Ok(request) => done(hub.run.perform(request).await),
-        Err(order) => outcome(perform(*order, &hub.run, hub.sim.as_ref()).await),
+        Err(command) => outcome(perform(*command, &hub.run, hub.sim.as_ref()).await),
     }
 }
 

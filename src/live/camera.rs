@@ -118,7 +118,7 @@ async fn watch_on(run: &Run, viewers: &mut watch::Receiver<usize>) -> Result<(),
     loop {
         tokio::select! {
             () = &mut gone => return Ok(()),
-            told = seat.next_event() => drop(told?),
+            event = seat.next_event() => drop(event?),
         }
     }
 }

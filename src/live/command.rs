@@ -53,7 +53,7 @@ pub(super) enum PageCommand {
         /// The behaviour.
         name: String,
         /// The change.
-        change: Turn,
+        change: BehaviourAction,
     },
     /// Change a parameter that a running behaviour has declared as live.
     Param {
@@ -71,10 +71,11 @@ pub(super) enum PageCommand {
     },
 }
 
-/// A change of a behaviour's state.
+/// What to do with a behaviour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub(super) enum Turn {
+#[schemars(rename = "Turn")]
+pub(super) enum BehaviourAction {
     /// Start it.
     Start,
     /// Stop it.
@@ -83,12 +84,12 @@ pub(super) enum Turn {
     Restart,
 }
 
-impl From<Turn> for control::Change {
-    fn from(turn: Turn) -> control::Change {
-        match turn {
-            Turn::Start => control::Change::Start,
-            Turn::Stop => control::Change::Stop,
-            Turn::Restart => control::Change::Restart,
+impl From<BehaviourAction> for control::Change {
+    fn from(action: BehaviourAction) -> control::Change {
+        match action {
+            BehaviourAction::Start => control::Change::Start,
+            BehaviourAction::Stop => control::Change::Stop,
+            BehaviourAction::Restart => control::Change::Restart,
         }
     }
 }
@@ -179,10 +180,10 @@ pub(super) enum Change {
 pub(super) type Done = (bool, String);
 
 /// Executes a command. Dropping the future cancels it.
-pub(super) async fn perform(order: PageCommand, run: &Run, sim: Option<&Simulation>) -> Done {
-    match to_request(order) {
+pub(super) async fn perform(command: PageCommand, run: &Run, sim: Option<&Simulation>) -> Done {
+    match to_request(command) {
         Ok(request) => in_words(run.perform(request).await),
-        Err(order) => match (*order, sim) {
+        Err(command) => match (*command, sim) {
             (PageCommand::Sim { change }, Some(sim)) => to_done(apply(change, sim)),
             (PageCommand::Param { name, param, value }, _) => {
                 let turned = run.roster.change_param(&name, &param, value);
@@ -197,8 +198,8 @@ pub(super) async fn perform(order: PageCommand, run: &Run, sim: Option<&Simulati
 }
 
 /// Converts a command to a request to the run; returns it unchanged if the run cannot execute it.
-pub(super) fn to_request(order: PageCommand) -> Result<RunRequest, Box<PageCommand>> {
-    Ok(match order {
+pub(super) fn to_request(command: PageCommand) -> Result<RunRequest, Box<PageCommand>> {
+    Ok(match command {
         PageCommand::Dock => RunRequest::Dock(DockPlan::DEFAULT),
         PageCommand::Undock => RunRequest::Undock(UNDOCK),
         PageCommand::Led { light, on } => RunRequest::Led {
@@ -213,7 +214,7 @@ pub(super) fn to_request(order: PageCommand) -> Result<RunRequest, Box<PageComma
         PageCommand::Volume { percent } => RunRequest::Volume(percent),
         PageCommand::Play { ref sound } => match wire::Sound::from_name(sound) {
             Some(sound) => RunRequest::Play(sound),
-            None => return Err(Box::new(order)),
+            None => return Err(Box::new(command)),
         },
         other @ (PageCommand::Param { .. } | PageCommand::Sim { .. }) => {
             return Err(Box::new(other));

@@ -145,7 +145,7 @@ impl Hub {
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             beat.tick().await;
-            let alive = self.run.aboard().await.is_some();
+            let alive = self.run.running_behaviours().await.is_some();
             self.alive.store(alive, Ordering::Relaxed);
         }
     }
@@ -195,10 +195,10 @@ impl Hub {
 
     /// Handles the events of the bus.
     async fn listen(&self, mut bus: Listener) {
-        if let Some(crew) = self.run.aboard().await {
+        if let Some(running) = self.run.running_behaviours().await {
             self.robot.send_if_modified(|robot| {
                 robot.is_none() && {
-                    *robot = crew.robot;
+                    *robot = running.robot;
                     true
                 }
             });
@@ -241,17 +241,17 @@ impl Hub {
     }
 
     async fn publish_behaviours(&self) {
-        let (mut members, mut knobs) = (self.run.roster.members(), self.run.roster.params());
+        let (mut members, mut params) = (self.run.roster.members(), self.run.roster.params());
         let mut beat = interval(BEHAVIOURS);
         beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             let over = tokio::select! {
                 _ = beat.tick() => false,
-                Ok(()) = knobs.changed() => false,
+                Ok(()) = params.changed() => false,
                 changed = members.changed() => changed.is_err(),
             };
             members.mark_unchanged();
-            knobs.mark_unchanged();
+            params.mark_unchanged();
             let list = self.list();
             publish(&self.behaviours, &ToPage::Behaviours { list });
             if over {
@@ -262,9 +262,9 @@ impl Hub {
 
     /// Returns the current state of all behaviours.
     pub(super) fn list(&self) -> Vec<Behaviour> {
-        let (members, knobs) = (self.run.roster.members(), self.run.roster.params());
-        let (known, members, knobs) = (self.known.borrow(), members.borrow(), knobs.borrow());
-        scripts::behaviours(&known.scripts, &members, &knobs, self.now())
+        let (members, params) = (self.run.roster.members(), self.run.roster.params());
+        let (known, members, params) = (self.known.borrow(), members.borrow(), params.borrow());
+        scripts::behaviours(&known.scripts, &members, &params, self.now())
     }
 
     pub(super) fn people(&self) -> People {

@@ -161,7 +161,7 @@ impl LogBuffer {
     }
 
     /// Stores incoming lines; never returns.
-    pub(super) async fn keep(&self, mut lines: mpsc::Receiver<Line>) {
+    pub(super) async fn collect(&self, mut lines: mpsc::Receiver<Line>) {
         while let Some(line) = lines.recv().await {
             self.write(line);
             let missed = DROPPED.swap(0, Ordering::Relaxed);

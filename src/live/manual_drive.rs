@@ -1,4 +1,5 @@
-//! Driving by hand: a pilot's seat with a priority above all behaviours, for one person at a time.
+//! Driving by hand: a seat at the pilot with a priority above all behaviours, for one person at a
+//! time.
 //!
 //! The viewer that has the wheel controls the tracks, which stand still without a setpoint. A
 //! setpoint is valid for 0.3 s. The task that enforces this also sends the seat's signs of life, so
@@ -67,7 +68,7 @@ async fn steer(
                 seat.drive(if alive { setpoint } else { Setpoint::STOP }).await?;
             }
             _ = beat.tick() => seat.alive().await?,
-            told = seat.next_event() => drop(told?),
+            event = seat.next_event() => drop(event?),
         }
     }
 }
@@ -89,8 +90,8 @@ pub(super) async fn hold(run: Run, mut held: watch::Receiver<bool>) {
                     seat.drive(Setpoint::STOP).await?;
                 }
                 _ = beat.tick() => seat.alive().await?,
-                told = seat.next_event() => {
-                    if let Event::MotionEnded { .. } = told? {
+                event = seat.next_event() => {
+                    if let Event::MotionEnded { .. } = event? {
                         take = Some(Instant::now() + AGAIN);
                     }
                 }

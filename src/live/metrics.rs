@@ -72,10 +72,10 @@ pub(super) struct Metrics {
 }
 
 /// Creates and registers a metric.
-fn figure<M: Metric + Clone + Default>(registry: &mut Registry, name: &str, help: &str) -> M {
-    let figure = M::default();
-    registry.register(name, help, figure.clone());
-    figure
+fn metric<M: Metric + Clone + Default>(registry: &mut Registry, name: &str, help: &str) -> M {
+    let metric = M::default();
+    registry.register(name, help, metric.clone());
+    metric
 }
 
 impl Metrics {
@@ -104,25 +104,25 @@ impl Metrics {
         );
         Metrics {
             bytes,
-            percent: figure(one, "battery_percent", "Level of the battery; NaN: unknown"),
+            percent: metric(one, "battery_percent", "Level of the battery; NaN: unknown"),
             left,
-            charging: figure(one, "battery_charging", "1 while the battery is charging"),
-            low: figure(
+            charging: metric(one, "battery_charging", "1 while the battery is charging"),
+            low: metric(
                 one,
                 "battery_low",
                 "1 while the battery is low and the watchdog controls the robot",
             ),
-            docked: figure(one, "docked", "1 on the station"),
-            halted: figure(one, "stopped_by_person", "1 while STOP holds"),
-            up: figure(one, "link_up", "1 while the robot is connected"),
-            viewers: figure(one, "viewers", "Open pages"),
-            frames: figure(one, "camera_frames", "Frames received"),
-            links: figure(one, "link_logins", "Logins at the robot"),
-            losses: figure(one, "link_losses", "Lost links"),
-            acts: figure(one, "safety_acts", "Actions of the watchdog, by kind"),
-            docks: figure(one, "docks", "Dockings, by result"),
-            starts: figure(one, "behaviour_starts", "Starts and restarts of behaviours"),
-            ends: figure(one, "behaviour_ends", "Behaviours that ended, by reason"),
+            docked: metric(one, "docked", "1 on the station"),
+            halted: metric(one, "stopped_by_person", "1 while STOP holds"),
+            up: metric(one, "link_up", "1 while the robot is connected"),
+            viewers: metric(one, "viewers", "Open pages"),
+            frames: metric(one, "camera_frames", "Frames received"),
+            links: metric(one, "link_logins", "Logins at the robot"),
+            losses: metric(one, "link_losses", "Lost links"),
+            acts: metric(one, "safety_acts", "Actions of the watchdog, by kind"),
+            docks: metric(one, "docks", "Dockings, by result"),
+            starts: metric(one, "behaviour_starts", "Starts and restarts of behaviours"),
+            ends: metric(one, "behaviour_ends", "Behaviours that ended, by reason"),
             registry,
         }
     }

@@ -96,16 +96,16 @@ pub(super) struct Text {
 pub(super) fn behaviours(
     scripts: &[Script],
     members: &[Member],
-    knobs: &DeclaredParams,
+    declared: &DeclaredParams,
     now: Instant,
 ) -> Vec<Behaviour> {
     let members = members.iter();
     let one = |member: &Member| {
-        let knobs = knobs.get(&member.name).map(Vec::as_slice);
+        let declared = declared.get(&member.name).map(Vec::as_slice);
         behaviour(
             find(scripts, &member.name),
             member,
-            knobs.unwrap_or_default(),
+            declared.unwrap_or_default(),
             now,
         )
     };
@@ -119,7 +119,7 @@ pub(super) fn find<'a>(scripts: &'a [Script], name: &str) -> Option<&'a Script> 
 fn behaviour(
     script: Option<&Script>,
     member: &Member,
-    knobs: &[DeclaredParam],
+    declared: &[DeclaredParam],
     now: Instant,
 ) -> Behaviour {
     let (state, running) = match member.state {
@@ -149,7 +149,7 @@ fn behaviour(
         state,
         running,
         params: script.map_or_else(Vec::new, |script| script.params.clone()),
-        knobs: knobs.to_vec(),
+        knobs: declared.to_vec(),
         ending,
     }
 }

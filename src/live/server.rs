@@ -154,7 +154,7 @@ async fn serve(listener: LimitedListener, access: Arc<Access>, shown: Shown, opt
     let keeper = hub.clone();
     let _keeping = log.map(|log| {
         AbortOnDropHandle::new(tokio::spawn(
-            async move { keeper.log_buffer.keep(log).await },
+            async move { keeper.log_buffer.collect(log).await },
         ))
     });
     let router = page::routes()

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::command::{Light, Turn};
+use super::command::{BehaviourAction, Light};
 use crate::clock::Span;
 use crate::robot::{ParamValue, Percent};
 
@@ -67,7 +67,7 @@ pub(super) struct Tuned {
 #[schemars(rename = "Become")]
 pub(super) struct BehaviourChange {
     /// The change.
-    pub change: Turn,
+    pub change: BehaviourAction,
     /// With `start`: end it after this time, such as `30m`.
     #[serde(rename = "for")]
     #[schemars(with = "Option<String>")]

@@ -40,7 +40,7 @@ pub(super) enum WheelError {
     /// STOP holds.
     Halted,
     /// The simulation's clock does not run at real time.
-    Hurried,
+    NotRealTime,
     /// The viewer of this name has it.
     Taken(String),
 }
@@ -103,8 +103,8 @@ impl Ticket {
         if is_halted(&self.hub) {
             return Err(WheelError::Halted);
         }
-        if is_hurried(&self.hub) {
-            return Err(WheelError::Hurried);
+        if differs_from_real_time(&self.hub) {
+            return Err(WheelError::NotRealTime);
         }
         let mut viewers = self.hub.lock_viewers();
         match &viewers.driver {
@@ -125,7 +125,7 @@ impl Ticket {
 
     /// Sets the setpoint, which is valid for 0.3 s. Returns whether this viewer has the wheel.
     pub(super) fn set_setpoint(&self, setpoint: Setpoint) -> bool {
-        let hurried = is_hurried(&self.hub);
+        let not_real_time = differs_from_real_time(&self.hub);
         let mut viewers = self.hub.lock_viewers();
         let id = self.id;
         let Some((_, setpoints)) = viewers
@@ -135,7 +135,7 @@ impl Ticket {
         else {
             return false;
         };
-        let drives = !hurried && setpoints.send((setpoint, Instant::now())).is_ok();
+        let drives = !not_real_time && setpoints.send((setpoint, Instant::now())).is_ok();
         if !drives {
             // The watchdog or the run has ended the seat, or the simulation no longer runs in real
             // time.
@@ -157,7 +157,7 @@ impl Ticket {
 }
 
 /// Whether the run's clock differs from real time, in which a person cannot drive by hand.
-fn is_hurried(hub: &Hub) -> bool {
+fn differs_from_real_time(hub: &Hub) -> bool {
     let tempo = hub.sim.as_ref().and_then(|sim| sim.tempo.as_ref());
     tempo.is_some_and(|tempo| {
         let mode = tempo.mode();

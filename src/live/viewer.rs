@@ -37,7 +37,7 @@ const PING: Duration = Duration::from_secs(5);
 /// Maximum number of a page's messages per second; an honest page sends twenty.
 const MOST_MESSAGES: u32 = 200;
 /// Maximum number of commands in progress.
-const MOST_ORDERS: usize = 8;
+const MOST_COMMANDS: usize = 8;
 /// Capacity of the queue of messages for this viewer only.
 const MAX_WAITING: usize = 64;
 /// Maximum number of frames sent and not yet taken.
@@ -52,7 +52,7 @@ struct Queues {
     watch: watch::Sender<Watch>,
     /// Number of frames taken.
     taken: watch::Sender<u32>,
-    words: mpsc::Sender<Utf8Bytes>,
+    messages: mpsc::Sender<Utf8Bytes>,
 }
 
 /// Serves a page until it is closed.
@@ -60,7 +60,7 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
     let (sink, mut stream) = socket.split();
     let (watch, watched) = watch::channel(Watch::default());
     let (taken, frames_taken) = watch::channel(0);
-    let (words, said) = mpsc::channel(MAX_WAITING);
+    let (messages, outgoing) = mpsc::channel(MAX_WAITING);
     let hub = ticket.hub().clone();
     let hello = ToPage::Hello(Hello {
         version: env!("CARGO_PKG_VERSION"),
@@ -73,7 +73,7 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
         hub,
         watched,
         taken: frames_taken,
-        said,
+        outgoing,
         sent: 0,
     };
     let hello = text(&hello);
@@ -83,9 +83,9 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
         queues: Queues {
             watch,
             taken,
-            words,
+            messages,
         },
-        orders: Vec::new(),
+        commands: Vec::new(),
         wheel: None,
         window: (Instant::now(), 0),
     };
@@ -96,7 +96,7 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
             _ = &mut writing => return,
         };
         match message {
-            Ok(Some(Ok(Message::Text(said)))) if reader.admits() => reader.handle(&said).await,
+            Ok(Some(Ok(Message::Text(text)))) if reader.admits() => reader.handle(&text).await,
             Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if reader.admits() => {}
             // Closed, broken, silent, too many messages, or binary.
             _ => return,
@@ -108,7 +108,7 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
 struct Reader {
     ticket: Ticket,
     queues: Queues,
-    orders: Vec<AbortOnDropHandle<()>>,
+    commands: Vec<AbortOnDropHandle<()>>,
     wheel: Option<AbortOnDropHandle<()>>,
     /// Start of the current counting period, and the number of messages in it.
     window: (Instant, u32),
@@ -124,8 +124,8 @@ impl Reader {
         self.window.1 <= MOST_MESSAGES
     }
 
-    async fn handle(&mut self, said: &str) {
-        let message = match serde_json::from_str(said) {
+    async fn handle(&mut self, text: &str) {
+        let message = match serde_json::from_str(text) {
             Ok(message) => message,
             Err(error) => {
                 tracing::debug!("a page sent an invalid message: {error}");
@@ -149,7 +149,7 @@ impl Reader {
             FromPage::Wheel { take: true } => self.take_wheel(),
             FromPage::Wheel { take: false } => self.leave_wheel(),
             FromPage::Drive { left, right } => self.drive(left, right),
-            FromPage::Order { id, order } => self.order(id, order),
+            FromPage::Order { id, order } => self.execute(id, order),
         }
     }
 
@@ -160,7 +160,7 @@ impl Reader {
             }
             Ok(None) => {}
             Err(WheelError::Viewer) => self.notice("viewer_only", String::new()),
-            Err(WheelError::Hurried) => self.notice("wheel_hurried", String::new()),
+            Err(WheelError::NotRealTime) => self.notice("wheel_hurried", String::new()),
             Err(WheelError::Halted) => self.notice("wheel_halted", String::new()),
             Err(WheelError::Taken(name)) => self.notice("wheel_taken", name),
         }
@@ -180,12 +180,12 @@ impl Reader {
         }
     }
 
-    fn order(&mut self, id: u32, order: PageCommand) {
-        self.orders.retain(|order| !order.is_finished());
-        let words = self.queues.words.clone();
-        let answer = move |(ok, said): (bool, String)| {
+    fn execute(&mut self, id: u32, command: PageCommand) {
+        self.commands.retain(|command| !command.is_finished());
+        let messages = self.queues.messages.clone();
+        let answer = move |(ok, why): (bool, String)| {
             // Dropped if the page does not read its answers.
-            let _ = words.try_send(text(&ToPage::Answer { id, ok, text: said }));
+            let _ = messages.try_send(text(&ToPage::Answer { id, ok, text: why }));
         };
         if self.ticket.role != Role::Driver {
             return answer((
@@ -193,20 +193,20 @@ impl Reader {
                 "viewers may only watch and stop the robot".to_owned(),
             ));
         }
-        if self.orders.len() >= MOST_ORDERS {
+        if self.commands.len() >= MOST_COMMANDS {
             return answer((false, "too many commands at once".to_owned()));
         }
         let hub = self.ticket.hub().clone();
         let doing = tokio::spawn(async move {
-            answer(perform(order, &hub.run, hub.sim.as_ref()).await);
+            answer(perform(command, &hub.run, hub.sim.as_ref()).await);
         });
-        self.orders.push(AbortOnDropHandle::new(doing));
+        self.commands.push(AbortOnDropHandle::new(doing));
     }
 
     fn notice(&self, key: &'static str, name: String) {
         let _ = self
             .queues
-            .words
+            .messages
             .try_send(text(&ToPage::Notice { key, name }));
     }
 }
@@ -216,7 +216,7 @@ struct Writer {
     hub: Arc<Hub>,
     watched: watch::Receiver<Watch>,
     taken: watch::Receiver<u32>,
-    said: mpsc::Receiver<Utf8Bytes>,
+    outgoing: mpsc::Receiver<Utf8Bytes>,
     /// Number of frames sent.
     sent: u32,
 }
@@ -255,7 +255,7 @@ impl Writer {
             let watch = *self.watched.borrow();
             let ready = watch.camera && self.frames_under_way() < FRAMES;
             tokio::select! {
-                Some(words) = self.said.recv() => send(sink, Message::Text(words)).await?,
+                Some(message) = self.outgoing.recv() => send(sink, Message::Text(message)).await?,
                 changed = self.watched.changed() => {
                     changed.ok()?;
                     let watch = *self.watched.borrow_and_update();

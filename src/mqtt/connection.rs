@@ -16,9 +16,9 @@ use crate::config;
 /// Capacity of the queue to the broker.
 const MOST_WAITING: usize = 64;
 /// Capacity of the queue of received messages.
-const MOST_COMING: usize = 64;
+const MAX_RECEIVED: usize = 64;
 /// Maximum length of a received message (an order, a state, a birth message), in bytes.
-const LONGEST_COMING: usize = 64 << 10;
+const LONGEST_RECEIVED: usize = 64 << 10;
 /// Maximum length of a sent message (a picture), in bytes.
 pub(super) const LONGEST_SENT: usize = 1 << 20;
 /// Timeout for the connection, in seconds.
@@ -97,7 +97,7 @@ impl Connection {
         let mut options = MqttOptions::new(client, host, port);
         options.set_clean_session(true);
         options.set_keep_alive(account.options.keep_alive.get());
-        options.set_max_packet_size(LONGEST_COMING, LONGEST_SENT);
+        options.set_max_packet_size(LONGEST_RECEIVED, LONGEST_SENT);
         if let Some(user) = &account.options.user {
             options.set_credentials(user, account.password.clone().unwrap_or_default());
         }
@@ -116,7 +116,7 @@ impl Connection {
         let mut network = NetworkOptions::new();
         network.set_connection_timeout(CONNECTING);
         events.set_network_options(network);
-        let (sender, received) = mpsc::channel(MOST_COMING);
+        let (sender, received) = mpsc::channel(MAX_RECEIVED);
         let pump = tokio::spawn(pump(events, sender));
         Connection {
             client,

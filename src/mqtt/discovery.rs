@@ -149,20 +149,20 @@ mod tests {
     fn the_discovery_payload_is_exactly_the_golden_one() {
         let topics = Topics::new("spykee", "homeassistant", "SPYKEE0001");
         let behaviours = ["patrol".to_owned(), "guard".to_owned()];
-        let mut told = discovery(&topics, &robot(), &behaviours);
+        let mut payload = discovery(&topics, &robot(), &behaviours);
         // Changes with each release.
-        told["origin"]["sw_version"] = "0".into();
+        payload["origin"]["sw_version"] = "0".into();
         let golden: Value = serde_json::from_str(GOLDEN).unwrap();
-        let text = serde_json::to_string_pretty(&told).unwrap();
-        assert_eq!(told, golden, "{text}");
+        let text = serde_json::to_string_pretty(&payload).unwrap();
+        assert_eq!(payload, golden, "{text}");
         assert_eq!(topics.discovery(), "homeassistant/device/SPYKEE0001/config");
     }
 
     #[test]
     fn without_behaviours_there_is_no_select_entity() {
         let topics = Topics::new("spykee", "homeassistant", "SPYKEE0001");
-        let told = discovery(&topics, &robot(), &[]);
-        assert_eq!(told["components"]["behaviour"], Value::Null);
-        assert!(told["components"]["robot"].is_object());
+        let payload = discovery(&topics, &robot(), &[]);
+        assert_eq!(payload["components"]["behaviour"], Value::Null);
+        assert!(payload["components"]["robot"].is_object());
     }
 }

@@ -62,8 +62,11 @@ mod tests {
         let written = (0..10_000).filter(|_| log.take(&line, now).is_some());
         assert!((100..1000).contains(&written.count()));
         now += Duration::from_secs(3600);
-        let said = log.take(&line, now).unwrap();
-        assert!(said.contains("lines about the broker's messages"), "{said}");
+        let remark = log.take(&line, now).unwrap();
+        assert!(
+            remark.contains("lines about the broker's messages"),
+            "{remark}"
+        );
         assert_eq!(log.take(&line, now).as_deref(), Some(""));
     }
 }

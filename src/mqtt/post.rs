@@ -22,7 +22,7 @@ pub enum PostError {
     Connection(String),
     /// The broker did not confirm the message in time.
     #[error("the broker did not confirm it within {} s", .0.as_secs_f64())]
-    Silent(Duration),
+    TimedOut(Duration),
 }
 
 /// Publishes a message that is not retained, and waits until the broker confirms it. Blocks
@@ -44,9 +44,9 @@ pub fn publish(
     let runtime = Builder::new_current_thread().enable_all().build();
     let runtime = runtime.map_err(failed)?;
     let sent = runtime.block_on(async {
-        let silent = |_| PostError::Silent(limit);
+        let timed_out = |_| PostError::TimedOut(limit);
         let sending = send(account, topic, payload);
-        timeout(limit, sending).await.map_err(silent)?
+        timeout(limit, sending).await.map_err(timed_out)?
     });
     runtime.shutdown_timeout(END);
     sent

@@ -192,20 +192,23 @@ mod tests {
     #[test]
     fn the_activity_is_in_home_assistants_terms() {
         let report = Report::default();
-        let said = |status: Status, runs| {
+        let activity_of = |status: Status, runs| {
             let state = report.state(&status, &[member("patrol", runs)], None);
             state["state"].as_str().unwrap().to_owned()
         };
-        assert_eq!(said(Status::default(), true), "error");
-        assert_eq!(said(up(WatchdogState::Free), true), "cleaning");
-        assert_eq!(said(up(WatchdogState::Free), false), "idle");
-        assert_eq!(said(up(WatchdogState::LowGoingHome), true), "returning");
-        assert_eq!(said(up(WatchdogState::Alarm), true), "error");
+        assert_eq!(activity_of(Status::default(), true), "error");
+        assert_eq!(activity_of(up(WatchdogState::Free), true), "cleaning");
+        assert_eq!(activity_of(up(WatchdogState::Free), false), "idle");
+        assert_eq!(
+            activity_of(up(WatchdogState::LowGoingHome), true),
+            "returning"
+        );
+        assert_eq!(activity_of(up(WatchdogState::Alarm), true), "error");
         let docked = Status {
             docked: true,
             ..up(WatchdogState::Docked)
         };
-        assert_eq!(said(docked, true), "docked");
+        assert_eq!(activity_of(docked, true), "docked");
     }
 
     #[test]

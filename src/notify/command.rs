@@ -1,6 +1,6 @@
 //! Passes a notification to a program of the owner: the text on its standard input, the rest as
-//! arguments and in its environment. When it ends or the timeout has passed, it and all its
-//! descendants are killed.
+//! arguments and in its environment. When it ends or the timeout has passed, its whole process
+//! group is killed.
 
 use std::io::Write as _;
 use std::os::unix::process::CommandExt as _;
@@ -98,13 +98,13 @@ mod tests {
     #[test]
     fn it_gets_text_arguments_and_environment_without_a_shell() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("told");
+        let path = folder.path().join("output");
         let script = "{ cat; echo \"|$1|$SPYKEE_EVENT|$SPYKEE_PICTURE\"; } > \"$0\"";
         let words = ["sh", "-c", script, path.to_str().unwrap(), "{text} {robot}"];
         assert_eq!(run(&words, 10.0), Delivery::Done);
-        let told = std::fs::read_to_string(path).unwrap();
+        let output = std::fs::read_to_string(path).unwrap();
         assert_eq!(
-            told,
+            output,
             "a text; rm -rf *|a text; rm -rf * Rover|low|/data/1.jpg\n"
         );
     }
@@ -114,10 +114,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("pid");
         let script = "sleep 600 & echo $! > \"$0\"; wait";
-        let told = run(&["sh", "-c", script, path.to_str().unwrap()], 0.5);
+        let delivery = run(&["sh", "-c", script, path.to_str().unwrap()], 0.5);
         assert!(
-            matches!(&told, Delivery::Later(why) if why.contains("more than")),
-            "{told:?}"
+            matches!(&delivery, Delivery::Later(why) if why.contains("more than")),
+            "{delivery:?}"
         );
         let pid: i32 = std::fs::read_to_string(path)
             .unwrap()
@@ -143,10 +143,10 @@ mod tests {
     #[test]
     fn a_program_that_fails_or_is_missing_is_retried() {
         assert!(matches!(run(&["false"], 10.0), Delivery::Later(_)));
-        let told = run(&["/no/such/program"], 10.0);
+        let delivery = run(&["/no/such/program"], 10.0);
         assert!(
-            matches!(&told, Delivery::Later(why) if why.contains("cannot be started")),
-            "{told:?}"
+            matches!(&delivery, Delivery::Later(why) if why.contains("cannot be started")),
+            "{delivery:?}"
         );
     }
 }

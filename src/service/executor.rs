@@ -33,7 +33,7 @@ pub(super) struct Executor {
     duties: Duties,
     idle: IdleRobot,
     orders: Orders,
-    /// The behaviours that were running or loading at the last poll.
+    /// The behaviours that were not idle at the last poll.
     running: BTreeSet<String>,
     /// Permanent behaviours that were not started yet.
     waiting: BTreeSet<String>,
@@ -128,14 +128,14 @@ impl Executor {
         if let Some(action) = self.idle.poll(facts) {
             self.execute(action);
         }
-        self.keep_record();
+        self.save_record();
         self.publish_status(&status, now);
         let idle = self.idle.next_deadline().filter(|next| *next > at);
         let idle = idle.map_or(LONGEST, |next| next - at);
         self.planner.pause(now, at).min(idle).min(LONGEST)
     }
 
-    /// Returns the running behaviours, and informs the planner of those that have ended.
+    /// Returns the behaviours that are not idle, and informs the planner of those that have ended.
     fn update_running(&mut self) -> BTreeSet<String> {
         let members = self.members.borrow_and_update();
         let running = members.iter().filter(|one| one.state != MemberState::Idle);
@@ -200,12 +200,12 @@ impl Executor {
                 info!(behaviour = run, "its time is over");
                 self.orders.stop(run);
             }
-            Act::Report(told) => self.report_notice(&told),
+            Act::Report(notice) => self.report_notice(&notice),
         }
     }
 
-    fn report_notice(&self, told: &Notice) {
-        if let Some((run, reason)) = words::log_notice(told, &self.duties.table.zone) {
+    fn report_notice(&self, notice: &Notice) {
+        if let Some((run, reason)) = words::log_notice(notice, &self.duties.table.zone) {
             self.report_missed(run, reason.to_owned());
         }
     }
@@ -319,13 +319,13 @@ impl Executor {
         info!("the new settings are in effect");
     }
 
-    /// Writes the record when something starts or ends, not at each poll.
-    fn keep_record(&mut self) {
+    /// Writes the record when something starts or ends, and every hour; not at each poll.
+    fn save_record(&mut self) {
         let Some(file) = &self.listeners.file else {
             return;
         };
         let record = self.planner.record();
-        if is_news(self.last_record.as_ref(), &record) && file.keep(record.clone()) {
+        if is_news(self.last_record.as_ref(), &record) && file.save(record.clone()) {
             self.last_record = Some(record);
         }
     }

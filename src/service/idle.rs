@@ -174,7 +174,7 @@ mod tests {
         idle.docked(true, facts.now);
         facts.docked = true;
         assert_eq!(idle.poll(facts), Some(IdleAction::Release));
-        assert_eq!(idle.poll(facts), None, "said once");
+        assert_eq!(idle.poll(facts), None, "requested once");
         facts.link = LinkState::Released;
         facts.now += 1000 * MINUTE;
         assert_eq!(idle.poll(facts), None);

@@ -3,8 +3,8 @@
 //! journal, broker and page work beside it, through the agent's handles.
 //!
 //! Nothing here runs on the driving core: a service that hangs does not affect the watchdog, the
-//! running behaviours and their ends, or the watchdog notifications to systemd (see
-//! [`ManagerNotifier`]).
+//! running behaviours and their ends. systemd notices it, because the heartbeats are then no longer
+//! forwarded (see [`ManagerNotifier::pass_on`]).
 
 mod executor;
 mod idle;

@@ -54,7 +54,7 @@ impl RecordFile {
 
     /// Queues a record to be written; returns whether it was accepted. Does not wait for the disk:
     /// if the queue is full, the record is dropped, and the caller has to pass it again.
-    pub(super) fn keep(&self, record: Record) -> bool {
+    pub(super) fn save(&self, record: Record) -> bool {
         match &self.0 {
             Writer::Thread(records) => records.try_send(record).is_ok(),
             Writer::Here(disk) => disk.write(&record),
@@ -172,7 +172,7 @@ mod tests {
                 until: Some(9),
             }],
         };
-        assert!(file.unwrap().keep(record.clone()));
+        assert!(file.unwrap().save(record.clone()));
         let path = home.path().join(NAME);
         while !path.exists() {
             std::thread::yield_now();
@@ -190,7 +190,7 @@ mod tests {
             looked: Some(8),
             under_way: Vec::new(),
         };
-        assert!(file.unwrap().keep(record.clone()));
+        assert!(file.unwrap().save(record.clone()));
         assert_eq!(RecordFile::open_in_lab(home.path()).0, record);
     }
 
@@ -201,8 +201,8 @@ mod tests {
         // A folder in the file's place takes no record.
         std::fs::create_dir(home.path().join(NAME)).unwrap();
         let file = file.unwrap();
-        assert!(!file.keep(Record::default()));
+        assert!(!file.save(Record::default()));
         std::fs::remove_dir(home.path().join(NAME)).unwrap();
-        assert!(file.keep(Record::default()));
+        assert!(file.save(Record::default()));
     }
 }

@@ -12,9 +12,9 @@ use crate::timetable::Notice;
 
 /// Logs a notice of the timetable. For a start that did not happen, returns the behaviour and the
 /// reason.
-pub(super) fn log_notice<'a>(told: &'a Notice, zone: &Zone) -> Option<(&'a str, &'static str)> {
+pub(super) fn log_notice<'a>(notice: &'a Notice, zone: &Zone) -> Option<(&'a str, &'static str)> {
     let time = |at: &Timestamp| clock::words(&zone.time(*at));
-    match told {
+    match notice {
         Notice::Missed {
             run,
             planned,
@@ -33,9 +33,9 @@ pub(super) fn log_notice<'a>(told: &'a Notice, zone: &Zone) -> Option<(&'a str, 
             let planned = time(planned);
             warn!(
                 behaviour = run,
-                "a start was missed: no robot was there; it was planned for {planned}"
+                "a start was missed: no robot was connected; it was planned for {planned}"
             );
-            Some((run.as_str(), "no robot was there"))
+            Some((run.as_str(), "no robot was connected"))
         }
         Notice::Overlap { run, planned } => {
             let planned = time(planned);

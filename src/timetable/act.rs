@@ -35,7 +35,7 @@ pub enum Notice {
     Missed {
         /// The behaviour.
         run: String,
-        /// The planned time of the latest missed start.
+        /// The planned time of the latest start, which is missed or made up for.
         planned: Timestamp,
         /// The number of missed starts.
         count: usize,

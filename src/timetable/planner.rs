@@ -251,12 +251,12 @@ impl Planner {
             let count = missed + usize::from(late_too);
             if count > 0 {
                 let (run, planned) = (run.clone(), planned);
-                let told = Notice::Missed {
+                let notice = Notice::Missed {
                     run,
                     planned,
                     count,
                 };
-                acts.push(Act::Report(told));
+                acts.push(Act::Report(notice));
             }
             if !late_too {
                 self.due.push(Due {

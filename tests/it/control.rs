@@ -98,11 +98,7 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
         (Some(3), true),
         "{text}"
     );
-    assert_eq!(
-        rig.sim.state().user,
-        user,
-        "the run's own link all the while"
-    );
+    assert_eq!(rig.sim.state().user, user, "the run has lost its link");
     assert!(
         run.text().matches("connected").count() == 1,
         "{}",
@@ -167,7 +163,7 @@ async fn stop_stops_what_a_run_drives_and_ends_the_run() {
         "{text}"
     );
     let sockets = rig.folder().join("spykee-data/.run");
-    assert!(!sockets.exists(), "nothing is left behind");
+    assert!(!sockets.exists(), "the folder of the sockets is left");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -261,7 +261,10 @@ async fn the_last_stop_arrives_through_an_outage_with_the_camera_on() {
     for script in [LOOKS, TALKS] {
         for outage in OUTAGES {
             let (arrived, said) = stage.stop_arrives(script, outage).await;
-            assert!(arrived, "outage of {outage:?}: no stop was heard\n{said}");
+            assert!(
+                arrived,
+                "outage of {outage:?}: no stop was received\n{said}"
+            );
             assert!(said.contains("has acknowledged the stop"), "{said}");
         }
     }

@@ -138,7 +138,7 @@ fn a_stuck_script_is_ended_with_reason_cpu_and_the_tracks_stop() {
     assert!(ended.text.contains("stuck.lua:1"), "{ended:?}");
     assert!(
         ended.at < Duration::from_secs(2),
-        "time did not stand still: {ended:?}"
+        "virtual time passed meanwhile: {ended:?}"
     );
 }
 
@@ -197,7 +197,7 @@ async fn recorded(rig: &Rig, script: &Path, name: &str) -> String {
 #[tokio::test]
 async fn the_command_writes_the_same_events_for_the_same_seed() {
     let rig = Rig::quiet().await;
-    // This line contains only an address, which differs from run to run.
+    // Also print values whose only text form is an address: it must not appear in the events.
     let script = rig.file("wanders.lua", &format!("print({{}}, print)\n{WANDERS}"));
     let first = recorded(&rig, &script, "first.jsonl").await;
     assert!(first.lines().count() > 100, "{first}");

@@ -14,13 +14,13 @@ use tokio::time::timeout;
 
 use super::sim::*;
 
-/// A pipe that keeps the robot's writes separate.
-struct Noted {
+/// A pipe that records each write of the robot separately.
+struct RecordingPipe {
     pipe: DuplexStream,
     writes: Arc<Mutex<Vec<Vec<u8>>>>,
 }
 
-impl AsyncRead for Noted {
+impl AsyncRead for RecordingPipe {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -30,7 +30,7 @@ impl AsyncRead for Noted {
     }
 }
 
-impl AsyncWrite for Noted {
+impl AsyncWrite for RecordingPipe {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -57,7 +57,7 @@ async fn each_message_is_a_separate_write() {
     let handle = detached(playpen(), spykee::sim::Firmware::default());
     let (stream, pipe) = tokio::io::duplex(64 * 1024);
     let writes = Arc::<Mutex<Vec<Vec<u8>>>>::default();
-    handle.connect(Noted {
+    handle.connect(RecordingPipe {
         pipe,
         writes: writes.clone(),
     });
@@ -169,7 +169,7 @@ async fn frames_are_compressed_as_genuine_ones_are() {
 #[test]
 fn bearings_are_within_a_degree_all_over_the_picture() {
     let camera = spykee::vision::Camera::default();
-    let mut eyes = spykee::vision::FrameAnalyser::new(camera);
+    let mut analyser = spykee::vision::FrameAnalyser::new(camera);
     let red = spykee::vision::Colour::named("red").unwrap();
     let mut seen = 0;
     for step in 0..72 {
@@ -202,7 +202,7 @@ fn bearings_are_within_a_degree_all_over_the_picture() {
             };
             let options = spykee::vision::BlobOptions::default();
             let key = (step * 2) as u64 + u64::from(away > 1.0);
-            let blobs = eyes.find_blobs(key, &jpeg, &[red], &options).unwrap();
+            let blobs = analyser.find_blobs(key, &jpeg, &[red], &options).unwrap();
             // At the border only a part of it is visible.
             if let Some(ball) = blobs.first().filter(|ball| !ball.edge) {
                 let off = ball.bearing.to_degrees() - degrees;

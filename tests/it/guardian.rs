@@ -292,7 +292,7 @@ async fn the_guardian_inherits_no_descriptors_of_the_run() {
     };
     let pid = Pid::from_child(&agent);
     let guardian = crate::rig::guardian_of(pid).unwrap();
-    assert!(holds(pid), "the test gives it nothing");
+    assert!(holds(pid), "the agent did not inherit it");
     assert!(!holds(guardian));
     agent.kill().unwrap();
     agent.wait().unwrap();

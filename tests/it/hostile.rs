@@ -204,10 +204,10 @@ impl Round {
         self.promise(attack.may_end(&reason), || {
             format!("{name}: ended with {reason}: {message}")
         });
-        self.promise(!message.is_empty(), || format!("{name}: no words"));
+        self.promise(!message.is_empty(), || format!("{name}: no message"));
         self.reasons.insert(reason);
         let gone = gone(host).await;
-        self.promise(gone, || format!("{name}: its host lives on"));
+        self.promise(gone, || format!("{name}: its host is still running"));
         // A host may be so slow that its motion is stopped for silence before it attacks; it then
         // drives on.
         let commands = self.rig.commands(stop);
@@ -305,12 +305,12 @@ async fn run_attacks(ending: &str) {
         attacks.len()
     );
     round.promise(gap <= at_most(LONGEST_GAP), || {
-        format!("the behaviour beside fell silent for {gap:?}")
+        format!("the well-behaved behaviour was silent for {gap:?}")
     });
     let due = took.as_millis() / BEAT.as_millis();
     let kept = beats as u128 * 100 >= due * BEATS_KEPT;
     round.promise(kept || !times_count(), || {
-        format!("the behaviour beside kept {beats} of {due} beats")
+        format!("the well-behaved behaviour kept {beats} of {due} beats")
     });
     round.promise(growth <= GROWTH_KIB, || {
         format!("the agent grew by {growth} KiB")

@@ -71,7 +71,7 @@ async fn a_config_found_in_the_current_folder_sends_no_private_file_to_its_robot
         assert!(!said.contains(SECRET), "{said}");
         assert!(
             attacker.accept().is_err(),
-            "the robot of the config was called"
+            "the robot of the config was contacted"
         );
     }
 }

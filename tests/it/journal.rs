@@ -87,7 +87,7 @@ async fn killed_at_any_moment_the_journal_is_whole_and_lacks_at_most_the_last_se
             };
             let kept = number(&connection, &of("max(json_extract(data, '$.data.n'))"));
             let whole = number(&connection, &of("count(*)"));
-            assert_eq!(kept, whole, "kill {kill}: none in between is missing");
+            assert_eq!(kept, whole, "kill {kill}: an entry in between is missing");
             kept
         });
         // Fifty ticks take at least a second.
@@ -118,7 +118,7 @@ async fn a_stalled_disk_does_not_affect_driving_and_no_entry_is_lost() {
     assert_eq!(
         number(&holder, "SELECT count(*) FROM event"),
         stuck,
-        "the disk takes nothing"
+        "the journal was written nevertheless"
     );
     holder.execute_batch("COMMIT").unwrap();
     assert_eq!(run.code().await, Some(0), "{}", run.text());

@@ -9,26 +9,26 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// An exit code and what was written to stdout and stderr.
-struct Said {
+struct Output {
     code: Option<i32>,
     out: String,
     error: String,
 }
 
-impl Said {
+impl Output {
     fn json(&self) -> Value {
         serde_json::from_str(&self.out).unwrap_or_else(|_| panic!("{}{}", self.out, self.error))
     }
 }
 
-fn spykee(folder: &Path, args: &[&str]) -> Said {
+fn spykee(folder: &Path, args: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
     for variable in ["RUST_LOG", "NO_COLOR", "RUST_BACKTRACE", "SPYKEE_CONFIG"] {
         command.env_remove(variable);
     }
     let command = command.args(args).current_dir(folder).stdin(Stdio::null());
     let output = command.output().unwrap();
-    Said {
+    Output {
         code: output.status.code(),
         out: String::from_utf8(output.stdout).unwrap(),
         error: String::from_utf8(output.stderr).unwrap(),
@@ -45,7 +45,7 @@ impl Learner {
         Learner(folder)
     }
 
-    fn checks(&self, args: &[&str]) -> Said {
+    fn checks(&self, args: &[&str]) -> Output {
         spykee(
             self.0.path(),
             &[&["lesson", "check", "mine.lua"], args].concat(),

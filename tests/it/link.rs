@@ -94,7 +94,7 @@ async fn nothing_is_sent_before_power_and_the_first_command_is_a_stop() {
     let mut robot = answer(listener, ACCEPTED).await;
     let mut byte = [0];
     let heard = tokio::time::timeout(Duration::from_millis(200), robot.read(&mut byte)).await;
-    assert!(heard.is_err(), "spoke before POWER");
+    assert!(heard.is_err(), "bytes were sent before POWER");
     robot.write_all(POWER_80).await.unwrap();
     let mut session = connecting.await.unwrap().unwrap();
     expect(&mut robot, STOP).await;
@@ -386,7 +386,7 @@ async fn a_flood_of_reports_does_not_starve_timers() {
 }
 
 /// Bytes that begin like a robot's and then become invalid, or are invalid from the start.
-fn astray(rng: &mut StdRng) -> Vec<u8> {
+fn invalid_bytes(rng: &mut StdRng) -> Vec<u8> {
     let length = rng.random_range(0..60);
     let mut bytes: Vec<u8> = match rng.random_range(0..4) {
         0 => Vec::new(),
@@ -409,7 +409,7 @@ async fn two_hundred_thousand_strings_of_garbage_neither_panic_nor_hang() {
     let mut rng = StdRng::seed_from_u64(0x5bee);
     let (mut sessions, mut reports, mut framing) = (0, 0, 0);
     for _ in 0..200_000 {
-        let robot = io::Cursor::new(astray(&mut rng));
+        let robot = io::Cursor::new(invalid_bytes(&mut rng));
         let options = Options::default();
         let opened = link::open(
             robot,

@@ -12,7 +12,7 @@ use spykee::wire::{Command, Engage, Led};
 use tokio::time::{sleep, timeout};
 
 pub use self::browser::get;
-use self::browser::{Heard, Page, address, ask};
+use self::browser::{Page, Received, address, ask};
 use crate::rig::{Rig, Run, WAIT_LIMIT, moves};
 
 const IDLE: &str = "task.wait(600)";
@@ -50,10 +50,10 @@ async fn post(address: &str, path: &str, headers: &str, body: Value) -> (u16, St
 /// journal.
 async fn drive_by_hand(rig: &Rig, page: &mut Page) -> usize {
     let from = rig.sim.heard_count();
-    page.say("{\"type\":\"wheel\",\"take\":true}").await;
+    page.send_text("{\"type\":\"wheel\",\"take\":true}").await;
     page.until("state", |state| !state["driver"].is_null())
         .await;
-    page.say("{\"type\":\"drive\",\"left\":40,\"right\":40}")
+    page.send_text("{\"type\":\"drive\",\"left\":40,\"right\":40}")
         .await;
     rig.heard_motion(from).await
 }
@@ -159,7 +159,7 @@ async fn each_password_and_token_has_the_rights_of_its_role() {
     rig.heard_stop(from).await;
     assert_eq!(post(&at, "/api/let-go", &viewer, json!({})).await.0, 403);
     let mut page = Page::open(&at, &viewer).await.unwrap();
-    page.say("{\"type\":\"wheel\",\"take\":true}").await;
+    page.send_text("{\"type\":\"wheel\",\"take\":true}").await;
     page.until("notice", |notice| notice["key"] == "viewer_only")
         .await;
     // A password session lasts until the logout.
@@ -207,16 +207,16 @@ async fn a_setpoint_that_is_not_renewed_expires_and_the_next_one_drives_again() 
     assert!(lived < Duration::from_secs(2), "{lived:?}");
     stays_still(&rig, stopped).await;
     for _ in 0..10 {
-        page.say("{\"type\":\"drive\",\"left\":-30,\"right\":30}")
+        page.send_text("{\"type\":\"drive\",\"left\":-30,\"right\":30}")
             .await;
         sleep(Duration::from_millis(50)).await;
     }
     let again = rig.heard_motion(stopped).await;
-    page.say("{\"type\":\"wheel\",\"take\":false}").await;
+    page.send_text("{\"type\":\"wheel\",\"take\":false}").await;
     rig.heard_stop(again).await;
     // Without the wheel, a page moves nothing.
     let from = rig.sim.heard_count();
-    page.say("{\"type\":\"drive\",\"left\":40,\"right\":40}")
+    page.send_text("{\"type\":\"drive\",\"left\":40,\"right\":40}")
         .await;
     stays_still(&rig, from).await;
 }
@@ -226,12 +226,12 @@ async fn invalid_numbers_move_nothing() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;
     let mut page = open(&at).await;
-    page.say("{\"type\":\"wheel\",\"take\":true}").await;
+    page.send_text("{\"type\":\"wheel\",\"take\":true}").await;
     page.until("state", |state| !state["driver"].is_null())
         .await;
     let from = rig.sim.heard_count();
     for wrong in ["1e999", "101", "-1e9", "\"40\"", "null"] {
-        page.say(&format!(
+        page.send_text(&format!(
             "{{\"type\":\"drive\",\"left\":{wrong},\"right\":40}}"
         ))
         .await;
@@ -259,11 +259,12 @@ async fn one_page_drives_and_the_others_see_who() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;
     let (mut anna, mut ben) = (open(&at).await, open(&at).await);
-    anna.say("{\"type\":\"name\",\"name\":\"Anna\"}").await;
+    anna.send_text("{\"type\":\"name\",\"name\":\"Anna\"}")
+        .await;
     drive_by_hand(&rig, &mut anna).await;
     ben.until("state", |state| state["driver"]["name"] == "Anna")
         .await;
-    ben.say("{\"type\":\"wheel\",\"take\":true}").await;
+    ben.send_text("{\"type\":\"wheel\",\"take\":true}").await;
     let notice = ben
         .until("notice", |notice| notice["key"] == "wheel_taken")
         .await;
@@ -280,11 +281,11 @@ async fn stop_blocks_all_motion_until_it_is_released() {
     let mut page = open(&at).await;
     rig.heard_motion(0).await;
     let from = rig.sim.heard_count();
-    page.say("{\"type\":\"stop\"}").await;
+    page.send_text("{\"type\":\"stop\"}").await;
     page.until("state", |state| state["halted"] == true).await;
     let stopped = rig.heard_stop(from).await;
     stays_still(&rig, stopped).await;
-    page.say("{\"type\":\"wheel\",\"take\":true}").await;
+    page.send_text("{\"type\":\"wheel\",\"take\":true}").await;
     page.until("notice", |notice| notice["key"] == "wheel_halted")
         .await;
     // It also holds while no page is open.
@@ -334,7 +335,7 @@ async fn behaviours_are_ended_and_started_and_their_scripts_are_shown() {
     let mut page = open(&at).await;
     let state = |wanted: &'static str| move |said: &Value| said["list"][0]["state"] == wanted;
     page.until("behaviours", state("running")).await;
-    page.say("{\"type\":\"order\",\"id\":7,\"order\":{\"do\":\"behaviour\",\"name\":\"script\",\"change\":\"stop\"}}").await;
+    page.send_text("{\"type\":\"order\",\"id\":7,\"order\":{\"do\":\"behaviour\",\"name\":\"script\",\"change\":\"stop\"}}").await;
     let answer = page.until("answer", |answer| answer["id"] == 7).await;
     assert_eq!(answer["ok"], true, "{answer}");
     page.until("behaviours", state("idle")).await;
@@ -420,7 +421,7 @@ async fn frames_findings_and_log_reach_the_page() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, &format!("log.warn('<b>hostile</b>') {LOOK}"), &[]).await;
     let mut page = open(&at).await;
-    page.say("{\"type\":\"watch\",\"camera\":true,\"found\":true,\"log\":true}")
+    page.send_text("{\"type\":\"watch\",\"camera\":true,\"found\":true,\"log\":true}")
         .await;
     let log = page
         .until("log", |log| log["lines"].to_string().contains("hostile"))
@@ -437,9 +438,9 @@ async fn frames_findings_and_log_reach_the_page() {
     let mut frames = 0;
     let seen = async {
         while frames < 5 {
-            if let Heard::Frame(frame) = page.hear().await {
+            if let Received::Frame(frame) = page.receive().await {
                 spykee::vision::validate_markers(&frame[8..]).unwrap();
-                page.say("{\"type\":\"taken\"}").await;
+                page.send_text("{\"type\":\"taken\"}").await;
                 frames += 1;
             }
         }
@@ -458,22 +459,22 @@ async fn the_number_of_viewers_is_limited_and_one_that_never_reads_is_disconnect
     rig.heard_motion(0).await;
     let from = rig.sim.heard_count();
     let mut slow = Page::open(&at, "").await.unwrap();
-    slow.say("{\"type\":\"watch\",\"camera\":true,\"log\":true}")
+    slow.send_text("{\"type\":\"watch\",\"camera\":true,\"log\":true}")
         .await;
     let mut good = open(&at).await;
     assert_eq!(Page::open(&at, "").await.err(), Some(503));
-    good.say("{\"type\":\"watch\",\"camera\":true}").await;
+    good.send_text("{\"type\":\"watch\",\"camera\":true}").await;
     let mut frames = 0;
     let alone = async {
         loop {
-            match good.hear().await {
-                Heard::Frame(_) => {
+            match good.receive().await {
+                Received::Frame(_) => {
                     frames += 1;
-                    good.say("{\"type\":\"taken\"}").await;
+                    good.send_text("{\"type\":\"taken\"}").await;
                 }
-                Heard::Text(state) if state["viewers"] == 1 => return,
-                Heard::Text(_) => {}
-                Heard::Closed => panic!("the good connection is closed"),
+                Received::Text(state) if state["viewers"] == 1 => return,
+                Received::Text(_) => {}
+                Received::Closed => panic!("the good connection is closed"),
             }
         }
     };
@@ -505,11 +506,11 @@ async fn invalid_messages_end_only_their_own_connection() {
     }
     let mut flood = Page::open(&at, "").await.unwrap();
     for _ in 0..1000 {
-        flood.say("{\"type\":\"taken\"}").await;
+        flood.send_text("{\"type\":\"taken\"}").await;
     }
     flood.closed().await;
     let mut odd = Page::open(&at, "").await.unwrap();
-    odd.say("{\"type\":\"drive\"}").await;
+    odd.send_text("{\"type\":\"drive\"}").await;
     odd.until("notice", |notice| notice["key"] == "nonsense")
         .await;
     for bytes in [
@@ -527,10 +528,10 @@ async fn invalid_messages_end_only_their_own_connection() {
 async fn metrics_and_the_description_of_the_api_are_served() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;
-    let (status, figures) = get(&at, "/metrics").await;
+    let (status, metrics) = get(&at, "/metrics").await;
     assert_eq!(status, 200);
     for line in ["spykee_battery_percent 90", "spykee_link_up 1", "# EOF"] {
-        assert!(figures.contains(line), "{line}: {figures}");
+        assert!(metrics.contains(line), "{line}: {metrics}");
     }
     let (_, document) = get(&at, "/api/openapi.json").await;
     let document: Value = serde_json::from_str(&document).unwrap();

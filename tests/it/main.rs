@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 mod behaviours;
+mod blobs_and_learn;
 mod bus;
 mod calibrate;
 mod check;
@@ -11,10 +12,8 @@ mod clock;
 mod config;
 mod control;
 mod delivery;
-mod distress;
 mod doctor;
 mod explore;
-mod eyes;
 mod fast;
 mod faults;
 mod firmware;
@@ -33,6 +32,7 @@ mod live;
 mod metrics;
 mod month;
 mod mqtt;
+mod nearly_empty;
 mod new;
 mod notify;
 mod outages;

@@ -14,7 +14,7 @@ use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
 
 /// The metrics of a robot that was driven by its camera, sent home by a person, and then by the
 /// watchdog.
-async fn figures() -> (Rig, Run, String) {
+async fn metrics() -> (Rig, Run, String) {
     let world = QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }\n", "");
     let rig = Rig::new(&world, spykee::sim::Firmware::default()).await;
     let script = "print(robot.dock()) robot.undock() local power = 20
@@ -45,7 +45,7 @@ async fn figures() -> (Rig, Run, String) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_metrics_are_valid_openmetrics() {
-    let (_rig, _run, text) = figures().await;
+    let (_rig, _run, text) = metrics().await;
     let families = read(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     let family = |name: &str| {
         families
@@ -95,12 +95,12 @@ async fn the_metrics_are_valid_openmetrics() {
 
 /// Converts to Prometheus's older format, which `promtool` reads: there, the `HELP` and `TYPE`
 /// lines of a counter also have its name with `_total`.
-fn in_the_older_format(figures: &str) -> String {
-    let counters: Vec<&str> = figures
+fn in_the_older_format(metrics: &str) -> String {
+    let counters: Vec<&str> = metrics
         .lines()
         .filter_map(|line| line.strip_prefix("# TYPE ")?.strip_suffix(" counter"))
         .collect();
-    let lines = figures
+    let lines = metrics
         .lines()
         .filter(|line| !line.starts_with("# UNIT") && *line != "# EOF");
     let about = |line: &str| {
@@ -130,8 +130,8 @@ async fn promtool_accepts_the_metrics() {
         eprintln!("skipped: promtool is not installed (Debian's package prometheus)");
         return;
     };
-    let (_rig, _run, figures) = figures().await;
-    let text = in_the_older_format(&figures);
+    let (_rig, _run, metrics) = metrics().await;
+    let text = in_the_older_format(&metrics);
     promtool
         .stdin
         .take()

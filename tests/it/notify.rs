@@ -13,12 +13,12 @@ use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
 
 /// A request as it arrived.
 #[derive(Debug, Clone)]
-struct Asked {
+struct ReceivedRequest {
     head: String,
     body: Vec<u8>,
 }
 
-impl Asked {
+impl ReceivedRequest {
     fn text(&self) -> String {
         String::from_utf8_lossy(&self.body).into_owned()
     }
@@ -28,7 +28,7 @@ impl Asked {
 /// no answer.
 pub struct Webhook {
     pub address: String,
-    asked: Arc<Mutex<Vec<Asked>>>,
+    asked: Arc<Mutex<Vec<ReceivedRequest>>>,
 }
 
 impl Webhook {
@@ -48,7 +48,8 @@ impl Webhook {
                     continue;
                 };
                 let count = {
-                    let mut asked: std::sync::MutexGuard<'_, Vec<Asked>> = kept.lock().unwrap();
+                    let mut asked: std::sync::MutexGuard<'_, Vec<ReceivedRequest>> =
+                        kept.lock().unwrap();
                     asked.push(one);
                     asked.len()
                 };
@@ -67,12 +68,12 @@ impl Webhook {
         Webhook { address, asked }
     }
 
-    fn asked(&self) -> Vec<Asked> {
+    fn asked(&self) -> Vec<ReceivedRequest> {
         self.asked.lock().unwrap().clone()
     }
 
     /// Waits for this many requests.
-    async fn wait(&self, count: usize) -> Vec<Asked> {
+    async fn wait(&self, count: usize) -> Vec<ReceivedRequest> {
         let until = Instant::now() + WAIT_LIMIT;
         while self.asked().len() < count {
             assert!(Instant::now() < until, "instead: {:?}", self.asked());
@@ -82,7 +83,7 @@ impl Webhook {
     }
 }
 
-fn read(reader: &mut impl BufRead) -> Option<Asked> {
+fn read(reader: &mut impl BufRead) -> Option<ReceivedRequest> {
     let mut head = String::new();
     loop {
         let mut line = String::new();
@@ -105,7 +106,7 @@ fn read(reader: &mut impl BufRead) -> Option<Asked> {
             .unwrap_or(0)
     ];
     reader.read_exact(&mut body).ok()?;
-    Some(Asked { head, body })
+    Some(ReceivedRequest { head, body })
 }
 
 fn secret(rig: &Rig, text: &str) {
@@ -216,7 +217,7 @@ async fn a_webhook_that_hangs_delays_neither_the_robot_nor_other_targets_nor_the
     }
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130));
-    assert_eq!(waiting(&rig, "phone"), 1, "it is kept");
+    assert_eq!(waiting(&rig, "phone"), 1, "the message is not in the queue");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -249,7 +249,7 @@ async fn the_service_tries_until_an_unreachable_robot_is_back_and_the_history_sh
     assert_eq!(
         rig.commands(first)[0],
         Command::STOP,
-        "first of all it stops"
+        "the first command is not a stop"
     );
     rig.heard_motion(back).await;
     run.signal(Signal::TERM);

@@ -164,7 +164,11 @@ async fn a_behaviour_without_a_sign_of_life_is_stopped_and_ended() {
         })
         .await;
     sleep(Duration::from_millis(300)).await;
-    assert_eq!(rig.commands(index), [], "nothing that is dead is heard");
+    assert_eq!(
+        rig.commands(index),
+        [],
+        "an ended behaviour is still obeyed"
+    );
 }
 
 #[tokio::test(flavor = "multi_thread")]

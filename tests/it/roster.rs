@@ -46,7 +46,10 @@ async fn a_behaviour_stops_and_starts_by_name_while_another_continues() {
         [pair("idle", "running"), pair("drive", "idle")]
     );
     let after = rig.sim.heard_count();
-    assert!(!rig.commands(stopped).iter().any(moves), "it stands");
+    assert!(
+        !rig.commands(stopped).iter().any(moves),
+        "the robot still moves"
+    );
     let (code, text) = run_spykee(&rig, &["behaviour", "start", "drive"]).await;
     assert_eq!(code, Some(0), "{text}");
     rig.heard_motion(after).await;

@@ -369,13 +369,16 @@ async fn after_a_lost_link_the_first_command_is_a_stop() {
         .await
         .expect("it does not drive again");
     let heard = rig.sim.heard_since(moving);
-    let anew: Vec<&Command> = heard
+    let second_session: Vec<&Command> = heard
         .iter()
         .filter(|heard| heard.client > first)
         .map(|heard| &heard.command)
         .collect();
-    assert!(matches!(anew[0], Command::Login(_)), "{anew:?}");
-    assert_eq!(anew[1], &Command::STOP, "{anew:?}");
+    assert!(
+        matches!(second_session[0], Command::Login(_)),
+        "{second_session:?}"
+    );
+    assert_eq!(second_session[1], &Command::STOP, "{second_session:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

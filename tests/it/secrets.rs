@@ -35,7 +35,7 @@ fn said(mut process: Process) -> String {
 fn assert_silent(what: &str, text: &str) {
     assert!(
         !text.contains(PASSWORD),
-        "{what} tells the password:\n{text}"
+        "{what} contains the password:\n{text}"
     );
 }
 
@@ -82,7 +82,7 @@ async fn the_password_is_in_no_output_at_the_finest_level() {
             }),
         );
         let text = text.await.unwrap().unwrap();
-        assert!(!text.is_empty(), "{args:?} says nothing");
+        assert!(!text.is_empty(), "{args:?} prints nothing");
         assert_silent(&format!("{args:?}"), &text);
     }
 }

@@ -12,30 +12,30 @@ use spykee::wire::{Command, EngineReport, Power};
 use tokio::time::Instant;
 
 /// An event between two messages, as `tests/fuzz/targets/messages.rs` decodes it from a byte.
-enum Happens {
+enum StepEvent {
     NotFound,
     Percent(u8),
     /// This many milliseconds pass: a power of two.
     Passes(u32),
 }
 
-impl Happens {
+impl StepEvent {
     fn byte(&self) -> u8 {
         match self {
-            Happens::NotFound => 8 << 3,
-            Happens::Percent(percent) => (percent / 4) << 3 | 1,
-            Happens::Passes(millis) => (millis.trailing_zeros() as u8) << 3 | 4,
+            StepEvent::NotFound => 8 << 3,
+            StepEvent::Percent(percent) => (percent / 4) << 3 | 1,
+            StepEvent::Passes(millis) => (millis.trailing_zeros() as u8) << 3 | 4,
         }
     }
 
-    fn tell(&self, dog: &mut Watchdog, now: &mut Instant) -> Vec<Act> {
+    fn apply(&self, dog: &mut Watchdog, now: &mut Instant) -> Vec<Act> {
         match self {
-            Happens::NotFound => dog.take(Fact::Engine(EngineReport::BaseNotFound), *now),
-            Happens::Percent(percent) => {
+            StepEvent::NotFound => dog.take(Fact::Engine(EngineReport::BaseNotFound), *now),
+            StepEvent::Percent(percent) => {
                 let (percent, charging) = (*percent, false);
                 dog.take(Fact::Power(Power { percent, charging }), *now)
             }
-            Happens::Passes(millis) => {
+            StepEvent::Passes(millis) => {
                 *now += Duration::from_millis((*millis).into());
                 dog.tick(*now)
             }
@@ -45,8 +45,8 @@ impl Happens {
 
 /// A script that wants to drive, on a robot whose battery becomes low and whose searches fail; the
 /// watchdog moves it between them.
-fn leg_of_a_low_robot() -> Vec<(FromHost, Happens)> {
-    use Happens::{NotFound, Passes, Percent};
+fn leg_of_a_low_robot() -> Vec<(FromHost, StepEvent)> {
+    use StepEvent::{NotFound, Passes, Percent};
     let happens = [
         Percent(20),
         Passes(1024),
@@ -80,7 +80,7 @@ fn the_seed_of_a_low_robots_leg_is_in_the_current_message_format() {
     if std::env::var_os("RENEW_SEEDS").is_some() {
         std::fs::write(&seed, &bytes).unwrap();
     }
-    let stale = "RENEW_SEEDS=1 cargo test seeds writes it anew";
+    let stale = "RENEW_SEEDS=1 cargo test seeds writes it again";
     assert!(std::fs::read(&seed).unwrap() == bytes, "{stale}");
 }
 
@@ -94,7 +94,7 @@ fn in_the_seed_of_a_low_robots_leg_the_watchdog_drives_one() {
     dog.take(Fact::LinkUp { docked, power }, now);
     let mut commands = Vec::new();
     for (_, happens) in leg_of_a_low_robot() {
-        let acts = happens.tell(&mut dog, &mut now);
+        let acts = happens.apply(&mut dog, &mut now);
         commands.extend(acts.iter().filter_map(Act::command));
     }
     let drives = |command: &Command| matches!(command, Command::Move { left, right } if (*left, *right) != (0, 0));

@@ -107,7 +107,7 @@ fn a_robot_that_reads_at_the_rate_of_speech_receives_stop_and_search_in_time() {
         let heard = heard_of(&scripts, Some(32_000), SECOND * seconds);
         for command in [Command::STOP, Command::Engine(Engage::Dock)] {
             let late = lateness(&heard, &command);
-            assert!(late < 0.5, "{command:?} came {late} s late");
+            assert!(late < 0.5, "{command:?} arrived {late} s late");
         }
     }
 }
@@ -179,11 +179,11 @@ fn a_robot_that_acknowledges_but_sends_nothing_is_reconnected() {
         lab.sim().mute(true);
         let lost = status.wait_for(|status| status.link != LinkState::Up);
         let lost = tokio::time::timeout(SECOND * 100, lost).await.is_ok();
-        assert!(lost, "a dumb robot is not noticed");
+        assert!(lost, "the silent robot is not detected");
         lab.sim().mute(false);
         let up = status.wait_for(|status| status.link == LinkState::Up);
         let up = tokio::time::timeout(SECOND * 100, up).await.is_ok();
-        assert!(up, "not dialled anew");
+        assert!(up, "not connected again");
     })
     .unwrap();
 }

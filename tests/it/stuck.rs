@@ -103,9 +103,9 @@ fn close_to_a_uniform_wall_the_distance_driven_tells() {
     let (told, end) = play(PLAIN, far, &moves("robot.forward(3, 0.2)"), 1);
     let (seconds, code) = seconds_and_code(&told);
     assert!(code == "blocked", "{told:?}, {end:?}");
-    assert!(end.x > 3.84, "not before it was there: {end:?}");
+    assert!(end.x > 3.84, "stopped before the wall: {end:?}");
     let pushed = 0.2 * seconds - (end.x - far.x);
-    assert!(pushed < 0.25, "{pushed} m for nothing: {told:?}");
+    assert!(pushed < 0.25, "it pushed for {pushed} m: {told:?}");
 }
 
 #[test]
@@ -116,7 +116,7 @@ fn close_to_a_wall_its_last_stripe_tells() {
     let (seconds, code) = seconds_and_code(&told);
     assert!(code == "blocked", "{told:?}, {end:?}");
     let pushed = 0.25 * seconds - (end.x - close.x);
-    assert!(pushed < 0.17, "{pushed} m for nothing: {told:?}");
+    assert!(pushed < 0.17, "it pushed for {pushed} m: {told:?}");
 }
 
 /// A script that is held while it drives backwards, turns on the spot by this many degrees, and
@@ -222,12 +222,12 @@ fn pose_is_right(latency: f64) {
         let (off, heading_error) = (estimate.heading_off, estimate.heading_error);
         assert!(
             off < heading_error && heading_error < 60.0,
-            "seed {seed}: off by {off} degrees, said at most {heading_error}"
+            "seed {seed}: off by {off} degrees, stated at most {heading_error}"
         );
         let (off, error) = (estimate.off, estimate.error);
         assert!(
             off < error,
-            "seed {seed}: off by {off} m, said at most {error}"
+            "seed {seed}: off by {off} m, stated at most {error}"
         );
     }
 }

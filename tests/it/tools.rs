@@ -64,7 +64,7 @@ async fn stop_ends_a_motion_that_another_program_left_behind() {
     let cancelled = rig.heard(from, cancel).await;
     assert!(
         rig.heard_stop(from).await < cancelled,
-        "the first word is a stop"
+        "the first command is not a stop"
     );
     rig.heard_stop(cancelled).await;
     rig.sim.wait_state(|state| !state.moving()).await;
@@ -118,7 +118,7 @@ async fn settings_change_only_if_the_robot_is_named_and_secrets_are_never_shown(
     assert_eq!(
         run_spykee(&rig, &set).await.0,
         Some(2),
-        "nobody typed a confirmation"
+        "set without a confirmation"
     );
     let wrong = [&set[..], &["--yes-i-mean", "SPYKEE9"]].concat();
     assert_eq!(run_spykee(&rig, &wrong).await.0, Some(2));

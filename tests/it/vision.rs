@@ -43,8 +43,8 @@ fn without_tables(jpeg: &[u8]) -> Vec<u8> {
 #[test]
 fn finds_the_balls_of_a_jpeg() {
     let red_and_blue = ["red", "blue"].map(|name| Colour::named(name).unwrap());
-    let mut eyes = FrameAnalyser::new(Camera::default());
-    let blobs = eyes
+    let mut analyser = FrameAnalyser::new(Camera::default());
+    let blobs = analyser
         .find_blobs(1, &jpeg(&room()), &red_and_blue, &BlobOptions::default())
         .unwrap();
     let [red, blue] = blobs else {
@@ -67,22 +67,23 @@ fn finds_the_balls_of_a_jpeg() {
 fn a_frame_is_decoded_once_however_often_it_is_used() {
     let bytes = jpeg(&room());
     let red = [Colour::named("red").unwrap()];
-    let mut eyes = FrameAnalyser::new(Camera::default());
+    let mut analyser = FrameAnalyser::new(Camera::default());
     for _ in 0..3 {
-        eyes.find_blobs(7, &bytes, &red, &BlobOptions::default())
+        analyser
+            .find_blobs(7, &bytes, &red, &BlobOptions::default())
             .unwrap();
-        eyes.decode(7, &bytes).unwrap();
+        analyser.decode(7, &bytes).unwrap();
     }
-    assert_eq!(eyes.decoded(), 1);
-    eyes.decode(8, &bytes).unwrap();
-    assert_eq!(eyes.decoded(), 2);
-    assert!(eyes.decode(9, &bytes[..900]).is_err());
+    assert_eq!(analyser.decoded(), 1);
+    analyser.decode(8, &bytes).unwrap();
+    assert_eq!(analyser.decoded(), 2);
+    assert!(analyser.decode(9, &bytes[..900]).is_err());
     assert_eq!(
-        eyes.decode(9, &bytes[..900]).unwrap_err(),
+        analyser.decode(9, &bytes[..900]).unwrap_err(),
         FrameError::NoEnd
     );
-    assert_eq!(eyes.decoded(), 3);
-    eyes.decode(10, &bytes).unwrap();
+    assert_eq!(analyser.decoded(), 3);
+    analyser.decode(10, &bytes).unwrap();
 }
 
 #[test]
@@ -134,11 +135,11 @@ fn kinds() -> [(&'static str, &'static [u8]); 8] {
 #[test]
 fn every_kind_of_jpeg_shows_the_same_balls() {
     let colours = ["red", "blue"].map(|name| Colour::named(name).unwrap());
-    let mut eyes = FrameAnalyser::new(Camera::default());
+    let mut analyser = FrameAnalyser::new(Camera::default());
     for (key, (kind, bytes)) in (0..).zip(kinds()) {
-        let size = eyes.decode(key, bytes).unwrap().size();
+        let size = analyser.decode(key, bytes).unwrap().size();
         assert_eq!((size.width, size.height), (99, 75), "{kind}");
-        let blobs = eyes
+        let blobs = analyser
             .find_blobs(key, bytes, &colours, &BlobOptions::default())
             .unwrap();
         if kind == "grey" {
@@ -214,9 +215,9 @@ fn pixels_and_brightness_match_the_picture() {
 
 #[test]
 fn marks_are_drawn_on_a_copy() {
-    let mut eyes = FrameAnalyser::new(Camera::default());
+    let mut analyser = FrameAnalyser::new(Camera::default());
     let bytes = jpeg(&room());
-    let blobs = eyes
+    let blobs = analyser
         .find_blobs(
             1,
             &bytes,
@@ -225,7 +226,7 @@ fn marks_are_drawn_on_a_copy() {
         )
         .unwrap()
         .to_vec();
-    let image = eyes.decode(1, &bytes).unwrap();
+    let image = analyser.decode(1, &bytes).unwrap();
     let marks: Vec<Mark<'_>> = blobs
         .iter()
         .map(|blob| Mark {
@@ -280,21 +281,21 @@ fn nothing_is_allocated_per_frame_once_warm() {
         ..BlobOptions::default()
     };
     let camera = Camera::default();
-    let mut eyes = FrameAnalyser::new(camera);
+    let mut analyser = FrameAnalyser::new(camera);
     let mut tracker = Tracker::new(TrackerOptions::default(), camera);
     let mut motion = MotionDetector::new(MotionOptions::default(), camera);
     let mut seen = 0;
     let mut look_at_all = |round: u32| {
         for (number, jpeg) in (0..).zip(&frames) {
             let key = u64::from(round * 100 + number);
-            let blobs = eyes.find_blobs(key, jpeg, &colours, &options).unwrap();
+            let blobs = analyser.find_blobs(key, jpeg, &colours, &options).unwrap();
             let size = validate_markers(jpeg).unwrap();
             seen += tracker
                 .update(Duration::from_millis(40 * key), size, blobs)
                 .len();
-            let line = eyes.find_line(key, jpeg, &colours[..1], None).unwrap();
+            let line = analyser.find_line(key, jpeg, &colours[..1], None).unwrap();
             seen += usize::from(line.is_some());
-            let image = eyes.decode(key, jpeg).unwrap();
+            let image = analyser.decode(key, jpeg).unwrap();
             seen += motion.update(image).blobs.len();
             seen += usize::from(brightness(image, None) > 0.1)
                 + usize::from(sharpness(image, None) > 0.1);
@@ -330,10 +331,10 @@ proptest! {
         for (place, value) in changes {
             bytes[place.index(reach)] = value;
         }
-        let mut eyes = FrameAnalyser::new(Camera::default());
+        let mut analyser = FrameAnalyser::new(Camera::default());
         let colours = [Colour::named("red").unwrap()];
-        if eyes.find_blobs(1, &bytes, &colours, &BlobOptions::default()).is_ok() {
-            prop_assert_eq!(Ok(eyes.decode(1, &bytes).unwrap().size()), validate_markers(&bytes));
+        if analyser.find_blobs(1, &bytes, &colours, &BlobOptions::default()).is_ok() {
+            prop_assert_eq!(Ok(analyser.decode(1, &bytes).unwrap().size()), validate_markers(&bytes));
         }
     }
 }

@@ -48,7 +48,7 @@ async fn ctrl_c_ends_the_wait() {
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
     let said = run.text().matches("dialling until it answers").count();
-    assert_eq!(said, 1, "each reason is said once: {}", run.text());
+    assert_eq!(said, 1, "each reason must be logged once: {}", run.text());
 }
 
 #[tokio::test(flavor = "multi_thread")]

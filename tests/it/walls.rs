@@ -113,7 +113,7 @@ async fn no_descriptor_inherited_by_the_agent_reaches_its_children() {
         };
         Some(links.filter(of_ours).count())
     };
-    assert_eq!(leaks(pid), Some(3), "nothing was given");
+    assert_eq!(leaks(pid), Some(3), "the agent did not inherit them");
     let children = children_of(pid);
     assert_eq!(children.len(), 2, "a host and the guardian");
     // Only root can inspect a host.
@@ -190,7 +190,7 @@ mod injected {
         pub fn gate(pid: Pid, registers: &Registers) -> u64 {
             let at = registers.rip - 2;
             let found = ptrace::read(pid, at as *mut c_void).unwrap();
-            assert_eq!(found & 0xffff, SYSCALL, "in no call");
+            assert_eq!(found & 0xffff, SYSCALL, "not inside a system call");
             at
         }
 
@@ -256,7 +256,7 @@ mod injected {
                 found & 0xffff_ffff == SYSCALL
             };
             let mut places = [registers.pc - 4, registers.pc].into_iter();
-            places.find(is_call).expect("in no call")
+            places.find(is_call).expect("not inside a system call")
         }
 
         pub fn calling(before: Registers, gate: u64, call: i64, arguments: [u64; 6]) -> Registers {
@@ -459,7 +459,11 @@ mod injected {
             ("fcntl F_NOTIFY", sys::SYS_fcntl, [0, 1026, 0, 0, 0, 0]),
             ("ioctl TIOCSTI", sys::SYS_ioctl, [0, 0x5412, 0, 0, 0, 0]),
             ("ioctl SIOCGIFCONF", sys::SYS_ioctl, [0, 0x8912, 0, 0, 0, 0]),
-            ("sendto somebody", sys::SYS_sendto, [0, 0, 0, 0, page, 16]),
+            (
+                "sendto with an address",
+                sys::SYS_sendto,
+                [0, 0, 0, 0, page, 16],
+            ),
         ]);
         all
     }

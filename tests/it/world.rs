@@ -91,7 +91,7 @@ fn the_legend_below_the_map_explains_the_colour_of_the_beacon() {
     let written = map.enumerate_pixels().filter(|(x, y, pixel)| {
         (right + 4..right + 200).contains(x) && rows.contains(y) && dark(pixel)
     });
-    assert!(written.count() > 100, "words beside it");
+    assert!(written.count() > 100, "no text beside it");
 }
 
 #[test]
@@ -182,9 +182,12 @@ fn the_same_seed_and_commands_give_the_same_run_and_another_seed_another() {
 fn the_camera_sees_the_line_well_enough_to_follow_it() {
     let mut robot = robot("line_loop", 1);
     let frame = frame_after(&mut robot, 0.2);
-    let mut eyes = FrameAnalyser::new(Camera::default());
+    let mut analyser = FrameAnalyser::new(Camera::default());
     let black = [Colour::named("black").unwrap()];
-    let line = eyes.find_line(1, &frame, &black, None).unwrap().unwrap();
+    let line = analyser
+        .find_line(1, &frame, &black, None)
+        .unwrap()
+        .unwrap();
     assert!(line.offset.abs() < 0.3, "{line:?}");
 }
 

@@ -17,7 +17,7 @@ impl<'a> ErrorSite<'a> {
             ExprKind::Item(object, _) if matches!(key, "number" | "string" | "nil" | "boolean") => {
                 Some(&**object)
             }
-            ExprKind::Item(object, index) => match self.kinds.of(index) {
+            ExprKind::Item(object, index) => match self.kinds.kind_of(index) {
                 ValueKind::Text(Some(text)) if text != key => None,
                 _ => Some(&**object),
             },
@@ -168,7 +168,7 @@ impl<'a> ErrorSite<'a> {
         leaves.retain(|leaf| {
             self.may_be(leaf, what)
                 && !matches!(
-                    self.kinds.of(leaf),
+                    self.kinds.kind_of(leaf),
                     ValueKind::Text(_) | ValueKind::Number(_)
                 )
         });

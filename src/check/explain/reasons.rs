@@ -73,7 +73,7 @@ impl<'a> ErrorSite<'a> {
             });
             found
         });
-        own.map_or(ValueKind::Unknown, |expr| self.kinds.of(expr))
+        own.map_or(ValueKind::Unknown, |expr| self.kinds.kind_of(expr))
     }
 
     pub(super) fn is(&self, expr: &Expr, what: &str) -> String {
@@ -184,7 +184,7 @@ impl<'a> ErrorSite<'a> {
                 found = Some(part);
             }
         });
-        found.map_or(ValueKind::Unknown, |expr| self.kinds.of(expr))
+        found.map_or(ValueKind::Unknown, |expr| self.kinds.kind_of(expr))
     }
 }
 

@@ -60,7 +60,8 @@ impl<'a> Walk<'a> {
     /// Warns of the use of a stream that the config keeps off. Only a warning: the script may
     /// handle that case.
     fn stream(&mut self, site: Site<'a>) {
-        let text = |index: usize| match site.arguments.get(index).map(|one| self.kinds.of(one)) {
+        let text = |index: usize| match site.arguments.get(index).map(|one| self.kinds.kind_of(one))
+        {
             Some(ValueKind::Text(text)) => text,
             _ => None,
         };
@@ -84,7 +85,7 @@ impl<'a> Walk<'a> {
 
     /// Checks one argument or option against its definition.
     fn argument(&mut self, call: &str, value: &'static Value, argument: &'a Expr) {
-        let kind = self.kinds.of(argument);
+        let kind = self.kinds.kind_of(argument);
         if let (Type::Function(_) | Type::Handler, Some(path)) =
             (&value.kind, self.answered_by(argument))
         {
@@ -125,7 +126,7 @@ impl<'a> Walk<'a> {
         let ExprKind::Call(callee, _) = &argument.kind else {
             return None;
         };
-        let ValueKind::Native(function) = self.kinds.of(callee) else {
+        let ValueKind::Native(function) = self.kinds.kind_of(callee) else {
             return None;
         };
         let first = function.returns.first()?;
@@ -169,7 +170,7 @@ impl<'a> Walk<'a> {
                 };
                 for entry in entries {
                     if let (Entry::Named(..), ValueKind::Table(one)) =
-                        (entry, self.kinds.of(entry.value()))
+                        (entry, self.kinds.kind_of(entry.value()))
                     {
                         self.options(call, keys, one);
                     }
@@ -202,7 +203,7 @@ impl<'a> Walk<'a> {
     fn got(&self, argument: &Expr, kind: ValueKind<'_>) -> Option<String> {
         match argument.bare().kind {
             ExprKind::Boolean(on) => Some(on.to_string()),
-            _ => kind.words(),
+            _ => kind.describe(),
         }
     }
 
@@ -242,7 +243,7 @@ impl<'a> Walk<'a> {
                 };
                 for entry in entries {
                     if let Entry::Item(item) = entry {
-                        let kind = self.kinds.of(item);
+                        let kind = self.kinds.kind_of(item);
                         if !matches!(kind, ValueKind::Table(_) | ValueKind::Nothing) {
                             self.colour(call, value, item, kind);
                         }
@@ -293,7 +294,7 @@ impl<'a> Walk<'a> {
                     self.error(item.span, message);
                     continue;
                 }
-                Entry::Keyed(key, _) => match self.kinds.of(key) {
+                Entry::Keyed(key, _) => match self.kinds.kind_of(key) {
                     ValueKind::Text(Some(name)) => (name, key.span),
                     _ => {
                         certain = false;

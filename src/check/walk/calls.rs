@@ -17,7 +17,7 @@ const MOST_METRES: f64 = 20.0;
 impl<'a> Walk<'a> {
     pub(super) fn called(&mut self, call: &'a Expr, callee: &'a Expr, arguments: &'a [Expr]) {
         self.expr(callee);
-        let kind = self.kinds.of(callee);
+        let kind = self.kinds.kind_of(callee);
         if let ValueKind::Native(function) = kind {
             self.handler(function, arguments);
         }
@@ -40,8 +40,11 @@ impl<'a> Walk<'a> {
             | ValueKind::Boolean
             | ValueKind::Text(_)
             | ValueKind::List(_) => {
-                let what = kind.words().unwrap_or_default();
-                let message = format!("'{}' is {what}, not a function", self.words(callee.span));
+                let what = kind.describe().unwrap_or_default();
+                let message = format!(
+                    "'{}' is {what}, not a function",
+                    self.source_text(callee.span)
+                );
                 self.error(callee.span, message);
             }
             _ => self.library(callee, arguments),
@@ -54,16 +57,16 @@ impl<'a> Walk<'a> {
         let ExprKind::Field(object, name, at) = &callee.kind else {
             return;
         };
-        match self.kinds.of(object) {
+        match self.kinds.kind_of(object) {
             ValueKind::Namespace(owner)
                 if owner != "_G" && !self.is_ours(owner) && !self.has(owner, name) =>
             {
                 self.unknown_field(owner, name, *at);
             }
             ValueKind::Object(of) if of.method(name).is_some() => {
-                let again = arguments.first().map(|first| self.kinds.of(first));
+                let again = arguments.first().map(|first| self.kinds.kind_of(first));
                 if !matches!(again, Some(ValueKind::Object(_) | ValueKind::Unknown)) {
-                    let object = self.words(object.span);
+                    let object = self.source_text(object.span);
                     let message = format!("{name} is called with a colon: {object}:{name}(...)");
                     self.error(*at, message);
                 }
@@ -76,7 +79,7 @@ impl<'a> Walk<'a> {
     pub(super) fn special(&mut self, function: &'static Function, arguments: &'a [Expr]) {
         self.units(function, arguments);
         let [.., argument] = arguments else { return };
-        let wrong = match (function.path, self.kinds.of(argument)) {
+        let wrong = match (function.path, self.kinds.kind_of(argument)) {
             ("require", ValueKind::Text(Some(path))) => self.context.missing_module(path),
             ("params.declare", ValueKind::Table(table)) => {
                 parameters::refused(&self.kinds, table, &self.context.params)
@@ -101,7 +104,7 @@ impl<'a> Walk<'a> {
         let Some(first) = arguments.first() else {
             return;
         };
-        let ValueKind::Number(Some(number)) = self.kinds.of(first) else {
+        let ValueKind::Number(Some(number)) = self.kinds.kind_of(first) else {
             return;
         };
         let (message, help) = match function.path {
@@ -151,7 +154,7 @@ impl<'a> Walk<'a> {
     ) {
         self.expr(object);
         self.exprs(arguments);
-        match self.kinds.of(object) {
+        match self.kinds.kind_of(object) {
             ValueKind::Namespace(owner) if self.is_ours(owner) => {
                 let path = format!("{owner}.{name}");
                 if self.context.paths.contains(&path) {
@@ -180,17 +183,17 @@ impl<'a> Walk<'a> {
                     self.special(function, arguments);
                 }
                 None if of.fields.iter().any(|field| field.name == name) => {
-                    let words = self.words(object.span);
+                    let words = self.source_text(object.span);
                     let message = format!("'{name}' is data, not a function: write {words}.{name}");
                     self.error(at, message);
                 }
                 None => self.member(of, name, at),
             },
             ValueKind::List(_) | ValueKind::Nothing => {
-                let what = self.kinds.of(object).words().unwrap_or_default();
+                let what = self.kinds.kind_of(object).describe().unwrap_or_default();
                 let message = format!(
                     "'{}' is {what}: it has no function '{name}'",
-                    self.words(object.span)
+                    self.source_text(object.span)
                 );
                 self.error(at, message);
             }
@@ -206,14 +209,14 @@ impl<'a> Walk<'a> {
         if operator == "=="
             && matches!(left.kind, ExprKind::Unary(ref not, _) if not == "not")
             && !matches!(
-                self.kinds.of(right),
+                self.kinds.kind_of(right),
                 ValueKind::Boolean | ValueKind::Unknown
             )
         {
             let help = format!(
                 "write {} ~= {}",
-                self.words(left.span).trim_start_matches("not").trim(),
-                self.words(right.span)
+                self.source_text(left.span).trim_start_matches("not").trim(),
+                self.source_text(right.span)
             );
             let message = "`not` applies only to the left side here, so this compares true or false with something else";
             self.warning(left.span.to(right.span), message).help = Some(help);
@@ -226,7 +229,7 @@ impl<'a> Walk<'a> {
             return;
         }
         for side in [left, right] {
-            let kind = self.kinds.of(side);
+            let kind = self.kinds.kind_of(side);
             let wrong = match kind {
                 ValueKind::Object(_)
                 | ValueKind::List(_)
@@ -243,7 +246,7 @@ impl<'a> Walk<'a> {
                     _ if compares => "cannot be compared with < or >",
                     _ => "cannot be used in arithmetic",
                 };
-                let words = self.words(side.span);
+                let words = self.source_text(side.span);
                 let message = if words == what {
                     format!("{what} {does}")
                 } else {
@@ -255,9 +258,11 @@ impl<'a> Walk<'a> {
             }
         }
         if let (true, ValueKind::Number(_), ValueKind::Text(_))
-        | (true, ValueKind::Text(_), ValueKind::Number(_)) =
-            (compares, self.kinds.of(left), self.kinds.of(right))
-        {
+        | (true, ValueKind::Text(_), ValueKind::Number(_)) = (
+            compares,
+            self.kinds.kind_of(left),
+            self.kinds.kind_of(right),
+        ) {
             self.error(
                 left.span.to(right.span),
                 "a number cannot be compared with a string",
@@ -270,7 +275,7 @@ impl<'a> Walk<'a> {
     /// set.
     fn one_of_names(&mut self, named: &'a Expr, text: &'a Expr) {
         let (Some(choice), ValueKind::Text(Some(said))) =
-            (self.kinds.choice(named), self.kinds.of(text))
+            (self.kinds.choice(named), self.kinds.kind_of(text))
         else {
             return;
         };
@@ -287,7 +292,7 @@ impl<'a> Walk<'a> {
     pub(super) fn got_words(&self, side: &Expr, kind: ValueKind<'a>) -> Option<String> {
         match side.bare().kind {
             ExprKind::Nil => Some("nil".to_owned()),
-            _ => kind.words(),
+            _ => kind.describe(),
         }
     }
 
@@ -297,7 +302,7 @@ impl<'a> Walk<'a> {
         kind: ValueKind<'a>,
         operator: &str,
     ) -> Option<String> {
-        let words = self.words(side.span);
+        let words = self.source_text(side.span);
         match kind {
             ValueKind::Object(object) => {
                 let field = object.fields.first()?.name;

@@ -52,7 +52,7 @@ impl<'a> Walk<'a> {
     }
 
     pub(super) fn field(&mut self, object: &'a Expr, name: &str, at: Span) {
-        match self.kinds.of(object) {
+        match self.kinds.kind_of(object) {
             ValueKind::Namespace(owner) if self.is_ours(owner) && !self.has(owner, name) => {
                 self.unknown_field(owner, name, at);
             }
@@ -69,7 +69,7 @@ impl<'a> Walk<'a> {
             }
             ValueKind::Object(of) => self.member(of, name, at),
             ValueKind::List(_) if !self.kinds.fields.contains(name) => {
-                let list = self.words(object.span);
+                let list = self.source_text(object.span);
                 let message =
                     format!("this is a list: its entries have '{name}', the list itself does not");
                 self.error(at, message).help = Some(format!(
@@ -127,10 +127,10 @@ impl<'a> Walk<'a> {
 
     pub(super) fn item(&mut self, list: &'a Expr, index: &'a Expr, span: Span) {
         if let (ValueKind::List(_), ValueKind::Number(Some(0.0))) =
-            (self.kinds.of(list), self.kinds.of(index))
+            (self.kinds.kind_of(list), self.kinds.kind_of(index))
         {
             self.error(span, "lists begin at 1: there is nothing at 0")
-                .help = Some(format!("the first is {}[1]", self.words(list.span)));
+                .help = Some(format!("the first is {}[1]", self.source_text(list.span)));
         }
     }
 }

@@ -50,8 +50,11 @@ fn a_robot_out_of_reach_is_reported_once_and_its_return_too() {
     // Another failure meanwhile changes nothing.
     rules.handle_event(&down(), now);
     now += LONG / 2;
-    let told = rules.poll(now).unwrap();
-    assert_eq!(told.text, "Rover has been out of reach for 10 min: closed");
+    let notification = rules.poll(now).unwrap();
+    assert_eq!(
+        notification.text,
+        "Rover has been out of reach for 10 min: closed"
+    );
     assert_eq!((rules.poll(now + LONG), rules.deadline()), (None, None));
     assert!(
         rules
@@ -123,7 +126,7 @@ fn each_rule_of_the_config_has_its_event_and_its_text() {
     };
     let missed = Occurrence::StartMissed {
         behaviour: behaviour(),
-        reason: "no robot was there".to_owned(),
+        reason: "no robot was connected".to_owned(),
     };
     let sent = Occurrence::Notify {
         behaviour: behaviour(),
@@ -141,7 +144,7 @@ fn each_rule_of_the_config_has_its_event_and_its_text() {
         (
             missed,
             Rule::StartMissed,
-            "patrol did not start: no robot was there",
+            "patrol did not start: no robot was connected",
         ),
         (
             entry("moved"),
@@ -155,9 +158,9 @@ fn each_rule_of_the_config_has_its_event_and_its_text() {
         ),
         (sent, Rule::Script, "look"),
     ] {
-        let told = Rules::new(LONG, now).handle_event(&what, now).unwrap();
-        assert_eq!((told.rule, &*told.text), (rule, text));
-        assert_eq!(told.picture.is_some(), rule == Rule::Script);
+        let notification = Rules::new(LONG, now).handle_event(&what, now).unwrap();
+        assert_eq!((notification.rule, &*notification.text), (rule, text));
+        assert_eq!(notification.picture.is_some(), rule == Rule::Script);
     }
     assert_eq!(
         Rules::new(LONG, now).handle_event(&entry("lamp"), now),
@@ -186,6 +189,6 @@ fn only_failed_dockings_are_reported() {
             "{end}"
         );
     }
-    let told = Rules::new(LONG, now).handle_event(&dock(DockEnd::BaseNotFound), now);
-    assert_eq!(told.unwrap().rule, Rule::NotDocked);
+    let notification = Rules::new(LONG, now).handle_event(&dock(DockEnd::BaseNotFound), now);
+    assert_eq!(notification.unwrap().rule, Rule::NotDocked);
 }

@@ -92,14 +92,15 @@ impl World {
         self.acts.iter().filter_map(start).collect()
     }
 
-    fn told(&self) -> Vec<&Notice> {
-        let told = |(_, act): &'_ (Timestamp, Act)| matches!(act, Act::Report(_));
-        let told = self.acts.iter().filter(|act| told(act));
-        told.map(|(_, act)| match act {
-            Act::Report(told) => told,
-            _ => unreachable!(),
-        })
-        .collect()
+    fn notices(&self) -> Vec<&Notice> {
+        let is_notice = |(_, act): &'_ (Timestamp, Act)| matches!(act, Act::Report(_));
+        let notices = self.acts.iter().filter(|act| is_notice(act));
+        notices
+            .map(|(_, act)| match act {
+                Act::Report(notice) => notice,
+                _ => unreachable!(),
+            })
+            .collect()
     }
 }
 
@@ -124,7 +125,7 @@ fn a_behaviour_starts_on_time_and_is_ended_on_time() {
         .filter(|(_, act)| matches!(act, Act::End { .. }));
     let ends: Vec<Timestamp> = ends.map(|(at, _)| *at).collect();
     assert_eq!(ends, [when("2026-05-04 09:30"), when("2026-05-04 21:30")]);
-    assert!(world.told().is_empty());
+    assert!(world.notices().is_empty());
 }
 
 #[test]
@@ -134,7 +135,7 @@ fn a_year_has_two_patrols_a_day_across_both_clock_changes() {
     assert_eq!(world.starts().len(), 2 * 365);
     let on_time = |text: &String| text.ends_with(" 09:00") || text.ends_with(" 21:00");
     assert!(world.starts().iter().all(on_time));
-    assert!(world.told().is_empty(), "{:?}", world.told());
+    assert!(world.notices().is_empty(), "{:?}", world.notices());
 }
 
 #[test]
@@ -178,7 +179,7 @@ fn a_service_that_did_not_run_reports_what_it_missed() {
         planned: when("2026-05-06 09:00"),
         count: 4,
     };
-    assert_eq!(next.told(), [&missed]);
+    assert_eq!(next.notices(), [&missed]);
     assert_eq!(
         next.starts(),
         ["patrol 06 09:01"],
@@ -256,12 +257,12 @@ fn a_start_while_the_behaviour_runs_is_skipped_and_reported() {
         run: "patrol".to_owned(),
         planned: when("2026-05-04 10:00"),
     };
-    assert_eq!(world.told(), [&overlap]);
+    assert_eq!(world.notices(), [&overlap]);
     // A person has started it.
     let mut world = World::new(patrol(), "2026-05-04 08:00");
     world.running.push("patrol".to_owned());
     world.pass(2 * 60 * MINUTE);
-    assert!(world.starts().is_empty() && world.told().len() == 1);
+    assert!(world.starts().is_empty() && world.notices().len() == 1);
 }
 
 #[test]
@@ -276,7 +277,7 @@ fn a_start_waits_for_the_robot_as_long_as_it_may_be_late() {
     let mut world = World::new(patrol(), "2026-05-04 08:59");
     world.ready = false;
     world.pass(30 * MINUTE);
-    assert!(matches!(world.told()[..], [Notice::NoRobot { .. }]));
+    assert!(matches!(world.notices()[..], [Notice::NoRobot { .. }]));
     assert!(!world.planner.is_due());
 }
 
@@ -287,7 +288,7 @@ fn a_clock_that_is_put_back_a_little_repeats_no_start() {
     world.set_clock("2026-05-04 08:58");
     world.pass(3 * 60 * MINUTE);
     assert_eq!(world.starts(), ["patrol 04 09:00"]);
-    assert!(matches!(world.told()[..], [Notice::ClockSet { seconds }] if *seconds < -2000));
+    assert!(matches!(world.notices()[..], [Notice::ClockSet { seconds }] if *seconds < -2000));
 }
 
 #[test]

@@ -62,9 +62,9 @@ pub struct Page {
     aside: HashMap<String, Value>,
 }
 
-/// An event of the page's connection.
+/// A received message, or the end of the connection.
 #[derive(Debug)]
-pub enum Heard {
+pub enum Received {
     Text(Value),
     /// A frame of the camera.
     Frame(Vec<u8>),
@@ -107,7 +107,7 @@ impl Page {
     }
 
     /// Sends a message; the mask is zero, which is allowed.
-    pub async fn say(&mut self, message: &str) {
+    pub async fn send_text(&mut self, message: &str) {
         self.frame(0x81, message.as_bytes()).await;
     }
 
@@ -135,20 +135,20 @@ impl Page {
     }
 
     /// Waits for the next message; answers pings meanwhile.
-    pub async fn hear(&mut self) -> Heard {
+    pub async fn receive(&mut self) -> Received {
         loop {
             if let Some((kind, payload)) = self.take() {
                 match kind {
-                    1 => return Heard::Text(serde_json::from_slice(&payload).unwrap()),
-                    2 => return Heard::Frame(payload),
-                    8 => return Heard::Closed,
+                    1 => return Received::Text(serde_json::from_slice(&payload).unwrap()),
+                    2 => return Received::Frame(payload),
+                    8 => return Received::Closed,
                     9 => self.frame(0x8a, &payload).await,
                     _ => {}
                 }
                 continue;
             }
             if !self.read().await {
-                return Heard::Closed;
+                return Received::Closed;
             }
         }
     }
@@ -183,13 +183,13 @@ impl Page {
         }
         let found = async {
             loop {
-                match self.hear().await {
-                    Heard::Text(value) if value["type"] != kind => {
+                match self.receive().await {
+                    Received::Text(value) if value["type"] != kind => {
                         let other = value["type"].as_str().unwrap().to_owned();
                         self.aside.insert(other, value);
                     }
-                    Heard::Text(value) if wanted(&value) => return value,
-                    Heard::Closed => panic!("closed while waiting for {kind}"),
+                    Received::Text(value) if wanted(&value) => return value,
+                    Received::Closed => panic!("closed while waiting for {kind}"),
                     _ => {}
                 }
             }
@@ -201,7 +201,7 @@ impl Page {
 
     /// Waits until the server closes the connection.
     pub async fn closed(&mut self) {
-        let closed = async { while !matches!(self.hear().await, Heard::Closed) {} };
+        let closed = async { while !matches!(self.receive().await, Received::Closed) {} };
         timeout(WAIT_LIMIT, closed)
             .await
             .expect("the connection is not closed");

@@ -23,19 +23,21 @@ pub struct Sample {
 
 /// Parses all families by name, or returns the error and its place.
 pub fn read(text: &str) -> Result<BTreeMap<String, Family>, String> {
-    let body = text.strip_suffix("# EOF\n").ok_or("no `# EOF` ends it")?;
+    let body = text
+        .strip_suffix("# EOF\n")
+        .ok_or("it does not end with `# EOF`")?;
     let mut families: BTreeMap<String, Family> = BTreeMap::new();
     let mut current: Option<String> = None;
     for (index, line) in body.lines().enumerate() {
-        let told = |error: String| format!("line {}: {error}: {line}", index + 1);
+        let in_line = |error: String| format!("line {}: {error}: {line}", index + 1);
         match line.strip_prefix("# ") {
-            Some(about) => describe(about, &mut families, &mut current).map_err(told)?,
+            Some(about) => describe(about, &mut families, &mut current).map_err(in_line)?,
             None => {
                 let name = current
                     .as_ref()
-                    .ok_or("a figure without a family")
-                    .map_err(|error| told(error.into()))?;
-                let sample = sample(line, name).map_err(told)?;
+                    .ok_or("a sample without a family")
+                    .map_err(|error| in_line(error.into()))?;
+                let sample = sample(line, name).map_err(in_line)?;
                 families
                     .entry(name.clone())
                     .or_default()
@@ -65,20 +67,20 @@ fn describe(
 ) -> Result<(), String> {
     let mut words = about.splitn(3, ' ');
     let (Some(what), Some(name), Some(rest)) = (words.next(), words.next(), words.next()) else {
-        return Err("three words are missing".into());
+        return Err("fewer than three words".into());
     };
     if !is_name(name) {
-        return Err("no name".into());
+        return Err("not a valid name".into());
     }
     if current.as_deref() != Some(name) {
         if families.contains_key(name) {
-            return Err("its figures are torn apart".into());
+            return Err("the lines of a family are not contiguous".into());
         }
         *current = Some(name.to_owned());
     }
     let family = families.entry(name.to_owned()).or_default();
     if !family.samples.is_empty() {
-        return Err("it comes after its figures".into());
+        return Err("it comes after its samples".into());
     }
     let before = match what {
         "HELP" => std::mem::replace(&mut family.help, rest.to_owned()),
@@ -88,12 +90,14 @@ fn describe(
     };
     match before.is_empty() {
         true => Ok(()),
-        false => Err("it is said twice".into()),
+        false => Err("it is given twice".into()),
     }
 }
 
 fn sample(line: &str, family: &str) -> Result<Sample, String> {
-    let suffix = line.strip_prefix(family).ok_or("of another family")?;
+    let suffix = line
+        .strip_prefix(family)
+        .ok_or("a sample of another family")?;
     let end = suffix.find(['{', ' ']).ok_or("no value")?;
     let (suffix, mut rest) = suffix.split_at(end);
     let mut labels = Vec::new();
@@ -105,13 +109,13 @@ fn sample(line: &str, family: &str) -> Result<Sample, String> {
         "+Inf" => f64::INFINITY,
         "NaN" => f64::NAN,
         number if number.starts_with(|c: char| c.is_ascii_digit() || c == '-') => {
-            number.parse().map_err(|_| "no number")?
+            number.parse().map_err(|_| "not a number")?
         }
-        _ => return Err("no number".into()),
+        _ => return Err("not a number".into()),
     };
     let names: BTreeSet<&String> = labels.iter().map(|(name, _)| name).collect();
     if names.len() != labels.len() {
-        return Err("a label comes twice".into());
+        return Err("duplicate label".into());
     }
     let suffix = suffix.to_owned();
     Ok(Sample {
@@ -135,15 +139,15 @@ fn read_labels<'a>(
         }
         let (name, value) = rest.split_once("=\"").ok_or("a label without a value")?;
         if !is_name(name) || name.contains(':') {
-            return Err("a label's name is none".into());
+            return Err("the name of a label is not valid".into());
         }
         let (mut text, mut chars) = (String::new(), value.char_indices());
         let end = loop {
-            match chars.next().ok_or("a label without an end")? {
+            match chars.next().ok_or("an unterminated label")? {
                 (at, '"') => break at,
                 (_, '\\') => match chars.next() {
                     Some((_, c @ ('"' | '\\' | 'n'))) => text.push(c),
-                    _ => return Err("an escape that there is not".into()),
+                    _ => return Err("unknown escape".into()),
                 },
                 (_, c) => text.push(c),
             }
@@ -167,18 +171,18 @@ impl Family {
             "gauge" => &[""],
             "counter" => &["_total"],
             "histogram" => &["_bucket", "_sum", "_count"],
-            kind => return Err(format!("the TYPE `{kind}`")),
+            kind => return Err(format!("unknown TYPE `{kind}`")),
         };
         let mut seen = BTreeSet::new();
         for one in &self.samples {
             if !suffixes.contains(&one.suffix.as_str()) {
-                return Err(format!("a {} has no `{}`", self.kind, one.suffix));
+                return Err(format!("a {} has no suffix `{}`", self.kind, one.suffix));
             }
             if !seen.insert((&one.suffix, &one.labels)) {
-                return Err(format!("{:?} comes twice", one.labels));
+                return Err(format!("duplicate labels {:?}", one.labels));
             }
             if self.kind != "gauge" && !(one.value >= 0.0 && one.value.is_finite()) {
-                return Err(format!("it counts to {}", one.value));
+                return Err(format!("invalid value {}", one.value));
             }
         }
         match self.kind.as_str() {
@@ -193,15 +197,17 @@ impl Family {
         let bound = |one: &Sample| match &one.labels[..] {
             [(le, bound)] if le == "le" => match bound.as_str() {
                 "+Inf" => Ok(f64::INFINITY),
-                bound => bound.parse().map_err(|_| format!("the bucket `{bound}`")),
+                bound => bound
+                    .parse()
+                    .map_err(|_| format!("invalid bucket `{bound}`")),
             },
-            labels => Err(format!("a bucket of {labels:?}")),
+            labels => Err(format!("a bucket with the labels {labels:?}")),
         };
         let (mut last, mut count) = (f64::NEG_INFINITY, 0.0);
         for bucket in of("_bucket") {
             let bound: f64 = bound(bucket)?;
             if bound <= last || bucket.value < count {
-                return Err("buckets that do not rise".into());
+                return Err("the buckets are not cumulative".into());
             }
             (last, count) = (bound, bucket.value);
         }

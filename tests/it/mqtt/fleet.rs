@@ -122,7 +122,7 @@ async fn among_many_agents_dead_and_hung_ones_are_reported_and_all_others_stop()
     runs[1].signal(Signal::KILL);
     let killed = gone(&names[1], since).await;
     let hung = gone(&names[0], since).await;
-    eprintln!("{count} agents; told after {killed:?} (killed) and {hung:?} (hung)");
+    eprintln!("{count} agents; reported after {killed:?} (killed) and {hung:?} (hung)");
     // A hung agent is disconnected after 1.5 keep-alives; everything reported before it was
     // reported within that time.
     let place = |name: &str| {

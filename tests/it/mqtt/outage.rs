@@ -96,7 +96,10 @@ async fn after_a_long_outage_all_states_are_published_again_and_no_old_order_run
     subscriber
         .wait_for_state(from, A, |state| state["problem"] == false)
         .await;
-    assert!(!rig.commands(gone).iter().any(laser), "the old order");
+    assert!(
+        !rig.commands(gone).iter().any(laser),
+        "the old order ran again"
+    );
     let back = rig.sim.heard_count();
     subscriber
         .publish("spykee/SPYKEE0001/command", "locate", false)

@@ -49,16 +49,16 @@ struct HostileBroker {
     rig: Rig,
     run: Run,
     listener: TcpListener,
-    line: TcpStream,
+    stream: TcpStream,
     from: usize,
 }
 
 /// Reads the next packet; `None` if the connection has ended.
-async fn next(line: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
-    let head = line.read_u8().await.ok()?;
+async fn next(stream: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
+    let head = stream.read_u8().await.ok()?;
     let (mut size, mut shift) = (0, 0);
     loop {
-        let byte = usize::from(line.read_u8().await.ok()?);
+        let byte = usize::from(stream.read_u8().await.ok()?);
         size |= (byte & 127) << shift;
         shift += 7;
         if byte < 128 {
@@ -66,7 +66,7 @@ async fn next(line: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
         }
     }
     let mut body = vec![0; size];
-    line.read_exact(&mut body).await.ok()?;
+    stream.read_exact(&mut body).await.ok()?;
     Some((head, body))
 }
 
@@ -85,53 +85,53 @@ impl HostileBroker {
             "data: data\nbehaviours: [{{ file: script.lua }}]\nmqtt: {{ host: 127.0.0.1, port: {port} }}\n"
         ));
         rig.heard_motion(0).await;
-        let line = accept(&listener).await;
+        let stream = accept(&listener).await;
         let from = rig.sim.heard_count();
         HostileBroker {
             rig,
             run,
             listener,
-            line,
+            stream,
             from,
         }
     }
 
     /// Accepts the login and three subscriptions.
     async fn accept_login(&mut self) {
-        let mut wishes = 0;
-        while wishes < 3 {
-            let coming = timeout(WAIT_LIMIT, next(&mut self.line))
+        let mut subscriptions = 0;
+        while subscriptions < 3 {
+            let received = timeout(WAIT_LIMIT, next(&mut self.stream))
                 .await
                 .expect("the agent sends nothing");
-            let (head, body) = coming.expect("the agent has disconnected");
+            let (head, body) = received.expect("the agent has disconnected");
             match head >> 4 {
-                1 => self.say(&[0x20, 2, 0, 0]).await,
+                1 => self.send(&[0x20, 2, 0, 0]).await,
                 8 => {
-                    wishes += 1;
-                    self.say(&[0x90, 3, body[0], body[1], 1]).await;
+                    subscriptions += 1;
+                    self.send(&[0x90, 3, body[0], body[1], 1]).await;
                 }
                 _ => {}
             }
         }
     }
 
-    async fn say(&mut self, bytes: &[u8]) {
-        let _ = self.line.write_all(bytes).await;
+    async fn send(&mut self, bytes: &[u8]) {
+        let _ = self.stream.write_all(bytes).await;
     }
 
     /// Sends a valid order until the agent obeys (true) or closes the connection (false).
-    async fn listens(&mut self) -> bool {
+    async fn obeyed(&mut self) -> bool {
         let laser = |command: &Command| *command == Command::Play(Sound::Laser);
         let mut rest = vec![0; 1 << 16];
         let until = tokio::time::Instant::now() + WAIT_LIMIT;
         while tokio::time::Instant::now() < until {
-            if self.line.write_all(&order(b"locate")).await.is_err() {
+            if self.stream.write_all(&order(b"locate")).await.is_err() {
                 return false;
             }
             let pause = sleep(Duration::from_millis(200));
             tokio::select! {
                 () = pause => {}
-                read = self.line.read(&mut rest) => if !matches!(read, Ok(1..)) { return false },
+                read = self.stream.read(&mut rest) => if !matches!(read, Ok(1..)) { return false },
             }
             if self.rig.commands(self.from).iter().any(laser) {
                 return true;
@@ -160,37 +160,37 @@ async fn a_broker_that_refuses_logins_or_speaks_another_protocol_changes_nothing
     let cases: Vec<(&str, Vec<u8>)> = vec![
         ("silent", Vec::new()),
         ("refused: version", refused(1)),
-        ("refused: name", refused(2)),
-        ("refused: away", refused(3)),
+        ("refused: client ID", refused(2)),
+        ("refused: unavailable", refused(3)),
         ("refused: password", refused(4)),
         ("refused: rights", refused(5)),
-        ("refused: no such reason", refused(200)),
+        ("refused: unknown reason", refused(200)),
         (
             "a web server",
             b"HTTP/1.1 400 Bad Request\r\n\r\n<html>".to_vec(),
         ),
         ("TLS", b"\x15\x03\x01\x00\x02\x02\x28".to_vec()),
         (
-            "a length without end",
+            "an endless length",
             vec![0x20, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff],
         ),
         (
-            "256 MB to come",
+            "an announcement of 256 MB",
             vec![0x30, 0xff, 0xff, 0xff, 0x7f, 0, 1, b'a'],
         ),
-        ("a message before the accept_login", order(b"stop")),
-        ("half a accept_login", vec![0x20, 2, 0]),
-        ("a accept_login too long", packet(0x20, &[0; 100])),
+        ("a message before the CONNACK", order(b"stop")),
+        ("half a CONNACK", vec![0x20, 2, 0]),
+        ("a CONNACK that is too long", packet(0x20, &[0; 100])),
         ("zeros", vec![0; 4096]),
         ("ones", vec![0xff; 4096]),
     ];
-    for (what, said) in cases {
-        let mut visit = HostileBroker::begin().await;
-        visit.say(&said).await;
+    for (what, packets) in cases {
+        let mut broker = HostileBroker::begin().await;
+        broker.send(&packets).await;
         if what != "silent" {
-            let _ = timeout(Duration::from_millis(500), next(&mut visit.line)).await;
+            let _ = timeout(Duration::from_millis(500), next(&mut broker.stream)).await;
         }
-        visit.end(what).await;
+        broker.end(what).await;
     }
 }
 
@@ -199,96 +199,99 @@ async fn malformed_messages_are_ignored_or_end_the_connection_and_never_stop_the
     let deep = format!("{{\"order\": {}", "[".repeat(900));
     let long = vec![b'a'; 60_000];
     let huge = vec![b'a'; 10 << 20];
-    let kept = |payload: &[u8]| {
+    let retained = |payload: &[u8]| {
         let mut bytes = order(payload);
         bytes[0] |= 1;
         bytes
     };
     let cases: Vec<(&str, Vec<u8>)> = vec![
-        ("no order", order(b"fly")),
+        ("not an order", order(b"fly")),
         ("an empty order", order(b"")),
         ("zeros", order(&[0; 100])),
-        ("no UTF-8", order(&[0xff, 0xfe, 0xc0, 0x80])),
+        ("not UTF-8", order(&[0xff, 0xfe, 0xc0, 0x80])),
         ("escape sequences", order(b"\x1b[2Jrun \x1b]0;title\x07")),
-        ("right to left", order("run \u{202e}lortap".as_bytes())),
-        ("too long an order", order(&long)),
+        ("right-to-left text", order("run \u{202e}lortap".as_bytes())),
+        ("an order that is too long", order(&long)),
         ("deep JSON", order(deep.as_bytes())),
-        ("JSON that is none", order(b"{\"order\": stop}")),
+        ("invalid JSON", order(b"{\"order\": stop}")),
         (
             "JSON with a wrong type",
             order(b"{\"order\": 7, \"id\": {}}"),
         ),
         (
-            "a behaviour that leads elsewhere",
+            "a behaviour name with a path",
             order(b"run ../../etc/passwd"),
         ),
         (
-            "a behaviour with markup",
+            "a behaviour name with markup",
             order(b"run <script>alert(1)</script>"),
         ),
         (
-            "a behaviour that is SQL",
+            "a behaviour name with SQL",
             order(b"run x'); DROP TABLE event;--"),
         ),
         ("a long choice", message(CHOICE.as_bytes(), &long)),
         (
-            "a choice that is no text",
+            "a choice that is not text",
             message(CHOICE.as_bytes(), &[0xff; 40_000]),
         ),
-        ("an order that was kept", kept(b"stop")),
-        ("an order to nobody", message(b"spykee/+/command", b"stop")),
-        ("an order to all", message(b"#", b"stop")),
+        ("a retained order", retained(b"stop")),
+        (
+            "an order to a topic pattern",
+            message(b"spykee/+/command", b"stop"),
+        ),
+        ("an order to all topics", message(b"#", b"stop")),
         (
             "an order to another robot",
             message(b"spykee/SPYKEE0002/command", b"stop"),
         ),
         (
-            "an order elsewhere",
+            "an order at another topic",
             message(b"spykee/SPYKEE0001/state", b"stop"),
         ),
         ("an order without a topic", message(b"", b"stop")),
-        ("a topic that is no text", message(&[0xff, 0xc0], b"stop")),
+        ("a topic that is not text", message(&[0xff, 0xc0], b"stop")),
         (
             "a topic longer than its message",
             vec![0x30, 4, 0xff, 0xff, b'a', b'b'],
         ),
         (
-            "a birth that is none",
+            "an invalid birth message",
             message(b"homeassistant/status", &long),
         ),
         (
-            "a message of quality 3",
+            "a message with QoS 3",
             [&[0x36][..], &order(b"stop")[1..]].concat(),
         ),
         ("a huge message", order(&huge)),
-        ("thanks for nothing", packet(0x40, &[0x77, 0x77])),
-        ("a promise of nothing", packet(0x50, &[0x77, 0x77])),
-        ("a wish refused", packet(0x90, &[0, 9, 0x80])),
-        ("a second accept_login", packet(0x20, &[0, 0])),
+        ("an unexpected PUBACK", packet(0x40, &[0x77, 0x77])),
+        ("an unexpected PUBREC", packet(0x50, &[0x77, 0x77])),
+        ("a refused subscription", packet(0x90, &[0, 9, 0x80])),
+        ("a second CONNACK", packet(0x20, &[0, 0])),
         (
-            "what only clients say",
+            "a CONNECT, which only clients send",
             packet(0x10, b"\0\x04MQTT\x04\0\0\0\0\0"),
         ),
-        ("no such packet", packet(0xf0, b"")),
+        ("an unknown packet type", packet(0xf0, b"")),
     ];
-    for (what, said) in cases {
-        let mut visit = HostileBroker::begin().await;
-        visit.accept_login().await;
-        visit.say(&said).await;
-        let held = visit.listens().await;
-        if !held {
+    for (what, packets) in cases {
+        let mut broker = HostileBroker::begin().await;
+        broker.accept_login().await;
+        broker.send(&packets).await;
+        let connected = broker.obeyed().await;
+        if !connected {
             // The agent connects again.
             drop(std::mem::replace(
-                &mut visit.line,
-                accept(&visit.listener).await,
+                &mut broker.stream,
+                accept(&broker.listener).await,
             ));
         }
-        let text = visit.run.text();
+        let text = broker.run.text();
         assert!(
             !text.contains('\u{1b}') && !text.contains('\u{202e}'),
             "{what}: {text}"
         );
-        visit.end(what).await;
+        broker.end(what).await;
     }
 }
 
@@ -296,25 +299,25 @@ async fn malformed_messages_are_ignored_or_end_the_connection_and_never_stop_the
 async fn a_flood_of_messages_does_not_fill_the_log_or_affect_driving() {
     let choice = message(CHOICE.as_bytes(), &[b'a'; 200]);
     let birth = message(b"homeassistant/status", b"online");
-    let mut kept = order(b"stop");
-    kept[0] |= 1;
+    let mut retained = order(b"stop");
+    retained[0] |= 1;
     let pings = packet(0xd0, b"");
     for (what, one) in [
-        ("what is no order", order(b"fly to the moon")),
-        ("orders that cannot be done", order(b"run nobody")),
-        ("choices of nobody", choice),
-        ("orders that were kept", kept),
-        ("births", birth),
+        ("invalid orders", order(b"fly to the moon")),
+        ("orders that cannot be executed", order(b"run nobody")),
+        ("choices of an unknown behaviour", choice),
+        ("retained orders", retained),
+        ("birth messages", birth),
         (
             "orders to another robot",
             message(b"spykee/SPYKEE0002/command", b"stop"),
         ),
-        ("answers to no ping", pings),
+        ("PINGRESPs without a ping", pings),
     ] {
-        let mut visit = HostileBroker::begin().await;
-        visit.accept_login().await;
+        let mut broker = HostileBroker::begin().await;
+        broker.accept_login().await;
         let many = one.repeat(1000);
-        let (mut reader, mut writer) = visit.line.split();
+        let (mut reader, mut writer) = broker.stream.split();
         let mut rest = vec![0; 1 << 16];
         let flood = async {
             for _ in 0..10 {
@@ -330,8 +333,8 @@ async fn a_flood_of_messages_does_not_fill_the_log_or_affect_driving() {
         timeout(WAIT_LIMIT, flooded)
             .await
             .unwrap_or_else(|_| panic!("{what}: the agent reads nothing"));
-        visit.listens().await;
-        visit.end(what).await;
+        broker.obeyed().await;
+        broker.end(what).await;
     }
 }
 
@@ -345,13 +348,14 @@ async fn a_fleet_is_listed_in_time_even_if_the_broker_never_stops_sending() {
         &format!("mqtt: {{ host: 127.0.0.1, port: {port} }}\n"),
     );
     let mut list = rig.spykee(&["fleet", "list", "--config", "fleet.yaml"]);
-    let mut line = accept(&listener).await;
+    let mut stream = accept(&listener).await;
     let talks = async {
-        while let Some((head, body)) = next(&mut line).await {
+        while let Some((head, body)) = next(&mut stream).await {
             match head >> 4 {
-                1 => line.write_all(&[0x20, 2, 0, 0]).await.unwrap(),
+                1 => stream.write_all(&[0x20, 2, 0, 0]).await.unwrap(),
                 8 => {
-                    line.write_all(&[0x90, 3, body[0], body[1], 1])
+                    stream
+                        .write_all(&[0x90, 3, body[0], body[1], 1])
                         .await
                         .unwrap();
                     if body[1] == 3 {
@@ -362,15 +366,15 @@ async fn a_fleet_is_listed_in_time_even_if_the_broker_never_stops_sending() {
             }
         }
         let hostile = message(b"spykee/<b>\x1b[2J\xe2\x80\xae/connection", b"ONLINE");
-        let _ = line.write_all(&hostile).await;
+        let _ = stream.write_all(&hostile).await;
         let deep = message(b"spykee/A/state", "[".repeat(60_000).as_bytes());
-        let _ = line.write_all(&deep).await;
+        let _ = stream.write_all(&deep).await;
         let state = message(
             b"spykee/A/state",
             b"{\"state\": \"\\u001b[2J\", \"battery\": {}, \"running\": 7}",
         );
         for _ in 0.. {
-            if line.write_all(&state).await.is_err() {
+            if stream.write_all(&state).await.is_err() {
                 break;
             }
             sleep(Duration::from_millis(50)).await;

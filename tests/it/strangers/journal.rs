@@ -14,7 +14,7 @@ const SECRET: &str = "not for others";
 
 /// Replaces or changes the journal's file, which is valid before. Beside the data folder there is a
 /// private file.
-type Deed = fn(&Path, &Path);
+type Tampering = fn(&Path, &Path);
 
 fn sql(path: &Path, text: &str) {
     Connection::open(path).unwrap().execute_batch(text).unwrap();
@@ -29,7 +29,7 @@ fn instead(path: &Path) -> &Path {
 /// A query with an infinite number of rows.
 const ENDLESS: &str = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)";
 
-const DEEDS: &[(&str, Deed)] = &[
+const TAMPERINGS: &[(&str, Tampering)] = &[
     ("a link to a private file", |path, private| {
         symlink(private, instead(path)).unwrap()
     }),
@@ -38,7 +38,7 @@ const DEEDS: &[(&str, Deed)] = &[
         std::fs::rename(path, &elsewhere).unwrap();
         symlink(elsewhere, path).unwrap();
     }),
-    ("a link to zeros without end", |path, _| {
+    ("a link to endless zeros", |path, _| {
         symlink("/dev/zero", instead(path)).unwrap()
     }),
     ("a link to itself", |path, _| {
@@ -63,7 +63,7 @@ const DEEDS: &[(&str, Deed)] = &[
     ("a script", |path, _| {
         std::fs::write(path, "#!/bin/sh\nrm -rf /\n").unwrap()
     }),
-    ("nothing but a hole", |path, _| {
+    ("a sparse file", |path, _| {
         std::fs::File::create(path)
             .unwrap()
             .set_len(8 << 30)
@@ -79,7 +79,7 @@ const DEEDS: &[(&str, Deed)] = &[
         let bytes = std::fs::read(path).unwrap();
         std::fs::write(path, &bytes[..bytes.len() / 2 + 100]).unwrap();
     }),
-    ("a journal of the future", |path, _| {
+    ("a journal of a newer version", |path, _| {
         sql(path, "PRAGMA user_version = 77")
     }),
     ("a journal whose log is a link", |path, private| {
@@ -97,7 +97,7 @@ const DEEDS: &[(&str, Deed)] = &[
             "CREATE TABLE event (x); PRAGMA user_version = 1",
         )
     }),
-    ("a journal that never ends to be read", |path, _| {
+    ("a journal whose reading never ends", |path, _| {
         sql(path, &format!(
             "DROP TABLE event; DROP TABLE battery; CREATE VIEW event AS {ENDLESS} SELECT i AS at, i AS session, 'x' AS robot, 'entry' AS kind,
                 'x' AS behaviour, '{{}}' AS data, i AS rowid FROM n;
@@ -105,7 +105,7 @@ const DEEDS: &[(&str, Deed)] = &[
                 0 AS charging, i AS rowid FROM n"
         ));
     }),
-    ("a journal that never ends to be written", |path, _| {
+    ("a journal whose writing never ends", |path, _| {
         sql(path, &format!(
         "CREATE TABLE sink (x);
          CREATE TRIGGER endless AFTER INSERT ON event BEGIN
@@ -115,13 +115,13 @@ const DEEDS: &[(&str, Deed)] = &[
         ["(1)"; 60].join(",")
     ))
     }),
-    ("a journal that forgets what is written", |path, _| {
+    ("a journal that deletes what is written", |path, _| {
         sql(
             path,
             "CREATE TRIGGER gone AFTER INSERT ON event BEGIN DELETE FROM event; END",
         )
     }),
-    ("rows that are none", |path, _| {
+    ("invalid rows", |path, _| {
         sql(
             path,
             "INSERT INTO event VALUES (NULL, 9223372036854775807, -1, x'ff', 'entry', x'00', x'ffff');
@@ -144,14 +144,14 @@ async fn an_invalid_journal_is_reported_or_renamed_and_blocks_nothing() {
     let mut run = rig.run_config(CONFIG);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let honest = std::fs::read(rig.folder().join("data/.journal/journal.db")).unwrap();
-    for (what, deed) in DEEDS {
+    for (what, tamper) in TAMPERINGS {
         let rig = Rig::quiet().await;
         let private = rig.file("private", SECRET);
         let folder = rig.folder().join("data/.journal");
         std::fs::create_dir_all(&folder).unwrap();
         let path = folder.join("journal.db");
         std::fs::write(&path, &honest).unwrap();
-        deed(&path, &private);
+        tamper(&path, &private);
         // `spykee history` is the first to read it.
         rig.file("spykee.yaml", CONFIG);
         for topic in [

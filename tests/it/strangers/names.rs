@@ -106,14 +106,14 @@ async fn told(uid: &str, behaviour: &str) {
     assert_eq!(status, 200, "{what}");
     serde_json::from_str::<Value>(&state)
         .unwrap_or_else(|error| panic!("{what}: {error}: {state}"));
-    let (_, figures) = get(&at, "/metrics").await;
+    let (_, metrics) = get(&at, "/metrics").await;
     assert!(
-        figures
+        metrics
             .lines()
             .all(|line| line.starts_with("# ") || line.starts_with("spykee_")),
-        "{what}: {figures}"
+        "{what}: {metrics}"
     );
-    assert!(!figures.contains("forged"), "{what}: {figures}");
+    assert!(!metrics.contains("forged"), "{what}: {metrics}");
     let (_, list) = get(&at, "/api/behaviours").await;
     let list: Value = serde_json::from_str(&list).unwrap();
     assert_eq!(list[0]["name"], behaviour, "{what}");

@@ -337,12 +337,12 @@ async fn endless_or_invalid_messages_end_only_their_own_connection() {
         "{\"type\":\"stop\",\"type\":\"stop\"}",
         "{\"type\":\"watch\",\"camera\":\"yes\"}",
     ] {
-        odd.say(said).await;
+        odd.send_text(said).await;
         odd.until("notice", |notice| notice["key"] == "nonsense")
             .await;
     }
     // No page has the wheel, so none can drive.
-    odd.say("{\"type\":\"drive\",\"left\":-90,\"right\":-90}")
+    odd.send_text("{\"type\":\"drive\",\"left\":-90,\"right\":-90}")
         .await;
     good.until("state", |state| state["tracks"][0] == 30).await;
     assert!(!rig.commands(from).contains(&Command::Move {
@@ -368,10 +368,10 @@ async fn with_a_thousand_connections_an_open_page_can_still_stop_the_robot() {
     let crowd = tokio::spawn(async move { stuck(&door, 1000, "GET / HTTP/1.1\r\n").await });
     // Sends signs of life meanwhile, as pages do.
     while !crowd.is_finished() {
-        page.hear().await;
+        page.receive().await;
     }
     let held = crowd.await.unwrap();
-    page.say("{\"type\":\"stop\"}").await;
+    page.send_text("{\"type\":\"stop\"}").await;
     rig.heard_stop(from).await;
     drop(held);
     assert_eq!(get(&at, "/healthz").await.0, 200);

@@ -11,7 +11,7 @@ use crate::rig::Rig;
 const TOKEN: &str = "s3cr3t-t0ken";
 
 /// The reaction of a server to a connection, after it has read something.
-type Deed = fn(&mut TcpStream, &str);
+type Reaction = fn(&mut TcpStream, &str);
 
 fn say(stream: &mut TcpStream, text: &str) {
     let _ = stream.write_all(text.as_bytes());
@@ -38,14 +38,14 @@ fn redirect(stream: &mut TcpStream, status: u16, to: &str) {
 }
 
 /// The reactions of servers.
-const DEEDS: &[(&str, Deed)] = &[
-    ("hangs up at once", |_, _| {}),
-    ("says nothing", |stream, _| hang(stream)),
-    ("says half a line", |stream, _| {
+const REACTIONS: &[(&str, Reaction)] = &[
+    ("closes the connection at once", |_, _| {}),
+    ("sends nothing", |stream, _| hang(stream)),
+    ("sends half a line", |stream, _| {
         say(stream, "HTTP/1.1 2");
         hang(stream);
     }),
-    ("says a letter at a time", |stream, _| {
+    ("sends one byte at a time", |stream, _| {
         for letter in "HTTP/1.1 200 OK\r\nx: y"
             .chars()
             .chain(std::iter::repeat('y'))
@@ -56,19 +56,19 @@ const DEEDS: &[(&str, Deed)] = &[
             std::thread::sleep(Duration::from_millis(20));
         }
     }),
-    ("speaks something else", |stream, _| {
+    ("speaks another protocol", |stream, _| {
         pour(stream, "SSH-2.0-OpenSSH_9.2\r\n", &[0; 4096])
     }),
-    ("has a head without end", |stream, _| {
+    ("sends an endless head", |stream, _| {
         pour(stream, "HTTP/1.1 200 OK\r\n", b"x-more: and more\r\n")
     }),
-    ("has a line without end", |stream, _| {
+    ("sends an endless line", |stream, _| {
         pour(stream, "HTTP/1.1 200 OK\r\nx: ", &[b'y'; 4096])
     }),
-    ("has a status that is none", |stream, _| {
+    ("sends an invalid status", |stream, _| {
         say(stream, "HTTP/1.1 99999 OK\r\n\r\n")
     }),
-    ("goes on without end", |stream, _| {
+    ("sends interim responses endlessly", |stream, _| {
         pour(stream, "", b"HTTP/1.1 100 Continue\r\n\r\n");
     }),
     ("fails with an endless page", |stream, _| {
@@ -78,22 +78,22 @@ const DEEDS: &[(&str, Deed)] = &[
             b"4\r\nmore\r\n",
         );
     }),
-    ("sends us in a circle", |stream, own| {
+    ("redirects to itself", |stream, own| {
         redirect(stream, 307, own)
     }),
-    ("sends us on and on", |stream, own| {
+    ("redirects endlessly", |stream, own| {
         redirect(stream, 303, &format!("{own}?{}", rand::random::<u32>()));
     }),
-    ("sends us to a file", |stream, _| {
+    ("redirects to a file", |stream, _| {
         redirect(stream, 302, "file:///etc/passwd")
     }),
-    ("sends us nowhere", |stream, _| {
+    ("redirects to a closed port", |stream, _| {
         redirect(stream, 302, "http://127.0.0.1:1/")
     }),
-    ("sends us to nonsense", |stream, _| {
+    ("redirects to an invalid address", |stream, _| {
         redirect(stream, 301, "::\u{1}//")
     }),
-    ("sends us a line too many", |stream, _| {
+    ("redirects with an injected line", |stream, _| {
         redirect(stream, 302, "http://a/\r\nx: y")
     }),
     ("refuses with escape sequences", |stream, _| {
@@ -105,7 +105,7 @@ const DEEDS: &[(&str, Deed)] = &[
 ];
 
 /// Starts a server with this reaction; returns its address.
-fn serve(deed: Deed) -> String {
+fn serve(reaction: Reaction) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("http://{}/hook", listener.local_addr().unwrap());
     let own = address.clone();
@@ -114,7 +114,7 @@ fn serve(deed: Deed) -> String {
             let own = own.clone();
             std::thread::spawn(move || {
                 let _ = stream.read(&mut [0; 4096]);
-                deed(&mut stream, &own);
+                reaction(&mut stream, &own);
             });
         }
     });
@@ -130,8 +130,8 @@ fn config(rig: &Rig, targets: &str, rest: &str) -> String {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_server_that_hangs_never_ends_or_redirects_times_out() {
     let rig = Rig::quiet().await;
-    for (what, deed) in DEEDS {
-        let address = serve(*deed);
+    for (what, reaction) in REACTIONS {
+        let address = serve(*reaction);
         let target = format!(
             "hook: {{ url: '{address}?{{token}}', token_file: token, timeout: 1, headers: {{ X-Token: '{{token}}' }} }}"
         );
@@ -151,9 +151,9 @@ async fn a_server_that_hangs_never_ends_or_redirects_times_out() {
 #[tokio::test(flavor = "multi_thread")]
 async fn any_number_of_malicious_servers_neither_stops_the_robot_nor_delays_the_end() {
     let rig = Rig::quiet().await;
-    let hooks = DEEDS.iter().take(8).enumerate();
+    let hooks = REACTIONS.iter().take(8).enumerate();
     let hooks: Vec<String> = hooks
-        .map(|(number, (_, deed))| format!("hook{number}: {{ url: '{}' }}", serve(*deed)))
+        .map(|(number, (_, reaction))| format!("hook{number}: {{ url: '{}' }}", serve(*reaction)))
         .collect();
     rig.file("script.lua", &format!("notify.send('hello') {DRIVES}"));
     let rest = "behaviours: [{ file: script.lua }]\n";
@@ -184,7 +184,7 @@ async fn a_form_has_exactly_the_fields_of_the_config() {
     });
     let field =
         "\r\n--BOUNDARY\r\nContent-Disposition: form-data; name=\"urls\"\r\n\r\nmailto://evil\r\n";
-    // The source of the program reveals the base of the boundary.
+    // A fixed boundary could be read in the source of the program, as this one of an earlier version.
     let field = field.replace("BOUNDARY", "spykee-5f1d8a7c40b2496e9d3e-form");
     let mut picture = std::fs::read("tests/fixtures/ball-420.jpg").unwrap();
     picture.extend_from_slice(field.as_bytes());
@@ -217,6 +217,6 @@ async fn a_form_has_exactly_the_fields_of_the_config() {
             .next()
             .unwrap();
         let parts = sent.matches(&format!("\r\n--{boundary}\r\n")).count();
-        assert_eq!(parts, 2, "a field that nobody named:\n{sent}");
+        assert_eq!(parts, 2, "a field that is not in the config:\n{sent}");
     }
 }

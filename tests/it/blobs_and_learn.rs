@@ -53,14 +53,14 @@ fn shot(heading: f64, light: f64) -> Vec<u8> {
 }
 
 /// A folder with `ahead.jpg` and `back.jpg`, in which the command runs.
-struct Desk(tempfile::TempDir);
+struct Workspace(tempfile::TempDir);
 
-impl Desk {
-    fn new() -> Desk {
-        let desk = Desk(tempfile::tempdir().unwrap());
-        desk.put("ahead.jpg", &shot(0.0, 0.9));
-        desk.put("back.jpg", &shot(BACK, 0.9));
-        desk
+impl Workspace {
+    fn new() -> Workspace {
+        let workspace = Workspace(tempfile::tempdir().unwrap());
+        workspace.put("ahead.jpg", &shot(0.0, 0.9));
+        workspace.put("back.jpg", &shot(BACK, 0.9));
+        workspace
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -115,8 +115,8 @@ fn fixture(name: &str) -> PathBuf {
 
 #[test]
 fn the_table_has_a_row_for_each_blob_and_for_each_picture_without() {
-    let desk = Desk::new();
-    let table = desk.done("blobs ahead.jpg back.jpg --colour red --colour blue");
+    let workspace = Workspace::new();
+    let table = workspace.done("blobs ahead.jpg back.jpg --colour red --colour blue");
     let rows: Vec<Vec<&str>> = table
         .lines()
         .map(|row| row.split_whitespace().collect())
@@ -134,21 +134,21 @@ fn the_table_has_a_row_for_each_blob_and_for_each_picture_without() {
 
 #[test]
 fn json_has_the_same_fields_and_values_as_scripts() {
-    let desk = Desk::new();
-    let found = desk.json("blobs ahead.jpg back.jpg --colour red,green --json");
+    let workspace = Workspace::new();
+    let found = workspace.json("blobs ahead.jpg back.jpg --colour red,green --json");
     assert_eq!(found[0]["file"], "ahead.jpg");
     assert_eq!(
         found[0]["size"],
         serde_json::json!({ "width": 320, "height": 240 })
     );
-    let mut eyes = FrameAnalyser::new(Camera::default());
+    let mut analyser = FrameAnalyser::new(Camera::default());
     let colours = ["red", "green"].map(|name| Colour::named(name).unwrap());
     for (key, (picture, name)) in [("ahead.jpg", "red"), ("back.jpg", "green")]
         .iter()
         .enumerate()
     {
-        let jpeg = std::fs::read(desk.path(picture)).unwrap();
-        let seen = eyes.find_blobs(key as u64, &jpeg, &colours, &BlobOptions::default());
+        let jpeg = std::fs::read(workspace.path(picture)).unwrap();
+        let seen = analyser.find_blobs(key as u64, &jpeg, &colours, &BlobOptions::default());
         let mut expected = serde_json::json!(seen.unwrap());
         expected[0]["colour"] = (*name).into();
         // The last bit of a number may change when it is parsed.
@@ -164,9 +164,9 @@ fn json_has_the_same_fields_and_values_as_scripts() {
 
 #[test]
 fn blobs_that_are_too_small_or_outside_the_region_are_omitted() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     let count = |options: &str| {
-        let found = desk.json(&format!(
+        let found = workspace.json(&format!(
             "blobs ahead.jpg --colour red,blue --json {options}"
         ));
         found[0]["blobs"].as_array().unwrap().len()
@@ -175,7 +175,7 @@ fn blobs_that_are_too_small_or_outside_the_region_are_omitted() {
     assert_eq!(count("--roi 160,0,160,240"), 1);
     assert_eq!(count("--min-pixels 3000"), 1);
     assert_eq!(count("--min-pixels 30000"), 0);
-    let error = desk.refused("blobs ahead.jpg --colour red --roi 400,0,10,10");
+    let error = workspace.refused("blobs ahead.jpg --colour red --roi 400,0,10,10");
     assert!(
         error.contains("ahead.jpg") && error.contains("320x240"),
         "{error}"
@@ -184,26 +184,26 @@ fn blobs_that_are_too_small_or_outside_the_region_are_omitted() {
 
 #[test]
 fn merged_blobs_are_named_after_all_their_colours() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     // The ball counts as two colours: its shaded lower half is darker.
     let config = "colours: { lit: { h: [330, 20], s: [40, 100], v: [65, 100] }, \
                              dark: { h: [330, 20], s: [40, 100], v: [15, 65] } }";
-    desk.put("spykee.yaml", config.as_bytes());
+    workspace.put("spykee.yaml", config.as_bytes());
     let line = "blobs ahead.jpg --colour lit,dark --config spykee.yaml --merge";
-    let table = desk.done(line);
+    let table = workspace.done(line);
     assert!(
         table.lines().any(|row| row.contains(" lit+dark ")),
         "{table}"
     );
-    let merged = desk.json(&format!("{line} --json"));
+    let merged = workspace.json(&format!("{line} --json"));
     assert_eq!(merged[0]["blobs"][0]["code"], 3);
     assert_eq!(merged[0]["blobs"][0]["colour"], "lit");
 }
 
 #[test]
 fn no_more_blobs_than_requested_are_shown_and_a_note_says_so() {
-    let desk = Desk::new();
-    let (code, table, note) = desk.spykee("blobs ahead.jpg --colour red,blue --max-blobs 1");
+    let workspace = Workspace::new();
+    let (code, table, note) = workspace.spykee("blobs ahead.jpg --colour red,blue --max-blobs 1");
     assert_eq!((code, table.lines().count()), (Some(0), 2), "{table}");
     assert!(
         note.contains("ahead.jpg") && note.contains("--max-blobs"),
@@ -213,17 +213,17 @@ fn no_more_blobs_than_requested_are_shown_and_a_note_says_so() {
 
 #[test]
 fn the_config_provides_colours_and_the_field_of_view() {
-    let desk = Desk::new();
-    desk.put(
+    let workspace = Workspace::new();
+    workspace.put(
         "spykee.yaml",
         b"camera: { hfov: 2.0 }\ncolours: { ball: { h: [340, 15], s: [50, 100] } }\n",
     );
-    let wide = desk.json("blobs ahead.jpg --colour ball --config spykee.yaml --json");
+    let wide = workspace.json("blobs ahead.jpg --colour ball --config spykee.yaml --json");
     // A spykee.yaml in the folder is used without being named.
-    let found = desk.json("blobs ahead.jpg --colour ball --json");
+    let found = workspace.json("blobs ahead.jpg --colour ball --json");
     assert_eq!(wide, found);
-    desk.put("spykee.yaml", b"");
-    let usual = desk.json("blobs ahead.jpg --colour red --json");
+    workspace.put("spykee.yaml", b"");
+    let usual = workspace.json("blobs ahead.jpg --colour red --json");
     let bearing = |found: &Value| found[0]["blobs"][0]["bearing"].as_f64().unwrap();
     assert_eq!(wide[0]["blobs"][0]["colour"], "ball");
     assert!(bearing(&wide) > 1.5 * bearing(&usual), "{wide} {usual}");
@@ -231,9 +231,9 @@ fn the_config_provides_colours_and_the_field_of_view() {
 
 #[test]
 fn an_unknown_colour_is_refused_with_the_nearest_and_all_known_ones() {
-    let desk = Desk::new();
-    desk.put("spykee.yaml", b"colours: { sock: { h: [270, 310] } }\n");
-    let error = desk.refused("blobs ahead.jpg --colour gren");
+    let workspace = Workspace::new();
+    workspace.put("spykee.yaml", b"colours: { sock: { h: [270, 310] } }\n");
+    let error = workspace.refused("blobs ahead.jpg --colour gren");
     assert!(
         error.contains("'gren'") && error.contains("'green'"),
         "{error}"
@@ -242,18 +242,18 @@ fn an_unknown_colour_is_refused_with_the_nearest_and_all_known_ones() {
         Colour::NAMES.iter().all(|name| error.contains(name)),
         "{error}"
     );
-    let error = desk.refused("blobs ahead.jpg --colour sok --config spykee.yaml");
+    let error = workspace.refused("blobs ahead.jpg --colour sok --config spykee.yaml");
     assert!(error.contains("did you mean 'sock'"), "{error}");
 }
 
 #[test]
 fn an_unreadable_picture_is_named_with_its_reason_and_the_others_are_processed() {
-    let desk = Desk::new();
-    let whole = std::fs::read(desk.path("ahead.jpg")).unwrap();
-    desk.put("half.jpg", &whole[..whole.len() / 2]);
-    desk.put("text.jpg", b"no picture");
+    let workspace = Workspace::new();
+    let whole = std::fs::read(workspace.path("ahead.jpg")).unwrap();
+    workspace.put("half.jpg", &whole[..whole.len() / 2]);
+    workspace.put("text.jpg", b"no picture");
     let (code, out, error) =
-        desk.spykee("blobs half.jpg text.jpg none.jpg . ahead.jpg --colour red --json");
+        workspace.spykee("blobs half.jpg text.jpg none.jpg . ahead.jpg --colour red --json");
     assert_eq!(code, Some(2));
     let found: Value = serde_json::from_str(&out).unwrap();
     assert_eq!(found.as_array().unwrap().len(), 1);
@@ -268,13 +268,13 @@ fn an_unreadable_picture_is_named_with_its_reason_and_the_others_are_processed()
         let said = |line: &str| line.contains(file) && line.contains(reason);
         assert!(error.lines().any(said), "{file}: {error}");
     }
-    let (_, out, _) = desk.spykee("blobs text.jpg --colour red --json");
+    let (_, out, _) = workspace.spykee("blobs text.jpg --colour red --json");
     assert_eq!(out, "[]\n");
 }
 
 #[test]
 fn every_kind_of_jpeg_is_read() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     for kind in [
         "ball-422.jpg",
         "ball-420.jpg",
@@ -282,11 +282,11 @@ fn every_kind_of_jpeg_is_read() {
         "ball-restart.jpg",
     ] {
         let path = fixture(kind);
-        let found = desk.json(&format!("blobs {} --colour red --json", path.display()));
+        let found = workspace.json(&format!("blobs {} --colour red --json", path.display()));
         assert_eq!(found[0]["blobs"][0]["colour"], "red", "{kind}");
     }
     let grey = fixture("ball-grey.jpg");
-    let table = desk.done(&format!("blobs {} --colour red", grey.display()));
+    let table = workspace.done(&format!("blobs {} --colour red", grey.display()));
     assert!(table.contains("none"), "{table}");
 }
 
@@ -296,11 +296,11 @@ fn png(path: &Path) -> image::RgbImage {
 
 #[test]
 fn a_marked_copy_shows_box_and_text_enlarged_and_the_rest_unchanged() {
-    let desk = Desk::new();
-    let found = desk.json("blobs ahead.jpg --colour red --json --annotate out.png");
+    let workspace = Workspace::new();
+    let found = workspace.json("blobs ahead.jpg --colour red --json --annotate out.png");
     let blob = |field: &str| found[0]["blobs"][0][field].as_u64().unwrap() as u32;
-    let marked = png(&desk.path("out.png"));
-    let plain = image::open(desk.path("ahead.jpg")).unwrap().to_rgb8();
+    let marked = png(&workspace.path("out.png"));
+    let plain = image::open(workspace.path("ahead.jpg")).unwrap().to_rgb8();
     assert_eq!(marked.dimensions(), (960, 720));
     let changed = |x: u32, y: u32| {
         let pairs = marked
@@ -329,54 +329,54 @@ fn a_marked_copy_shows_box_and_text_enlarged_and_the_rest_unchanged() {
 
 #[test]
 fn the_ignored_part_is_dark_in_the_marked_copy() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     let line = "blobs ahead.jpg --colour red --roi 0,0,160,240 --annotate";
-    desk.done(&format!("{line} part.png"));
+    workspace.done(&format!("{line} part.png"));
     let light = |image: &image::RgbImage, x| u32::from(image.get_pixel(x, 60).0[1]);
-    let part = png(&desk.path("part.png"));
+    let part = png(&workspace.path("part.png"));
     assert!(light(&part, 400) > 2 * light(&part, 500), "{part:?}");
 }
 
 #[test]
 fn several_marked_copies_go_into_a_folder_and_a_single_output_file_is_refused() {
-    let desk = Desk::new();
-    std::fs::create_dir(desk.path("other")).unwrap();
-    desk.put("other/ahead.jpg", &shot(0.0, 0.5));
-    desk.done("blobs ahead.jpg back.jpg other/ahead.jpg --colour red --annotate marked/new");
-    let folder = std::fs::read_dir(desk.path("marked/new")).unwrap();
+    let workspace = Workspace::new();
+    std::fs::create_dir(workspace.path("other")).unwrap();
+    workspace.put("other/ahead.jpg", &shot(0.0, 0.5));
+    workspace.done("blobs ahead.jpg back.jpg other/ahead.jpg --colour red --annotate marked/new");
+    let folder = std::fs::read_dir(workspace.path("marked/new")).unwrap();
     let mut names: Vec<_> = folder.map(|entry| entry.unwrap().file_name()).collect();
     names.sort();
     assert_eq!(
         names,
         ["ahead-2-blobs.png", "ahead-blobs.png", "back-blobs.png"]
     );
-    let error = desk.refused("blobs ahead.jpg back.jpg --colour red --annotate out.png");
+    let error = workspace.refused("blobs ahead.jpg back.jpg --colour red --annotate out.png");
     assert!(
         error.contains("out.png") && error.contains("folder"),
         "{error}"
     );
-    let error = desk.refused("blobs ahead.jpg --colour red --annotate ahead.jpg");
+    let error = workspace.refused("blobs ahead.jpg --colour red --annotate ahead.jpg");
     assert!(error.contains(".png"), "{error}");
-    assert!(!desk.path("out.png").exists());
-    let help = desk.done("blobs --help");
+    assert!(!workspace.path("out.png").exists());
+    let help = workspace.done("blobs --help");
     assert!(help.contains("for several pictures a folder"), "{help}");
 }
 
 #[test]
 fn a_learned_colour_pasted_into_a_config_finds_the_object() {
-    let desk = Desk::new();
-    let yaml = desk.done(&format!("learn ahead.jpg --roi {IN_BALL} --name ball"));
+    let workspace = Workspace::new();
+    let yaml = workspace.done(&format!("learn ahead.jpg --roi {IN_BALL} --name ball"));
     let config = Config::parse(&yaml, "learned").unwrap();
     assert!(config.colours.contains_key("ball"), "{yaml}");
     assert!(
         yaml.contains("very good") && yaml.contains("ahead.jpg"),
         "{yaml}"
     );
-    desk.put("spykee.yaml", yaml.as_bytes());
-    let found = desk.json("blobs ahead.jpg --colour ball --config spykee.yaml --json");
+    workspace.put("spykee.yaml", yaml.as_bytes());
+    let found = workspace.json("blobs ahead.jpg --colour ball --config spykee.yaml --json");
     let blobs = found[0]["blobs"].as_array().unwrap();
     assert_eq!(blobs.len(), 1, "{found}");
-    let usual = desk.json("blobs ahead.jpg --colour red --json");
+    let usual = workspace.json("blobs ahead.jpg --colour red --json");
     for centre in ["cx", "cy"] {
         let [one, other] = [&blobs[0], &usual[0]["blobs"][0]].map(|b| b[centre].as_f64().unwrap());
         assert!((one - other).abs() < 2.0, "{one} {other}");
@@ -385,15 +385,15 @@ fn a_learned_colour_pasted_into_a_config_finds_the_object() {
 
 #[test]
 fn learn_reports_what_the_colour_finds_inside_and_outside_the_region() {
-    let desk = Desk::new();
-    desk.put("dim.jpg", &shot(0.0, 0.45));
-    let learned = desk.json(&format!(
+    let workspace = Workspace::new();
+    workspace.put("dim.jpg", &shot(0.0, 0.45));
+    let learned = workspace.json(&format!(
         "learn ahead.jpg dim.jpg --roi {IN_BALL} --name ball --json"
     ));
     assert_eq!(learned["name"], "ball");
     let colour: Colour = serde_json::from_value(learned["colour"].clone()).unwrap();
     assert!(learned["quality"].as_f64().unwrap() > 0.9, "{learned}");
-    let mut eyes = FrameAnalyser::new(Camera::default());
+    let mut analyser = FrameAnalyser::new(Camera::default());
     for (key, name) in ["ahead.jpg", "dim.jpg"].into_iter().enumerate() {
         let proof = &learned["pictures"][key];
         let part = IN_BALL_ROI.w * IN_BALL_ROI.h;
@@ -401,7 +401,7 @@ fn learn_reports_what_the_colour_finds_inside_and_outside_the_region() {
         assert_eq!(proof["inside"]["of"], part);
         assert_eq!(proof["outside"]["of"], 320 * 240 - part);
         assert_eq!(proof["largest_is_inside"], true);
-        let jpeg = std::fs::read(desk.path(name)).unwrap();
+        let jpeg = std::fs::read(workspace.path(name)).unwrap();
         let every = BlobOptions {
             area_threshold: 0,
             pixels_threshold: 0,
@@ -412,7 +412,7 @@ fn learn_reports_what_the_colour_finds_inside_and_outside_the_region() {
                 roi,
                 ..every.clone()
             };
-            let blobs = eyes
+            let blobs = analyser
                 .find_blobs(key as u64, &jpeg, &[colour], &options)
                 .unwrap();
             blobs.iter().map(|blob| blob.pixels).sum::<u32>()
@@ -426,21 +426,21 @@ fn learn_reports_what_the_colour_finds_inside_and_outside_the_region() {
 
 #[test]
 fn grey_and_mixed_regions_are_refused_with_advice() {
-    let desk = Desk::new();
-    let grey = desk.refused(&format!("learn ahead.jpg --roi {ON_WALL}"));
+    let workspace = Workspace::new();
+    let grey = workspace.refused(&format!("learn ahead.jpg --roi {ON_WALL}"));
     assert!(
         grey.contains("too grey") && grey.contains("  help: "),
         "{grey}"
     );
     // The red ball ahead and the green one behind are in the same region.
-    desk.put("left.jpg", &shot(BACK + 0.24, 0.9));
+    workspace.put("left.jpg", &shot(BACK + 0.24, 0.9));
     let mixed = "learn ahead.jpg left.jpg --roi 75,135,30,25";
-    let error = desk.refused(mixed);
+    let error = workspace.refused(mixed);
     assert!(
         error.contains("too mixed") && error.contains("  help: "),
         "{error}"
     );
-    let (code, out, _) = desk.spykee(&format!("{mixed} --json"));
+    let (code, out, _) = workspace.spykee(&format!("{mixed} --json"));
     let refused: Value = serde_json::from_str(&out).unwrap();
     assert_eq!(
         (code, &refused["refused"]),
@@ -450,17 +450,18 @@ fn grey_and_mixed_regions_are_refused_with_advice() {
 
 #[test]
 fn a_colour_that_some_picture_does_not_contain_is_rated_poor() {
-    let desk = Desk::new();
-    let yaml = desk.done(&format!("learn ahead.jpg back.jpg --roi {IN_BALL}"));
+    let workspace = Workspace::new();
+    let yaml = workspace.done(&format!("learn ahead.jpg back.jpg --roi {IN_BALL}"));
     let verdict = yaml.lines().find(|line| line.contains("Quality")).unwrap();
     assert!(verdict.contains("poor: not every picture"), "{yaml}");
 }
 
 #[test]
 fn learning_continues_without_unusable_pictures() {
-    let desk = Desk::new();
-    desk.put("text.jpg", b"no picture");
-    let (code, yaml, error) = desk.spykee(&format!("learn text.jpg ahead.jpg --roi {IN_BALL}"));
+    let workspace = Workspace::new();
+    workspace.put("text.jpg", b"no picture");
+    let (code, yaml, error) =
+        workspace.spykee(&format!("learn text.jpg ahead.jpg --roi {IN_BALL}"));
     assert_eq!(code, Some(2));
     assert!(
         Config::parse(&yaml, "learned").is_ok() && yaml.contains("thing:"),
@@ -470,13 +471,13 @@ fn learning_continues_without_unusable_pictures() {
         error.contains("text.jpg") && error.contains("not a JPEG"),
         "{error}"
     );
-    let error = desk.refused("learn ahead.jpg --roi 320,0,10,10");
+    let error = workspace.refused("learn ahead.jpg --roi 320,0,10,10");
     assert!(error.contains("outside ahead.jpg"), "{error}");
 }
 
 #[test]
 fn missing_or_wrong_arguments_end_with_2() {
-    let desk = Desk::new();
+    let workspace = Workspace::new();
     for line in [
         "blobs --colour red",
         "blobs ahead.jpg",
@@ -488,7 +489,7 @@ fn missing_or_wrong_arguments_end_with_2() {
         "learn ahead.jpg --roi 1,2,3,4 --name a:b",
         "blobs ahead.jpg --colour red --config none.yaml",
     ] {
-        let error = desk.refused(line);
+        let error = workspace.refused(line);
         assert!(!error.contains("internal error"), "{line}: {error}");
     }
 }

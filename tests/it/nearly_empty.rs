@@ -90,15 +90,15 @@ fn with_a_nearly_empty_battery_only_the_rescue_behaviour_has_the_camera() {
         options(Rescue::Builtin),
         async |lab: &Lab| {
             let _run = nearly_empty(lab).await;
-            becomes(lab, "deaf and dumb", |state| {
+            becomes(lab, "silent in both directions", |state| {
                 !(state.streams.audio_in || state.streams.audio_out)
             })
             .await;
             let since = lab.sim().heard_count();
             let driven = timeout(SECOND * 300, lab.sim().wait_heard(since, moves)).await;
-            assert!(driven.is_ok(), "nobody drives it");
+            assert!(driven.is_ok(), "the rescue behaviour does not drive");
             let state = lab.sim().state();
-            assert!(state.streams.video, "it drives without seeing");
+            assert!(state.streams.video, "the rescue behaviour has no camera");
             sleep(SECOND * 60).await;
             let heard = lab.sim().heard_since(since);
             let camera = Command::Stream {
@@ -126,7 +126,7 @@ fn streams_and_lights_return_when_the_battery_is_good() {
         let since = lab.sim().heard_count();
         let lights = |command: &Command| matches!(command, Command::Led { on: true, .. });
         let lit = timeout(SECOND * 5, lab.sim().wait_heard(since, lights)).await;
-        assert!(lit.is_ok(), "no lights any more");
+        assert!(lit.is_ok(), "the lights do not return");
     })
     .unwrap();
 }
