@@ -42,7 +42,7 @@ end, { rate = 5 })
 
 robot.on("noise", function(noise)
 	if noise.own then
-		return -- its own motors, or its own loudspeaker
+		return -- its own motors, or its own speaker
 	end
 	intruder(`a noise of {math.round(noise.dbfs)} dBFS`, robot.frame())
 end)

@@ -22,7 +22,7 @@ use crate::robot::{BehaviourId, EndReason, Occurrence};
 use crate::script::Ending;
 
 /// The most behaviours that run at the same time: each is a process.
-const MOST: usize = 32;
+const MAX_BEHAVIOURS: usize = 32;
 /// Behaviours are numbered from 0 to below this; persons and the rescue behaviour have higher
 /// numbers.
 const NUMBERS: u16 = 0xF000;
@@ -235,8 +235,8 @@ impl BehaviourSet {
             let unknown = self.unknown(name);
             return refuse(reply, unknown);
         };
-        if self.active.len() >= MOST {
-            return refuse(reply, RosterError::Full(MOST));
+        if self.active.len() >= MAX_BEHAVIOURS {
+            return refuse(reply, RosterError::Full(MAX_BEHAVIOURS));
         }
         let (by, stop) = (self.number(), Stop::new(None));
         let (context, status) = (self.context(&stop), self.status.clone());

@@ -178,7 +178,7 @@ const FUNCTIONS: &[Function] = &[
         "robot.say",
         &[value("samples", Type::Buffer, "signed 16-bit samples, mono, 16000 per second")],
         &[],
-        "Plays samples on the loudspeaker; needs the stream `audio_out`.",
+        "Plays samples on the speaker; needs the stream `audio_out`.",
         "robot.stream(\"audio_out\", true)\nlocal tone = buffer.create(3200)\nfor at = 0, 1599 do\n\tbuffer.writei16(tone, 2 * at, 8000 * math.sin(at * 0.17))\nend\nrobot.say(tone)",
     ),
     call(

@@ -41,7 +41,7 @@ const SETTING: Value = options(&[
         "seeds",
         1.0,
         10_000.0,
-        "how many seeds: the scenario is played once with each seed from 1 to this number",
+        "how many seeds: the scenario runs once with each seed from 1 to this number",
     )
     .default(1.0),
     bounded(

@@ -16,7 +16,7 @@ const SUFFIX: &str = ".sock";
 /// Access for the user only.
 const PRIVATE: u32 = 0o700;
 /// Maximum number of runs per data folder that are considered.
-const MOST_RUNS: usize = 32;
+const MAX_RUNS: usize = 32;
 
 /// The open folder.
 #[derive(Debug)]
@@ -118,7 +118,7 @@ impl Folder {
         let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
         let mut names: Vec<String> = names.filter(|name| name.ends_with(SUFFIX)).collect();
         names.sort();
-        names.truncate(MOST_RUNS);
+        names.truncate(MAX_RUNS);
         names
     }
 

@@ -17,7 +17,7 @@ pub const BEAT: Duration = Duration::from_millis(100);
 /// The most consecutive beats that a living guardian leaves unanswered, even on the busiest
 /// machine. Counted in beats, not seconds: an agent that was itself stopped has sent no beats
 /// meanwhile.
-const MOST_UNANSWERED: u32 = 20;
+const MAX_UNANSWERED: u32 = 20;
 /// An answer is a beat.
 const MAX_ANSWER_LEN: usize = 64;
 
@@ -92,7 +92,7 @@ impl Guardian {
             return;
         }
         self.read_answers();
-        if self.unanswered >= MOST_UNANSWERED {
+        if self.unanswered >= MAX_UNANSWERED {
             return self.lose("does not answer");
         }
         self.unanswered += 1;

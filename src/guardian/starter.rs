@@ -15,7 +15,7 @@ use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
 use super::process::GUARDIAN_ARGUMENT;
 
 /// The most consecutive attempts to start another guardian.
-const MOST_TRIES: u32 = 8;
+const MAX_TRIES: u32 = 8;
 /// The pause before the first attempt; each further pause is twice as long.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
 /// The count of attempts restarts after a guardian that has lived this long.
@@ -89,7 +89,7 @@ fn replace(
         // Only after its death: at the end of its socket it would write to the robot.
         drop(socket);
         let (next, socket) = loop {
-            if tries == MOST_TRIES {
+            if tries == MAX_TRIES {
                 return;
             }
             thread::sleep(FIRST_PAUSE * 2_u32.pow(tries));

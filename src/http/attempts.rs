@@ -14,7 +14,7 @@ const MAX_TOTAL: u32 = 50;
 const REFILL_PER_ADDRESS: Duration = Duration::from_secs(20);
 const REFILL_TOTAL: Duration = Duration::from_secs(2);
 /// Maximum number of addresses that are remembered.
-const MOST_ADDRESSES: usize = 1024;
+const MAX_ADDRESSES: usize = 1024;
 
 /// A token bucket: the attempts used, and the time of its last refill.
 #[derive(Debug, Clone, Copy)]
@@ -74,7 +74,7 @@ impl Attempts {
             bucket.used > 0
         });
         self.all.refill(REFILL_TOTAL, now);
-        if self.each.len() >= MOST_ADDRESSES && !self.each.contains_key(&address) {
+        if self.each.len() >= MAX_ADDRESSES && !self.each.contains_key(&address) {
             return Err(REFILL_PER_ADDRESS);
         }
         let one = self.each.entry(address).or_insert_with(|| Bucket::new(now));
@@ -121,7 +121,7 @@ mod tests {
         let mut attempts = Attempts::new(now);
         let tries = (0..200).filter(|last| attempts.take(address(*last), now).is_ok());
         assert_eq!(tries.count(), MAX_TOTAL as usize);
-        assert!(attempts.each.len() <= MOST_ADDRESSES);
+        assert!(attempts.each.len() <= MAX_ADDRESSES);
     }
 
     #[test]

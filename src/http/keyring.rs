@@ -15,7 +15,7 @@ const FOLDER: &str = ".access";
 const FILE: &str = "tokens.json";
 const MAX_LEN: u64 = 64 * 1024;
 /// Maximum number of tokens per data folder.
-const MOST: usize = 100;
+const MAX_TOKENS: usize = 100;
 /// Maximum length of a name, in characters.
 const LONGEST_NAME: usize = 40;
 /// Prefix of all tokens, by which people and secret scanners recognise them.
@@ -109,8 +109,8 @@ impl Keyring {
         if self.keys.iter().any(|key| key.name == name) {
             return refused(format!("there is a token `{name}`: revoke it first"));
         }
-        if self.keys.len() >= MOST {
-            return refused(format!("there are {MOST} tokens: revoke some first"));
+        if self.keys.len() >= MAX_TOKENS {
+            return refused(format!("there are {MAX_TOKENS} tokens: revoke some first"));
         }
         let token = format!("{PREFIX}{}", random());
         let (name, digest) = (name.to_owned(), Digest::of(&token));

@@ -10,7 +10,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);
 /// Default maximum number of viewers.
 const VIEWERS: u16 = 32;
-const MOST_VIEWERS: u64 = 1000;
+const MAX_VIEWERS: u64 = 1000;
 
 /// `live:` of the config.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -55,7 +55,7 @@ fn viewers<'de, D: Deserializer<'de>>(from: D) -> Result<u16, D::Error> {
     let number = u64::deserialize(from)?;
     let inside = u16::try_from(number)
         .ok()
-        .filter(|_| (1..=MOST_VIEWERS).contains(&number));
+        .filter(|_| (1..=MAX_VIEWERS).contains(&number));
     inside.ok_or_else(|| {
         let expected = "a whole number of viewers from 1 to 1000";
         serde::de::Error::invalid_value(serde::de::Unexpected::Unsigned(number), &expected)

@@ -8,7 +8,7 @@ use super::role::Role;
 use super::secret::{Digest, random};
 
 /// Maximum number of sessions; the oldest one is removed to make room.
-const MOST: usize = 256;
+const MAX_SESSIONS: usize = 256;
 /// Lifetime of a session.
 pub(super) const LIFE: Duration = Duration::from_secs(7 * 24 * 60 * 60);
 
@@ -27,7 +27,7 @@ impl Sessions {
     /// Opens a session and returns its secret.
     pub(super) fn open(&mut self, role: Role, now: Instant) -> String {
         let secret = random();
-        if self.0.len() >= MOST {
+        if self.0.len() >= MAX_SESSIONS {
             self.0.remove(0);
         }
         let (digest, until) = (Digest::of(&secret), now + LIFE);
@@ -71,8 +71,11 @@ mod tests {
         sessions.close(&one);
         assert_eq!(sessions.role(&one, now), None);
         assert_eq!(sessions.role(&other, now), Some(Role::Driver));
-        (0..MOST).for_each(|_| drop(sessions.open(Role::Viewer, now)));
-        assert_eq!((sessions.0.len(), sessions.role(&other, now)), (MOST, None));
+        (0..MAX_SESSIONS).for_each(|_| drop(sessions.open(Role::Viewer, now)));
+        assert_eq!(
+            (sessions.0.len(), sessions.role(&other, now)),
+            (MAX_SESSIONS, None)
+        );
         sessions.role("", now + LIFE);
         assert!(sessions.0.is_empty());
     }

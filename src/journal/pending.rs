@@ -9,10 +9,10 @@ use super::row::{Content, Row};
 use crate::robot::{Battery, Occurrence};
 
 /// Maximum number of rows waiting for the disk; further events are only counted.
-const MOST_WAITING: usize = 2000;
+const MAX_WAITING: usize = 2000;
 /// Maximum number of rows per minute: a robot that reports a docking a thousand times a second must
 /// not fill the disk.
-const MOST_A_MINUTE: u32 = 600;
+const MAX_PER_MINUTE: u32 = 600;
 const MINUTE: Duration = Duration::from_secs(60);
 /// Rows within this time are written together.
 const BATCH_TIME: Duration = Duration::from_millis(250);
@@ -71,7 +71,7 @@ impl Pending {
     }
 
     fn push(&mut self, content: Content, at: i64, now: Instant) {
-        if self.rows.len() >= MOST_WAITING || !self.has_room(now) {
+        if self.rows.len() >= MAX_WAITING || !self.has_room(now) {
             return self.add_lost(1, now);
         }
         let robot = self.robot.clone();
@@ -83,7 +83,7 @@ impl Pending {
         let fresh = |(since, _): &(Instant, u32)| now.saturating_duration_since(*since) < MINUTE;
         let (since, rows) = self.minute.filter(fresh).unwrap_or((now, 0));
         self.minute = Some((since, rows.saturating_add(1)));
-        rows < MOST_A_MINUTE
+        rows < MAX_PER_MINUTE
     }
 
     /// When to write the rows and the number of lost events; `None` if there is nothing to write.

@@ -118,7 +118,7 @@ impl SendQueue {
         since
     }
 
-    /// Queues samples for the loudspeaker; none of them if too much speech is queued.
+    /// Queues samples for the speaker; none of them if too much speech is queued.
     pub(super) fn say(&mut self, samples: &Bytes) -> bool {
         self.speech.push(samples)
     }

@@ -1,4 +1,4 @@
-//! Queued samples for the loudspeaker: in small messages, bounded, and written no faster than the
+//! Queued samples for the speaker: in small messages, bounded, and written no faster than the
 //! speed of speech. Data that the robot has acknowledged but not read yet delays the next stop, and
 //! no counter of this computer's system shows it: only the pace limits it.
 
@@ -13,7 +13,7 @@ use crate::wire::Command;
 /// Bytes of samples in one message: 32 ms.
 const MESSAGE: usize = 1024;
 /// Bytes of samples that may wait: four seconds.
-const MOST: usize = 128_000;
+const MAX_BYTES: usize = 128_000;
 /// The time per byte sent: 32,000 bytes a second are the speed of speech (16 kHz, 16 bits, mono).
 const PER_BYTE: Duration = Duration::from_nanos(31_250);
 /// How far ahead of that pace data may be sent, so that a late packet makes no gap.
@@ -30,7 +30,7 @@ pub(super) struct Speech {
 impl Speech {
     /// Queues samples; none of them if they do not fit.
     pub(super) fn push(&mut self, samples: &Bytes) -> bool {
-        if self.bytes + samples.len() > MOST {
+        if self.bytes + samples.len() > MAX_BYTES {
             return false;
         }
         self.bytes += samples.len();
@@ -85,7 +85,7 @@ mod tests {
     #[test]
     fn written_samples_make_room_for_as_many() {
         let mut speech = Speech::default();
-        assert!(speech.push(&Bytes::from(vec![0; MOST])));
+        assert!(speech.push(&Bytes::from(vec![0; MAX_BYTES])));
         assert!(!speech.push(&Bytes::from(vec![0; 1])));
         speech.advance();
         assert!(!speech.push(&Bytes::from(vec![0; MESSAGE + 1])));

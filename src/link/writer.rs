@@ -105,7 +105,7 @@ impl Writer {
         }
     }
 
-    /// Sends samples for the loudspeaker, at the speed of speech and after all commands. Returns
+    /// Sends samples for the speaker, at the speed of speech and after all commands. Returns
     /// `false`, and does nothing, when four seconds of them are queued.
     ///
     /// # Errors

@@ -30,13 +30,13 @@ use crate::robot::DockPlan;
 /// Maximum length of a request body, in bytes; speech may be longer.
 const MAX_BODY: usize = 16 * 1024;
 /// Maximum number of days of history in one response.
-const MOST_DAYS: u8 = 31;
+const MAX_DAYS: u8 = 31;
 /// Timeout for a picture: default and maximum.
 const PICTURE: Duration = Duration::from_secs(5);
 const LONGEST_PICTURE: Duration = Duration::from_secs(600);
 /// Maximum duration of one search for the station, and maximum number of retries.
 const LONGEST_SEARCH: Duration = Duration::from_secs(3600);
-const MOST_RETRIES: u32 = 20;
+const MAX_RETRIES: u32 = 20;
 /// Maximum timeout for an undocking.
 const LONGEST_UNDOCKING: Duration = Duration::from_secs(600);
 
@@ -199,7 +199,7 @@ struct Days {
 
 /// `None` without a journal.
 async fn history(State(hub): Shared, _: Visitor, Query(asked): Query<Days>) -> Reply<Option<Past>> {
-    let days = asked.days.unwrap_or(1).clamp(1, MOST_DAYS);
+    let days = asked.days.unwrap_or(1).clamp(1, MAX_DAYS);
     let past = read(&hub, move |data| past::past(data, days)).await?;
     past.map(Json).map_err(|error| {
         tracing::warn!("the page cannot read the journal: {error}");
@@ -254,7 +254,7 @@ async fn dock(State(hub): Shared, _: Driver, body: Option<Json<Dock>>) -> Respon
             .map_or(usual.timeout, |seconds| time_limit(seconds, LONGEST_SEARCH)),
         retries: asked
             .retries
-            .map_or(usual.retries, |retries| retries.min(MOST_RETRIES)),
+            .map_or(usual.retries, |retries| retries.min(MAX_RETRIES)),
         ..usual
     };
     docking(hub.run.perform(RunRequest::Dock(plan)).await)

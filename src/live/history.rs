@@ -8,7 +8,7 @@ use tokio::time::Instant;
 use crate::robot::Battery;
 
 /// Maximum number of points; beyond that, every other point of the older half is deleted.
-const MOST: usize = 600;
+const MAX_POINTS: usize = 600;
 /// Interval at which an unchanged level is recorded.
 const EVERY: Duration = Duration::from_secs(30);
 
@@ -38,11 +38,11 @@ impl History {
             percent,
             charging,
         });
-        if self.0.len() > MOST {
+        if self.0.len() > MAX_POINTS {
             let mut index = 0;
             self.0.retain(|_| {
                 index += 1;
-                index > MOST / 2 || index % 2 == 1
+                index > MAX_POINTS / 2 || index % 2 == 1
             });
         }
         true
@@ -80,7 +80,7 @@ mod tests {
             assert!(!history.note(battery((hour % 100) as u8), at));
         }
         let points = history.points(start + Duration::from_secs(3600) * 24 * 30);
-        assert!(points.len() <= MOST, "{}", points.len());
+        assert!(points.len() <= MAX_POINTS, "{}", points.len());
         assert!(points[0].0 > points[1].0);
         assert_eq!(points.last().map(|last| last.0), Some(3600.0));
     }

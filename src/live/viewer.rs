@@ -35,15 +35,15 @@ const SILENCE: Duration = Duration::from_secs(20);
 /// Interval between pings.
 const PING: Duration = Duration::from_secs(5);
 /// Maximum number of a page's messages per second; an honest page sends twenty.
-const MOST_MESSAGES: u32 = 200;
+const MAX_MESSAGES: u32 = 200;
 /// Maximum number of commands in progress.
-const MOST_COMMANDS: usize = 8;
+const MAX_COMMANDS: usize = 8;
 /// Capacity of the queue of messages for this viewer only.
 const MAX_WAITING: usize = 64;
 /// Maximum number of frames sent and not yet taken.
 const FRAMES: u32 = 2;
 /// Maximum number of log lines in one message.
-const MOST_LINES: usize = 100;
+const MAX_LINES: usize = 100;
 
 type Sink = SplitSink<WebSocket, Message>;
 
@@ -121,7 +121,7 @@ impl Reader {
             self.window = (Instant::now(), 0);
         }
         self.window.1 += 1;
-        self.window.1 <= MOST_MESSAGES
+        self.window.1 <= MAX_MESSAGES
     }
 
     async fn handle(&mut self, text: &str) {
@@ -193,7 +193,7 @@ impl Reader {
                 "viewers may only watch and stop the robot".to_owned(),
             ));
         }
-        if self.commands.len() >= MOST_COMMANDS {
+        if self.commands.len() >= MAX_COMMANDS {
             return answer((false, "too many commands at once".to_owned()));
         }
         let hub = self.ticket.hub().clone();
@@ -375,7 +375,7 @@ async fn lines(log: &mut Option<broadcast::Receiver<Line>>) -> Utf8Bytes {
         Err(broadcast::error::RecvError::Lagged(count)) => missed += count,
         Err(broadcast::error::RecvError::Closed) => return std::future::pending().await,
     }
-    while lines.len() < MOST_LINES {
+    while lines.len() < MAX_LINES {
         match news.try_recv() {
             Ok(line) => lines.push(line),
             Err(broadcast::error::TryRecvError::Lagged(count)) => missed += count,

@@ -11,9 +11,9 @@ use crate::robot::{DockEnd, DockPlan};
 use crate::wire::Sound;
 
 /// Maximum number of orders in progress; further ones are refused, except stops.
-const MOST: usize = 8;
+const MAX_TASKS: usize = 8;
 /// Maximum number of orders in progress including stops; another stop would change nothing.
-const MOST_STOPS: usize = 32;
+const MAX_STOPS: usize = 32;
 /// Timeout for an undocking.
 const UNDOCKING: Duration = Duration::from_secs(15);
 /// Timeout for a picture.
@@ -52,10 +52,10 @@ impl CommandTasks {
             // Cancel the previous docking or undocking: the pilot then ends it.
             self.cancel_driving();
         }
-        if self.tasks.len() >= MOST_STOPS {
+        if self.tasks.len() >= MAX_STOPS {
             return;
         }
-        let full = self.tasks.len() >= MOST && order != BrokerCommand::Stop;
+        let full = self.tasks.len() >= MAX_TASKS && order != BrokerCommand::Stop;
         let run = self.run.clone();
         let task = self.tasks.spawn(async move {
             let words = order.to_string();

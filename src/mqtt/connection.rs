@@ -14,7 +14,7 @@ use tokio::task::JoinHandle;
 use crate::config;
 
 /// Capacity of the queue to the broker.
-const MOST_WAITING: usize = 64;
+const MAX_WAITING: usize = 64;
 /// Capacity of the queue of received messages.
 const MAX_RECEIVED: usize = 64;
 /// Maximum length of a received message (an order, a state, a birth message), in bytes.
@@ -112,7 +112,7 @@ impl Connection {
         if let Some(Will { topic, payload }) = will {
             options.set_last_will(LastWill::new(topic, payload, QoS::AtLeastOnce, true));
         }
-        let (client, mut events) = AsyncClient::new(options, MOST_WAITING);
+        let (client, mut events) = AsyncClient::new(options, MAX_WAITING);
         let mut network = NetworkOptions::new();
         network.set_connection_timeout(CONNECTING);
         events.set_network_options(network);

@@ -20,7 +20,7 @@ const LISTENING: Duration = Duration::from_secs(5);
 /// Maximum length of a state that is read, in bytes.
 const LONGEST_STATE: usize = 16 << 10;
 /// Maximum number of agents listed.
-const MOST: usize = 10_000;
+const MAX_ROBOTS: usize = 10_000;
 
 /// Why the fleet cannot be reached.
 #[derive(Debug, thiserror::Error)]
@@ -121,7 +121,7 @@ impl Fleet {
             }
             _ => None,
         };
-        if (presence.is_none() && state.is_none()) || self.found.len() >= MOST {
+        if (presence.is_none() && state.is_none()) || self.found.len() >= MAX_ROBOTS {
             return;
         }
         let robot = robot.to_owned();

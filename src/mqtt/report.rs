@@ -12,7 +12,7 @@ use crate::robot::{DockEnd, Occurrence};
 use crate::safety::WatchdogState;
 
 /// Maximum number of behaviours whose failures are remembered.
-const MOST_FAILURES: usize = 32;
+const MAX_FAILURES: usize = 32;
 
 /// Builds the published state, and remembers what it needs of past events.
 #[derive(Debug, Default)]
@@ -61,7 +61,7 @@ impl Report {
     }
 
     fn failed(&mut self, behaviour: &str, words: &str) {
-        if self.failures.len() < MOST_FAILURES || self.failures.contains_key(behaviour) {
+        if self.failures.len() < MAX_FAILURES || self.failures.contains_key(behaviour) {
             let words = format!("{behaviour} failed: {words}");
             self.failures.insert(behaviour.to_owned(), words);
         }

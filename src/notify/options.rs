@@ -12,7 +12,7 @@ use super::template::{self, UnknownName};
 use crate::robot::{Seconds, whole_within};
 
 /// Maximum number of targets, since each has a thread.
-const MOST_TARGETS: usize = 8;
+const MAX_TARGETS: usize = 8;
 /// Maximum length of a target's name, in bytes.
 const LONGEST_NAME: usize = 40;
 /// Maximum length of a topic, in bytes.
@@ -236,7 +236,7 @@ pub enum TargetError {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum OptionsError {
     /// Too many targets.
-    #[error("notify: at most {MOST_TARGETS} targets")]
+    #[error("notify: at most {MAX_TARGETS} targets")]
     TooMany,
     /// The name of a target is not valid.
     #[error(
@@ -265,7 +265,7 @@ impl Options {
     /// # Errors
     /// See [`OptionsError`].
     pub fn check(&self) -> Result<(), OptionsError> {
-        if self.targets.len() > MOST_TARGETS {
+        if self.targets.len() > MAX_TARGETS {
             return Err(OptionsError::TooMany);
         }
         for (name, target) in &self.targets {

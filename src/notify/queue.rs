@@ -10,7 +10,7 @@ use super::notice::Notice;
 use crate::files::{Folder, Item};
 
 /// Maximum number of messages for one target.
-pub(super) const MOST: usize = 100;
+pub(super) const MAX_QUEUED: usize = 100;
 /// Maximum age of a message, in milliseconds.
 const LONGEST: i64 = 86_400_000;
 /// Name of the folder in the data folder.
@@ -54,7 +54,10 @@ impl Queue {
         let names = self.names()?;
         let last = names.last().and_then(|name| number(name)).unwrap_or(0);
         let mut gone = 0;
-        for name in names.iter().take((names.len() + 1).saturating_sub(MOST)) {
+        for name in names
+            .iter()
+            .take((names.len() + 1).saturating_sub(MAX_QUEUED))
+        {
             self.remove(name);
             gone += 1;
         }
@@ -161,10 +164,10 @@ mod tests {
     fn it_is_bounded_and_old_or_invalid_messages_are_deleted() {
         let data = tempfile::tempdir().unwrap();
         let queue = Queue::open(data.path(), "phone").unwrap();
-        let gone: u64 = (0..MOST as i64 + 7)
+        let gone: u64 = (0..MAX_QUEUED as i64 + 7)
             .map(|at| queue.add(&notice("x", at)).unwrap())
             .sum();
-        assert_eq!((gone, queue.len()), (7, MOST));
+        assert_eq!((gone, queue.len()), (7, MAX_QUEUED));
         assert!(queue.oldest(LONGEST * 2).unwrap().is_none());
         assert_eq!(queue.len(), 0);
         queue

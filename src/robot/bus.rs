@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use super::Occurrence;
 
 /// The most events that a listener may be behind.
-const MOST_WAITING: usize = 1024;
+const MAX_WAITING: usize = 1024;
 
 /// An occurrence and its time.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,7 +28,7 @@ pub struct Bus(broadcast::Sender<Arc<TimedOccurrence>>);
 impl Default for Bus {
     /// Creates a bus without listeners.
     fn default() -> Bus {
-        Bus(broadcast::Sender::new(MOST_WAITING))
+        Bus(broadcast::Sender::new(MAX_WAITING))
     }
 }
 
@@ -95,7 +95,7 @@ mod tests {
     async fn a_slow_listener_loses_the_oldest_and_is_told_how_many() {
         let bus = Bus::default();
         let mut slow = bus.subscribe();
-        (0..MOST_WAITING + 3).for_each(|number| bus.publish(lost(&number.to_string())));
+        (0..MAX_WAITING + 3).for_each(|number| bus.publish(lost(&number.to_string())));
         assert_eq!(slow.next().await, BusMessage::Missed(3));
         let BusMessage::Occurrence(first) = slow.next().await else {
             panic!("nothing is left");

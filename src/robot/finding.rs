@@ -7,7 +7,7 @@ use tokio::sync::broadcast;
 use super::param::ParamBoard;
 
 /// The most findings of one frame, and the most letters of each.
-const MOST: usize = 64;
+const MAX_FINDINGS: usize = 64;
 const LONGEST: usize = 40;
 /// The most frames that a viewer may be behind.
 const BEHIND: usize = 32;
@@ -59,7 +59,7 @@ impl ViewerChannel {
     /// Sends findings to all viewers. A compromised host may send anything, so the length is
     /// bounded.
     pub fn send(&self, mut found: Findings) {
-        found.list.truncate(MOST);
+        found.list.truncate(MAX_FINDINGS);
         for one in &mut found.list {
             if let Some((at, _)) = one.text.char_indices().nth(LONGEST) {
                 one.text.truncate(at);
@@ -109,6 +109,9 @@ mod tests {
             Err(broadcast::error::TryRecvError::Lagged(_))
         ));
         let next = slow.try_recv().unwrap();
-        assert_eq!((next.list.len(), next.list[0].text.len()), (MOST, LONGEST));
+        assert_eq!(
+            (next.list.len(), next.list[0].text.len()),
+            (MAX_FINDINGS, LONGEST)
+        );
     }
 }

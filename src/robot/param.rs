@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use tokio::sync::{broadcast, watch};
 
 /// The most parameters of one behaviour.
-const MOST: usize = 64;
+const MAX_PARAMS: usize = 64;
 /// The most letters of each text, and the most choices of one parameter.
 const LONGEST: usize = 200;
 /// The most changes that a behaviour may be behind.
@@ -140,7 +140,7 @@ impl Default for ParamBoard {
 impl ParamBoard {
     /// Sets a behaviour's parameters, when it declares them or one has changed.
     pub fn declare(&self, behaviour: &str, mut list: Vec<DeclaredParam>) {
-        list.truncate(MOST);
+        list.truncate(MAX_PARAMS);
         list.iter_mut().for_each(DeclaredParam::shorten);
         self.declared
             .send_modify(|declared| drop(declared.insert(behaviour.to_owned(), list)));

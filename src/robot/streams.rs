@@ -27,7 +27,7 @@ pub struct Streams {
     pub video: Use,
     /// Sound of the microphone.
     pub audio_in: Use,
-    /// Sound for the loudspeaker.
+    /// Sound for the speaker.
     pub audio_out: Use,
 }
 

@@ -31,7 +31,7 @@ const FOREIGN_TURN_RATE: f64 = 2.0;
 /// because the report that its own motion has ended arrives as late as this.
 const GRACE: Duration = Duration::from_millis(300);
 /// Largest number of frames whose poses are kept, and for how long.
-const MOST_MARKS: usize = 128;
+const MAX_MARKS: usize = 128;
 const OLDEST: Duration = Duration::from_secs(4);
 
 /// A place in the plane and its uncertainty. It starts at zero, facing along x.
@@ -191,7 +191,7 @@ impl Odometry {
             .marks
             .front()
             .is_some_and(|(old, _)| *old + OLDEST < at)
-            || self.marks.len() >= MOST_MARKS
+            || self.marks.len() >= MAX_MARKS
         {
             self.marks.pop_front();
         }

@@ -18,7 +18,7 @@ use super::{interrupt, nearest};
 pub const MAX_SOURCE: usize = 256 * 1024;
 
 /// The largest work of one pattern search: length of the text times length of the pattern.
-const MOST_WORK: u32 = 1 << 24;
+const MAX_WORK: u32 = 1 << 24;
 
 /// The memory that a script always has beyond what the runtime uses in its VM, in bytes, however
 /// small its limit.
@@ -173,7 +173,7 @@ impl Prelude {
             .set_compiler(compiler());
         let is_native =
             lua.create_function(|_, function: LuaFunction| Ok(function.info().what == "C"))?;
-        let prelude = Prelude(chunk.call((place, mark(), MOST_WORK, is_native))?);
+        let prelude = Prelude(chunk.call((place, mark(), MAX_WORK, is_native))?);
         replace(lua, "coroutine", &prelude.0.raw_get("coroutines")?)?;
         replace(lua, "string", &prelude.0.raw_get("strings")?)?;
         replace(lua, "table", &prelude.0.raw_get("tables")?)?;

@@ -17,7 +17,7 @@ use crate::clock::Zone;
 
 /// Maximum number of wall clock times that a search tries: the clock is never put back so far that
 /// more of them occur twice.
-const MOST_TRIES: u32 = 4 * 60;
+const MAX_TRIES: u32 = 4 * 60;
 /// Maximum length of a pattern, in bytes.
 const MAX_LEN: usize = 200;
 
@@ -38,7 +38,7 @@ impl Pattern {
             return next.ok().map(|next| next.timestamp());
         }
         let mut at = zone.time(after).datetime();
-        for _ in 0..MOST_TRIES {
+        for _ in 0..MAX_TRIES {
             at = self.next_on_the_wall(at)?;
             let instant = first_instant(at, zone.time_zone())?;
             if instant > after {

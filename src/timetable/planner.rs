@@ -20,7 +20,7 @@ const CLOCK_LEAP: SignedDuration = SignedDuration::from_secs(30);
 const MAX_SETBACK: SignedDuration = SignedDuration::from_hours(1);
 /// Maximum number of starts of one rule that are counted after a leap of the clock; the rest was
 /// missed anyway.
-const MOST_MISSED: usize = 1000;
+const MAX_MISSED: usize = 1000;
 
 /// The facts for a decision.
 #[derive(Debug, Clone, Copy)]
@@ -235,7 +235,7 @@ impl Planner {
             let recent = now.checked_sub(self.table.catch_up.get()).unwrap_or(now);
             let (mut missed, mut newest) = (0, None);
             while let Some(planned) = next.filter(|next| *next <= now) {
-                if missed == MOST_MISSED && planned < recent {
+                if missed == MAX_MISSED && planned < recent {
                     *next = rule.at.next_after(recent, &self.table.zone);
                     missed += 1;
                     continue;

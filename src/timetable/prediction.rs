@@ -5,7 +5,7 @@ use jiff::Timestamp;
 use super::Timetable;
 
 /// Maximum number of predicted starts.
-const MOST: usize = 10_000;
+const MAX_STARTS: usize = 10_000;
 
 /// One future start.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -60,7 +60,7 @@ pub fn predict_starts(
         .map(|rule| next(rule, after))
         .collect();
     let mut found: Vec<PredictedStart> = Vec::new();
-    while found.len() < count.min(MOST) {
+    while found.len() < count.min(MAX_STARTS) {
         let soonest = due.iter().enumerate();
         let soonest = soonest.filter_map(|(rule, at)| Some(((*at)?, rule)));
         let Some((at, rule)) = soonest.min() else {

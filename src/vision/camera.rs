@@ -10,7 +10,7 @@ use super::Size;
 /// Largest distance from the centre that any lens shows, in focal lengths.
 const FARTHEST: f64 = 100.0;
 /// Most Newton steps when the distortion is inverted; four are usual.
-const MOST_STEPS: usize = 12;
+const MAX_STEPS: usize = 12;
 /// Newton's method stops after a step smaller than this, in focal lengths.
 const CLOSE: f64 = 1e-9;
 const HALVINGS: usize = 60;
@@ -139,7 +139,7 @@ impl Camera {
             return limit;
         }
         let mut r = distorted.min(limit);
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let step = (self.distorted(r) - distorted) / self.slope(r);
             r = (r - step).clamp(0.0, limit);
             if step.abs() < CLOSE {

@@ -22,8 +22,8 @@ const EDGE: f64 = 2.5;
 /// Edges with a smaller slope below the horizon are too far away to be measured.
 const FARTHEST: f64 = 0.03;
 /// Number of pictures that are kept; a wall is first fitted to the last few of them.
-const MOST_SEEN: usize = 24;
-const LAST: [usize; 4] = [4, 8, 16, MOST_SEEN];
+const MAX_SEEN: usize = 24;
+const LAST: [usize; 4] = [4, 8, 16, MAX_SEEN];
 /// How often a wall is fitted, each time to all feet that match the previous fit.
 const ROUNDS: usize = 4;
 /// Least number of feet of a wall, and their least share of all feet.
@@ -164,7 +164,7 @@ impl WallFeet {
         });
         let any = feet.iter().flatten().count() >= FEWEST_AT_ONCE;
         if any {
-            if self.seen.len() == MOST_SEEN {
+            if self.seen.len() == MAX_SEEN {
                 self.seen.pop_front();
             }
             self.seen.push_back(feet);
@@ -174,7 +174,7 @@ impl WallFeet {
 
     /// The wall to which the feet seen last belong; `None` if they do not fit one wall.
     pub fn wall(&self) -> Option<Wall> {
-        let all: Vec<Foot> = self.last(MOST_SEEN).collect();
+        let all: Vec<Foot> = self.last(MAX_SEEN).collect();
         let fits = LAST
             .iter()
             .filter_map(|pictures| agreed(self.last(*pictures).collect(), &all));

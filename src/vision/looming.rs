@@ -31,7 +31,7 @@ const MAX_SPREAD: f64 = 1.45;
 const COLUMN_STEP: usize = 2;
 /// Most measurements that are kept of an approach, how many of the last must agree, and how
 /// closely, metres.
-const MOST_SEEN: usize = 7;
+const MAX_SEEN: usize = 7;
 const FEWEST_SEEN: usize = 2;
 const AGREE: f64 = 0.05;
 
@@ -106,7 +106,7 @@ pub struct Looming {
 impl Looming {
     /// Adds a distance measured at this odometer reading, both in metres.
     pub fn note(&mut self, odometer: f64, distance: f64) {
-        if self.seen.len() == MOST_SEEN {
+        if self.seen.len() == MAX_SEEN {
             self.seen.pop_front();
         }
         self.seen.push_back(odometer + distance);

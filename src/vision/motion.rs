@@ -20,16 +20,16 @@ use crate::vision::picture::spans::Spans;
 /// Brightness limits beyond which a pixel is clipped and says nothing about the light.
 const CLIPPED: (i32, i32) = (4, 250);
 /// If more than this share of the picture changes at once, the cause was the light or the camera.
-const MOST_MOVING: f64 = 0.5;
+const MAX_MOVING: f64 = 0.5;
 /// A change counts only if more than this many of the 3 by 3 pixels around it, itself included,
 /// have changed.
 const SUPPORT: u8 = 3;
 /// If more than this share of the tiles with edges has changed, the camera has moved.
-const MOST_TILES: f64 = 0.5;
-/// The same applies to more than this share, if also more than [`MOST_NEW_TILES`] of the tiles that
+const MAX_TILES: f64 = 0.5;
+/// The same applies to more than this share, if also more than [`MAX_NEW_TILES`] of the tiles that
 /// have edges now have changed.
 const MANY_TILES: f64 = 0.4;
-const MOST_NEW_TILES: f64 = 0.6;
+const MAX_NEW_TILES: f64 = 0.6;
 
 /// What counts as motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -115,7 +115,7 @@ impl MotionDetector {
         let pixels = cells * 4;
         let share = f64::from(pixels) / (f64::from(size.width) * f64::from(size.height)).max(1.0);
         let too_few = pixels == 0 || pixels < self.options.min_pixels;
-        if too_few || share > MOST_MOVING || self.has_camera_moved() {
+        if too_few || share > MAX_MOVING || self.has_camera_moved() {
             return Motion {
                 score: 0.0,
                 pixels: 0,
@@ -144,7 +144,7 @@ impl MotionDetector {
         let share =
             |picture| edges::share_of_changed(picture, &self.moved, self.half).unwrap_or(0.0);
         let gone = share(&self.before);
-        gone > MOST_TILES || (gone > MANY_TILES && share(&self.now) > MOST_NEW_TILES)
+        gone > MAX_TILES || (gone > MANY_TILES && share(&self.now) > MAX_NEW_TILES)
     }
 
     fn mark_changes(&mut self) {

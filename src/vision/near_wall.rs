@@ -17,7 +17,7 @@ const REACH: usize = 3;
 const EDGE: f64 = 2.5;
 /// Most pictures of an approach that are kept, and the least number and least distance driven (in
 /// metres) for a result.
-const MOST_SEEN: usize = 24;
+const MAX_SEEN: usize = 24;
 const FEWEST_SEEN: usize = 5;
 const SHORTEST: f64 = 0.08;
 /// Brightness within which edges can be seen; darker or brighter pictures may hide them.
@@ -93,7 +93,7 @@ impl Approach {
         if !self.seen.back().is_some_and(goes_on) {
             self.seen.clear();
         }
-        if self.seen.len() == MOST_SEEN {
+        if self.seen.len() == MAX_SEEN {
             self.seen.pop_front();
         }
         self.seen.push_back((odometer, inverse));

@@ -1,12 +1,6 @@
 //! The time of day for scripts: the computer's, or the simulation's.
 
-use crate::rig::{QUIET_WORLD, Rig};
-
-async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
-    let mut run = rig.spykee(args);
-    let code = run.code().await;
-    (code, run.text())
-}
+use crate::rig::{QUIET_WORLD, Rig, run_spykee};
 
 const TELLS: &str = "
 for _ = 1, 3 do

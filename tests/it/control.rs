@@ -8,7 +8,7 @@ use spykee::sim::Firmware;
 use spykee::wire::{Command, Engage, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, moves};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, moves, run_spykee};
 
 const DRIVE: &str = "while true do robot.move(30, 30, 0.5) end";
 const IDLE: &str = "task.wait(600)";
@@ -18,13 +18,6 @@ async fn running(rig: &Rig, script: &str) -> Run {
     let run = rig.run(script);
     run.says("connected").await;
     run
-}
-
-/// Runs `spykee` in the folder of the run; returns its exit code and output.
-async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
-    let mut run = rig.spykee(args);
-    let code = run.code().await;
-    (code, run.text())
 }
 
 fn json(text: &str) -> serde_json::Value {

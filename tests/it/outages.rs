@@ -7,15 +7,9 @@ use std::process::Command as Process;
 use rustix::process::Signal;
 use spykee::wire::{Command, Led};
 
-use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT};
+use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT, run_spykee};
 
 const BASE: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { user: root }\n";
-
-async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
-    let mut run = rig.spykee(args);
-    let code = run.code().await;
-    (code, run.text())
-}
 
 async fn wait_until(mut what: impl FnMut() -> bool) {
     let looks = async {

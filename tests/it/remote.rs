@@ -5,7 +5,7 @@ use rustix::process::Signal;
 use serde_json::Value;
 use spykee::wire::{Command, Sound};
 
-use crate::rig::{Rig, Run, WAIT_LIMIT};
+use crate::rig::{Rig, Run, WAIT_LIMIT, run_spykee};
 
 const CONFIG: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { user: root }\n\
     live: { listen: '127.0.0.1:0' }\nbehaviours:\n- { file: asked.lua, start: asked }\n\
@@ -32,12 +32,6 @@ async fn serve(rig: &Rig) -> (Run, String) {
     let url = url.split_whitespace().next().unwrap();
     let url = url.split("/?").next().unwrap().split("/#").next().unwrap();
     (run, url.trim_end_matches('/').to_owned())
-}
-
-async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
-    let mut run = rig.spykee(args);
-    let code = run.code().await;
-    (code, run.text())
 }
 
 #[tokio::test(flavor = "multi_thread")]

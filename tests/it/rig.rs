@@ -38,6 +38,13 @@ impl Drop for Rig {
     }
 }
 
+/// Runs the binary to its end; returns its exit code and what it printed.
+pub async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+    let mut run = rig.spykee(args);
+    let code = run.code().await;
+    (code, run.text())
+}
+
 impl Rig {
     pub async fn quiet() -> Rig {
         Rig::new(QUIET_WORLD, Firmware::default()).await

@@ -3,16 +3,10 @@
 use rustix::process::Signal;
 use spykee::wire::Command;
 
-use crate::rig::{Rig, Run, moves};
+use crate::rig::{Rig, Run, moves, run_spykee};
 
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 const IDLES: &str = "task.wait(600)";
-
-async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
-    let mut run = rig.spykee(args);
-    let code = run.code().await;
-    (code, run.text())
-}
 
 /// A run with one behaviour that keeps the run active and one that drives.
 async fn running(rig: &Rig) -> Run {

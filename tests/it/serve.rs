@@ -9,7 +9,7 @@ use spykee::sim::{Firmware, Options, World};
 use spykee::wire::{Command, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, run_spykee};
 
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 
@@ -23,12 +23,6 @@ fn config(rig: &Rig, service: &str, rest: &str) {
 
 fn serve(rig: &Rig) -> Run {
     rig.spykee(&["serve", "--config", "spykee.yaml", "--robot", &rig.address])
-}
-
-async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
-    let mut run = rig.spykee(args);
-    let code = run.code().await;
-    (code, run.text())
 }
 
 async fn ends_well(run: &mut Run) {

@@ -6,25 +6,27 @@ use std::process::{Command as Process, Stdio};
 use spykee::sim::{Fault, Firmware, Options, World};
 use spykee::wire::{Command, Engage, FileChunk, Led, Sound};
 
-use crate::rig::{QUIET_WORLD, Rig};
+use crate::rig::{QUIET_WORLD, Rig, run_spykee};
 
-async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
-    let mut run = rig.spykee(&[&["robot"], args, &["--robot", &rig.address]].concat());
-    let code = run.code().await;
-    (code, run.text())
+async fn run_tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
+    run_spykee(
+        rig,
+        &[&["robot"], args, &["--robot", &rig.address]].concat(),
+    )
+    .await
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn robot_tools_send_the_requested_commands() {
     let rig = Rig::quiet().await;
-    let (code, text) = run_spykee(&rig, &["info", "--json"]).await;
+    let (code, text) = run_tool(&rig, &["info", "--json"]).await;
     let info: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert_eq!((code, info["uid"].as_str()), (Some(0), Some("SPYKEE0001")));
     assert_eq!(
         (info["battery"].as_u64(), info["docked"].as_bool()),
         (Some(90), Some(false))
     );
-    assert!(run_spykee(&rig, &["battery"]).await.1.contains("90 %"));
+    assert!(run_tool(&rig, &["battery"]).await.1.contains("90 %"));
     for (args, wanted) in [
         (
             &["led", "flash", "on"][..],
@@ -38,16 +40,11 @@ async fn robot_tools_send_the_requested_commands() {
         (&["volume", "30"], Command::Volume(30)),
     ] {
         let from = rig.sim.heard_count();
-        assert_eq!(run_spykee(&rig, args).await.0, Some(0), "{args:?}");
+        assert_eq!(run_tool(&rig, args).await.0, Some(0), "{args:?}");
         rig.heard(from, |command| *command == wanted).await;
     }
-    assert_eq!(run_spykee(&rig, &["led", "nose", "on"]).await.0, Some(2));
-    assert!(
-        run_spykee(&rig, &["log"])
-            .await
-            .1
-            .contains("user connected")
-    );
+    assert_eq!(run_tool(&rig, &["led", "nose", "on"]).await.0, Some(2));
+    assert!(run_tool(&rig, &["log"]).await.1.contains("user connected"));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -58,7 +55,7 @@ async fn stop_ends_a_motion_that_another_program_left_behind() {
     run.signal(rustix::process::Signal::KILL);
     run.status().await;
     let from = rig.sim.heard_count();
-    let (code, text) = run_spykee(&rig, &["stop"]).await;
+    let (code, text) = run_tool(&rig, &["stop"]).await;
     assert_eq!(code, Some(0), "{text}");
     let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
     let cancelled = rig.heard(from, cancel).await;
@@ -74,7 +71,7 @@ async fn stop_ends_a_motion_that_another_program_left_behind() {
 async fn undock_and_dock_use_the_pilot_and_ctrl_c_ends_the_search_with_a_stop() {
     let world = QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }", "");
     let rig = Rig::new(&world, Firmware::default()).await;
-    let (code, text) = run_spykee(&rig, &["undock"]).await;
+    let (code, text) = run_tool(&rig, &["undock"]).await;
     assert_eq!(
         (code, text.contains("off its station")),
         (Some(0), true),
@@ -101,7 +98,7 @@ async fn a_robot_with_a_low_battery_does_not_leave_the_station() {
         .replace("start: { at: [4, 4], heading_degrees: 90 }", "")
         .replace("level: 90", "level: 12");
     let rig = Rig::new(&world, Firmware::default()).await;
-    assert_eq!(run_spykee(&rig, &["undock"]).await.0, Some(5));
+    assert_eq!(run_tool(&rig, &["undock"]).await.0, Some(5));
     let undock = Command::Engine(Engage::Undock);
     assert!(!rig.commands(0).contains(&undock));
 }
@@ -109,25 +106,25 @@ async fn a_robot_with_a_low_battery_does_not_leave_the_station() {
 #[tokio::test(flavor = "multi_thread")]
 async fn settings_change_only_if_the_robot_is_named_and_secrets_are_never_shown() {
     let rig = Rig::quiet().await;
-    let (_, text) = run_spykee(&rig, &["config"]).await;
+    let (_, text) = run_tool(&rig, &["config"]).await;
     assert!(text.contains("wifi-key") && text.contains("***"), "{text}");
-    let (_, json) = run_spykee(&rig, &["wifi", "--json"]).await;
+    let (_, json) = run_tool(&rig, &["wifi", "--json"]).await;
     assert!(!(text + &json).contains("made-up-key"));
     assert!(json.contains("\"essid\":\"home\""), "{json}");
     let set = ["config", "--set", "name=Anna"];
     assert_eq!(
-        run_spykee(&rig, &set).await.0,
+        run_tool(&rig, &set).await.0,
         Some(2),
         "set without a confirmation"
     );
     let wrong = [&set[..], &["--yes-i-mean", "SPYKEE9"]].concat();
-    assert_eq!(run_spykee(&rig, &wrong).await.0, Some(2));
+    assert_eq!(run_tool(&rig, &wrong).await.0, Some(2));
     let unlisted = ["config", "--set", "nmae=x", "--yes-i-mean", "SPYKEE0001"];
-    assert_eq!(run_spykee(&rig, &unlisted).await.0, Some(2));
+    assert_eq!(run_tool(&rig, &unlisted).await.0, Some(2));
     let sets = |command: &Command| matches!(command, Command::ConfigSet(_));
     assert!(!rig.commands(0).iter().any(sets), "nothing was sent");
     let right = [&set[..], &["--yes-i-mean", "SPYKEE0001"]].concat();
-    let (code, text) = run_spykee(&rig, &right).await;
+    let (code, text) = run_tool(&rig, &right).await;
     assert_eq!(code, Some(0), "{text}");
     rig.heard(0, |command| {
         *command == Command::ConfigSet("name=Anna".into())
@@ -138,7 +135,7 @@ async fn settings_change_only_if_the_robot_is_named_and_secrets_are_never_shown(
 #[tokio::test(flavor = "multi_thread")]
 async fn a_snapshot_is_a_complete_picture_or_ends_with_3() {
     let rig = Rig::quiet().await;
-    let (code, text) = run_spykee(&rig, &["snapshot", "-o", "a.jpg"]).await;
+    let (code, text) = run_tool(&rig, &["snapshot", "-o", "a.jpg"]).await;
     assert_eq!((code, text.contains("320x240")), (Some(0), true), "{text}");
     let jpeg = std::fs::read(rig.folder().join("a.jpg")).unwrap();
     spykee::vision::validate_markers(&jpeg).unwrap();
@@ -151,14 +148,14 @@ async fn a_snapshot_is_a_complete_picture_or_ends_with_3() {
     let world = World::from_yaml(QUIET_WORLD, "test world").unwrap();
     let spoilt = Rig::with(world, options).await;
     let short = ["snapshot", "-o", "b.jpg", "--timeout", "1"];
-    let (code, text) = run_spykee(&spoilt, &short).await;
+    let (code, text) = run_tool(&spoilt, &short).await;
     assert_eq!(
         (code, text.contains("no intact frame")),
         (Some(3), true),
         "{text}"
     );
     assert!(!spoilt.folder().join("b.jpg").exists());
-    let (code, text) = run_spykee(&rig, &["snapshot", "-o", "/no/such/folder.jpg"]).await;
+    let (code, text) = run_tool(&rig, &["snapshot", "-o", "/no/such/folder.jpg"]).await;
     assert_eq!(code, Some(2), "{text}");
 }
 
@@ -171,12 +168,10 @@ async fn an_upload_arrives_complete_and_other_files_than_mp3_are_refused() {
     std::fs::write(rig.folder().join("s.mp3"), &sound).unwrap();
     rig.file("w.mp3", "RIFF no sound");
     assert_eq!(
-        run_spykee(&rig, &["upload-sound", "user0", "w.mp3"])
-            .await
-            .0,
+        run_tool(&rig, &["upload-sound", "user0", "w.mp3"]).await.0,
         Some(2)
     );
-    let (code, text) = run_spykee(&rig, &["upload-sound", "user0", "s.mp3", "--json"]).await;
+    let (code, text) = run_tool(&rig, &["upload-sound", "user0", "s.mp3", "--json"]).await;
     assert_eq!(
         (code, text.contains("\"bytes\":25020")),
         (Some(0), true),
@@ -196,13 +191,13 @@ async fn an_upload_arrives_complete_and_other_files_than_mp3_are_refused() {
         .collect();
     assert!(content == sound && chunks.len() > 2);
     assert!(
-        run_spykee(&rig, &["log"])
+        run_tool(&rig, &["log"])
             .await
             .1
             .contains("file 6 stored, 25020 bytes")
     );
     assert_eq!(
-        run_spykee(&rig, &["upload-sound", "firmware", "s.mp3"])
+        run_tool(&rig, &["upload-sound", "firmware", "s.mp3"])
             .await
             .0,
         Some(2)

@@ -19,7 +19,7 @@ const TIGHT: f64 = 0.03;
 const TIGHT_WAY: f64 = 2.5;
 /// Charge at the start, percent.
 const LEAST_BATTERY: f64 = 15.0;
-const MOST_BATTERY: f64 = 20.0;
+const MAX_BATTERY: f64 = 20.0;
 
 /// A world that robots are rescued in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -108,7 +108,7 @@ impl Place {
         let mut rng = StdRng::seed_from_u64(seed);
         let drive = |_| Start {
             pose: self.world.station.dock_pose(),
-            battery: rng.random_range(LEAST_BATTERY..MOST_BATTERY),
+            battery: rng.random_range(LEAST_BATTERY..MAX_BATTERY),
             way: 0.0,
             seed: rng.random(),
             drives: Some(Duration::from_secs(rng.random_range(60..180))),
@@ -138,7 +138,7 @@ impl Place {
         };
         Start {
             pose: Pose::at(point, rng.random_range(-PI..PI)),
-            battery: rng.random_range(LEAST_BATTERY..MOST_BATTERY),
+            battery: rng.random_range(LEAST_BATTERY..MAX_BATTERY),
             way,
             seed: rng.random(),
             drives: None,

@@ -32,7 +32,7 @@ const LOAN: Duration = Duration::from_millis(8000 + 200);
 /// The most power of both, on the wire.
 const LEG_POWER: u8 = 27;
 /// Setpoints a second; a look's grain of room on top.
-const MOST_MOVES: usize = 50 + 2;
+const MAX_MOVES: usize = 50 + 2;
 
 /// See the module.
 pub struct Observer {
@@ -190,7 +190,7 @@ impl Observer {
             let count = self.moves.len();
             self.ledger.note(
                 "at most 50 MOVE a second",
-                (count > MOST_MOVES).then(|| format!("{count} within a second at {at:.1?}")),
+                (count > MAX_MOVES).then(|| format!("{count} within a second at {at:.1?}")),
             );
         }
         self.ledger.note(

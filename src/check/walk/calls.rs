@@ -10,9 +10,9 @@ use crate::api::{self, Function, Type};
 use crate::script::{PICTURE_NAMES, picture_name};
 
 /// A little over two turns: a larger number is probably not meant in radians.
-const MOST_RADIANS: f64 = 13.0;
+const MAX_RADIANS: f64 = 13.0;
 /// Longer than a room: a larger number is probably not meant in metres.
-const MOST_METRES: f64 = 20.0;
+const MAX_METRES: f64 = 20.0;
 
 impl<'a> Walk<'a> {
     pub(super) fn called(&mut self, call: &'a Expr, callee: &'a Expr, arguments: &'a [Expr]) {
@@ -108,14 +108,14 @@ impl<'a> Walk<'a> {
             return;
         };
         let (message, help) = match function.path {
-            "robot.turn" if number.abs() > MOST_RADIANS => {
+            "robot.turn" if number.abs() > MAX_RADIANS => {
                 let turns = number.abs() / std::f64::consts::TAU;
                 (
                     format!("robot.turn takes radians: {number} are {turns:.0} turns"),
                     format!("for degrees, write robot.turn(math.rad({number}))"),
                 )
             }
-            "robot.forward" if number.abs() > MOST_METRES => (
+            "robot.forward" if number.abs() > MAX_METRES => (
                 format!("robot.forward takes metres: {number} metres are a long way"),
                 "to drive for a time, write robot.move(40, 40, seconds)".to_owned(),
             ),

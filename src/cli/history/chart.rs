@@ -22,7 +22,7 @@ const LANE: f32 = 30.0;
 const RIGHT: f32 = 36.0;
 const FOOT: f32 = 28.0;
 /// Maximum number of lanes; the behaviours that ran longest get one.
-const MOST_LANES: usize = 10;
+const MAX_LANES: usize = 10;
 /// Longer names are cut to this many characters.
 const LONGEST_NAME: usize = 18;
 /// Levels that are further apart, in seconds, are not joined by a line.
@@ -90,7 +90,7 @@ fn lanes<'a>(runs: &'a [Run], story: &Story) -> Vec<Lane<'a>> {
         of(name).into_iter().map(long).sum()
     };
     names.sort_by_key(|name| std::cmp::Reverse(time(name)));
-    names.truncate(MOST_LANES);
+    names.truncate(MAX_LANES);
     names.sort_unstable();
     let lane = |name: &str| Lane {
         name: clean::line(name).chars().take(LONGEST_NAME).collect(),

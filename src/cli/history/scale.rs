@@ -18,7 +18,7 @@ const MINUTES: &[i64] = &[1, 2, 5, 10, 15, 30, 60, 120, 180, 360, 720];
 /// Steps of days.
 const DAYS: &[i64] = &[1, 2, 7, 14, 30, 60, 180, 365, 3650];
 /// Maximum number of steps tried for an axis.
-const MOST_TRIES: i64 = 5000;
+const MAX_TRIES: i64 = 5000;
 
 /// The marks from `since` to `until`, about `most` at most.
 pub(super) fn ticks(since: Timestamp, until: Timestamp, zone: &TimeZone, most: i64) -> Vec<Tick> {
@@ -36,7 +36,7 @@ pub(super) fn ticks(since: Timestamp, until: Timestamp, zone: &TimeZone, most: i
     let first = since.to_zoned(zone.clone()).datetime();
     let mut at = first.date().to_datetime(Time::midnight());
     let mut ticks: Vec<Tick> = Vec::new();
-    for _ in 0..MOST_TRIES {
+    for _ in 0..MAX_TRIES {
         let Ok(moment) = zone.to_ambiguous_zoned(at).compatible() else {
             break;
         };

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use super::catalogue::Lesson;
 
 /// Maximum number of learners in a class.
-const MOST: usize = 2000;
+const MAX_LEARNERS: usize = 2000;
 
 /// Why a learner has no script.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -49,8 +49,8 @@ pub(super) fn learners(
         };
         found.insert(name, script);
     }
-    if found.len() > MOST {
-        let words = format!("it has more than {MOST} learners");
+    if found.len() > MAX_LEARNERS {
+        let words = format!("it has more than {MAX_LEARNERS} learners");
         return Err(io::Error::other(words));
     }
     let learner = |(name, script)| Learner { name, script };
@@ -60,7 +60,7 @@ pub(super) fn learners(
 /// The entries of a folder, sorted by name, without hidden ones.
 fn entries(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut paths = Vec::new();
-    for entry in fs::read_dir(folder)?.take(4 * MOST) {
+    for entry in fs::read_dir(folder)?.take(4 * MAX_LEARNERS) {
         let entry = entry?;
         if !entry.file_name().as_encoded_bytes().starts_with(b".") {
             paths.push(entry.path());

@@ -21,7 +21,7 @@ use crate::wire::{Command, Engage};
 const SHORTEST: Duration = Duration::from_millis(1);
 
 /// The most calls that may wait for a docking; further requests are refused.
-const MOST_CALLERS: usize = 64;
+const MAX_CALLERS: usize = 64;
 
 impl Watchdog {
     pub(super) fn dock_asked(&mut self, caller: Caller, plan: DockPlan, now: Instant) {
@@ -51,7 +51,7 @@ impl Watchdog {
             .homing
             .as_ref()
             .map_or(0, |homing| homing.callers.len());
-        let crowded = callers + self.waiting.len() >= MOST_CALLERS;
+        let crowded = callers + self.waiting.len() >= MAX_CALLERS;
         if !self.online {
             Some(DockEnd::Disconnected)
         } else if self.run_ending {

@@ -181,7 +181,7 @@ impl State {
         before.is_none_or(|at| self.now.saturating_duration_since(at) >= QUIET)
     }
 
-    /// Whether a sound may come from the robot's own motors or loudspeaker.
+    /// Whether a sound may come from the robot's own motors or speaker.
     pub(super) fn may_be_own_sound(&self) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < SOUND;
         self.has_moved_within(MOTOR) || self.last_sounded.is_some_and(lately)

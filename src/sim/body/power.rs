@@ -8,7 +8,7 @@ use std::time::Duration;
 use crate::wire::Power;
 
 /// Maximum number of levels kept: far more than the changes within the longest delay.
-const MOST_LEVELS: usize = 1000;
+const MAX_LEVELS: usize = 1000;
 
 /// The last reported level, and when the next POWER is due.
 #[derive(Debug, Default)]
@@ -60,7 +60,7 @@ impl PowerReports {
         }
         let old =
             |entry: Option<&(Duration, Power)>| entry.is_some_and(|(age, _)| *age >= self.lag);
-        while old(self.levels.get(1)) || self.levels.len() > MOST_LEVELS {
+        while old(self.levels.get(1)) || self.levels.len() > MAX_LEVELS {
             self.levels.pop_front();
         }
         self.levels.front().map_or(power, |(_, level)| *level)

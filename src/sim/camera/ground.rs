@@ -20,13 +20,13 @@ const SHADOW: f32 = 0.16;
 /// Side of a texel of the floor, metres, in rooms of usual size.
 const PIXEL: f32 = 0.01;
 /// Approximate maximum number of texels of the floor.
-const MOST_PIXELS: f32 = 2e6;
+const MAX_PIXELS: f32 = 2e6;
 
 /// Paints the texture of a room's floor, with rugs, lines and the soft shadows of the things on it.
 /// Its first axis is y.
 pub(crate) fn picture(world: &World) -> Texture {
     let (width, depth) = (world.room.width as f32, world.room.depth as f32);
-    let size = PIXEL.max((width * depth / MOST_PIXELS).sqrt());
+    let size = PIXEL.max((width * depth / MAX_PIXELS).sqrt());
     let count = [depth, width].map(|side| ((side / size).ceil() as usize).max(1));
     let scale = [count[0] as f32 / depth, count[1] as f32 / width];
     let rugs: Vec<Carpet> = world.rugs.iter().map(Carpet::of).collect();

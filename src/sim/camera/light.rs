@@ -6,7 +6,7 @@ use crate::sim::world::document::World;
 use crate::sim::world::fittings::Lamp;
 
 /// Maximum number of points of the light map along the longer side of a room.
-const MOST_POINTS: usize = 96;
+const MAX_POINTS: usize = 96;
 /// Minimum distance between points of the light map, metres.
 const FINEST: f64 = 0.15;
 /// Share of a hidden lamp's light that comes through doors and over walls.
@@ -35,7 +35,7 @@ impl Lighting {
     /// Creates the lighting at the start of a world.
     pub(crate) fn of(world: &World) -> Lighting {
         let room = &world.room;
-        let cell = (room.width.max(room.depth) / MOST_POINTS as f64).max(FINEST);
+        let cell = (room.width.max(room.depth) / MAX_POINTS as f64).max(FINEST);
         let points = |side: f64| (side / cell).ceil() as usize + 2;
         let (columns, rows) = (points(room.width), points(room.depth));
         let obstacles = world.fixed_obstacles();

@@ -294,7 +294,7 @@ fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
 
 /// Returns the legend's lines for the first events of a kind: time and detail.
 fn details(events: &[&TraceEvent]) -> Vec<String> {
-    const MOST: usize = 4;
+    const MAX_EVENTS: usize = 4;
     let line = |event: &&TraceEvent| {
         let at = clock(event.at.as_secs_f64());
         match &event.kind {
@@ -305,8 +305,8 @@ fn details(events: &[&TraceEvent]) -> Vec<String> {
             _ => at,
         }
     };
-    let mut lines: Vec<String> = events.iter().take(MOST).map(line).collect();
-    if events.len() > MOST {
+    let mut lines: Vec<String> = events.iter().take(MAX_EVENTS).map(line).collect();
+    if events.len() > MAX_EVENTS {
         lines.push("...".to_owned());
     }
     lines

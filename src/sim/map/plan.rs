@@ -356,10 +356,10 @@ fn ink(paint: Paint, opaque: u8) -> Ink {
 
 /// Shortens a long text and replaces control characters.
 fn short(text: &str) -> String {
-    const MOST: usize = 28;
+    const MAX_CHARS: usize = 28;
     let printable = |letter: char| if letter.is_control() { ' ' } else { letter };
-    let mut short: String = text.chars().take(MOST).map(printable).collect();
-    if text.chars().count() > MOST {
+    let mut short: String = text.chars().take(MAX_CHARS).map(printable).collect();
+    if text.chars().count() > MAX_CHARS {
         short.push_str("...");
     }
     short

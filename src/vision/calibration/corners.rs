@@ -31,7 +31,7 @@ const MIN_STRENGTH: f32 = 0.15;
 const MAX_CORNERS: usize = 600;
 /// Half the side of the window for the subpixel refinement, pixels.
 const REACH: i32 = 4;
-const MOST_STEPS: usize = 20;
+const MAX_STEPS: usize = 20;
 
 /// A position in a picture, in pixels; the centre of the first pixel is 0, 0.
 pub(super) type Place = [f64; 2];
@@ -134,7 +134,7 @@ impl Plane {
     fn refined(&self, x: i32, y: i32) -> Option<Place> {
         let (start_x, start_y) = (f64::from(x), f64::from(y));
         let (mut at_x, mut at_y) = (start_x, start_y);
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let ([xx, xy, yy], [bx, by]) = self.gradients_around(at_x, at_y);
             let determinant = xx * yy - xy * xy;
             if determinant.abs() < 1e-6 {

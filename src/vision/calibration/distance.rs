@@ -9,7 +9,7 @@ const FEWEST: usize = 2;
 /// Plausible fields of view of a lens, radians.
 const FIELDS_OF_VIEW: std::ops::RangeInclusive<f64> = 0.1..=3.0;
 /// Largest standard deviation of the pictures' results, as a share of the field of view.
-const MOST_APART: f64 = 0.04;
+const MAX_APART: f64 = 0.04;
 const HALVINGS: u32 = 60;
 
 /// An object as seen in a picture.
@@ -74,7 +74,7 @@ pub fn field_of_view(
     let mean = each.iter().sum::<f64>() / count;
     let squares: f64 = each.iter().map(|one| (one - mean) * (one - mean)).sum();
     let spread = (squares / (count - 1.0)).sqrt();
-    if spread > MOST_APART * mean {
+    if spread > MAX_APART * mean {
         let degrees =
             |fold: fn(f64, f64) -> f64, from| each.iter().copied().fold(from, fold).to_degrees();
         return Err(DistanceError::Apart {

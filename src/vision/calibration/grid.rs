@@ -7,7 +7,7 @@ use image::GrayImage;
 use super::corners::{Place, corners};
 
 /// Most corners from which the search for the board starts.
-const MOST_SEEDS: usize = 40;
+const MAX_SEEDS: usize = 40;
 /// Largest distance of a corner from its position extrapolated from a neighbour, as a share of the
 /// spacing.
 const MAX_DEVIATION: f64 = 0.3;
@@ -28,7 +28,7 @@ pub struct Board {
 /// visible.
 pub fn find_chessboard(picture: &GrayImage, board: Board) -> Option<Vec<[f64; 2]>> {
     let places = corners(picture);
-    let seeds = 0..places.len().min(MOST_SEEDS);
+    let seeds = 0..places.len().min(MAX_SEEDS);
     seeds.into_iter().find_map(|seed| {
         let cells = Grid::grown(&places, seed)?.cells;
         let found = order_rows(&cells, board)?;

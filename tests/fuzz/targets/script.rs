@@ -16,7 +16,7 @@ const JPEG: &[u8] = include_bytes!("../../fixtures/ball-grey.jpg");
 /// Maximum number of slices for a script, because a loop of tasks could continue forever.
 const SLICES: u32 = 60;
 /// Maximum output of one slice: the queue of intents and the log are bounded.
-const MOST_OUTPUT: usize = 4096;
+const MAX_OUTPUT: usize = 4096;
 
 /// The word for each byte, if the source is made of words.
 #[rustfmt::skip]
@@ -93,7 +93,7 @@ fn live(source: &[u8]) {
 
 fn take_output(script: &mut Script) -> Vec<Event> {
     let output = script.take_output();
-    assert!(output.len() <= MOST_OUTPUT, "{} outputs", output.len());
+    assert!(output.len() <= MAX_OUTPUT, "{} outputs", output.len());
     let answers = output.into_iter().filter_map(|output| match output {
         Output::Intent(intent) => answer(&intent),
         _ => None,

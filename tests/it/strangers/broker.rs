@@ -14,8 +14,8 @@ use crate::rig::{Rig, Run, WAIT_LIMIT};
 const COMMAND: &str = "spykee/SPYKEE0001/command";
 const CHOICE: &str = "spykee/SPYKEE0001/behaviour/set";
 /// The limits of a flood in the log, in lines and bytes.
-const MOST_LINES: usize = 1000;
-const MOST_BYTES: usize = 128 * 1024;
+const MAX_LINES: usize = 1000;
+const MAX_BYTES: usize = 128 * 1024;
 
 /// A length in MQTT's encoding.
 fn length(mut length: usize) -> Vec<u8> {
@@ -147,7 +147,7 @@ impl HostileBroker {
     async fn end(mut self, what: &str) {
         let (bytes, lines) = (self.run.text().len(), self.run.text().lines().count());
         assert!(
-            bytes <= MOST_BYTES && lines <= MOST_LINES,
+            bytes <= MAX_BYTES && lines <= MAX_LINES,
             "{what}: {bytes} bytes, {lines} lines"
         );
         drove_on(&self.rig, &mut self.run, self.from, what).await;
