@@ -92,7 +92,9 @@ local function charge()
 end
 
 local function go_home()
-	log.info(`going home, the battery is at {level()} %`)
+	if not robot.docked() then
+		log.info(`going home, the battery is at {level()} %`)
+	end
 	local docked, code = robot.dock({ timeout = 120, retries = 0 })
 	if code == "base_not_found" then
 		-- Without the station's beacon, more searches from the same place would fail too.

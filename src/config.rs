@@ -298,8 +298,8 @@ impl Config {
             return Ok(Config::default());
         }
         yaml::examine(text).map_err(|error| invalid(error.to_string()))?;
-        let config: Config = serde_yaml::from_str(text)
-            .map_err(|error| invalid(with_suggestion(&error.to_string())))?;
+        let config: Config =
+            serde_yaml::from_str(text).map_err(|error| invalid(in_words(&error.to_string())))?;
         config
             .watchdog
             .check()
@@ -322,18 +322,22 @@ impl Config {
     }
 }
 
-/// Rewrites the error for an unknown key to name the nearest valid one; returns other errors
-/// unchanged.
-fn with_suggestion(message: &str) -> String {
+/// Rewrites the error for an unknown key to name its place and the nearest valid one; other errors
+/// as [`without_types`] does.
+fn in_words(message: &str) -> String {
     let parts = message
         .split_once("unknown field `")
         .and_then(|(before, rest)| {
             let (key, rest) = rest.split_once("`, expected ")?;
-            let (valid, place) = rest.rsplit_once(" at line ")?;
-            Some((before, key, valid, place))
+            Some((before, key, rest))
         });
-    let Some((before, key, valid, place)) = parts else {
-        return message.to_owned();
+    let Some((before, key, rest)) = parts else {
+        return without_types(message);
+    };
+    let (valid, place) = match rest.rsplit_once(" at line ") {
+        Some((valid, place)) => (valid, format!(" at line {place}")),
+        // The parser leaves out the place at the very beginning of the text.
+        None => (rest, " at line 1 column 1".to_owned()),
     };
     let names: Vec<&str> = valid.split('`').skip(1).step_by(2).collect();
     let near = script::suggestion(key, names.iter().copied());
@@ -342,7 +346,39 @@ fn with_suggestion(message: &str) -> String {
     } else {
         near
     };
-    format!("{before}unknown key `{key}` at line {place}{near}")
+    format!("{before}unknown key `{key}`{place}{near}")
+}
+
+/// Replaces the names of types in a message of the parser, and adds what to do about an error of
+/// syntax.
+fn without_types(message: &str) -> String {
+    let message = message
+        .replace(
+            "expected i16",
+            "expected a whole number from -32768 to 32767",
+        )
+        .replace(
+            "invalid socket address syntax",
+            "expected IP:PORT, such as 127.0.0.1:7788",
+        );
+    let mut message = match message.split_once("expected struct ") {
+        Some((before, rest)) => {
+            let rest = rest.trim_start_matches(|c: char| c.is_ascii_alphanumeric());
+            format!("{before}expected keys with values, such as `key: value`{rest}")
+        }
+        None => message,
+    };
+    if message.contains("while scanning an alias") {
+        message.push_str("; put a text that begins with * in quotes");
+    } else if message.contains("found a tab character") {
+        message.push_str("; indent with spaces, not with tabs");
+    } else if message.contains("cannot start any token") {
+        message.push_str(
+            "; indent with spaces, not with tabs, and put a text that begins with @, % or ` in \
+             quotes",
+        );
+    }
+    message
 }
 
 #[cfg(test)]

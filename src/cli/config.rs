@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Subcommand;
 use serde_json::{Value as Json, json};
 
+use super::schedule::unknown_behaviour;
 use super::settings::SettingsArgs;
 use super::{Exit, Failure, print};
 use crate::config::{self, Config, Origin, Setting};
@@ -97,6 +98,15 @@ fn check(file: &Path) -> Result<Exit, Failure> {
             Failure::new(Exit::Check, what).help("paths are relative to the config's folder")
         );
     }
+    let names = config
+        .behaviours
+        .iter()
+        .filter_map(|entry| entry.name().ok());
+    let names: Vec<String> = names.collect();
+    if let Some((what, known)) = unknown_behaviour(&config.timetable(), &names) {
+        let what = format!("{}: {what}", file.display());
+        return Err(Failure::new(Exit::Check, what).help(known));
+    }
     print(&format!("{}: valid\n", file.display()))?;
     Ok(Exit::Done)
 }
@@ -155,8 +165,8 @@ fn line(setting: &Setting, origin: bool) -> String {
         other => other.to_string(),
     };
     if origin {
-        format!("{:<28} {value:<16} {}\n", setting.key, setting.origin)
+        format!("{:<34} {value:<16} {}\n", setting.key, setting.origin)
     } else {
-        format!("{:<28} {value}\n", setting.key)
+        format!("{:<34} {value}\n", setting.key)
     }
 }

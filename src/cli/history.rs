@@ -140,8 +140,8 @@ fn open(data: &Path) -> Result<History, Failure> {
         Ok(Some(history)) => Ok(history),
         Ok(None) => Err(
             Failure::usage(format_args!("there is no journal in {data_shown}")).help(
-                "with `journal: { record: on }` in the config, `spykee run` keeps one; --config \
-                 selects another config and its data folder",
+                "`spykee serve` keeps one, and with `journal: { record: on }` in the config `spykee \
+                 run` too; --config selects another config and its data folder",
             ),
         ),
         Err(error) => Err(Failure::usage(format_args!(

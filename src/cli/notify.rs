@@ -72,7 +72,7 @@ pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
     let settings = settings.load()?;
     let options = &settings.config.notify;
     let chosen = chosen(options, targets)?;
-    let tokens = tokens(settings, options)?;
+    let tokens = tokens(settings, chosen.iter().copied())?;
     let publisher = publisher(settings)?;
     let notice = Notice {
         rule: Rule::Test,
@@ -139,7 +139,7 @@ pub(super) fn start(settings: &Effective, bus: &Bus) -> Result<Option<Notifier>,
     if options.targets.is_empty() {
         return Ok(None);
     }
-    let tokens = tokens(settings, options)?;
+    let tokens = tokens(settings, &options.targets)?;
     let data = settings.config.data_folder();
     let started = Notifier::start(bus, data, options, &tokens, &publisher(settings)?);
     Ok(started.map_err(|error| tracing::warn!("{error}")).ok())
@@ -169,14 +169,17 @@ fn publisher(settings: &Effective) -> Result<BrokerPublisher, Failure> {
     ))
 }
 
-/// The secrets of the targets that have one, by name.
-fn tokens(settings: &Effective, options: &Options) -> Result<BTreeMap<String, String>, Failure> {
+/// The secrets of those of these targets that have one, by name.
+fn tokens<'a>(
+    settings: &Effective,
+    targets: impl IntoIterator<Item = (&'a String, &'a Target)>,
+) -> Result<BTreeMap<String, String>, Failure> {
     let found = match settings.file_of("notify") {
         Some((path, Named::Found)) => Some(path),
         _ => None,
     };
     let mut tokens = BTreeMap::new();
-    for (name, target) in &options.targets {
+    for (name, target) in targets {
         if let Some(config) = found {
             trusted(name, target, config)?;
         }
@@ -223,5 +226,8 @@ fn token(name: &str, target: &Target, found: Option<&Path>) -> Result<Option<Str
         Some(config) => secret::from_found_file(path, config),
         None => secret::from_named_file(path),
     };
-    read.map(Some)
+    read.map(Some).map_err(|failure| Failure {
+        what: format!("the target {name}: {}", failure.what),
+        ..failure
+    })
 }

@@ -8,7 +8,7 @@ use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, print};
 use crate::clock::{self, Date, Zone};
-use crate::timetable::{PredictedStart, Reason, predict_starts};
+use crate::timetable::{PredictedStart, Reason, Timetable, predict_starts};
 
 const HEAD: [(&str, Side); 4] = [
     ("WHEN", Side::Left),
@@ -63,13 +63,29 @@ pub(super) fn run(args: &ScheduleArgs) -> Result<Exit, Failure> {
         tracing::warn!("this computer's clock is not set: a service waits until it is");
     }
     if starts.is_empty() {
-        print("the config has no `schedule:`\n")?;
+        print(&match args.settings.file() {
+            Some(file) => format!("{} has no `schedule:`\n", file.display()),
+            None => "no config named, no spykee.yaml here: there is no `schedule:`\n".to_owned(),
+        })?;
         return Ok(Exit::Done);
     }
     let rows: Vec<Vec<String>> = starts.iter().map(|one| row(one, &table.zone)).collect();
     print(&aligned(&HEAD, &rows))?;
     print(&format!("times in {}\n", table.zone))?;
     Ok(Exit::Done)
+}
+
+/// Describes the first rule of the timetable that names no behaviour of the config, and lists the
+/// behaviours that the config has.
+pub(super) fn unknown_behaviour(table: &Timetable, names: &[String]) -> Option<(String, String)> {
+    let unknown = *table.unknown(names).first()?;
+    let what = format!("the timetable runs `{unknown}`, but the config has no such behaviour");
+    let known = if names.is_empty() {
+        "the config names no behaviours".to_owned()
+    } else {
+        format!("the config has {}", names.join(", "))
+    };
+    Some((what, known))
 }
 
 fn row(one: &PredictedStart, zone: &Zone) -> Vec<String> {

@@ -188,10 +188,8 @@ pub(super) fn from_found_file(path: &Path, config: &Path) -> Result<String, Fail
 
 fn unreadable(path: &Path, error: &dyn std::fmt::Display) -> Failure {
     let path = path.display();
-    Failure::usage(format_args!(
-        "cannot read the password file {path}: {error}"
-    ))
-    .help("put the password into its first line")
+    Failure::usage(format_args!("cannot read {path}: {error}"))
+        .help("its first line must be the password or the token")
 }
 
 fn first_line(path: &Path, text: Vec<u8>) -> Result<String, Failure> {
@@ -200,7 +198,7 @@ fn first_line(path: &Path, text: Vec<u8>) -> Result<String, Failure> {
         "" => {
             let shown = path.display();
             let failure = Failure::usage(format_args!("the first line of {shown} is empty"));
-            Err(failure.help("put the password into its first line"))
+            Err(failure.help("it must be the password or the token"))
         }
         line => Ok(line.to_owned()),
     }

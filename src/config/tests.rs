@@ -33,6 +33,29 @@ fn an_unknown_key_is_refused_with_its_place() {
 }
 
 #[test]
+fn an_unknown_key_in_the_first_line_is_refused_with_its_place() {
+    let text = error("colors: {}\n");
+    assert!(
+        text.contains("line 1 column 1; did you mean 'colours'?"),
+        "{text}"
+    );
+}
+
+#[test]
+fn errors_name_no_types_of_this_program() {
+    for (yaml, told) in [
+        ("mqtt: broker.local\n", "expected keys with values"),
+        ("live: { listen: 7788 }\n", "expected IP:PORT"),
+        ("schedule:\n  - at: */5 * * * *\n", "in quotes"),
+        ("robot: a\n\tuser: b\n", "not with tabs"),
+        ("live:\n\tlisten: b\n", "not with tabs"),
+    ] {
+        let text = error(yaml);
+        assert!(text.contains(told), "{yaml}: {text}");
+    }
+}
+
+#[test]
 fn a_wrong_value_is_refused_with_its_place_and_range() {
     let text = error("watchdog:\n  ok: 60\n  low: 120\n");
     assert!(

@@ -195,7 +195,7 @@ impl Target {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TargetError {
     /// No destination, or several.
-    #[error("it needs one of `url`, `topic` and `command`")]
+    #[error("it needs exactly one of `url`, `topic` and `command`")]
     Ways,
     /// A text contains an unknown placeholder.
     #[error(transparent)]

@@ -20,6 +20,14 @@ use crate::clock::Zone;
 const MAX_TRIES: u32 = 4 * 60;
 /// Maximum length of a pattern, in bytes.
 const MAX_LEN: usize = 200;
+/// The parts of a pattern, in order, and the values that each may have.
+const PARTS: [(&str, &str); 5] = [
+    ("minute", "0 to 59"),
+    ("hour", "0 to 23"),
+    ("day of the month", "1 to 31"),
+    ("month", "1 to 12 or jan to dec"),
+    ("day of the week", "0 to 7 or sun to sat"),
+];
 
 /// See the module.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,6 +105,9 @@ impl FromStr for Pattern {
             .build();
         let parsed = parser.parse(text);
         let cron = parsed.map_err(|error| {
+            if let Some(why) = wrong_part(text, &parser) {
+                return wrong(&why);
+            }
             // Limit the length: the parser quotes a long number several times.
             let why: String = error.to_string().chars().take(MAX_LEN).collect();
             wrong(why.trim_end_matches('.'))
@@ -117,6 +128,30 @@ impl FromStr for Pattern {
             None => Err(wrong("it matches no day")),
         }
     }
+}
+
+/// Says what is wrong with a pattern that the parser refuses; `None` if each part is valid by
+/// itself.
+fn wrong_part(text: &str, parser: &CronParser) -> Option<String> {
+    if text.trim().starts_with('@') {
+        return Some("valid names are @hourly, @daily, @weekly, @monthly and @yearly".to_owned());
+    }
+    let parts: Vec<&str> = text.split_whitespace().collect();
+    if parts.len() != PARTS.len() {
+        return Some(format!("it has {} instead of five parts", parts.len()));
+    }
+    for (index, (name, values)) in PARTS.into_iter().enumerate() {
+        let mut alone = ["*"; PARTS.len()];
+        alone[index] = parts[index];
+        if parser.parse(&alone.join(" ")).is_err() {
+            let part = parts[index];
+            return Some(format!(
+                "`{part}` is no {name}: valid are {values}, lists such as 1,3, rising ranges such \
+                 as 1-3, and steps such as */2"
+            ));
+        }
+    }
+    None
 }
 
 impl fmt::Display for Pattern {
@@ -275,6 +310,16 @@ mod tests {
             let error = wrong.parse::<Pattern>().unwrap_err();
             let error = error.to_string();
             assert!(error.contains("not a pattern of times"), "{wrong}: {error}");
+        }
+        for (wrong, why) in [
+            ("0 9 * *", "it has 4 instead of five parts"),
+            ("0 25 * * *", "`25` is no hour: valid are 0 to 23"),
+            ("0 17-9 * * *", "`17-9` is no hour"),
+            ("0 9 * * Monday", "`Monday` is no day of the week"),
+            ("@dayly", "@daily"),
+        ] {
+            let error = wrong.parse::<Pattern>().unwrap_err().to_string();
+            assert!(error.contains(why), "{wrong}: {error}");
         }
         assert!("@daily".parse::<Pattern>().is_ok());
     }

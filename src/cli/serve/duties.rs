@@ -9,6 +9,7 @@ use tokio::sync::{mpsc, watch};
 
 use crate::agent::Behaviour;
 use crate::cli::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
+use crate::cli::schedule::unknown_behaviour;
 use crate::cli::settings::SettingsArgs;
 use crate::cli::{Console, Failure, check, live};
 use crate::clock::{Clock, Zone};
@@ -71,15 +72,7 @@ impl DutiesLoader {
             zone: self.zone(config),
             ..config.timetable()
         };
-        if let Some(unknown) = table.unknown(&names).first() {
-            let what = format_args!(
-                "the timetable runs `{unknown}`, but the config has no such behaviour"
-            );
-            let known = if names.is_empty() {
-                "the config names no behaviours".to_owned()
-            } else {
-                format!("the config has {}", names.join(", "))
-            };
+        if let Some((what, known)) = unknown_behaviour(&table, &names) {
             return Err(Failure::usage(what).help(known));
         }
         let scheduled = |name: &String| table.rules.iter().any(|rule| rule.run == *name);
