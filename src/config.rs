@@ -42,7 +42,11 @@ const DATA_FOLDER: &str = "spykee-data";
 
 /// The contents of a config file; everything is optional.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(
+    deny_unknown_fields,
+    default,
+    expecting = "settings, such as `robot: 172.17.6.1`"
+)]
 pub struct Config {
     /// The robot's address, `HOST` or `HOST:PORT`.
     #[schemars(with = "Option<String>")]
