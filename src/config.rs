@@ -303,7 +303,7 @@ impl Config {
         }
         yaml::examine(text).map_err(|error| invalid(error.to_string()))?;
         let config: Config = serde_yaml::from_str(text)
-            .map_err(|error| invalid(with_suggestion(&error.to_string())))?;
+            .map_err(|error| invalid(with_suggestion(&error.to_string(), text)))?;
         config
             .watchdog
             .check()
@@ -326,18 +326,26 @@ impl Config {
     }
 }
 
-/// Rewrites the error for an unknown key to name the nearest valid one; returns other errors
-/// unchanged.
-fn with_suggestion(message: &str) -> String {
+/// Rewrites the error for an unknown key to name the nearest valid one, and adds a hint to the
+/// error for tabs; returns other errors unchanged. `text` is the file's.
+fn with_suggestion(message: &str, text: &str) -> String {
+    let has_tabs = text.lines().any(|line| line.starts_with('\t'));
+    if has_tabs && message.contains("cannot start any token") {
+        return format!("{message}; indent with spaces, not with tabs");
+    }
     let parts = message
         .split_once("unknown field `")
         .and_then(|(before, rest)| {
             let (key, rest) = rest.split_once("`, expected ")?;
-            let (valid, place) = rest.rsplit_once(" at line ")?;
-            Some((before, key, valid, place))
+            Some((before, key, rest))
         });
-    let Some((before, key, valid, place)) = parts else {
+    let Some((before, key, rest)) = parts else {
         return message.to_owned();
+    };
+    // An error in the first line may have no place.
+    let (valid, place) = match rest.rsplit_once(" at line ") {
+        Some((valid, place)) => (valid, format!(" at line {place}")),
+        None => (rest, String::new()),
     };
     let names: Vec<&str> = valid.split('`').skip(1).step_by(2).collect();
     let near = script::suggestion(key, names.iter().copied());
@@ -346,7 +354,7 @@ fn with_suggestion(message: &str) -> String {
     } else {
         near
     };
-    format!("{before}unknown key `{key}` at line {place}{near}")
+    format!("{before}unknown key `{key}`{place}{near}")
 }
 
 #[cfg(test)]
