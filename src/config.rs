@@ -42,7 +42,11 @@ const DATA_FOLDER: &str = "spykee-data";
 
 /// The contents of a config file; everything is optional.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[serde(
+    deny_unknown_fields,
+    default,
+    expecting = "settings, such as `robot: 172.17.6.1`"
+)]
 pub struct Config {
     /// The robot's address, `HOST` or `HOST:PORT`.
     #[schemars(with = "Option<String>")]
@@ -338,6 +342,11 @@ fn in_words(message: &str) -> String {
         Some((valid, place)) => (valid, format!(" at line {place}")),
         // The parser leaves out the place at the very beginning of the text.
         None => (rest, " at line 1 column 1".to_owned()),
+    };
+    // An error in the first line may have no place.
+    let (valid, place) = match rest.rsplit_once(" at line ") {
+        Some((valid, place)) => (valid, format!(" at line {place}")),
+        None => (rest, String::new()),
     };
     let names: Vec<&str> = valid.split('`').skip(1).step_by(2).collect();
     let near = script::suggestion(key, names.iter().copied());

@@ -1,6 +1,12 @@
 //! Help for names from other programming languages, and for functions used without their namespace.
 
+use std::collections::BTreeSet;
+
 use crate::api;
+
+/// The function that exists only in files with scenarios, and the object that only they get.
+const SCENARIO: &str = "scenario";
+const SIM: &str = "Sim";
 
 /// Names from other languages, and what to write instead.
 const MEANT: [(&str, &str); 32] = [
@@ -61,19 +67,41 @@ pub(super) fn meant(name: &str) -> Option<&'static str> {
     found.map(|(_, meant)| *meant)
 }
 
-/// Says where a function of this name belongs.
-pub(super) fn belongs_to(name: &str) -> Option<String> {
+/// Says what makes a global name known: a module that must be loaded first, or another kind of
+/// file. `known` are the paths that exist in this file.
+pub(super) fn missing_here(name: &str, known: &BTreeSet<String>) -> Option<String> {
+    if api::module(name).is_some() {
+        return Some(format!(
+            "if you mean the module, load it first: local {name} = require(\"@spykee/{name}\")"
+        ));
+    }
+    let in_scenario = known.contains(SCENARIO);
+    if in_scenario && api::namespace(name).is_some() {
+        return Some(format!(
+            "only behaviours have {name}; a scenario uses sim, such as sim:run(FILE)"
+        ));
+    }
+    (!in_scenario && api::function(name).is_some()).then(|| {
+        format!("{name} exists only in files with scenarios, whose names end in _test.lua")
+    })
+}
+
+/// Says where a function of this name belongs. `known` are the paths that exist in this file.
+pub(super) fn belongs_to(name: &str, known: &BTreeSet<String>) -> Option<String> {
     let text = api::choices().find(|choice| (choice.names)().contains(&name));
     if let Some(choice) = text {
         return Some(format!(
-            "write the name of a {} in quotes: \"{name}\"",
+            "if you mean the {}, write its name in quotes: \"{name}\"",
             choice.what
         ));
     }
-    if let Some(found) = api::functions().find(|function| function.key() == name) {
+    let mut functions = api::functions();
+    let found = functions.find(|function| function.key() == name && known.contains(function.path));
+    if let Some(found) = found {
         return Some(format!("did you mean {}?", found.path));
     }
-    let mut objects = api::objects();
+    let mut objects =
+        api::objects().filter(|object| known.contains(SCENARIO) || object.name != SIM);
     let owner = objects.find(|object| object.method(name).is_some())?;
     Some(format!("{name} is a function of {}", owner.with_article()))
 }

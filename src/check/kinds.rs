@@ -33,7 +33,7 @@ impl ValueKind<'_> {
     pub(super) fn describe(&self) -> Option<String> {
         Some(match self {
             ValueKind::Unknown => return None,
-            ValueKind::Nothing => "nothing".to_owned(),
+            ValueKind::Nothing => "nil".to_owned(),
             ValueKind::Boolean => "true or false".to_owned(),
             ValueKind::Number(Some(number)) => number.to_string(),
             ValueKind::Number(None) => "a number".to_owned(),

@@ -54,7 +54,7 @@ pub(super) fn finding((chunk, source): (&str, &str), complaint: &str) -> Finding
 impl ErrorSite<'_> {
     fn diagnosis(&self) -> Diagnosis {
         // The most certain rules first.
-        let rules: [fn(&Self) -> Option<Diagnosis>; 16] = [
+        let rules: [fn(&Self) -> Option<Diagnosis>; 17] = [
             Self::quotes,
             Self::unfinished,
             Self::unknown_symbols,
@@ -70,6 +70,7 @@ impl ErrorSite<'_> {
             Self::brackets,
             Self::lone_name,
             Self::missing_value,
+            Self::method_without_brackets,
             Self::missing_word,
         ];
         let found = rules.iter().find_map(|rule| rule(self));

@@ -161,6 +161,7 @@ fn report(findings: &[Finding], files: usize) -> String {
         .count();
     let warnings = findings.len() - errors;
     text += &match (errors, warnings) {
+        _ if files == 0 => "no script found: no file there ends in .lua\n".to_owned(),
         (0, 0) => format!("{}: no problems found\n", plural(files, "script")),
         (_, 0) => format!("{}\n", plural(errors, "error")),
         (0, _) => format!("{}\n", plural(warnings, "warning")),

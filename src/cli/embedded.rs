@@ -10,6 +10,7 @@ use tokio::runtime::Builder;
 use tokio_util::sync::CancellationToken;
 
 use super::Failure;
+use crate::script::suggestion;
 use crate::sim::{Firmware, Handle, Options, Server, World};
 use crate::wire::Login;
 
@@ -121,7 +122,8 @@ pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
     }
     World::load(path).map_err(|error| {
         let names: Vec<&str> = World::builtin_names().collect();
+        let near = suggestion(&path.to_string_lossy(), names.iter().copied());
         let names = names.join(", ");
-        Failure::usage(error).help(format!("name a world file, or one of {names}"))
+        Failure::usage(error).help(format!("name a world file, or one of {names}{near}"))
     })
 }

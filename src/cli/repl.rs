@@ -38,7 +38,8 @@ const MAX_EDITOR_COMMANDS: usize = 257;
 /// Run Lua interactively on a robot
 ///
 /// Ctrl-C stops the tracks, all tasks and all handlers; Ctrl-D ends the session. Lines can also
-/// come from a pipe; then the exit code is 1 if one of them failed.
+/// come from a pipe; then the exit code is 1 if one of them failed. A variable that a line declares
+/// with `local` exists only in that line; without `local` the later lines have it too.
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ReplArgs {
     #[command(flatten)]

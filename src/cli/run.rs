@@ -365,7 +365,7 @@ fn load(args: &RunArgs, config: &Config, seed: u64) -> Result<LoadedBehaviours, 
     };
     // With a page, a run without behaviours is useful for manual driving.
     if entries.is_empty() && args.live.is_none() {
-        let failure = Failure::usage("what to run? no behaviour was named");
+        let failure = Failure::usage("no behaviour was named");
         return Err(failure.help("spykee run behaviours/patrol.lua --sim"));
     }
     BehaviourLoader {

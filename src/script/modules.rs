@@ -83,9 +83,13 @@ pub(crate) enum RequireError {
     #[error("the path is too long: at most {LONGEST} bytes")]
     TooLong,
     #[error(
-        "'{path}': a path begins with ./ or ../, such as require(\"./lib/pid\"), or is one of {known}"
+        "there is no module '{path}'{near} (a path begins with ./ or ../, such as require(\"./lib/pid\"), or is one of {known})"
     )]
-    NoPrefix { path: String, known: String },
+    NoPrefix {
+        path: String,
+        near: String,
+        known: String,
+    },
     #[error("'{0}' leaves the behaviour's folder; modules must be in it")]
     Outside(String),
     #[error("'{0}' is not a path to a module; use letters, digits, _ and -")]
@@ -117,8 +121,13 @@ pub(crate) fn resolve(folder: &str, path: &str) -> Result<Target, RequireError> 
         return library(path);
     }
     if !path.starts_with("./") && !path.starts_with("../") {
-        let (path, known) = (path.to_owned(), known_names());
-        return Err(RequireError::NoPrefix { path, known });
+        return Err(RequireError::NoPrefix {
+            path: path.to_owned(),
+            near: names()
+                .find(|name| name.strip_prefix("@spykee/") == Some(path))
+                .map_or_else(String::new, |name| format!("; did you mean '{name}'?")),
+            known: known_names(),
+        });
     }
     let mut segments: Vec<&str> = folder.split('/').filter(|one| !one.is_empty()).collect();
     for segment in path.split('/') {

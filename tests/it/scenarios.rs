@@ -456,7 +456,7 @@ fn rust_tests_play_scenarios_too() {
     let played = unmet.play(&unmet.scenarios()[0], 1, &setting).unwrap();
     let failure = played.failure.unwrap();
     assert_eq!(failure.cause, Cause::Expectation);
-    assert_eq!(failure.message, "this did not become true");
+    assert_eq!(failure.message, "this is not true");
 }
 
 #[test]

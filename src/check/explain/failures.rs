@@ -4,7 +4,7 @@ use super::super::kinds::ValueKind;
 use super::super::tree::{Expr, ExprKind, StatementKind};
 use super::reasons::a;
 use super::{Diagnosis, ErrorSite};
-use crate::api;
+use crate::api::{self, Type};
 
 impl<'a> ErrorSite<'a> {
     pub(super) fn index(&self, what: &str, key: &str) -> Option<Diagnosis> {
@@ -94,7 +94,11 @@ impl<'a> ErrorSite<'a> {
         };
         let (left, right) = types.split_once(" and ").unwrap_or((types, types));
         let (side, what) = self.sides(operator, left, right, |what| what != "number")?;
-        Some(self.operand(side, what, "so it cannot be used in arithmetic"))
+        let mut diagnosis = self.operand(side, what, "so it cannot be used in arithmetic");
+        if operator == "+" && what == "string" {
+            diagnosis.help = "to join strings, write .. instead of +".to_owned();
+        }
+        Some(diagnosis)
     }
 
     pub(super) fn compare(&self, words: &str) -> Option<Diagnosis> {
@@ -316,7 +320,16 @@ impl<'a> ErrorSite<'a> {
             rest.starts_with(&what)
         });
         let argument = named.and_then(|at| arguments.get(at));
+        let wants_function = named.is_some_and(|at| {
+            let kind = function.parameters.get(at).map(|parameter| parameter.kind);
+            matches!(kind, Some(Type::Function(_) | Type::Handler))
+        });
         let help = match argument {
+            Some(argument)
+                if wants_function && matches!(argument.bare().kind, ExprKind::Call(..)) =>
+            {
+                "without the () you pass the function itself, to be called later".to_owned()
+            }
             Some(argument) if rest.ends_with("got nothing") || rest.contains("is missing") => {
                 self.why(argument, "nil")
             }

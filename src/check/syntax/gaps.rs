@@ -242,6 +242,35 @@ impl ErrorSite<'_> {
         })
     }
 
+    /// `Expected '(', '{' or <string> when parsing function call, got ...`
+    pub(super) fn method_without_brackets(&self) -> Option<Diagnosis> {
+        if !self.words.contains("when parsing function call") {
+            return None;
+        }
+        let failed_at = parser::parse(self.source).err()?.at;
+        let before: Vec<&Token> = self
+            .tokens
+            .iter()
+            .filter(|token| token.span.end <= failed_at.start && token.kind != TokenKind::End)
+            .collect();
+        let [.., object, colon, name] = before.as_slice() else {
+            return None;
+        };
+        if self.text(colon) != ":" || name.kind != TokenKind::Name {
+            return None;
+        }
+        let object = match object.kind {
+            TokenKind::Name => self.text(object),
+            _ => "...",
+        };
+        let name_text = self.text(name);
+        Some(Diagnosis {
+            at: name.span,
+            message: format!("`{name_text}` needs brackets after it"),
+            help: format!("to call it, write {object}:{name_text}()"),
+        })
+    }
+
     /// `Expected 'X' when parsing Y, got 'Z'`.
     pub(super) fn missing_word(&self) -> Option<Diagnosis> {
         let (_, rest) = self.words.split_once("Expected ")?;

@@ -48,10 +48,10 @@ impl<'a> Walk<'a> {
         if arguments.len() < function.required_len() && !open && !short {
             let missing = &function.parameters[arguments.len()];
             let missing_words = format!(
-                "{}: {} is missing; it must be {}",
+                "{}: {} is missing{}",
                 function.path,
                 missing.label(),
-                missing.kind.describe()
+                must_be(missing)
             );
             self.error(span, missing_words).help = Some(function.call());
         }
@@ -312,11 +312,7 @@ impl<'a> Walk<'a> {
             .iter()
             .find(|key| key.requirement == Requirement::Required && !given.contains(&key.name));
         if let Some(missing) = missing.filter(|_| certain) {
-            let message = format!(
-                "{call}: {} is missing; it must be {}",
-                missing.name,
-                missing.kind.describe()
-            );
+            let message = format!("{call}: {} is missing{}", missing.name, must_be(missing));
             self.error(table.span, message);
         }
     }
@@ -335,6 +331,14 @@ fn is_open(argument: &Expr) -> bool {
         argument.kind,
         ExprKind::Call(..) | ExprKind::Method(..) | ExprKind::Varargs
     )
+}
+
+/// Says what a missing value must be; empty if it can be anything.
+fn must_be(value: &Value) -> String {
+    match value.kind {
+        Type::Any => String::new(),
+        _ => format!("; it must be {}", value.kind.describe()),
+    }
 }
 
 fn counted(count: usize) -> String {

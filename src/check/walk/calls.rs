@@ -67,7 +67,8 @@ impl<'a> Walk<'a> {
                 let again = arguments.first().map(|first| self.kinds.kind_of(first));
                 if !matches!(again, Some(ValueKind::Object(_) | ValueKind::Unknown)) {
                     let object = self.source_text(object.span);
-                    let message = format!("{name} is called with a colon: {object}:{name}(...)");
+                    let message =
+                        format!("{name} must be called with a colon: {object}:{name}(...)");
                     self.error(*at, message);
                 }
             }
@@ -158,7 +159,7 @@ impl<'a> Walk<'a> {
             ValueKind::Namespace(owner) if self.is_ours(owner) => {
                 let path = format!("{owner}.{name}");
                 if self.context.paths.contains(&path) {
-                    let message = format!("{path} is called with a dot, not with a colon");
+                    let message = format!("{path} must be called with a dot, not with a colon");
                     self.error(at, message).help = Some(format!("write {path}(...)"));
                 } else {
                     self.unknown_field(owner, name, at);
@@ -167,7 +168,7 @@ impl<'a> Walk<'a> {
             ValueKind::Module(module) => {
                 if module.function(name).is_some() {
                     let path = format!("{}.{name}", module.name);
-                    let message = format!("{path} is called with a dot, not with a colon");
+                    let message = format!("{path} must be called with a dot, not with a colon");
                     self.error(at, message).help = Some(format!("write {path}(...)"));
                 } else {
                     self.unknown_field(module.name, name, at);

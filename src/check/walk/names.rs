@@ -38,13 +38,16 @@ impl<'a> Walk<'a> {
         if let Some(meant) = foreign::meant(name) {
             return (format!("unknown name '{name}'"), Some(meant.to_owned()));
         }
+        if let Some(missing) = foreign::missing_here(name, &self.context.paths) {
+            return (format!("unknown name '{name}'"), Some(missing));
+        }
         let globals = self.context.paths.iter().map(String::as_str);
         let globals = globals.filter(|path| !path.contains('.'));
         let own = tree.locals.iter().map(|local| local.name.as_str());
         let set = self.kinds.globals.iter().copied();
         let near = self.near(name, globals.chain(own).chain(set));
         let help = if near.is_empty() {
-            foreign::belongs_to(name)
+            foreign::belongs_to(name, &self.context.paths)
         } else {
             None
         };
@@ -106,7 +109,8 @@ impl<'a> Walk<'a> {
         };
         let near = self.near(name, known);
         let help = if near.is_empty() {
-            foreign::belongs_to(name)
+            let elsewhere = foreign::belongs_to(name, &self.context.paths);
+            elsewhere.or_else(|| foreign::meant(name).map(str::to_owned))
         } else {
             None
         };
