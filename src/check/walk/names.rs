@@ -106,7 +106,9 @@ impl<'a> Walk<'a> {
         };
         let near = self.near(name, known);
         let help = if near.is_empty() {
-            foreign::belongs_to(name)
+            let members =
+                |module: &api::Namespace| format!("it has {}", module.members().join(", "));
+            foreign::belongs_to(name).or_else(|| api::module(owner).map(members))
         } else {
             None
         };
