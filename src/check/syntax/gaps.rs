@@ -236,7 +236,8 @@ impl ErrorSite<'_> {
         let (message, help) = match (before_text, found) {
             ("end", ")" | "]" | "}") => (
                 format!("`{found}` does not belong after this `end`"),
-                "an `end` is missing before it (`else if` needs one of its own, `elseif` does not), or there is a bracket too many",
+                "an `end` is missing before it (`else if` needs one of its own, `elseif` does not), or \
+                 there is a bracket too many",
             ),
             ("repeat", found) if found.starts_with(|c: char| c.is_ascii_digit()) => (
                 format!("`repeat` takes no number: `{found}` cannot come after it"),
