@@ -343,11 +343,6 @@ fn in_words(message: &str) -> String {
         // The parser leaves out the place at the very beginning of the text.
         None => (rest, " at line 1 column 1".to_owned()),
     };
-    // An error in the first line may have no place.
-    let (valid, place) = match rest.rsplit_once(" at line ") {
-        Some((valid, place)) => (valid, format!(" at line {place}")),
-        None => (rest, String::new()),
-    };
     let names: Vec<&str> = valid.split('`').skip(1).step_by(2).collect();
     let near = script::suggestion(key, names.iter().copied());
     let near = if near.is_empty() {

@@ -30,7 +30,7 @@ end
 local function drives_away(sim)
 	local away = meter(sim)
 	sim:run()
-	expect(sim:wait_until(function() return away() > 0.15 end, 8), "The robot does not drive away: easy.forward(2) drives for two seconds.")
+	expect(sim:wait_until(function() return away() > 0.15 end, 8), "The robot does not drive away, or not even 15 centimetres: easy.forward(2) drives for two seconds, with speed 50.")
 	return away
 end
 
@@ -54,6 +54,7 @@ scenario("It comes back to where it started", { world = "yard", points = 5, seed
 	local away = drives_away(sim)
 	expect(sim:wait_until(function() return sim:ended() end, 25), "The script does not end: once it is back there is nothing left to do.")
 	expect(away() < 0.15, string.format("At the end it is %d centimetres from where it started.", math.round(100 * away())))
+	expect(turned(sim, heading) < 2, "It came back, but faces the other way: easy.back drives back without turning round.")
 	expect(turned(sim, heading) < 0.3, string.format("It came back, but faces another direction than before, by %d degrees: on the way back both tracks need the same speed.", math.round(math.deg(turned(sim, heading)))))
 	expect(sim:collisions() == 0, "It ran into something on its way.")
 end)

@@ -22,9 +22,9 @@ end
 
 -- Learners easily mix up radians and degrees, and metres and centimetres.
 local function right_units(sim, away, turned)
-	expect(math.abs(turned()) < 1.5 * ROUND, "It turns round and round instead of a quarter turn: easy.left takes degrees, robot.turn radians, such as robot.turn(math.rad(90)).")
+	expect(math.abs(turned()) < 1.5 * ROUND, "It turns round and round: four quarter turns are enough. easy.left takes degrees, robot.turn radians, such as robot.turn(math.rad(90)).")
 	local far = sim:pose().x < 1.2 + SIDE + 0.6
-	expect(far, "The first side is far too long: easy.drive takes centimetres, 40 for a side; robot.forward takes metres, 0.4.")
+	expect(far, "The first side is far too long: after 40 centimetres it should turn left. easy.drive takes centimetres, 40 for a side; robot.forward takes metres, 0.4.")
 end
 
 local function comes_to(sim, away, turned, number)
@@ -37,7 +37,10 @@ local function comes_to(sim, away, turned, number)
 	elseif not there and number > 1 then
 		expect(math.abs(turned()) > 0.2, "It drove the first side, but turned at no corner: easy.left(90) does that.")
 	end
-	expect(there, `It never reached the {NAMES[number]} corner of the square.`)
+	local words = if number == 1
+		then "It has not driven the first side: easy.drive(40) drives 40 centimetres."
+		else `It never reached the {NAMES[number]} corner of the square: at each corner it should turn left by 90 degrees, then drive 40 centimetres.`
+	expect(there, words)
 end
 
 scenario("It drives the first side", { world = "yard", points = 2, seeds = 3, limit = 40 }, function(sim)

@@ -15,7 +15,7 @@ end
 
 local function wakes_up(sim, which)
 	sim:noise(-12, 0.5)
-	expect(sim:wait_until(function() return awake(sim) end, 5), `At the {which} noise its lights did not go on.`)
+	expect(sim:wait_until(function() return awake(sim) end, 5), `At the {which} noise its lights did not go on, or only for a moment.`)
 end
 
 -- Waits until `what()` is true. Returns whether that happened, and how far the robot turned

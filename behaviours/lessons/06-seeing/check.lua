@@ -5,7 +5,9 @@ local OTHER = { left = "right", right = "left" }
 
 local function points(sim, side)
 	sim:place_ball(1, BALL[side])
-	expect(sim:wait_until(function() return sim:leds()[side] end, 6), `The ball is to the {side}, but the {side} light is off.`)
+	local lit = sim:wait_until(function() return sim:leds()[side] end, 6)
+	expect(lit or not sim:leds()[OTHER[side]], `The ball is to the {side}, but the {OTHER[side]} light is on instead of the {side} one.`)
+	expect(lit, `The ball is to the {side}, but the {side} light is off.`)
 	local alone = sim:wait_until(function() return not sim:leds()[OTHER[side]] end, 2)
 	expect(alone, `The ball is to the {side}, but the {OTHER[side]} light is on too.`)
 	sim:wait(1)

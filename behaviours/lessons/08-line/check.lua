@@ -52,7 +52,7 @@ scenario("The farther the line is to one side, the faster it turns", { world = "
 	sim:run()
 	sim:wait(1)
 	local much, little = turning(sim, 0.09), turning(sim, 0.02)
-	expect(much < -0.1, "The line is to the right, but it does not turn right: that is a negative number for robot.drive.")
+	expect(much < -0.1, "The line is to the right, but it does not turn right: for that the second number of robot.drive must be negative.")
 	expect(math.abs(much) > 1.8 * math.abs(little), "It turns as fast for a line that is nearly in the middle as for one at the edge: let it turn in proportion to the line's offset.")
 end)
 
@@ -69,6 +69,6 @@ scenario("It looks for a lost line where it was last", { world = "line_loop", fp
 		local turned = sim:wait_until(function() return math.abs(sim:pose().heading) > 0.3 end, 4)
 		expect(turned, "When the line is lost it stands still: it should turn and look for it.")
 		local there = sim:pose().heading * side < 0
-		expect(there, `The line was last to the {name}, but it looked for it on the other side: remember the last offset in a variable.`)
+		expect(there, `The line was last to the {name}, but it looked for it on the other side: remember the last offset in a variable that you make before robot.on.`)
 	end
 end)

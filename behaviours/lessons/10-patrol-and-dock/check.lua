@@ -5,7 +5,7 @@ local function leaves(sim, words)
 end
 
 local function comes_home(sim)
-	expect(sim:wait_until(function() return sim:docked() and sim:charging() end, 400), "It left its station, but has not come home.")
+	expect(sim:wait_until(function() return sim:docked() and sim:charging() end, 400), "It left its station, but has not come home: robot.dock() does that.")
 end
 
 scenario("A round with three photographs", { world = "playpen", fps = 5, points = 4, seeds = 2, limit = 600 }, function(sim)
@@ -13,6 +13,7 @@ scenario("A round with three photographs", { world = "playpen", fps = 5, points 
 	leaves(sim, "It does not leave its station.")
 	comes_home(sim)
 	local photos = sim:photos()
+	expect(photos > 0, "It came home without a photograph: frame:save saves one.")
 	expect(photos >= 3, `There should be a photograph of each of the three legs, but it saved {photos}; each needs a name of its own.`)
 	local driven = sim:distance()
 	expect(driven > 1.1, string.format("It drove %.1f metres: three legs of 40 centimetres and the way home are more.", driven))

@@ -20,7 +20,7 @@ local function wake(sim, ball)
 	expect(not sim:leds().flash, "It is awake although it was quiet: it should begin asleep.")
 	expect(math.abs(sim:pose().heading - heading) < 0.1, "It turns although it is asleep.")
 	sim:noise(-12, 0.5)
-	expect(sim:wait_until(function() return sim:leds().flash end, 5), "A noise does not wake it: awake, its flash is on.")
+	expect(sim:wait_until(function() return sim:leds().flash end, 5), "A noise does not wake it: awake, its flash is on. A state machine starts with :run().")
 	local turns = sim:wait_until(function() return math.abs(sim:pose().heading - heading) > 0.3 end, 6)
 	expect(turns, "It is awake, but does not turn to look for the ball.")
 end

@@ -1,6 +1,6 @@
 //! Rules for missing or superfluous elements: an `end`, a bracket, a value, a word.
 
-use super::super::lexer::{Span, Token, TokenKind};
+use super::super::lexer::{KEYWORDS, Span, Token, TokenKind};
 use super::super::parser;
 use super::{Diagnosis, ErrorSite, closing, word};
 
@@ -81,13 +81,13 @@ impl ErrorSite<'_> {
             None => (self.place(), format!(" of line {line}")),
         };
         let keyword = match keyword {
-            "then" => "if",
-            "do" => "loop",
-            other => other,
+            "then" => "`if`".to_owned(),
+            "do" => "loop".to_owned(),
+            other => format!("`{other}`"),
         };
         Some(Diagnosis {
             at,
-            message: format!("the `{keyword}`{where_} that begins here has no `end`"),
+            message: format!("the {keyword}{where_} that begins here has no `end`"),
             help: "each function, if, for, while and do is closed by its own end".to_owned(),
         })
     }
@@ -196,7 +196,11 @@ impl ErrorSite<'_> {
         let (first, last) = (path.first()?, path.last()?);
         let span = first.span.to(last.span);
         let next = tokens.get(path.len());
+        let lower = self.text(first).to_ascii_lowercase();
         let help = match next.map(|next| (next.kind, self.text(next))) {
+            _ if KEYWORDS.contains(&lower.as_str()) => {
+                format!("`{lower}` is written in small letters")
+            }
             None => format!("to call it, write {}()", span.of(self.source)),
             Some((_, "==")) => "to set a variable, write a single =".to_owned(),
             Some((TokenKind::Name | TokenKind::Number | TokenKind::Keyword, _)) => {
@@ -228,17 +232,27 @@ impl ErrorSite<'_> {
             .iter()
             .rfind(|token| token.span.end <= failed_at.start && token.kind != TokenKind::End)?;
         let found = failed_at.of(self.source);
-        let message = match found {
-            "" => format!("a value is missing after `{}`", self.text(before)),
-            found => format!(
-                "a value is missing after `{}`: `{found}` is not one",
-                self.text(before)
+        let before_text = self.text(before);
+        let (message, help) = match (before_text, found) {
+            ("end", ")" | "]" | "}") => (
+                format!("`{found}` does not belong after this `end`"),
+                "an `end` is missing before it (`else if` needs one of its own, `elseif` does not), or \
+                 there is a bracket too many",
+            ),
+            ("repeat", found) if found.starts_with(|c: char| c.is_ascii_digit()) => (
+                format!("`repeat` takes no number: `{found}` cannot come after it"),
+                "to count, write for count = 1, 10 do ... end",
+            ),
+            (_, "") => (format!("a value is missing after `{before_text}`"), ""),
+            _ => (
+                format!("a value is missing after `{before_text}`: `{found}` is not one"),
+                "",
             ),
         };
         Some(Diagnosis {
             at: before.span,
             message,
-            help: String::new(),
+            help: help.to_owned(),
         })
     }
 

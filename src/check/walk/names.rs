@@ -109,8 +109,11 @@ impl<'a> Walk<'a> {
         };
         let near = self.near(name, known);
         let help = if near.is_empty() {
-            let elsewhere = foreign::belongs_to(name, &self.context.paths);
-            elsewhere.or_else(|| foreign::meant(name).map(str::to_owned))
+            let members =
+                |module: &api::Namespace| format!("it has {}", module.members().join(", "));
+            foreign::belongs_to(name, &self.context.paths)
+                .or_else(|| foreign::meant(name).map(str::to_owned))
+                .or_else(|| api::module(owner).map(members))
         } else {
             None
         };

@@ -117,7 +117,7 @@ pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
         let help = if file.is_dir() {
             "name the script in this folder"
         } else {
-            "`spykee lesson start 1` creates a folder with a script to start from"
+            "check its name and folder; `spykee lesson start 1` creates a folder with a script to start from"
         };
         Failure::usage(format_args!("cannot read {shown}: {error}")).help(help)
     })

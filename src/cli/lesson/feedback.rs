@@ -37,6 +37,9 @@ impl Feedback<'_> {
         text += &self.next_step(&file);
         if let Some(hint) = self.hint.and_then(|number| lesson.hint(number)) {
             text += &format!("\nHint: {hint}\n");
+            if let Some(next @ 2..=3) = self.hint.map(|number| number + 1) {
+                text += &format!("\nThe next hint: spykee lesson check {file} --hint {next}\n");
+            }
         }
         text
     }

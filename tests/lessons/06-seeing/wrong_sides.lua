@@ -1,4 +1,4 @@
--- wrong: The ball is to the left, but the left light is off
+-- wrong: The ball is to the left, but the right light is on instead of the left one
 robot.on("frame", function(frame)
 	local ball = frame:find_blobs("red", { pixels_threshold = 40 })[1]
 	robot.led("left", ball ~= nil and ball.bearing < 0)

@@ -1,4 +1,4 @@
--- wrong: that is a negative number for robot.drive
+-- wrong: the second number of robot.drive must be negative
 robot.on("frame", function(frame)
 	local line = frame:find_line("black", { roi = { 0, 200, 320, 40 } })
 	if line then
