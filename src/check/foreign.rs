@@ -9,7 +9,7 @@ const SCENARIO: &str = "scenario";
 const SIM: &str = "Sim";
 
 /// Names from other languages, and what to write instead.
-const MEANT: [(&str, &str); 37] = [
+const MEANT: [(&str, &str); 35] = [
     ("null", "it is written nil"),
     ("None", "it is written nil"),
     ("undefined", "it is written nil"),
@@ -29,14 +29,6 @@ const MEANT: [(&str, &str); 37] = [
     ),
     ("import", "load a module with require(\"./name\")"),
     ("include", "load a module with require(\"./name\")"),
-    (
-        "easy",
-        "load it at the top: local easy = require(\"@spykee/easy\")",
-    ),
-    (
-        "fsm",
-        "load it at the top: local fsm = require(\"@spykee/fsm\")",
-    ),
     (
         "frame",
         "it is a parameter of the function: robot.on(\"frame\", function(frame) ... end)",

@@ -8,7 +8,7 @@ use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, print};
 use crate::clock::{self, Date, Zone};
-use crate::timetable::{PredictedStart, Reason, Timetable, predict_starts};
+use crate::timetable::{PredictedStart, Reason, predict_starts};
 
 const HEAD: [(&str, Side); 4] = [
     ("WHEN", Side::Left),
@@ -73,19 +73,6 @@ pub(super) fn run(args: &ScheduleArgs) -> Result<Exit, Failure> {
     print(&aligned(&HEAD, &rows))?;
     print(&format!("times in {}\n", table.zone))?;
     Ok(Exit::Done)
-}
-
-/// Describes the first rule of the timetable that names no behaviour of the config, and lists the
-/// behaviours that the config has.
-pub(super) fn unknown_behaviour(table: &Timetable, names: &[String]) -> Option<(String, String)> {
-    let unknown = *table.unknown(names).first()?;
-    let what = format!("the timetable runs `{unknown}`, but the config has no such behaviour");
-    let known = if names.is_empty() {
-        "the config names no behaviours".to_owned()
-    } else {
-        format!("the config has {}", names.join(", "))
-    };
-    Some((what, known))
 }
 
 fn row(one: &PredictedStart, zone: &Zone) -> Vec<String> {
