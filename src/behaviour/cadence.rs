@@ -1,8 +1,9 @@
 //! Predicts when the next frame is due: cameras send frames at a steady rate.
 //!
-//! Shortly before that time, a host processes the last frame once more ([`Script::warm_up`]): code
-//! and buffers that have not been used since then have left the processor's caches, which would
-//! delay the reaction to the next frame. `scripts/bench-reaction` measures this.
+//! Shortly before that time, a host processes the last frame once more ([`Script::warm_up`]) and
+//! sends a sign of life, which wakes the driving core: code and buffers that have not been used
+//! since the last frame have left the processor's caches, which would delay the reaction to the
+//! next one. `scripts/bench-reaction` measures this.
 //!
 //! [`Script::warm_up`]: crate::script::Script::warm_up
 
@@ -10,9 +11,9 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// How long before a frame is due its host prepares: longer than the analysis takes, and longer
-/// than the camera's jitter.
-const LEAD: Duration = Duration::from_millis(4);
+/// How long before a frame is due its host prepares: longer than the analysis takes, but not so
+/// long that the processor sleeps deeply again before the frame arrives.
+const LEAD: Duration = Duration::from_millis(3);
 /// At this period and below, the caches stay warm and no preparation is needed.
 const SHORTEST: Duration = Duration::from_millis(16);
 

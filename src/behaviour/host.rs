@@ -235,6 +235,8 @@ impl Host {
                 () = until(self.cadence.prepare_at()), if self.time == Time::Real => {
                     self.cadence.cancel_preparation();
                     self.script.warm_up();
+                    // Warms up the driving core, too.
+                    self.outbox.send(&FromHost::Alive).await?;
                     continue;
                 }
                 _ = beat.tick(), if moving => self.outbox.send(&FromHost::Alive).await?,

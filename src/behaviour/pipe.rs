@@ -15,6 +15,9 @@ use tracing::debug;
 /// Maximum length of a message: a script of 256 KiB or a frame of 64 KiB fits easily.
 pub(super) const MAX_MESSAGE_LEN: usize = 512 * 1024;
 
+/// Size of a receiver's buffer, bytes: a frame fits, so that it is received in one read.
+const BUFFER_LEN: usize = 64 * 1024;
+
 fn codec() -> LengthDelimitedCodec {
     LengthDelimitedCodec::builder()
         .max_frame_length(MAX_MESSAGE_LEN)
@@ -83,7 +86,7 @@ impl<M: DeserializeOwned> Receiver<M> {
     pub(super) fn new(io: impl AsyncRead + Send + Unpin + 'static) -> Receiver<M> {
         let io: Box<dyn AsyncRead + Send + Unpin> = Box::new(io);
         Receiver {
-            stream: FramedRead::new(io, codec()),
+            stream: FramedRead::with_capacity(io, codec(), BUFFER_LEN),
             message: PhantomData,
         }
     }

@@ -1,8 +1,8 @@
 //! How long a script may run without waiting.
 //!
 //! One *slice* is the time from a task's resumption to its next wait. A watcher thread, one per
-//! process, checks every 10 ms the slice of each thread and sets a flag byte when the slice has
-//! reached its limit. The VM's [interrupt](super::interrupt) reads that byte at every safepoint and
+//! process, checks the slice of each thread when it may have reached its limit, and sets a flag byte
+//! if it has. The VM's [interrupt](super::interrupt) reads that byte at every safepoint and
 //! decides whether the slice is over. If so, the flag is latched: the interrupt raises an error at
 //! every further safepoint, so that a `pcall` cannot let the script continue.
 //!
@@ -21,13 +21,14 @@ use std::cell::{Cell, RefCell};
 use std::ffi::CStr;
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 use rustix::time::{ClockId, clock_gettime};
 
 use super::failure::SourceLocation;
 
-/// Interval of the watcher's checks.
+/// Shortest interval of the watcher's checks.
 const CHECK_INTERVAL: Duration = Duration::from_millis(10);
 
 /// A slice that took this many budgets by the wall clock is over, whatever the CPU clock says.
@@ -94,6 +95,9 @@ impl Slot {
 struct Watcher {
     start: Instant,
     slots: Mutex<Slots>,
+    /// The smallest limit of any slice so far, in nanoseconds.
+    smallest_limit: AtomicU64,
+    thread: OnceLock<Thread>,
 }
 
 /// All slots. A slot lives as long as the process, so that the interrupt can read it without
@@ -113,17 +117,23 @@ impl Watcher {
             let watcher: &'static Watcher = Box::leak(Box::new(Watcher {
                 start: Instant::now(),
                 slots: Mutex::default(),
+                smallest_limit: AtomicU64::new(u64::MAX),
+                thread: OnceLock::new(),
             }));
-            let _ = std::thread::Builder::new()
+            let spawned = std::thread::Builder::new()
                 .name("script-budget".to_owned())
                 .spawn(|| watcher.watch());
+            if let Ok(handle) = spawned {
+                let _ = watcher.thread.set(handle.thread().clone());
+            }
             watcher
         })
     }
 
     fn watch(&self) {
+        let mut pause = CHECK_INTERVAL;
         loop {
-            std::thread::sleep(CHECK_INTERVAL);
+            std::thread::park_timeout(pause);
             let now = self.nanoseconds(Instant::now());
             let slots = self.slots().all.clone();
             for slot in &slots {
@@ -137,6 +147,23 @@ impl Watcher {
                     (stuck.report)(&script);
                 }
             }
+            let checks = slots
+                .iter()
+                .map(|slot| slot.check_at.load(Ordering::Acquire));
+            let smallest_limit = self.smallest_limit.load(Ordering::Acquire);
+            pause = pause_until_next_check(checks, smallest_limit, now);
+        }
+    }
+
+    /// Takes in the limit of a slice that begins.
+    fn note_limit(&self, limit: Duration) {
+        let limit = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
+        let before = self.smallest_limit.fetch_min(limit, Ordering::AcqRel);
+        // It may be in a pause that is too long for this slice.
+        if limit < before
+            && let Some(thread) = self.thread.get()
+        {
+            thread.unpark();
         }
     }
 
@@ -157,6 +184,19 @@ impl Watcher {
             slot
         })
     }
+}
+
+/// How long no slice can reach its limit: one that is running reaches it at its time in `checks` (0
+/// if none is running), one that begins later not before the smallest limit has passed.
+fn pause_until_next_check(
+    checks: impl Iterator<Item = u64>,
+    smallest_limit: u64,
+    now: u64,
+) -> Duration {
+    let running = checks.filter(|check_at| *check_at != 0);
+    let pauses = running.map(|check_at| check_at.saturating_sub(now));
+    let pause = pauses.min().unwrap_or(u64::MAX).min(smallest_limit);
+    Duration::from_nanos(pause).max(CHECK_INTERVAL)
 }
 
 /// How to report a script that passes no safepoint.
@@ -276,6 +316,7 @@ pub(super) fn begin(limit: Duration, script: &str) {
         }
     }
     let watcher = Watcher::get();
+    watcher.note_limit(limit);
     let check_at = watcher.nanoseconds(Instant::now() + limit);
     RUNNING.with_borrow_mut(|running| *running = Some(Running::begin(limit)));
     slot.flag.store(WITHIN_BUDGET, Ordering::Release);

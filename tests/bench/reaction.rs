@@ -27,7 +27,7 @@ use spykee::sim::{Firmware, Pose, Robot, World};
 use spykee::wire::{self, Accepted, Decoder, Power, Report, Stream};
 
 /// Answers measured for each client.
-const ANSWERS: usize = 300;
+const ANSWERS: usize = 900;
 /// Answers not counted at the start of each measurement.
 const WARM_UP: usize = 20;
 /// Time from one frame to the next: 15 frames per second.
@@ -36,7 +36,7 @@ const PERIOD: Duration = Duration::from_micros(66_667);
 const PACKET: usize = 1448;
 /// Time from one packet to the next at about 8 Mbit/s, a typical net rate of 802.11b and g at home.
 const PACKET_TIME: Duration = Duration::from_micros(1_450);
-/// Time for which pending answers are read before the last packet is written.
+/// Pause before the last packet is written, for late answers to the previous frame.
 const DRAIN: Duration = Duration::from_micros(100);
 /// Number of different frames, sent in rotation.
 const FRAMES: usize = 64;
@@ -270,6 +270,15 @@ impl Session {
         }
     }
 
+    /// Reads what has arrived, without waiting: a late answer to the previous frame must not count
+    /// as an answer to the next one. The kernel would round a timeout up to its next tick, and the
+    /// frame rate would not be steady.
+    fn read_late_answers(&mut self) {
+        self.stream.set_nonblocking(true).unwrap();
+        self.listen(Instant::now() + PERIOD, |_, _| false);
+        self.stream.set_nonblocking(false).unwrap();
+    }
+
     fn wait_for(&mut self, wanted: impl Fn(&wire::Command) -> bool) {
         let due = Instant::now() + Duration::from_secs(60);
         assert!(
@@ -290,8 +299,8 @@ impl Session {
             self.stream.write_all(packet).unwrap();
             std::thread::sleep(PACKET_TIME);
         }
-        // A late answer to the previous frame must not count as an answer to this one.
-        self.listen(Instant::now() + DRAIN, |_, _| false);
+        std::thread::sleep(DRAIN);
+        self.read_late_answers();
         // Measured before the write: the reader may run before the writer continues.
         let shown = Instant::now();
         self.stream.write_all(last).unwrap();

@@ -58,3 +58,19 @@ fn a_thread_of_simulations_uses_the_larger_factor() {
     set_simulated_wall_factor();
     assert_eq!(WALL_TIME_FACTOR.get(), SIMULATED_WALL_FACTOR);
 }
+
+#[test]
+fn the_watcher_pauses_while_no_slice_can_reach_its_limit() {
+    let [limit, now] = [100, 5000].map(|millis| millis * 1_000_000);
+    let pause = |checks: &[u64], smallest| {
+        let checks = checks.iter().map(|millis| millis * 1_000_000);
+        pause_until_next_check(checks, smallest, now).as_millis()
+    };
+    assert_eq!(pause(&[0, 0], limit), 100, "none is running");
+    assert_eq!(pause(&[0, 5040], limit), 40);
+    assert_eq!(pause(&[5900, 5600], limit), 100, "another may begin");
+    for reached in [5003, 5000, 4000] {
+        assert_eq!(pause(&[reached], limit), 10);
+    }
+    assert!(pause(&[0], u64::MAX) > 1_000_000, "there was none yet");
+}

@@ -54,18 +54,6 @@ impl Script {
             .decode_ahead(beginning);
     }
 
-    /// Repeats what the script did with the newest frame, to warm up caches for the next one; does
-    /// nothing if the script has not examined that frame.
-    pub fn warm_up(&mut self) {
-        let mut state = self.state.borrow_mut();
-        let frames = &mut state.frames;
-        if let Some(held) = frames.newest.clone()
-            && frames.analyser.last_frame() == Some(held.frame.seq)
-        {
-            frames.analyser.warm_caches(&held.frame.jpeg);
-        }
-    }
-
     /// Whether the script has examined the newest frame, rather than ignored or only saved it.
     pub fn examines_frames(&self) -> bool {
         let state = self.state.borrow();
