@@ -42,11 +42,7 @@ const DATA_FOLDER: &str = "spykee-data";
 
 /// The contents of a config file; everything is optional.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(
-    deny_unknown_fields,
-    default,
-    expecting = "settings, such as `robot: 172.17.6.1`"
-)]
+#[serde(deny_unknown_fields, default)]
 pub struct Config {
     /// The robot's address, `HOST` or `HOST:PORT`.
     #[schemars(with = "Option<String>")]
@@ -327,7 +323,7 @@ impl Config {
 }
 
 /// Rewrites the error for an unknown key to name its place and the nearest valid one; other errors
-/// as [`without_types`] does.
+/// as [`yaml::in_plain_words`] does.
 fn in_words(message: &str) -> String {
     let parts = message
         .split_once("unknown field `")
@@ -336,7 +332,7 @@ fn in_words(message: &str) -> String {
             Some((before, key, rest))
         });
     let Some((before, key, rest)) = parts else {
-        return without_types(message);
+        return yaml::in_plain_words(message);
     };
     let (valid, place) = match rest.rsplit_once(" at line ") {
         Some((valid, place)) => (valid, format!(" at line {place}")),
@@ -351,38 +347,6 @@ fn in_words(message: &str) -> String {
         near
     };
     format!("{before}unknown key `{key}`{place}{near}")
-}
-
-/// Replaces the names of types in a message of the parser, and adds what to do about an error of
-/// syntax.
-fn without_types(message: &str) -> String {
-    let message = message
-        .replace(
-            "expected i16",
-            "expected a whole number from -32768 to 32767",
-        )
-        .replace(
-            "invalid socket address syntax",
-            "expected IP:PORT, such as 127.0.0.1:7788",
-        );
-    let mut message = match message.split_once("expected struct ") {
-        Some((before, rest)) => {
-            let rest = rest.trim_start_matches(|c: char| c.is_ascii_alphanumeric());
-            format!("{before}expected keys with values, such as `key: value`{rest}")
-        }
-        None => message,
-    };
-    if message.contains("while scanning an alias") {
-        message.push_str("; put a text that begins with * in quotes");
-    } else if message.contains("found a tab character") {
-        message.push_str("; indent with spaces, not with tabs");
-    } else if message.contains("cannot start any token") {
-        message.push_str(
-            "; indent with spaces, not with tabs, and put a text that begins with @, % or ` in \
-             quotes",
-        );
-    }
-    message
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Checks untrusted YAML before it is parsed, so that the work is bounded by its length. The
 //! parser's time grows with the square of the depth of nesting, so a text that nests deeper than
-//! any valid one is refused.
+//! any valid one is refused. Also puts the parser's errors into plain words.
 
 /// Maximum length of a text, in bytes: more than a thousand lines. Nesting that the check below
 /// does not detect costs time proportional to the square of this.
@@ -35,6 +35,51 @@ pub fn examine(text: &str) -> Result<(), Refused> {
         }
     }
     Ok(())
+}
+
+/// Replaces the names of types in a parser's message, and adds what to do about an error of syntax.
+pub fn in_plain_words(message: &str) -> String {
+    let mut message = message.replace(
+        "invalid socket address syntax",
+        "expected IP:PORT, such as 127.0.0.1:7788",
+    );
+    if let Some((before, expected)) = message.rsplit_once("expected ")
+        && let Some((plain, rest)) = plain_type(expected)
+    {
+        message = format!("{before}expected {plain}{rest}");
+    }
+    if message.contains("while scanning an alias") {
+        message.push_str("; put a text that begins with * in quotes");
+    } else if message.contains("found a tab character") {
+        message.push_str("; indent with spaces, not with tabs");
+    } else if message.contains("cannot start any token") {
+        message.push_str(
+            "; indent with spaces, not with tabs, and put a text that begins with @, % or ` in \
+             quotes",
+        );
+    }
+    message
+}
+
+/// What a text must be that begins with the name of a type, and the rest of the text.
+fn plain_type(text: &str) -> Option<(&'static str, &str)> {
+    let split = |text: &str| text.find(|c: char| !c.is_ascii_alphanumeric());
+    let (name, rest) = text.split_at(split(text).unwrap_or(text.len()));
+    let plain = match name {
+        "struct" => {
+            let named = rest.trim_start();
+            let end = split(named).unwrap_or(named.len());
+            return Some(("keys with values, such as `key: value`", &named[end..]));
+        }
+        "u8" => "a whole number from 0 to 255",
+        "u16" => "a whole number from 0 to 65535",
+        "u32" | "u64" | "usize" => "a whole number from 0",
+        "i16" => "a whole number from -32768 to 32767",
+        "i8" | "i32" | "i64" | "isize" => "a whole number",
+        "f32" | "f64" => "a number",
+        _ => return None,
+    };
+    Some((plain, rest))
 }
 
 fn refused(what: &'static str, line: usize, column: usize) -> Refused {
@@ -119,6 +164,29 @@ mod tests {
         assert!(serde_yaml::from_str::<Value>(&dashes).is_ok());
     }
 
+    #[test]
+    fn errors_name_no_types_of_this_program() {
+        for (message, plain) in [
+            (
+                "a: invalid type: integer `3`, expected struct Room at line 1 column 4",
+                "a: invalid type: integer `3`, expected keys with values, such as `key: value` at line 1 \
+                 column 4",
+            ),
+            (
+                "expected struct Room",
+                "expected keys with values, such as `key: value`",
+            ),
+            (
+                "invalid type: string \"expected u8\", expected u64",
+                "invalid type: string \"expected u8\", expected a whole number from 0",
+            ),
+            ("expected a string", "expected a string"),
+            ("expected u640", "expected u640"),
+        ] {
+            assert_eq!(in_plain_words(message), plain);
+        }
+    }
+
     /// The worst texts that pass the check: the maximum length bounds their cost. The times are
     /// printed for information.
     #[test]
@@ -135,6 +203,7 @@ mod tests {
         #[test]
         fn no_text_causes_a_panic(text in "[-\\[\\]{}\"'#?:a \n]{0,300}") {
             let _ = examine(&text);
+            let _ = in_plain_words(&text);
         }
     }
 }

@@ -9,6 +9,7 @@
 mod bounds;
 mod choices;
 mod clock;
+mod elsewhere;
 mod events;
 mod frame;
 mod log;
@@ -31,6 +32,7 @@ mod text;
 mod vision;
 
 pub use bounds::Bounds;
+pub use elsewhere::{SCENARIO, elsewhere};
 pub use events::EventName;
 pub use frame::PIXELS;
 pub use luau::{luau, module_stub};

@@ -2,10 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use crate::api;
+use crate::api::{self, SCENARIO};
 
-/// The function that exists only in files with scenarios, and the object that only they get.
-const SCENARIO: &str = "scenario";
+/// The object that only scenarios get.
 const SIM: &str = "Sim";
 
 /// Names from other languages, and what to write instead.
@@ -77,25 +76,6 @@ const MEANT: [(&str, &str); 35] = [
 pub(super) fn meant(name: &str) -> Option<&'static str> {
     let found = MEANT.iter().find(|(foreign, _)| *foreign == name);
     found.map(|(_, meant)| *meant)
-}
-
-/// Says what makes a global name known: a module that must be loaded first, or another kind of
-/// file. `known` are the paths that exist in this file.
-pub(super) fn missing_here(name: &str, known: &BTreeSet<String>) -> Option<String> {
-    if api::module(name).is_some() {
-        return Some(format!(
-            "if you mean the module, load it first: local {name} = require(\"@spykee/{name}\")"
-        ));
-    }
-    let in_scenario = known.contains(SCENARIO);
-    if in_scenario && api::namespace(name).is_some() {
-        return Some(format!(
-            "only behaviours have {name}; a scenario uses sim, such as sim:run(FILE)"
-        ));
-    }
-    (!in_scenario && api::function(name).is_some()).then(|| {
-        format!("{name} exists only in files with scenarios, whose names end in _test.lua")
-    })
 }
 
 /// Says where a function of this name belongs. `known` are the paths that exist in this file.

@@ -108,11 +108,7 @@ impl Fast {
         console: &Console,
     ) -> Result<Run, Failure> {
         let (mut signals, stop) = (TerminatingSignals::except(&[])?, self.options.stop.clone());
-        let last = console.clone();
-        script::when_stuck(STUCK_LIMIT, move |file| {
-            let words = format!("error: {}", script::stuck(file));
-            exit_with_message(&last, &words, Exit::Script);
-        });
+        exit_when_stuck(console);
         let last = console.clone();
         let (opened, view) = oneshot::channel();
         let (ended, mut end) = oneshot::channel();
@@ -204,6 +200,15 @@ fn run_handle(run: &Running, streams: Streams) -> control::Run {
     }
 }
 
+/// Ends the program if a script cannot be interrupted for [`STUCK_LIMIT`].
+pub(super) fn exit_when_stuck(console: &Console) {
+    let console = console.clone();
+    script::when_stuck(STUCK_LIMIT, move |file| {
+        let words = format!("error: {}", script::stuck(file));
+        exit_with_message(&console, &words, Exit::Script);
+    });
+}
+
 /// Ends the program with these last words when the laboratory cannot be ended.
 fn exit_with_message(console: &Console, words: &str, exit: Exit) -> ! {
     console.end(Some(words), super::CONSOLE_LIMIT);
@@ -234,7 +239,7 @@ async fn show(
     }
 }
 
-fn no_lab(error: std::io::Error) -> Failure {
+pub(super) fn no_lab(error: std::io::Error) -> Failure {
     Failure::usage(format_args!("cannot start the simulation: {error}"))
 }
 

@@ -46,6 +46,10 @@ fn errors_name_no_types_of_this_program() {
     for (yaml, told) in [
         ("mqtt: broker.local\n", "expected keys with values"),
         ("live: { listen: 7788 }\n", "expected IP:PORT"),
+        (
+            "live: { viewers: many }\n",
+            "expected a whole number from 0 at",
+        ),
         ("schedule:\n  - at: */5 * * * *\n", "in quotes"),
         ("robot: a\n\tuser: b\n", "not with tabs"),
         ("live:\n\tlisten: b\n", "not with tabs"),

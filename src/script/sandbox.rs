@@ -13,6 +13,7 @@ use mlua::{LuaOptions, StdLib};
 
 use super::failure::{Failure, PRELUDE, VmError};
 use super::{interrupt, nearest};
+use crate::api;
 
 /// The largest source, in bytes: the compiler's time and memory are outside the VM's limits.
 pub const MAX_SOURCE: usize = 256 * 1024;
@@ -208,21 +209,16 @@ pub(super) fn close(lua: &Lua, strict: LuaFunction, memory: usize) -> LuaResult<
     Ok(())
 }
 
-/// Says which kind of file has a global that this one does not have.
-fn other_file(key: &str) -> &'static str {
-    match key {
-        "scenario" | "expect" => "; scenarios have it: run them with `spykee test`",
-        "robot" | "params" | "store" => "; behaviours have it, scenarios do not",
-        _ => "",
-    }
-}
-
 /// The message for a global, or a field of `owner`, that does not exist.
 pub(super) fn unknown(owner: &str, key: &str, known: &[String]) -> String {
     let suggestion = nearest::suggestion(key, known.iter().map(String::as_str));
     let key = super::failure::printable(key, 40);
-    match owner {
-        "" => format!("unknown name '{key}'{suggestion}{}", other_file(&key)),
-        _ => format!("{owner}.{key} does not exist{suggestion}"),
+    if !owner.is_empty() {
+        return format!("{owner}.{key} does not exist{suggestion}");
+    }
+    let in_scenario = known.iter().any(|name| name == api::SCENARIO);
+    match api::elsewhere(&key, in_scenario) {
+        Some(elsewhere) => format!("unknown name '{key}'; {elsewhere}"),
+        None => format!("unknown name '{key}'{suggestion}"),
     }
 }

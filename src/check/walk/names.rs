@@ -38,8 +38,8 @@ impl<'a> Walk<'a> {
         if let Some(meant) = foreign::meant(name) {
             return (format!("unknown name '{name}'"), Some(meant.to_owned()));
         }
-        if let Some(missing) = foreign::missing_here(name, &self.context.paths) {
-            return (format!("unknown name '{name}'"), Some(missing));
+        if let Some(elsewhere) = api::elsewhere(name, self.context.paths.contains(api::SCENARIO)) {
+            return (format!("unknown name '{name}'"), Some(elsewhere));
         }
         let globals = self.context.paths.iter().map(String::as_str);
         let globals = globals.filter(|path| !path.contains('.'));

@@ -4,7 +4,7 @@ use super::duties::LoadedDuties;
 use super::{ServeArgs, exit};
 use crate::agent::{Agent, Tries, until_answered};
 use crate::cli::embedded;
-use crate::cli::fast::{EventFile, LabJournalOptions};
+use crate::cli::fast::{EventFile, LabJournalOptions, exit_when_stuck, no_lab};
 use crate::cli::interrupt::TerminatingSignals;
 use crate::cli::{Console, Exit, Failure, RobotChoice, startup};
 use crate::clock::{Clock, Zone};
@@ -48,13 +48,9 @@ pub(super) fn serve(
     let stop = options.stop.clone();
     let world = embedded::load(world.as_deref())?;
     end_at_a_signal(stop.clone())?;
-    let (limit, last) = (args.limit, console.clone());
+    let limit = args.limit;
     let (journal_options, link) = (LabJournalOptions::of(config), config.link.clone());
-    crate::script::when_stuck(STUCK_LIMIT, move |file| {
-        let words = format!("error: {}", crate::script::stuck(file));
-        last.end(Some(&words), crate::cli::CONSOLE_LIMIT);
-        std::process::exit(Exit::Script as i32)
-    });
+    exit_when_stuck(console);
     let outcome = lab::run(world, options, async |lab: &Lab| {
         let mut plan = lab.plan(Vec::new());
         (plan.stays, plan.limit) = (true, limit);
@@ -81,14 +77,10 @@ pub(super) fn serve(
         }
         outcome
     });
-    let outcome = outcome
-        .map_err(|error| Failure::usage(format_args!("cannot start the simulation: {error}")))?;
+    let outcome = outcome.map_err(no_lab)?;
     events.map_or(Ok(()), EventFile::finish)?;
     exit(outcome)
 }
-
-/// A script that cannot be interrupted for this long ends the program.
-const STUCK_LIMIT: std::time::Duration = std::time::Duration::from_secs(5);
 
 /// Starts a thread that cancels `stop` at the first terminating signal, in real time.
 fn end_at_a_signal(stop: tokio_util::sync::CancellationToken) -> Result<(), Failure> {

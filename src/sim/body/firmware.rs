@@ -160,7 +160,7 @@ mod tests {
                 "f.yaml:1:",
                 "did you mean `obeyed`?",
             ),
-            ("- 3\n", "f.yaml:1:1: ", "struct Firmware"),
+            ("- 3\n", "f.yaml:1:1: ", "expected keys with values"),
         ] {
             let error = Firmware::from_yaml(text, "f.yaml").unwrap_err().to_string();
             assert!(error.starts_with(start) && error.contains(words), "{error}");

@@ -16,10 +16,7 @@ use crate::sim::yaml::number;
 
 /// A simulated place.
 #[derive(Debug, Clone, Deserialize)]
-#[serde(
-    deny_unknown_fields,
-    expecting = "the settings of a world, such as `room: { width: 3, depth: 2 }`"
-)]
+#[serde(deny_unknown_fields)]
 pub struct World {
     /// The world's name.
     #[serde(default)]

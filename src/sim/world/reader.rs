@@ -191,6 +191,7 @@ mod tests {
             ),
             ("camera: {subsampling: \"4:2:1\"}\n", "`4:2:0`"),
             ("tracks: {slip: 2}\n", "w.yaml:3:16: "),
+            ("balls: [3]\n", "expected keys with values"),
         ] {
             let text = fault(more);
             assert!(

@@ -49,7 +49,8 @@ pub(crate) fn place_of(error: &serde_yaml::Error) -> (usize, usize) {
         .map_or((1, 1), |place| (place.line(), place.column()))
 }
 
-/// Returns the message of an error without its place, with a suggestion for a misspelt name.
+/// Returns the message of an error in plain words, without its place, with a suggestion for a
+/// misspelt name.
 fn explain(error: &serde_yaml::Error) -> String {
     let mut text = error.to_string();
     if let Some(place) = error.location() {
@@ -58,7 +59,7 @@ fn explain(error: &serde_yaml::Error) -> String {
     }
     match suggested_name(&text) {
         Some(name) => format!("{text}; did you mean `{name}`?"),
-        None => text,
+        None => yaml::in_plain_words(&text),
     }
 }
 
