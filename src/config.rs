@@ -9,6 +9,7 @@ mod place;
 mod remote;
 mod schema;
 mod service;
+mod variables;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -23,6 +24,7 @@ pub use self::mqtt::{Mqtt, MqttError, Tls};
 pub use self::remote::Remote;
 pub use self::schema::schema;
 pub use self::service::{Idle, Service};
+pub use self::variables::{PASSWORD_PIPE_VARIABLE, PASSWORD_VARIABLE};
 use crate::clock::{Span, Zone};
 use crate::files;
 use crate::http;

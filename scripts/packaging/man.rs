@@ -40,7 +40,7 @@ SPYKEE_CONFIG
 The config file, unless \-\-config names one.
 .TP
 SPYKEE_...
-A single setting, such as SPYKEE_WATCHDOG_LOW for the key low in watchdog.
+A single setting, such as SPYKEE_WATCHDOG_LOW for the key low in watchdog. An unknown one is refused.
 .TP
 RUST_LOG
 Filter for the log, such as debug.
