@@ -21,7 +21,7 @@ pub use self::behaviours::{Entry, Start};
 pub use self::effective::{Effective, Named, Origin, Setting};
 pub use self::logging::{Format, Level, Logging, Time, When};
 pub use self::mqtt::{Mqtt, MqttError, Tls};
-pub use self::remote::Remote;
+pub use self::remote::{Remote, ServiceUrl, ServiceUrlError};
 pub use self::schema::schema;
 pub use self::service::{Idle, Service};
 pub use self::variables::{PASSWORD_PIPE_VARIABLE, PASSWORD_VARIABLE};
