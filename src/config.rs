@@ -68,7 +68,6 @@ pub struct Config {
     /// Whether the alarm is silent too in these hours.
     pub quiet_alarm: bool,
     /// A scheduled start missed by less than this is made up for [default: 10m].
-    #[schemars(with = "String")]
     pub catch_up: Span,
     /// What `spykee serve` does while no behaviour runs, and the user that runs it.
     pub service: Service,

@@ -56,6 +56,7 @@ mod status;
 mod table;
 mod terminal;
 mod test;
+mod time_limit;
 mod timetable;
 mod token;
 mod trace;

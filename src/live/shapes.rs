@@ -68,9 +68,8 @@ pub(super) struct Tuned {
 pub(super) struct BehaviourChange {
     /// The change.
     pub change: BehaviourAction,
-    /// With `start`: end it after this time, such as `30m`.
+    /// With `start`: end it after this time, such as `30m`, or a number of seconds.
     #[serde(rename = "for")]
-    #[schemars(with = "Option<String>")]
     pub lasts: Option<Span>,
 }
 
