@@ -6,6 +6,14 @@ use crate::clock::ClockError;
 /// An invalid command-line argument; the message says what was expected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum ArgumentError {
+    /// A whole number, such as `test --seeds`.
+    #[error("expected a whole number from {low} to {high}")]
+    Whole {
+        /// The least.
+        low: u64,
+        /// The greatest.
+        high: u64,
+    },
     /// `learn --name`.
     #[error("expected a letter followed by letters, digits, _ or -, at most {0} characters in all")]
     Colour(usize),

@@ -32,6 +32,7 @@ mod logging;
 mod marked_pictures;
 mod new;
 mod notify;
+mod number;
 mod outcome;
 mod params;
 mod picture;

@@ -10,6 +10,7 @@ use super::marks::Marks;
 use super::{Console, Exit, Failure, LessonParser, print};
 use crate::behaviour;
 use crate::cli::check::{has_errors, of_source};
+use crate::cli::number;
 use crate::cli::test::job_pool::{Job, JobPool, JobResult, parse_timeout, trials};
 use crate::cli::world::{parse_png, save};
 use crate::config::Config;
@@ -26,7 +27,7 @@ pub(super) struct CheckArgs {
     lesson: Option<&'static Lesson>,
 
     /// Also show this hint, 1 to 3
-    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(1..=3))]
+    #[arg(long, value_name = "NUMBER", value_parser = number::whole::<u8>(1..=3))]
     hint: Option<u8>,
 
     /// Draw the robot's path in the first failed try into this file
@@ -46,7 +47,7 @@ pub(super) struct CheckArgs {
     timeout: Duration,
 
     /// Number of tries to run in parallel [default: one per processor]
-    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "COUNT", value_parser = number::whole::<u16>(1..=256))]
     jobs: Option<u16>,
 }
 

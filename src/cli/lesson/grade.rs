@@ -14,6 +14,7 @@ use super::likeness::{Pair, pairs};
 use super::marks::Marks;
 use super::{Console, Exit, Failure, LessonParser, Side, aligned, print};
 use crate::clean;
+use crate::cli::number;
 use crate::cli::table::csv_cell;
 use crate::cli::test::job_pool::parse_timeout;
 
@@ -45,7 +46,7 @@ pub(super) struct GradeArgs {
     timeout: Duration,
 
     /// Number of tries to run in parallel [default: one per processor]
-    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "COUNT", value_parser = number::whole::<u16>(1..=256))]
     jobs: Option<u16>,
 }
 
