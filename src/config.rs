@@ -9,6 +9,7 @@ mod place;
 mod remote;
 mod schema;
 mod service;
+mod variables;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -20,9 +21,10 @@ pub use self::behaviours::{Entry, Start};
 pub use self::effective::{Effective, Named, Origin, Setting};
 pub use self::logging::{Format, Level, Logging, Time, When};
 pub use self::mqtt::{Mqtt, MqttError, Tls};
-pub use self::remote::Remote;
+pub use self::remote::{Remote, ServiceUrl, ServiceUrlError};
 pub use self::schema::schema;
 pub use self::service::{Idle, Service};
+pub use self::variables::{PASSWORD_PIPE_VARIABLE, PASSWORD_VARIABLE};
 use crate::clock::{Span, Zone};
 use crate::files;
 use crate::http;
@@ -66,7 +68,6 @@ pub struct Config {
     /// Whether the alarm is silent too in these hours.
     pub quiet_alarm: bool,
     /// A scheduled start missed by less than this is made up for [default: 10m].
-    #[schemars(with = "String")]
     pub catch_up: Span,
     /// What `spykee serve` does while no behaviour runs, and the user that runs it.
     pub service: Service,

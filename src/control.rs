@@ -20,4 +20,4 @@ pub use error::AskError;
 pub use report::{Level, Report, Runs, Start};
 pub use request::{Answer, Change, Listed, MAX_SPEECH, Next, Overview, RunRequest};
 pub use server::{ControlServer, Run};
-pub use web::{Remote, RemoteError};
+pub use web::{Remote, TokenError};

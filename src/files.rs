@@ -70,6 +70,14 @@ pub fn read_beginning(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
     beginning(open(CWD, path, OFlags::empty())?, most)
 }
 
+/// Same as [`read_beginning`], but does not follow a symbolic link.
+///
+/// # Errors
+/// See [`ReadError`]; also a symbolic link in its place.
+pub fn read_beginning_unlinked(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
+    beginning(open_unlinked(CWD, path)?, most)
+}
+
 /// Same as [`read`], for a text.
 ///
 /// # Errors
@@ -84,12 +92,7 @@ pub fn read_text(path: &Path, most: u64) -> Result<String, ReadError> {
 /// # Errors
 /// See [`ReadError`]; also if other users have access to the file.
 pub fn read_private(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
-    let file = open(CWD, path, OFlags::NOFOLLOW).map_err(|error| match error {
-        ReadError::Io(error) if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
-            ReadError::NoFile("a symbolic link")
-        }
-        error => error,
-    })?;
+    let file = open_unlinked(CWD, path)?;
     let stat = fstat(&file)?;
     let others = Mode::from_raw_mode(stat.st_mode).intersects(Mode::RWXG | Mode::RWXO);
     if others || stat.st_uid != rustix::process::geteuid().as_raw() {
@@ -116,6 +119,19 @@ fn open(
 ) -> Result<OwnedFd, ReadError> {
     let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC | more;
     Ok(openat(at, path, flags, Mode::empty())?)
+}
+
+/// Same as [`open`], but does not follow a symbolic link.
+fn open_unlinked(
+    at: impl std::os::fd::AsFd,
+    path: impl rustix::path::Arg,
+) -> Result<OwnedFd, ReadError> {
+    open(at, path, OFlags::NOFOLLOW).map_err(|error| match error {
+        ReadError::Io(error) if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
+            ReadError::NoFile("a symbolic link")
+        }
+        error => error,
+    })
 }
 
 fn content(file: OwnedFd, most: u64) -> Result<Vec<u8>, ReadError> {
@@ -203,14 +219,9 @@ impl Folder {
     /// # Errors
     /// See [`ReadError`].
     pub fn read(&self, name: &str, most: u64) -> Result<Option<Vec<u8>>, ReadError> {
-        match open(&self.0, name, OFlags::NOFOLLOW) {
+        match open_unlinked(&self.0, name) {
             Ok(file) => content(file, most).map(Some),
             Err(ReadError::Io(error)) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-            Err(ReadError::Io(error))
-                if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) =>
-            {
-                Err(ReadError::NoFile("a symbolic link"))
-            }
             Err(error) => Err(error),
         }
     }

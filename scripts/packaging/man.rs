@@ -17,13 +17,13 @@ Done.
 A script failed and will not be restarted, or the robot did not carry out a command.
 .TP
 2
-The command line, the config or a file cannot be used.
+The command line, the config or a file that the command needs cannot be used.
 .TP
 3
 The robot, a run, a service or a broker cannot be reached or refused the login, or doctor found a problem.
 .TP
 4
-A mistake was found in a script or a config, a scenario failed, or a script does not yet pass its lesson.
+A check found a mistake in a script, a config or a world, a scenario failed, or a script does not yet pass its lesson.
 A notification was not delivered, or a robot did not carry out a fleet command.
 .TP
 5
@@ -40,7 +40,7 @@ SPYKEE_CONFIG
 The config file, unless \-\-config names one.
 .TP
 SPYKEE_...
-A single setting, such as SPYKEE_WATCHDOG_LOW for the key low in watchdog.
+A single setting, such as SPYKEE_WATCHDOG_LOW for the key low in watchdog. An unknown one is refused.
 .TP
 RUST_LOG
 Filter for the log, such as debug.

@@ -36,9 +36,13 @@ pub(super) struct StoreWriter {
     folder: PathBuf,
     /// `None` before the first write, and at the end.
     writer: Option<Writer>,
+    /// Starts the thread.
+    start: fn(PathBuf, u64) -> io::Result<Writer>,
+    /// Why the thread could not be started, until that is reported.
+    no_thread: Option<String>,
     /// Earliest time of the next write.
     next: Option<Instant>,
-    /// Content that the thread was too busy to take.
+    /// Content that no thread has taken yet.
     unsent: Option<Vec<u8>>,
     last_error: Option<String>,
     /// Writes only at the end: see [`StoreWriter::at_the_end`].
@@ -63,6 +67,8 @@ impl StoreWriter {
         StoreWriter {
             folder,
             writer: None,
+            start: Writer::start,
+            no_thread: None,
             next: None,
             unsent: None,
             last_error: None,
@@ -137,19 +143,27 @@ impl StoreWriter {
             self.next = Some(now + SLOW_PACE);
             self.slow.get_or_insert(false);
         }
-        match self.writer().map(|writer| writer.files.try_send(content)) {
-            Ok(Ok(())) => {}
-            Ok(Err(TrySendError::Full(content) | TrySendError::Disconnected(content))) => {
+        match self.writer() {
+            Ok(writer) => {
+                if let Err(TrySendError::Full(content) | TrySendError::Disconnected(content)) =
+                    writer.files.try_send(content)
+                {
+                    self.unsent = Some(content);
+                }
+            }
+            Err(error) => {
+                self.no_thread = Some(error);
                 self.unsent = Some(content);
             }
-            Err(error) => self.last_error = Some(error.to_string()),
         }
     }
 
-    fn writer(&mut self) -> io::Result<&Writer> {
+    fn writer(&mut self) -> Result<&Writer, String> {
+        let no_thread =
+            |error: io::Error| format!("the thread that writes it cannot be started: {error}");
         let writer = match self.writer.take() {
             Some(writer) => writer,
-            None => Writer::start(self.folder.clone(), self.free)?,
+            None => (self.start)(self.folder.clone(), self.free).map_err(no_thread)?,
         };
         Ok(self.writer.insert(writer))
     }
@@ -163,7 +177,8 @@ impl StoreWriter {
                 self.day.per_day()
             ));
         }
-        let error = self.writer.as_ref()?.trouble.try_recv().ok()?;
+        let of_thread = || self.writer.as_ref()?.trouble.try_recv().ok();
+        let error = self.no_thread.take().or_else(of_thread)?;
         let new = self.last_error.as_ref() != Some(&error);
         self.last_error = Some(error.clone());
         new.then_some(error)
@@ -171,10 +186,13 @@ impl StoreWriter {
 
     /// Writes the remaining content and waits for the thread. Returns its last error.
     pub(super) fn finish(&mut self, last: Option<Vec<u8>>) -> Option<String> {
-        if let Some(content) = last.or_else(|| self.unsent.take())
-            && let Ok(writer) = self.writer()
-        {
-            let _ = writer.files.send(content);
+        if let Some(content) = last.or_else(|| self.unsent.take()) {
+            match self.writer() {
+                Ok(writer) => {
+                    let _ = writer.files.send(content);
+                }
+                Err(error) => return Some(error),
+            }
         }
         let Writer {
             files,
@@ -351,6 +369,24 @@ mod tests {
         let warning = writer.finish(Some(b"1".to_vec())).unwrap();
         assert!(warning.contains("disk"), "{warning}");
         assert!(!root.path().join(NAME).exists());
+    }
+
+    #[test]
+    fn a_thread_that_cannot_be_started_is_reported_and_tried_again() {
+        let root = tempfile::tempdir().unwrap();
+        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default());
+        writer.start = |_, _| Err(io::Error::other("no more threads"));
+        let now = Instant::now();
+        writer.offer(Some(b"1".to_vec()), now);
+        let trouble = writer.trouble().unwrap();
+        assert!(trouble.contains("no more threads"), "{trouble}");
+        writer.offer(None, now + PACE);
+        assert_eq!((writer.is_behind(), writer.trouble()), (true, None));
+        writer.start = Writer::start;
+        assert_eq!(writer.finish(None), None);
+        assert_eq!(writer.read().unwrap().unwrap(), b"1");
+        writer.start = |_, _| Err(io::Error::other("no more threads"));
+        assert!(writer.finish(Some(b"2".to_vec())).is_some());
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod lexer;
 mod loops;
 mod parameters;
 mod parser;
+mod passing;
 mod required;
 mod syntax;
 #[cfg(test)]

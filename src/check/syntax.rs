@@ -1,6 +1,7 @@
 //! Rephrases the compiler's error for people who write their first scripts: what was probably
 //! meant, and the position with its column, which the compiler does not report.
 
+mod ends;
 mod gaps;
 mod habits;
 
@@ -86,7 +87,11 @@ impl ErrorSite<'_> {
     }
 
     fn line_of(&self, token: &Token) -> usize {
-        self.ends.partition_point(|end| *end < token.span.start) + 1
+        self.line_at(token.span.start)
+    }
+
+    fn line_at(&self, position: usize) -> usize {
+        self.ends.partition_point(|end| *end < position) + 1
     }
 
     /// Returns the tokens of the line that the compiler reports.
@@ -122,7 +127,7 @@ impl ErrorSite<'_> {
     /// otherwise the whole line.
     fn place(&self) -> Span {
         if let Err(error) = parser::parse(self.source)
-            && self.ends.partition_point(|end| *end < error.at.start) + 1 == self.line
+            && self.line_at(error.at.start) == self.line
         {
             return error.at;
         }

@@ -6,13 +6,21 @@ use crate::clock::ClockError;
 /// An invalid command-line argument; the message says what was expected.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum ArgumentError {
+    /// A whole number, such as `test --seeds`.
+    #[error("expected a whole number from {low} to {high}")]
+    Whole {
+        /// The least.
+        low: u64,
+        /// The greatest.
+        high: u64,
+    },
     /// `learn --name`.
     #[error("expected a letter followed by letters, digits, _ or -, at most {0} characters in all")]
     Colour(usize),
     /// `history --since` and `--until`.
     #[error(
-        "expected an age such as 30m, 12h, 7d or 2w, or a date such as 2026-11-01 or \
-         2026-11-01T21:30"
+        "expected an age with its unit, such as 30m, 12h, 7d or 2w, or a date such as 2026-11-01 \
+         or 2026-11-01T21:30"
     )]
     Moment,
     /// The name of a picture to write.
@@ -39,9 +47,6 @@ pub(super) enum ArgumentError {
     /// `discover --timeout`: too short or too long.
     #[error("expected 0.1 to 60 seconds")]
     Search,
-    /// `run --for` and `serve --for`.
-    #[error("expected a number of seconds, at most {0}")]
-    Duration(f64),
     /// `sim --fps`.
     #[error("expected 0.1 to 60 frames per second")]
     FrameRate,
@@ -57,7 +62,7 @@ pub(super) enum ArgumentError {
     /// `--param`.
     #[error("expected NAME=VALUE, such as speed=50, or BEHAVIOUR.NAME=VALUE")]
     Param,
-    /// `behaviour start --for`: not a duration.
+    /// `--for` of `run`, `serve` and `behaviour start`: not a duration.
     #[error(transparent)]
     Span(#[from] ClockError),
     /// `behaviour start --for 0s`.

@@ -77,7 +77,8 @@ struct NameArgs {
 
 #[derive(Debug, Clone, clap::Args)]
 struct StartArgs {
-    /// End the behaviour after this time, such as 30m or 1h30m, if it has not ended before
+    /// End the behaviour after this time, in seconds or such as 30m or 1h30m, if it has not ended
+    /// before
     #[arg(long = "for", value_name = "TIME", value_parser = parse_duration)]
     lasts: Option<Span>,
     #[command(flatten)]

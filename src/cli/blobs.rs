@@ -8,7 +8,7 @@ use serde_json::json;
 use super::marked_pictures::MarkedPictures;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
-use super::{Console, Exit, Failure, colours, picture, print};
+use super::{Console, Exit, Failure, colours, number, picture, print};
 use crate::vision::{
     Blob, BlobOptions, Colour, FrameAnalyser, Image, Mark, Roi, Size, annotate_enlarged,
 };
@@ -65,7 +65,8 @@ pub(super) struct BlobsArgs {
     roi: Option<Roi>,
 
     /// Omit blobs with fewer pixels
-    #[arg(long, value_name = "COUNT", default_value_t = BlobOptions::default().pixels_threshold)]
+    #[arg(long, value_name = "COUNT", default_value_t = BlobOptions::default().pixels_threshold,
+          value_parser = number::whole::<u32>(0..=u32::MAX))]
     min_pixels: u32,
 
     /// Merge blobs whose boxes overlap

@@ -11,13 +11,13 @@ pub enum Exit {
     Done = 0,
     /// A behaviour failed, or the robot did not carry out a command.
     Script = 1,
-    /// The command line, the config, a world or another file cannot be used.
+    /// The command line, or a config, world or other file that the command needs, cannot be used.
     Usage = 2,
     /// The robot, a run, a service or a broker cannot be reached or refused the login, or `doctor`
     /// found a problem.
     Unreachable = 3,
-    /// A check or a test of a behaviour or a config failed, a notification was not delivered, or a
-    /// robot did not carry out a command of `fleet`.
+    /// A check or a test of a behaviour, a config or a world failed, a notification was not
+    /// delivered, or a robot did not carry out a command of `fleet`.
     Check = 4,
     /// The run ended while the watchdog controlled the robot because of a low battery.
     Safety = 5,

@@ -14,7 +14,7 @@ use jiff::tz::TimeZone;
 
 use self::view::View;
 use super::settings::SettingsArgs;
-use super::{Exit, Failure, print};
+use super::{Exit, Failure, number, print};
 use crate::journal::{History, Kinds, Record, Span};
 
 /// Show the journal: links, battery, docks, alarms, runs, pictures, entries by scripts
@@ -45,7 +45,7 @@ pub(super) struct HistoryArgs {
     robot: Option<String>,
 
     /// Only this many of the newest entries [default without --since: 1000]
-    #[arg(long, value_name = "COUNT")]
+    #[arg(long, value_name = "COUNT", value_parser = number::whole::<u32>(0..=u32::MAX))]
     newest: Option<u32>,
 
     /// Print a JSON array

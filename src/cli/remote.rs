@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::settings::SettingsArgs;
 use super::{Exit, Failure, block_on, secret};
-use crate::config::{Effective, Named};
+use crate::config::{Effective, Named, ServiceUrl};
 use crate::control::{AskError, Client, Remote};
 
 /// Selects the service.
@@ -13,7 +13,7 @@ pub(super) struct RemoteArgs {
     /// Address of a service, http://HOST:PORT, to use through its JSON API instead of a local run
     /// [default: the config's `remote: url`]
     #[arg(long, value_name = "URL")]
-    url: Option<String>,
+    url: Option<ServiceUrl>,
 
     /// With --url: file with a token of that service in its first line; `spykee token new` on its
     /// computer creates one
@@ -25,7 +25,7 @@ impl RemoteArgs {
     /// A client of the service that the command line or else the config names, if any.
     ///
     /// # Errors
-    /// An invalid address or token; the service cannot be reached or refuses the token.
+    /// An invalid token; the service cannot be reached or refuses the token.
     pub(super) fn client(&self, settings: &SettingsArgs) -> Result<Option<Client>, Failure> {
         let effective = settings.load()?;
         let options = &effective.config.remote;
@@ -37,7 +37,7 @@ impl RemoteArgs {
             (None, Some(url)) => (url, token(effective)?),
             (None, None) => return Ok(None),
         };
-        let remote = Remote::new(url, token.as_deref()).map_err(Failure::usage)?;
+        let remote = Remote::new(url.clone(), token.as_deref()).map_err(Failure::usage)?;
         let asked = block_on(Client::of_service(remote))?;
         asked.map(Some).map_err(|error| unreachable(url, &error))
     }
@@ -61,7 +61,7 @@ fn token(effective: &Effective) -> Result<Option<String>, Failure> {
     token.map(Some)
 }
 
-fn unreachable(url: &str, error: &AskError) -> Failure {
+fn unreachable(url: &ServiceUrl, error: &AskError) -> Failure {
     let help = match error {
         AskError::Denied(_) => {
             "name a file with a token, --token-file FILE; `spykee token new NAME` there creates one"

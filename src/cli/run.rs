@@ -10,7 +10,6 @@ use tokio::sync::watch;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use super::argument::ArgumentError;
 use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
 use super::embedded::{EmbeddedSim, Simulated};
 use super::fast::{EventFile, Fast, LabJournalOptions};
@@ -26,7 +25,9 @@ use super::startup::{
 };
 use super::status::StatusLine;
 use super::trace::TraceFile;
-use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check, notify};
+use super::{
+    ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check, notify, time_limit,
+};
 use crate::agent::{Agent, Behaviour, Bus, Plan, Tries, until_answered};
 use crate::behaviour::RestartPolicy;
 use crate::clock::{Clock, Date, Zone};
@@ -39,9 +40,6 @@ use crate::mqtt::Account;
 use crate::sim;
 use crate::timetable::View;
 use crate::wire::Login;
-
-/// Maximum of `--for`: a year, in seconds.
-const LONGEST_RUN: f64 = 366.0 * 86_400.0;
 
 /// Run behaviours on a robot, or on a simulated one with --sim
 #[derive(Debug, Clone, clap::Args)]
@@ -57,8 +55,8 @@ pub(super) struct RunArgs {
     #[arg(long, conflicts_with = "fast")]
     wait: bool,
 
-    /// Time limit of the run, in seconds after the first connection
-    #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
+    /// Time limit of the run after the first connection, in seconds or such as 30m or 1h30m
+    #[arg(long = "for", value_name = "TIME", value_parser = time_limit::parse)]
     limit: Option<Duration>,
 
     /// Seed for math.random and simulator noise [default: random]
@@ -123,16 +121,6 @@ pub(super) struct RunArgs {
 fn restart_words() -> impl TypedValueParser<Value = RestartPolicy> {
     PossibleValuesParser::new(RestartPolicy::WORDS)
         .try_map(|word| word.parse::<RestartPolicy>().map_err(std::io::Error::other))
-}
-
-/// Parses a number of seconds, up to a year.
-pub(super) fn parse_seconds(text: &str) -> Result<Duration, ArgumentError> {
-    let seconds = text
-        .parse()
-        .ok()
-        .filter(|seconds| (0.0..=LONGEST_RUN).contains(seconds));
-    let duration = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
-    duration.ok_or(ArgumentError::Duration(LONGEST_RUN))
 }
 
 /// Runs until the scripts have ended, the time limit is reached, or a signal arrives.

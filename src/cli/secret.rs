@@ -14,12 +14,9 @@ use rustix::fs::{FileType, Mode, OFlags, fstat};
 use rustix::io::{FdFlags, fcntl_setfd, ioctl_fionbio};
 
 use super::Failure;
+use crate::config::{PASSWORD_PIPE_VARIABLE, PASSWORD_VARIABLE};
 use crate::files;
 
-/// The environment variable with the password; overrides the config's file.
-const VARIABLE: &str = "SPYKEE_PASSWORD";
-/// Tells the restarted program the descriptor of the pipe from which to read the password.
-const PIPE_VARIABLE: &str = "SPYKEE_PASSWORD_PIPE";
 /// Maximum size of a password file, bytes.
 const MAX_FILE_LEN: u64 = 4096;
 
@@ -30,13 +27,13 @@ static PASSWORD: Mutex<Option<Vec<u8>>> = Mutex::new(None);
 /// its whole life, so the program restarts itself without the variable and passes the password
 /// through a pipe. Must be called before anything else. If the restart fails, the variable stays.
 pub(super) fn remove_from_environment() {
-    if let Some(pipe_number) = std::env::var_os(PIPE_VARIABLE) {
+    if let Some(pipe_number) = std::env::var_os(PASSWORD_PIPE_VARIABLE) {
         if let Some(password) = read_pipe(&pipe_number) {
             store(password);
         }
         return;
     }
-    if let Some(password) = std::env::var_os(VARIABLE) {
+    if let Some(password) = std::env::var_os(PASSWORD_VARIABLE) {
         store(password.as_bytes().to_owned());
         if let Ok(pipe) = password_pipe(password.as_bytes()) {
             reexec(&pipe);
@@ -70,8 +67,8 @@ fn reexec(pipe: &OwnedFd) {
         let _ = Command::new(file)
             .arg0(&name)
             .args(&args)
-            .env_remove(VARIABLE)
-            .env(PIPE_VARIABLE, pipe.as_raw_fd().to_string())
+            .env_remove(PASSWORD_VARIABLE)
+            .env(PASSWORD_PIPE_VARIABLE, pipe.as_raw_fd().to_string())
             .exec();
     }
 }
@@ -99,9 +96,9 @@ pub(super) fn from_environment() -> Result<Option<String>, Failure> {
         .lock()
         .unwrap_or_else(PoisonError::into_inner)
         .clone();
-    let given = given.or_else(|| std::env::var_os(VARIABLE).map(OsStringExt::into_vec));
+    let given = given.or_else(|| std::env::var_os(PASSWORD_VARIABLE).map(OsStringExt::into_vec));
     let text = given.map(String::from_utf8).transpose();
-    text.map_err(|_| Failure::usage(format_args!("{VARIABLE} is not UTF-8")))
+    text.map_err(|_| Failure::usage(format_args!("{PASSWORD_VARIABLE} is not UTF-8")))
 }
 
 /// The password from systemd: the credential `password` of a service's unit, if any.

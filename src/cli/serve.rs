@@ -18,11 +18,10 @@ use super::interrupt::{handle_service_signals, listen};
 use super::live::PageInputs;
 use super::privileges::drop_root;
 use super::reach::{dial, place, reach_with};
-use super::run::parse_seconds;
 use super::settings::SettingsArgs;
 use super::startup::{self, driving_core, pulse, rescue, show};
 use super::status::StatusLine;
-use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify};
+use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify, time_limit};
 use crate::agent::{Agent, AgentError, Bus, Outcome, Plan, Tries, until_answered};
 use crate::clock::{Clock, Date, Zone};
 use crate::config::Config;
@@ -67,8 +66,8 @@ pub(super) struct ServeArgs {
     #[arg(long, requires = "limit")]
     fast: bool,
 
-    /// Time limit of the service, in seconds
-    #[arg(long = "for", value_name = "SECONDS", value_parser = parse_seconds)]
+    /// Time limit of the service, in seconds or such as 30m or 7d
+    #[arg(long = "for", value_name = "TIME", value_parser = time_limit::parse)]
     limit: Option<Duration>,
 
     /// With --fast: write all events to this file, one JSON object per line

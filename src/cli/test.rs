@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use super::firmware::FirmwareArgs;
 use super::settings::SettingsArgs;
-use super::{Console, Exit, Failure, print};
+use super::{Console, Exit, Failure, number, print};
 use crate::clean;
 use crate::config::Config;
 use crate::scenario::{Book, BookError, Scenario, Setting, Trials};
@@ -31,7 +31,7 @@ pub(super) struct TestArgs {
     filter: Option<String>,
 
     /// Run each scenario with the seeds 1 to COUNT [default: as many as the scenario sets]
-    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    #[arg(long, value_name = "COUNT", value_parser = number::whole::<u64>(1..=10_000))]
     seeds: Option<u64>,
 
     /// Run each scenario with this seed only, for example one that failed
@@ -39,7 +39,7 @@ pub(super) struct TestArgs {
     seed: Option<u64>,
 
     /// Number of scenarios to run in parallel [default: one per processor]
-    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "COUNT", value_parser = number::whole::<u16>(1..=256))]
     jobs: Option<u16>,
 
     /// Time limit of each run, in seconds of real time; a longer run counts as failed

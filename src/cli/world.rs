@@ -130,6 +130,6 @@ fn check(worlds: &[PathBuf]) -> Result<Exit, Failure> {
     if wrong.is_empty() {
         return Ok(Exit::Done);
     }
-    Err(Failure::usage(wrong.join("\nerror: "))
+    Err(Failure::new(Exit::Check, wrong.join("\nerror: "))
         .help("worlds to start from are in behaviours/worlds/"))
 }

@@ -1,13 +1,15 @@
 //! A duration as people write it: `90s`, `30m`, `1h30m`, `7d`, or a number of seconds.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::error::ClockError;
+use super::error::{ClockError, SPAN_EXPECTED};
 
 /// The maximum: a year.
 const LONGEST: u64 = 366 * 86_400;
@@ -28,6 +30,11 @@ impl Span {
         Span(seconds.min(LONGEST))
     }
 
+    /// `None` above a year.
+    fn of_seconds(seconds: u64) -> Option<Span> {
+        (seconds <= LONGEST).then_some(Span(seconds))
+    }
+
     /// Returns the span as a [`Duration`].
     pub fn get(self) -> Duration {
         Duration::from_secs(self.0)
@@ -39,6 +46,10 @@ impl FromStr for Span {
 
     fn from_str(text: &str) -> Result<Span, ClockError> {
         let wrong = || ClockError::Span(text.to_owned());
+        if text.trim().bytes().all(|byte| byte.is_ascii_digit()) {
+            let seconds = text.trim().parse::<u64>().ok();
+            return seconds.and_then(Span::of_seconds).ok_or_else(wrong);
+        }
         let (mut total, mut digits, mut units) = (0u64, String::new(), UNITS.as_slice());
         for c in text.trim().chars() {
             if c.is_ascii_digit() {
@@ -54,10 +65,8 @@ impl FromStr for Span {
             units = &units[at + 1..];
             digits.clear();
         }
-        if !digits.is_empty() || text.trim().is_empty() || total > LONGEST {
-            return Err(wrong());
-        }
-        Ok(Span(total))
+        let whole = digits.is_empty().then_some(total);
+        whole.and_then(Span::of_seconds).ok_or_else(wrong)
     }
 }
 
@@ -90,23 +99,33 @@ impl<'de> Deserialize<'de> for Span {
             type Value = Span;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a duration such as 90s, 30m, 1h30m or 7d, at most 366d")
+                f.write_str(SPAN_EXPECTED)
             }
 
             fn visit_str<E: Error>(self, text: &str) -> Result<Span, E> {
-                text.parse().map_err(|why: ClockError| {
-                    E::custom(format_args!("{why}, expected at most 366d"))
-                })
+                text.parse().map_err(E::custom)
             }
 
             fn visit_u64<E: Error>(self, seconds: u64) -> Result<Span, E> {
-                let known = Some(seconds)
-                    .filter(|seconds| *seconds <= LONGEST)
-                    .map(Span);
-                known.ok_or_else(|| E::invalid_value(Unexpected::Unsigned(seconds), &self))
+                let wrong = || E::invalid_value(Unexpected::Unsigned(seconds), &self);
+                Span::of_seconds(seconds).ok_or_else(wrong)
             }
         }
         from.deserialize_any(SpanVisitor)
+    }
+}
+
+impl JsonSchema for Span {
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn schema_name() -> Cow<'static, str> {
+        "Span".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": ["string", "integer"], "minimum": 0, "maximum": LONGEST })
     }
 }
 
@@ -121,19 +140,31 @@ mod tests {
         assert_eq!(seconds("90s"), Ok(90));
         assert_eq!(seconds("1h30m"), Ok(5400));
         assert_eq!(seconds("7d"), Ok(604_800));
+        assert_eq!(seconds("30"), Ok(30));
         for wrong in [
             "",
-            "30",
+            "1h30",
             "m",
             "30m1h",
             "1m1m",
             "-5m",
             "367d",
+            "31622401",
+            "1.5",
             "9".repeat(30).as_str(),
         ] {
             assert!(seconds(wrong).is_err(), "{wrong}");
         }
-        assert_eq!(serde_yaml::from_str::<Span>("45").unwrap().0, 45);
+        for seconds in ["45", "'45'", "45s"] {
+            assert_eq!(serde_yaml::from_str::<Span>(seconds).unwrap().0, 45);
+        }
+        for wrong in ["1.5", "-1", "31622401", "'31622401'", "soon"] {
+            let error = serde_yaml::from_str::<Span>(wrong).unwrap_err().to_string();
+            assert!(
+                error.contains("or a number of seconds, at most 366d"),
+                "{error}"
+            );
+        }
     }
 
     proptest! {

@@ -2,18 +2,18 @@
 //! the defaults. Flags override all of them; only the command line knows them.
 
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 use serde_yaml::Value;
 
 use super::place::{self, Step};
+use super::variables::{FILE_VARIABLE, Variables, variable_of};
 use super::{Config, ConfigError};
 
 /// The config that is read if it is in the current folder and no other is named.
 const DEFAULT_FILE: &str = "spykee.yaml";
-/// The environment variable that names another config.
-const FILE_VARIABLE: &str = "SPYKEE_CONFIG";
 
 /// Where a value comes from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -76,39 +76,34 @@ pub struct Effective {
     variables: BTreeMap<String, String>,
 }
 
-/// The value of an environment variable, if it is set and not empty.
-fn variable(name: &str) -> Option<String> {
-    std::env::var(name).ok().filter(|text| !text.is_empty())
-}
-
-/// The named file, or else the one in `$SPYKEE_CONFIG`.
-fn chosen(named: Option<&Path>, variable: impl Fn(&str) -> Option<String>) -> Option<PathBuf> {
-    let of_variable = || variable(FILE_VARIABLE).map(PathBuf::from);
-    named.map(Path::to_owned).or_else(of_variable)
-}
-
 impl Effective {
     /// Loads the settings from the named file, or else from `$SPYKEE_CONFIG`, or else from
-    /// `spykee.yaml` in the current folder if it exists, and from the `SPYKEE_...` variables.
+    /// `spykee.yaml` in the current folder if it exists, and from the `SPYKEE_...` variables, of
+    /// which an unknown one is refused.
     ///
     /// # Errors
     /// See [`ConfigError`].
     pub fn load(named: Option<&Path>) -> Result<Effective, ConfigError> {
-        Effective::of(named, Path::new(DEFAULT_FILE), variable)
+        Effective::of(named, Path::new(DEFAULT_FILE), std::env::vars_os())
     }
 
     /// The file that [`Effective::load`] looks for, even if it is missing.
     pub fn path(named: Option<&Path>) -> PathBuf {
-        let chosen = chosen(named, variable);
-        chosen.unwrap_or_else(|| DEFAULT_FILE.into())
+        let of_variable = || std::env::var_os(FILE_VARIABLE).filter(|name| !name.is_empty());
+        match named {
+            Some(path) => path.to_owned(),
+            None => of_variable().map_or_else(|| DEFAULT_FILE.into(), PathBuf::from),
+        }
     }
 
     fn of(
         named: Option<&Path>,
         default_file: &Path,
-        variable: impl Fn(&str) -> Option<String>,
+        environment: impl IntoIterator<Item = (OsString, OsString)>,
     ) -> Result<Effective, ConfigError> {
-        let chosen = chosen(named, &variable);
+        let mut variables = Variables::of(environment);
+        let of_variable = variables.take(FILE_VARIABLE)?.map(PathBuf::from);
+        let chosen = named.map(Path::to_owned).or(of_variable);
         let mut effective = Effective {
             named: match chosen {
                 Some(_) => Named::Chosen,
@@ -124,11 +119,12 @@ impl Effective {
         }
         for key in keys() {
             let name = variable_of(&key);
-            if let Some(text) = variable(&name) {
+            if let Some(text) = variables.take(&name)? {
                 effective.config = overridden(&effective.config, &key, &text, &name)?;
                 effective.variables.insert(key, name);
             }
         }
+        variables.check_rest(&effective.config)?;
         let limits = effective.config.watchdog.check();
         let limits = limits.map_err(|error| error.to_string());
         let checked = limits.and_then(|()| {
@@ -180,11 +176,6 @@ impl Effective {
         });
         in_file.unwrap_or(Origin::Default)
     }
-}
-
-/// The variable that overrides a key.
-fn variable_of(key: &str) -> String {
-    format!("SPYKEE_{}", key.replace('.', "_").to_uppercase())
 }
 
 /// All keys with a single value, as opposed to a list or a mapping.
@@ -282,10 +273,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(DEFAULT_FILE);
         std::fs::write(&path, file).unwrap();
-        Effective::of(None, &path, |name| {
-            let found = variables.iter().find(|(known, _)| *known == name)?;
-            Some(found.1.to_owned())
-        })
+        let environment = variables
+            .iter()
+            .map(|(name, value)| (OsString::from(name), OsString::from(value)));
+        Effective::of(None, &path, environment)
     }
 
     fn setting(effective: &Effective, key: &str) -> Setting {
@@ -331,6 +322,19 @@ mod tests {
         }
         let text = load("", &[("SPYKEE_WATCHDOG_LOW", "90")]).unwrap_err();
         assert!(text.to_string().contains("must rise"), "{text}");
+    }
+
+    #[test]
+    fn every_setting_has_a_variable_and_a_misspelt_one_is_refused() {
+        let names = keys().into_iter().map(|key| variable_of(&key));
+        for name in names.chain([FILE_VARIABLE.to_owned()]) {
+            let misspelt = format!("{name}X");
+            let text = load("", &[(misspelt.as_str(), "1")])
+                .unwrap_err()
+                .to_string();
+            let told = format!("${misspelt}: spykee reads no such variable; did you mean {name}?");
+            assert_eq!(text, told);
+        }
     }
 
     #[test]

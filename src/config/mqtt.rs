@@ -1,14 +1,20 @@
 //! The `mqtt:` section: the broker through which other programs see and command the robot.
 
+use std::fmt;
+use std::net::Ipv6Addr;
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
+use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::robot::{Seconds, whole_within};
 
 /// Maximum length of a topic prefix.
 const LONGEST_PREFIX: usize = 64;
+/// What `host` must be.
+const HOST_EXPECTED: &str =
+    "the name or the address of a broker, such as broker.local, without scheme and port";
 /// Minimum of `longest_pause`; shorter pauses would flood an unreachable broker with attempts.
 const SHORTEST_PAUSE: Seconds = Seconds::from_millis(100);
 
@@ -17,7 +23,8 @@ const SHORTEST_PAUSE: Seconds = Seconds::from_millis(100);
 #[serde(deny_unknown_fields, default)]
 #[schemars(rename = "MqttOptions")]
 pub struct Mqtt {
-    /// The broker's name or address.
+    /// The broker's name or address, without a port.
+    #[serde(deserialize_with = "host")]
     pub host: Option<String>,
     /// The broker's port [default: 1883, with TLS 8883].
     #[serde(deserialize_with = "port")]
@@ -129,6 +136,71 @@ impl Mqtt {
     }
 }
 
+/// Checks the host while it is visited: only then does the parser know its position.
+fn host<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
+    struct Host(String);
+    impl<'de> Deserialize<'de> for Host {
+        fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Host, D::Error> {
+            from.deserialize_str(HostVisitor)
+        }
+    }
+    struct HostVisitor;
+    impl Visitor<'_> for HostVisitor {
+        type Value = Host;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str(HOST_EXPECTED)
+        }
+
+        fn visit_str<E: Error>(self, text: &str) -> Result<Host, E> {
+            if is_host(text) {
+                Ok(Host(text.to_owned()))
+            } else {
+                let advice = host_advice(text);
+                Err(E::custom(format_args!("`{text}` is not a host: {advice}")))
+            }
+        }
+    }
+    Ok(Option::<Host>::deserialize(from)?.map(|Host(host)| host))
+}
+
+/// Whether a text is a name, an IPv4 address, or an IPv6 address with or without brackets.
+fn is_host(text: &str) -> bool {
+    let inside = text
+        .strip_prefix('[')
+        .and_then(|text| text.strip_suffix(']'));
+    let address = inside.unwrap_or(text);
+    let address = address
+        .split_once('%')
+        .map_or(address, |(before, _)| before);
+    is_name(text) || address.parse::<Ipv6Addr>().is_ok()
+}
+
+fn is_name(text: &str) -> bool {
+    let named = |c: char| c.is_alphanumeric() || matches!(c, '.' | '-' | '_');
+    !text.is_empty() && text.chars().all(named)
+}
+
+/// What to write instead of a text that is not a host.
+fn host_advice(text: &str) -> String {
+    let (scheme, rest) = text.split_once("://").unwrap_or(("", text));
+    let rest = rest.trim_end_matches('/');
+    let with_port = rest
+        .rsplit_once(':')
+        .and_then(|(name, port)| Some((name, port.parse::<u16>().ok().filter(|port| *port > 0)?)));
+    let advice = match with_port {
+        Some((name, port)) if is_name(name) => format!("write `host: {name}` and `port: {port}`"),
+        None if is_name(rest) => format!("write `host: {rest}`"),
+        _ => format!("expected {HOST_EXPECTED}"),
+    };
+    match scheme {
+        "mqtts" | "ssl" | "tls" => {
+            format!("{advice}; `tls: {{ ca_file: ca.pem }}` turns encryption on")
+        }
+        _ => advice,
+    }
+}
+
 fn port<'de, D: Deserializer<'de>>(from: D) -> Result<Option<u16>, D::Error> {
     #[derive(Deserialize)]
     struct Port(#[serde(deserialize_with = "number")] u16);
@@ -163,6 +235,38 @@ mod tests {
         ] {
             let error = checked(text).unwrap_err();
             assert!(error.contains(words), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_host_with_scheme_or_port_is_refused_with_what_to_write() {
+        for (host, told) in [
+            ("broker:1884", "write `host: broker` and `port: 1884`"),
+            ("mqtt://broker", "write `host: broker`"),
+            (
+                "mqtt://10.0.0.7:1883/",
+                "write `host: 10.0.0.7` and `port: 1883`",
+            ),
+            ("mqtts://broker", "`tls: { ca_file: ca.pem }`"),
+            ("broker:0", "expected the name or the address"),
+            ("''", "expected the name or the address"),
+            ("me@broker", "expected the name or the address"),
+            ("'[::1]:1883'", "expected the name or the address"),
+            ("{ name: broker }", "expected the name or the address"),
+        ] {
+            let error = checked(&format!("user: me\nhost: {host}\n")).unwrap_err();
+            let placed = error.starts_with("host: ") && error.contains("line 2 column 7");
+            assert!(placed && error.contains(told), "{host}: {error}");
+        }
+        for host in [
+            "broker.local",
+            "my_broker-2",
+            "10.0.0.7",
+            "'::1'",
+            "'[::1]'",
+            "'fe80::1%wlan0'",
+        ] {
+            checked(&format!("host: {host}\n")).unwrap();
         }
     }
 

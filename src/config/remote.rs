@@ -1,9 +1,15 @@
 //! The `remote:` section: a service on another computer.
 
+use std::fmt;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::de::{Deserializer, Error, Visitor};
+use serde::{Deserialize, Serialize, Serializer};
+use ureq::http::Uri;
+
+use crate::clean;
 
 /// The service on another computer that `spykee status`, `behaviour` and `robot` use; the command
 /// line can name another.
@@ -11,7 +17,96 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct Remote {
     /// The address of its JSON API, such as `http://10.0.0.7:7788`.
-    pub url: Option<String>,
+    #[schemars(with = "Option<String>")]
+    pub url: Option<ServiceUrl>,
     /// A file with a token of that service in its first line.
     pub token_file: Option<PathBuf>,
+}
+
+/// The address of a service, `http://HOST:PORT` or `https://HOST`, without a trailing slash.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ServiceUrl(String);
+
+/// The text is not the address of a service.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("expected http://HOST:PORT or https://HOST, such as http://10.0.0.7:7788, found `{0}`")]
+pub struct ServiceUrlError(String);
+
+impl FromStr for ServiceUrl {
+    type Err = ServiceUrlError;
+
+    fn from_str(text: &str) -> Result<ServiceUrl, ServiceUrlError> {
+        let wrong = || ServiceUrlError(clean::line(text));
+        let url = text.trim_end_matches('/');
+        let parsed: Uri = url.parse().map_err(|_| wrong())?;
+        let known = matches!(parsed.scheme_str(), Some("http" | "https"));
+        let host = parsed.host().is_some_and(|host| !host.is_empty());
+        let plain = parsed.path() == "/" && parsed.query().is_none();
+        if !(known && host && plain) || url.contains('@') {
+            return Err(wrong());
+        }
+        Ok(ServiceUrl(url.to_owned()))
+    }
+}
+
+impl fmt::Display for ServiceUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl Serialize for ServiceUrl {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for ServiceUrl {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<ServiceUrl, D::Error> {
+        /// Checks the text while it is visited: only then does the parser know its position.
+        struct ServiceUrlVisitor;
+        impl Visitor<'_> for ServiceUrlVisitor {
+            type Value = ServiceUrl;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("http://HOST:PORT or https://HOST")
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<ServiceUrl, E> {
+                text.parse().map_err(E::custom)
+            }
+        }
+        from.deserialize_str(ServiceUrlVisitor)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_checked_when_the_config_is_read() {
+        for (written, url) in [
+            ("http://10.0.0.7:7788/", "http://10.0.0.7:7788"),
+            ("https://robot.example", "https://robot.example"),
+        ] {
+            let remote: Remote = serde_yaml::from_str(&format!("url: {written}\n")).unwrap();
+            assert_eq!(remote.url.unwrap().to_string(), url);
+        }
+        for wrong in [
+            "''",
+            "10.0.0.7:7788",
+            "robot.local",
+            "ftp://host",
+            "http://",
+            "http://host/path",
+            "http://host?x=1",
+            "http://user:word@host",
+        ] {
+            let read = serde_yaml::from_str::<Remote>(&format!("token_file: a\nurl: {wrong}\n"));
+            let error = read.unwrap_err().to_string();
+            let told = error.starts_with("url: expected http://HOST:PORT or https://HOST");
+            assert!(told && error.contains("line 2 column 6"), "{error}");
+        }
+    }
 }

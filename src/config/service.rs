@@ -13,7 +13,6 @@ pub struct Service {
     /// log in.
     pub idle: Idle,
     /// The time without a behaviour after which the robot is idle [default: 1m].
-    #[schemars(with = "String")]
     pub idle_after: Span,
     /// Whether an idle robot that is off its station is sent there.
     pub dock: bool,

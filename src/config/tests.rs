@@ -52,6 +52,14 @@ fn errors_name_no_types_of_this_program() {
         ),
         ("schedule:\n  - at: */5 * * * *\n", "in quotes"),
         ("robot: a\n\tuser: b\n", "not with tabs"),
+        (
+            "mqtt:\n  host: broker:1883\n",
+            "mqtt.host: `broker:1883` is not a host: write `host: broker` and `port: 1883` at",
+        ),
+        (
+            "remote:\n  url: 10.0.0.7:7788\n",
+            "remote.url: expected http://HOST:PORT or https://HOST",
+        ),
         ("live:\n\tlisten: b\n", "not with tabs"),
     ] {
         let text = error(yaml);

@@ -74,7 +74,7 @@ impl Client {
     pub fn name(&self) -> String {
         match &self.transport {
             Transport::Socket(_) => format!("process {}", self.overview.pid),
-            Transport::Web(remote) => remote.url().to_owned(),
+            Transport::Web(remote) => remote.url().to_string(),
         }
     }
 

@@ -13,6 +13,7 @@ use super::report::Report;
 use super::request::{Answer, Change, Listed, RunRequest};
 use crate::clean;
 use crate::clock::Span;
+use crate::config::ServiceUrl;
 use crate::robot::{DockEnd, EndReason, Priority};
 
 /// Maximum length of a reply, in bytes: that of a picture.
@@ -23,36 +24,21 @@ const SHOWN: usize = 300;
 /// The address of a service, and the token for access to it.
 #[derive(Debug, Clone)]
 pub struct Remote {
-    url: String,
+    url: ServiceUrl,
     token: Option<HeaderValue>,
 }
 
-/// Why a service's address or token is invalid.
+/// The token is not valid in a header field.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum RemoteError {
-    /// The text is not the address of a service.
-    #[error("`{0}` is not the address of a service: expected http://HOST:PORT or https://HOST")]
-    Url(String),
-    /// The token is not valid in a header field.
-    #[error("the token contains characters that are not allowed in a token")]
-    Token,
-}
+#[error("the token contains characters that are not allowed in a token")]
+pub struct TokenError;
 
 impl Remote {
-    /// A service at this address, `http://HOST:PORT` or `https://HOST`, with this token.
+    /// A service at this address, with this token.
     ///
     /// # Errors
-    /// See [`RemoteError`].
-    pub fn new(url: &str, token: Option<&str>) -> Result<Remote, RemoteError> {
-        let wrong = || RemoteError::Url(clean::line(url));
-        let url = url.trim_end_matches('/');
-        let parsed: ureq::http::Uri = url.parse().map_err(|_| wrong())?;
-        let known = matches!(parsed.scheme_str(), Some("http" | "https"));
-        let host = parsed.host().is_some_and(|host| !host.is_empty());
-        let plain = parsed.path() == "/" && parsed.query().is_none();
-        if !(known && host && plain) || url.contains('@') {
-            return Err(wrong());
-        }
+    /// See [`TokenError`].
+    pub fn new(url: ServiceUrl, token: Option<&str>) -> Result<Remote, TokenError> {
         let token = token.map(|token| {
             let field = HeaderValue::from_str(&format!("Bearer {token}"));
             field.map(|mut field| {
@@ -60,13 +46,12 @@ impl Remote {
                 field
             })
         });
-        let token = token.transpose().map_err(|_| RemoteError::Token)?;
-        let url = url.to_owned();
+        let token = token.transpose().map_err(|_| TokenError)?;
         Ok(Remote { url, token })
     }
 
-    /// The address, without a trailing slash.
-    pub fn url(&self) -> &str {
+    /// The address.
+    pub fn url(&self) -> &ServiceUrl {
         &self.url
     }
 
@@ -291,26 +276,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn addresses_are_validated_and_the_token_is_never_shown() {
-        let remote = Remote::new("http://10.0.0.7:7788/", Some("s3cr3t")).unwrap();
-        assert_eq!(remote.url(), "http://10.0.0.7:7788");
+    fn the_token_is_checked_and_never_shown() {
+        let url: ServiceUrl = "http://10.0.0.7:7788".parse().unwrap();
+        let remote = Remote::new(url.clone(), Some("s3cr3t")).unwrap();
         assert!(!format!("{remote:?}").contains("s3cr3t"));
-        assert!(Remote::new("https://robot.example", None).is_ok());
-        for wrong in [
-            "",
-            "10.0.0.7:7788",
-            "ftp://host",
-            "http://",
-            "http://host/path",
-            "http://host?x=1",
-            "http://user:word@host",
-        ] {
-            assert!(Remote::new(wrong, None).is_err(), "{wrong}");
-        }
-        assert_eq!(
-            Remote::new("http://host", Some("a\nb")).unwrap_err(),
-            RemoteError::Token
-        );
+        assert_eq!(Remote::new(url, Some("a\nb")).unwrap_err(), TokenError);
     }
 
     #[test]

@@ -48,6 +48,18 @@ fn a_private_file_is_accessible_to_its_owner_only_and_not_a_link() {
 }
 
 #[test]
+fn a_link_is_followed_only_where_that_is_asked_for() {
+    let root = tempfile::tempdir().unwrap();
+    let (file, link) = (root.path().join("file"), root.path().join("link"));
+    fs::write(&file, "12345").unwrap();
+    symlink(&file, &link).unwrap();
+    assert_eq!(read_beginning(&link, 3).unwrap(), b"123");
+    assert_eq!(read_beginning_unlinked(&file, 3).unwrap(), b"123");
+    let error = read_beginning_unlinked(&link, 3).unwrap_err();
+    assert_eq!(error.to_string(), "it is a symbolic link, not a file");
+}
+
+#[test]
 fn a_folder_that_is_a_link_is_refused_and_links_in_it_are_not_followed() {
     let root = tempfile::tempdir().unwrap();
     let path = |name: &str| root.path().join(name);

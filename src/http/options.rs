@@ -26,7 +26,7 @@ pub struct Options {
     pub driver_password_file: Option<PathBuf>,
     /// The first line of this file is the password of those who may only look, and stop the robot.
     pub viewer_password_file: Option<PathBuf>,
-    /// The maximum number of viewers at a time, 1..=1000.
+    /// The maximum number of viewers at a time, from 1 to 1000.
     #[serde(deserialize_with = "viewers")]
     #[schemars(range(min = 1, max = 1000))]
     pub viewers: u16,

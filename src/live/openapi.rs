@@ -271,7 +271,7 @@ fn operation(call: Call) -> Value {
     if call.path == "/api/picture" {
         operation["parameters"] = json!([
             { "name": "seconds", "in": "query", "required": false,
-              "description": "How long to wait for it, 1..=600; 5 unless given.",
+              "description": "How long to wait for it, from 1 to 600; 5 unless given.",
               "schema": { "type": "integer" } },
         ]);
     }

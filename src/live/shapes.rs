@@ -47,7 +47,7 @@ pub(super) struct Tune {
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Volume {
-    /// 0..=100.
+    /// From 0 to 100.
     pub percent: Percent,
 }
 
@@ -68,9 +68,8 @@ pub(super) struct Tuned {
 pub(super) struct BehaviourChange {
     /// The change.
     pub change: BehaviourAction,
-    /// With `start`: end it after this time, such as `30m`.
+    /// With `start`: end it after this time, such as `30m`, or a number of seconds.
     #[serde(rename = "for")]
-    #[schemars(with = "Option<String>")]
     pub lasts: Option<Span>,
 }
 
@@ -78,9 +77,9 @@ pub(super) struct BehaviourChange {
 #[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Dock {
-    /// Maximum duration of one search, 1..=3600 s.
+    /// Maximum duration of one search, from 1 to 3600 s.
     pub seconds: Option<u64>,
-    /// Number of retries, 0..=20.
+    /// Number of retries, from 0 to 20.
     pub retries: Option<u32>,
 }
 
@@ -88,7 +87,7 @@ pub(super) struct Dock {
 #[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct TimeLimit {
-    /// In whole seconds, 1..=600.
+    /// In whole seconds, from 1 to 600.
     pub seconds: Option<u64>,
 }
 

@@ -18,6 +18,13 @@ use super::template::{Slot, fill};
 /// Polling interval for the end of the program.
 const POLL_INTERVAL: Duration = Duration::from_millis(25);
 
+const EVENT: &str = "SPYKEE_EVENT";
+const ROBOT: &str = "SPYKEE_ROBOT";
+const TIME: &str = "SPYKEE_TIME";
+const PICTURE: &str = "SPYKEE_PICTURE";
+/// The environment variables that a program gets.
+pub const PROGRAM_VARIABLES: [&str; 4] = [EVENT, ROBOT, TIME, PICTURE];
+
 /// Runs the program to its end.
 pub(super) fn send(target: &Target, notice: &Notice, picture: Option<&Path>) -> Delivery {
     let words: Vec<String> = target
@@ -31,15 +38,15 @@ pub(super) fn send(target: &Target, notice: &Notice, picture: Option<&Path>) -> 
     let mut command = Command::new(program);
     command
         .args(arguments)
-        .env("SPYKEE_EVENT", notice.rule.name())
-        .env("SPYKEE_ROBOT", notice.robot.replace('\0', ""))
-        .env("SPYKEE_TIME", notice.time())
+        .env(EVENT, notice.rule.name())
+        .env(ROBOT, notice.robot.replace('\0', ""))
+        .env(TIME, notice.time())
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
         .process_group(0);
     if let Some(picture) = picture {
-        command.env("SPYKEE_PICTURE", picture);
+        command.env(PICTURE, picture);
     }
     match command.spawn() {
         Ok(child) => wait_for_exit(child, notice, target.timeout.get()),

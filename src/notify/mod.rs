@@ -20,6 +20,7 @@ mod template;
 mod webhook;
 
 pub use broker::{BrokerMessage, BrokerPublisher};
+pub use command::PROGRAM_VARIABLES;
 pub use delivery::Delivery;
 pub use notice::{Notice, Rule};
 pub use notifier::{Notifier, NotifyError};

@@ -88,7 +88,7 @@ pub use failure::{Ending, Failure, SourceLocation};
 pub use failure_log::Explain;
 pub use modules::{ModuleFile, ModuleName, NoModule};
 pub(crate) use modules::{Target, resolve};
-pub use nearest::suggestion;
+pub use nearest::{nearest, suggestion};
 pub use options::{Calibration, Limits, Options};
 pub use output::{Evaluated, Level, LogLine, Output};
 pub use params::{GivenParam, ParamOrigin, ParamValue};

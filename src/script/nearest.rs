@@ -7,7 +7,7 @@ pub fn suggestion<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> 
 
 /// The nearest of `known`, if a person could have meant it: it may differ by one edit, or by one
 /// edit per three letters; letter case does not count.
-fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // Known names are short, but a script can ask for a name of any length.
     if wrong.chars().count() > 40 {
         return None;

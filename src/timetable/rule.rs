@@ -15,9 +15,8 @@ pub struct Rule {
     /// The start times: minute, hour, day of the month, month, day of the week.
     #[schemars(with = "String")]
     pub at: Pattern,
-    /// The longest run, such as `30m` [default: until it ends on its own].
+    /// The longest run, such as `30m`, or a number of seconds [default: until it ends on its own].
     #[serde(rename = "for", default, skip_serializing_if = "Option::is_none")]
-    #[schemars(with = "Option<String>")]
     pub lasts: Option<Span>,
 }
 

@@ -79,6 +79,25 @@ async fn an_unknown_key_is_reported_with_the_nearest_one_and_its_place() {
 }
 
 #[tokio::test]
+async fn an_unknown_variable_is_refused_with_the_nearest_one() {
+    let rig = Rig::quiet().await;
+    rig.file("say.lua", "print('ran')");
+    let told = "$SPYKEE_WATCHDOG_LO: spykee reads no such variable; \
+                did you mean SPYKEE_WATCHDOG_LOW?";
+    for args in [&["config", "show"][..], &["run", "say.lua", "--sim"]] {
+        let mut run = rig.spykee_with(args, &[("SPYKEE_WATCHDOG_LO", "25")]);
+        assert_eq!(run.code().await, Some(2), "{}", run.text());
+        assert!(run.text().contains(told), "{args:?}: {}", run.text());
+    }
+    let others = [
+        ("SPYKEE_PASSWORD", "hunter2"),
+        ("SPYKEE_HEALTH_PORT", "7788"),
+    ];
+    let mut run = rig.spykee_with(&["config", "show"], &others);
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+}
+
+#[tokio::test]
 async fn a_bad_parameter_names_the_config_that_was_found() {
     let rig = Rig::quiet().await;
     let config = "behaviours:\n  - { file: a.lua, params: { speed: 500 } }\n";

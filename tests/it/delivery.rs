@@ -135,7 +135,7 @@ impl Net {
 
     /// Starts `spykee` in the agent's namespace, for the robot.
     fn spykee(&self, arguments: &[&str]) -> Agent {
-        let binary = std::env::var("SPYKEE_BINARY");
+        let binary = std::env::var("SPYKEE_TEST_BINARY");
         let binary = binary.unwrap_or_else(|_| env!("CARGO_BIN_EXE_spykee").to_owned());
         let mut process = Process::new("ip");
         process.args(["netns", "exec", &format!("{}-agent", self.name), &binary]);
@@ -320,7 +320,7 @@ async fn robot_stop_reports_that_its_stop_has_not_arrived() {
     assert_eq!(stop.code(), Some(3), "{said}");
 }
 
-/// `SPYKEE_BINARY=... cargo test --test it -- --ignored --nocapture fifty` counts for any binary.
+/// `SPYKEE_TEST_BINARY=... cargo test --test it -- --ignored --nocapture fifty` counts for any binary.
 #[tokio::test(flavor = "multi_thread")]
 #[ignore = "takes minutes"]
 async fn fifty_of_fifty_stops_arrive() {
@@ -331,6 +331,6 @@ async fn fifty_of_fifty_stops_arrive() {
             arrived += u32::from(stage.stop_arrives(LOOKS, outage).await.0);
         }
         println!("outage of {outage:?}: {arrived} of 50 stops heard");
-        assert!(arrived == 50 || std::env::var_os("SPYKEE_BINARY").is_some());
+        assert!(arrived == 50 || std::env::var_os("SPYKEE_TEST_BINARY").is_some());
     }
 }

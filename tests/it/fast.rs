@@ -101,13 +101,13 @@ fn the_same_seed_gives_the_same_run_even_beside_another_and_another_seed_differs
 }
 
 /// Compares debug and release builds with the same file. After a change that is meant to change
-/// runs, write the file again with `SPYKEE_WRITE_EVENTS=1 cargo test every_build_writes`, and
+/// runs, write the file again with `SPYKEE_TEST_WRITE_EVENTS=1 cargo test every_build_writes`, and
 /// review the difference.
 #[test]
 fn every_build_writes_the_same_events_for_the_same_seed() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/run-7.jsonl");
     let log = log(7).join("\n") + "\n";
-    if std::env::var_os("SPYKEE_WRITE_EVENTS").is_some() {
+    if std::env::var_os("SPYKEE_TEST_WRITE_EVENTS").is_some() {
         std::fs::write(&file, &log).unwrap();
     }
     let kept = std::fs::read_to_string(&file).unwrap();

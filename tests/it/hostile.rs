@@ -38,7 +38,7 @@ const FIRST_TURN: u8 = 100;
 /// Whether times are checked: not on an emulated machine (`scripts/check-arm`), where everything
 /// takes many times as long.
 fn times_count() -> bool {
-    std::env::var_os("SPYKEE_TIMES").is_none_or(|times| times != "emulated")
+    std::env::var_os("SPYKEE_TEST_TIMES").is_none_or(|times| times != "emulated")
 }
 
 /// The time limit: the usual one, or minutes where times are not checked.

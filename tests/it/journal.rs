@@ -56,7 +56,8 @@ async fn history(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
 #[tokio::test(flavor = "multi_thread")]
 async fn killed_at_any_moment_the_journal_is_whole_and_lacks_at_most_the_last_second() {
     // `scripts/kill-journal` kills a hundred runs.
-    let kills: u64 = std::env::var("SPYKEE_JOURNAL_KILLS").map_or(12, |text| text.parse().unwrap());
+    let kills: u64 =
+        std::env::var("SPYKEE_TEST_JOURNAL_KILLS").map_or(12, |text| text.parse().unwrap());
     let rig = Rig::quiet().await;
     let ticks = "local n = 0 while true do n += 1 journal.add('tick', {n = n}) print('tick ' .. n) task.wait(0.02) end";
     for kill in 0..kills {

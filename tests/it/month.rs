@@ -14,7 +14,7 @@ fn the_history_of_two_days_with_faults_matches_the_simulators_record() {
 #[ignore = "the test above runs it"]
 fn two_days_with_faults() {
     let folder = tempfile::tempdir().unwrap();
-    let more = std::env::var("SPYKEE_MONTH_DAYS");
+    let more = std::env::var("SPYKEE_TEST_MONTH_DAYS");
     let days = more.map_or(2, |days| days.parse().unwrap());
     let ledger = days::serve(days, 1, folder.path(), &mut |day, size, bytes| {
         println!("{day} d: {} KiB, {bytes} bytes of data", size.resident_kib);

@@ -239,7 +239,7 @@ fn marks_are_drawn_on_a_copy() {
     assert!(changed(blobs[0].x - 1, blobs[0].y - 1), "no corner");
     assert!(changed(blobs[0].x + 4, blobs[0].y - 6), "no text");
     assert!(!changed(250, 200), "drawn where nothing was seen");
-    if let Ok(path) = std::env::var("SPYKEE_KEEP_ANNOTATED") {
+    if let Ok(path) = std::env::var("SPYKEE_TEST_KEEP_ANNOTATED") {
         drawn.save(path).unwrap();
     }
 }

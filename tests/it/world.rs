@@ -109,7 +109,7 @@ fn worlds_are_listed_and_checked() {
     )
     .unwrap();
     let (code, _, error) = spykee(folder.path(), &["world", "check", "bad.yaml"]);
-    assert_eq!(code, Some(2));
+    assert_eq!(code, Some(4));
     assert!(
         error.contains("bad.yaml:1:") && error.contains("`depth`"),
         "{error}"

@@ -27,16 +27,27 @@ local function wait_for_motion(sim, wanted, seconds)
 	end, seconds)
 end
 
+-- Returns the function that measures the distance, and the time at which the robot began to drive.
 local function drives_away(sim)
 	local away = meter(sim)
 	sim:run()
+	sim:wait_until(function() return away() > 0.01 end, 8)
+	local began = sim:time()
 	expect(sim:wait_until(function() return away() > 0.15 end, 8), "The robot does not drive away, or not even 15 centimetres: easy.forward(2) drives for two seconds, with speed 50.")
-	return away
+	return away, began
 end
 
 scenario("It drives away", { world = "yard", points = 2, seeds = 3, limit = 30 }, function(sim)
-	drives_away(sim)
+	local away, began = drives_away(sim)
 	expect(sim:pose().x > 1.3, "It drives backwards first: easy.forward drives forwards.")
+	local far = 0
+	sim:wait_until(function()
+		local before = far
+		far = away()
+		return far - before < 0.0005
+	end, 10)
+	local seconds = sim:time() - began
+	expect(seconds > 1.7 and seconds < 2.5, string.format("It drove away for %.1f seconds: it should be two seconds, as with easy.forward(2).", seconds))
 end)
 
 scenario("It rests for a second", { world = "yard", points = 3, seeds = 3, limit = 40 }, function(sim)

@@ -56,6 +56,16 @@ scenario("The farther the line is to one side, the faster it turns", { world = "
 	expect(math.abs(much) > 1.8 * math.abs(little), "It turns as fast for a line that is nearly in the middle as for one at the edge: let it turn in proportion to the line's offset.")
 end)
 
+-- Whether the script has failed because of a nil.
+local function failed_on_nil(sim)
+	for _, line in sim:log("nil") do
+		if line.level == "error" then
+			return true
+		end
+	end
+	return false
+end
+
 scenario("It looks for a lost line where it was last", { world = "line_loop", fps = 10, points = 2, seeds = 2, limit = 90 }, function(sim)
 	sim:run()
 	for side, name in { [1] = "right", [-1] = "left" } do
@@ -67,6 +77,7 @@ scenario("It looks for a lost line where it was last", { world = "line_loop", fp
 		end
 		hold(sim, 0.45 * side) -- out of sight
 		local turned = sim:wait_until(function() return math.abs(sim:pose().heading) > 0.3 end, 4)
+		expect(not failed_on_nil(sim), "The script fails when there is no line in the picture: find_line returns nil then. Test for that before you use the line: if line then ... else ... end.")
 		expect(turned, "When the line is lost it stands still: it should turn and look for it.")
 		local there = sim:pose().heading * side < 0
 		expect(there, `The line was last to the {name}, but it looked for it on the other side: remember the last offset in a variable that you make before robot.on.`)

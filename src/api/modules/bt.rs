@@ -1,7 +1,7 @@
 //! `@spykee/bt`: behaviour trees.
 
 use super::shapes::{OK, module};
-use crate::api::bounds::Bounds;
+use crate::api::bounds::{Bounds, SECONDS};
 use crate::api::make::{bounded, call, function, number, options, text, value};
 use crate::api::model::{Namespace, Type, Value};
 
@@ -110,10 +110,7 @@ pub(super) const BT: Namespace = module(
         ),
         call(
             "bt.timeout",
-            &[
-                bounded("seconds", Bounds::Between(0.0, f64::MAX), "").unit("s"),
-                NODE,
-            ],
+            &[bounded("seconds", SECONDS, "").unit("s"), NODE],
             MADE,
             "Runs a node. If the node takes longer than this, it is halted and the result is failure.",
             "print(bt.run(bt.timeout(5, function() return true end)))",

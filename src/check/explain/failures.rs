@@ -1,10 +1,11 @@
 //! One explanation for each kind of failure that the VM reports.
 
 use super::super::kinds::ValueKind;
+use super::super::passing;
 use super::super::tree::{Expr, ExprKind, StatementKind};
 use super::reasons::a;
 use super::{Diagnosis, ErrorSite};
-use crate::api::{self, Type};
+use crate::api::{self, Function, Type};
 
 impl<'a> ErrorSite<'a> {
     pub(super) fn index(&self, what: &str, key: &str) -> Option<Diagnosis> {
@@ -319,27 +320,39 @@ impl<'a> ErrorSite<'a> {
             let rest = rest.strip_prefix("unknown ").unwrap_or(rest);
             rest.starts_with(&what)
         });
-        let argument = named.and_then(|at| arguments.get(at));
+        let counted = function_argument(function, rest);
+        let argument = named.or(counted).and_then(|at| arguments.get(at));
         let wants_function = named.is_some_and(|at| {
             let kind = function.parameters.get(at).map(|parameter| parameter.kind);
             matches!(kind, Some(Type::Function(_) | Type::Handler))
         });
-        let help = match argument {
-            Some(argument)
-                if wants_function && matches!(argument.bare().kind, ExprKind::Call(..)) =>
-            {
-                "without the () you pass the function itself, to be called later".to_owned()
-            }
+        let passed = argument
+            .filter(|_| wants_function || counted.is_some())
+            .and_then(|argument| passing::help(self.source, argument, Some(whole.span)));
+        let help = passed.unwrap_or_else(|| match argument {
             Some(argument) if rest.ends_with("got nothing") || rest.contains("is missing") => {
                 self.why(argument, "nil")
             }
             _ if rest.contains("is missing") => format!("it is called as {}", function.call()),
             _ => String::new(),
-        };
+        });
         Some(Diagnosis {
             at: argument.map_or(whole.span, |argument| argument.span),
             message: words.to_owned(),
             help,
         })
     }
+}
+
+/// Returns the index of the argument that is no function, if the error names it by its number or as
+/// a node of a behaviour tree.
+fn function_argument(function: &Function, words: &str) -> Option<usize> {
+    if words.starts_with("a node must be a function") {
+        let mut parameters = function.parameters.iter();
+        return parameters.rposition(|parameter| matches!(parameter.kind, Type::Function(_)));
+    }
+    let (number, _) = words
+        .strip_prefix("argument ")?
+        .split_once(" must be a function")?;
+    number.parse::<usize>().ok()?.checked_sub(1)
 }

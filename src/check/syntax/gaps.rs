@@ -57,41 +57,6 @@ impl ErrorSite<'_> {
         })
     }
 
-    /// `Expected 'end' (to close 'function' at line 3), got <eof>`.
-    pub(super) fn missing_end(&self) -> Option<Diagnosis> {
-        let rest = self.words.split_once("Expected 'end' (to close '")?.1;
-        let (keyword, rest) = rest.split_once('\'')?;
-        // The compiler's hint at an inner block is more precise.
-        let (keyword, rest) = match rest.split_once("did you forget to close '") {
-            Some((_, hint)) => hint.split_once('\'')?,
-            None => (keyword, rest),
-        };
-        let digits: String = rest
-            .chars()
-            .skip_while(|c| !c.is_ascii_digit())
-            .take_while(char::is_ascii_digit)
-            .collect();
-        let line = digits.parse().unwrap_or(self.line);
-        let opened = self
-            .of_line(line)
-            .into_iter()
-            .find(|token| self.text(token) == keyword);
-        let (at, where_) = match opened {
-            Some(token) => (token.span, String::new()),
-            None => (self.place(), format!(" of line {line}")),
-        };
-        let keyword = match keyword {
-            "then" => "`if`".to_owned(),
-            "do" => "loop".to_owned(),
-            other => format!("`{other}`"),
-        };
-        Some(Diagnosis {
-            at,
-            message: format!("the {keyword}{where_} that begins here has no `end`"),
-            help: "each function, if, for, while and do is closed by its own end".to_owned(),
-        })
-    }
-
     pub(super) fn extra_end(&self) -> Option<Diagnosis> {
         if !self.words.contains("<eof>, got 'end'") && !self.words.contains("got 'end'") {
             return None;
@@ -232,12 +197,16 @@ impl ErrorSite<'_> {
             .iter()
             .rfind(|token| token.span.end <= failed_at.start && token.kind != TokenKind::End)?;
         let found = failed_at.of(self.source);
+        if matches!(failed_at.of(self.source), ")" | "]" | "}")
+            && let Some(open) = self.open_block(failed_at.start)
+        {
+            return Some(self.without_end(open, self.line_at(failed_at.start)));
+        }
         let before_text = self.text(before);
         let (message, help) = match (before_text, found) {
             ("end", ")" | "]" | "}") => (
                 format!("`{found}` does not belong after this `end`"),
-                "an `end` is missing before it (`else if` needs one of its own, `elseif` does not), or \
-                 there is a bracket too many",
+                "there is a bracket too many, or its opening bracket is missing",
             ),
             ("repeat", found) if found.starts_with(|c: char| c.is_ascii_digit()) => (
                 format!("`repeat` takes no number: `{found}` cannot come after it"),

@@ -3,6 +3,7 @@
 
 use super::super::kinds::ValueKind;
 use super::super::lexer::Span;
+use super::super::passing;
 use super::super::tree::{Entry, Expr, ExprKind};
 use super::Walk;
 use crate::api::{Choice, EventName, Function, Requirement, Type, Value};
@@ -41,7 +42,7 @@ impl<'a> Walk<'a> {
         let short = forms.len() > 1 && forms[1].len() == arguments.len();
         let parameters = forms.swap_remove(usize::from(short));
         for (parameter, argument) in parameters.into_iter().zip(arguments) {
-            self.argument(function.path, parameter, argument);
+            self.argument(function.path, parameter, argument, Some(span));
         }
         self.stream(site);
         let open = arguments.last().is_some_and(is_open);
@@ -83,37 +84,33 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Checks one argument or option against its definition.
-    fn argument(&mut self, call: &str, value: &'static Value, argument: &'a Expr) {
+    /// Checks one argument or option against its definition; `whole` is the call, if it is an
+    /// argument.
+    fn argument(
+        &mut self,
+        call: &str,
+        value: &'static Value,
+        argument: &'a Expr,
+        whole: Option<Span>,
+    ) {
         let kind = self.kinds.kind_of(argument);
-        if let (Type::Function(_) | Type::Handler, Some(path)) =
-            (&value.kind, self.answered_by(argument))
-        {
+        let function = matches!(value.kind, Type::Function(_) | Type::Handler);
+        if let (true, Some(path)) = (function, self.answered_by(argument)) {
             let what = value.label();
             let message = format!("{call}: {what} must be a function, got the result of {path}");
-            self.error(argument.span, message).help =
-                Some("without the () you pass the function itself, to be called later; its arguments follow it".to_owned());
+            let help = passing::help(self.text.1, argument, whole);
+            self.error(argument.span, message).help = help;
             return;
         }
         if matches!(kind, ValueKind::Nothing) {
-            let call_without_result = matches!(
-                argument.bare().kind,
-                ExprKind::Call(..) | ExprKind::Method(..)
-            );
             if value.requirement == Requirement::Required && !matches!(value.kind, Type::Any) {
                 let message = format!(
                     "{call}: {} must be {}, got nothing",
                     value.label(),
                     value.kind.describe()
                 );
-                let function = matches!(value.kind, Type::Function(_) | Type::Handler);
-                let help = if function && call_without_result {
-                    "without the () you pass the function itself, to be called later"
-                } else {
-                    ""
-                };
-                self.error(argument.span, message).help =
-                    (!help.is_empty()).then(|| help.to_owned());
+                let help = passing::help(self.text.1, argument, whole).filter(|_| function);
+                self.error(argument.span, message).help = help;
             }
             return;
         }
@@ -304,7 +301,7 @@ impl<'a> Walk<'a> {
             };
             given.push(name);
             match keys.iter().find(|key| key.name == name) {
-                Some(key) => self.argument(call, key, entry.value()),
+                Some(key) => self.argument(call, key, entry.value(), None),
                 None => self.unknown_option(call, keys, name, span),
             }
         }

@@ -16,7 +16,7 @@ use serde_json::json;
 use self::measure::{Measured, Plan};
 use super::driver::{Driver, drive};
 use super::robot::AimArgs;
-use super::{Exit, Failure, block_on, print};
+use super::{Exit, Failure, block_on, number, print};
 use crate::files;
 use crate::pilot::Status;
 use crate::robot::MotionEnd;
@@ -51,7 +51,7 @@ pub(super) struct CalibrateArgs {
 
     /// Number of measurements to average
     #[arg(long, value_name = "COUNT", default_value_t = 1,
-          value_parser = clap::value_parser!(u8).range(1..=20))]
+          value_parser = number::whole::<u8>(1..=20))]
     rounds: u8,
 
     /// Seed for simulator noise [default: random]

@@ -6,7 +6,7 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
 use super::scale::ticks;
-use super::story::{Level, Mark, Run, Story};
+use super::story::{Level, MAX_GAP, Mark, Run, Story};
 use crate::canvas::{Canvas, Ink, TextStyle};
 use crate::clean;
 
@@ -25,8 +25,6 @@ const FOOT: f32 = 28.0;
 const MAX_LANES: usize = 10;
 /// Longer names are cut to this many characters.
 const LONGEST_NAME: usize = 18;
-/// Levels that are further apart, in seconds, are not joined by a line.
-const MAX_GAP: i64 = 200;
 
 const DARK: Ink = [33, 37, 41, 255];
 const PALE: Ink = [108, 117, 125, 255];

@@ -6,9 +6,15 @@ use jiff::Timestamp;
 
 use crate::journal::Record;
 
+/// While its link is up, a session records the battery level each minute. Two levels that are
+/// further apart than this, in seconds, have a gap between them.
+pub(super) const MAX_GAP: i64 = 200;
+
 /// A behaviour from its start to its end.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Run {
+    /// The number of its agent's session.
+    pub(super) session: i64,
     pub(super) behaviour: String,
     pub(super) began: Option<Timestamp>,
     /// `None` if it is still running or its agent was killed.
@@ -47,6 +53,7 @@ pub(super) fn runs(records: &[Record]) -> Vec<Run> {
             "started" => {
                 open.insert(key, runs.len());
                 runs.push(Run {
+                    session: record.session,
                     behaviour,
                     began: Some(record.at),
                     ended: None,
@@ -58,6 +65,7 @@ pub(super) fn runs(records: &[Record]) -> Vec<Run> {
             "ended" => {
                 let at = open.remove(&key).unwrap_or_else(|| {
                     runs.push(Run {
+                        session: record.session,
                         behaviour,
                         began: None,
                         ended: None,
@@ -131,7 +139,7 @@ impl Story {
             robots,
             levels: battery.iter().map(level).collect(),
             marks: events.iter().filter_map(mark).collect(),
-            runs: runs(events),
+            runs: drawn(runs(events), until, battery, events),
             offline: offline(events, until),
         }
     }
@@ -139,6 +147,26 @@ impl Story {
     pub(super) fn is_empty(&self) -> bool {
         self.levels.is_empty() && self.marks.is_empty() && self.runs.is_empty()
     }
+}
+
+/// The runs as they are drawn: a run without an end, whose session has recorded nothing more, ends
+/// with the last record of its session. Its agent was killed, or its time is that of a simulation.
+fn drawn(mut runs: Vec<Run>, until: Timestamp, battery: &[Record], events: &[Record]) -> Vec<Run> {
+    let mut last: BTreeMap<i64, Timestamp> = BTreeMap::new();
+    for record in battery.iter().chain(events) {
+        let at = last.entry(record.session).or_insert(record.at);
+        *at = record.at.max(*at);
+    }
+    for run in runs.iter_mut().filter(|run| run.ended.is_none()) {
+        let links = events.iter().rev().filter(|one| one.session == run.session);
+        let mut links = links.map(Record::kind);
+        // Without a link nothing is recorded although the behaviours go on.
+        let is_offline = links.find(|kind| kind.starts_with("link_")) == Some("link_down");
+        let last = last.get(&run.session).copied();
+        run.ended =
+            last.filter(|last| !is_offline && until.duration_since(*last).as_secs() > MAX_GAP);
+    }
+    runs
 }
 
 fn mark(record: &Record) -> Option<Mark> {
@@ -230,6 +258,30 @@ pub(super) mod tests {
             None,
             "it began before"
         );
+    }
+
+    #[test]
+    fn a_run_without_an_end_is_drawn_up_to_the_last_record_of_its_session() {
+        let at = |seconds| record(seconds, json!({})).at;
+        let battery = [
+            record(60, json!({"event": "battery", "percent": 80})),
+            record(600, json!({"event": "battery", "percent": 79})),
+        ];
+        let mut events = vec![
+            record(0, json!({"event": "link_up"})),
+            record(1, json!({"event": "started", "behaviour": "patrol"})),
+        ];
+        let ended = |until: i64, events: &[Record]| {
+            let story = Story::of((at(0), at(until)), &battery, events);
+            story.runs[0].ended
+        };
+        assert_eq!(ended(100_000, &events), Some(at(600)), "nothing came later");
+        assert_eq!(ended(660, &events), None, "it goes on");
+        events.push(record(610, json!({"event": "link_down", "reason": "gone"})));
+        assert_eq!(ended(100_000, &events), None, "nothing can come");
+        let end = json!({"event": "ended", "behaviour": "patrol", "reason": "done"});
+        events.push(record(700, end));
+        assert_eq!(ended(100_000, &events), Some(at(700)));
     }
 
     #[test]

@@ -57,6 +57,8 @@ static LESSONS: [Lesson; 12] = [
 
 /// The line that names a script's lesson must be among this many first lines.
 const HEAD_LINES: usize = 10;
+/// Maximum number of digits that are read of a lesson's number.
+const MAX_DIGITS: usize = 9;
 
 impl Lesson {
     /// All lessons, in the recommended order.
@@ -71,14 +73,16 @@ impl Lesson {
         })
     }
 
-    /// The lesson that a script names in one of its first lines: `-- spykee lesson 3`.
-    pub(super) fn of_script(source: &str) -> Option<&'static Lesson> {
+    /// The lesson that a script names in one of its first lines: `-- spykee lesson 3`. If there is
+    /// no lesson of that number, returns the number.
+    pub(super) fn of_script(source: &str) -> Option<Result<&'static Lesson, String>> {
         source.lines().take(HEAD_LINES).find_map(|line| {
             let line = line.trim_start().strip_prefix("--")?;
             let line = line.trim_start().to_lowercase();
-            let number = line.strip_prefix("spykee lesson")?.trim_start();
-            let end = number.find(|c: char| !c.is_ascii_digit());
-            Lesson::named(&number[..end.unwrap_or(number.len())])
+            let rest = line.strip_prefix("spykee lesson")?.trim_start();
+            let digits = rest.chars().take_while(char::is_ascii_digit);
+            let number: String = digits.take(MAX_DIGITS).collect();
+            (!number.is_empty()).then(|| Lesson::named(&number).ok_or(number))
         })
     }
 
@@ -129,7 +133,7 @@ mod tests {
     fn lessons_are_numbered_from_one_and_their_starters_name_them() {
         for (index, lesson) in Lesson::all().iter().enumerate() {
             assert_eq!(lesson.number, index + 1);
-            assert_eq!(Lesson::of_script(lesson.starter), Some(lesson));
+            assert_eq!(Lesson::of_script(lesson.starter), Some(Ok(lesson)));
             for name in [
                 lesson.number.to_string(),
                 lesson.name().to_owned(),
@@ -179,13 +183,18 @@ mod tests {
             "--Spykee Lesson 3: moving\n",
             "\n\n   --   spykee lesson 03 (Ada)\r\n",
         ] {
-            assert_eq!(Lesson::of_script(script), Lesson::named("3"), "{script}");
+            let lesson = Lesson::named("3").unwrap();
+            assert_eq!(Lesson::of_script(script), Some(Ok(lesson)), "{script}");
+        }
+        for (script, number) in [("-- spykee lesson 99", "99"), ("--spykee lesson 0: x", "0")] {
+            let unknown = Some(Err(number.to_owned()));
+            assert_eq!(Lesson::of_script(script), unknown, "{script}");
         }
         let late = "\n".repeat(10) + "-- spykee lesson 3";
         for script in [
             "spykee lesson 3",
             "-- spykee lesson",
-            "-- spykee lesson 99",
+            "-- spykee lesson moving",
             "print('-- spykee lesson 3')",
             &late,
         ] {

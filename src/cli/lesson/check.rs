@@ -8,12 +8,14 @@ use super::catalogue::Lesson;
 use super::feedback::{Feedback, gradescope};
 use super::marks::Marks;
 use super::{Console, Exit, Failure, LessonParser, print};
-use crate::behaviour;
 use crate::cli::check::{has_errors, of_source};
+use crate::cli::number;
 use crate::cli::test::job_pool::{Job, JobPool, JobResult, parse_timeout, trials};
 use crate::cli::world::{parse_png, save};
 use crate::config::Config;
+use crate::files;
 use crate::scenario::{Book, Setting};
+use crate::script::MAX_SOURCE;
 
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct CheckArgs {
@@ -26,7 +28,7 @@ pub(super) struct CheckArgs {
     lesson: Option<&'static Lesson>,
 
     /// Also show this hint, 1 to 3
-    #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u8).range(1..=3))]
+    #[arg(long, value_name = "NUMBER", value_parser = number::whole::<u8>(1..=3))]
     hint: Option<u8>,
 
     /// Draw the robot's path in the first failed try into this file
@@ -46,7 +48,7 @@ pub(super) struct CheckArgs {
     timeout: Duration,
 
     /// Number of tries to run in parallel [default: one per processor]
-    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "COUNT", value_parser = number::whole::<u16>(1..=256))]
     jobs: Option<u16>,
 }
 
@@ -54,7 +56,7 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
     let source = read(&args.file)?;
     let lesson = match args.lesson {
         Some(lesson) => lesson,
-        None => Lesson::of_script(&String::from_utf8_lossy(&source)).ok_or_else(unnamed)?,
+        None => lesson_of(&source)?,
     };
     let effort = (args.jobs, args.timeout);
     let Some(marks) = marks_of(lesson, (&args.file, &source), effort, console)? else {
@@ -112,9 +114,11 @@ pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
         let why = format!("a lesson's script cannot be called {name}");
         return Err(Failure::usage(why).help("give it another name"));
     }
-    behaviour::read_source(file).map_err(|error| {
+    files::read_beginning_unlinked(file, MAX_SOURCE as u64 + 1).map_err(|error| {
         let shown = file.display();
-        let help = if file.is_dir() {
+        let help = if file.is_symlink() {
+            "name the file itself: a lesson's script must not be a link"
+        } else if file.is_dir() {
             "name the script in this folder"
         } else {
             "check its name and folder; `spykee lesson start 1` creates a folder with a script to start from"
@@ -123,11 +127,24 @@ pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
     })
 }
 
-fn unnamed() -> Failure {
-    Failure::usage("the script does not say which lesson it belongs to").help(
-        "put a line such as `-- spykee lesson 3` at its top, or add --lesson 3; \
-         `spykee lesson list` lists the lessons",
-    )
+/// The lesson that a script names.
+fn lesson_of(source: &[u8]) -> Result<&'static Lesson, Failure> {
+    match Lesson::of_script(&String::from_utf8_lossy(source)) {
+        Some(Ok(lesson)) => Ok(lesson),
+        Some(Err(number)) => {
+            let last = Lesson::all().len();
+            Err(Failure::usage(format_args!(
+                "the script names lesson {number} at its top, but the lessons are 1 to {last}"
+            ))
+            .help("correct that line, or add --lesson 3; `spykee lesson list` lists the lessons"))
+        }
+        None => Err(
+            Failure::usage("the script does not say which lesson it belongs to").help(
+                "put a line such as `-- spykee lesson 3` at its top, or add --lesson 3; \
+                 `spykee lesson list` lists the lessons",
+            ),
+        ),
+    }
 }
 
 fn run_scenarios(

@@ -17,6 +17,8 @@ pub(super) enum NotHandedIn {
     Nothing,
     #[error("{count} scripts handed in, but none is called {wanted}")]
     Several { count: usize, wanted: String },
+    #[error("handed in as a symbolic link, which is not followed")]
+    Link,
 }
 
 /// A learner and the script handed in.
@@ -41,9 +43,13 @@ pub(super) fn learners(
         list.iter().map(nothing).collect();
     for path in entries(folder)? {
         let (name, script) = if path.is_dir() {
-            (name_of(path.file_name()), script_in(&path, lesson)?)
+            let script = match unlinked(path.clone()) {
+                Ok(folder) => script_in(&folder, lesson)?,
+                Err(link) => Err(link),
+            };
+            (name_of(path.file_name()), script)
         } else if is_script(&path) {
-            (name_of(path.file_stem()), Ok(path))
+            (name_of(path.file_stem()), unlinked(path))
         } else {
             continue;
         };
@@ -76,7 +82,18 @@ fn name_of(name: Option<&std::ffi::OsStr>) -> String {
 
 fn is_script(path: &Path) -> bool {
     let name = name_of(path.file_name());
-    path.is_file() && name.ends_with(".lua") && name != "check.lua" && !name.ends_with("_test.lua")
+    let named = name.ends_with(".lua") && name != "check.lua" && !name.ends_with("_test.lua");
+    named && (path.is_file() || path.is_symlink())
+}
+
+/// Refuses a symbolic link: it could point to another learner's script, or to any file of the
+/// teacher.
+fn unlinked(path: PathBuf) -> Result<PathBuf, NotHandedIn> {
+    if path.is_symlink() {
+        Err(NotHandedIn::Link)
+    } else {
+        Ok(path)
+    }
 }
 
 /// The script in the folder with the lesson's name, or else the only one.
@@ -88,7 +105,7 @@ fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, NotHa
         .collect();
     let named = scripts.iter().find(|path| path.ends_with(&wanted));
     Ok(match (named, scripts.as_slice()) {
-        (Some(path), _) | (None, [path]) => Ok(path.clone()),
+        (Some(path), _) | (None, [path]) => unlinked(path.clone()),
         (None, []) => Err(NotHandedIn::Nothing),
         (None, several) => Err(NotHandedIn::Several {
             count: several.len(),
@@ -99,11 +116,13 @@ fn script_in(folder: &Path, lesson: &Lesson) -> io::Result<Result<PathBuf, NotHa
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::symlink;
+
     use super::*;
 
     #[test]
     fn learners_are_found_by_folder_or_script_and_missing_ones_by_the_list() {
-        let class = tempfile::tempdir().unwrap();
+        let (class, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
         for folder in ["Ada", "Ben", "Cem", "Dora", ".git"] {
             fs::create_dir(class.path().join(folder)).unwrap();
         }
@@ -117,6 +136,17 @@ mod tests {
             "notes.txt",
         ] {
             fs::write(class.path().join(file), "").unwrap();
+        }
+        fs::create_dir(class.path().join("Gus")).unwrap();
+        fs::write(elsewhere.path().join("moving.lua"), "").unwrap();
+        for (target, link) in [
+            ("moving.lua", "Gus/moving.lua"),
+            ("moving.lua", "Hal.lua"),
+            ("nowhere.lua", "Ida.lua"),
+            (".", "Jim"),
+        ] {
+            let target = elsewhere.path().join(target);
+            symlink(target, class.path().join(link)).unwrap();
         }
         let lesson = Lesson::named("3").unwrap();
         let list = ["Ada".to_owned(), "Finn".to_owned()];
@@ -140,6 +170,10 @@ mod tests {
                 "Dora: nothing handed in",
                 "Eva: Eva.lua",
                 "Finn: nothing handed in",
+                "Gus: handed in as a symbolic link, which is not followed",
+                "Hal: handed in as a symbolic link, which is not followed",
+                "Ida: handed in as a symbolic link, which is not followed",
+                "Jim: handed in as a symbolic link, which is not followed",
             ]
         );
     }

@@ -14,6 +14,7 @@ use super::likeness::{Pair, pairs};
 use super::marks::Marks;
 use super::{Console, Exit, Failure, LessonParser, Side, aligned, print};
 use crate::clean;
+use crate::cli::number;
 use crate::cli::table::csv_cell;
 use crate::cli::test::job_pool::parse_timeout;
 
@@ -45,7 +46,7 @@ pub(super) struct GradeArgs {
     timeout: Duration,
 
     /// Number of tries to run in parallel [default: one per processor]
-    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "COUNT", value_parser = number::whole::<u16>(1..=256))]
     jobs: Option<u16>,
 }
 
@@ -154,9 +155,26 @@ fn grade(
         return Ok(None);
     };
     graded.points = marks.points();
-    graded.missing = missing(&marks);
     let text = String::from_utf8_lossy(&source).into_owned();
+    graded.missing.extend(other_lesson(&text, args.lesson));
+    graded.missing.extend(missing(&marks));
     Ok(Some((graded, Some(text), marks.max_points())))
+}
+
+/// Says that a script names another lesson than this one.
+fn other_lesson(text: &str, lesson: &Lesson) -> Option<String> {
+    match Lesson::of_script(text)? {
+        Ok(named) if named == lesson => None,
+        Ok(named) => {
+            let (number, title) = (named.number, named.title());
+            Some(format!(
+                "The script names lesson {number}, {title}, at its top."
+            ))
+        }
+        Err(number) => Some(format!(
+            "The script names lesson {number} at its top, which does not exist."
+        )),
+    }
 }
 
 /// The sentences that say what is missing, each once.

@@ -8,7 +8,7 @@ use super::SharedAimArgs;
 use crate::agent::Docked;
 use crate::cli::driver::drive;
 use crate::cli::running::{ask, unexpected_reply};
-use crate::cli::{Exit, Failure, block_on, print};
+use crate::cli::{Exit, Failure, block_on, number, print};
 use crate::control::{Answer, RunRequest};
 use crate::robot::{DockEnd, DockPlan};
 
@@ -27,11 +27,11 @@ const SLACK: Duration = Duration::from_secs(60);
 pub(super) struct DockArgs {
     /// Time limit of each try, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 180,
-          value_parser = clap::value_parser!(u64).range(1..=3600))]
+          value_parser = number::whole::<u64>(1..=3600))]
     timeout: u64,
     /// Number of further tries after the first
     #[arg(long, value_name = "COUNT", default_value_t = 2,
-          value_parser = clap::value_parser!(u32).range(0..=20))]
+          value_parser = number::whole::<u32>(0..=20))]
     retries: u32,
     /// Print a JSON object
     #[arg(long)]
@@ -46,7 +46,7 @@ pub(super) struct DockArgs {
 pub(super) struct UndockArgs {
     /// Time to wait for the robot to report that it has left, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 15,
-          value_parser = clap::value_parser!(u64).range(1..=600))]
+          value_parser = number::whole::<u64>(1..=600))]
     timeout: u64,
     /// Print a JSON object
     #[arg(long)]

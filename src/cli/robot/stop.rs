@@ -8,7 +8,7 @@ use tokio_util::sync::CancellationToken;
 use super::{Aim, AimArgs, SharedAimArgs};
 use crate::cli::interrupt::interruption;
 use crate::cli::running::{REPLY_TIMEOUT, ask};
-use crate::cli::{Exit, Failure, block_on, print};
+use crate::cli::{Exit, Failure, block_on, number, print};
 use crate::control::{Client, RunRequest};
 use crate::link::{LinkError, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
@@ -35,7 +35,7 @@ const PAUSE: Duration = Duration::from_millis(200);
 pub(super) struct StopArgs {
     /// Time limit for the retries, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 10,
-          value_parser = clap::value_parser!(u64).range(1..=600))]
+          value_parser = number::whole::<u64>(1..=600))]
     timeout: u64,
     #[command(flatten)]
     pub(super) aim: SharedAimArgs,

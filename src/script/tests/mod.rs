@@ -8,6 +8,7 @@ mod hostile;
 mod language;
 mod life;
 mod messages;
+mod module_errors;
 mod modules;
 mod motion;
 mod noises;

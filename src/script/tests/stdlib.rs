@@ -296,43 +296,6 @@ fn nested_halts_are_awaited() {
     assert_eq!(rig.texts()[3..], ["false", "after"]);
 }
 
-#[test]
-fn easy_is_tolerant_and_its_errors_are_for_beginners() {
-    let mut rig = Rig::new(
-        "local easy = require('@spykee/easy') easy.light('on') easy.light('left', 'off') print(easy.forward('2', 40))",
-    );
-    let intents = rig.take_intents();
-    assert_eq!(intents.len(), 5, "{intents:?}");
-    rig.deliver(motion_ended(&intents[4], MotionEnd::Done));
-    assert_eq!(rig.texts(), ["true"]);
-    for (line, words) in [
-        (
-            "easy.forward('fast')",
-            "easy.forward: how many seconds? A number is needed, such as 1",
-        ),
-        (
-            "easy.forward(1, 500)",
-            "what speed? It must be from 1 to 100, got 500",
-        ),
-        (
-            "easy.drive(5000)",
-            "how many centimetres? It must be from -1000 to 1000, got 5000",
-        ),
-        ("easy.light('left', 'maybe')", "on or off?"),
-        ("easy.light('lfet')", "left"),
-        (
-            "easy.foward(1)",
-            "easy.foward does not exist; did you mean 'forward'?",
-        ),
-    ] {
-        let text = failure(&format!("local easy = require('@spykee/easy')\n{line}"));
-        assert!(
-            text.starts_with("test.lua:2: ") && text.contains(words),
-            "{text}"
-        );
-    }
-}
-
 /// Unchanging pictures, ten a second: a robot that sees them stands still.
 const STILL: &str = "local whereabouts = require('@spykee/whereabouts')
      local still = {

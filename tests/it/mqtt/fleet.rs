@@ -1,4 +1,4 @@
-//! Several agents at one broker; `SPYKEE_FLEET=30` sets the number for the largest test
+//! Several agents at one broker; `SPYKEE_TEST_FLEET=30` sets the number for the largest test
 //! (`scripts/fleet`).
 
 use std::time::{Duration, Instant};
@@ -86,7 +86,7 @@ async fn among_many_agents_dead_and_hung_ones_are_reported_and_all_others_stop()
     let Some(broker) = Broker::start() else {
         return;
     };
-    let count = std::env::var("SPYKEE_FLEET").map_or(4, |text| text.parse().unwrap());
+    let count = std::env::var("SPYKEE_TEST_FLEET").map_or(4, |text| text.parse().unwrap());
     let subscriber = Subscriber::connect(&broker).await;
     let names: Vec<String> = (1..=count)
         .map(|number| format!("SPYKEE{number:04}"))

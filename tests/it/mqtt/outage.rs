@@ -16,9 +16,9 @@ const LONGEST_PAUSE: u64 = 2;
 /// The number of connection attempts to wait for while the broker is gone.
 const ATTEMPTS: usize = 6;
 
-/// How long the broker stays away after that: an hour with `SPYKEE_BROKER_GONE=3600`.
+/// How long the broker stays away after that: an hour with `SPYKEE_TEST_BROKER_GONE=3600`.
 fn gone_for() -> Duration {
-    let seconds = std::env::var("SPYKEE_BROKER_GONE");
+    let seconds = std::env::var("SPYKEE_TEST_BROKER_GONE");
     Duration::from_secs(seconds.map_or(0, |text| text.parse().unwrap()))
 }
 

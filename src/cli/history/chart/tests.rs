@@ -57,6 +57,7 @@ fn the_level_is_drawn_at_its_height_and_gaps_stay_empty() {
 fn empty_and_very_large_stories_can_be_drawn() {
     draw(&story(Vec::new(), Vec::new()), &TimeZone::UTC);
     let run = |number: i64| Run {
+        session: 1,
         behaviour: format!("behaviour-with-a-long-name-{number}\u{1b}[2J"),
         began: Some(record(number * 60, json!({})).at),
         ended: None,
@@ -89,6 +90,7 @@ fn example() -> Story {
             let began = Some(at(minute));
             let mut run = |behaviour: &str, until: i64, reason: &str| {
                 runs.push(Run {
+                    session: 1,
                     behaviour: behaviour.to_owned(),
                     began,
                     ended: Some(at(until)),

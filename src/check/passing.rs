@@ -1,0 +1,116 @@
+//! Help for a function that is called where the function itself must be passed.
+
+use super::lexer::Span;
+use super::tree::{Expr, ExprKind};
+
+/// Maximum length of a call that is written out, in bytes.
+const LONGEST: usize = 80;
+
+/// Returns the help for an argument that must be a function but is a call; `None` for any other
+/// argument. Writes out the whole call around it, if that is given.
+pub(super) fn help(source: &str, argument: &Expr, whole: Option<Span>) -> Option<String> {
+    let called = match &argument.bare().kind {
+        ExprKind::Call(callee, given) if given.is_empty() => callee.span.of(source),
+        ExprKind::Call(..) | ExprKind::Method(..) => {
+            let text = argument.span.of(source);
+            let text = if is_short(text) { text } else { "..." };
+            return Some(format!(
+                "to call it later, pass a function: function() {text} end"
+            ));
+        }
+        _ => return None,
+    };
+    let around = whole.and_then(|whole| {
+        let before = source.get(whole.start..argument.span.start)?;
+        let after = source.get(argument.span.end..whole.end)?;
+        Some(format!("{before}{called}{after}"))
+    });
+    let shown = around.filter(|text| is_short(text));
+    let shown = shown.or_else(|| is_short(called).then(|| called.to_owned()));
+    let written = shown.map_or_else(String::new, |text| format!(": {text}"));
+    Some(format!(
+        "pass the function itself, without (), to be called later{written}"
+    ))
+}
+
+fn is_short(text: &str) -> bool {
+    text.len() <= LONGEST && !text.contains(char::is_control)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{CheckContext, check, explain};
+    use crate::script::Options;
+    use crate::script::tests::failure_with;
+
+    const WAKE: &str = "local function wake() print('awake') end\n";
+
+    #[test]
+    fn check_writes_out_how_a_function_is_passed() {
+        for (line, help) in [
+            (
+                "robot.on('noise', wake())",
+                ", to be called later: robot.on('noise', wake)",
+            ),
+            (
+                "task.spawn(wake())",
+                ", to be called later: task.spawn(wake)",
+            ),
+            (
+                "task.every(1, wake())",
+                ", to be called later: task.every(1, wake)",
+            ),
+            (
+                "robot.on('noise', robot.led('left', true))",
+                "pass a function: function() robot.led('left', true) end",
+            ),
+            (
+                "task.spawn(robot.move(40, 40, 1))",
+                "pass a function: function() robot.move(40, 40, 1) end",
+            ),
+        ] {
+            let context = CheckContext::new(&Options::new("test", "test.lua"), None);
+            let found = check(format!("{WAKE}{line}").as_bytes(), "test.lua", &context);
+            let helps: Vec<&str> = found.iter().filter_map(|one| one.help.as_deref()).collect();
+            let [one] = helps.as_slice() else {
+                panic!("{line}: {found:?}");
+            };
+            assert!(one.ends_with(help), "{line}: {one}");
+        }
+    }
+
+    #[test]
+    fn a_failed_run_says_the_same() {
+        let module = "local bt = require('@spykee/bt') local function yes() return true end ";
+        for (line, help) in [
+            (
+                "local function id(x) return x end robot.on('noise', id())".to_owned(),
+                "to be called later: robot.on('noise', id)",
+            ),
+            (
+                "local function five() return 5 end task.spawn(five())".to_owned(),
+                "to be called later: task.spawn(five)",
+            ),
+            (
+                "task.race(wake(), wake)".to_owned(),
+                "to be called later: task.race(wake, wake)",
+            ),
+            (
+                format!("{module}bt.sequence(yes, yes())"),
+                "to be called later: bt.sequence(yes, yes)",
+            ),
+            (
+                format!("{module}bt.parallel({{}}, wake(), yes)"),
+                "to be called later: bt.parallel({}, wake, yes)",
+            ),
+            (
+                format!("{module}bt.retry(2, yes())"),
+                "to be called later: bt.retry(2, yes)",
+            ),
+        ] {
+            let text = failure_with(&format!("{WAKE}{line}"), explain);
+            assert!(text.starts_with("test.lua:2: "), "{line}: {text}");
+            assert!(text.ends_with(help), "{line}: {text}");
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! Rules for blocks that are not closed: which block, and where its `end` is missing.
+
+use super::super::lexer::{Token, TokenKind};
+use super::{Diagnosis, ErrorSite};
+
+impl ErrorSite<'_> {
+    /// `Expected 'end' (to close 'function' at line 3), got <eof>`; the same with `'until'`.
+    pub(super) fn missing_end(&self) -> Option<Diagnosis> {
+        let (_, rest) = self.words.split_once("Expected '")?;
+        let (wanted, rest) = rest.split_once("' (to close '")?;
+        if !matches!(wanted, "end" | "until") {
+            return None;
+        }
+        let (keyword, rest) = rest.split_once('\'')?;
+        // The compiler's hint at an inner block is more precise.
+        let (keyword, rest) = match rest.split_once("did you forget to close '") {
+            Some((_, hint)) => hint.split_once('\'')?,
+            None => (keyword, rest),
+        };
+        let opened = self.tokens.iter().find(|token| {
+            self.text(token) == keyword
+                && match (
+                    number_after(rest, "at line "),
+                    number_after(rest, "at column "),
+                ) {
+                    (Some(line), _) => self.line_of(token) == line,
+                    (None, Some(column)) => {
+                        // The block begins on the line of the error.
+                        token.span.start + 1 == self.line_start(self.line) + column
+                    }
+                    (None, None) => false,
+                }
+        })?;
+        Some(self.without_end(opened, self.line))
+    }
+
+    /// The diagnosis of a block without `end`, or without `until`, that begins with this token; the
+    /// error was noticed on the line `noticed`.
+    pub(super) fn without_end(&self, opened: &Token, noticed: usize) -> Diagnosis {
+        let head = self.head(opened);
+        let keyword = self.text(head);
+        let place = match self.first_line_outside(head) {
+            Some(line) => format!("before line {line}"),
+            None if self.words.contains("got <eof>") => "at the end of the file".to_owned(),
+            None => format!("on line {noticed} or before it"),
+        };
+        let (closing, help) = match keyword {
+            "repeat" => ("until", "a repeat loop ends with until and a condition"),
+            _ => (
+                "end",
+                "each function, if, for, while and do is closed by its own end",
+            ),
+        };
+        Diagnosis {
+            at: head.span,
+            message: format!(
+                "the `{keyword}` that begins here has no `{closing}`: it is missing {place}"
+            ),
+            help: help.to_owned(),
+        }
+    }
+
+    /// Returns the token that opens the innermost open block at this position, where a bracket is
+    /// closed; `None` if the file has as many ends as blocks. Prefers a block whose `end` is
+    /// indented less than its beginning: that `end` was meant for an outer block.
+    pub(super) fn open_block(&self, position: usize) -> Option<&Token> {
+        let places = 0..self.tokens.len();
+        let opened = places.clone().filter(|at| self.opens_block(*at)).count();
+        let is_end = |at: &usize| matches!(self.text(&self.tokens[*at]), "end" | "until");
+        if opened <= places.filter(is_end).count() {
+            return None;
+        }
+        let mut open: Vec<&Token> = Vec::new();
+        let mut suspect: Option<&Token> = None;
+        let before = self.tokens.iter().enumerate();
+        for (index, token) in before.take_while(|(_, token)| token.span.start < position) {
+            match self.text(token) {
+                "(" | "[" | "{" => open.push(token),
+                _ if self.opens_block(index) => open.push(token),
+                ")" | "]" | "}" => {
+                    open.pop()?;
+                }
+                "end" | "until" => {
+                    let closed = open.pop()?;
+                    if self.indent_of(closed) > self.indent_of(token) {
+                        suspect = suspect.or(Some(closed));
+                    }
+                }
+                _ => {}
+            }
+        }
+        let innermost = open.pop()?;
+        if matches!(self.text(innermost), "(" | "[" | "{") {
+            return None;
+        }
+        let inner = suspect.filter(|suspect| suspect.span.start > innermost.span.start);
+        Some(inner.unwrap_or(innermost))
+    }
+
+    /// Returns the keyword at the beginning of the statement whose block this token opens: `if` for
+    /// `then`, `while` or `for` for `do`.
+    fn head<'a>(&'a self, opened: &'a Token) -> &'a Token {
+        let heads: &[&str] = match self.text(opened) {
+            "then" => &["if", "elseif"],
+            "do" => &["while", "for"],
+            _ => return opened,
+        };
+        let before = self.tokens.iter().rev();
+        let mut before = before.skip_while(|token| token.span.start >= opened.span.start);
+        let found = before.find(|token| {
+            let text = self.text(token);
+            heads.contains(&text) || matches!(text, "do" | "end" | "then" | "else" | "repeat")
+        });
+        found
+            .filter(|token| heads.contains(&self.text(token)))
+            .unwrap_or(opened)
+    }
+
+    /// Returns the first line after the beginning of a block that is no further indented than that;
+    /// `None` if there is none, or if the block is not indented.
+    fn first_line_outside(&self, head: &Token) -> Option<usize> {
+        let (begins, indent) = (self.line_of(head), self.indent_of(head));
+        let mut starts = self.tokens.iter().enumerate().filter(|(index, token)| {
+            let line = self.line_of(token);
+            let before = index
+                .checked_sub(1)
+                .map(|at| self.line_of(&self.tokens[at]));
+            line > begins && before < Some(line) && token.kind != TokenKind::End
+        });
+        let (_, body) = starts.next()?;
+        if self.indent_of(body) <= indent {
+            return None;
+        }
+        let is_outside = |token: &Token| {
+            let goes_on = matches!(self.text(token), "else" | "elseif");
+            self.indent_of(token) <= indent && !goes_on
+        };
+        let (_, outside) = starts.find(|(_, token)| is_outside(token))?;
+        Some(self.line_of(outside))
+    }
+
+    /// The width of the indentation of a token's line, in bytes.
+    fn indent_of(&self, token: &Token) -> usize {
+        let start = self.line_start(self.line_of(token));
+        let rest = self.source.get(start..).unwrap_or_default();
+        rest.len() - rest.trim_start().len()
+    }
+
+    fn line_start(&self, line: usize) -> usize {
+        let end_before = line.checked_sub(2).and_then(|at| self.ends.get(at));
+        end_before.map_or(0, |end| end + 1)
+    }
+
+    /// Whether the token of this index opens a block that needs an `end` or `until`.
+    fn opens_block(&self, index: usize) -> bool {
+        match self.text(&self.tokens[index]) {
+            "function" | "do" | "repeat" => true,
+            "if" => self.begins_statement(index),
+            _ => false,
+        }
+    }
+
+    /// Whether the token of this index begins a statement: an `if` elsewhere is an expression,
+    /// which has no `end`.
+    fn begins_statement(&self, index: usize) -> bool {
+        let Some(before) = index.checked_sub(1).map(|at| &self.tokens[at]) else {
+            return true;
+        };
+        match before.kind {
+            TokenKind::Name | TokenKind::Number | TokenKind::Text | TokenKind::PieceLast => true,
+            _ => matches!(
+                self.text(before),
+                "then"
+                    | "else"
+                    | "do"
+                    | "repeat"
+                    | "end"
+                    | "break"
+                    | "nil"
+                    | "true"
+                    | "false"
+                    | "..."
+                    | ")"
+                    | "]"
+                    | "}"
+                    | ";"
+            ),
+        }
+    }
+}
+
+/// Returns the number that follows these words.
+fn number_after(text: &str, words: &str) -> Option<usize> {
+    let (_, rest) = text.split_once(words)?;
+    let end = rest.find(|c: char| !c.is_ascii_digit());
+    rest[..end.unwrap_or(rest.len())].parse().ok()
+}
