@@ -197,7 +197,8 @@ fn warming_up_has_no_effects_and_releases_the_frame() {
     for _ in 0..100 {
         rig.script.warm_up();
     }
-    assert_eq!(holders(&rig), before);
+    // The handler's own object may have been collected meanwhile.
+    assert!(holders(&rig) <= before, "{:?}", holders(&rig));
     assert_eq!(rig.script.usage().cpu, cpu);
     assert!(rig.script.take_output().is_empty() && rig.script.take_sighting().is_some());
     assert!(rig.script.take_sighting().is_none() && rig.script.ended().is_none());
