@@ -1,3 +1,4 @@
+use super::watcher::pause_until_next_check;
 use super::*;
 
 #[test]
