@@ -78,6 +78,19 @@ impl SettingsArgs {
         Ok(&self.load()?.config)
     }
 
+    /// The same settings or, if they cannot be used, the defaults with a warning: for a stop, which a
+    /// mistake in a file must not prevent.
+    pub(super) fn or_defaults(&self) -> SettingsArgs {
+        let Err(failure) = self.load() else {
+            return self.clone();
+        };
+        tracing::warn!("{failure}; the default settings are used");
+        SettingsArgs {
+            config: None,
+            read: OnceCell::from(Arc::new(Ok(Effective::default()))),
+        }
+    }
+
     /// The file from which the settings were read, whether it was named or found.
     pub(super) fn file(&self) -> Option<&Path> {
         let effective = self.load().ok()?;

@@ -160,6 +160,26 @@ async fn stop_stops_what_a_run_drives_and_ends_the_run() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_config_that_cannot_be_used_does_not_prevent_a_stop() {
+    let rig = Rig::quiet().await;
+    let mut run = running(&rig, DRIVE).await;
+    let moving = rig.heard_motion(0).await;
+    rig.file("spykee.yaml", "watchdog: { lo: 25 }\n");
+    let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
+    let told = text.contains("unknown key") && text.contains("has acknowledged it");
+    assert_eq!((code, told), (Some(0), true), "{text}");
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+    let stopped = rig.heard_stop(moving).await;
+    let stop = ["robot", "stop", "--robot", &rig.address];
+    let (code, text) = run_spykee(&rig, &stop).await;
+    assert_eq!(code, Some(0), "{text}");
+    rig.heard_stop(stopped + 1).await;
+    let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
+    let told = text.contains("unknown key") && text.contains("--robot");
+    assert_eq!((code, told), (Some(2), true), "{text}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn stop_overrides_the_watchdogs_search_and_reports_the_low_battery() {
     let rig = Rig::quiet().await;
     rig.sim.hide_station(true);

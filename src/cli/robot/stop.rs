@@ -30,6 +30,9 @@ const PAUSE: Duration = Duration::from_millis(200);
 /// While any other program is connected, the robot refuses further logins: that program must stop
 /// it. With --url the service continues, and the robot stays stopped until a person releases it at
 /// the page.
+///
+/// If the config cannot be used, the defaults are: then name the robot with --robot, unless a run
+/// uses it.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot stop --robot 172.17.6.1")]
 pub(super) struct StopArgs {
@@ -42,6 +45,8 @@ pub(super) struct StopArgs {
 }
 
 pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
+    let mut args = args.clone();
+    args.aim.alone.settings = args.aim.settings.or_defaults();
     let running = args.aim.find_run()?;
     if let Some(run) = running.as_ref().filter(|run| run.is_remote()) {
         return stop_through_service(run);

@@ -193,6 +193,7 @@ fn warming_up_has_no_effects_and_releases_the_frame() {
         let state = rig.script.state.borrow();
         state.frames.newest.as_ref().map(Rc::strong_count)
     };
+    rig.script.take_sighting();
     let (before, cpu) = (holders(&rig), rig.script.usage().cpu);
     for _ in 0..100 {
         rig.script.warm_up();
@@ -200,7 +201,7 @@ fn warming_up_has_no_effects_and_releases_the_frame() {
     // The handler's own object may have been collected meanwhile.
     assert!(holders(&rig) <= before, "{:?}", holders(&rig));
     assert_eq!(rig.script.usage().cpu, cpu);
-    assert!(rig.script.take_output().is_empty() && rig.script.take_sighting().is_some());
+    assert!(rig.script.take_output().is_empty());
     assert!(rig.script.take_sighting().is_none() && rig.script.ended().is_none());
     show(&mut rig, 2, &jpeg);
     assert_eq!(rig.texts(), ["1 1", "2 1"]);
