@@ -39,10 +39,10 @@ pub fn examine(text: &str) -> Result<(), Refused> {
 
 /// Replaces the names of types in a parser's message, and adds what to do about an error of syntax.
 pub fn in_plain_words(message: &str) -> String {
-    let mut message = message.replace(
-        "invalid socket address syntax",
-        "expected IP:PORT, such as 127.0.0.1:7788",
-    );
+    let address = "expected IP:PORT, such as 127.0.0.1:7788";
+    let mut message = message
+        .replace("invalid socket address syntax", address)
+        .replace("expected socket address", address);
     if let Some((before, expected)) = message.rsplit_once("expected ")
         && let Some((plain, rest)) = plain_type(expected)
     {
@@ -179,6 +179,10 @@ mod tests {
             (
                 "invalid type: string \"expected u8\", expected u64",
                 "invalid type: string \"expected u8\", expected a whole number from 0",
+            ),
+            (
+                "invalid type: integer `7788`, expected socket address",
+                "invalid type: integer `7788`, expected IP:PORT, such as 127.0.0.1:7788",
             ),
             ("expected a string", "expected a string"),
             ("expected u640", "expected u640"),

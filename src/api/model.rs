@@ -273,6 +273,13 @@ impl Value {
     }
 }
 
+impl Type {
+    /// Whether this is a function whose result the caller uses.
+    pub fn wants_result(&self) -> bool {
+        matches!(self, Type::Function(luau) if luau.ends_with(" boolean") || luau.ends_with(" any"))
+    }
+}
+
 impl std::fmt::Display for Literal {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {

@@ -11,8 +11,9 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// How long before a frame is due its host prepares: longer than the analysis takes, but not so
-/// long that the processor sleeps deeply again before the frame arrives.
+/// How long before a frame is due its host prepares, at least: not so long that the processor sleeps
+/// deeply again before the frame arrives. On a slow computer it is twice as long as the last
+/// preparation took: a frame must not wait for it.
 const LEAD: Duration = Duration::from_millis(3);
 /// At this period and below, the caches stay warm and no preparation is needed.
 const SHORTEST: Duration = Duration::from_millis(16);
@@ -23,6 +24,8 @@ pub(super) struct Cadence {
     last: Option<Instant>,
     period: Option<Duration>,
     prepare_at: Option<Instant>,
+    /// How long the last preparation took.
+    took: Duration,
 }
 
 impl Cadence {
@@ -35,10 +38,21 @@ impl Cadence {
             (Some(before), Some(period))
                 if period > SHORTEST && before.abs_diff(period) * 4 < period =>
             {
-                Some(at + period - LEAD)
+                self.lead(period).map(|lead| at + period - lead)
             }
             _ => None,
         };
+    }
+
+    /// How long before a frame to prepare for it; `None` if that takes too much of the period.
+    fn lead(&mut self, period: Duration) -> Option<Duration> {
+        let lead = LEAD.max(self.took.saturating_mul(2));
+        let is_short = lead < period / 2;
+        if !is_short {
+            // Tried again after some frames: the computer may have been busy.
+            self.took /= 2;
+        }
+        is_short.then_some(lead)
     }
 
     /// When to prepare for the next frame; `None` if its time is unknown.
@@ -46,9 +60,15 @@ impl Cadence {
         self.prepare_at
     }
 
-    /// Cancels the preparation: it is done, or the frame is already arriving.
+    /// Cancels the preparation: the frame is already arriving.
     pub(super) fn cancel_preparation(&mut self) {
         self.prepare_at = None;
+    }
+
+    /// The preparation is done and took this long.
+    pub(super) fn record_preparation(&mut self, took: Duration) {
+        self.prepare_at = None;
+        self.took = took;
     }
 }
 
@@ -68,6 +88,28 @@ mod tests {
         assert_eq!(cadence.prepare_at(), Some(begin + 3 * PERIOD - LEAD));
         cadence.cancel_preparation();
         assert_eq!(cadence.prepare_at(), None);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_slow_preparation_begins_earlier_and_a_very_slow_one_is_left_out_for_some_frames() {
+        let (mut cadence, begin) = (Cadence::default(), Instant::now());
+        cadence.record_arrival(begin);
+        cadence.record_arrival(begin + PERIOD);
+        for (count, took, lead) in [
+            (2_u32, Some(1), Some(3)),
+            (3, Some(10), Some(20)),
+            (4, Some(40), None),
+            (5, None, None),
+            (6, None, Some(20)),
+        ] {
+            if let Some(took) = took {
+                cadence.record_preparation(Duration::from_millis(took));
+            }
+            cadence.record_arrival(begin + count * PERIOD);
+            let due = begin + (count + 1) * PERIOD;
+            let lead = lead.map(Duration::from_millis);
+            assert_eq!(cadence.prepare_at(), lead.map(|lead| due - lead), "{count}");
+        }
     }
 
     #[tokio::test(start_paused = true)]

@@ -233,8 +233,9 @@ impl Host {
                 () = until(self.script.next_deadline()) => {}
                 () = until(writes_at) => {}
                 () = until(self.cadence.prepare_at()), if self.time == Time::Real => {
-                    self.cadence.cancel_preparation();
+                    let began = Instant::now();
                     self.script.warm_up();
+                    self.cadence.record_preparation(began.elapsed());
                     // Warms up the driving core, too.
                     self.outbox.send(&FromHost::Alive).await?;
                     continue;

@@ -7,15 +7,23 @@ use super::tree::{Expr, ExprKind};
 const LONGEST: usize = 80;
 
 /// Returns the help for an argument that must be a function but is a call; `None` for any other
-/// argument. Writes out the whole call around it, if that is given.
-pub(super) fn help(source: &str, argument: &Expr, whole: Option<Span>) -> Option<String> {
-    let called = match &argument.bare().kind {
+/// argument. Writes out the whole call around it, if that is given; `wants_result` says that the
+/// function must return something.
+pub(super) fn help(
+    source: &str,
+    argument: &Expr,
+    whole: Option<Span>,
+    wants_result: bool,
+) -> Option<String> {
+    let call = argument.bare();
+    let called = match &call.kind {
         ExprKind::Call(callee, given) if given.is_empty() => callee.span.of(source),
         ExprKind::Call(..) | ExprKind::Method(..) => {
-            let text = argument.span.of(source);
+            let text = call.span.of(source);
             let text = if is_short(text) { text } else { "..." };
+            let result = if wants_result { "return " } else { "" };
             return Some(format!(
-                "to call it later, pass a function: function() {text} end"
+                "to call it later, pass a function: function() {result}{text} end"
             ));
         }
         _ => return None,
@@ -106,6 +114,18 @@ mod tests {
             (
                 format!("{module}bt.retry(2, yes())"),
                 "to be called later: bt.retry(2, yes)",
+            ),
+            (
+                format!("{module}bt.sequence(yes, yes(1))"),
+                "pass a function: function() return yes(1) end",
+            ),
+            (
+                format!("{module}bt.retry(2, (yes(1)))"),
+                "pass a function: function() return yes(1) end",
+            ),
+            (
+                format!("{module}bt.guard(yes(), yes)"),
+                "to be called later: bt.guard(yes, yes)",
             ),
         ] {
             let text = failure_with(&format!("{WAKE}{line}"), explain);

@@ -10,7 +10,7 @@ use serde_yaml::Value;
 
 use super::place::{self, Step};
 use super::variables::{FILE_VARIABLE, Variables, variable_of};
-use super::{Config, ConfigError};
+use super::{Config, ConfigError, in_words};
 
 /// The config that is read if it is in the current folder and no other is named.
 const DEFAULT_FILE: &str = "spykee.yaml";
@@ -250,7 +250,7 @@ fn overridden(
             Err(_) => {}
         }
     }
-    Err(invalid(&format!("${variable}"), &refusal))
+    Err(invalid(&format!("${variable}"), &in_words(&refusal)))
 }
 
 fn value_at<'a>(tree: &'a mut Value, key: &str) -> Option<&'a mut Value> {
@@ -313,12 +313,14 @@ mod tests {
             ("SPYKEE_CALIBRATION_FULL_SPEED", "fast"),
             ("SPYKEE_ROBOT", "http://x"),
             ("SPYKEE_LOGGING_LEVEL", "loud"),
+            ("SPYKEE_LIVE_VIEWERS", "many"),
+            ("SPYKEE_LIVE_LISTEN", "7788"),
+            ("SPYKEE_LIVE_LISTEN", "localhost"),
         ] {
             let text = load("", &[(variable, value)]).unwrap_err().to_string();
-            assert!(
-                text.contains(variable) && text.contains("expected"),
-                "{text}"
-            );
+            let told = text.contains(variable) && text.contains("expected");
+            let technical = text.contains("u64") || text.contains("socket address");
+            assert!(told && !technical, "{text}");
         }
         let text = load("", &[("SPYKEE_WATCHDOG_LOW", "90")]).unwrap_err();
         assert!(text.to_string().contains("must rise"), "{text}");

@@ -41,8 +41,10 @@ impl FromStr for ServiceUrl {
         let parsed: Uri = url.parse().map_err(|_| wrong())?;
         let known = matches!(parsed.scheme_str(), Some("http" | "https"));
         let host = parsed.host().is_some_and(|host| !host.is_empty());
+        let port = parsed.port_u16().is_some_and(|port| port > 0);
+        let bare = parsed.authority().map(|one| one.as_str()) == parsed.host();
         let plain = parsed.path() == "/" && parsed.query().is_none();
-        if !(known && host && plain) || url.contains('@') {
+        if !(known && host && plain && (port || bare)) || url.contains(['@', '#']) {
             return Err(wrong());
         }
         Ok(ServiceUrl(url.to_owned()))
@@ -89,6 +91,8 @@ mod tests {
         for (written, url) in [
             ("http://10.0.0.7:7788/", "http://10.0.0.7:7788"),
             ("https://robot.example", "https://robot.example"),
+            ("http://[::1]:7788", "http://[::1]:7788"),
+            ("http://[::1]", "http://[::1]"),
         ] {
             let remote: Remote = serde_yaml::from_str(&format!("url: {written}\n")).unwrap();
             assert_eq!(remote.url.unwrap().to_string(), url);
@@ -101,6 +105,10 @@ mod tests {
             "http://",
             "http://host/path",
             "http://host?x=1",
+            "'http://host:7788/#x'",
+            "'http://host:'",
+            "http://host:0",
+            "http://host:77880",
             "http://user:word@host",
         ] {
             let read = serde_yaml::from_str::<Remote>(&format!("token_file: a\nurl: {wrong}\n"));

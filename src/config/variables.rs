@@ -2,7 +2,7 @@
 //! key of a config is: a misspelt limit must not be ignored.
 
 use std::collections::BTreeMap;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 
 use super::{Config, ConfigError};
 use crate::{notify, script};
@@ -67,9 +67,12 @@ impl Variables {
     /// # Errors
     /// The first such variable, and the nearest known name.
     pub(super) fn check_rest(&self, config: &Config) -> Result<(), ConfigError> {
-        let mut names = self.rest.keys();
-        match names.find(|name| !is_read_elsewhere(name, config)) {
-            Some(name) => Err(self.unknown(name)),
+        let mut rest = self.rest.iter();
+        let unknown = rest.find(|(name, value)| {
+            !is_read_elsewhere(name, config) && !is_of_kubernetes(name, value)
+        });
+        match unknown {
+            Some((name, _)) => Err(self.unknown(name)),
             None => Ok(()),
         }
     }
@@ -106,6 +109,20 @@ fn is_read_elsewhere(name: &str, config: &Config) -> bool {
             .iter()
             .any(|prefix| name.starts_with(prefix))
         || targets.any(|target| target.token_env.as_deref() == Some(name))
+}
+
+/// Whether this is one of the variables that Kubernetes sets in each container beside a service
+/// named `spykee`, such as `SPYKEE_SERVICE_HOST` and `SPYKEE_PORT_7788_TCP`.
+fn is_of_kubernetes(name: &str, value: &OsStr) -> bool {
+    let (name, value) = (bare(name), value.to_string_lossy());
+    let of_service = name.ends_with("SERVICE_HOST") || name.contains("SERVICE_PORT");
+    let mut protocols = ["TCP", "UDP", "SCTP"].into_iter();
+    let of_port = protocols.any(|protocol| {
+        let is_part = name.contains("PORT_") && name.contains(&format!("_{protocol}"));
+        let url = format!("{}://", protocol.to_lowercase());
+        is_part || name.ends_with("PORT") && value.starts_with(&url)
+    });
+    of_service || of_port
 }
 
 fn invalid(name: &str, reason: String) -> ConfigError {
@@ -172,6 +189,17 @@ mod tests {
             assert_eq!(refusal(name, "25".into(), ""), None);
         }
         assert_eq!(refusal("SPYKEE_WATCHDOG_LO", OsString::new(), ""), None);
+        for (name, value) in [
+            ("SPYKEE_SERVICE_HOST", "10.96.0.7"),
+            ("SPYKEE_SERVICE_PORT", "7788"),
+            ("SPYKEE_SERVICE_PORT_HTTP", "7788"),
+            ("SPYKEE_PORT", "tcp://10.96.0.7:7788"),
+            ("SPYKEE_PORT_7788_TCP", "tcp://10.96.0.7:7788"),
+            ("SPYKEE_PORT_7788_TCP_ADDR", "10.96.0.7"),
+        ] {
+            assert_eq!(refusal(name, value.into(), ""), None, "{name}");
+        }
+        assert!(refusal("SPYKEE_PORT", "7788".into(), "").is_some());
         let token = "notify: { targets: { phone: { url: 'https://a/{token}', \
                      token_env: SPYKEE_TOKEN } } }";
         assert_eq!(refusal("SPYKEE_TOKEN", "x".into(), token), None);

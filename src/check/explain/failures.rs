@@ -5,7 +5,7 @@ use super::super::passing;
 use super::super::tree::{Expr, ExprKind, StatementKind};
 use super::reasons::a;
 use super::{Diagnosis, ErrorSite};
-use crate::api::{self, Function, Type};
+use crate::api::{self, Function, Type, Value};
 
 impl<'a> ErrorSite<'a> {
     pub(super) fn index(&self, what: &str, key: &str) -> Option<Diagnosis> {
@@ -322,13 +322,15 @@ impl<'a> ErrorSite<'a> {
         });
         let counted = function_argument(function, rest);
         let argument = named.or(counted).and_then(|at| arguments.get(at));
-        let wants_function = named.is_some_and(|at| {
-            let kind = function.parameters.get(at).map(|parameter| parameter.kind);
-            matches!(kind, Some(Type::Function(_) | Type::Handler))
-        });
+        let kind = named.and_then(|at| function.parameters.get(at));
+        let kind = kind.map(|parameter| parameter.kind);
+        let wants_function = matches!(kind, Some(Type::Function(_) | Type::Handler));
+        let wants_result = counted.is_some() || kind.is_some_and(|kind| kind.wants_result());
         let passed = argument
             .filter(|_| wants_function || counted.is_some())
-            .and_then(|argument| passing::help(self.source, argument, Some(whole.span)));
+            .and_then(|argument| {
+                passing::help(self.source, argument, Some(whole.span), wants_result)
+            });
         let help = passed.unwrap_or_else(|| match argument {
             Some(argument) if rest.ends_with("got nothing") || rest.contains("is missing") => {
                 self.why(argument, "nil")
@@ -347,9 +349,13 @@ impl<'a> ErrorSite<'a> {
 /// Returns the index of the argument that is no function, if the error names it by its number or as
 /// a node of a behaviour tree.
 fn function_argument(function: &Function, words: &str) -> Option<usize> {
+    let mut parameters = function.parameters.iter();
+    let is_function = |parameter: &Value| matches!(parameter.kind, Type::Function(_));
+    if words.starts_with("the condition: a node must be a function") {
+        return parameters.position(is_function);
+    }
     if words.starts_with("a node must be a function") {
-        let mut parameters = function.parameters.iter();
-        return parameters.rposition(|parameter| matches!(parameter.kind, Type::Function(_)));
+        return parameters.rposition(is_function);
     }
     let (number, _) = words
         .strip_prefix("argument ")?

@@ -64,19 +64,19 @@ impl ErrorSite<'_> {
     /// closed; `None` if the file has as many ends as blocks. Prefers a block whose `end` is
     /// indented less than its beginning: that `end` was meant for an outer block.
     pub(super) fn open_block(&self, position: usize) -> Option<&Token> {
-        let places = 0..self.tokens.len();
-        let opened = places.clone().filter(|at| self.opens_block(*at)).count();
-        let is_end = |at: &usize| matches!(self.text(&self.tokens[*at]), "end" | "until");
-        if opened <= places.filter(is_end).count() {
+        let opens = self.opens_blocks();
+        let opened = opens.iter().filter(|opens| **opens).count();
+        let ends = self.tokens.iter().filter(|token| self.is_end(token));
+        if opened <= ends.count() {
             return None;
         }
         let mut open: Vec<&Token> = Vec::new();
         let mut suspect: Option<&Token> = None;
-        let before = self.tokens.iter().enumerate();
-        for (index, token) in before.take_while(|(_, token)| token.span.start < position) {
+        let before = self.tokens.iter().zip(opens);
+        for (token, opens) in before.take_while(|(token, _)| token.span.start < position) {
             match self.text(token) {
                 "(" | "[" | "{" => open.push(token),
-                _ if self.opens_block(index) => open.push(token),
+                _ if opens => open.push(token),
                 ")" | "]" | "}" => {
                     open.pop()?;
                 }
@@ -151,13 +151,41 @@ impl ErrorSite<'_> {
         end_before.map_or(0, |end| end + 1)
     }
 
-    /// Whether the token of this index opens a block that needs an `end` or `until`.
-    fn opens_block(&self, index: usize) -> bool {
-        match self.text(&self.tokens[index]) {
-            "function" | "do" | "repeat" => true,
-            "if" => self.begins_statement(index),
-            _ => false,
-        }
+    fn is_end(&self, token: &Token) -> bool {
+        matches!(self.text(token), "end" | "until")
+    }
+
+    /// Returns for each token whether it opens a block that needs an `end` or `until`.
+    fn opens_blocks(&self) -> Vec<bool> {
+        // The blocks, and the ifs in expressions (false), that are open.
+        let mut open: Vec<bool> = Vec::new();
+        let mut after_else = true;
+        let classify = |(index, token): (usize, &Token)| {
+            let opens = match self.text(token) {
+                "function" | "do" | "repeat" => true,
+                // Within an `if` that is an expression, another one is too.
+                "if" => match index.checked_sub(1).map(|at| self.text(&self.tokens[at])) {
+                    Some("then") => open.last().copied().unwrap_or(true),
+                    Some("else") => after_else,
+                    _ => self.begins_statement(index),
+                },
+                "else" => {
+                    after_else = open.last().copied().unwrap_or(true);
+                    if !after_else {
+                        open.pop();
+                    }
+                    return false;
+                }
+                _ if self.is_end(token) => {
+                    while open.pop() == Some(false) {}
+                    return false;
+                }
+                _ => return false,
+            };
+            open.push(opens);
+            opens
+        };
+        self.tokens.iter().enumerate().map(classify).collect()
     }
 
     /// Whether the token of this index begins a statement: an `if` elsewhere is an expression,
@@ -170,10 +198,7 @@ impl ErrorSite<'_> {
             TokenKind::Name | TokenKind::Number | TokenKind::Text | TokenKind::PieceLast => true,
             _ => matches!(
                 self.text(before),
-                "then"
-                    | "else"
-                    | "do"
-                    | "repeat"
+                "do" | "repeat"
                     | "end"
                     | "break"
                     | "nil"

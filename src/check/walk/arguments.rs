@@ -98,7 +98,7 @@ impl<'a> Walk<'a> {
         if let (true, Some(path)) = (function, self.answered_by(argument)) {
             let what = value.label();
             let message = format!("{call}: {what} must be a function, got the result of {path}");
-            let help = passing::help(self.text.1, argument, whole);
+            let help = passing::help(self.text.1, argument, whole, value.kind.wants_result());
             self.error(argument.span, message).help = help;
             return;
         }
@@ -109,7 +109,8 @@ impl<'a> Walk<'a> {
                     value.label(),
                     value.kind.describe()
                 );
-                let help = passing::help(self.text.1, argument, whole).filter(|_| function);
+                let help = passing::help(self.text.1, argument, whole, value.kind.wants_result())
+                    .filter(|_| function);
                 self.error(argument.span, message).help = help;
             }
             return;
