@@ -78,16 +78,25 @@ impl SettingsArgs {
         Ok(&self.load()?.config)
     }
 
-    /// The same settings or, if they cannot be used, the defaults with a warning: for a stop, which a
-    /// mistake in a file must not prevent.
+    /// The same settings or, if they cannot be used, those of the file alone, or else the defaults,
+    /// with a warning: for a stop, which a mistake in the settings must not prevent.
     pub(super) fn or_defaults(&self) -> SettingsArgs {
         let Err(failure) = self.load() else {
             return self.clone();
         };
-        tracing::warn!("{failure}; the default settings are used");
+        let settings = match Effective::load_file(self.config.as_deref()) {
+            Ok(settings) => {
+                tracing::warn!("{failure}; only the settings of the file are used");
+                settings
+            }
+            Err(_) => {
+                tracing::warn!("{failure}; the default settings are used");
+                Effective::default()
+            }
+        };
         SettingsArgs {
             config: None,
-            read: OnceCell::from(Arc::new(Ok(Effective::default()))),
+            read: OnceCell::from(Arc::new(Ok(settings))),
         }
     }
 

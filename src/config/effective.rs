@@ -87,6 +87,15 @@ impl Effective {
         Effective::of(named, Path::new(DEFAULT_FILE), std::env::vars_os())
     }
 
+    /// Loads the settings from the same file as [`Effective::load`], but from no variables.
+    ///
+    /// # Errors
+    /// See [`ConfigError`].
+    pub fn load_file(named: Option<&Path>) -> Result<Effective, ConfigError> {
+        let path = Effective::path(named);
+        Effective::of(Some(&path), &path, [])
+    }
+
     /// The file that [`Effective::load`] looks for, even if it is missing.
     pub fn path(named: Option<&Path>) -> PathBuf {
         let of_variable = || std::env::var_os(FILE_VARIABLE).filter(|name| !name.is_empty());

@@ -177,6 +177,12 @@ async fn a_config_that_cannot_be_used_does_not_prevent_a_stop() {
     let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
     let told = text.contains("unknown key") && text.contains("--robot");
     assert_eq!((code, told), (Some(2), true), "{text}");
+
+    rig.file("spykee.yaml", &format!("robot: {}\n", rig.address));
+    let mut stop = rig.spykee_with(&["robot", "stop"], &[("SPYKEE_WATCHDOG_LO", "25")]);
+    let code = stop.code().await;
+    let told = stop.text().contains("did you mean SPYKEE_WATCHDOG_LOW?");
+    assert_eq!((code, told), (Some(0), true), "{}", stop.text());
 }
 
 #[tokio::test(flavor = "multi_thread")]

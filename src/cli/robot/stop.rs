@@ -31,8 +31,8 @@ const PAUSE: Duration = Duration::from_millis(200);
 /// it. With --url the service continues, and the robot stays stopped until a person releases it at
 /// the page.
 ///
-/// If the config cannot be used, the defaults are: then name the robot with --robot, unless a run
-/// uses it.
+/// Settings that cannot be used do not prevent a stop: those of the config file alone are used, or
+/// else the defaults. Then name the robot with --robot, unless a run uses it.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Example: spykee robot stop --robot 172.17.6.1")]
 pub(super) struct StopArgs {
