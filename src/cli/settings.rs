@@ -84,16 +84,12 @@ impl SettingsArgs {
         let Err(failure) = self.load() else {
             return self.clone();
         };
-        let settings = match Effective::load_file(self.config.as_deref()) {
-            Ok(settings) => {
-                tracing::warn!("{failure}; only the settings of the file are used");
-                settings
-            }
-            Err(_) => {
-                tracing::warn!("{failure}; the default settings are used");
-                Effective::default()
-            }
+        let settings = Effective::load_file(self.config.as_deref()).unwrap_or_default();
+        let used = match settings.file {
+            Some(_) => "only the settings of the file",
+            None => "the default settings",
         };
+        tracing::warn!("{failure}; {used} are used");
         SettingsArgs {
             config: None,
             read: OnceCell::from(Arc::new(Ok(settings))),

@@ -5,17 +5,14 @@ use std::time::Duration;
 use super::argument::ArgumentError;
 use crate::clock::Span;
 
-/// The maximum in seconds: a year, as that of a [`Span`].
-const LONGEST: f64 = 366.0 * 86_400.0;
-
 /// Parses a duration. Unlike a [`Span`] it can have a fraction of a second.
 ///
 /// # Errors
 /// Neither a number of seconds nor a duration with units; longer than a year.
 pub(super) fn parse(text: &str) -> Result<Duration, ArgumentError> {
     let seconds: Option<f64> = text.parse().ok();
-    let seconds = seconds.filter(|seconds| (0.0..=LONGEST).contains(seconds));
-    match seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok()) {
+    let duration = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    match duration.filter(|duration| *duration <= Span::MAX.get()) {
         Some(duration) => Ok(duration),
         None => Ok(text.parse::<Span>()?.get()),
     }

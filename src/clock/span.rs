@@ -30,6 +30,9 @@ impl Span {
         Span(seconds.min(LONGEST))
     }
 
+    /// The maximum: a year.
+    pub const MAX: Span = Span(LONGEST);
+
     /// `None` above a year.
     fn of_seconds(seconds: u64) -> Option<Span> {
         (seconds <= LONGEST).then_some(Span(seconds))

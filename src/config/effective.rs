@@ -87,13 +87,13 @@ impl Effective {
         Effective::of(named, Path::new(DEFAULT_FILE), std::env::vars_os())
     }
 
-    /// Loads the settings from the same file as [`Effective::load`], but from no variables.
+    /// Loads the settings from the same file as [`Effective::load`], but not from variables.
     ///
     /// # Errors
     /// See [`ConfigError`].
     pub fn load_file(named: Option<&Path>) -> Result<Effective, ConfigError> {
-        let path = Effective::path(named);
-        Effective::of(Some(&path), &path, [])
+        let environment = std::env::vars_os().filter(|(name, _)| name == FILE_VARIABLE);
+        Effective::of(named, Path::new(DEFAULT_FILE), environment)
     }
 
     /// The file that [`Effective::load`] looks for, even if it is missing.

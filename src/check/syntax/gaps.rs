@@ -197,7 +197,7 @@ impl ErrorSite<'_> {
             .iter()
             .rfind(|token| token.span.end <= failed_at.start && token.kind != TokenKind::End)?;
         let found = failed_at.of(self.source);
-        if matches!(failed_at.of(self.source), ")" | "]" | "}")
+        if matches!(found, ")" | "]" | "}")
             && let Some(open) = self.open_block(failed_at.start)
         {
             return Some(self.without_end(open, self.line_at(failed_at.start)));

@@ -94,12 +94,13 @@ impl<'a> Walk<'a> {
         whole: Option<Span>,
     ) {
         let kind = self.kinds.kind_of(argument);
+        let source = self.text.1;
+        let help = || passing::help(source, argument, whole, value.kind.wants_result());
         let function = matches!(value.kind, Type::Function(_) | Type::Handler);
         if let (true, Some(path)) = (function, self.answered_by(argument)) {
             let what = value.label();
             let message = format!("{call}: {what} must be a function, got the result of {path}");
-            let help = passing::help(self.text.1, argument, whole, value.kind.wants_result());
-            self.error(argument.span, message).help = help;
+            self.error(argument.span, message).help = help();
             return;
         }
         if matches!(kind, ValueKind::Nothing) {
@@ -109,9 +110,7 @@ impl<'a> Walk<'a> {
                     value.label(),
                     value.kind.describe()
                 );
-                let help = passing::help(self.text.1, argument, whole, value.kind.wants_result())
-                    .filter(|_| function);
-                self.error(argument.span, message).help = help;
+                self.error(argument.span, message).help = if function { help() } else { None };
             }
             return;
         }
