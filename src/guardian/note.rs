@@ -73,7 +73,13 @@ impl Note {
         let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
         let mut ancillary = RecvAncillaryBuffer::new(&mut space);
         let flags = RecvFlags::DONTWAIT | RecvFlags::CMSG_CLOEXEC;
-        let received = recvmsg(from, &mut [IoSliceMut::new(buffer)], &mut ancillary, flags);
+        let mut receive = || recvmsg(&from, &mut [IoSliceMut::new(buffer)], &mut ancillary, flags);
+        let mut received = receive();
+        // The sender ended without having read all answers. The kernel reports that once, before
+        // the notes that it left.
+        if matches!(received, Err(Errno::CONNRESET)) {
+            received = receive();
+        }
         let count = match received {
             Ok(message) if message.bytes == 0 => return Ok(Received::End),
             Ok(message) => message.bytes,
@@ -97,15 +103,33 @@ mod tests {
     use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
     use std::io::{Read, Write};
 
+    fn pair() -> (OwnedFd, OwnedFd) {
+        let flags = SocketFlags::CLOEXEC;
+        socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None).unwrap()
+    }
+
+    /// The kernel reports the end of such a sender before the notes that it left.
+    #[test]
+    fn notes_are_received_after_the_end_of_a_sender_that_has_not_read_its_answers() {
+        let (ours, theirs) = pair();
+        let words = LastWordsData {
+            rest: vec![],
+            last: vec![1, 2, 3],
+        };
+        let note = Note::LastWords(words);
+        Note::Beat.send(&theirs, None).unwrap();
+        note.send(&ours, None).unwrap();
+        drop(ours);
+        let mut buffer = vec![0; MAX_NOTE_LEN];
+        let received = Note::receive(&theirs, &mut buffer).unwrap();
+        assert!(matches!(received, Received::Note(received, None) if received == note));
+        let end = Note::receive(&theirs, &mut buffer).unwrap();
+        assert!(matches!(end, Received::End));
+    }
+
     #[test]
     fn a_socket_is_received_with_its_note() {
-        let (ours, theirs) = socketpair(
-            AddressFamily::UNIX,
-            SocketType::SEQPACKET,
-            SocketFlags::CLOEXEC,
-            None,
-        )
-        .unwrap();
+        let (ours, theirs) = pair();
         let (mut near, far) = std::os::unix::net::UnixStream::pair().unwrap();
         let words = LastWordsData {
             rest: vec![1],

@@ -41,7 +41,15 @@ pub fn guardian_main() -> ExitCode {
     // In its own session no terminal signals reach it. Fails only for the leader of a process
     // group.
     let _ = rustix::process::setsid();
-    match outlive_signals().and_then(|_outlived| serve(&rustix::stdio::stdin())) {
+    let (mut guard, mut robot) = (Guard::default(), None);
+    let served = outlive_signals()
+        .and_then(|_outlived| serve(&rustix::stdio::stdin(), &mut guard, &mut robot));
+    // After an error, too: nobody else would stop the robot.
+    if let (Some(robot), Some(pending)) = (&robot, guard.end()) {
+        write(robot, &pending.bytes);
+        linger(robot);
+    }
+    match served {
         Ok(()) => ExitCode::SUCCESS,
         Err(_) => ExitCode::FAILURE,
     }
@@ -77,8 +85,8 @@ fn outlive_signals() -> io::Result<(tokio::runtime::Runtime, Vec<Signal>)> {
     Ok((runtime, signals))
 }
 
-fn serve(notes: &impl AsFd) -> io::Result<()> {
-    let (mut guard, mut robot) = (Guard::default(), None::<OwnedFd>);
+/// Serves the agent until its end, or until nothing can be received any more.
+fn serve(notes: &impl AsFd, guard: &mut Guard, robot: &mut Option<OwnedFd>) -> io::Result<()> {
     let mut buffer = vec![0; MAX_NOTE_LEN];
     loop {
         wait_readable(notes, guard.next_deadline())?;
@@ -90,23 +98,17 @@ fn serve(notes: &impl AsFd) -> io::Result<()> {
                         // An agent that does not read its answers does not miss this one.
                         let _ = Note::Beat.send(notes, None);
                     }
-                    robot = match note {
+                    *robot = match note {
                         Note::Release => None,
-                        _ => socket.or(robot),
+                        _ => socket.or(robot.take()),
                     };
                     guard.take(note, Instant::now());
                 }
                 Received::Nothing => break,
-                Received::End => {
-                    if let (Some(robot), Some(pending)) = (&robot, guard.end()) {
-                        write(robot, &pending.bytes);
-                        linger(robot);
-                    }
-                    return Ok(());
-                }
+                Received::End => return Ok(()),
             }
         }
-        if let (Some(robot), Some(pending)) = (&robot, guard.poll(Instant::now())) {
+        if let (Some(robot), Some(pending)) = (&*robot, guard.poll(Instant::now())) {
             write_pending(robot, &pending);
         }
     }
