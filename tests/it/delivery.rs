@@ -173,6 +173,17 @@ impl Agent {
             }
         };
         timeout(WAIT_LIMIT, ended).await.expect("it does not end");
+        self.said()
+    }
+
+    /// Kills it and returns its output.
+    fn killed(&mut self) -> String {
+        self.0.kill().unwrap();
+        self.said()
+    }
+
+    /// Its whole output, after its end.
+    fn said(&mut self) -> String {
         let mut said = String::new();
         let mut stderr = self.0.stderr.take().unwrap();
         std::io::Read::read_to_string(&mut stderr, &mut said).unwrap();
@@ -218,11 +229,23 @@ impl Stage {
             .await
             .expect("the last user is still connected");
         let (from, frames) = (self.sim.heard_count(), self.sim.state().frames);
-        let agent = self.net.run(&path);
-        let moving = timeout(WAIT_LIMIT, self.sim.wait_heard(from, moves)).await;
-        let seen = self.sim.wait_state(|state| state.frames > frames + 10);
-        timeout(WAIT_LIMIT, seen).await.expect("no frames");
-        (agent, moving.expect("it does not drive"))
+        let mut agent = self.net.run(&path);
+        let both = async {
+            let moving = self.sim.wait_heard(from, moves).await;
+            self.sim
+                .wait_state(|state| state.frames > frames + 10)
+                .await;
+            moving
+        };
+        match timeout(WAIT_LIMIT, both).await {
+            Ok(moving) => (agent, moving),
+            Err(_) => panic!(
+                "does not drive, or no frames: {:?}\n{:?}\n{}",
+                self.sim.heard_since(from),
+                self.sim.state(),
+                agent.killed()
+            ),
+        }
     }
 
     /// Interrupts a run while nothing reaches the robot for this long; returns its output.
