@@ -1,14 +1,13 @@
 //! The `mqtt:` section: the broker through which other programs see and command the robot.
 
-use std::fmt;
 use std::net::Ipv6Addr;
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::robot::{Seconds, whole_within};
+use crate::yaml;
 
 /// Maximum length of a topic prefix.
 const LONGEST_PREFIX: usize = 64;
@@ -136,29 +135,15 @@ impl Mqtt {
     }
 }
 
-/// Checks the host while it is visited: only then does the parser know its position.
 fn host<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
     struct Host(String);
     impl<'de> Deserialize<'de> for Host {
         fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Host, D::Error> {
-            from.deserialize_str(HostVisitor)
-        }
-    }
-    struct HostVisitor;
-    impl Visitor<'_> for HostVisitor {
-        type Value = Host;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str(HOST_EXPECTED)
-        }
-
-        fn visit_str<E: Error>(self, text: &str) -> Result<Host, E> {
-            if is_host(text) {
-                Ok(Host(text.to_owned()))
-            } else {
-                let advice = host_advice(text);
-                Err(E::custom(format_args!("`{text}` is not a host: {advice}")))
-            }
+            yaml::parsed_text(from, HOST_EXPECTED, |text| {
+                let wrong = || format!("`{text}` is not a host: {}", host_advice(text));
+                let host = is_host(text).then(|| Host(text.to_owned()));
+                host.ok_or_else(wrong)
+            })
         }
     }
     Ok(Option::<Host>::deserialize(from)?.map(|Host(host)| host))

@@ -3,10 +3,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use serde::de::{Deserializer, Error, Visitor};
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::wire;
+use crate::{wire, yaml};
 
 /// A robot's address: a name, an IPv4 address, or an IPv6 address in brackets, and a port
 /// ([`wire::PORT`] unless given).
@@ -90,22 +89,7 @@ impl Serialize for Target {
 
 impl<'de> Deserialize<'de> for Target {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Target, D::Error> {
-        deserializer.deserialize_str(TargetVisitor)
-    }
-}
-
-/// Checks the text while it is visited: only then do parsers know its position.
-struct TargetVisitor;
-
-impl Visitor<'_> for TargetVisitor {
-    type Value = Target;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("HOST[:PORT]")
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<Target, E> {
-        text.parse().map_err(E::custom)
+        yaml::parsed_text(deserializer, "HOST[:PORT]", Target::from_str)
     }
 }
 
