@@ -182,6 +182,7 @@ mod tests {
             "SPYKEE_PASSWORD_PIPE",
             "SPYKEE_HEALTH_PORT",
             "SPYKEE_EVENT",
+            "SPYKEE_ROBOT_NAME",
             "SPYKEE_TIME",
             "SPYKEE_PICTURE",
             "SPYKEE_TEST_FLEET",
