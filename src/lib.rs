@@ -111,7 +111,7 @@
 //! | 0 | `vision` | JPEG to pixels to blobs, and the simulator's JPEG encoder; knows no robot |
 //! | 0 | `walls` | the kernel's confinement of processes that handle people's scripts |
 //! | 0 | `files` | regular files of bounded length, folders without links |
-//! | 0 | `yaml` | refuses texts that nest too deeply; the parser's errors in plain words |
+//! | 0 | `yaml` | refuses texts that nest too deeply; errors with positions, in plain words |
 //! | 0 | `clean` | text from outside, harmless for terminals, logs, XML and JSON |
 //! | 0 | `budget` | bytes per day, and lines that are logged once a minute |
 //! | 0 | `clock` | the time of day, time zones, durations as people write them |

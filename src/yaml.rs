@@ -1,6 +1,11 @@
 //! Checks untrusted YAML before it is parsed, so that the work is bounded by its length. The
 //! parser's time grows with the square of the depth of nesting, so a text that nests deeper than
-//! any valid one is refused. Also puts the parser's errors into plain words.
+//! any valid one is refused. Also reads texts so that errors have their position, and puts the
+//! parser's errors into plain words.
+
+mod text;
+
+pub use self::text::{known_text, parsed_text};
 
 /// Maximum length of a text, in bytes: more than a thousand lines. Nesting that the check below
 /// does not detect costs time proportional to the square of this.

@@ -12,6 +12,7 @@ use serde::{Deserialize, Deserializer};
 use crate::behaviour::{MAX_NAME, NameError, RestartPolicy, name_of};
 use crate::robot::Priority;
 use crate::script::{GivenParam, ParamOrigin, ParamValue};
+use crate::yaml;
 
 /// One behaviour.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -83,27 +84,13 @@ impl Entry {
 /// Reads a name of letters, digits, `-` and `_`: it is also used for a folder, so it must not lead
 /// elsewhere.
 fn name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
-    struct NameVisitor;
-    impl Visitor<'_> for NameVisitor {
-        type Value = Option<String>;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            write!(
-                f,
-                "a name of at most {MAX_NAME} letters, digits, `-` and `_`"
-            )
-        }
-
-        fn visit_str<E: Error>(self, name: &str) -> Result<Option<String>, E> {
-            let usual = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-            if name.chars().all(usual) && (1..=MAX_NAME).contains(&name.len()) {
-                Ok(Some(name.to_owned()))
-            } else {
-                Err(E::invalid_value(serde::de::Unexpected::Str(name), &self))
-            }
-        }
-    }
-    from.deserialize_str(NameVisitor)
+    let expected = format!("a name of at most {MAX_NAME} letters, digits, `-` and `_`");
+    let name = yaml::known_text(from, &expected, |name| {
+        let usual = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        let good = name.chars().all(usual) && (1..=MAX_NAME).contains(&name.len());
+        good.then(|| name.to_owned())
+    });
+    name.map(Some)
 }
 
 /// For `deserialize_with`: reads entries with unique names, as two of one name would share a data

@@ -84,7 +84,7 @@ impl Effective {
     /// # Errors
     /// See [`ConfigError`].
     pub fn load(named: Option<&Path>) -> Result<Effective, ConfigError> {
-        Effective::of(named, Path::new(DEFAULT_FILE), std::env::vars_os())
+        Effective::of(chosen(named), Path::new(DEFAULT_FILE), std::env::vars_os())
     }
 
     /// Loads the settings from the same file as [`Effective::load`], but not from variables.
@@ -92,27 +92,20 @@ impl Effective {
     /// # Errors
     /// See [`ConfigError`].
     pub fn load_file(named: Option<&Path>) -> Result<Effective, ConfigError> {
-        let environment = std::env::vars_os().filter(|(name, _)| name == FILE_VARIABLE);
-        Effective::of(named, Path::new(DEFAULT_FILE), environment)
+        Effective::of(chosen(named), Path::new(DEFAULT_FILE), [])
     }
 
     /// The file that [`Effective::load`] looks for, even if it is missing.
     pub fn path(named: Option<&Path>) -> PathBuf {
-        let of_variable = || std::env::var_os(FILE_VARIABLE).filter(|name| !name.is_empty());
-        match named {
-            Some(path) => path.to_owned(),
-            None => of_variable().map_or_else(|| DEFAULT_FILE.into(), PathBuf::from),
-        }
+        chosen(named).unwrap_or_else(|| DEFAULT_FILE.into())
     }
 
     fn of(
-        named: Option<&Path>,
+        chosen: Option<PathBuf>,
         default_file: &Path,
         environment: impl IntoIterator<Item = (OsString, OsString)>,
     ) -> Result<Effective, ConfigError> {
         let mut variables = Variables::of(environment);
-        let of_variable = variables.take(FILE_VARIABLE)?.map(PathBuf::from);
-        let chosen = named.map(Path::to_owned).or(of_variable);
         let mut effective = Effective {
             named: match chosen {
                 Some(_) => Named::Chosen,
@@ -185,6 +178,13 @@ impl Effective {
         });
         in_file.unwrap_or(Origin::Default)
     }
+}
+
+/// The file that a person has chosen: the named one, or else that of the variable.
+fn chosen(named: Option<&Path>) -> Option<PathBuf> {
+    let of_variable = || std::env::var_os(FILE_VARIABLE).filter(|name| !name.is_empty());
+    let named = named.map(Path::to_owned);
+    named.or_else(|| of_variable().map(PathBuf::from))
 }
 
 /// All keys with a single value, as opposed to a list or a mapping.

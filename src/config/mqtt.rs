@@ -1,14 +1,13 @@
 //! The `mqtt:` section: the broker through which other programs see and command the robot.
 
-use std::fmt;
-use std::net::Ipv6Addr;
 use std::path::PathBuf;
 
 use schemars::JsonSchema;
-use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::link::{host_of, is_host_name};
 use crate::robot::{Seconds, whole_within};
+use crate::yaml;
 
 /// Maximum length of a topic prefix.
 const LONGEST_PREFIX: usize = 64;
@@ -136,49 +135,18 @@ impl Mqtt {
     }
 }
 
-/// Checks the host while it is visited: only then does the parser know its position.
 fn host<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
     struct Host(String);
     impl<'de> Deserialize<'de> for Host {
         fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Host, D::Error> {
-            from.deserialize_str(HostVisitor)
-        }
-    }
-    struct HostVisitor;
-    impl Visitor<'_> for HostVisitor {
-        type Value = Host;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str(HOST_EXPECTED)
-        }
-
-        fn visit_str<E: Error>(self, text: &str) -> Result<Host, E> {
-            if is_host(text) {
-                Ok(Host(text.to_owned()))
-            } else {
-                let advice = host_advice(text);
-                Err(E::custom(format_args!("`{text}` is not a host: {advice}")))
-            }
+            yaml::parsed_text(from, HOST_EXPECTED, |text| {
+                let wrong = || format!("`{text}` is not a host: {}", host_advice(text));
+                let host = host_of(text).map(|host| Host(host.to_owned()));
+                host.ok_or_else(wrong)
+            })
         }
     }
     Ok(Option::<Host>::deserialize(from)?.map(|Host(host)| host))
-}
-
-/// Whether a text is a name, an IPv4 address, or an IPv6 address with or without brackets.
-fn is_host(text: &str) -> bool {
-    let inside = text
-        .strip_prefix('[')
-        .and_then(|text| text.strip_suffix(']'));
-    let address = inside.unwrap_or(text);
-    let address = address
-        .split_once('%')
-        .map_or(address, |(before, _)| before);
-    is_name(text) || address.parse::<Ipv6Addr>().is_ok()
-}
-
-fn is_name(text: &str) -> bool {
-    let named = |c: char| c.is_alphanumeric() || matches!(c, '.' | '-' | '_');
-    !text.is_empty() && text.chars().all(named)
 }
 
 /// What to write instead of a text that is not a host.
@@ -189,8 +157,10 @@ fn host_advice(text: &str) -> String {
         .rsplit_once(':')
         .and_then(|(name, port)| Some((name, port.parse::<u16>().ok().filter(|port| *port > 0)?)));
     let advice = match with_port {
-        Some((name, port)) if is_name(name) => format!("write `host: {name}` and `port: {port}`"),
-        None if is_name(rest) => format!("write `host: {rest}`"),
+        Some((name, port)) if is_host_name(name) => {
+            format!("write `host: {name}` and `port: {port}`")
+        }
+        None if is_host_name(rest) => format!("write `host: {rest}`"),
         _ => format!("expected {HOST_EXPECTED}"),
     };
     match scheme {
@@ -252,6 +222,8 @@ mod tests {
             ("''", "expected the name or the address"),
             ("me@broker", "expected the name or the address"),
             ("'[::1]:1883'", "expected the name or the address"),
+            ("'fe80::1%'", "expected the name or the address"),
+            ("'[broker]'", "expected the name or the address"),
             ("{ name: broker }", "expected the name or the address"),
         ] {
             let error = checked(&format!("user: me\nhost: {host}\n")).unwrap_err();
@@ -268,6 +240,8 @@ mod tests {
         ] {
             checked(&format!("host: {host}\n")).unwrap();
         }
+        let address = checked("host: '[::1]'\n").unwrap();
+        assert_eq!(address.host.as_deref(), Some("::1"));
     }
 
     #[test]

@@ -5,11 +5,10 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use schemars::JsonSchema;
-use serde::de::{Deserializer, Error, Visitor};
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use ureq::http::Uri;
 
-use crate::clean;
+use crate::{clean, yaml};
 
 /// The service on another computer that `spykee status`, `behaviour` and `robot` use; the command
 /// line can name another.
@@ -65,20 +64,8 @@ impl Serialize for ServiceUrl {
 
 impl<'de> Deserialize<'de> for ServiceUrl {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<ServiceUrl, D::Error> {
-        /// Checks the text while it is visited: only then does the parser know its position.
-        struct ServiceUrlVisitor;
-        impl Visitor<'_> for ServiceUrlVisitor {
-            type Value = ServiceUrl;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("http://HOST:PORT or https://HOST")
-            }
-
-            fn visit_str<E: Error>(self, text: &str) -> Result<ServiceUrl, E> {
-                text.parse().map_err(E::custom)
-            }
-        }
-        from.deserialize_str(ServiceUrlVisitor)
+        let expected = "http://HOST:PORT or https://HOST";
+        yaml::parsed_text(from, expected, ServiceUrl::from_str)
     }
 }
 

@@ -79,7 +79,7 @@ impl Variables {
 
     fn unknown(&self, name: &str) -> ConfigError {
         let known = self.known.iter().map(String::as_str);
-        let known = known.chain([PASSWORD_VARIABLE]);
+        let known = known.chain([FILE_VARIABLE, PASSWORD_VARIABLE]);
         let reason = match script::nearest(bare(name), known.map(bare)) {
             Some(near) => format!("spykee reads no such variable; did you mean {PREFIX}{near}?"),
             None => "spykee reads no such variable: unset it, or rename it if another program \
@@ -99,6 +99,7 @@ fn bare(name: &str) -> &str {
 fn is_read_elsewhere(name: &str, config: &Config) -> bool {
     let mut targets = config.notify.targets.values();
     [
+        FILE_VARIABLE,
         PASSWORD_VARIABLE,
         PASSWORD_PIPE_VARIABLE,
         HEALTH_PORT_VARIABLE,
@@ -176,10 +177,12 @@ mod tests {
     fn variables_of_other_parts_and_of_other_programs_are_accepted() {
         for name in [
             "SPYKEE_WATCHDOG_LOW",
+            "SPYKEE_CONFIG",
             "SPYKEE_PASSWORD",
             "SPYKEE_PASSWORD_PIPE",
             "SPYKEE_HEALTH_PORT",
             "SPYKEE_EVENT",
+            "SPYKEE_ROBOT_NAME",
             "SPYKEE_TIME",
             "SPYKEE_PICTURE",
             "SPYKEE_TEST_FLEET",

@@ -3,10 +3,10 @@
 use std::fmt;
 use std::str::FromStr;
 
-use serde::de::{Deserializer, Error, Visitor};
-use serde::{Deserialize, Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::wire;
+use super::host::host_of;
+use crate::{wire, yaml};
 
 /// A robot's address: a name, an IPv4 address, or an IPv6 address in brackets, and a port
 /// ([`wire::PORT`] unless given).
@@ -21,13 +21,15 @@ pub struct Target {
 /// Why a text is not a [`Target`].
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TargetError {
-    /// The part before the port is empty or contains characters that no host name has.
-    #[error("expected HOST[:PORT], such as 172.17.6.1 or robot.local:9000, found `{0}`")]
+    /// The part before the port is not a host.
+    #[error(
+        "expected HOST[:PORT], such as 172.17.6.1, robot.local:9000 or [::1]:9000, found `{0}`"
+    )]
     Host(String),
     /// The part after the colon is not a port.
     #[error("expected a port from 1 to 65535, found `{0}`")]
     Port(String),
-    /// Colons without brackets.
+    /// An IPv6 address without brackets.
     #[error("write an IPv6 address in brackets: [{0}] or [{0}]:{port}", port = wire::PORT)]
     Brackets(String),
 }
@@ -36,33 +38,19 @@ impl FromStr for Target {
     type Err = TargetError;
 
     fn from_str(text: &str) -> Result<Target, TargetError> {
-        let (host, port) = split(text)?;
-        let named = |c: char| c.is_alphanumeric() || matches!(c, '.' | '-' | '_' | ':' | '%');
-        if host.is_empty() || text.contains('/') || !host.chars().all(named) {
-            return Err(TargetError::Host(text.to_owned()));
+        let (written, port) = match text.rsplit_once(':') {
+            Some((host, port)) if host_of(text).is_none() => (host, Some(port)),
+            _ => (text, None),
+        };
+        let host = host_of(written).filter(|_| !text.contains('/'));
+        let host = host.ok_or_else(|| TargetError::Host(text.to_owned()))?;
+        if written.contains(':') && !written.starts_with('[') {
+            return Err(TargetError::Brackets(written.to_owned()));
         }
         Ok(Target {
             host: host.to_owned(),
             port: port.map_or(Ok(wire::PORT), parse_port)?,
         })
-    }
-}
-
-/// Splits into the host without brackets, and the text after the colon if there is one.
-fn split(text: &str) -> Result<(&str, Option<&str>), TargetError> {
-    if let Some(rest) = text.strip_prefix('[') {
-        let malformed = || TargetError::Host(text.to_owned());
-        let (host, behind) = rest.split_once(']').ok_or_else(malformed)?;
-        return match behind.strip_prefix(':') {
-            Some(port) => Ok((host, Some(port))),
-            None if behind.is_empty() => Ok((host, None)),
-            None => Err(malformed()),
-        };
-    }
-    match text.split_once(':') {
-        Some((_, rest)) if rest.contains(':') => Err(TargetError::Brackets(text.to_owned())),
-        Some((host, port)) => Ok((host, Some(port))),
-        None => Ok((text, None)),
     }
 }
 
@@ -90,22 +78,7 @@ impl Serialize for Target {
 
 impl<'de> Deserialize<'de> for Target {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Target, D::Error> {
-        deserializer.deserialize_str(TargetVisitor)
-    }
-}
-
-/// Checks the text while it is visited: only then do parsers know its position.
-struct TargetVisitor;
-
-impl Visitor<'_> for TargetVisitor {
-    type Value = Target;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("HOST[:PORT]")
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<Target, E> {
-        text.parse().map_err(E::custom)
+        yaml::parsed_text(deserializer, "HOST[:PORT]", Target::from_str)
     }
 }
 
@@ -136,6 +109,11 @@ mod tests {
             "[::1",
             "[::1]9000",
             "admin@robot",
+            "a:b:c",
+            "[robot]",
+            "robot%wlan0",
+            "fe80::1%",
+            "[fe80::1%]:9000",
         ] {
             let error = text.parse::<Target>().unwrap_err();
             assert!(matches!(error, TargetError::Host(_)), "{text}: {error}");
@@ -144,8 +122,13 @@ mod tests {
             let error = text.parse::<Target>().unwrap_err();
             assert!(matches!(error, TargetError::Port(_)), "{text}: {error}");
         }
-        let error = "::1".parse::<Target>().unwrap_err();
-        assert!(error.to_string().contains("[::1]:9000"), "{error}");
+        for (text, told) in [
+            ("::1", "in brackets: [::1] or [::1]:9000"),
+            ("fe80::1%wlan0:80", "in brackets: [fe80::1%wlan0] or"),
+        ] {
+            let error = text.parse::<Target>().unwrap_err();
+            assert!(error.to_string().contains(told), "{error}");
+        }
     }
 
     #[test]

@@ -19,11 +19,13 @@ use super::template::{Slot, fill};
 const POLL_INTERVAL: Duration = Duration::from_millis(25);
 
 const EVENT: &str = "SPYKEE_EVENT";
-const ROBOT: &str = "SPYKEE_ROBOT";
+/// Not `SPYKEE_ROBOT`, which is a setting: a `spykee` that the program calls would take the name for
+/// the robot's address.
+const ROBOT_NAME: &str = "SPYKEE_ROBOT_NAME";
 const TIME: &str = "SPYKEE_TIME";
 const PICTURE: &str = "SPYKEE_PICTURE";
 /// The environment variables that a program gets.
-pub const PROGRAM_VARIABLES: [&str; 4] = [EVENT, ROBOT, TIME, PICTURE];
+pub const PROGRAM_VARIABLES: [&str; 4] = [EVENT, ROBOT_NAME, TIME, PICTURE];
 
 /// Runs the program to its end.
 pub(super) fn send(target: &Target, notice: &Notice, picture: Option<&Path>) -> Delivery {
@@ -39,7 +41,7 @@ pub(super) fn send(target: &Target, notice: &Notice, picture: Option<&Path>) -> 
     command
         .args(arguments)
         .env(EVENT, notice.rule.name())
-        .env(ROBOT, notice.robot.replace('\0', ""))
+        .env(ROBOT_NAME, notice.robot.replace('\0', ""))
         .env(TIME, notice.time())
         .stdin(Stdio::piped())
         .stdout(Stdio::null())
@@ -106,14 +108,16 @@ mod tests {
     fn it_gets_text_arguments_and_environment_without_a_shell() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("output");
-        let script = "{ cat; echo \"|$1|$SPYKEE_EVENT|$SPYKEE_PICTURE\"; } > \"$0\"";
+        let script = "{ cat; echo \"|$1|$SPYKEE_EVENT|$SPYKEE_ROBOT_NAME|$SPYKEE_PICTURE\"
+                      echo \"address: $SPYKEE_ROBOT\"; } > \"$0\"";
         let words = ["sh", "-c", script, path.to_str().unwrap(), "{text} {robot}"];
         assert_eq!(run(&words, 10.0), Delivery::Done);
         let output = std::fs::read_to_string(path).unwrap();
-        assert_eq!(
-            output,
-            "a text; rm -rf *|a text; rm -rf * Rover|low|/data/1.jpg\n"
+        let setting = std::env::var("SPYKEE_ROBOT").unwrap_or_default();
+        let expected = format!(
+            "a text; rm -rf *|a text; rm -rf * Rover|low|Rover|/data/1.jpg\naddress: {setting}\n"
         );
+        assert_eq!(output, expected);
     }
 
     #[test]

@@ -9,11 +9,11 @@ use croner::parser::{CronParser, Seconds, Year};
 use jiff::Timestamp;
 use jiff::civil::DateTime;
 use jiff::tz::{AmbiguousOffset, TimeZone};
-use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::error::TimetableError;
 use crate::clock::Zone;
+use crate::yaml;
 
 /// Maximum number of wall clock times that a search tries: the clock is never put back so far that
 /// more of them occur twice.
@@ -168,26 +168,12 @@ impl Serialize for Pattern {
 
 impl<'de> Deserialize<'de> for Pattern {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Pattern, D::Error> {
-        struct PatternVisitor;
-        impl Visitor<'_> for PatternVisitor {
-            type Value = Pattern;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str(
-                    "minute, hour, day, month and weekday, such as \"0 9,21 * * *\" for nine and \
-                     twenty-one o'clock",
-                )
-            }
-
-            fn visit_str<E: Error>(self, text: &str) -> Result<Pattern, E> {
-                text.parse().map_err(|why: TimetableError| {
-                    E::custom(format_args!(
-                        "{why}, expected minute, hour, day, month and weekday"
-                    ))
-                })
-            }
-        }
-        from.deserialize_str(PatternVisitor)
+        let expected = "minute, hour, day, month and weekday, such as \"0 9,21 * * *\" for nine \
+                        and twenty-one o'clock";
+        yaml::parsed_text(from, expected, |text| {
+            Pattern::from_str(text)
+                .map_err(|why| format!("{why}, expected minute, hour, day, month and weekday"))
+        })
     }
 }
 

@@ -5,11 +5,11 @@ use std::str::FromStr;
 
 use jiff::civil::Time;
 use jiff::{Timestamp, Unit};
-use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::error::TimetableError;
 use crate::clock::Zone;
+use crate::yaml;
 
 /// A span from one time of day to another, which is on the next day if it is earlier.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,21 +62,9 @@ impl Serialize for Quiet {
 
 impl<'de> Deserialize<'de> for Quiet {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Quiet, D::Error> {
-        struct QuietVisitor;
-        impl Visitor<'_> for QuietVisitor {
-            type Value = Quiet;
-
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("hours such as 22:00-07:00")
-            }
-
-            fn visit_str<E: Error>(self, text: &str) -> Result<Quiet, E> {
-                text.parse().map_err(|why: TimetableError| {
-                    E::custom(format_args!("{why}, expected two times of day"))
-                })
-            }
-        }
-        from.deserialize_str(QuietVisitor)
+        yaml::parsed_text(from, "hours such as 22:00-07:00", |text| {
+            Quiet::from_str(text).map_err(|why| format!("{why}, expected two times of day"))
+        })
     }
 }
 

@@ -1,5 +1,9 @@
 //! `spykee config`, and which settings a run uses.
 
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt as _;
+use std::process::Command as Process;
+
 use spykee::wire::{Command, Stream};
 
 use crate::rig::Rig;
@@ -206,6 +210,38 @@ async fn a_config_can_be_named_before_or_after_any_command_and_must_exist() {
         assert_eq!(run.code().await, Some(2), "{command:?}: {}", run.text());
         let text = run.text();
         assert!(text.contains("missing.yaml"), "{command:?}: {text}");
+    }
+}
+
+#[test]
+fn a_variable_names_the_config_unless_a_flag_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let (ann, missing) = (OsStr::new("ann.yaml"), OsStr::new("missing.yaml"));
+    let latin = OsStr::from_bytes(b"caf\xe9.yaml");
+    for name in [ann, latin] {
+        std::fs::write(folder.path().join(name), "user: ann\n").unwrap();
+    }
+    for (variable, words, code, told) in [
+        (ann, &["config", "show"][..], 0, "ann"),
+        (ann, &["config", "check"], 0, "ann.yaml: valid"),
+        (latin, &["config", "show"], 0, "ann"),
+        (latin, &["config", "check"], 0, "valid"),
+        (missing, &["config", "show"], 2, "missing.yaml"),
+        (missing, &["config", "check"], 4, "missing.yaml"),
+        (
+            missing,
+            &["--config", "ann.yaml", "config", "show"],
+            0,
+            "ann",
+        ),
+    ] {
+        let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
+        process.args(words).current_dir(folder.path());
+        let output = process.env("SPYKEE_CONFIG", variable).output().unwrap();
+        let text = [output.stdout, output.stderr].concat();
+        let text = String::from_utf8_lossy(&text);
+        assert_eq!(output.status.code(), Some(code), "{words:?}: {text}");
+        assert!(text.contains(told), "{words:?}: {text}");
     }
 }
 

@@ -1,9 +1,8 @@
 //! Colours of the things in a world, by name or as `#rrggbb`.
 
-use std::fmt;
-
-use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer};
+
+use crate::yaml;
 
 const NAMED: [(&str, [u8; 3]); 12] = [
     ("red", [206, 28, 36]),
@@ -44,27 +43,11 @@ impl Paint {
     }
 }
 
-struct PaintVisitor;
-
-impl Visitor<'_> for PaintVisitor {
-    type Value = Paint;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a colour: ")?;
-        NAMED
-            .iter()
-            .try_for_each(|(name, _)| write!(f, "{name}, "))?;
-        f.write_str("or \"#rrggbb\" in quotes")
-    }
-
-    fn visit_str<E: Error>(self, text: &str) -> Result<Paint, E> {
-        Paint::parse(text).ok_or_else(|| E::invalid_value(Unexpected::Str(text), &self))
-    }
-}
-
 impl<'de> Deserialize<'de> for Paint {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Paint, D::Error> {
-        from.deserialize_str(PaintVisitor)
+        let names = NAMED.map(|(name, _)| name).join(", ");
+        let expected = format!("a colour: {names}, or \"#rrggbb\" in quotes");
+        yaml::known_text(from, &expected, Paint::parse)
     }
 }
 
