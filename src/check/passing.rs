@@ -6,9 +6,9 @@ use super::tree::{Expr, ExprKind};
 /// Maximum length of a call that is written out, in bytes.
 const LONGEST: usize = 80;
 
-/// Returns the help for an argument that must be a function but is a call, or an expression with a
-/// call in it if the function must return something (`wants_result`); `None` for any other argument.
-/// Writes out the whole call around it, if that is given.
+/// Returns the help for an argument that must be a function but is a call, or, if the function must
+/// return something (`wants_result`), an expression with a call in it; `None` for any other
+/// argument. Writes out the whole call around it, if that is given.
 pub(super) fn help(
     source: &str,
     argument: &Expr,

@@ -35,8 +35,8 @@ impl ErrorSite<'_> {
         Some(misplaced.unwrap_or_else(|| self.without_end(opened, self.line)))
     }
 
-    /// An `elseif` or `else` after the `else` of its `if`, which begins with this token. One that is
-    /// indented less belongs to an outer `if`.
+    /// An `elseif` or `else` after the `else` of its `if`, which is this token. One that is indented
+    /// less belongs to an outer `if`.
     fn branch_after_else(&self, opened: &Token) -> Option<Diagnosis> {
         if self.text(opened) != "else" || !self.words.contains("got 'else") {
             return None;
