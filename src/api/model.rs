@@ -266,7 +266,7 @@ impl Value {
     pub fn label(&self) -> &'static str {
         match self.kind {
             Type::Choice(choice) => choice.what,
-            Type::Function(_) | Type::Handler => "the function",
+            kind if kind.is_function() => "the function",
             Type::Options(_) => "the options",
             _ => self.name,
         }
@@ -274,6 +274,11 @@ impl Value {
 }
 
 impl Type {
+    /// Whether this is a function.
+    pub fn is_function(&self) -> bool {
+        matches!(self, Type::Function(_) | Type::Handler)
+    }
+
     /// Whether this is a function whose result the caller uses.
     pub fn wants_result(&self) -> bool {
         matches!(self, Type::Function(luau) if luau.ends_with(" boolean") || luau.ends_with(" any"))

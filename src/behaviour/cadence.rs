@@ -1,9 +1,9 @@
 //! Predicts when the next frame is due: cameras send frames at a steady rate.
 //!
-//! Shortly before that time, a host processes the last frame once more ([`Script::warm_up`]) and
-//! sends a sign of life, which wakes the driving core: code and buffers that have not been used
-//! since the last frame have left the processor's caches, which would delay the reaction to the
-//! next one. `scripts/bench-reaction` measures this.
+//! Shortly before that time, a host whose script examines frames processes the last one once more
+//! ([`Script::warm_up`]) and sends a sign of life, which wakes the driving core: code and buffers
+//! that have not been used since the last frame have left the processor's caches, which would delay
+//! the reaction to the next one. `scripts/bench-reaction` measures this.
 //!
 //! [`Script::warm_up`]: crate::script::Script::warm_up
 

@@ -220,6 +220,7 @@ impl Host {
             }
             let (ready, moving) = (self.script.is_ready(), self.script.has_motion());
             let writes_at = self.writes_at();
+            let prepares = self.time == Time::Real && self.script.examines_frames();
             if !ready {
                 self.script.collect_garbage_step();
             }
@@ -232,7 +233,7 @@ impl Host {
                 () = std::future::ready(()), if ready => {}
                 () = until(self.script.next_deadline()) => {}
                 () = until(writes_at) => {}
-                () = until(self.cadence.prepare_at()), if self.time == Time::Real => {
+                () = until(self.cadence.prepare_at()), if prepares => {
                     let began = Instant::now();
                     self.script.warm_up();
                     self.cadence.record_preparation(began.elapsed());

@@ -25,6 +25,13 @@ struct Diagnosis {
 /// Explains an error such as `a.lua:3: attempt to index nil with 'cx'` in plain words, with the
 /// source line. `None` if it is not in this file or needs no explanation.
 pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
+    let finding = explanation(text, chunk, source)?;
+    let (line, message) = (finding.line, &finding.message);
+    Some(format!("{chunk}:{line}: {message}\n{}", finding.excerpt()))
+}
+
+/// Same as [`explain`], in parts.
+pub fn explanation(text: &str, chunk: &str, source: &str) -> Option<Finding> {
     let rest = text.strip_prefix(chunk)?.strip_prefix(':')?;
     let (line, words) = rest.split_once(": ")?;
     let number: usize = line.parse().ok()?;
@@ -55,12 +62,8 @@ pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
     } else {
         whole
     };
-    let finding = Finding::new((chunk, source), at, Severity::Error, "").help(diagnosis.help);
-    Some(format!(
-        "{chunk}:{line}: {}\n{}",
-        diagnosis.message,
-        finding.excerpt()
-    ))
+    let finding = Finding::new((chunk, source), at, Severity::Error, diagnosis.message);
+    Some(finding.help(diagnosis.help))
 }
 
 /// Returns the span of a line, without its indentation.

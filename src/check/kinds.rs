@@ -204,20 +204,12 @@ impl<'a> Kinds<'a> {
 
     /// Returns the kind of a call's result with this index, from 0.
     pub(super) fn result(&self, call: &'a Expr, number: usize) -> ValueKind<'a> {
-        let (function, arguments) = match &call.kind {
-            ExprKind::Call(callee, arguments) => match self.kind_of(callee) {
-                ValueKind::Native(function) => (function, arguments),
-                ValueKind::Function(Some(body)) if !returns(&body.block) => {
-                    return ValueKind::Nothing;
-                }
-                _ => return ValueKind::Unknown,
-            },
-            ExprKind::Method(object, name, _, arguments) => {
-                match self.method(self.kind_of(object), name) {
-                    Some(function) => (function, arguments),
-                    None => return ValueKind::Unknown,
-                }
-            }
+        let (ExprKind::Call(_, arguments) | ExprKind::Method(.., arguments)) = &call.kind else {
+            return ValueKind::Unknown;
+        };
+        let function = match self.callee(call) {
+            ValueKind::Native(function) => function,
+            ValueKind::Function(Some(body)) if !returns(&body.block) => return ValueKind::Nothing,
             _ => return ValueKind::Unknown,
         };
         match function.returns.get(number).map(|value| value.kind) {
@@ -245,12 +237,8 @@ impl<'a> Kinds<'a> {
     /// Records that a local variable holds the result with this index of a call, if that result is
     /// one of a fixed set of names.
     pub(super) fn bind_choice(&mut self, id: LocalId, call: &'a Expr, number: usize) {
-        let function = match &call.kind {
-            ExprKind::Call(callee, _) => match self.kind_of(callee) {
-                ValueKind::Native(function) => function,
-                _ => return,
-            },
-            _ => return,
+        let ValueKind::Native(function) = self.callee(call) else {
+            return;
         };
         if let Some(Type::Choice(choice)) = function.returns.get(number).map(|one| one.kind)
             && !self.tree.locals[id.0].changes
@@ -295,6 +283,18 @@ impl<'a> Kinds<'a> {
         };
         let payload = api::event(name).and_then(|event| event.payload);
         payload.map_or(ValueKind::Unknown, ValueKind::Object)
+    }
+
+    /// Returns what a call calls; a method of the API is a [`ValueKind::Native`], too.
+    pub(super) fn callee(&self, call: &'a Expr) -> ValueKind<'a> {
+        match &call.kind {
+            ExprKind::Call(callee, _) => self.kind_of(callee),
+            ExprKind::Method(object, name, ..) => {
+                let method = self.method(self.kind_of(object), name);
+                method.map_or(ValueKind::Unknown, ValueKind::Native)
+            }
+            _ => ValueKind::Unknown,
+        }
     }
 
     pub(super) fn method(&self, owner: ValueKind<'a>, name: &str) -> Option<&'static Function> {

@@ -31,7 +31,7 @@ use crate::robot::Streams;
 use crate::script::{Failure, GivenParam, Options, Script, compile_error, read_text, resolve};
 use crate::vision::Colour;
 
-pub use explain::explain;
+pub use explain::{explain, explanation};
 pub use finding::{Finding, Severity};
 use lexer::Span;
 pub use required::{Required, required};

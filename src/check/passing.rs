@@ -6,9 +6,9 @@ use super::tree::{Expr, ExprKind};
 /// Maximum length of a call that is written out, in bytes.
 const LONGEST: usize = 80;
 
-/// Returns the help for an argument that must be a function but is a call; `None` for any other
-/// argument. Writes out the whole call around it, if that is given; `wants_result` says that the
-/// function must return something.
+/// Returns the help for an argument that must be a function but is a call, or, if the function must
+/// return something (`wants_result`), an expression with a call in it; `None` for any other
+/// argument. Writes out the whole call around it, if that is given.
 pub(super) fn help(
     source: &str,
     argument: &Expr,
@@ -19,11 +19,13 @@ pub(super) fn help(
     let called = match &call.kind {
         ExprKind::Call(callee, given) if given.is_empty() => callee.span.of(source),
         ExprKind::Call(..) | ExprKind::Method(..) => {
-            let text = call.span.of(source);
-            let text = if is_short(text) { text } else { "..." };
             let result = if wants_result { "return " } else { "" };
-            return Some(format!(
-                "to call it later, pass a function: function() {result}{text} end"
+            return Some(wrapped("call", &format!("{result}{}", shown(call, source))));
+        }
+        ExprKind::Binary(..) | ExprKind::Unary(..) if wants_result && has_call(call) => {
+            return Some(wrapped(
+                "evaluate",
+                &format!("return {}", shown(call, source)),
             ));
         }
         _ => return None,
@@ -33,12 +35,28 @@ pub(super) fn help(
         let after = source.get(argument.span.end..whole.end)?;
         Some(format!("{before}{called}{after}"))
     });
-    let shown = around.filter(|text| is_short(text));
-    let shown = shown.or_else(|| is_short(called).then(|| called.to_owned()));
-    let written = shown.map_or_else(String::new, |text| format!(": {text}"));
+    let short = around.filter(|text| is_short(text));
+    let short = short.or_else(|| is_short(called).then(|| called.to_owned()));
+    let written = short.map_or_else(String::new, |text| format!(": {text}"));
     Some(format!(
         "pass the function itself, without (), to be called later{written}"
     ))
+}
+
+fn wrapped(verb: &str, text: &str) -> String {
+    format!("to {verb} it later, pass a function: function() {text} end")
+}
+
+/// Returns the text of an expression, or dots if it is long.
+fn shown<'a>(expr: &Expr, source: &'a str) -> &'a str {
+    let text = expr.span.of(source);
+    if is_short(text) { text } else { "..." }
+}
+
+/// Whether an expression calls something; functions nested in it do not count.
+fn has_call(expr: &Expr) -> bool {
+    matches!(expr.kind, ExprKind::Call(..) | ExprKind::Method(..))
+        || expr.parts().into_iter().any(has_call)
 }
 
 fn is_short(text: &str) -> bool {
@@ -47,6 +65,8 @@ fn is_short(text: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::super::{CheckContext, check, explain};
     use crate::script::Options;
     use crate::script::tests::failure_with;
@@ -85,6 +105,47 @@ mod tests {
             };
             assert!(one.ends_with(help), "{line}: {one}");
         }
+    }
+
+    #[test]
+    fn a_call_of_a_scenario_that_is_passed_gets_the_same_help() {
+        let file = Path::new("a_test.lua");
+        let context = CheckContext::new(&Options::new("test", "a_test.lua"), Some(file));
+        let within = |line: &str| format!("scenario('a', {{}}, function(sim)\n{line}\nend)");
+        for (argument, got, help) in [
+            (
+                "sim:docked()",
+                "the result of sim:docked",
+                Some("to call it later, pass a function: function() return sim:docked() end"),
+            ),
+            (
+                "(sim:ended('a'))",
+                "the result of sim:ended",
+                Some("to call it later, pass a function: function() return sim:ended('a') end"),
+            ),
+            (
+                "sim:battery() > 50",
+                "true or false",
+                Some(
+                    "to evaluate it later, pass a function: function() return sim:battery() > 50 end",
+                ),
+            ),
+            ("1 > 2", "true or false", None),
+        ] {
+            let source = within(&format!("sim:wait_until({argument}, 60)"));
+            let found = check(source.as_bytes(), "a_test.lua", &context);
+            let [one] = found.as_slice() else {
+                panic!("{argument}: {found:?}");
+            };
+            let words = format!("sim:wait_until: the function must be a function, got {got}");
+            assert_eq!((one.line, &one.message), (2, &words));
+            assert_eq!(one.help.as_deref(), help);
+            let failed = "a_test.lua:2: sim:wait_until: the function must be a function, got false";
+            let text = explain(failed, "a_test.lua", &source).unwrap();
+            assert!(text.ends_with(help.unwrap_or("^^^")), "{text}");
+        }
+        let passed = within("sim:wait_until(function() return sim:docked() end, 60)");
+        assert_eq!(check(passed.as_bytes(), "a_test.lua", &context), []);
     }
 
     #[test]

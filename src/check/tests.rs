@@ -127,6 +127,30 @@ fn each_broken_script_gets_the_message_that_it_expects() {
 }
 
 #[test]
+fn an_if_without_its_end_is_explained_with_its_else() {
+    let source =
+        "if robot.docked() then\n\tif robot.charging() then\n\t\tprint(1)\nelse\n\tprint(2)\nend\n";
+    for (source, help) in [
+        (
+            source.to_owned(),
+            "without it, the `else` on line 4 belongs to this if",
+        ),
+        (
+            source.replace("else\n", "\telse\n"),
+            "one end closes the whole if, after its `else` on line 4",
+        ),
+        (
+            source.replace("else\n", "\t\tprint(2)\n"),
+            "each function, if, for, while and do is closed by its own end",
+        ),
+    ] {
+        let found = checked(source.as_bytes());
+        let helps: Vec<_> = found.iter().map(|one| one.help.as_deref()).collect();
+        assert_eq!(helps, [Some(help)], "{source}");
+    }
+}
+
+#[test]
 fn correct_scripts_have_no_findings() {
     for (path, source) in scripts("behaviours") {
         let context = CheckContext::new(&Options::new("test", "test.lua"), Some(&path));

@@ -294,18 +294,8 @@ impl<'a> Walk<'a> {
     }
 
     fn unused(&mut self, call: &'a Expr) {
-        let function = match &call.kind {
-            ExprKind::Call(callee, _) => match self.kinds.kind_of(callee) {
-                ValueKind::Native(function) => function,
-                _ => return,
-            },
-            ExprKind::Method(object, name, ..) => {
-                match self.kinds.method(self.kinds.kind_of(object), name) {
-                    Some(function) => function,
-                    None => return,
-                }
-            }
-            _ => return,
+        let ValueKind::Native(function) = self.kinds.callee(call) else {
+            return;
         };
         if function.pure {
             let message = format!(

@@ -62,10 +62,10 @@ pub(super) enum ArgumentError {
     /// `--param`.
     #[error("expected NAME=VALUE, such as speed=50, or BEHAVIOUR.NAME=VALUE")]
     Param,
-    /// `--for` of `run`, `serve` and `behaviour start`: not a duration.
+    /// `behaviour start --for`: not a duration.
     #[error(transparent)]
     Span(#[from] ClockError),
     /// `behaviour start --for 0s`.
-    #[error("expected a duration of at least one second")]
+    #[error("expected a duration above zero")]
     NoTime,
 }

@@ -85,7 +85,7 @@ struct StartArgs {
     name: NameArgs,
 }
 
-/// Parses a duration of at least a second.
+/// Parses a duration above zero.
 fn parse_duration(text: &str) -> Result<Span, ArgumentError> {
     let span: Span = text.parse()?;
     if span.get().is_zero() {
@@ -166,7 +166,10 @@ fn change(args: &NameArgs, change: Change) -> Result<Exit, Failure> {
         Some(Answer::Done) => {
             let done = match change {
                 Change::Start => "runs".to_owned(),
-                Change::StartFor(lasts) => format!("runs, for {} at most", clock::hours(lasts)),
+                Change::StartFor(lasts) => {
+                    let whole = Duration::from_secs(lasts.as_secs_f64().ceil() as u64);
+                    format!("runs, for {} at most", clock::hours(whole))
+                }
                 Change::Stop => "has ended".to_owned(),
                 Change::Restart => "restarted".to_owned(),
             };

@@ -57,7 +57,6 @@ mod status;
 mod table;
 mod terminal;
 mod test;
-mod time_limit;
 mod timetable;
 mod token;
 mod trace;

@@ -3,7 +3,6 @@
 use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
-use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use tokio::sync::watch;
@@ -25,12 +24,10 @@ use super::startup::{
 };
 use super::status::StatusLine;
 use super::trace::TraceFile;
-use super::{
-    ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check, notify, time_limit,
-};
+use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check, notify};
 use crate::agent::{Agent, Behaviour, Bus, Plan, Tries, until_answered};
 use crate::behaviour::RestartPolicy;
-use crate::clock::{Clock, Date, Zone};
+use crate::clock::{Clock, Date, Span, Zone};
 use crate::config::{Config, Entry};
 use crate::control::{self, ControlServer};
 use crate::journal;
@@ -56,8 +53,8 @@ pub(super) struct RunArgs {
     wait: bool,
 
     /// Time limit of the run after the first connection, in seconds or such as 30m or 1h30m
-    #[arg(long = "for", value_name = "TIME", value_parser = time_limit::parse)]
-    limit: Option<Duration>,
+    #[arg(long = "for", value_name = "TIME")]
+    limit: Option<Span>,
 
     /// Seed for math.random and simulator noise [default: random]
     #[arg(long, value_name = "NUMBER")]
@@ -203,7 +200,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         core: core.handle().clone(),
         pulse: Some(pulse(sim.is_some())),
         rescue: rescue(&config, seed)?,
-        limit: args.limit,
+        limit: args.limit.map(Span::get),
         bus: bus.clone(),
     };
     let account = broker::of_run(args.settings.load()?)?;
@@ -294,7 +291,7 @@ fn fast(
         world: super::embedded::load(world.as_deref())?,
         behaviours,
         options,
-        limit: args.limit,
+        limit: args.limit.map(Span::get),
         trace,
         page,
         journal: LabJournalOptions::of(config),

@@ -5,7 +5,6 @@ mod fast;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
 
 use jiff::Timestamp;
 use tokio::sync::{Notify, mpsc, watch};
@@ -21,9 +20,9 @@ use super::reach::{dial, place, reach_with};
 use super::settings::SettingsArgs;
 use super::startup::{self, driving_core, pulse, rescue, show};
 use super::status::StatusLine;
-use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify, time_limit};
+use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify};
 use crate::agent::{Agent, AgentError, Bus, Outcome, Plan, Tries, until_answered};
-use crate::clock::{Clock, Date, Zone};
+use crate::clock::{Clock, Date, Span, Zone};
 use crate::config::Config;
 use crate::control::{self, ControlServer};
 use crate::journal::When;
@@ -67,8 +66,8 @@ pub(super) struct ServeArgs {
     fast: bool,
 
     /// Time limit of the service, in seconds or such as 30m or 7d
-    #[arg(long = "for", value_name = "TIME", value_parser = time_limit::parse)]
-    limit: Option<Duration>,
+    #[arg(long = "for", value_name = "TIME")]
+    limit: Option<Span>,
 
     /// With --fast: write all events to this file, one JSON object per line
     #[arg(long, value_name = "FILE", requires = "fast")]
@@ -138,7 +137,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         core: core.handle().clone(),
         pulse: Some(pulse(simulated).notify_beats(beats.clone())),
         rescue: rescue(&config, seed)?,
-        limit: args.limit,
+        limit: args.limit.map(Span::get),
         bus: bus.clone(),
     };
     let journal = match config.journal.record {

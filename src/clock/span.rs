@@ -11,36 +11,47 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::error::{ClockError, SPAN_EXPECTED};
 
-/// The maximum: a year.
-const LONGEST: u64 = 366 * 86_400;
-const UNITS: [(char, u64); 4] = [('d', 86_400), ('h', 3_600), ('m', 60), ('s', 1)];
+/// The maximum in milliseconds: a year.
+const LONGEST: u64 = 366 * 86_400_000;
+/// The units, in milliseconds.
+const UNITS: [(char, u64); 4] = [
+    ('d', 86_400_000),
+    ('h', 3_600_000),
+    ('m', 60_000),
+    ('s', 1_000),
+];
 
-/// A duration in whole seconds, at most a year.
+/// A duration in whole milliseconds, at most a year.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Span(u64);
 
 impl Span {
     /// Creates a span of this many minutes.
     pub const fn minutes(minutes: u64) -> Span {
-        Span(minutes * 60)
+        Span(minutes * 60_000)
     }
 
-    /// Creates a span of this many seconds, at most a year.
-    pub fn seconds(seconds: u64) -> Span {
-        Span(seconds.min(LONGEST))
+    /// Creates a span of this duration without fractions of a millisecond, at most a year.
+    pub fn at_most_a_year(duration: Duration) -> Span {
+        let millis = u64::try_from(duration.as_millis());
+        Span(millis.map_or(LONGEST, |millis| millis.min(LONGEST)))
     }
 
     /// The maximum: a year.
     pub const MAX: Span = Span(LONGEST);
 
-    /// `None` above a year.
-    fn of_seconds(seconds: u64) -> Option<Span> {
-        (seconds <= LONGEST).then_some(Span(seconds))
+    /// Rounds to milliseconds; `None` for NaN, a negative number, and more than a year.
+    fn of_seconds(seconds: f64) -> Option<Span> {
+        let most = Span::MAX.get().as_secs_f64();
+        let millis = (seconds * 1_000.0).round();
+        (0.0..=most)
+            .contains(&seconds)
+            .then_some(Span(millis as u64))
     }
 
     /// Returns the span as a [`Duration`].
     pub fn get(self) -> Duration {
-        Duration::from_secs(self.0)
+        Duration::from_millis(self.0)
     }
 }
 
@@ -49,12 +60,12 @@ impl FromStr for Span {
 
     fn from_str(text: &str) -> Result<Span, ClockError> {
         let wrong = || ClockError::Span(text.to_owned());
-        if text.trim().bytes().all(|byte| byte.is_ascii_digit()) {
-            let seconds = text.trim().parse::<u64>().ok();
-            return seconds.and_then(Span::of_seconds).ok_or_else(wrong);
+        let trimmed = text.trim();
+        if let Ok(seconds) = trimmed.parse::<f64>() {
+            return Span::of_seconds(seconds).ok_or_else(wrong);
         }
         let (mut total, mut digits, mut units) = (0u64, String::new(), UNITS.as_slice());
-        for c in text.trim().chars() {
+        for c in trimmed.chars() {
             if c.is_ascii_digit() {
                 digits.push(c);
                 continue;
@@ -63,13 +74,13 @@ impl FromStr for Span {
             let (at, count) = at.zip(digits.parse::<u64>().ok()).ok_or_else(wrong)?;
             total = count
                 .checked_mul(units[at].1)
-                .and_then(|seconds| total.checked_add(seconds))
+                .and_then(|millis| total.checked_add(millis))
                 .ok_or_else(wrong)?;
             units = &units[at + 1..];
             digits.clear();
         }
-        let whole = digits.is_empty().then_some(total);
-        whole.and_then(Span::of_seconds).ok_or_else(wrong)
+        let whole = digits.is_empty() && !trimmed.is_empty() && total <= LONGEST;
+        whole.then_some(Span(total)).ok_or_else(wrong)
     }
 }
 
@@ -78,11 +89,14 @@ impl fmt::Display for Span {
         if self.0 == 0 {
             return f.write_str("0s");
         }
+        if self.0 % 1_000 != 0 {
+            return write!(f, "{}", self.get().as_secs_f64());
+        }
         let mut rest = self.0;
-        for (unit, seconds) in UNITS {
-            if rest >= seconds {
-                write!(f, "{}{unit}", rest / seconds)?;
-                rest %= seconds;
+        for (unit, millis) in UNITS {
+            if rest >= millis {
+                write!(f, "{}{unit}", rest / millis)?;
+                rest %= millis;
             }
         }
         Ok(())
@@ -111,6 +125,11 @@ impl<'de> Deserialize<'de> for Span {
 
             fn visit_u64<E: Error>(self, seconds: u64) -> Result<Span, E> {
                 let wrong = || E::invalid_value(Unexpected::Unsigned(seconds), &self);
+                Span::of_seconds(seconds as f64).ok_or_else(wrong)
+            }
+
+            fn visit_f64<E: Error>(self, seconds: f64) -> Result<Span, E> {
+                let wrong = || E::invalid_value(Unexpected::Float(seconds), &self);
                 Span::of_seconds(seconds).ok_or_else(wrong)
             }
         }
@@ -128,7 +147,8 @@ impl JsonSchema for Span {
     }
 
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": ["string", "integer"], "minimum": 0, "maximum": LONGEST })
+        let most = Span::MAX.get().as_secs();
+        json_schema!({ "type": ["string", "number"], "minimum": 0, "maximum": most })
     }
 }
 
@@ -139,11 +159,14 @@ mod tests {
 
     #[test]
     fn durations_are_parsed() {
-        let seconds = |text: &str| text.parse::<Span>().map(|span| span.0);
-        assert_eq!(seconds("90s"), Ok(90));
-        assert_eq!(seconds("1h30m"), Ok(5400));
-        assert_eq!(seconds("7d"), Ok(604_800));
-        assert_eq!(seconds("30"), Ok(30));
+        let seconds = |text: &str| text.parse::<Span>().map(|span| span.get().as_secs_f64());
+        assert_eq!(seconds("90s"), Ok(90.0));
+        assert_eq!(seconds("1h30m"), Ok(5400.0));
+        assert_eq!(seconds("7d"), Ok(604_800.0));
+        assert_eq!(seconds("30"), Ok(30.0));
+        assert_eq!(seconds(" 1.5 "), Ok(1.5));
+        assert_eq!(seconds("1e3"), Ok(1000.0));
+        assert_eq!(seconds("31622400"), Ok(31_622_400.0));
         for wrong in [
             "",
             "1h30",
@@ -153,15 +176,31 @@ mod tests {
             "-5m",
             "367d",
             "31622401",
-            "1.5",
+            "31622400.5",
+            "1.5h",
+            "-1",
+            "nan",
+            "inf",
+            "soon",
             "9".repeat(30).as_str(),
         ] {
-            assert!(seconds(wrong).is_err(), "{wrong}");
+            let error = seconds(wrong).unwrap_err().to_string();
+            assert!(
+                error.contains("or a number of seconds, at most 366d"),
+                "{error}"
+            );
         }
-        for seconds in ["45", "'45'", "45s"] {
-            assert_eq!(serde_yaml::from_str::<Span>(seconds).unwrap().0, 45);
+        for (text, millis) in [
+            ("45", 45_000),
+            ("'45'", 45_000),
+            ("45s", 45_000),
+            ("1.5", 1_500),
+            ("'1.5'", 1_500),
+        ] {
+            assert_eq!(serde_yaml::from_str::<Span>(text).unwrap().0, millis);
         }
-        for wrong in ["1.5", "-1", "31622401", "'31622401'", "soon"] {
+        assert_eq!(serde_json::from_str::<Span>("1.5").unwrap().0, 1_500);
+        for wrong in ["-1", "-1.5", ".nan", "31622401", "'31622401'", "soon"] {
             let error = serde_yaml::from_str::<Span>(wrong).unwrap_err().to_string();
             assert!(
                 error.contains("or a number of seconds, at most 366d"),
@@ -172,8 +211,10 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_formatted_span_parses_to_the_same_value(seconds in 0..=LONGEST) {
-            let span = Span(seconds);
+        fn a_formatted_span_parses_to_the_same_value(
+            millis in prop_oneof![0..=LONGEST, (0..=LONGEST / 1_000).prop_map(|one| one * 1_000)]
+        ) {
+            let span = Span(millis);
             prop_assert_eq!(span.to_string().parse(), Ok(span));
         }
 

@@ -110,7 +110,7 @@ mod tests {
             assert_eq!(schema.pointer(closed), Some(&false.into()), "{closed}");
         }
         let lasts = schema.pointer("/$defs/Rule/properties/for/type").unwrap();
-        assert_eq!(lasts, &serde_json::json!(["string", "integer", "null"]));
+        assert_eq!(lasts, &serde_json::json!(["string", "number", "null"]));
         let low = schema.pointer("/$defs/Limits/properties/low").unwrap();
         assert_eq!(
             (&low["maximum"], low["type"].as_str()),

@@ -146,7 +146,7 @@ impl Call {
                 let body = match change {
                     Change::Start => json!({ "change": "start" }),
                     Change::StartFor(lasts) => {
-                        let lasts = Span::seconds(lasts.as_secs()).to_string();
+                        let lasts = Span::at_most_a_year(*lasts).to_string();
                         json!({ "change": "start", "for": lasts })
                     }
                     Change::Stop => json!({ "change": "stop" }),

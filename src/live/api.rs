@@ -150,7 +150,7 @@ async fn change(
         return execute_command(hub, who, PageCommand::Behaviour { name, change }).await;
     };
     if change != BehaviourAction::Start || lasts.get().is_zero() {
-        let why = "`for` is allowed only with `start`, and must be at least one second";
+        let why = "`for` is allowed only with `start`, and must be above zero";
         return Err(Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, why));
     }
     let change = Change::StartFor(lasts.get());

@@ -149,6 +149,14 @@ impl Book {
         Some(line.to_owned())
     }
 
+    /// Explains an error of the file's script on this line in plain words; `None` if it needs no
+    /// explanation.
+    pub(super) fn explanation(&self, line: u32, words: &str) -> Option<check::Finding> {
+        let (file, source) = (self.file.display(), String::from_utf8_lossy(&self.source));
+        let text = format!("{file}:{line}: {words}");
+        check::explanation(&text, &file.to_string(), &source)
+    }
+
     pub(super) fn script(
         &self,
         seed: u64,

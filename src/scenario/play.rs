@@ -69,6 +69,8 @@ pub struct Failure {
     pub place: Option<SourceLocation>,
     /// The text of that line.
     pub line: Option<String>,
+    /// What to do, if that is known.
+    pub help: Option<String>,
     /// The most recent events, oldest first, each with its time.
     pub recent: Vec<String>,
     /// The robot's state; `None` if the process that played the scenario has ended.
@@ -353,9 +355,15 @@ impl Play<'_> {
         sim.note("it failed here");
         let own = |place: &SourceLocation| place.file == self.book.file().display().to_string();
         let line = reason.place.as_ref().filter(|place| own(place));
+        let line = line.map(|place| place.line);
+        // A message of several lines is explained already.
+        let is_plain = reason.cause == Cause::Scenario && !reason.message.contains('\n');
+        let erroneous = line.filter(|_| is_plain);
+        let explained = erroneous.and_then(|line| self.book.explanation(line, &reason.message));
         Failure {
-            line: line.and_then(|place| self.book.line(place.line)),
-            message: reason.message,
+            line: line.and_then(|line| self.book.line(line)),
+            help: explained.as_ref().and_then(|one| one.help.clone()),
+            message: explained.map_or(reason.message, |one| one.message),
             cause: reason.cause,
             place: reason.place,
             recent: self.stage.record.recent(),

@@ -228,6 +228,7 @@ fn without_answer(book: &Book, error: &WorkerError) -> Played {
             cause,
             place: None,
             line: None,
+            help: None,
             recent: Vec::new(),
             scene: None,
         }),

@@ -171,7 +171,7 @@ impl<'a> Given<'a> {
             Type::Number(_) => f64::read(self).map(drop),
             Type::Whole(_) => u32::read(self).map(drop),
             Type::Text(_) => String::read(self).map(drop),
-            Type::Function(_) | Type::Handler => LuaFunction::read(self).map(drop),
+            kind if kind.is_function() => LuaFunction::read(self).map(drop),
             Type::Choice(choice) => self.choice(choice).map(drop),
             Type::Options(_) => {
                 let options = self.options()?;

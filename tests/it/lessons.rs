@@ -302,6 +302,39 @@ fn the_check_prints_points_sentences_and_where_to_find_a_hint() {
 }
 
 #[test]
+fn a_script_that_names_another_lesson_is_checked_with_a_remark() {
+    for (script, remark) in [
+        (
+            "-- spykee lesson 9\n",
+            "The script names lesson 9, Going home, at its top.",
+        ),
+        (
+            "-- spykee lesson 99\n",
+            "The script names lesson 99 at its top, which does not exist.",
+        ),
+    ] {
+        let learner = Learner::with(script);
+        let said = learner.checks(&["--lesson", "3", "--gradescope", "out.json"]);
+        let shown =
+            format!("Lesson 3, Moving: mine.lua\n\n{remark} Is it the right script?\n\n  not");
+        assert!(said.out.starts_with(&shown), "{}", said.out);
+        let next = "A hint: spykee lesson check mine.lua --lesson 3 --hint 1\n";
+        assert!(said.out.ends_with(next), "{}", said.out);
+        assert_eq!(said.code, Some(4), "{}", said.error);
+        let text = fs::read_to_string(learner.0.path().join("out.json")).unwrap();
+        let results: Value = serde_json::from_str(&text).unwrap();
+        let output = format!("Lesson 3, Moving\n\n{remark}");
+        assert_eq!(results["output"], output);
+        let said = learner.checks(&["--lesson", "3", "--json"]);
+        assert_eq!(said.json()["other_lesson"], remark);
+    }
+    for script in ["-- spykee lesson 3\n", "print('hello')\n"] {
+        let said = Learner::with(script).checks(&["--lesson", "3", "--json"]);
+        assert!(said.json()["other_lesson"].is_null(), "{}", said.out);
+    }
+}
+
+#[test]
 fn a_mistake_in_the_script_is_reported_once_and_nothing_is_played() {
     let learner = Learner::with("-- spykee lesson 9\nrobot.undock()\nrobot.moev(40, 40, 2)\n");
     let said = learner.checks(&["--gradescope", "results.json"]);

@@ -116,7 +116,7 @@ async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
     let (mut run, url) = serve(&rig).await;
     for (place, more) in [(&rig, &[][..]), (&elsewhere, &["--url", &url][..])] {
         let from = rig.sim.heard_count();
-        let start = [&["behaviour", "start", "asked", "--for", "1s"][..], more].concat();
+        let start = [&["behaviour", "start", "asked", "--for", "0.9"][..], more].concat();
         let (code, text) = run_spykee(place, &start).await;
         assert_eq!(code, Some(0), "{text}");
         assert!(text.contains("runs, for 0:00:01 at most"), "{text}");

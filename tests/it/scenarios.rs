@@ -310,6 +310,29 @@ fn invalid_calls_and_misbehaving_scripts_fail_their_scenario_with_a_message() {
 }
 
 #[test]
+fn a_mistake_in_a_scenario_is_explained_below_its_line() {
+    for (line, words, help) in [
+        (
+            "sim:wait_until(sim:docked(), 60)",
+            "sim:wait_until: the function must be a function, got false",
+            "to call it later, pass a function: function() return sim:docked() end",
+        ),
+        (
+            "print(sim:log('x')[1].text)",
+            "`sim:log('x')[1]` is nil here, so `sim:log('x')[1].text` cannot be read",
+            "",
+        ),
+    ] {
+        let source = format!("scenario('x', {{ limit = 30 }}, function(sim)\n{line}\nend)");
+        let folder = folder(&[("a_test.lua", &source)]);
+        let text = text(&spykee(folder.path(), &["test"]));
+        let shown =
+            format!("        a_test.lua:2: {words}\n        2 | {line}\n          = help: {help}");
+        assert!(text.contains(&shown), "{shown}\n\n{text}");
+    }
+}
+
+#[test]
 fn a_behaviour_that_fails_makes_its_scenario_fail_unless_that_is_expected() {
     let source = "scenario('x', {}, function(sim) sim:run() sim:wait(5) end)\n\
                   scenario('y', { may_fail = true }, function(sim)\n\

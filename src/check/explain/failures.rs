@@ -5,7 +5,7 @@ use super::super::passing;
 use super::super::tree::{Expr, ExprKind, StatementKind};
 use super::reasons::a;
 use super::{Diagnosis, ErrorSite};
-use crate::api::{self, Function, Type, Value};
+use crate::api::{self, Function, Value};
 
 impl<'a> ErrorSite<'a> {
     pub(super) fn index(&self, what: &str, key: &str) -> Option<Diagnosis> {
@@ -324,7 +324,7 @@ impl<'a> ErrorSite<'a> {
         let argument = named.or(counted).and_then(|at| arguments.get(at));
         let kind = named.and_then(|at| function.parameters.get(at));
         let kind = kind.map(|parameter| parameter.kind);
-        let wants_function = matches!(kind, Some(Type::Function(_) | Type::Handler));
+        let wants_function = kind.is_some_and(|kind| kind.is_function());
         let wants_result = counted.is_some() || kind.is_some_and(|kind| kind.wants_result());
         let passed = argument
             .filter(|_| wants_function || counted.is_some())
@@ -350,7 +350,7 @@ impl<'a> ErrorSite<'a> {
 /// a node of a behaviour tree.
 fn function_argument(function: &Function, words: &str) -> Option<usize> {
     let mut parameters = function.parameters.iter();
-    let is_function = |parameter: &Value| matches!(parameter.kind, Type::Function(_));
+    let is_function = |parameter: &Value| parameter.kind.is_function();
     if words.starts_with("the condition: a node must be a function") {
         return parameters.position(is_function);
     }

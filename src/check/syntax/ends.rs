@@ -31,32 +31,64 @@ impl ErrorSite<'_> {
                     (None, None) => false,
                 }
         })?;
-        Some(self.without_end(opened, self.line))
+        let misplaced = self.branch_after_else(opened);
+        Some(misplaced.unwrap_or_else(|| self.without_end(opened, self.line)))
+    }
+
+    /// An `elseif` or `else` after the `else` of its `if`, which is this token. One that is indented
+    /// less belongs to an outer `if`.
+    fn branch_after_else(&self, opened: &Token) -> Option<Diagnosis> {
+        if self.text(opened) != "else" || !self.words.contains("got 'else") {
+            return None;
+        }
+        let late = self.tokens.iter().find(|token| {
+            token.span.start > opened.span.start
+                && self.line_of(token) == self.line
+                && matches!(self.text(token), "elseif" | "else")
+        })?;
+        let is_own = self.indent_of(late) >= self.indent_of(self.head(opened));
+        is_own.then(|| Diagnosis {
+            at: late.span,
+            message: format!(
+                "this `{}` comes after the `else` on line {}",
+                self.text(late),
+                self.line_of(opened)
+            ),
+            help: "an if has at most one else, after each elseif".to_owned(),
+        })
     }
 
     /// The diagnosis of a block without `end`, or without `until`, that begins with this token; the
     /// error was noticed on the line `noticed`.
     pub(super) fn without_end(&self, opened: &Token, noticed: usize) -> Diagnosis {
         let head = self.head(opened);
+        let taken = self.taken_branch(head);
+        let head = taken.map_or(head, |(_, inner)| inner);
         let keyword = self.text(head);
         let place = match self.first_line_outside(head) {
             Some(line) => format!("before line {line}"),
             None if self.words.contains("got <eof>") => "at the end of the file".to_owned(),
             None => format!("on line {noticed} or before it"),
         };
-        let (closing, help) = match keyword {
-            "repeat" => ("until", "a repeat loop ends with until and a condition"),
-            _ => (
-                "end",
-                "each function, if, for, while and do is closed by its own end",
-            ),
+        let named = |branch: &Token| (self.text(branch), self.line_of(branch));
+        let last = self.last_branch(head).map(named);
+        let help = match (keyword, taken.map(|(branch, _)| named(branch)), last) {
+            ("repeat", ..) => "a repeat loop ends with until and a condition".to_owned(),
+            (_, Some((branch, line)), _) => {
+                format!("without it, the `{branch}` on line {line} belongs to this if")
+            }
+            (_, _, Some((branch, line))) => {
+                format!("one end closes the whole if, after its `{branch}` on line {line}")
+            }
+            _ => "each function, if, for, while and do is closed by its own end".to_owned(),
         };
+        let closing = if keyword == "repeat" { "until" } else { "end" };
         Diagnosis {
             at: head.span,
             message: format!(
                 "the `{keyword}` that begins here has no `{closing}`: it is missing {place}"
             ),
-            help: help.to_owned(),
+            help,
         }
     }
 
@@ -98,22 +130,71 @@ impl ErrorSite<'_> {
     }
 
     /// Returns the keyword at the beginning of the statement whose block this token opens: `if` for
-    /// `then`, `while` or `for` for `do`.
+    /// `then` and `else`, `while` or `for` for `do`.
     fn head<'a>(&'a self, opened: &'a Token) -> &'a Token {
-        let heads: &[&str] = match self.text(opened) {
-            "then" => &["if", "elseif"],
-            "do" => &["while", "for"],
-            _ => return opened,
-        };
-        let before = self.tokens.iter().rev();
-        let mut before = before.skip_while(|token| token.span.start >= opened.span.start);
-        let found = before.find(|token| {
-            let text = self.text(token);
-            heads.contains(&text) || matches!(text, "do" | "end" | "then" | "else" | "repeat")
+        match self.text(opened) {
+            "then" | "else" => {
+                let mut branches = self.branches().into_iter();
+                let own = branches.find(|(branch, _)| branch.span.start == opened.span.start);
+                own.map_or(opened, |(_, head)| head)
+            }
+            "do" => {
+                let before = self.tokens.iter().rev();
+                let mut before = before.skip_while(|token| token.span.start >= opened.span.start);
+                let found = before.find(|token| {
+                    matches!(
+                        self.text(token),
+                        "while" | "for" | "do" | "end" | "then" | "else" | "repeat"
+                    )
+                });
+                let own = found.filter(|token| matches!(self.text(token), "while" | "for"));
+                own.unwrap_or(opened)
+            }
+            _ => opened,
+        }
+    }
+
+    /// Returns the last `elseif` or `else` of an `if`, if it is indented like that.
+    fn last_branch(&self, head: &Token) -> Option<&Token> {
+        let branches = self.branches().into_iter();
+        let mut own = branches.filter(|(_, of)| of.span.start == head.span.start);
+        let last = own.rfind(|(branch, _)| {
+            self.text(branch) != "then"
+                && self.begins_line(branch)
+                && self.indent_of(branch) == self.indent_of(head)
         });
+        last.map(|(branch, _)| branch)
+    }
+
+    /// Returns each `then`, `elseif` and `else`, with the keyword of the innermost block around it:
+    /// its own `if`, unless it is part of an expression.
+    fn branches(&self) -> Vec<(&Token, &Token)> {
+        let (mut open, mut found): (Vec<&Token>, Vec<_>) = (Vec::new(), Vec::new());
+        for (token, opens) in self.tokens.iter().zip(self.opens_blocks()) {
+            match self.text(token) {
+                _ if opens => open.push(token),
+                "end" | "until" => {
+                    open.pop();
+                }
+                "then" | "elseif" | "else" => {
+                    found.extend(open.last().map(|head| (token, *head)));
+                }
+                _ => {}
+            }
+        }
         found
-            .filter(|token| heads.contains(&self.text(token)))
-            .unwrap_or(opened)
+    }
+
+    /// Returns the first `elseif` or `else` inside a block that is indented less than its own `if`,
+    /// and that `if`: it was meant for an outer one.
+    fn taken_branch(&self, block: &Token) -> Option<(&Token, &Token)> {
+        self.branches().into_iter().find(|(branch, head)| {
+            head.span.start > block.span.start
+                && self.text(head) == "if"
+                && self.text(branch) != "then"
+                && self.begins_line(branch)
+                && self.indent_of(branch) < self.indent_of(head)
+        })
     }
 
     /// Returns the first line after the beginning of a block that is no further indented than that;
@@ -132,7 +213,9 @@ impl ErrorSite<'_> {
             return None;
         }
         let is_outside = |token: &Token| {
-            let goes_on = matches!(self.text(token), "else" | "elseif");
+            let goes_on = self.text(head) == "if"
+                && self.indent_of(token) == indent
+                && matches!(self.text(token), "else" | "elseif");
             self.indent_of(token) <= indent && !goes_on
         };
         let (_, outside) = starts.find(|(_, token)| is_outside(token))?;
@@ -144,6 +227,11 @@ impl ErrorSite<'_> {
         let start = self.line_start(self.line_of(token));
         let rest = self.source.get(start..).unwrap_or_default();
         rest.len() - rest.trim_start().len()
+    }
+
+    fn begins_line(&self, token: &Token) -> bool {
+        let line = self.line_of(token);
+        token.span.start == self.line_start(line) + self.indent_of(token)
     }
 
     fn line_start(&self, line: usize) -> usize {

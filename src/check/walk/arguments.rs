@@ -94,13 +94,13 @@ impl<'a> Walk<'a> {
         whole: Option<Span>,
     ) {
         let kind = self.kinds.kind_of(argument);
-        let source = self.text.1;
-        let help = || passing::help(source, argument, whole, value.kind.wants_result());
-        let function = matches!(value.kind, Type::Function(_) | Type::Handler);
-        if let (true, Some(path)) = (function, self.answered_by(argument)) {
+        if value.kind.is_function()
+            && let Some(path) = self.answered_by(argument)
+        {
             let what = value.label();
             let message = format!("{call}: {what} must be a function, got the result of {path}");
-            self.error(argument.span, message).help = help();
+            let help = self.passing(value, argument, whole);
+            self.error(argument.span, message).help = help;
             return;
         }
         if matches!(kind, ValueKind::Nothing) {
@@ -110,20 +110,26 @@ impl<'a> Walk<'a> {
                     value.label(),
                     value.kind.describe()
                 );
-                self.error(argument.span, message).help = if function { help() } else { None };
+                let help = self.passing(value, argument, whole);
+                self.error(argument.span, message).help = help;
             }
             return;
         }
-        self.fits(call, value, argument, kind);
+        self.fits(call, value, (argument, whole), kind);
+    }
+
+    /// Returns the help for an argument that must be a function and is not.
+    fn passing(&self, value: &Value, argument: &Expr, whole: Option<Span>) -> Option<String> {
+        if !value.kind.is_function() {
+            return None;
+        }
+        passing::help(self.text.1, argument, whole, value.kind.wants_result())
     }
 
     /// Returns the path of the API function that an argument calls, if its result is not a
     /// function.
     fn answered_by(&self, argument: &'a Expr) -> Option<&'static str> {
-        let ExprKind::Call(callee, _) = &argument.kind else {
-            return None;
-        };
-        let ValueKind::Native(function) = self.kinds.kind_of(callee) else {
+        let ValueKind::Native(function) = self.kinds.callee(argument.bare()) else {
             return None;
         };
         let first = function.returns.first()?;
@@ -131,7 +137,13 @@ impl<'a> Walk<'a> {
         (!open).then_some(function.path)
     }
 
-    fn fits(&mut self, call: &str, value: &'static Value, argument: &'a Expr, kind: ValueKind<'a>) {
+    fn fits(
+        &mut self,
+        call: &str,
+        value: &'static Value,
+        (argument, whole): (&'a Expr, Option<Span>),
+        kind: ValueKind<'a>,
+    ) {
         match (&value.kind, kind) {
             (_, ValueKind::Unknown) | (Type::Any | Type::Payload, _) => {}
             (Type::Number(bounds) | Type::Whole(bounds), ValueKind::Number(number)) => {
@@ -150,11 +162,11 @@ impl<'a> Walk<'a> {
             }
             (Type::Boolean, ValueKind::Boolean)
             | (Type::Text(_), ValueKind::Text(_))
-            | (Type::Function(_) | Type::Handler, ValueKind::Function(_) | ValueKind::Native(_))
             | (
                 Type::Roi | Type::Range | Type::Fields,
                 ValueKind::Table(_) | ValueKind::Object(_) | ValueKind::List(_),
             ) => {}
+            (kind, ValueKind::Function(_) | ValueKind::Native(_)) if kind.is_function() => {}
             (Type::Choice(choice), ValueKind::Text(text)) => {
                 self.name(call, choice, text, argument.span)
             }
@@ -191,7 +203,8 @@ impl<'a> Walk<'a> {
                     "{call}: {what} must be {}, got {got}",
                     value.kind.describe()
                 );
-                self.error(argument.span, message);
+                let help = self.passing(value, argument, whole);
+                self.error(argument.span, message).help = help;
             }
         }
     }

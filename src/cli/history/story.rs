@@ -1,6 +1,6 @@
 //! Combines the journal's records: runs with start and end, spans without a link.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use jiff::Timestamp;
 
@@ -157,14 +157,21 @@ fn drawn(mut runs: Vec<Run>, until: Timestamp, battery: &[Record], events: &[Rec
         let at = last.entry(record.session).or_insert(record.at);
         *at = record.at.max(*at);
     }
+    // Without a link nothing is recorded although the behaviours go on.
+    let mut offline: BTreeSet<i64> = BTreeSet::new();
+    for record in events {
+        match record.kind() {
+            "link_down" => offline.insert(record.session),
+            "link_up" => offline.remove(&record.session),
+            _ => false,
+        };
+    }
     for run in runs.iter_mut().filter(|run| run.ended.is_none()) {
-        let links = events.iter().rev().filter(|one| one.session == run.session);
-        let mut links = links.map(Record::kind);
-        // Without a link nothing is recorded although the behaviours go on.
-        let is_offline = links.find(|kind| kind.starts_with("link_")) == Some("link_down");
         let last = last.get(&run.session).copied();
-        run.ended =
-            last.filter(|last| !is_offline && until.duration_since(*last).as_secs() > MAX_GAP);
+        run.ended = last.filter(|last| {
+            let is_over = until.duration_since(*last).as_secs() > MAX_GAP;
+            is_over && !offline.contains(&run.session)
+        });
     }
     runs
 }
@@ -279,6 +286,12 @@ pub(super) mod tests {
         assert_eq!(ended(660, &events), None, "it goes on");
         events.push(record(610, json!({"event": "link_down", "reason": "gone"})));
         assert_eq!(ended(100_000, &events), None, "nothing can come");
+        let other = Record {
+            session: 2,
+            ..record(620, json!({"event": "link_up"}))
+        };
+        events.push(other);
+        assert_eq!(ended(100_000, &events), None, "it is another session's");
         let end = json!({"event": "ended", "behaviour": "patrol", "reason": "done"});
         events.push(record(700, end));
         assert_eq!(ended(100_000, &events), Some(at(700)));

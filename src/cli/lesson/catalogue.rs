@@ -86,6 +86,22 @@ impl Lesson {
         })
     }
 
+    /// Says that a script names another lesson than this one, if it does.
+    pub(super) fn other_than_named(&self, source: &str) -> Option<String> {
+        match Lesson::of_script(source)? {
+            Ok(named) if named == self => None,
+            Ok(named) => {
+                let (number, title) = (named.number, named.title());
+                Some(format!(
+                    "The script names lesson {number}, {title}, at its top."
+                ))
+            }
+            Err(number) => Some(format!(
+                "The script names lesson {number} at its top, which does not exist."
+            )),
+        }
+    }
+
     /// The lesson's name, such as `moving`.
     pub(super) fn name(&self) -> &'static str {
         self.folder

@@ -64,6 +64,8 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
     };
     let feedback = Feedback {
         lesson,
+        is_chosen: args.lesson.is_some(),
+        other_lesson: lesson.other_than_named(&String::from_utf8_lossy(&source)),
         file: &args.file,
         marks: &marks,
         hint: args.hint,

@@ -16,6 +16,10 @@ const MAX_LINES: usize = 16;
 /// A checked script.
 pub(super) struct Feedback<'a> {
     pub(super) lesson: &'static Lesson,
+    /// Whether `--lesson` named the lesson: the next command needs it, too.
+    pub(super) is_chosen: bool,
+    /// A sentence that says that the script names another lesson.
+    pub(super) other_lesson: Option<String>,
     pub(super) file: &'a Path,
     pub(super) marks: &'a Marks,
     /// Number of the hint to show.
@@ -28,6 +32,9 @@ impl Feedback<'_> {
         let (lesson, marks) = (self.lesson, self.marks);
         let file = clean::text(&self.file.display().to_string(), false).replace('\n', " ");
         let mut text = format!("Lesson {}, {}: {file}\n\n", lesson.number, lesson.title());
+        if let Some(other) = &self.other_lesson {
+            text += &format!("{other} Is it the right script?\n\n");
+        }
         if !marks.cannot_run {
             marks.marks.iter().for_each(|mark| write(mark, &mut text));
             text.push('\n');
@@ -38,7 +45,7 @@ impl Feedback<'_> {
         if let Some(hint) = self.hint.and_then(|number| lesson.hint(number)) {
             text += &format!("\nHint: {hint}\n");
             if let Some(next @ 2..=3) = self.hint.map(|number| number + 1) {
-                text += &format!("\nThe next hint: spykee lesson check {file} --hint {next}\n");
+                text += &format!("\nThe next hint: {} --hint {next}\n", self.command(&file));
             }
         }
         text
@@ -74,8 +81,15 @@ impl Feedback<'_> {
             {
                 "\n".to_owned()
             }
-            (false, _) => format!(" A hint: spykee lesson check {file} --hint 1\n"),
+            (false, _) => format!(" A hint: {} --hint 1\n", self.command(file)),
         }
+    }
+
+    /// The command that checks the script again.
+    fn command(&self, file: &str) -> String {
+        let number = self.lesson.number;
+        let option = self.is_chosen.then(|| format!(" --lesson {number}"));
+        format!("spykee lesson check {file}{}", option.unwrap_or_default())
     }
 
     /// The feedback as JSON, for programs.
@@ -89,7 +103,7 @@ impl Feedback<'_> {
             })
         };
         json!({
-            "lesson": lesson.number, "title": lesson.title(),
+            "lesson": lesson.number, "title": lesson.title(), "other_lesson": self.other_lesson,
             "file": self.file.display().to_string(),
             "points": marks.points(), "max_points": marks.max_points(), "passed": marks.is_full(),
             "mistakes": marks.findings, "error": marks.script_error(),
@@ -114,7 +128,9 @@ pub(super) fn gradescope(feedback: &Feedback<'_>) -> Value {
     };
     let lesson = feedback.lesson;
     let title = format!("Lesson {}, {}", lesson.number, lesson.title());
-    let output = format!("{title}\n\n{}", feedback.script_mistakes());
+    let other = feedback.other_lesson.as_ref();
+    let other = other.map_or_else(String::new, |other| format!("{other}\n\n"));
+    let output = format!("{title}\n\n{other}{}", feedback.script_mistakes());
     json!({
         "score": marks.points(), "output": output.trim_end(),
         "tests": marks.marks.iter().map(test).collect::<Vec<Value>>(),

@@ -156,25 +156,9 @@ fn grade(
     };
     graded.points = marks.points();
     let text = String::from_utf8_lossy(&source).into_owned();
-    graded.missing.extend(other_lesson(&text, args.lesson));
+    graded.missing.extend(args.lesson.other_than_named(&text));
     graded.missing.extend(missing(&marks));
     Ok(Some((graded, Some(text), marks.max_points())))
-}
-
-/// Says that a script names another lesson than this one.
-fn other_lesson(text: &str, lesson: &Lesson) -> Option<String> {
-    match Lesson::of_script(text)? {
-        Ok(named) if named == lesson => None,
-        Ok(named) => {
-            let (number, title) = (named.number, named.title());
-            Some(format!(
-                "The script names lesson {number}, {title}, at its top."
-            ))
-        }
-        Err(number) => Some(format!(
-            "The script names lesson {number} at its top, which does not exist."
-        )),
-    }
 }
 
 /// The sentences that say what is missing, each once.

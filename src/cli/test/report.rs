@@ -287,14 +287,15 @@ impl Run {
         let (Some(outcome), Some(failure)) = (&self.outcome, self.failure()) else {
             return;
         };
-        let place = failure
-            .place
-            .as_ref()
-            .map_or_else(String::new, |place| format!("{place}: "));
-        let _ = writeln!(text, "        {}{}", place, indented(&failure.message, 8));
+        let place = failure.place.as_ref().map(|place| format!("{place}: "));
+        let (place, message) = (place.unwrap_or_default(), indented(&failure.message, 8));
+        let _ = writeln!(text, "        {place}{message}");
         if let (Some(place), Some(line)) = (&failure.place, &failure.line) {
             let number = place.line.to_string();
             let _ = writeln!(text, "        {number} | {}", line.trim_end());
+            if let Some(help) = &failure.help {
+                let _ = writeln!(text, "        {:1$} = help: {help}", "", number.len());
+            }
         }
         let _ = match &failure.scene {
             Some(Scene {
@@ -361,7 +362,7 @@ impl Run {
                 "message": failure.message,
                 "file": failure.place.as_ref().map(|place| &place.file),
                 "line": failure.place.as_ref().map(|place| place.line),
-                "source": failure.line,
+                "source": failure.line, "help": failure.help,
                 "at": scene.map(|scene| scene.at.as_secs_f64()),
                 "pose": scene.map(|scene| scene.pose),
                 "battery": scene.map(|scene| scene.battery),

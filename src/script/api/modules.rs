@@ -1,5 +1,7 @@
 //! `require`.
 
+use std::rc::Rc;
+
 use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 
 use super::super::Script;
@@ -9,7 +11,7 @@ use super::super::failure::{VmError, is_runtime_frame, printable};
 use super::super::ids::ModuleId;
 use super::super::modules::{ModuleFile, ModuleName, NoModule, Progress, Target, resolve};
 use super::super::sandbox;
-use super::super::task::{Answer, Cancel, TaskId, Wait};
+use super::super::task::{Answer, Cancel, MAX_TASKS, TaskId, Wait};
 use super::{Builder, Call, NativeResult, Natives};
 use crate::api::{self, Function, Namespace};
 
@@ -40,10 +42,14 @@ pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
     let place = builder
         .lua
         .create_function(|_, function| Ok(place(&function)))?;
+    let shared = Rc::clone(builder.shared);
+    let tasks = builder
+        .lua
+        .create_function(move |_, ()| Ok((shared.borrow().tasks.len(), MAX_TASKS)))?;
     let require: LuaFunction = builder
         .prelude
         .function("requirer")?
-        .call((open, done, nearest, mismatch, events, place))?;
+        .call((open, done, nearest, mismatch, events, place, tasks))?;
     globals.raw_set("require", require)
 }
 

@@ -57,6 +57,7 @@ fn errors_of_modules_name_the_call_that_the_author_wrote() {
     let pid = "require('@spykee/pid').new({})";
     let sorted = "table.sort({ 1, 2 }, function() CALL return true end)";
     let bt = "local bt = require('@spykee/bt') local function yes() return true end";
+    let full = "for _ = 1, 300 do pcall(task.spawn, function() task.wait(9) end) end";
     for (line, words) in [
         (
             format!("{machine}.run()"),
@@ -68,7 +69,36 @@ fn errors_of_modules_name_the_call_that_the_author_wrote() {
         ),
         (
             format!("{machine}.stop(1)"),
-            "machine:stop: must be called with a colon",
+            "machine:stop: must be called with a colon: machine:stop()",
+        ),
+        (
+            format!("{machine}.go(require('@spykee/fsm'))"),
+            "machine:go: must be called with a colon: machine:go(\"STATE\"), with the name of a state",
+        ),
+        (
+            format!("{machine}.run(require('@spykee/fsm'))"),
+            "machine:run: must be called with a colon: machine:run()",
+        ),
+        (
+            machine.replace(
+                "a = {}",
+                "a = { enter = function(m) m:go(require('@spykee/fsm')) end }",
+            ) + ":run()",
+            "machine:go: the name of a state is needed, got table (states: a)",
+        ),
+        (
+            format!(
+                "{bt} local many = table.create(300, yes) bt.run(bt.parallel({{}}, table.unpack(many)))"
+            ),
+            "bt.parallel: 1 of at most 256 tasks are running already, and it needs 300 more",
+        ),
+        (
+            format!("{bt} {full} bt.run(bt.guard(yes, yes))"),
+            "bt.guard: 256 of at most 256 tasks are running already, and it needs 2 more",
+        ),
+        (
+            format!("{bt} {full} bt.run(bt.timeout(1, yes))"),
+            "bt.timeout: 256 of at most 256 tasks are running already, and it needs 1 more",
         ),
         (
             format!("{pid}.update(1)"),
