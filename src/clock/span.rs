@@ -89,7 +89,7 @@ impl fmt::Display for Span {
         if self.0 == 0 {
             return f.write_str("0s");
         }
-        if self.0 % 1_000 != 0 {
+        if !self.0.is_multiple_of(1_000) {
             return write!(f, "{}", self.get().as_secs_f64());
         }
         let mut rest = self.0;

@@ -7,7 +7,7 @@ use crate::cli::embedded;
 use crate::cli::fast::{EventFile, LabJournalOptions, exit_when_stuck, no_lab};
 use crate::cli::interrupt::TerminatingSignals;
 use crate::cli::{Console, Exit, Failure, RobotChoice, startup};
-use crate::clock::{Clock, Zone};
+use crate::clock::{Clock, Span, Zone};
 use crate::config::Config;
 use crate::lab::{self, Lab};
 use crate::service::{ManagerNotifier, Service, View};
