@@ -5,7 +5,7 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::Instant;
 
-use super::roster::{Blueprint, Member, MemberState, Reply};
+use super::roster::{Blueprint, Member, MemberState, Reply, RosterError};
 use crate::robot::{BehaviourId, EndReason, Priority};
 use crate::script::Ending;
 
@@ -54,6 +54,14 @@ impl ActiveBehaviour {
         let ending = self.stop.borrow().is_some();
         let limited = self.since.zip(self.time_limit).filter(|_| !ending);
         limited.map(|(since, time_limit)| since + time_limit)
+    }
+
+    /// Tells it to end, and not to start again.
+    pub(super) fn stop_for_good(&mut self, reason: EndReason) {
+        request_stop(&self.stop, reason);
+        if let Some(again) = self.restart_reply.take() {
+            let _ = again.send(Err(RosterError::StoppedFirst(self.name.clone())));
+        }
     }
 
     /// The state of the behaviour.

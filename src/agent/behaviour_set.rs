@@ -198,10 +198,7 @@ impl BehaviourSet {
             },
             RosterCommand::Stop(name, reason, reply) => match self.find(&name) {
                 Some(one) => {
-                    request_stop(&one.stop, reason);
-                    if let Some(again) = one.restart_reply.take() {
-                        refuse(again, RosterError::StoppedFirst(name));
-                    }
+                    one.stop_for_good(reason);
                     one.ended.push(reply);
                 }
                 None => {
@@ -212,6 +209,14 @@ impl BehaviourSet {
                     refuse(reply, why);
                 }
             },
+            RosterCommand::StopAll(reply) => {
+                for one in &mut self.active {
+                    one.stop_for_good(EndReason::Cancelled);
+                }
+                // Whoever gets the reply then waits for the members in state `Ending`.
+                self.publish();
+                let _ = reply.send(Ok(()));
+            }
             RosterCommand::Restart(name, reply) => match self.find(&name) {
                 Some(one) => {
                     request_stop(&one.stop, EndReason::Reload);

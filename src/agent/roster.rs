@@ -195,6 +195,8 @@ pub(super) enum RosterCommand {
     Start(String, Option<Duration>, Reply),
     /// End it, with this reason.
     Stop(String, EndReason, Reply),
+    /// End all of them, also those that are to be started again. The reply does not wait for that.
+    StopAll(Reply),
     /// End it if it runs, then start it.
     Restart(String, Reply),
     /// Replace the known behaviours. Running behaviours continue.
@@ -252,6 +254,23 @@ impl Roster {
         let reason = EndReason::Cancelled;
         self.send_command(|reply| RosterCommand::Stop(name.to_owned(), reason, reply))
             .await
+    }
+
+    /// Ends all behaviours, also those that an earlier command starts or restarts; returns when they
+    /// have ended.
+    ///
+    /// # Errors
+    /// See [`RosterError`].
+    pub async fn stop_all(&self) -> Result<(), RosterError> {
+        self.send_command(RosterCommand::StopAll).await?;
+        let mut members = self.members();
+        let ending = |one: &Member| one.state == MemberState::Ending;
+        let ended = members.wait_for(|members| !members.iter().any(ending));
+        match timeout(ANSWER, ended).await {
+            Ok(Ok(_)) => Ok(()),
+            Ok(Err(_)) => Err(RosterError::Closed),
+            Err(_) => Err(RosterError::Busy),
+        }
     }
 
     /// Ends a behaviour if it runs, and starts it from the present text of its file. If the text
@@ -350,6 +369,7 @@ impl fmt::Debug for RosterCommand {
         match self {
             RosterCommand::Start(name, time_limit, _) => write!(f, "Start({name}, {time_limit:?})"),
             RosterCommand::Stop(name, reason, _) => write!(f, "Stop({name}, {reason})"),
+            RosterCommand::StopAll(_) => write!(f, "StopAll"),
             RosterCommand::Restart(name, _) => write!(f, "Restart({name})"),
             RosterCommand::Define(blueprints, _) => write!(f, "Define({blueprints:?})"),
         }

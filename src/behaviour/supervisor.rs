@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use tokio::runtime::Handle as Runtime;
 use tokio::sync::{broadcast, mpsc, watch};
-use tokio::time::{Instant, sleep_until, timeout};
+use tokio::time::{Instant, timeout};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, warn};
 
@@ -200,13 +200,14 @@ impl Supervisor {
                     PilotMessage::Kill(reason) => return Some(self.killed_ending(reason)),
                     PilotMessage::Closed => return Some(self.killed_ending(EndReason::Shutdown)),
                 },
-                Ok(()) = stop.changed(), if last_moment.is_none() => {
-                    let reason = stop.borrow_and_update().unwrap_or(EndReason::Shutdown);
+                Some(reason) = requested(stop), if last_moment.is_none() => {
                     self.pass_on(ToHost::Stop(reason));
                     running = running || self.pass_on(ToHost::Run);
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
                 }
-                Some(reason) = at(last_moment) => return Some(self.killed_ending(reason)),
+                () = until(last_moment.map(|(moment, _)| moment)) => {
+                    return last_moment.map(|(_, reason)| self.killed_ending(reason));
+                }
                 Ok(change) = self.param_changes.recv() => {
                     if change.behaviour == self.host.name {
                         let (name, value) = (change.name, change.value);
@@ -388,12 +389,8 @@ impl Supervisor {
     }
 }
 
-async fn at(moment: Option<(Instant, EndReason)>) -> Option<EndReason> {
-    match moment {
-        Some((moment, reason)) => {
-            sleep_until(moment).await;
-            Some(reason)
-        }
-        None => std::future::pending().await,
-    }
+/// Waits for the reason to end; a reason that was there before counts too.
+async fn requested(stop: &mut watch::Receiver<Option<EndReason>>) -> Option<EndReason> {
+    let reason = stop.wait_for(Option::is_some).await;
+    reason.ok().and_then(|reason| *reason)
 }

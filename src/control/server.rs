@@ -15,7 +15,7 @@ use tracing::{debug, info};
 use super::folder::{Bound, Folder};
 use super::pipe::Pipe;
 use super::request::{Answer, Change, Listed, MAX_SPEECH, Next, Overview, RunRequest};
-use crate::agent::{Docked, MemberState, Roster, Seat, SeatError};
+use crate::agent::{Docked, Roster, RosterError, Seat, SeatError};
 use crate::pilot::{LinkState, Reactions, Status};
 use crate::robot::channel::{Request, Role, RunningBehaviours};
 use crate::robot::{BehaviourId, Intent, Pictures, Priority, Streams, Use};
@@ -257,21 +257,16 @@ impl Run {
         self.seat("a person").await?.send_intent(Intent::Stop).await
     }
 
-    /// Stops the tracks at once and ends all behaviours, so that nothing keeps driving. Unlike
-    /// [`RunRequest::Stop`], it does not end the run itself.
+    /// Stops the tracks at once and ends all behaviours, also those that start or restart at this
+    /// moment, so that nothing keeps driving. Unlike [`RunRequest::Stop`], it does not end the run
+    /// itself.
     pub async fn stop_behaviours(&self) -> Answer {
         let stopped = self.stop_tracks().await;
-        let mut ending = JoinSet::new();
-        for member in self.roster.members().borrow().iter() {
-            if matches!(member.state, MemberState::Idle | MemberState::Ending) {
-                continue;
-            }
-            let (roster, name) = (self.roster.clone(), member.name.clone());
-            ending.spawn(async move { roster.stop(&name).await });
+        match self.roster.stop_all().await {
+            // A run that is ending ends its behaviours itself.
+            Ok(()) | Err(RosterError::Closed) => answer(stopped),
+            refused => answer(refused),
         }
-        // A behaviour that has ended meanwhile needs no stop.
-        ending.join_all().await;
-        answer(stopped)
     }
 
     async fn picture(&self, seat: &Seat, limit: Duration) -> Result<Answer, SeatError> {

@@ -6,6 +6,7 @@ mod broker;
 mod encrypted;
 mod fleet;
 mod outage;
+mod stop;
 mod topic;
 
 use std::time::Duration;

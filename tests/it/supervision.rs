@@ -7,13 +7,16 @@ use std::time::Duration;
 
 use rustix::process::{Pid, Signal};
 use spykee::agent::{Agent, Behaviour, Plan};
-use spykee::behaviour::{Launch, Launcher, Library, Reload, RestartPolicy};
+use spykee::behaviour::{
+    Handle, Launch, Launcher, Library, Prepared, Reload, RestartPolicy, Supervisor,
+};
 use spykee::link;
 use spykee::pilot::Settings;
-use spykee::robot::Priority;
+use spykee::robot::channel::Role;
+use spykee::robot::{BehaviourId, EndReason, Pictures, Priority};
 use spykee::script;
 use spykee::wire::{Command, EngineReport, Led, Login, Report, Sound};
-use tokio::sync::mpsc;
+use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep, timeout};
 
 use crate::rig::{Rig, Run, WAIT_LIMIT, hosts_of};
@@ -225,6 +228,29 @@ async fn with_watch_saving_a_module_reloads_its_script() {
         () = saving => {}
     }
     drop(run);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_before_the_supervisor_begins_ends_the_behaviour() {
+    let core = tokio::runtime::Handle::current();
+    let launcher = Launcher::new(env!("CARGO_BIN_EXE_spykee").into());
+    let launch = Launch {
+        source: b"task.wait(600)".to_vec(),
+        options: script::Options::new("script", "script.lua"),
+        library: Library::default(),
+    };
+    let (by, priority) = (BehaviourId(0), Priority(0));
+    let host = Prepared::start(&launcher, &core, by, priority, launch).await;
+    // A pilot that keeps the requests unread: the behaviour has joined, but is not welcome yet.
+    let (requests, _pilot) = mpsc::channel(100);
+    let (_camera, frames) = watch::channel(Pictures::default());
+    let role = Role::Behaviour;
+    let supervisor = Supervisor::register(host.unwrap(), role, requests, frames).await;
+    let handle = Handle::default();
+    handle.stop(EndReason::Cancelled);
+    let ended = timeout(WAIT_LIMIT, supervisor.run(handle, &core)).await;
+    let ending = ended.expect("the stop was lost");
+    assert_eq!(ending.reason, EndReason::Cancelled, "{ending:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

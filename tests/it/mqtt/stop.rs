@@ -1,0 +1,78 @@
+//! The order `stop` ends all behaviours, also those that an earlier order starts or restarts.
+
+use serde_json::{Value, json};
+use spykee::wire::Command;
+
+use super::broker::{Broker, Subscriber};
+use super::{A, robot};
+use crate::rig::{Rig, run_spykee};
+
+/// Says with a volume that it ends, and takes its time for that.
+const DRIVES: &str = "script.on_stop(function() robot.volume(41) task.wait(0.4) end)
+    while true do robot.move(30, 30, 0.5) end";
+/// How often an order to start is followed by a stop: each time one of two threads is faster.
+const ROUNDS: usize = 12;
+
+async fn order(subscriber: &Subscriber, order: &str, id: &str) {
+    let order = json!({ "order": order, "id": id }).to_string();
+    let topic = format!("spykee/{A}/command");
+    subscriber.publish(&topic, &order, false).await;
+}
+
+/// Waits for the answer to the order with this id.
+async fn answer(subscriber: &Subscriber, id: &str) -> Value {
+    let read = |payload: &[u8]| serde_json::from_slice::<Value>(payload).unwrap();
+    let topic = format!("spykee/{A}/answer");
+    let answer = subscriber
+        .wait_for(0, &topic, |payload| read(payload)["id"] == id)
+        .await;
+    read(&answer)
+}
+
+/// The state of the only behaviour.
+async fn state(rig: &Rig) -> String {
+    let (code, text) = run_spykee(rig, &["behaviour", "list", "--json"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    let list: Value = serde_json::from_str(&text).unwrap();
+    list[0]["state"].as_str().unwrap().to_owned()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_reaches_behaviours_that_restart_or_were_just_ordered() {
+    let Some(broker) = Broker::start() else {
+        return;
+    };
+    let (rig, subscriber) = (robot(A).await, Subscriber::connect(&broker).await);
+    rig.file("drive.lua", DRIVES);
+    rig.file(
+        "spykee.yaml",
+        &format!(
+            "service: {{ user: root, dock: false }}\n\
+             behaviours: [{{ file: drive.lua, start: asked }}]\n{}",
+            broker.config()
+        ),
+    );
+    let run = rig.spykee(&["serve", "--config", "spykee.yaml", "--robot", &rig.address]);
+    subscriber
+        .wait_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
+        .await;
+    order(&subscriber, "run drive", "first").await;
+    rig.heard_motion(0).await;
+    let mut restart = rig.spykee(&["behaviour", "restart", "drive"]);
+    rig.heard(0, |command| *command == Command::Volume(41))
+        .await;
+    order(&subscriber, "stop", "restarting").await;
+    let answered = answer(&subscriber, "restarting").await;
+    restart.code().await;
+    assert_eq!(answered["done"], true, "{answered}");
+    assert_eq!(state(&rig).await, "idle", "{}", run.text());
+    for round in 0..ROUNDS {
+        let (started, stopped) = (format!("run {round}"), format!("stop {round}"));
+        order(&subscriber, "run drive", &started).await;
+        order(&subscriber, "stop", &stopped).await;
+        answer(&subscriber, &started).await;
+        let answered = answer(&subscriber, &stopped).await;
+        assert_eq!(answered["done"], true, "{answered}");
+        assert_eq!(state(&rig).await, "idle", "{}", run.text());
+    }
+}
