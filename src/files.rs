@@ -226,6 +226,23 @@ impl Folder {
         }
     }
 
+    /// Creates an empty file, with access for this user only, unless something of this name exists.
+    ///
+    /// # Errors
+    /// Any error of the system.
+    pub fn create(&self, name: &str) -> io::Result<()> {
+        match self.create_new(name) {
+            Ok(_) | Err(Errno::EXIST) => Ok(()),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn create_new(&self, name: &str) -> Result<OwnedFd, Errno> {
+        let flags =
+            OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+        openat(&self.0, name, flags, Mode::RUSR | Mode::WUSR)
+    }
+
     /// Replaces a file atomically: it holds either all of the new content or all of the old. Only
     /// this user has access to it.
     ///
@@ -246,10 +263,7 @@ impl Folder {
     fn put(&self, name: &str, bytes: &[u8], durably: bool) -> io::Result<()> {
         let unfinished = format!("{UNFINISHED}-{name}");
         let _ = self.remove(&unfinished);
-        let flags =
-            OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-        let file = openat(&self.0, &*unfinished, flags, Mode::RUSR | Mode::WUSR)?;
-        let mut file = File::from(file);
+        let mut file = File::from(self.create_new(&unfinished)?);
         let written = file
             .write_all(bytes)
             .and_then(|()| if durably { file.sync_all() } else { Ok(()) });

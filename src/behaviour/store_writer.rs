@@ -3,7 +3,8 @@
 //! disk.
 //!
 //! Writes are atomic: the new content goes to a temporary file, which is synced to the disk and
-//! then renamed. A damaged file is kept as `.bad`.
+//! then renamed. Content whose write failed is written again, unless there is newer content. A
+//! damaged file is kept as `.bad`.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -38,12 +39,15 @@ pub(super) struct StoreWriter {
     writer: Option<Writer>,
     /// Starts the thread.
     start: fn(PathBuf, u64) -> io::Result<Writer>,
-    /// Why the thread could not be started, until that is reported.
-    no_thread: Option<String>,
+    /// The last problem, until [`StoreWriter::trouble`] takes it.
+    error: Option<String>,
     /// Earliest time of the next write.
     next: Option<Instant>,
-    /// Content that no thread has taken yet.
+    /// Content that the thread has not taken yet, or could not write.
     unsent: Option<Vec<u8>>,
+    /// Number of the last content that the thread has taken.
+    sent: u64,
+    /// The last problem that was reported.
     last_error: Option<String>,
     /// Writes only at the end: see [`StoreWriter::at_the_end`].
     write_at_end: bool,
@@ -56,9 +60,18 @@ pub(super) struct StoreWriter {
 
 #[derive(Debug)]
 struct Writer {
-    files: SyncSender<Vec<u8>>,
-    trouble: Receiver<String>,
+    /// Numbered contents.
+    files: SyncSender<(u64, Vec<u8>)>,
+    failures: Receiver<Failure>,
     thread: JoinHandle<()>,
+}
+
+/// A write that failed, and the content that it was to write.
+#[derive(Debug)]
+struct Failure {
+    number: u64,
+    content: Vec<u8>,
+    error: String,
 }
 
 impl StoreWriter {
@@ -68,9 +81,10 @@ impl StoreWriter {
             folder,
             writer: None,
             start: Writer::start,
-            no_thread: None,
+            error: None,
             next: None,
             unsent: None,
+            sent: 0,
             last_error: None,
             write_at_end: false,
             day: Budget::new(limits.store_bytes_a_day),
@@ -130,6 +144,7 @@ impl StoreWriter {
 
     /// Hands the newest content to the writing thread. Never waits.
     pub(super) fn offer(&mut self, newest: Option<Vec<u8>>, now: Instant) {
+        self.collect_failures();
         let Some(content) = newest.or_else(|| self.unsent.take()) else {
             return;
         };
@@ -143,17 +158,35 @@ impl StoreWriter {
             self.next = Some(now + SLOW_PACE);
             self.slow.get_or_insert(false);
         }
+        let number = self.sent + 1;
         match self.writer() {
-            Ok(writer) => {
-                if let Err(TrySendError::Full(content) | TrySendError::Disconnected(content)) =
-                    writer.files.try_send(content)
-                {
+            Ok(writer) => match writer.files.try_send((number, content)) {
+                Ok(()) => self.sent = number,
+                Err(
+                    TrySendError::Full((_, content)) | TrySendError::Disconnected((_, content)),
+                ) => {
                     self.unsent = Some(content);
                 }
-            }
+            },
             Err(error) => {
-                self.no_thread = Some(error);
+                self.error = Some(error);
                 self.unsent = Some(content);
+            }
+        }
+    }
+
+    fn collect_failures(&mut self) {
+        let writer = self.writer.iter();
+        let failures: Vec<Failure> = writer.flat_map(|one| one.failures.try_iter()).collect();
+        self.take_back(failures);
+    }
+
+    /// Keeps content that the thread could not write, unless there is newer content.
+    fn take_back(&mut self, failures: impl IntoIterator<Item = Failure>) {
+        for failure in failures {
+            self.error = Some(failure.error);
+            if failure.number == self.sent && self.unsent.is_none() {
+                self.unsent = Some(failure.content);
             }
         }
     }
@@ -177,31 +210,24 @@ impl StoreWriter {
                 self.day.per_day()
             ));
         }
-        let of_thread = || self.writer.as_ref()?.trouble.try_recv().ok();
-        let error = self.no_thread.take().or_else(of_thread)?;
+        self.collect_failures();
+        let error = self.error.take()?;
         let new = self.last_error.as_ref() != Some(&error);
         self.last_error = Some(error.clone());
         new.then_some(error)
     }
 
-    /// Writes the remaining content and waits for the thread. Returns its last error.
+    /// Waits for the thread, then writes the remaining content. Returns why that failed.
     pub(super) fn finish(&mut self, last: Option<Vec<u8>>) -> Option<String> {
-        if let Some(content) = last.or_else(|| self.unsent.take()) {
-            match self.writer() {
-                Ok(writer) => {
-                    let _ = writer.files.send(content);
-                }
-                Err(error) => return Some(error),
-            }
+        if let Some(writer) = self.writer.take() {
+            drop(writer.files);
+            let _ = writer.thread.join();
+            self.take_back(writer.failures.try_iter());
         }
-        let Writer {
-            files,
-            trouble,
-            thread,
-        } = self.writer.take()?;
-        drop(files);
-        let _ = thread.join();
-        trouble.try_iter().last()
+        let unsent = self.unsent.take();
+        let content = last.or(unsent)?;
+        let written = replace(&self.folder, &content, self.free);
+        written.err().map(|error| error.to_string())
     }
 }
 
@@ -217,20 +243,26 @@ impl Drop for StoreWriter {
 
 impl Writer {
     fn start(folder: PathBuf, free: u64) -> io::Result<Writer> {
-        let (files, waiting) = sync_channel::<Vec<u8>>(1);
-        let (complaints, trouble) = sync_channel(8);
+        let (files, waiting) = sync_channel::<(u64, Vec<u8>)>(1);
+        // Holds more failures than can arrive between two calls of `collect_failures`.
+        let (failed, failures) = sync_channel(8);
         let thread = std::thread::Builder::new()
             .name("store".into())
             .spawn(move || {
-                for content in waiting {
+                for (number, content) in waiting {
                     if let Err(error) = replace(&folder, &content, free) {
-                        let _ = complaints.try_send(error.to_string());
+                        let error = error.to_string();
+                        let _ = failed.try_send(Failure {
+                            number,
+                            content,
+                            error,
+                        });
                     }
                 }
             })?;
         Ok(Writer {
             files,
-            trouble,
+            failures,
             thread,
         })
     }
@@ -249,152 +281,4 @@ fn replace(folder: &Path, content: &[u8], free: u64) -> io::Result<()> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use std::fs;
-    use std::os::unix::fs::{PermissionsExt as _, symlink};
-
-    #[test]
-    fn the_last_content_is_written_at_the_end_and_is_private() {
-        let root = tempfile::tempdir().unwrap();
-        let folder = root.path().join("data");
-        let mut writer = StoreWriter::new(folder.clone(), &Limits::default());
-        assert!(writer.read().unwrap().is_none());
-        let now = Instant::now();
-        for number in 0..20 {
-            writer.offer(Some(format!("{number}").into_bytes()), now);
-        }
-        assert!(!writer.is_due(now) && writer.is_due(now + PACE));
-        assert_eq!(writer.finish(None), None);
-        assert_eq!(writer.read().unwrap().unwrap(), b"19");
-        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
-        assert_eq!((mode(&folder), mode(&folder.join(NAME))), (0o700, 0o600));
-        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
-    }
-
-    #[test]
-    fn in_virtual_time_it_is_written_once_however_the_host_ends() {
-        let root = tempfile::tempdir().unwrap();
-        let file = root.path().join(NAME);
-        let mut writer = StoreWriter::at_the_end(root.path().to_owned(), &Limits::default());
-        writer.offer(Some(b"one".to_vec()), Instant::now());
-        writer.offer(Some(b"two".to_vec()), Instant::now());
-        assert!(!file.exists() && !writer.is_behind());
-        drop(writer);
-        assert_eq!(fs::read(&file).unwrap(), b"two");
-        let mut writer = StoreWriter::at_the_end(root.path().to_owned(), &Limits::default());
-        writer.offer(Some(b"three".to_vec()), Instant::now());
-        assert_eq!(writer.finish(None), None);
-        assert_eq!(fs::read(&file).unwrap(), b"three");
-    }
-
-    #[test]
-    fn leftover_temporary_files_are_removed() {
-        let root = tempfile::tempdir().unwrap();
-        fs::write(root.path().join(".store-77"), "{\"a\": ").unwrap();
-        fs::write(root.path().join(NAME), "{}").unwrap();
-        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default());
-        assert_eq!(writer.read().unwrap().unwrap(), b"{}");
-        assert_eq!(writer.finish(Some(b"new".to_vec())), None);
-        assert_eq!(writer.read().unwrap().unwrap(), b"new");
-        assert_eq!(fs::read_dir(root.path()).unwrap().count(), 1);
-    }
-
-    #[test]
-    fn a_damaged_file_is_kept_aside() {
-        let root = tempfile::tempdir().unwrap();
-        fs::write(root.path().join(NAME), "{ torn").unwrap();
-        let warning =
-            StoreWriter::new(root.path().to_owned(), &Limits::default()).set_aside("torn");
-        assert!(
-            warning.contains("store.json.bad") && warning.contains("torn"),
-            "{warning}"
-        );
-        assert_eq!(fs::read(root.path().join(BAD)).unwrap(), b"{ torn");
-        assert!(!root.path().join(NAME).exists());
-    }
-
-    #[test]
-    fn a_symbolic_link_as_folder_or_file_is_not_followed() {
-        let root = tempfile::tempdir().unwrap();
-        let path = |name: &str| root.path().join(name);
-        fs::create_dir(path("elsewhere")).unwrap();
-        fs::write(path("elsewhere/store.json"), "{}").unwrap();
-        symlink(path("elsewhere"), path("data")).unwrap();
-        let mut writer = StoreWriter::new(path("data"), &Limits::default());
-        assert!(writer.read().is_err());
-        assert!(
-            writer
-                .finish(Some(b"1".to_vec()))
-                .unwrap()
-                .contains("symbolic link")
-        );
-        assert_eq!(fs::read(path("elsewhere/store.json")).unwrap(), b"{}");
-        fs::create_dir(path("own")).unwrap();
-        symlink(path("elsewhere/store.json"), path("own/store.json")).unwrap();
-        let mut writer = StoreWriter::new(path("own"), &Limits::default());
-        assert!(writer.read().is_err());
-        assert_eq!(writer.finish(Some(b"1".to_vec())), None);
-        assert_eq!(fs::read(path("elsewhere/store.json")).unwrap(), b"{}");
-        assert_eq!(fs::read(path("own/store.json")).unwrap(), b"1");
-    }
-
-    #[test]
-    fn a_store_over_its_daily_budget_is_written_once_a_minute() {
-        let root = tempfile::tempdir().unwrap();
-        let limits = Limits {
-            store_bytes_a_day: 48,
-            ..Limits::default()
-        };
-        let mut writer = StoreWriter::new(root.path().to_owned(), &limits);
-        let now = Instant::now();
-        writer.offer(Some(b"12".to_vec()), now);
-        assert!(writer.is_due(now + PACE) && writer.trouble().is_none());
-        writer.offer(Some(b"34".to_vec()), now + PACE);
-        assert!(!writer.is_due(now + PACE + PACE) && writer.is_due(now + PACE + SLOW_PACE));
-        assert!(writer.trouble().unwrap().contains("once per minute"));
-        assert!(writer.trouble().is_none());
-        assert_eq!(writer.finish(Some(b"56".to_vec())), None);
-        assert_eq!(writer.read().unwrap().unwrap(), b"56");
-    }
-
-    #[test]
-    fn nothing_is_written_to_a_full_disk() {
-        let root = tempfile::tempdir().unwrap();
-        let limits = Limits {
-            free_bytes: 1 << 50,
-            ..Limits::default()
-        };
-        let mut writer = StoreWriter::new(root.path().to_owned(), &limits);
-        let warning = writer.finish(Some(b"1".to_vec())).unwrap();
-        assert!(warning.contains("disk"), "{warning}");
-        assert!(!root.path().join(NAME).exists());
-    }
-
-    #[test]
-    fn a_thread_that_cannot_be_started_is_reported_and_tried_again() {
-        let root = tempfile::tempdir().unwrap();
-        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default());
-        writer.start = |_, _| Err(io::Error::other("no more threads"));
-        let now = Instant::now();
-        writer.offer(Some(b"1".to_vec()), now);
-        let trouble = writer.trouble().unwrap();
-        assert!(trouble.contains("no more threads"), "{trouble}");
-        writer.offer(None, now + PACE);
-        assert_eq!((writer.is_behind(), writer.trouble()), (true, None));
-        writer.start = Writer::start;
-        assert_eq!(writer.finish(None), None);
-        assert_eq!(writer.read().unwrap().unwrap(), b"1");
-        writer.start = |_, _| Err(io::Error::other("no more threads"));
-        assert!(writer.finish(Some(b"2".to_vec())).is_some());
-    }
-
-    #[test]
-    fn a_folder_that_cannot_be_written_is_reported() {
-        let root = tempfile::tempdir().unwrap();
-        let file = root.path().join("file");
-        fs::write(&file, "").unwrap();
-        let mut writer = StoreWriter::new(file.join("data"), &Limits::default());
-        assert!(writer.finish(Some(b"1".to_vec())).is_some());
-    }
-}
+mod tests;

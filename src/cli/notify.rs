@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use jiff::Timestamp;
+use tokio_util::sync::CancellationToken;
 
 use super::settings::SettingsArgs;
 use super::{Exit, Failure, broker, print, secret};
@@ -81,10 +82,10 @@ pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
         at: Timestamp::now().as_millisecond(),
         picture: picture.as_deref().map(absolute).transpose()?,
     };
-    let mut exit = Exit::Done;
+    let (mut exit, never) = (Exit::Done, CancellationToken::new());
     for (name, target) in chosen {
         let token = tokens.get(name).map_or("", String::as_str);
-        let outcome = match deliver(target, token, &publisher, &notice) {
+        let outcome = match deliver(target, token, &publisher, &notice, &never) {
             Delivery::Done => "sent".to_owned(),
             Delivery::Later(why) | Delivery::Refused(why) => {
                 exit = Exit::Check;

@@ -87,6 +87,23 @@ fn a_folder_that_is_a_link_is_refused_and_links_in_it_are_not_followed() {
 }
 
 #[test]
+fn only_a_missing_file_is_created() {
+    let root = tempfile::tempdir().unwrap();
+    let path = |name: &str| root.path().join(name);
+    let folder = Folder::open(root.path()).unwrap();
+    folder.create("a").unwrap();
+    assert_eq!(fs::read(path("a")).unwrap(), b"");
+    let mode = fs::metadata(path("a")).unwrap().permissions().mode();
+    assert_eq!(mode & 0o777, 0o600);
+    fs::write(path("a"), "kept").unwrap();
+    folder.create("a").unwrap();
+    assert_eq!(fs::read(path("a")).unwrap(), b"kept");
+    symlink(path("none"), path("link")).unwrap();
+    folder.create("link").unwrap();
+    assert!(is_link(&path("link")) && !path("none").exists());
+}
+
+#[test]
 fn unfinished_files_are_removed() {
     let root = tempfile::tempdir().unwrap();
     let folder = Folder::open(root.path()).unwrap();

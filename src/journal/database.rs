@@ -64,11 +64,7 @@ impl Database {
         if private.free().is_ok_and(|free| free < FREE) {
             return Err(JournalError::Disk);
         }
-        if private.item(FILE).map_err(failed)?.is_none() {
-            // Creates it with access for this user only; SQLite gives its other files the same
-            // mode.
-            private.replace(FILE, b"").map_err(failed)?;
-        }
+        create_file(&private).map_err(failed)?;
         let mut connection = connect(&path).map_err(failed)??;
         schema::migrate(&mut connection)?;
         let pages = options.max_mib.saturating_mul(1 << 20) / page_size(&connection)?;
@@ -146,6 +142,17 @@ impl Database {
         }
         Ok(gone)
     }
+}
+
+/// Creates the file if there is none, with access for this user only; SQLite gives its other files
+/// the same mode. Replaces a symbolic link, but never a file: another agent may have created it and
+/// opened it a moment ago.
+fn create_file(private: &Folder) -> io::Result<()> {
+    private.create(FILE)?;
+    if private.item(FILE)?.is_none() {
+        private.replace(FILE, b"")?;
+    }
+    Ok(())
 }
 
 /// Opens the connection of a writer. SQLite must not follow a symbolic link to the file, so only
@@ -268,6 +275,20 @@ mod tests {
                 .unwrap()
                 .is_file()
         );
+    }
+
+    #[test]
+    fn two_agents_that_create_it_at_the_same_time_write_to_the_same_file() {
+        let data = tempfile::tempdir().unwrap();
+        let open = || Database::open(data.path(), Options::default(), &about(), now()).unwrap();
+        let mut one = open();
+        one.write(&[event(1, "one")], 0, now()).unwrap();
+        // The other agent found no file just before.
+        create_file(&Folder::open(&folder(data.path())).unwrap()).unwrap();
+        let mut other = open();
+        other.write(&[event(2, "other")], 0, now()).unwrap();
+        one.write(&[event(3, "one")], 0, now()).unwrap();
+        assert_eq!(count(data.path()), 3);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Passes a notification to a program of the owner: the text on its standard input, the rest as
-//! arguments and in its environment. When it ends or the timeout has passed, its whole process
-//! group is killed.
+//! arguments and in its environment. When it ends, the timeout has passed or this agent ends, its
+//! whole process group is killed.
 
 use std::io::Write as _;
 use std::os::unix::process::CommandExt as _;
@@ -9,6 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process_group};
+use tokio_util::sync::CancellationToken;
 
 use super::delivery::Delivery;
 use super::notice::Notice;
@@ -27,8 +28,13 @@ const PICTURE: &str = "SPYKEE_PICTURE";
 /// The environment variables that a program gets.
 pub const PROGRAM_VARIABLES: [&str; 4] = [EVENT, ROBOT_NAME, TIME, PICTURE];
 
-/// Runs the program to its end.
-pub(super) fn send(target: &Target, notice: &Notice, picture: Option<&Path>) -> Delivery {
+/// Runs the program to its end, at most until `abort` is cancelled.
+pub(super) fn send(
+    target: &Target,
+    notice: &Notice,
+    picture: Option<&Path>,
+    abort: &CancellationToken,
+) -> Delivery {
     let words: Vec<String> = target
         .command
         .iter()
@@ -51,12 +57,17 @@ pub(super) fn send(target: &Target, notice: &Notice, picture: Option<&Path>) -> 
         command.env(PICTURE, picture);
     }
     match command.spawn() {
-        Ok(child) => wait_for_exit(child, notice, target.timeout.get()),
+        Ok(child) => wait_for_exit(child, notice, target.timeout.get(), abort),
         Err(error) => Delivery::Later(format!("{program} cannot be started: {error}")),
     }
 }
 
-fn wait_for_exit(mut child: Child, notice: &Notice, limit: Duration) -> Delivery {
+fn wait_for_exit(
+    mut child: Child,
+    notice: &Notice,
+    limit: Duration,
+    abort: &CancellationToken,
+) -> Delivery {
     if let Some(mut input) = child.stdin.take() {
         // Shorter than a pipe's buffer: never blocks, even if the command does not read it.
         let _ = input.write_all(notice.text.as_bytes());
@@ -68,6 +79,9 @@ fn wait_for_exit(mut child: Child, notice: &Notice, limit: Duration) -> Delivery
             Ok(Some(status)) => break Delivery::Later(format!("it ended with {status}")),
             Ok(None) if left.is_zero() => {
                 break Delivery::Later(format!("it took more than {} s", limit.as_secs_f64()));
+            }
+            Ok(None) if abort.is_cancelled() => {
+                break Delivery::Later("it was killed, because spykee ends".to_owned());
             }
             Ok(None) => {
                 std::thread::sleep(POLL_INTERVAL.min(left));
@@ -89,6 +103,10 @@ mod tests {
     use crate::robot::Seconds;
 
     fn run(words: &[&str], seconds: f64) -> Delivery {
+        run_until(words, seconds, &CancellationToken::new())
+    }
+
+    fn run_until(words: &[&str], seconds: f64, abort: &CancellationToken) -> Delivery {
         let target = Target {
             command: words.iter().map(|word| (*word).to_owned()).collect(),
             timeout: Seconds::new(seconds).unwrap(),
@@ -101,7 +119,7 @@ mod tests {
             at: 0,
             picture: None,
         };
-        send(&target, &notice, Some(Path::new("/data/1.jpg")))
+        send(&target, &notice, Some(Path::new("/data/1.jpg")), abort)
     }
 
     #[test]
@@ -149,6 +167,17 @@ mod tests {
             std::thread::sleep(Duration::from_millis(5));
         }
         panic!("it is still running: {:?}", state());
+    }
+
+    #[test]
+    fn a_program_that_hangs_is_killed_when_the_agent_ends() {
+        let abort = CancellationToken::new();
+        abort.cancel();
+        let delivery = run_until(&["sleep", "600"], 600.0, &abort);
+        assert!(
+            matches!(&delivery, Delivery::Later(why) if why.contains("spykee ends")),
+            "{delivery:?}"
+        );
     }
 
     #[test]

@@ -22,6 +22,9 @@ use super::sender::Sender;
 use crate::clock::until;
 use crate::robot::{Bus, BusMessage, Listener};
 
+/// How long [`Notifier::finish`] waits, after its limit, until the targets' programs are killed.
+const KILL_LIMIT: Duration = Duration::from_secs(1);
+
 /// Why notifications cannot be started.
 #[derive(Debug, thiserror::Error)]
 pub enum NotifyError {
@@ -35,6 +38,8 @@ pub enum NotifyError {
 #[derive(Debug)]
 pub struct Notifier {
     stop: CancellationToken,
+    /// Ends the targets' programs.
+    abort: CancellationToken,
     ended: mpsc::Receiver<()>,
 }
 
@@ -52,7 +57,7 @@ impl Notifier {
         tokens: &BTreeMap<String, String>,
         publisher: &BrokerPublisher,
     ) -> Result<Notifier, NotifyError> {
-        let stop = CancellationToken::new();
+        let (stop, abort) = (CancellationToken::new(), CancellationToken::new());
         let (alive, ended) = mpsc::sync_channel::<()>(1);
         let now = Instant::now();
         let mut queues = Vec::new();
@@ -64,6 +69,7 @@ impl Notifier {
                 token: tokens.get(name).cloned().unwrap_or_default(),
                 publisher: publisher.clone(),
                 data: data.to_owned(),
+                abort: abort.clone(),
             };
             let alive = alive.clone();
             let life = move || {
@@ -93,13 +99,24 @@ impl Notifier {
         };
         let thread = std::thread::Builder::new().name("notify-rules".into());
         thread.spawn(life).map_err(NotifyError::Thread)?;
-        Ok(Notifier { stop, ended })
+        Ok(Notifier { stop, abort, ended })
     }
 
-    /// Waits at most this long until all waiting messages were tried once more. Messages not sent
-    /// stay in the queue on the disk for the next program. Returns whether all were tried.
+    /// Waits at most this long until all waiting messages were tried once more; then kills the
+    /// programs that have not ended. Messages not sent stay in the queue on the disk for the next
+    /// agent. Returns whether all were tried.
     pub fn finish(self, limit: Duration) -> bool {
         self.stop.cancel();
+        let done = self.wait(limit);
+        if !done {
+            self.abort.cancel();
+            self.wait(KILL_LIMIT);
+        }
+        done
+    }
+
+    /// Waits at most this long until all threads have ended. Returns whether they have.
+    fn wait(&self, limit: Duration) -> bool {
         // Returns when every thread has dropped its end; nothing is ever sent.
         let ended = self.ended.recv_timeout(limit);
         ended == Err(mpsc::RecvTimeoutError::Disconnected)

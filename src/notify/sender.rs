@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use jiff::Timestamp;
 use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
 use super::broker::{self, BrokerPublisher};
@@ -26,12 +27,14 @@ const POLL_INTERVAL: Duration = Duration::from_secs(30);
 /// Maximum size of a picture, in bytes; a larger one is not sent.
 const LARGEST_PICTURE: u64 = 8 << 20;
 
-/// Sends one message now; `publisher` publishes to the broker.
+/// Sends one message now; `publisher` publishes to the broker, and `abort` ends a program that the
+/// target starts.
 pub fn deliver(
     target: &Target,
     token: &str,
     publisher: &BrokerPublisher,
     notice: &Notice,
+    abort: &CancellationToken,
 ) -> Delivery {
     let picture = || {
         let wanted = target.picture != PictureMode::None;
@@ -43,7 +46,7 @@ pub fn deliver(
         (None, Some(topic)) => {
             broker::send((target, topic), publisher, notice, picture().as_deref())
         }
-        (None, None) => command::send(target, notice, notice.picture.as_deref()),
+        (None, None) => command::send(target, notice, notice.picture.as_deref(), abort),
     }
 }
 
@@ -62,15 +65,18 @@ pub(super) struct Sender {
     pub(super) token: String,
     pub(super) publisher: BrokerPublisher,
     pub(super) data: PathBuf,
+    /// Ends the delivery that is under way, if it is by a program; no further one begins.
+    pub(super) abort: CancellationToken,
 }
 
 impl Sender {
-    /// Runs until the last waker is dropped; then tries the waiting messages once more.
+    /// Runs until the last waker is dropped; then tries the waiting messages once more. Returns
+    /// early if it is aborted.
     pub(super) fn run(self, woken: &Receiver<()>) {
         let (mut pause, mut is_last) = (None, false);
         loop {
             let sent = self.send_all();
-            if is_last {
+            if is_last || self.abort.is_cancelled() {
                 return;
             }
             pause = match (sent, pause) {
@@ -92,14 +98,21 @@ impl Sender {
                 return false;
             }
         };
-        while queue.len() > 0 && queue.is_ours() {
+        while !self.abort.is_cancelled() && queue.len() > 0 && queue.is_ours() {
             let now = Timestamp::now().as_millisecond();
             let waiting = match queue.oldest(now) {
                 Ok(Some(waiting)) => waiting,
                 Ok(None) => return true,
                 Err(_) => return false,
             };
-            match deliver(&self.target, &self.token, &self.publisher, &waiting.notice) {
+            let delivery = deliver(
+                &self.target,
+                &self.token,
+                &self.publisher,
+                &waiting.notice,
+                &self.abort,
+            );
+            match delivery {
                 Delivery::Done => {
                     let event = waiting.notice.rule.name();
                     info!(target = self.name, event, "notification sent");

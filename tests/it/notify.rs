@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use rustix::process::Signal;
 use spykee::wire::{Command, Led};
 
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, state_of};
 
 /// A request as it arrived.
 #[derive(Debug, Clone)]
@@ -218,6 +218,34 @@ async fn a_webhook_that_hangs_delays_neither_the_robot_nor_other_targets_nor_the
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130));
     assert_eq!(waiting(&rig, "phone"), 1, "the message is not in the queue");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_program_that_hangs_ends_with_the_run_and_its_message_waits_for_the_next() {
+    let rig = Rig::quiet().await;
+    let file = rig.folder().join("pid");
+    let notify = format!(
+        "notify: {{ targets: {{ desk: {{ command: [sh, -c, 'echo $$ > {}; exec sleep 600'], timeout: 600 }} }} }}",
+        file.display()
+    );
+    let mut run = start(&rig, &notify, "notify.send('hello') task.wait(600)");
+    let until = Instant::now() + WAIT_LIMIT;
+    let program = loop {
+        let text = std::fs::read_to_string(&file).unwrap_or_default();
+        if let Some(number) = text.strip_suffix('\n') {
+            break rustix::process::Pid::from_raw(number.parse().unwrap()).unwrap();
+        }
+        assert!(Instant::now() < until, "not started:\n{}", run.text());
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    };
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130));
+    let state = state_of(program);
+    if state != '?' {
+        let _ = rustix::process::kill_process_group(program, Signal::KILL);
+        panic!("it still runs in state {state}");
+    }
+    assert_eq!(waiting(&rig, "desk"), 1, "the message is not in the queue");
 }
 
 #[tokio::test(flavor = "multi_thread")]
