@@ -1,6 +1,6 @@
 //! A person's STOP: while it is on, no command that moves the robot is sent, not even when the
 //! watchdog would send a robot with a low battery home. It stays on until a person releases it,
-//! across lost links, and also applies to the last words.
+//! across lost links: each login repeats it. It also applies to the last words.
 
 use std::time::Duration;
 
@@ -54,6 +54,15 @@ impl Pilot {
                 self.take(Fact::Suspended)
             }
             (false, false) => Ok(()),
+        }
+    }
+
+    /// Sends it again if it is on: the robot may not have received it over an earlier link.
+    pub(super) fn repeat_halt(&mut self) -> Result<(), LinkLost> {
+        if self.halt.on {
+            self.send_halt()
+        } else {
+            Ok(())
         }
     }
 

@@ -62,7 +62,9 @@ impl Pilot {
         self.publish_link_up(&info, docked);
         self.info = Some(info);
         self.failed = Repeats::new(FAILED_EVERY);
-        let mut lost = self.take(Fact::LinkUp { docked, power });
+        let mut lost = self
+            .take(Fact::LinkUp { docked, power })
+            .and(self.repeat_halt());
         self.publish_battery();
         self.seats.welcome_all(&self.welcome());
         for report in early {

@@ -8,12 +8,13 @@ use std::time::Duration;
 use proptest::prelude::*;
 use rustix::process::Signal;
 use serde_json::{Value, json};
+use spykee::sim::{Answer, Firmware};
 use spykee::wire::{Command, Engage, Led};
 use tokio::time::{sleep, timeout};
 
 pub use self::browser::get;
 use self::browser::{Page, Received, address, ask};
-use crate::rig::{Rig, Run, WAIT_LIMIT, moves};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, moves};
 
 const IDLE: &str = "task.wait(600)";
 const DRIVE: &str = "while true do robot.move(30, 30, 0.5) end";
@@ -326,6 +327,37 @@ async fn stop_overrides_the_watchdog_that_sends_a_low_robot_home_even_at_the_end
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(5), "{}", run.text());
     assert_eq!(searches(stopped), None);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_while_the_link_is_down_ends_the_search_at_the_next_login() {
+    let firmware = Firmware {
+        move_while_searching: Answer::Ignored,
+        search_limit: WAIT_LIMIT * 10,
+        ..Firmware::default()
+    };
+    let rig = Rig::new(QUIET_WORLD, firmware).await;
+    rig.sim.hide_station(true);
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    let mut page = open(&at).await;
+    rig.sim.set_battery(12.0);
+    let asked = rig.heard_dock(0).await;
+    // A muted robot answers no login, and goes on searching.
+    rig.sim.mute(true);
+    rig.sim.disconnect_all();
+    page.until("state", |state| state["link"] == "lost").await;
+    assert_eq!(post(&at, "/api/stop", "", json!({})).await.0, 200);
+    page.until("state", |state| state["halted"] == true).await;
+    assert!(rig.sim.state().searching);
+    rig.sim.mute(false);
+    let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
+    rig.heard(asked, cancel).await;
+    let resting = rig
+        .sim
+        .wait_state(|state| !state.searching && !state.moving());
+    timeout(WAIT_LIMIT, resting)
+        .await
+        .expect("the tracks do not rest");
 }
 
 #[tokio::test(flavor = "multi_thread")]

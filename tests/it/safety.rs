@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use rustix::process::Signal;
-use spykee::sim::Firmware;
+use spykee::sim::{Answer, Firmware};
 use spykee::wire::{Command, Engage, EngineReport, Led, Packet, Power, Report, Sound, kind};
 use tokio::time::{Instant, timeout};
 
@@ -379,6 +379,38 @@ async fn after_a_lost_link_the_first_command_is_a_stop() {
         "{second_session:?}"
     );
     assert_eq!(second_session[1], &Command::STOP, "{second_session:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_end_of_a_docking_that_the_link_lost_reaches_the_robot_after_the_reconnect() {
+    let firmware = Firmware {
+        move_while_searching: Answer::Ignored,
+        search_limit: WAIT_LIMIT * 10,
+        ..Firmware::default()
+    };
+    let rig = Rig::new(QUIET_WORLD, firmware).await;
+    rig.sim.hide_station(true);
+    let run = rig.run(
+        "print('ended', robot.dock({ timeout = 5, retries = 0 }))\n\
+         task.wait(600)\n",
+    );
+    let asked = rig.heard_dock(0).await;
+    // What a muted robot has not read is lost with the connection.
+    rig.sim.mute(true);
+    run.says("ended false timeout").await;
+    rig.sim.disconnect_all();
+    let alone = rig.sim.wait_state(|state| state.user.is_none());
+    timeout(WAIT_LIMIT, alone).await.expect("not disconnected");
+    assert!(rig.sim.state().searching);
+    rig.sim.mute(false);
+    let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
+    rig.heard(asked, cancel).await;
+    let resting = rig
+        .sim
+        .wait_state(|state| !state.searching && !state.moving());
+    timeout(WAIT_LIMIT, resting)
+        .await
+        .expect("the tracks do not rest");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -60,7 +60,10 @@ impl Watchdog {
 
     pub(super) fn send(&mut self, command: Command) {
         match command {
-            Command::Engine(Engage::Dock) => self.searching = true,
+            Command::Engine(Engage::Dock) => {
+                (self.searching, self.may_search) = (true, true);
+                self.cancel_delivered_at = None;
+            }
             Command::Engine(_) | Command::Move { .. } => self.searching = false,
             _ => {}
         }

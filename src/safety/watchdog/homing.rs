@@ -143,10 +143,7 @@ impl Watchdog {
                     self.halt(now);
                     self.send(Command::Engine(Engage::Dock));
                 }
-                DockAction::Cancel => {
-                    self.send(Command::Engine(Engage::CancelDock));
-                    self.halt(now);
-                }
+                DockAction::Cancel => self.cancel_search(now),
                 DockAction::Reverse => {
                     self.halt(now);
                     self.tracks.want(Watchdog::back_off());

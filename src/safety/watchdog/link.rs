@@ -15,12 +15,14 @@ impl Watchdog {
     ///   robot searches for it because its battery is low.
     /// - [`LastWords::StopAndDock`] in all other cases of a low battery: waiting for the next
     ///   search, driven by the watchdog or a borrower, or backing out of the station.
-    /// - [`LastWords::EndSearch`] during a search that a behaviour asked for: with a good battery
-    ///   the robot stays where it is until somebody controls it again.
+    /// - [`LastWords::EndSearch`] during a search that a behaviour asked for, and while the robot
+    ///   may not have received its end: with a good battery the robot stays where it is until
+    ///   somebody controls it again.
     /// - [`LastWords::Stop`] otherwise.
     ///
     /// Without a link, these commands are sent if a login is given up half way: a stop, and
-    /// BASE_FIND if the battery was low and the robot not known to be on its station.
+    /// BASE_FIND if the battery was low and the robot not known to be on its station, or
+    /// BASE_FIND_CANCEL if it may be searching otherwise.
     pub fn last_words(&self) -> LastWords {
         let low = self.guard.low().is_some();
         let stays = self.docked() && !self.dock_tracker.is_leaving();
@@ -28,7 +30,7 @@ impl Watchdog {
             LastWords::Nothing
         } else if low && !stays {
             LastWords::StopAndDock
-        } else if self.searching {
+        } else if self.may_search {
             LastWords::EndSearch
         } else {
             LastWords::Stop
@@ -43,10 +45,7 @@ impl Watchdog {
         let low = self.guard.low().is_some();
         self.dock_tracker.login(docked, low, now);
         self.tracks.note_stop(now);
-        if std::mem::take(&mut self.search_cut_off) && !low {
-            self.send(Command::Engine(Engage::CancelDock));
-            self.halt(now);
-        }
+        self.cancel_earlier_search(now);
         self.note_received(now);
         self.search_at_once(now);
         self.power(power, now);
@@ -57,8 +56,7 @@ impl Watchdog {
     }
 
     pub(super) fn link_down(&mut self, now: Instant) {
-        self.search_cut_off |= self.searching;
-        (self.online, self.searching) = (false, false);
+        (self.online, self.searching, self.cancel_delivered_at) = (false, false, None);
         self.drain.interrupt();
         self.tracks.note_stop(now);
         self.end_motion(MotionEnd::Disconnected);
@@ -79,12 +77,9 @@ impl Watchdog {
         if !self.online {
             return;
         }
-        let gives_up = self.homing.as_ref().is_some_and(|homing| !homing.forced) && self.searching;
         self.link_down(now);
-        (self.online, self.search_cut_off) = (true, false);
-        if gives_up {
-            self.send(Command::Engine(Engage::CancelDock));
-        }
+        self.online = true;
+        self.cancel_earlier_search(now);
         self.halt(now);
         self.dock_tracker.doubt_leaving();
         self.search_at_once(now);

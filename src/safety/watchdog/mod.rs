@@ -12,6 +12,7 @@ mod power;
 mod recovery;
 mod requests;
 mod rules;
+mod search;
 #[cfg(test)]
 mod tests;
 
@@ -63,9 +64,12 @@ pub struct Watchdog {
     /// BASE_FIND was sent, and neither a report of the robot nor another command has ended the
     /// search.
     searching: bool,
-    /// The link was lost during a search: the robot may still be searching, and a stop alone may
-    /// not end that.
-    search_cut_off: bool,
+    /// BASE_FIND was sent, and neither a report of the robot nor a BASE_FIND_CANCEL that was surely
+    /// delivered has ended the search: a stop alone may not end it, and a link may lose the
+    /// BASE_FIND_CANCEL.
+    may_search: bool,
+    /// When the BASE_FIND_CANCEL that was sent over this link counts as delivered; see `search`.
+    cancel_delivered_at: Option<Instant>,
     guard: BatteryGuard,
     drain: Drain,
     arbiter: Arbiter,
@@ -105,7 +109,8 @@ impl Watchdog {
             online: false,
             run_ending: false,
             searching: false,
-            search_cut_off: false,
+            may_search: false,
+            cancel_delivered_at: None,
             drain: Drain::default(),
             arbiter: Arbiter::default(),
             tracks: Tracks::new(now),
@@ -167,6 +172,7 @@ impl Watchdog {
     /// Advances the time and returns what to do now.
     pub fn tick(&mut self, now: Instant) -> Vec<Act> {
         self.ticked = now;
+        self.confirm_cancel(now);
         self.check_hosts(now);
         self.check_stream(now);
         let over = self.arbiter.expire(now);
@@ -284,13 +290,13 @@ impl Watchdog {
     fn engine(&mut self, news: EngineReport, now: Instant) {
         match news {
             EngineReport::Docked => {
-                self.searching = false;
+                self.search_ended();
                 self.dock_tracker.docked(now);
                 self.end_motion(MotionEnd::Docked);
                 self.interrupt_recovery(now);
             }
             EngineReport::Undocked => self.undocked(now),
-            EngineReport::BaseNotFound => self.searching = false,
+            EngineReport::BaseNotFound => self.search_ended(),
             EngineReport::Charged | EngineReport::Unknown(_) => {}
         }
         let actions = self

@@ -51,7 +51,7 @@ impl Watchdog {
             Charging::Confirmed => homing.docking.charging(now),
         });
         if charging == Charging::Confirmed {
-            self.searching = false;
+            self.search_ended();
             self.end_alarm();
         }
         self.execute_dock_actions(actions.unwrap_or_default(), now);

@@ -20,7 +20,7 @@ use tokio::time::Instant;
 use self::any::{any_history, any_limits};
 use self::known::Known;
 use self::play::{Kept, Moment, Play, Step};
-use self::promises::{LongestWait, WayHome};
+use self::promises::{LongestWait, MaySearch, WayHome};
 use super::rig::{CANCEL, FIND, LEAVE, SECOND, events, sent};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
@@ -97,14 +97,15 @@ proptest! {
         limits in any_limits(),
         history in any_history(),
     ) {
-        let mut searching = false;
+        let (mut searching, mut may_search) = (false, MaySearch::default());
         Play::new(&limits).steps(&history, &mut |moment| {
             let Play { dog, known, .. } = moment.play;
             searching = known.still_searches(&moment, searching);
+            may_search.see(&moment);
             let left = known.low && !known.docked();
             match dog.last_words() {
-                LastWords::Stop => prop_assert!(!left),
-                LastWords::EndSearch => prop_assert!(!left && known.online && searching),
+                LastWords::Stop => prop_assert!(!left && !may_search.is_on()),
+                LastWords::EndSearch => prop_assert!(!left && may_search.is_on()),
                 LastWords::StopAndDock => prop_assert!(known.low),
                 LastWords::Nothing => prop_assert!(known.online && (searching || dog.docked())),
             }

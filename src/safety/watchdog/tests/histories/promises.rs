@@ -110,3 +110,42 @@ impl LongestWait {
         Ok(())
     }
 }
+
+/// Whether the robot may be searching, from all that it was sent and has reported, over any link.
+#[derive(Debug, Default)]
+pub(super) struct MaySearch {
+    on: bool,
+    /// When it was sent BASE_FIND_CANCEL over this link.
+    cancelled: Option<Instant>,
+}
+
+impl MaySearch {
+    pub(super) fn is_on(&self) -> bool {
+        self.on
+    }
+
+    pub(super) fn see(&mut self, moment: &Moment<'_>) {
+        let Play { dog, now, .. } = moment.play;
+        if let Some(Fact::LinkUp { .. } | Fact::LinkDown | Fact::Suspended) = moment.fact {
+            self.cancelled = None;
+        }
+        self.on &= match moment.fact {
+            Some(Fact::Engine(EngineReport::Docked | EngineReport::BaseNotFound)) => false,
+            Some(Fact::Power(_) | Fact::LinkUp { .. }) => {
+                dog.guard.charging() != Charging::Confirmed
+            }
+            _ => true,
+        };
+        let delivered = |at: Instant| at + Watchdog::CANCEL_DELIVERY <= *now;
+        if self.cancelled.is_some_and(delivered) {
+            *self = MaySearch::default();
+        }
+        for command in sent(&moment.acts) {
+            match command {
+                Command::Engine(Engage::Dock) => (self.on, self.cancelled) = (true, None),
+                Command::Engine(Engage::CancelDock) => self.cancelled = Some(*now),
+                _ => {}
+            }
+        }
+    }
+}
