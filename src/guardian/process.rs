@@ -14,6 +14,7 @@ use tokio::time::Instant;
 
 use super::guard::{Guard, PendingWrite};
 use super::note::{MAX_NOTE_LEN, Note, Received};
+use crate::unsent::unacknowledged;
 
 /// The hidden argument that makes the executable run as a guardian.
 pub const GUARDIAN_ARGUMENT: &str = "__guardian";
@@ -21,8 +22,12 @@ pub const GUARDIAN_ARGUMENT: &str = "__guardian";
 const STANDARD_ERROR: RawFd = 2;
 /// How long to retry a socket that accepts no data.
 const WRITE_LIMIT: Duration = Duration::from_secs(3);
-/// How long the socket is held open while the kernel retransmits the last words.
+/// How long the socket is held open while the kernel retransmits what was written last.
 const LINGER: Duration = Duration::from_secs(3);
+/// How long the robot may take to close its half, once it has acknowledged everything.
+const CLOSING: Duration = Duration::from_millis(300);
+/// How often to check whether the robot has acknowledged everything.
+const RECHECK: Duration = Duration::from_millis(10);
 /// Signals that end or stop a program, but not the guardian: it ends after the agent.
 const OUTLIVED: [SignalKind; 8] = [
     SignalKind::hangup(),
@@ -45,8 +50,11 @@ pub fn guardian_main() -> ExitCode {
     let served = outlive_signals()
         .and_then(|_outlived| serve(&rustix::stdio::stdin(), &mut guard, &mut robot));
     // After an error, too: nobody else would stop the robot.
-    if let (Some(robot), Some(pending)) = (&robot, guard.end()) {
-        write(robot, &pending.bytes);
+    if let Some(robot) = &robot {
+        if let Some(pending) = guard.end() {
+            write(robot, &pending.bytes);
+        }
+        // Without last words, too: what the agent wrote last may still be on its way.
         linger(robot);
     }
     match served {
@@ -135,16 +143,27 @@ fn write(robot: &OwnedFd, mut bytes: &[u8]) {
 }
 
 /// Closes the write half, and reads what the robot still sends: unread data would make the kernel
-/// reset the connection and drop what is not delivered yet.
+/// reset the connection and drop what is not delivered yet. Returns when the robot has closed its
+/// half, [`CLOSING`] after it has acknowledged everything, or after [`LINGER`].
 fn linger(robot: &OwnedFd) {
-    let until = Instant::now() + LINGER;
     let _ = rustix::net::shutdown(robot, Shutdown::Write);
+    let mut until = Instant::now() + LINGER;
+    let mut acknowledged = false;
     let mut chunk = [0; 16 * 1024];
-    while Instant::now() < until {
+    loop {
+        let now = Instant::now();
+        if !acknowledged && unacknowledged(robot) == Some(0) {
+            acknowledged = true;
+            until = until.min(now + CLOSING);
+        }
+        if until <= now {
+            return;
+        }
+        let check = if acknowledged { until } else { now + RECHECK };
         match rustix::io::read(robot, &mut chunk) {
             Ok(0) => return,
             Ok(_) | Err(Errno::INTR) => {}
-            Err(Errno::AGAIN) => wait(robot, PollFlags::IN, Some(until)).unwrap_or(()),
+            Err(Errno::AGAIN) => wait(robot, PollFlags::IN, Some(check)).unwrap_or(()),
             Err(_) => return,
         }
     }
