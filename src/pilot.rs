@@ -258,16 +258,13 @@ impl Pilot {
         deadlines.into_iter().flatten().min()
     }
 
-    /// Must be called first in a turn: beats, and detects a suspension, after which nothing from
+    /// Must be called first in a turn: beats, and detects an interruption, after which nothing from
     /// before is repeated.
     fn wake(&mut self) -> Result<(), LinkLost> {
         let pulse = self.pulse.as_mut();
         match pulse.and_then(|pulse| pulse.beat(Instant::now())) {
-            Some(slept) => {
-                warn!(
-                    "suspended for {:.1} s: the robot is stopped first",
-                    slept.as_secs_f64()
-                );
+            Some(interruption) => {
+                warn!("{interruption}: the robot is stopped first");
                 self.take(Fact::Suspended)
             }
             None => Ok(()),

@@ -118,6 +118,8 @@ fn serve(notes: &impl AsFd, guard: &mut Guard, robot: &mut Option<OwnedFd>) -> i
         }
         if let (Some(robot), Some(pending)) = (&*robot, guard.poll(Instant::now())) {
             write_pending(robot, &pending);
+            // An agent that resumes must know that the robot no longer does what it was last told.
+            let _ = Note::Wrote.send(notes, None);
         }
     }
 }
