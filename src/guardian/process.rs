@@ -124,24 +124,34 @@ fn serve(notes: &impl AsFd, guard: &mut Guard, robot: &mut Option<OwnedFd>) -> i
     }
 }
 
+/// Writes, and closes the write half if messages could be mixed otherwise: if the data completes a
+/// message of the agent, or was not written in one piece, so that an agent that resumes may have
+/// written in between. The read half stays open: closed, it would make the kernel reset the
+/// connection when the robot sends something, and drop what is not delivered yet.
 fn write_pending(robot: &OwnedFd, pending: &PendingWrite) {
-    write(robot, &pending.bytes);
-    if pending.closes {
-        let _ = rustix::net::shutdown(robot, Shutdown::Both);
+    let in_one_piece = write(robot, &pending.bytes);
+    if pending.closes || !in_one_piece {
+        let _ = rustix::net::shutdown(robot, Shutdown::Write);
     }
 }
 
-/// Writes all bytes, as long as the socket accepts them, for at most [`WRITE_LIMIT`].
-fn write(robot: &OwnedFd, mut bytes: &[u8]) {
+/// Writes all bytes, as long as the socket accepts them, for at most [`WRITE_LIMIT`]. Returns
+/// whether it accepted either all of them at once, or none.
+fn write(robot: &OwnedFd, bytes: &[u8]) -> bool {
     let until = Instant::now() + WRITE_LIMIT;
-    while !bytes.is_empty() && Instant::now() < until {
-        match rustix::io::write(robot, bytes) {
-            Ok(count) => bytes = &bytes[count..],
+    let (mut left, mut in_one_piece) = (bytes, true);
+    while !left.is_empty() && Instant::now() < until {
+        match rustix::io::write(robot, left) {
+            Ok(count) => {
+                left = &left[count..];
+                in_one_piece &= left.is_empty();
+            }
             Err(Errno::INTR) => {}
             Err(Errno::AGAIN) => wait(robot, PollFlags::OUT, Some(until)).unwrap_or(()),
-            Err(_) => return,
+            Err(_) => break,
         }
     }
+    in_one_piece
 }
 
 /// Closes the write half, and reads what the robot still sends: unread data would make the kernel
@@ -182,5 +192,37 @@ fn wait(socket: &impl AsFd, ready: PollFlags, until: Option<Instant>) -> io::Res
     match poll(&mut [PollFd::new(socket, ready)], left.as_ref()) {
         Ok(_) | Err(Errno::INTR) => Ok(()),
         Err(error) => Err(error.into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rustix::net::sockopt::set_socket_send_buffer_size;
+    use std::io::{Read, Write};
+    use std::os::unix::net::UnixStream;
+
+    /// Many times what the socket takes at once.
+    const LONG: usize = 256 * 1024;
+
+    #[test]
+    fn a_link_on_which_messages_could_be_mixed_is_closed_for_writing_only() {
+        for (len, closes, closed) in [(20, false, false), (20, true, true), (LONG, false, true)] {
+            let (near, mut far) = UnixStream::pair().unwrap();
+            near.set_nonblocking(true).unwrap();
+            far.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+            set_socket_send_buffer_size(&near, 4096).unwrap();
+            let reader = std::thread::spawn(move || {
+                far.read_exact(&mut vec![0; len]).unwrap();
+                far
+            });
+            let robot = OwnedFd::from(near);
+            let bytes = vec![7; len];
+            write_pending(&robot, &PendingWrite { bytes, closes });
+            let mut far = reader.join().unwrap();
+            let refused = matches!(rustix::io::write(&robot, b"agent"), Err(Errno::PIPE));
+            assert_eq!(refused, closed, "{len} bytes, {closes}");
+            assert!(far.write_all(b"video").is_ok());
+        }
     }
 }
