@@ -4,7 +4,8 @@
 //! they change, and a heartbeat. If the agent is gone (killed, out of memory) or its driving core
 //! has not beaten for 0.3 s (stopped, hung), the guardian sends the last words in its place. It
 //! runs in its own session and survives every signal that is meant for the agent. It answers each
-//! beat; a guardian that has died, or no longer answers, is replaced by another one.
+//! beat, and tells the agent that it has written, so that an agent that resumes does not rely on
+//! what it sent before. A guardian that has died, or no longer answers, is replaced by another one.
 //!
 //! It handles bytes only: the watchdog decides what they mean, and the writer knows where a message
 //! ends; it gives the guardian the rest of a partly written message.

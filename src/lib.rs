@@ -116,6 +116,7 @@
 //! | 0 | `budget` | bytes per day, and lines that are logged once a minute |
 //! | 0 | `clock` | the time of day, time zones, durations as people write them |
 //! | 0 | `canvas` | areas, lines and letters in pixels |
+//! | 0 | `unsent` | how much of what was written a robot has not acknowledged yet |
 //! | 1 | `http` | a bounded server and its guard: who may ask; knows no robot |
 //! | 1 | `timetable` | when behaviours start, and quiet hours: pure rules |
 //! | 1 | `robot` | the data types that tasks and processes exchange |
@@ -172,6 +173,7 @@ pub mod script;
 pub mod service;
 pub mod sim;
 pub mod timetable;
+pub mod unsent;
 pub mod vision;
 pub mod walls;
 pub mod wire;

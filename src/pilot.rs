@@ -227,7 +227,8 @@ impl Pilot {
                     self.take(Fact::RunEnding)
                 }
                 () = until(deadline) => self.tick(&mut requests).await,
-                error = progress(self.writer.as_mut()) => Err(error.into()),
+                // The next turn tells the guardian what is left of a partly written message.
+                written = progress(self.writer.as_mut()) => written.map_err(LinkLost::from),
                 event = line.next() => match self.handle_event(event) {
                     Ok(()) => Ok(()),
                     Err(LinkEventError::Lost(lost)) => Err(lost),
@@ -258,16 +259,13 @@ impl Pilot {
         deadlines.into_iter().flatten().min()
     }
 
-    /// Must be called first in a turn: beats, and detects a suspension, after which nothing from
+    /// Must be called first in a turn: beats, and detects an interruption, after which nothing from
     /// before is repeated.
     fn wake(&mut self) -> Result<(), LinkLost> {
         let pulse = self.pulse.as_mut();
         match pulse.and_then(|pulse| pulse.beat(Instant::now())) {
-            Some(slept) => {
-                warn!(
-                    "suspended for {:.1} s: the robot is stopped first",
-                    slept.as_secs_f64()
-                );
+            Some(interruption) => {
+                warn!("{interruption}: the robot is stopped first");
                 self.take(Fact::Suspended)
             }
             None => Ok(()),
@@ -379,13 +377,10 @@ impl Pilot {
     }
 }
 
-/// Writes what is queued; returns only if that fails.
-async fn progress(writer: Option<&mut Writer>) -> LinkError {
+/// Writes what is queued; see [`Writer::progress`].
+async fn progress(writer: Option<&mut Writer>) -> Result<(), LinkError> {
     match writer {
-        Some(writer) => match writer.progress().await {
-            Ok(never) => match never {},
-            Err(error) => error,
-        },
+        Some(writer) => writer.progress().await,
         None => std::future::pending().await,
     }
 }

@@ -18,7 +18,7 @@ pub const BEAT: Duration = Duration::from_millis(100);
 /// machine. Counted in beats, not seconds: an agent that was itself stopped has sent no beats
 /// meanwhile.
 const MAX_UNANSWERED: u32 = 20;
-/// An answer is a beat.
+/// An answer is a note without data.
 const MAX_ANSWER_LEN: usize = 64;
 
 /// A running guardian. If it is dropped without [`Guardian::release`], the guardian sends the last
@@ -64,6 +64,8 @@ impl Guardian {
             last: last_words,
         };
         let robot = socket.try_clone_to_owned().ok();
+        // Older answers are about an earlier link.
+        self.read_answers();
         self.link = Some(Link { words, robot });
         self.send_link();
     }
@@ -83,20 +85,23 @@ impl Guardian {
         self.send_note(&note);
     }
 
-    /// Sends a beat, and checks whether the guardian answers.
-    pub fn beat(&mut self) {
+    /// Sends a beat, and checks whether the guardian answers. Returns whether it has written to the
+    /// robot since the last beat.
+    pub fn beat(&mut self) -> bool {
         if self.socket.is_none() {
             self.adopt_replacement();
         }
         if self.link.is_none() {
-            return;
+            return false;
         }
-        self.read_answers();
+        let wrote = self.read_answers();
         if self.unanswered >= MAX_UNANSWERED {
-            return self.lose("does not answer");
+            self.lose("does not answer");
+        } else {
+            self.unanswered += 1;
+            self.send_note(&Note::Beat);
         }
-        self.unanswered += 1;
-        self.send_note(&Note::Beat);
+        wrote
     }
 
     /// Ends the guard of a link that is closed and whose last words were sent.
@@ -141,16 +146,22 @@ impl Guardian {
         self.lose_if(sent);
     }
 
-    fn read_answers(&mut self) {
+    /// Returns whether one of the answers is that the guardian has written.
+    fn read_answers(&mut self) -> bool {
         let mut buffer = [0; MAX_ANSWER_LEN];
+        let mut wrote = false;
         while let Some(socket) = &self.socket {
             match Note::receive(socket, &mut buffer) {
-                Ok(Received::Note(..)) => self.unanswered = 0,
-                Ok(Received::Nothing) => return,
-                Ok(Received::End) => return self.lose("is gone"),
-                Err(error) => return self.lose(&error.to_string()),
+                Ok(Received::Note(answer, _)) => {
+                    self.unanswered = 0;
+                    wrote |= answer == Note::Wrote;
+                }
+                Ok(Received::Nothing) => break,
+                Ok(Received::End) => self.lose("is gone"),
+                Err(error) => self.lose(&error.to_string()),
             }
         }
+        wrote
     }
 
     fn lose_if(&mut self, sent: io::Result<()>) {

@@ -44,7 +44,7 @@ impl Guard {
                 self.written &= self.words.as_ref() == Some(&words);
                 self.words = Some(words);
             }
-            Note::LastWords(_) => return,
+            Note::LastWords(_) | Note::Wrote => return,
             Note::Beat => self.written = false,
             Note::Release => self.words = None,
         }

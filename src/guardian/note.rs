@@ -1,4 +1,4 @@
-//! The agent's notes to the guardian, one datagram each.
+//! The agent's notes to the guardian, and the guardian's answers, one datagram each.
 
 use std::io::{self, IoSlice, IoSliceMut};
 use std::mem::MaybeUninit;
@@ -23,17 +23,19 @@ pub(super) struct LastWordsData {
     pub(super) last: Vec<u8>,
 }
 
-/// A note of the agent for the guardian.
+/// A note of the agent for the guardian, or an answer.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Note {
     /// A link is open; its socket is sent along with this note.
     Guard(LastWordsData),
     /// The data to write has changed.
     LastWords(LastWordsData),
-    /// The driving core is alive.
+    /// The driving core is alive; the answer: so is the guardian.
     Beat,
     /// The link is closed; nothing is left to write.
     Release,
+    /// From the guardian: it has written to the robot, because the driving core was silent.
+    Wrote,
 }
 
 /// The result of a receive.

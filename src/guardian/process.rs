@@ -14,6 +14,7 @@ use tokio::time::Instant;
 
 use super::guard::{Guard, PendingWrite};
 use super::note::{MAX_NOTE_LEN, Note, Received};
+use crate::unsent::unacknowledged;
 
 /// The hidden argument that makes the executable run as a guardian.
 pub const GUARDIAN_ARGUMENT: &str = "__guardian";
@@ -21,8 +22,12 @@ pub const GUARDIAN_ARGUMENT: &str = "__guardian";
 const STANDARD_ERROR: RawFd = 2;
 /// How long to retry a socket that accepts no data.
 const WRITE_LIMIT: Duration = Duration::from_secs(3);
-/// How long the socket is held open while the kernel retransmits the last words.
+/// How long the socket is held open while the kernel retransmits what was written last.
 const LINGER: Duration = Duration::from_secs(3);
+/// How long the robot may take to close its half, once it has acknowledged everything.
+const CLOSING: Duration = Duration::from_millis(300);
+/// How often to check whether the robot has acknowledged everything.
+const RECHECK: Duration = Duration::from_millis(10);
 /// Signals that end or stop a program, but not the guardian: it ends after the agent.
 const OUTLIVED: [SignalKind; 8] = [
     SignalKind::hangup(),
@@ -45,8 +50,11 @@ pub fn guardian_main() -> ExitCode {
     let served = outlive_signals()
         .and_then(|_outlived| serve(&rustix::stdio::stdin(), &mut guard, &mut robot));
     // After an error, too: nobody else would stop the robot.
-    if let (Some(robot), Some(pending)) = (&robot, guard.end()) {
-        write(robot, &pending.bytes);
+    if let Some(robot) = &robot {
+        if let Some(pending) = guard.end() {
+            write(robot, &pending.bytes);
+        }
+        // Without last words, too: what the agent wrote last may still be on its way.
         linger(robot);
     }
     match served {
@@ -110,41 +118,64 @@ fn serve(notes: &impl AsFd, guard: &mut Guard, robot: &mut Option<OwnedFd>) -> i
         }
         if let (Some(robot), Some(pending)) = (&*robot, guard.poll(Instant::now())) {
             write_pending(robot, &pending);
+            // An agent that resumes must know that the robot no longer does what it was last told.
+            let _ = Note::Wrote.send(notes, None);
         }
     }
 }
 
+/// Writes, and closes the write half if messages could be mixed otherwise: if the data completes a
+/// message of the agent, or was not written in one piece, so that an agent that resumes may have
+/// written in between. The read half stays open: closed, it would make the kernel reset the
+/// connection when the robot sends something, and drop what is not delivered yet.
 fn write_pending(robot: &OwnedFd, pending: &PendingWrite) {
-    write(robot, &pending.bytes);
-    if pending.closes {
-        let _ = rustix::net::shutdown(robot, Shutdown::Both);
+    let in_one_piece = write(robot, &pending.bytes);
+    if pending.closes || !in_one_piece {
+        let _ = rustix::net::shutdown(robot, Shutdown::Write);
     }
 }
 
-/// Writes all bytes, as long as the socket accepts them, for at most [`WRITE_LIMIT`].
-fn write(robot: &OwnedFd, mut bytes: &[u8]) {
+/// Writes all bytes, as long as the socket accepts them, for at most [`WRITE_LIMIT`]. Returns
+/// whether it accepted either all of them at once, or none.
+fn write(robot: &OwnedFd, bytes: &[u8]) -> bool {
     let until = Instant::now() + WRITE_LIMIT;
-    while !bytes.is_empty() && Instant::now() < until {
-        match rustix::io::write(robot, bytes) {
-            Ok(count) => bytes = &bytes[count..],
+    let (mut left, mut in_one_piece) = (bytes, true);
+    while !left.is_empty() && Instant::now() < until {
+        match rustix::io::write(robot, left) {
+            Ok(count) => {
+                left = &left[count..];
+                in_one_piece &= left.is_empty();
+            }
             Err(Errno::INTR) => {}
             Err(Errno::AGAIN) => wait(robot, PollFlags::OUT, Some(until)).unwrap_or(()),
-            Err(_) => return,
+            Err(_) => break,
         }
     }
+    in_one_piece
 }
 
 /// Closes the write half, and reads what the robot still sends: unread data would make the kernel
-/// reset the connection and drop what is not delivered yet.
+/// reset the connection and drop what is not delivered yet. Returns when the robot has closed its
+/// half, [`CLOSING`] after it has acknowledged everything, or after [`LINGER`].
 fn linger(robot: &OwnedFd) {
-    let until = Instant::now() + LINGER;
     let _ = rustix::net::shutdown(robot, Shutdown::Write);
+    let mut until = Instant::now() + LINGER;
+    let mut acknowledged = false;
     let mut chunk = [0; 16 * 1024];
-    while Instant::now() < until {
+    loop {
+        let now = Instant::now();
+        if !acknowledged && unacknowledged(robot) == Some(0) {
+            acknowledged = true;
+            until = until.min(now + CLOSING);
+        }
+        if until <= now {
+            return;
+        }
+        let check = if acknowledged { until } else { now + RECHECK };
         match rustix::io::read(robot, &mut chunk) {
             Ok(0) => return,
             Ok(_) | Err(Errno::INTR) => {}
-            Err(Errno::AGAIN) => wait(robot, PollFlags::IN, Some(until)).unwrap_or(()),
+            Err(Errno::AGAIN) => wait(robot, PollFlags::IN, Some(check)).unwrap_or(()),
             Err(_) => return,
         }
     }
@@ -161,5 +192,37 @@ fn wait(socket: &impl AsFd, ready: PollFlags, until: Option<Instant>) -> io::Res
     match poll(&mut [PollFd::new(socket, ready)], left.as_ref()) {
         Ok(_) | Err(Errno::INTR) => Ok(()),
         Err(error) => Err(error.into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rustix::net::sockopt::set_socket_send_buffer_size;
+    use std::io::{Read, Write};
+    use std::os::unix::net::UnixStream;
+
+    /// Many times what the socket takes at once.
+    const LONG: usize = 256 * 1024;
+
+    #[test]
+    fn a_link_on_which_messages_could_be_mixed_is_closed_for_writing_only() {
+        for (len, closes, closed) in [(20, false, false), (20, true, true), (LONG, false, true)] {
+            let (near, mut far) = UnixStream::pair().unwrap();
+            near.set_nonblocking(true).unwrap();
+            far.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+            set_socket_send_buffer_size(&near, 4096).unwrap();
+            let reader = std::thread::spawn(move || {
+                far.read_exact(&mut vec![0; len]).unwrap();
+                far
+            });
+            let robot = OwnedFd::from(near);
+            let bytes = vec![7; len];
+            write_pending(&robot, &PendingWrite { bytes, closes });
+            let mut far = reader.join().unwrap();
+            let refused = matches!(rustix::io::write(&robot, b"agent"), Err(Errno::PIPE));
+            assert_eq!(refused, closed, "{len} bytes, {closes}");
+            assert!(far.write_all(b"video").is_ok());
+        }
     }
 }

@@ -17,7 +17,6 @@ mod send_queue;
 mod session;
 mod speech;
 mod target;
-mod unsent;
 mod writer;
 
 pub use backoff::Backoff;

@@ -221,6 +221,11 @@ impl SendQueue {
         self.urgent() == 0
     }
 
+    /// Whether a message is partly written.
+    pub(super) fn is_message_cut(&self) -> bool {
+        !self.partly_written.is_empty()
+    }
+
     /// Since when the oldest command has been queued, or no bytes were accepted, whichever is
     /// earlier.
     pub(super) fn waits_since(&self) -> Option<Instant> {

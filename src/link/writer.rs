@@ -1,6 +1,5 @@
 //! The write half: sends to the robot.
 
-use std::convert::Infallible;
 use std::future::Future;
 use std::io::{self, Write};
 use std::net::TcpStream;
@@ -16,7 +15,7 @@ use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::LinkError;
 use super::send_queue::SendQueue;
-use super::unsent::unacknowledged;
+use crate::unsent::unacknowledged;
 use crate::wire::Command;
 
 /// How often to check whether the robot has acknowledged the written data.
@@ -40,6 +39,9 @@ pub struct Writer {
     armed: bool,
     /// Something was written since the last flush.
     unflushed: bool,
+    /// A message was cut, or the rest of a cut one has changed, since [`Writer::progress`] last
+    /// returned.
+    rest_changed: bool,
 }
 
 impl Writer {
@@ -56,6 +58,7 @@ impl Writer {
             dead_after,
             armed: false,
             unflushed: false,
+            rest_changed: false,
         }
     }
 
@@ -121,14 +124,26 @@ impl Writer {
         self.queue.drop_audio();
     }
 
-    /// Writes the queued data, forever. Cancel-safe: messages are never cut or mixed.
+    /// Writes the queued data. Returns only when the rest of a partly written message has changed,
+    /// and with it [`Writer::last_words`]. Cancel-safe: messages are never cut or mixed.
     ///
     /// # Errors
     /// [`LinkError::Dead`] when a command was queued for `dead_after`, [`LinkError::Closed`] when
     /// the robot has closed the connection. Drop the session then.
-    pub async fn progress(&mut self) -> Result<Infallible, LinkError> {
-        self.written().await?;
-        std::future::pending().await
+    pub async fn progress(&mut self) -> Result<(), LinkError> {
+        self.write_ready()?;
+        while !self.rest_changed {
+            if self.queue.is_empty() && !self.unflushed {
+                return std::future::pending().await;
+            }
+            let check = self.next_check(Instant::now())?;
+            let writing = std::future::poll_fn(|cx| self.poll_progress(cx));
+            if let Ok(written) = timeout_at(check, writing).await {
+                written.map_err(|error| LinkError::from_io(error, self.dead_after))?;
+            }
+        }
+        self.rest_changed = false;
+        Ok(())
     }
 
     /// Waits until the queue is empty, speech included. Cancel-safe.
@@ -210,6 +225,14 @@ impl Writer {
         }
     }
 
+    /// Like [`Writer::poll_written`], but ready as soon as the rest of a message has changed.
+    fn poll_progress(&mut self, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        match self.poll_written(cx) {
+            Poll::Pending if self.rest_changed => Poll::Ready(Ok(())),
+            polled => polled,
+        }
+    }
+
     fn offer(&mut self, now: Instant) -> Bytes {
         let direct = &self.direct;
         self.queue
@@ -221,7 +244,9 @@ impl Writer {
             return Err(io::ErrorKind::WriteZero.into());
         }
         self.unflushed = true;
+        let cut = self.queue.is_message_cut();
         self.queue.advance(count, now);
+        self.rest_changed |= cut || self.queue.is_message_cut();
         Ok(())
     }
 

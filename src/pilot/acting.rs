@@ -75,6 +75,8 @@ impl Pilot {
         // this process.
         tell_guardian(&mut self.pulse, writer);
         writer.write_ready()?;
+        // Again: a message may be partly written now.
+        tell_guardian(&mut self.pulse, writer);
         self.stopwatch.wrote(commands, Instant::now());
         Ok(())
     }

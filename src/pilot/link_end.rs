@@ -58,7 +58,8 @@ impl Pilot {
             Delivery::Offline if self.info.is_none() => debug!("never connected"),
             Delivery::NotAcknowledged { .. } | Delivery::Offline => warn!("{delivery}"),
         }
-        // What has not been acknowledged is left to the guardian, which sends its last words.
+        // What has not been acknowledged is left to the guardian, which keeps the connection open
+        // until it is.
         if delivery == Delivery::Acknowledged {
             self.release_guard();
         }

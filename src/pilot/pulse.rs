@@ -1,7 +1,8 @@
 //! The heartbeat of the driving core, which the guardian monitors. A beat that comes far too late
 //! shows that this program was stopped or the whole machine was suspended, so that nothing old may
-//! be repeated.
+//! be repeated. The same holds after a shorter gap in which the guardian has written to the robot.
 
+use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -13,6 +14,28 @@ use crate::guardian::{BEAT, Guardian};
 
 /// A gap that a busy machine does not cause: the program was suspended.
 const SLEPT: Duration = Duration::from_secs(1);
+
+/// Why nothing old may be repeated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Interruption {
+    /// The program was suspended for this long.
+    Suspended(Duration),
+    /// The guardian has written its last words: the robot does not do what it was told before.
+    GuardianWrote,
+}
+
+impl fmt::Display for Interruption {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Interruption::Suspended(slept) => {
+                write!(f, "suspended for {:.1} s", slept.as_secs_f64())
+            }
+            Interruption::GuardianWrote => {
+                f.write_str("this program hung, and the guardian took its place")
+            }
+        }
+    }
+}
 
 /// The heartbeat; see the module.
 #[derive(Debug)]
@@ -54,18 +77,18 @@ impl Pulse {
         self.due
     }
 
-    /// Beats if it is time, and returns how long the program was suspended, if it was.
-    pub(super) fn beat(&mut self, now: Instant) -> Option<Duration> {
+    /// Beats if it is time, and returns whether the core was interrupted.
+    pub(super) fn beat(&mut self, now: Instant) -> Option<Interruption> {
+        let mut wrote = false;
         if self.due <= now {
             self.due = now + BEAT;
-            if let Some(guardian) = &mut self.guardian {
-                guardian.beat();
-            }
+            wrote = self.guardian.as_mut().is_some_and(Guardian::beat);
             if let Some(beats) = &self.beats {
                 beats.notify_one();
             }
         }
-        self.see_awake(boot_time())
+        let slept = self.see_awake(boot_time()).map(Interruption::Suspended);
+        slept.or(wrote.then_some(Interruption::GuardianWrote))
     }
 
     fn see_awake(&mut self, now: Duration) -> Option<Duration> {

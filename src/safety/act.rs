@@ -39,7 +39,7 @@ pub enum Fact {
     /// The behaviour that the tracks may be lent to between two searches of a robot with a low
     /// battery, if there is one. Its [`Fact::Gone`] also revokes this.
     Rescuer(Option<BehaviourId>),
-    /// The machine or the program was suspended. For how long, and what the robot has done
+    /// The machine or the program was suspended or hung. For how long, and what the robot has done
     /// meanwhile, is not known.
     Suspended,
     /// The run ends: nothing may move any more, except a robot with a low battery that searches on

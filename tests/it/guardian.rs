@@ -83,6 +83,23 @@ async fn the_robot_stops_when_the_agent_is_stopped_and_the_agent_can_resume() {
     goes_on_with_a_stop(&rig, &run).await;
 }
 
+/// The guardian acts in a hang that is too short to count as a suspension.
+#[tokio::test(flavor = "multi_thread")]
+async fn an_agent_that_hung_briefly_knows_that_the_guardian_has_ended_its_docking() {
+    let rig = Rig::quiet().await;
+    rig.sim.hide_station(true);
+    let run = rig.run(
+        "local _, code = robot.dock({ retries = 0 })
+        print('docking: ' .. tostring(code)) task.wait(600)",
+    );
+    let dock = rig.heard_dock(0).await;
+    run.signal(Signal::STOP);
+    let cancel = Command::Engine(Engage::CancelDock);
+    rig.heard(dock, |command| *command == cancel).await;
+    run.signal(Signal::CONT);
+    run.says("docking: disconnected").await;
+}
+
 /// The driving thread does not return from a wait, as if it hung in a driver.
 #[tokio::test(flavor = "multi_thread")]
 async fn the_robot_stops_when_the_driving_thread_hangs() {

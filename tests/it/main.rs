@@ -57,6 +57,7 @@ mod sim;
 mod slow_reader;
 mod slow_system;
 mod soak;
+mod stalled_robot;
 mod stdlib;
 mod strangers;
 mod stuck;

@@ -152,6 +152,31 @@ async fn a_write_after_a_partial_write_continues_where_it_ended() {
     );
 }
 
+/// Those who would have to complete the message must hear of it.
+#[tokio::test(start_paused = true)]
+async fn progress_returns_when_the_rest_of_a_cut_message_has_changed() {
+    let (ours, mut robot) = duplex(10);
+    let (login, options) = (admin(), Options::default());
+    let answers = io::Cursor::new([ACCEPTED, POWER_80].concat());
+    let wanted = [LOGIN, STOP].concat();
+    let (session, ()) = tokio::join!(
+        link::open(answers, ours, nowhere(), &login, stop(), &options),
+        expect(&mut robot, &wanted),
+    );
+    let mut writer = session.unwrap().writer;
+    let now = tokio::time::Instant::now();
+    writer.send(&[GO, GO], now).unwrap();
+    let mut bytes = [0; 7];
+    for (read, rest) in [(0, 4), (2, 2), (1, 1), (7, 0)] {
+        let (written, _) = tokio::join!(writer.progress(), robot.read_exact(&mut bytes[..read]));
+        written.unwrap();
+        assert_eq!(writer.last_words().0, &GO_BYTES[7 - rest..]);
+    }
+    writer.send(&[GO], now).unwrap();
+    let whole = tokio::time::timeout(Duration::from_millis(1), writer.progress()).await;
+    assert!(whole.is_err(), "no message is cut");
+}
+
 #[tokio::test]
 async fn a_dropped_writer_stops_the_tracks_and_a_closed_one_sends_nothing() {
     let mut watched = Watched::with_room(1000).await;

@@ -1,5 +1,5 @@
 //! How many of the written bytes the other side has not acknowledged yet. No crate in use has a
-//! safe wrapper for this one query, so this file holds the only unsafe blocks of the link.
+//! safe wrapper for this one query, so this file holds the only unsafe blocks about sockets.
 #![allow(unsafe_code)]
 
 use std::ffi::c_int;
@@ -13,7 +13,7 @@ const QUESTION: Opcode = libc::TIOCOUTQ as Opcode;
 /// Bytes written to a TCP socket that the peer's system has not acknowledged, including those that
 /// are not sent yet. `None` if the system does not tell. Bytes that the peer's program has not read
 /// yet, but its system has acknowledged, are not counted.
-pub(super) fn unacknowledged(socket: impl AsFd) -> Option<usize> {
+pub fn unacknowledged(socket: impl AsFd) -> Option<usize> {
     // SAFETY: Linux answers SIOCOUTQ with one int (tcp(7)), which is what the getter has room for.
     let getter = unsafe { Getter::<QUESTION, c_int>::new() };
     // SAFETY: the getter's opcode only writes that int and changes nothing else.
