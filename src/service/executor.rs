@@ -256,8 +256,8 @@ impl Executor {
     fn handle_result(&mut self, result: OrderResult) {
         match result {
             OrderResult::Started(run, started) => {
-                let later = matches!(started, Err(RosterError::Offline | RosterError::Busy));
-                if later && self.waiting.contains(&run) {
+                let offline = started == Err(RosterError::Offline);
+                if offline && self.waiting.contains(&run) {
                     return;
                 }
                 self.waiting.remove(&run);
@@ -351,3 +351,6 @@ impl Executor {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
