@@ -260,6 +260,9 @@ impl Executor {
                 if offline && self.waiting.contains(&run) {
                     return;
                 }
+                if offline && self.planner.postpone(&run) {
+                    return info!(behaviour = run, "starts when the robot is connected again");
+                }
                 self.waiting.remove(&run);
                 if let Err(why) = started {
                     error!(behaviour = run, "was not started: {why}");

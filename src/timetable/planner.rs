@@ -49,8 +49,7 @@ struct Due {
 /// A behaviour that the timetable has started.
 #[derive(Debug, Clone)]
 struct ActiveRun {
-    run: String,
-    planned: Timestamp,
+    due: Due,
     /// When it must be ended.
     until: Option<(Instant, Timestamp)>,
     ending: bool,
@@ -109,7 +108,17 @@ impl Planner {
 
     /// Records that a behaviour has ended, or could not be started.
     pub fn ended(&mut self, run: &str) {
-        self.started.retain(|one| one.run != run);
+        self.started.retain(|one| one.due.run != run);
+    }
+
+    /// Lets a start that did not reach the robot wait for it. Returns false if its time is over.
+    pub fn postpone(&mut self, run: &str) -> bool {
+        let waits = |one: &ActiveRun| one.due.run == run && !one.ending;
+        let Some(at) = self.started.iter().position(waits) else {
+            return false;
+        };
+        self.due.push(self.started.remove(at).due);
+        true
     }
 
     /// Returns the record from which the next program continues.
@@ -125,8 +134,8 @@ impl Planner {
         });
         let started = self.started.iter().filter(|one| !one.ending);
         let started = started.map(|one| UnderWay {
-            run: one.run.clone(),
-            planned: one.planned.as_second(),
+            run: one.due.run.clone(),
+            planned: one.due.planned.as_second(),
             until: one.until.map(|(_, until)| until.as_second()),
         });
         Record {
@@ -274,7 +283,7 @@ impl Planner {
         for one in &mut self.started {
             if !one.ending && one.until.is_some_and(|(until, _)| until <= at) {
                 one.ending = true;
-                let run = one.run.clone();
+                let run = one.due.run.clone();
                 acts.push(Act::End { run });
             }
         }
@@ -291,7 +300,7 @@ impl Planner {
             }
             let Due { run, planned, .. } = due.clone();
             let busy = facts.running.contains(&run);
-            let busy = busy || self.started.iter().any(|one| one.run == run);
+            let busy = busy || self.started.iter().any(|one| one.due.run == run);
             if busy {
                 if !due.resumed {
                     acts.push(Act::Report(Notice::Overlap { run, planned }));
@@ -313,14 +322,13 @@ impl Planner {
             lasts,
             resumed,
             ..
-        } = due;
+        } = due.clone();
         let until = lasts.map(|lasts| {
             let shown = facts.now.checked_add(lasts).unwrap_or(Timestamp::MAX);
             (facts.at + lasts, shown)
         });
         self.started.push(ActiveRun {
-            run: run.clone(),
-            planned,
+            due,
             until,
             ending: false,
         });

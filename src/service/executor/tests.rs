@@ -82,6 +82,10 @@ impl House {
         (house, work)
     }
 
+    fn link(&self, link: LinkState) {
+        self.status.send_modify(|status| status.link = link);
+    }
+
     /// The roster shows `go` in this state.
     fn shows(&self, state: MemberState) {
         self.members.send_replace(vec![Member {
@@ -133,5 +137,26 @@ async fn a_run_that_loads_slowly_is_ended_on_time() {
         stopped = story => stopped,
     };
     assert_eq!(begun.elapsed().as_secs(), 20);
+    assert!(!house.has_missed());
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_start_that_does_not_reach_the_robot_is_repeated_when_it_is_back() {
+    let (mut house, work) = House::new();
+    let story = async {
+        let started = house.order("Start(go").await;
+        house.link(LinkState::Lost);
+        let _ = started.send(Err(RosterError::Offline));
+        sleep(Duration::from_secs(60)).await;
+        assert!(house.orders.is_empty(), "there is no robot");
+        house.link(LinkState::Up);
+        let started = house.order("Start(go").await;
+        house.runs(started);
+        house.order("Stop(go").await
+    };
+    let _stopped = tokio::select! {
+        never = work => match never {},
+        stopped = story => stopped,
+    };
     assert!(!house.has_missed());
 }
