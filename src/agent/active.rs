@@ -64,6 +64,17 @@ impl ActiveBehaviour {
         }
     }
 
+    /// Why it was not started. A missing robot is no reason if it was stopped as well: nobody must
+    /// start it when the robot is back.
+    pub(super) fn refusal(&self, why: RosterError) -> RosterError {
+        match why {
+            RosterError::Offline if self.stop.borrow().is_some() => {
+                RosterError::StoppedFirst(self.name.clone())
+            }
+            why => why,
+        }
+    }
+
     /// The state of the behaviour.
     pub(super) fn state(&self) -> MemberState {
         match self.since {
@@ -101,4 +112,20 @@ pub(super) fn members(
 /// Tells a behaviour to end; an earlier reason is kept.
 pub(super) fn request_stop(stop: &Stop, reason: EndReason) {
     stop.send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_behaviour_that_was_stopped_is_not_said_to_wait_for_the_robot() {
+        let one = ActiveBehaviour::new(BehaviourId(1), "go".to_owned(), Stop::new(None), None);
+        assert_eq!(one.refusal(RosterError::Offline), RosterError::Offline);
+        request_stop(&one.stop, EndReason::Cancelled);
+        let stopped = RosterError::StoppedFirst("go".to_owned());
+        assert_eq!(one.refusal(RosterError::Offline), stopped);
+        let broken = RosterError::CannotLoad("broken".to_owned());
+        assert_eq!(one.refusal(broken.clone()), broken);
+    }
 }

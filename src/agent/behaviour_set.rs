@@ -266,7 +266,7 @@ impl BehaviourSet {
             }
             (loaded, _) => {
                 let mut one = self.active.remove(at);
-                let refusal = match loaded {
+                let refusal = match loaded.map_err(|why| one.refusal(why)) {
                     Err(why) => {
                         error!(behaviour = one.name, "cannot be started: {why}");
                         if let RosterError::CannotLoad(why) = &why {

@@ -19,8 +19,8 @@ use crate::script::{Ending, suggestion};
 
 /// The most queued commands; with a full queue a command is refused.
 const MAX_COMMANDS: usize = 32;
-/// The longest time that a command may take: a script's last words, and the loading of the next
-/// one.
+/// The longest time that a person waits for a command: a script's last words, and the loading of
+/// the next one.
 const ANSWER: Duration = Duration::from_secs(10);
 
 /// Why a behaviour cannot be created from its file.
@@ -209,6 +209,7 @@ pub struct Roster {
     commands: mpsc::Sender<RosterCommand>,
     members: watch::Receiver<Vec<Member>>,
     viewers: ViewerChannel,
+    patient: bool,
 }
 
 impl Roster {
@@ -222,9 +223,20 @@ impl Roster {
                 commands,
                 members,
                 viewers,
+                patient: false,
             },
             taken,
         )
+    }
+
+    /// The same handle for callers that must know the outcome: its commands wait until they are
+    /// executed, however long that takes. Others get [`RosterError::Busy`] after a while, although
+    /// the command may still be executed.
+    pub fn patient(&self) -> Roster {
+        Roster {
+            patient: true,
+            ..self.clone()
+        }
     }
 
     /// Starts a behaviour; returns when its script is loaded and begins.
@@ -350,6 +362,11 @@ impl Roster {
         make: impl FnOnce(Reply) -> RosterCommand,
     ) -> Result<(), RosterError> {
         let (reply, answer) = oneshot::channel();
+        if self.patient {
+            let sent = self.commands.send(make(reply)).await;
+            sent.map_err(|_| RosterError::Closed)?;
+            return answer.await.unwrap_or(Err(RosterError::Closed));
+        }
         self.commands
             .try_send(make(reply))
             .map_err(|error| match error {
@@ -375,3 +392,6 @@ impl fmt::Debug for RosterCommand {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

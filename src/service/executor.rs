@@ -256,9 +256,12 @@ impl Executor {
     fn handle_result(&mut self, result: OrderResult) {
         match result {
             OrderResult::Started(run, started) => {
-                let later = matches!(started, Err(RosterError::Offline | RosterError::Busy));
-                if later && self.waiting.contains(&run) {
+                let offline = started == Err(RosterError::Offline);
+                if offline && self.waiting.contains(&run) {
                     return;
+                }
+                if offline && self.planner.postpone(&run) {
+                    return info!(behaviour = run, "starts when the robot is connected again");
                 }
                 self.waiting.remove(&run);
                 if let Err(why) = started {
@@ -351,3 +354,6 @@ impl Executor {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

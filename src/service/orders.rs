@@ -1,5 +1,6 @@
 //! The orders given by the service whose results are outstanding. They run concurrently: a script
-//! that loads slowly delays neither the timetable nor the idle robot.
+//! that loads slowly delays neither the timetable nor the idle robot. An order is outstanding until
+//! it has been executed, however long that takes.
 
 use std::collections::BTreeSet;
 use std::future::Future;
@@ -56,7 +57,7 @@ impl Orders {
     }
 
     pub(super) fn start(&mut self, run: String) {
-        let (roster, name) = (self.roster.clone(), run.clone());
+        let (roster, name) = (self.roster.patient(), run.clone());
         self.spawn(run, async move {
             let started = roster.start(&name).await;
             OrderResult::Started(name, started)
@@ -64,7 +65,7 @@ impl Orders {
     }
 
     pub(super) fn stop(&mut self, run: String) {
-        let (roster, name) = (self.roster.clone(), run.clone());
+        let (roster, name) = (self.roster.patient(), run.clone());
         self.spawn(run, async move {
             let stopped = roster.stop(&name).await;
             OrderResult::Changed(name, stopped)
@@ -72,7 +73,7 @@ impl Orders {
     }
 
     pub(super) fn restart(&mut self, run: String) {
-        let (roster, name) = (self.roster.clone(), run.clone());
+        let (roster, name) = (self.roster.patient(), run.clone());
         self.spawn(run, async move {
             let restarted = roster.restart(&name).await;
             OrderResult::Changed(name, restarted)

@@ -170,6 +170,7 @@ mod tests {
                 run: "patrol".to_owned(),
                 planned: 7,
                 until: Some(9),
+                waits: false,
             }],
         };
         assert!(file.unwrap().save(record.clone()));

@@ -8,7 +8,8 @@ use jiff::Timestamp;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Act {
     /// Start a behaviour. If that fails, the caller reports it with
-    /// [`Planner::ended`](super::Planner::ended).
+    /// [`Planner::ended`](super::Planner::ended), or if the robot was not connected, with
+    /// [`Planner::postpone`](super::Planner::postpone).
     Start {
         /// The behaviour.
         run: String,

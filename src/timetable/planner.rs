@@ -21,6 +21,8 @@ const MAX_SETBACK: SignedDuration = SignedDuration::from_hours(1);
 /// Maximum number of starts of one rule that are counted after a leap of the clock; the rest was
 /// missed anyway.
 const MAX_MISSED: usize = 1000;
+/// Maximum number of waiting starts in the record: the newest.
+const MAX_WAITING: usize = 100;
 
 /// The facts for a decision.
 #[derive(Debug, Clone, Copy)]
@@ -49,8 +51,7 @@ struct Due {
 /// A behaviour that the timetable has started.
 #[derive(Debug, Clone)]
 struct ActiveRun {
-    run: String,
-    planned: Timestamp,
+    due: Due,
     /// When it must be ended.
     until: Option<(Instant, Timestamp)>,
     ending: bool,
@@ -109,25 +110,42 @@ impl Planner {
 
     /// Records that a behaviour has ended, or could not be started.
     pub fn ended(&mut self, run: &str) {
-        self.started.retain(|one| one.run != run);
+        self.started.retain(|one| one.due.run != run);
+    }
+
+    /// Lets a start that did not reach the robot wait for it. Returns false if its time is over.
+    pub fn postpone(&mut self, run: &str) -> bool {
+        let waits = |one: &ActiveRun| one.due.run == run && !one.ending;
+        let Some(at) = self.started.iter().position(waits) else {
+            return false;
+        };
+        self.due.push(self.started.remove(at).due);
+        true
     }
 
     /// Returns the record from which the next program continues.
     pub fn record(&self) -> Record {
-        let waiting = self.due.iter().filter(|due| due.resumed);
-        let waiting = waiting.map(|due| (&due.run, due.planned, due.lasts));
-        let waiting = waiting.map(|(run, planned, lasts)| UnderWay {
-            run: run.clone(),
-            planned: planned.as_second(),
-            until: lasts
-                .zip(self.looked)
-                .map(|(lasts, now)| now.as_second().saturating_add_unsigned(lasts.as_secs())),
+        let resumed = self.due.iter().filter(|due| due.resumed);
+        let new = self.due.iter().rev().filter(|due| !due.resumed);
+        let due = resumed.chain(new.take(MAX_WAITING)).map(|due| UnderWay {
+            run: due.run.clone(),
+            planned: due.planned.as_second(),
+            until: due.lasts.and_then(|lasts| {
+                let from = if due.resumed {
+                    self.looked?
+                } else {
+                    due.planned
+                };
+                Some(from.as_second().saturating_add_unsigned(lasts.as_secs()))
+            }),
+            waits: !due.resumed,
         });
         let started = self.started.iter().filter(|one| !one.ending);
         let started = started.map(|one| UnderWay {
-            run: one.run.clone(),
-            planned: one.planned.as_second(),
+            run: one.due.run.clone(),
+            planned: one.due.planned.as_second(),
             until: one.until.map(|(_, until)| until.as_second()),
+            waits: false,
         });
         Record {
             looked: match self.looked {
@@ -135,7 +153,7 @@ impl Planner {
                 None => self.record.looked,
             },
             under_way: match self.looked {
-                Some(_) => started.chain(waiting).collect(),
+                Some(_) => started.chain(due).collect(),
                 None => self.record.under_way.clone(),
             },
         }
@@ -204,7 +222,15 @@ impl Planner {
             let Ok(planned) = Timestamp::from_second(one.planned) else {
                 continue;
             };
-            let left = one.until.map(|until| until - now.as_second());
+            // The clock may have been put back before the start, or its rule removed.
+            let known = self.table.rules.iter().any(|rule| rule.run == one.run);
+            if one.waits && (planned > now || !known) {
+                continue;
+            }
+            let from = if one.waits { planned } else { now };
+            let left = one
+                .until
+                .map(|until| until.saturating_sub(from.as_second()));
             let lasts = match left.map(u64::try_from) {
                 Some(Ok(left)) if left > 0 => Some(Duration::from_secs(left)),
                 Some(_) => continue,
@@ -214,8 +240,8 @@ impl Planner {
                 run: one.run,
                 planned,
                 lasts,
-                resumed: true,
-                expires: lasts.map(|lasts| facts.at + lasts),
+                resumed: !one.waits,
+                expires: lasts.filter(|_| !one.waits).map(|lasts| facts.at + lasts),
             });
         }
     }
@@ -274,7 +300,7 @@ impl Planner {
         for one in &mut self.started {
             if !one.ending && one.until.is_some_and(|(until, _)| until <= at) {
                 one.ending = true;
-                let run = one.run.clone();
+                let run = one.due.run.clone();
                 acts.push(Act::End { run });
             }
         }
@@ -291,15 +317,15 @@ impl Planner {
             }
             let Due { run, planned, .. } = due.clone();
             let busy = facts.running.contains(&run);
-            let busy = busy || self.started.iter().any(|one| one.run == run);
+            let busy = busy || self.started.iter().any(|one| one.due.run == run);
             if busy {
                 if !due.resumed {
                     acts.push(Act::Report(Notice::Overlap { run, planned }));
                 }
-            } else if facts.ready {
-                acts.push(self.start(due, facts));
             } else if !due.resumed && facts.now.duration_since(planned) > allowed(&self.table) {
                 acts.push(Act::Report(Notice::NoRobot { run, planned }));
+            } else if facts.ready {
+                acts.push(self.start(due, facts));
             } else {
                 self.due.push(due);
             }
@@ -313,14 +339,13 @@ impl Planner {
             lasts,
             resumed,
             ..
-        } = due;
+        } = due.clone();
         let until = lasts.map(|lasts| {
             let shown = facts.now.checked_add(lasts).unwrap_or(Timestamp::MAX);
             (facts.at + lasts, shown)
         });
         self.started.push(ActiveRun {
-            run: run.clone(),
-            planned,
+            due,
             until,
             ending: false,
         });

@@ -1,5 +1,6 @@
 //! `spykee serve`: runs a robot permanently.
 
+mod late_robot;
 mod manager;
 
 use std::time::Duration;

@@ -1,0 +1,162 @@
+//! The executor with a roster whose commands the test answers, in virtual time.
+
+use std::future::Future;
+
+use tokio::sync::oneshot;
+use tokio::time::timeout;
+
+use super::*;
+use crate::agent::{Bus, BusMessage, Listener};
+use crate::robot::{BehaviourId, Priority};
+use crate::service::IdlePolicy;
+use crate::timetable::{Rule, Timetable};
+
+type Reply = oneshot::Sender<Result<(), RosterError>>;
+
+/// The longest wait for an order.
+const LIMIT: Duration = Duration::from_secs(300);
+
+/// What surrounds the executor: the robot, the roster, and those who hear of missed starts.
+struct House {
+    status: watch::Sender<Status>,
+    members: watch::Sender<Vec<Member>>,
+    orders: mpsc::UnboundedReceiver<(String, Reply)>,
+    heard: Listener,
+}
+
+impl House {
+    /// The executor of a timetable that starts `go` now, for 20 s.
+    fn new() -> (House, impl Future<Output = Infallible>) {
+        clock::begin_virtual(Some("2026-05-04T09:00:00Z".parse().unwrap()));
+        let table = Timetable {
+            rules: vec![Rule {
+                run: "go".to_owned(),
+                at: "0 9 * * *".parse().unwrap(),
+                lasts: Some("20s".parse().unwrap()),
+            }],
+            zone: clock::Zone::utc(),
+            quiet: None,
+            catch_up: "10m".parse().unwrap(),
+        };
+        let idle = IdlePolicy {
+            release: false,
+            after: Duration::from_secs(60),
+            dock: false,
+        };
+        let duties = Duties {
+            blueprints: Vec::new(),
+            always: Vec::new(),
+            table: table.clone(),
+            quiet_alarm: true,
+            idle,
+        };
+        let bus = Bus::default();
+        let members = watch::Sender::new(Vec::new());
+        let (roster, orders) = Roster::fake(members.subscribe());
+        let house = House {
+            status: watch::Sender::new(Status {
+                link: LinkState::Up,
+                ..Status::default()
+            }),
+            members,
+            orders,
+            heard: bus.subscribe(),
+        };
+        let listeners = Listeners {
+            file: None,
+            notifier: crate::service::ManagerNotifier::default(),
+            bus,
+            view: View::channel().0,
+        };
+        let executor = Executor::new(
+            roster,
+            mpsc::channel(8).0,
+            house.status.subscribe(),
+            Clock::default(),
+            Planner::new(table, Record::default()),
+            duties,
+            listeners,
+        );
+        // Nobody reloads.
+        let work = executor.work(mpsc::channel(1).1, CancellationToken::new());
+        (house, work)
+    }
+
+    fn link(&self, link: LinkState) {
+        self.status.send_modify(|status| status.link = link);
+    }
+
+    /// The roster shows `go` in this state.
+    fn shows(&self, state: MemberState) {
+        self.members.send_replace(vec![Member {
+            name: "go".to_owned(),
+            priority: Priority::default(),
+            state,
+            ending: None,
+        }]);
+    }
+
+    /// The roster has started `go`.
+    fn runs(&self, started: Reply) {
+        let (by, since) = (BehaviourId(1), Instant::now());
+        self.shows(MemberState::Running { by, since });
+        let _ = started.send(Ok(()));
+    }
+
+    /// Waits for the next order, which begins with these words.
+    async fn order(&mut self, words: &str) -> Reply {
+        let order = timeout(LIMIT, self.orders.recv()).await;
+        let (text, reply) = order.expect("no order").expect("no executor");
+        assert!(text.starts_with(words), "{text}");
+        reply
+    }
+
+    fn has_missed(&mut self) -> bool {
+        let heard = std::iter::from_fn(|| self.heard.try_next());
+        let missed = |one: BusMessage| {
+            matches!(one, BusMessage::Occurrence(one)
+                if matches!(one.what, Occurrence::StartMissed { .. }))
+        };
+        heard.take(100).any(missed)
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_run_that_loads_slowly_is_ended_on_time() {
+    let (mut house, work) = House::new();
+    let begun = Instant::now();
+    let story = async {
+        let started = house.order("Start(go").await;
+        house.shows(MemberState::Loading);
+        sleep(Duration::from_secs(11)).await;
+        house.runs(started);
+        house.order("Stop(go").await
+    };
+    let _stopped = tokio::select! {
+        never = work => match never {},
+        stopped = story => stopped,
+    };
+    assert_eq!(begun.elapsed().as_secs(), 20);
+    assert!(!house.has_missed());
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_start_that_does_not_reach_the_robot_is_repeated_when_it_is_back() {
+    let (mut house, work) = House::new();
+    let story = async {
+        let started = house.order("Start(go").await;
+        house.link(LinkState::Lost);
+        let _ = started.send(Err(RosterError::Offline));
+        sleep(Duration::from_secs(60)).await;
+        assert!(house.orders.is_empty(), "there is no robot");
+        house.link(LinkState::Up);
+        let started = house.order("Start(go").await;
+        house.runs(started);
+        house.order("Stop(go").await
+    };
+    let _stopped = tokio::select! {
+        never = work => match never {},
+        stopped = story => stopped,
+    };
+    assert!(!house.has_missed());
+}
