@@ -58,6 +58,7 @@ mod slow_reader;
 mod slow_system;
 mod soak;
 mod stdlib;
+mod stop;
 mod strangers;
 mod stuck;
 mod supervision;
