@@ -208,7 +208,8 @@ async fn serve(
     console: &Console,
 ) -> Result<Result<Outcome, AgentError>, Failure> {
     let ServiceParts { plan, server, .. } = parts;
-    let stop = CancellationToken::new();
+    let ended_by_person = CancellationToken::new();
+    let stop = ended_by_person.child_token();
     let (core, settings) = (plan.core.clone(), plan.settings.clone());
     let bus = plan.bus.clone();
     let (agent, status) = Agent::new(plan);
@@ -222,7 +223,7 @@ async fn serve(
         status: status.clone(),
         pictures: agent.pictures(),
         reactions: agent.reactions(),
-        stop: stop.clone(),
+        stop: ended_by_person.clone(),
         stop_latch: parts.stop_latch,
         streams: settings.streams,
         target: parts.target.to_string(),
@@ -246,6 +247,7 @@ async fn serve(
         bus,
         view,
         reloads,
+        ended_by_person,
     };
     let showing = async {
         match console.has_status_line() {

@@ -56,7 +56,7 @@ pub struct Run {
     pub status: watch::Receiver<Status>,
     /// The frames of the camera.
     pub pictures: watch::Receiver<Pictures>,
-    /// Ends the run.
+    /// Ends the run at a person's request.
     pub stop: CancellationToken,
     /// A person's STOP.
     pub stop_latch: StopLatch,
