@@ -13,6 +13,7 @@ mod pipe;
 mod report;
 mod request;
 mod server;
+mod stop_latch;
 mod web;
 
 pub use client::{Client, runs};
@@ -20,4 +21,5 @@ pub use error::AskError;
 pub use report::{Level, Report, Runs, Start};
 pub use request::{Answer, Change, Listed, MAX_SPEECH, Next, Overview, RunRequest};
 pub use server::{ControlServer, Run};
+pub use stop_latch::StopLatch;
 pub use web::{Remote, TokenError};

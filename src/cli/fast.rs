@@ -191,6 +191,7 @@ fn run_handle(run: &Running, streams: Streams) -> control::Run {
         pictures: run.pictures(),
         reactions: run.reactions(),
         stop: run.stopper(),
+        stop_latch: control::StopLatch::default(),
         streams,
         target: "a simulation".to_owned(),
         simulated: true,

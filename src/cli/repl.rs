@@ -17,7 +17,7 @@ use tokio_util::sync::CancellationToken;
 use super::interrupt::{handle_prompt_signals, handle_signals, listen};
 use super::reach::{dial, place, reach};
 use super::settings::SettingsArgs;
-use super::startup::{driving_core, launcher, pulse, rescue, runtime};
+use super::startup::{driving_core, launcher, pulse, refuse_if_stopped, rescue, runtime};
 use super::terminal::Terminal;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, PilotSetup, Talk, TalkError};
@@ -65,6 +65,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let login = args.connection.login.login(args.settings.load()?)?;
     let runtime = runtime()?;
     let (target, sim) = reach(place, &login, seed)?;
+    refuse_if_stopped(&config, sim.is_some())?;
     let core = driving_core()?;
     let dial = dial(target, login, config.link.clone());
     let settings = config.pilot(sim.is_some(), seed);

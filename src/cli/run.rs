@@ -20,7 +20,7 @@ use super::params::Param;
 use super::reach::{dial, place, reach_with};
 use super::settings::SettingsArgs;
 use super::startup::{
-    JOURNAL_END, driving_core, journal, launcher, pulse, rescue, runtime, serve, show,
+    JOURNAL_END, driving_core, journal, launcher, pulse, rescue, runtime, serve, show, stop_latch,
 };
 use super::status::StatusLine;
 use super::trace::TraceFile;
@@ -29,7 +29,7 @@ use crate::agent::{Agent, Behaviour, Bus, Plan, Tries, until_answered};
 use crate::behaviour::RestartPolicy;
 use crate::clock::{Clock, Date, Span, Zone};
 use crate::config::{Config, Entry};
-use crate::control::{self, ControlServer};
+use crate::control::{self, ControlServer, StopLatch};
 use crate::journal;
 use crate::lab::{self, Tempo};
 use crate::live::{Script, Simulation};
@@ -177,6 +177,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let (target, sim) = reach_with(place, &login, seed, kind)?;
     let server = ControlServer::open(config.data_folder());
+    let stop_latch = stop_latch(&config, sim.is_some());
     let about = (target.to_string(), sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
     let names = names(&behaviours);
@@ -214,7 +215,8 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
         }
-        drive(plan, line, (server, about), (page, account), console).await
+        let control = (server, about, stop_latch);
+        drive(plan, line, control, (page, account), console).await
     });
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
@@ -304,7 +306,11 @@ fn fast(
 async fn drive(
     plan: Plan,
     line: StatusLine,
-    (server, (target, simulated)): (io::Result<ControlServer>, (String, bool)),
+    (server, (target, simulated), stop_latch): (
+        io::Result<ControlServer>,
+        (String, bool),
+        StopLatch,
+    ),
     (page, account): (Option<(PageInputs, Option<sim::Handle>)>, Option<Account>),
     console: &Console,
 ) -> Result<Exit, Failure> {
@@ -312,6 +318,7 @@ async fn drive(
     let (core, streams) = (plan.core.clone(), plan.settings.streams);
     let bus = plan.bus.clone();
     let (agent, status) = Agent::new(plan);
+    stop_latch.restore(&agent.requests());
     handle_signals(&core, agent.requests(), stop.clone())?;
     let run = control::Run {
         requests: agent.requests(),
@@ -320,6 +327,7 @@ async fn drive(
         pictures: agent.pictures(),
         reactions: agent.reactions(),
         stop: stop.clone(),
+        stop_latch,
         streams,
         target,
         simulated,

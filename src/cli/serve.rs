@@ -24,7 +24,7 @@ use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify}
 use crate::agent::{Agent, AgentError, Bus, Outcome, Plan, Tries, until_answered};
 use crate::clock::{Clock, Date, Span, Zone};
 use crate::config::Config;
-use crate::control::{self, ControlServer};
+use crate::control::{self, ControlServer, StopLatch};
 use crate::journal::When;
 use crate::link::Target;
 use crate::live::{Known, Simulation};
@@ -119,6 +119,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     };
     let (target, sim) = reach_with(place, &login, seed, kind)?;
     let server = ControlServer::open(config.data_folder());
+    let stop_latch = startup::stop_latch(&config, simulated);
     let record = RecordFile::open(config.data_folder());
     let (core, bus) = (driving_core()?, Bus::default());
     let (tries, beats) = (Tries::default(), Arc::new(Notify::new()));
@@ -163,6 +164,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             clock,
             record,
             server,
+            stop_latch,
             target,
             beats,
         },
@@ -192,6 +194,7 @@ struct ServiceParts {
     clock: Clock,
     record: (Record, Option<RecordFile>),
     server: std::io::Result<ControlServer>,
+    stop_latch: StopLatch,
     target: Target,
     /// Heartbeats of the driving core.
     beats: Arc<Notify>,
@@ -205,10 +208,12 @@ async fn serve(
     console: &Console,
 ) -> Result<Result<Outcome, AgentError>, Failure> {
     let ServiceParts { plan, server, .. } = parts;
-    let stop = CancellationToken::new();
+    let ended_by_person = CancellationToken::new();
+    let stop = ended_by_person.child_token();
     let (core, settings) = (plan.core.clone(), plan.settings.clone());
     let bus = plan.bus.clone();
     let (agent, status) = Agent::new(plan);
+    parts.stop_latch.restore(&agent.requests());
     let hangup = listen(libc::SIGHUP)?;
     handle_service_signals(&core, agent.requests(), stop.clone())?;
     let (view, seen) = View::channel();
@@ -218,7 +223,8 @@ async fn serve(
         status: status.clone(),
         pictures: agent.pictures(),
         reactions: agent.reactions(),
-        stop: stop.clone(),
+        stop: ended_by_person.clone(),
+        stop_latch: parts.stop_latch,
         streams: settings.streams,
         target: parts.target.to_string(),
         simulated: settings.simulated,
@@ -241,6 +247,7 @@ async fn serve(
         bus,
         view,
         reloads,
+        ended_by_person,
     };
     let showing = async {
         match console.has_status_line() {

@@ -10,12 +10,12 @@ use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval};
 
 use super::status::StatusLine;
-use super::{Console, Failure};
+use super::{Console, Exit, Failure};
 use crate::agent::{self, Bus, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher};
 use crate::clock::Clock;
 use crate::config::Config;
-use crate::control::{self, ControlServer};
+use crate::control::{self, ControlServer, StopLatch};
 use crate::guardian::Guardian;
 use crate::journal::{self, Journal};
 use crate::pilot::{DrivingCore, Pulse, Status};
@@ -51,6 +51,36 @@ pub(super) fn journal(
     };
     let started = Journal::start(bus, config.data_folder(), config.journal, about, clock);
     started.map_err(|error| tracing::warn!("{error}")).ok()
+}
+
+/// A person's STOP, kept in the data folder unless the robot is simulated in this program.
+pub(super) fn stop_latch(config: &Config, simulated: bool) -> StopLatch {
+    if simulated {
+        StopLatch::default()
+    } else {
+        StopLatch::open(config.data_folder())
+    }
+}
+
+/// Whether an earlier program has left a person's STOP behind; not for a robot that is simulated in
+/// this program.
+pub(super) fn is_stopped(config: &Config, simulated: bool) -> bool {
+    !simulated && StopLatch::is_kept(config.data_folder())
+}
+
+/// Refuses to drive while a person's STOP holds.
+///
+/// # Errors
+/// See [`is_stopped`].
+pub(super) fn refuse_if_stopped(config: &Config, simulated: bool) -> Result<(), Failure> {
+    if !is_stopped(config, simulated) {
+        return Ok(());
+    }
+    let failure = Failure::new(
+        Exit::Safety,
+        "a person has stopped the robot: it may not drive",
+    );
+    Err(failure.help("`spykee robot let-go` releases it"))
 }
 
 /// Runs the control server. On an error logs a warning: the run continues without it.

@@ -32,6 +32,7 @@ struct StatusKey {
     link: LinkState,
     safety: WatchdogState,
     charging: Option<bool>,
+    halted: bool,
 }
 
 impl StatusLine {
@@ -74,6 +75,7 @@ impl StatusLine {
             link: status.link,
             safety: status.safety,
             charging,
+            halted: status.halted,
         };
         let stale =
             |(at, last): &(Instant, StatusKey)| *last != key || at.elapsed() >= PLAIN_PERIOD;
@@ -91,6 +93,7 @@ impl StatusLine {
             }
             (link, _) => match link.absence() {
                 Some(words) => words.to_owned(),
+                None if status.halted => "stopped by a person".to_owned(),
                 None => status.safety.to_string(),
             },
         }

@@ -51,6 +51,8 @@ pub enum RunRequest {
         /// The change.
         change: Change,
     },
+    /// Release a person's STOP.
+    LetGo,
 }
 
 impl RunRequest {
@@ -72,6 +74,7 @@ impl RunRequest {
             RunRequest::Behaviour { name, change } => {
                 format!("{} behaviour {name:?}", change.verb())
             }
+            RunRequest::LetGo => "release STOP".to_owned(),
         }
     }
 }

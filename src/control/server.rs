@@ -15,6 +15,7 @@ use tracing::{debug, info};
 use super::folder::{Bound, Folder};
 use super::pipe::Pipe;
 use super::request::{Answer, Change, Listed, MAX_SPEECH, Next, Overview, RunRequest};
+use super::stop_latch::StopLatch;
 use crate::agent::{Docked, Roster, RosterError, Seat, SeatError};
 use crate::pilot::{LinkState, Reactions, Status};
 use crate::robot::channel::{Request, Role, RunningBehaviours};
@@ -55,8 +56,10 @@ pub struct Run {
     pub status: watch::Receiver<Status>,
     /// The frames of the camera.
     pub pictures: watch::Receiver<Pictures>,
-    /// Ends the run.
+    /// Ends the run at a person's request.
     pub stop: CancellationToken,
+    /// A person's STOP.
+    pub stop_latch: StopLatch,
     /// The config's settings for the robot's streams.
     pub streams: Streams,
     /// The robot's address as given to the run.
@@ -140,6 +143,7 @@ impl Run {
         let request = match request {
             RunRequest::Overview => return self.overview().await,
             RunRequest::Stop => return self.halt().await,
+            RunRequest::LetGo => return answer(self.hold(false).await),
             RunRequest::Behaviours => return self.behaviours(),
             RunRequest::Behaviour { name, change } => return self.change(&name, change).await,
             other => other,
@@ -203,6 +207,7 @@ impl Run {
         let intent = match request {
             RunRequest::Overview
             | RunRequest::Stop
+            | RunRequest::LetGo
             | RunRequest::Behaviours
             | RunRequest::Behaviour { .. } => {
                 return Ok(Answer::Done);
@@ -303,13 +308,22 @@ impl Run {
         Seat::join(self.requests.clone(), by, name, PERSON, Role::Person).await
     }
 
-    /// Sets or releases STOP. While it is set, nothing moves the robot.
+    /// Sets or releases STOP. While it is set, nothing moves the robot, in this program or in the
+    /// next one of its data folder.
     ///
     /// # Errors
     /// [`SeatError::Closed`]: the run has ended, and the robot was stopped at its end.
     pub async fn hold(&self, on: bool) -> Result<(), SeatError> {
-        let asked = self.requests.send(Request::Halt(on)).await;
-        asked.map_err(|_| SeatError::Closed)
+        match self.requests.reserve().await {
+            Ok(place) => {
+                self.stop_latch.set(on, || place.send(Request::Halt(on)));
+                Ok(())
+            }
+            Err(_) => {
+                self.stop_latch.set(on, || ());
+                Err(SeatError::Closed)
+            }
+        }
     }
 
     async fn overview(&self) -> Answer {
@@ -326,6 +340,7 @@ impl Run {
             online: status.link == LinkState::Up,
             robot: running.robot,
             state: match status.link.absence() {
+                Some(words) if status.halted => format!("stopped by a person; {words}"),
                 Some(words) => words.to_owned(),
                 None if status.halted => "stopped by a person".to_owned(),
                 None => status.safety.to_string(),

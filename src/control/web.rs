@@ -126,6 +126,7 @@ impl Call {
                 json!({ "seconds": seconds(*limit) }),
             ),
             RunRequest::Stop => bare("/api/stop"),
+            RunRequest::LetGo => bare("/api/let-go"),
             RunRequest::StopSound => bare("/api/stop-sound"),
             RunRequest::Led { led, on } => post(
                 "/api/led".to_owned(),

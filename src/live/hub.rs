@@ -57,8 +57,6 @@ pub(super) struct Hub {
     /// Whether the pilot responds.
     alive: AtomicBool,
     pub(super) most_viewers: usize,
-    /// Whether STOP holds; its seat is kept until this is false.
-    pub(super) held: watch::Sender<bool>,
 }
 
 /// The number of viewers, and the viewer that has the wheel.
@@ -95,7 +93,6 @@ impl Hub {
             robot: watch::Sender::new(None),
             alive: AtomicBool::new(true),
             most_viewers: usize::from(most_viewers),
-            held: watch::Sender::new(false),
         })
     }
 
@@ -120,9 +117,6 @@ impl Hub {
     pub(super) async fn stop(&self) -> Result<(), SeatError> {
         let halted = self.run.hold(true).await;
         self.lock_viewers().driver = None;
-        if !self.held.send_replace(true) {
-            tokio::spawn(manual_drive::hold(self.run.clone(), self.held.subscribe()));
-        }
         halted
     }
 
@@ -131,8 +125,17 @@ impl Hub {
     /// # Errors
     /// If the run has ended.
     pub(super) async fn release_stop(&self) -> Result<(), SeatError> {
-        self.held.send_replace(false);
         self.run.hold(false).await
+    }
+
+    /// Holds the tracks whenever STOP holds, also one of an earlier program.
+    async fn hold_tracks(&self) {
+        let mut stopped = self.run.stop_latch.watch();
+        while stopped.wait_for(|stopped| *stopped).await.is_ok() {
+            manual_drive::hold(self.run.clone(), stopped.clone()).await;
+            // It may have ended early, with the run.
+            let _ = stopped.wait_for(|stopped| !stopped).await;
+        }
     }
 
     /// Whether the pilot responds. It is checked once a second, however often this is called.
@@ -164,6 +167,7 @@ impl Hub {
             camera,
             found,
             pilot_checks,
+            self.hold_tracks(),
             self.listen(bus),
             self.publish_state(),
             self.publish_behaviours()

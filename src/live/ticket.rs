@@ -166,5 +166,5 @@ fn differs_from_real_time(hub: &Hub) -> bool {
 }
 
 fn is_halted(hub: &Hub) -> bool {
-    *hub.held.borrow() || hub.run.status.borrow().halted
+    hub.run.stop_latch.is_on() || hub.run.status.borrow().halted
 }

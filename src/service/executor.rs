@@ -76,10 +76,10 @@ impl Executor {
         }
     }
 
-    /// Works until it is dropped. Does nothing after `stop`, so that behaviours running then stay
-    /// recorded as under way for the next service.
+    /// Never returns. Does nothing after `stop`, so that behaviours running then stay recorded as
+    /// under way for the next service.
     pub(super) async fn work(
-        mut self,
+        &mut self,
         mut reloads: mpsc::Receiver<Reload>,
         stop: CancellationToken,
     ) -> Infallible {
@@ -95,6 +95,17 @@ impl Executor {
                 Ok(()) = self.status.changed() => {}
                 () = sleep(pause) => {}
             }
+        }
+    }
+
+    /// Records that no run is under way, so that the next service resumes none.
+    pub(super) async fn forget_runs(self) {
+        let record = Record {
+            under_way: Vec::new(),
+            ..self.planner.record()
+        };
+        if let Some(file) = self.listeners.file {
+            file.finish(record).await;
         }
     }
 

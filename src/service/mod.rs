@@ -108,6 +108,8 @@ pub struct Service {
     pub view: watch::Sender<View>,
     /// Receives new duties.
     pub reloads: mpsc::Receiver<Reload>,
+    /// Cancelled if a person ends the service; the next one then resumes no run.
+    pub ended_by_person: CancellationToken,
 }
 
 impl Service {
@@ -126,8 +128,9 @@ impl Service {
             bus,
             view,
             reloads,
+            ended_by_person,
         } = self;
-        let executor = Executor::new(
+        let mut executor = Executor::new(
             agent.roster(),
             agent.requests(),
             status,
@@ -146,6 +149,9 @@ impl Service {
             outcome = agent.run(stop.clone()) => outcome,
             never = executor.work(reloads, stop) => match never {},
         };
+        if ended_by_person.is_cancelled() {
+            executor.forget_runs().await;
+        }
         notifier.stopping();
         outcome
     }

@@ -86,6 +86,7 @@ pub(super) fn status<'a>(
     let robot = match (status.link, status.link.absence()) {
         (LinkState::Connecting, _) => "waiting for the robot".to_owned(),
         (_, Some(words)) => words.to_owned(),
+        (_, None) if status.halted => "stopped by a person".to_owned(),
         (_, None) => status.safety.to_string(),
     };
     let running: Vec<&str> = running.collect();

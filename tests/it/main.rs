@@ -59,6 +59,7 @@ mod slow_system;
 mod soak;
 mod stalled_robot;
 mod stdlib;
+mod stop;
 mod strangers;
 mod stuck;
 mod supervision;

@@ -109,15 +109,7 @@ async fn recently_missed_starts_are_made_up_for_and_a_power_cut_does_not_end_a_r
     let mut run = serve(&rig);
     run.says("starts by the timetable").await;
     rig.heard_motion(0).await;
-    let record = rig.folder().join("spykee-data/schedule.json");
-    let kept = async {
-        while !std::fs::read_to_string(&record).is_ok_and(|text| text.contains("drive")) {
-            tokio::time::sleep(Duration::from_millis(10)).await;
-        }
-    };
-    timeout(WAIT_LIMIT, kept)
-        .await
-        .expect("the record was not written");
+    recorded(&rig).await;
     run.signal(Signal::KILL);
     run.status().await;
     let free = rig.sim.wait_state(|state| state.user.is_none());
@@ -127,6 +119,47 @@ async fn recently_missed_starts_are_made_up_for_and_a_power_cut_does_not_end_a_r
     next.says("resumes a run that was interrupted").await;
     rig.heard_motion(from).await;
     assert!(!next.text().contains("starts by the timetable"));
+    ends_well(&mut next).await;
+}
+
+/// The file that records what is under way.
+fn record(rig: &Rig) -> String {
+    let path = rig.folder().join("spykee-data/schedule.json");
+    std::fs::read_to_string(path).unwrap_or_default()
+}
+
+/// Waits until the behaviour is recorded as under way.
+async fn recorded(rig: &Rig) {
+    let kept = async {
+        while !record(rig).contains("drive") {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    };
+    timeout(WAIT_LIMIT, kept)
+        .await
+        .expect("the record was not written");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_that_a_person_has_ended_is_not_resumed() {
+    let rig = Rig::quiet().await;
+    rig.file("drive.lua", DRIVES);
+    let rest =
+        "behaviours:\n- file: drive.lua\nschedule:\n- { run: drive, at: '* * * * *', for: 1h }\n";
+    config(&rig, "", rest);
+    let mut run = serve(&rig);
+    rig.heard_motion(0).await;
+    recorded(&rig).await;
+    let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    assert_eq!(run.code().await, Some(0), "{}", run.text());
+    let left = record(&rig);
+    assert!(left.contains("looked") && !left.contains("drive"), "{left}");
+    let mut next = serve(&rig);
+    next.says("connected").await;
+    let (code, text) = run_spykee(&rig, &["robot", "volume", "37"]).await;
+    assert_eq!(code, Some(0), "{text}");
+    assert!(!next.text().contains("resumes"), "{}", next.text());
     ends_well(&mut next).await;
 }
 

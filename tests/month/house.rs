@@ -69,6 +69,7 @@ impl House {
             bus,
             view: View::channel().0,
             reloads,
+            ended_by_person: CancellationToken::new(),
         };
         let stop = CancellationToken::new();
         let service = tokio::task::spawn_local(service.run(stop.clone()));

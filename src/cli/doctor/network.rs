@@ -9,6 +9,7 @@ use super::{Diagnosis, Finding};
 use crate::cli::interrupt::interruption;
 use crate::cli::reach::reach;
 use crate::cli::robot::send_home_if_low;
+use crate::cli::startup::is_stopped;
 use crate::cli::{ConnectionArgs, Exit, Failure, RobotChoice};
 use crate::config::{Config, Effective};
 use crate::link::{self, LinkError, Session, Target, discover};
@@ -101,7 +102,7 @@ async fn robot(
 ) -> Result<(), Failure> {
     let config = &settings.config;
     let login = connection.login.login(settings)?;
-    let (target, _sim) = reach(place, &login, 0)?;
+    let (target, sim) = reach(place, &login, 0)?;
     let reachable = check_reachable(&target, config.link.connect_timeout).await;
     let open = reachable.verdict != super::Verdict::Fail;
     diagnosis.add(reachable)?;
@@ -123,7 +124,8 @@ async fn robot(
     );
     diagnosis.add(Finding::ok("login", found))?;
     diagnosis.add(battery(&session, config))?;
-    match check_link(&mut session, config, diagnosis).await {
+    let stopped = is_stopped(config, sim.is_some());
+    match check_link(&mut session, config, stopped, diagnosis).await {
         Ok(result) => result?,
         Err(error) => {
             return diagnosis.add(Finding::fail("link", error.to_string(), error.help()));
@@ -137,9 +139,12 @@ async fn robot(
 async fn check_link(
     session: &mut Session,
     config: &Config,
+    stopped: bool,
     diagnosis: &mut Diagnosis,
 ) -> Result<Result<(), Failure>, LinkError> {
-    send_home_if_low(session, config).await?;
+    if !stopped {
+        send_home_if_low(session, config).await?;
+    }
     let latency = latency(session).await?;
     if let Err(failure) = diagnosis.add(latency) {
         return Ok(Err(failure));

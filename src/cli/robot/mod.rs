@@ -3,6 +3,7 @@
 
 mod act;
 mod ask;
+mod let_go;
 mod mp3;
 mod say;
 mod session;
@@ -25,7 +26,7 @@ use super::reach::{dial, place, reach};
 use super::remote::RemoteArgs;
 use super::running::find_run;
 use super::settings::SettingsArgs;
-use super::startup::rescue;
+use super::startup::{refuse_if_stopped, rescue};
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::config::Config;
 use crate::control::Client;
@@ -36,8 +37,8 @@ use crate::wire::{self, Login};
 ///
 /// The watchdog handles a low battery, the station and a dead link as in a run. The robot serves
 /// one user at a time. If that is a `spykee run` of the same data folder, then battery, info,
-/// snapshot, dock, undock, stop, led, play, volume and say go through it; without --robot they
-/// address the only active run. With --url they go through a service on another computer. If any
+/// snapshot, dock, undock, stop, let-go, led, play, volume and say go through it; without --robot
+/// they address the only active run. With --url they go through a service on another computer. If any
 /// other program uses the robot, end it first.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
@@ -57,6 +58,7 @@ enum RobotCommand {
     Dock(station::DockArgs),
     Undock(station::UndockArgs),
     Stop(stop::StopArgs),
+    LetGo(let_go::LetGoArgs),
     Led(act::LedArgs),
     Play(act::PlayArgs),
     Volume(act::VolumeArgs),
@@ -78,6 +80,7 @@ impl RobotArgs {
             C::Dock(args) => &args.aim,
             C::Undock(args) => &args.aim,
             C::Stop(args) => &args.aim,
+            C::LetGo(args) => &args.aim,
             C::Led(args) => &args.aim,
             C::Play(args) => &args.aim,
             C::Volume(args) => &args.aim,
@@ -103,6 +106,7 @@ pub(super) fn run(args: &RobotArgs, console: &Console) -> Result<Exit, Failure> 
         RobotCommand::Dock(args) => station::dock(args),
         RobotCommand::Undock(args) => station::undock(args),
         RobotCommand::Stop(args) => stop::stop(args),
+        RobotCommand::LetGo(args) => let_go::let_go(args),
         RobotCommand::Led(args) => act::led(args),
         RobotCommand::Play(args) => act::play(args),
         RobotCommand::Volume(args) => act::volume(args),
@@ -198,8 +202,9 @@ impl Aim {
     /// The parts needed to drive the robot.
     ///
     /// # Errors
-    /// The rescue behaviour of the config cannot be read.
+    /// A person's STOP holds; the rescue behaviour of the config cannot be read.
     pub(super) fn driver_parts(&self, seed: u64) -> Result<DriverParts, Failure> {
+        refuse_if_stopped(&self.config, self.sim.is_some())?;
         let link = self.config.link.clone();
         Ok(DriverParts {
             dial: dial(self.target.clone(), self.login.clone(), link),

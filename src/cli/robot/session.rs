@@ -9,6 +9,7 @@ use super::{Aim, AimArgs};
 use crate::cli::interrupt::interruption;
 use crate::cli::remote::RemoteArgs;
 use crate::cli::running::{find_run, robot_in_use};
+use crate::cli::startup::is_stopped;
 use crate::cli::{Exit, Failure, block_on};
 use crate::config::Config;
 use crate::link::{LinkError, Session, close_gracefully};
@@ -111,7 +112,9 @@ pub(in crate::cli) async fn send_home_if_low(
 impl RobotSession {
     async fn begin(aim: &Aim) -> Result<RobotSession, LinkError> {
         let mut link = aim.connect().await?;
-        send_home_if_low(&mut link, &aim.config).await?;
+        if !is_stopped(&aim.config, aim.sim.is_some()) {
+            send_home_if_low(&mut link, &aim.config).await?;
+        }
         Ok(RobotSession {
             link,
             simulated: aim.sim.is_some(),

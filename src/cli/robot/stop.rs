@@ -28,8 +28,8 @@ const PAUSE: Duration = Duration::from_millis(200);
 ///
 /// If a `spykee run` uses the robot, it stops the robot at once, whatever drives it, and ends.
 /// While any other program is connected, the robot refuses further logins: that program must stop
-/// it. With --url the service continues, and the robot stays stopped until a person releases it at
-/// the page.
+/// it. With --url the service continues, and the robot stays stopped until a person releases it, at
+/// the page or with `spykee robot let-go`.
 ///
 /// Settings that cannot be used do not prevent a stop: those of the config file alone are used, or
 /// else the defaults. Then name the robot with --robot, unless a run uses it.
@@ -102,7 +102,8 @@ fn stop_through_service(run: &Client) -> Result<Exit, Failure> {
         return Ok(Exit::Interrupted);
     }
     print(
-        "stopped: the robot does not move until it is released at the page or with POST /api/let-go\n",
+        "stopped: the robot does not move until it is released, at the page or with `spykee robot \
+         let-go`\n",
     )?;
     Ok(Exit::Done)
 }

@@ -1,0 +1,256 @@
+//! A person's STOP, and the file in the data folder that keeps it for the next program: whatever
+//! ends this one, STOP holds until a person releases it. A separate thread writes the file; a slow
+//! or full disk delays nothing, and STOP holds in this program all the same.
+
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::Duration;
+
+use tokio::sync::{mpsc, watch};
+use tracing::warn;
+
+use crate::files::Folder;
+use crate::robot::channel::Request;
+
+/// Name of the file. Its presence is the STOP; the text is for people.
+const NAME: &str = ".stop";
+const TEXT: &[u8] =
+    b"A person has stopped the robot. To release it, use the page or `spykee robot let-go`.\n";
+/// Time until a failed write is retried.
+const AGAIN: Duration = Duration::from_secs(10);
+
+/// See the module. A default one has no file, for simulations.
+#[derive(Debug, Clone, Default)]
+pub struct StopLatch {
+    on: watch::Sender<bool>,
+    /// Wakes the thread that writes the file.
+    changes: Option<SyncSender<()>>,
+}
+
+impl StopLatch {
+    /// Reads the file in this data folder, and starts the thread that writes it. Blocks on the
+    /// disk: must not be called on the driving core.
+    pub fn open(data: &Path) -> StopLatch {
+        let kept = StopLatch::is_kept(data);
+        if kept {
+            let path = data.join(NAME);
+            warn!(
+                "a person's STOP still holds ({}): nothing moves the robot until a person releases \
+                 it, at the page or with `spykee robot let-go`",
+                path.display()
+            );
+        }
+        let on = watch::Sender::new(kept);
+        let (changes, received) = sync_channel(1);
+        let file = StopFile {
+            data: data.to_owned(),
+            wanted: on.subscribe(),
+            kept: Some(kept),
+        };
+        let writing = std::thread::Builder::new().name("stop".into());
+        let started = writing.spawn(move || file.follow(&received));
+        if let Err(error) = &started {
+            warn!("STOP will hold in this program only: cannot start its thread: {error}");
+        }
+        StopLatch {
+            on,
+            changes: started.is_ok().then_some(changes),
+        }
+    }
+
+    /// Whether a program of this data folder has left a STOP behind that nobody has released. A
+    /// file that cannot be examined counts as one.
+    pub fn is_kept(data: &Path) -> bool {
+        match data.join(NAME).symlink_metadata() {
+            Ok(_) => true,
+            Err(error) if is_absent(&error) => false,
+            Err(error) => {
+                let path = data.join(NAME);
+                warn!("counts as STOP, cannot examine {}: {error}", path.display());
+                true
+            }
+        }
+    }
+
+    /// Releases the STOP that a program of this data folder has left behind; returns whether there
+    /// was one.
+    ///
+    /// # Errors
+    /// Any error of the system; the STOP then still holds.
+    pub fn remove(data: &Path) -> io::Result<bool> {
+        match std::fs::remove_file(data.join(NAME)) {
+            Ok(()) => Ok(true),
+            Err(error) if is_absent(&error) => Ok(false),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Gives a STOP that was left behind to the pilot. Call it for a pilot that is not launched
+    /// yet: its queue is empty.
+    pub fn restore(&self, requests: &mpsc::Sender<Request>) {
+        if self.is_on() {
+            let _ = requests.try_send(Request::Halt(true));
+        }
+    }
+
+    /// Whether STOP holds.
+    pub fn is_on(&self) -> bool {
+        *self.on.borrow()
+    }
+
+    /// Whether STOP holds, now and later.
+    pub fn watch(&self) -> watch::Receiver<bool> {
+        self.on.subscribe()
+    }
+
+    /// Sets or releases it, and tells the pilot, under one lock: if two people want the opposite,
+    /// the pilot and the file follow the same one last. Does not wait for the disk.
+    pub(super) fn set(&self, on: bool, tell_pilot: impl FnOnce()) {
+        let changed = self.on.send_if_modified(|was| {
+            tell_pilot();
+            std::mem::replace(was, on) != on
+        });
+        if let Some(changes) = self.changes.as_ref().filter(|_| changed) {
+            // If the queue is full, the thread will see this change too.
+            let _ = changes.try_send(());
+        }
+    }
+}
+
+/// Nothing of this name can be there.
+fn is_absent(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
+}
+
+/// The file, for the thread that writes it.
+struct StopFile {
+    data: PathBuf,
+    wanted: watch::Receiver<bool>,
+    /// Whether the file is there; unknown after an error.
+    kept: Option<bool>,
+}
+
+impl StopFile {
+    /// Writes or removes the file after each change, until the latch is dropped. Retries what has
+    /// failed.
+    fn follow(mut self, changes: &Receiver<()>) {
+        loop {
+            let woken = match self.kept {
+                Some(_) => changes.recv().map_err(RecvTimeoutError::from),
+                None => changes.recv_timeout(AGAIN),
+            };
+            if woken == Err(RecvTimeoutError::Disconnected) {
+                return;
+            }
+            self.write();
+        }
+    }
+
+    fn write(&mut self) {
+        let wanted = *self.wanted.borrow();
+        if self.kept == Some(wanted) {
+            return;
+        }
+        let written = if wanted {
+            Folder::make(&self.data).and_then(|folder| folder.replace_durably(NAME, TEXT))
+        } else {
+            StopLatch::remove(&self.data).map(|_| ())
+        };
+        let failed_before = self.kept.is_none();
+        self.kept = written.is_ok().then_some(wanted);
+        if let (Err(error), false) = (written, failed_before) {
+            let path = self.data.join(NAME);
+            let (path, what) = (path.display(), if wanted { "write" } else { "remove" });
+            let until = if wanted {
+                "STOP holds, but only until this program ends"
+            } else {
+                "STOP is released, but would hold again in the next program"
+            };
+            warn!("{until}: cannot {what} {path}: {error}");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Waits until the file is there, or is not.
+    fn becomes(data: &Path, kept: bool) {
+        while StopLatch::is_kept(data) != kept {
+            std::thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn a_stop_holds_in_the_next_program_until_it_is_released() {
+        let home = tempfile::tempdir().unwrap();
+        let data = home.path().join("data");
+        let latch = StopLatch::open(&data);
+        assert!(!latch.is_on() && !data.exists());
+        latch.set(true, || ());
+        becomes(&data, true);
+        drop(latch);
+        let next = StopLatch::open(&data);
+        let (requests, mut received) = mpsc::channel(1);
+        next.restore(&requests);
+        assert!(matches!(received.try_recv(), Ok(Request::Halt(true))));
+        assert!(next.is_on());
+        next.set(false, || ());
+        becomes(&data, false);
+        let third = StopLatch::open(&data);
+        third.restore(&requests);
+        assert!(!third.is_on() && received.try_recv().is_err());
+    }
+
+    #[test]
+    fn whatever_is_in_the_place_of_the_file_counts_as_stop() {
+        let home = tempfile::tempdir().unwrap();
+        let path = home.path().join(NAME);
+        std::fs::create_dir(&path).unwrap();
+        assert!(StopLatch::open(home.path()).is_on());
+        assert!(StopLatch::remove(home.path()).is_err());
+        std::fs::remove_dir(&path).unwrap();
+        std::os::unix::fs::symlink("nowhere", &path).unwrap();
+        assert!(StopLatch::open(home.path()).is_on());
+        assert!(StopLatch::remove(home.path()).unwrap());
+        assert!(!StopLatch::remove(home.path()).unwrap());
+        // A data folder below a file cannot contain one.
+        std::fs::write(&path, "").unwrap();
+        assert!(!StopLatch::is_kept(&path));
+    }
+
+    #[test]
+    fn a_stop_that_cannot_be_written_holds_and_the_file_is_written_later() {
+        let home = tempfile::tempdir().unwrap();
+        // A file in the place of the data folder takes no file.
+        let data = home.path().join("data");
+        std::fs::write(&data, "").unwrap();
+        let on = watch::Sender::new(true);
+        let mut file = StopFile {
+            data: data.clone(),
+            wanted: on.subscribe(),
+            kept: Some(false),
+        };
+        file.write();
+        assert_eq!(file.kept, None);
+        assert!(*on.borrow());
+        std::fs::remove_file(&data).unwrap();
+        file.write();
+        assert!(StopLatch::is_kept(&data));
+        on.send_replace(false);
+        file.write();
+        assert!(!StopLatch::is_kept(&data));
+    }
+
+    #[test]
+    fn without_a_file_a_stop_ends_with_its_program() {
+        let latch = StopLatch::default();
+        let mut seen = latch.watch();
+        latch.set(true, || ());
+        assert!(latch.is_on() && *seen.borrow_and_update());
+        latch.set(false, || ());
+        assert!(!latch.is_on() && !*seen.borrow_and_update());
+    }
+}
