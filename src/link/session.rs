@@ -9,7 +9,7 @@ use tokio::time::{Instant, timeout_at};
 
 use super::delivery::close_gracefully;
 use super::dial::{dial, duplicate};
-use super::{LinkError, Options, Reader, Target, Writer, discover};
+use super::{LinkError, Options, Reader, Supervision, Target, Writer, discover};
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
 /// The most reports that [`Session::early`] holds; further ones are dropped.
@@ -43,15 +43,15 @@ pub struct Session {
 /// returns. A refusal because of another user is returned with that user's name, if discovery finds
 /// it within a second.
 ///
-/// From the robot's acceptance of the login on, it is sent `last_words` if anything fails, until
-/// the writer is given others (see [`Writer::set_last_words`]).
+/// From the robot's acceptance of the login on, it is sent the newest last words of `supervision`
+/// if anything fails, until the writer is given others (see [`Writer::set_last_words`]).
 ///
 /// # Errors
 /// Every kind of [`LinkError`].
 pub async fn connect(
     target: &Target,
     login: &Login,
-    last_words: Vec<Command>,
+    supervision: impl Into<Supervision>,
     options: &Options,
 ) -> Result<Session, LinkError> {
     let stream = dial(target, options).await?;
@@ -61,7 +61,7 @@ pub async fn connect(
     let (reader, writer) = stream.into_split();
     let reader = Reader::new(Box::new(reader), options.dead_after);
     let mut writer = Writer::new(Box::new(writer), direct, options.dead_after);
-    writer.set_last_words(last_words);
+    writer.share_last_words(supervision.into().last_words());
     match log_in(reader, writer, peer, login, options.login_timeout).await {
         Err(LinkError::InUse { .. }) => Err(LinkError::InUse {
             by: discover::connected_user(peer, WHO_TIMEOUT).await,
@@ -79,12 +79,12 @@ pub async fn open(
     writer: impl AsyncWrite + Unpin + Send + 'static,
     peer: SocketAddr,
     login: &Login,
-    last_words: Vec<Command>,
+    supervision: impl Into<Supervision>,
     options: &Options,
 ) -> Result<Session, LinkError> {
     let reader = Reader::new(Box::new(reader), options.dead_after);
     let mut writer = Writer::new(Box::new(writer), None, options.dead_after);
-    writer.set_last_words(last_words);
+    writer.share_last_words(supervision.into().last_words());
     log_in(reader, writer, peer, login, options.login_timeout).await
 }
 

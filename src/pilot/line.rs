@@ -7,10 +7,13 @@ use std::time::Duration;
 
 use rand::SeedableRng;
 use rand::rngs::StdRng;
+use tokio::sync::watch;
 use tokio::time::{Sleep, sleep};
 use tracing::debug;
 
-use crate::link::{self, Backoff, Delivery, LinkError, Options, Reader, Received, Session, Writer};
+use crate::link::{
+    self, Backoff, Delivery, LinkError, Options, Reader, Received, Session, Supervision, Writer,
+};
 use crate::wire::{Accepted, Command, Power, Report};
 
 type Dialling = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
@@ -20,9 +23,9 @@ const DELIVERY_TIMEOUT: Duration = Duration::from_millis(500);
 
 type LastDelivery = Pin<Box<dyn Future<Output = Delivery> + Send>>;
 
-/// Makes one attempt to connect and log in, over any transport, with these last words (see
+/// Makes one attempt to connect and log in, over any transport, under this supervision (see
 /// [`connect`](crate::link::connect)).
-pub type Dial = Box<dyn FnMut(Vec<Command>) -> Dialling + Send>;
+pub type Dial = Box<dyn FnMut(Supervision) -> Dialling + Send>;
 
 /// A session without its reader, which stays with the line.
 pub(super) struct NewSession {
@@ -59,7 +62,7 @@ pub(super) struct Line {
     state: State,
     backoff: Backoff,
     rng: StdRng,
-    last_words: Vec<Command>,
+    last_words: watch::Sender<Vec<Command>>,
     released: bool,
 }
 
@@ -71,7 +74,8 @@ impl Line {
         seed: u64,
         last_words: Vec<Command>,
     ) -> Line {
-        let state = State::Dialling(dial(last_words.clone()));
+        let last_words = watch::Sender::new(last_words);
+        let state = attempt(&mut dial, &last_words);
         Line {
             dial,
             state,
@@ -95,9 +99,9 @@ impl Line {
         }
     }
 
-    /// Sets the last words for attempts to connect that begin from now on.
+    /// Sets the last words of attempts to connect, also of one in progress.
     pub(super) fn set_last_words(&mut self, last_words: Vec<Command>) {
-        self.last_words = last_words;
+        self.last_words.send_replace(last_words);
     }
 
     /// The next event. Cancel-safe.
@@ -122,7 +126,7 @@ impl Line {
                     };
                 }
             }
-            self.state = State::Dialling((self.dial)(self.last_words.clone()));
+            self.state = attempt(&mut self.dial, &self.last_words);
         }
     }
 
@@ -184,4 +188,9 @@ impl Line {
         let pause = self.backoff.next(&mut self.rng);
         self.state = State::Pausing(Box::pin(sleep(pause)));
     }
+}
+
+/// Begins an attempt to connect.
+fn attempt(dial: &mut Dial, last_words: &watch::Sender<Vec<Command>>) -> State {
+    State::Dialling(dial(Supervision::new(last_words.subscribe())))
 }
