@@ -2,6 +2,7 @@
 
 use std::future::Future;
 use std::net::SocketAddr;
+use std::os::fd::OwnedFd;
 use std::pin::Pin;
 use std::time::Duration;
 
@@ -9,7 +10,6 @@ use rand::SeedableRng;
 use rand::rngs::StdRng;
 use tokio::sync::watch;
 use tokio::time::{Sleep, sleep};
-use tracing::debug;
 
 use crate::link::{
     self, Backoff, Delivery, LinkError, Options, Reader, Received, Session, Supervision, Writer,
@@ -42,8 +42,13 @@ pub(super) enum LinkEvent {
     Up(Box<NewSession>),
     /// Something from the robot.
     Received(Received),
+    /// The robot has accepted the login of an attempt, whose socket this is; `None`: that link has
+    /// ended.
+    Accepted(Option<OwnedFd>),
     /// An open link is lost.
     Lost(LinkError),
+    /// The last words of a lost link are delivered, or the time for that is over.
+    Ended(Delivery),
     /// An attempt has failed; another will be made.
     Failed(LinkError),
 }
@@ -52,8 +57,15 @@ enum State {
     /// The last words are being delivered.
     Delivering(LastDelivery),
     Pausing(Pin<Box<Sleep>>),
-    Dialling(Dialling),
+    Dialling(Attempt),
     Up(Reader),
+}
+
+/// An attempt to connect and log in.
+struct Attempt {
+    dialling: Dialling,
+    /// The socket, once the robot has accepted the login.
+    accepted: watch::Receiver<Option<OwnedFd>>,
 }
 
 /// The line; see the module.
@@ -75,7 +87,7 @@ impl Line {
         last_words: Vec<Command>,
     ) -> Line {
         let last_words = watch::Sender::new(last_words);
-        let state = attempt(&mut dial, &last_words);
+        let state = begin_attempt(&mut dial, &last_words);
         Line {
             dial,
             state,
@@ -104,19 +116,36 @@ impl Line {
         self.last_words.send_replace(last_words);
     }
 
+    /// Whether the robot has accepted the login of an attempt in progress.
+    pub(super) fn is_logging_in(&self) -> bool {
+        matches!(&self.state, State::Dialling(attempt) if attempt.accepted.borrow().is_some())
+    }
+
+    /// Whether the end of the run is to wait: for last words, or for a login that the robot has
+    /// accepted.
+    pub(super) fn is_unsettled(&self) -> bool {
+        matches!(self.state, State::Delivering(_)) || self.is_logging_in()
+    }
+
     /// The next event. Cancel-safe.
     pub(super) async fn next(&mut self) -> LinkEvent {
         loop {
             match &mut self.state {
                 State::Delivering(delivery) => {
-                    debug!("at the end of a link: {}", delivery.await);
+                    let delivery = delivery.await;
                     self.redial();
-                    continue;
+                    return LinkEvent::Ended(delivery);
                 }
                 State::Pausing(_) if self.released => std::future::pending().await,
                 State::Pausing(pause) => pause.await,
-                State::Dialling(dialling) => {
-                    let result = dialling.await;
+                State::Dialling(attempt) => {
+                    let result = tokio::select! {
+                        biased;
+                        result = &mut attempt.dialling => result,
+                        Ok(()) = attempt.accepted.changed() => {
+                            return LinkEvent::Accepted(attempt.socket());
+                        }
+                    };
                     return self.dialled(result);
                 }
                 State::Up(reader) => {
@@ -126,7 +155,7 @@ impl Line {
                     };
                 }
             }
-            self.state = attempt(&mut self.dial, &self.last_words);
+            self.state = begin_attempt(&mut self.dial, &self.last_words);
         }
     }
 
@@ -190,7 +219,81 @@ impl Line {
     }
 }
 
+impl Attempt {
+    fn socket(&self) -> Option<OwnedFd> {
+        let socket = self.accepted.borrow();
+        socket.as_ref().and_then(|socket| socket.try_clone().ok())
+    }
+}
+
 /// Begins an attempt to connect.
-fn attempt(dial: &mut Dial, last_words: &watch::Sender<Vec<Command>>) -> State {
-    State::Dialling(dial(Supervision::new(last_words.subscribe())))
+fn begin_attempt(dial: &mut Dial, last_words: &watch::Sender<Vec<Command>>) -> State {
+    let supervision = Supervision::new(last_words.subscribe());
+    let accepted = supervision.accepted();
+    let dialling = dial(supervision);
+    State::Dialling(Attempt { dialling, accepted })
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::{AsyncWriteExt, DuplexStream};
+    use tokio::sync::mpsc;
+
+    use super::*;
+    use crate::wire::Login;
+
+    /// A line to robots that accept each login, and the robots' ends of its links.
+    fn line() -> (Line, mpsc::UnboundedReceiver<DuplexStream>) {
+        let (connect, robots) = mpsc::unbounded_channel();
+        let dial: Dial = Box::new(move |supervision| {
+            let (ours, mut robot) = tokio::io::duplex(1 << 16);
+            let connect = connect.clone();
+            Box::pin(async move {
+                for answer in [accepted(), Report::Power(POWER)] {
+                    robot.write_all(&answer.to_bytes()).await.unwrap();
+                }
+                connect.send(robot).unwrap();
+                let (reader, writer) = tokio::io::split(ours);
+                let peer = SocketAddr::from(([127, 0, 0, 1], 9000));
+                let (login, options) = (Login::new("admin", "admin"), Options::default());
+                link::open(reader, writer, peer, &login, supervision, &options).await
+            })
+        });
+        let line = Line::new(dial, &Options::default(), 1, vec![Command::STOP]);
+        (line, robots)
+    }
+
+    const POWER: Power = Power {
+        percent: 80,
+        charging: false,
+    };
+
+    fn accepted() -> Report {
+        Report::Accepted(Accepted {
+            uid: "SPYKEE0001".to_owned(),
+            name: "test".to_owned(),
+            place: "test".to_owned(),
+            firmware: "1.0.22".to_owned(),
+            docked: false,
+            tail: bytes::Bytes::new(),
+        })
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn the_end_of_a_delivery_is_reported_before_the_next_attempt() {
+        let (mut line, mut robots) = line();
+        let LinkEvent::Up(session) = line.next().await else {
+            panic!("not connected");
+        };
+        let _robot = robots.recv().await.unwrap();
+        let mut writer = session.writer;
+        writer.send_last_words();
+        line.hang_up(Some(writer));
+        assert!(line.is_unsettled());
+        let ended = line.next().await;
+        assert!(matches!(ended, LinkEvent::Ended(Delivery::Acknowledged)));
+        assert!(!line.is_unsettled());
+        assert!(robots.try_recv().is_err(), "an attempt has begun");
+        assert!(matches!(line.next().await, LinkEvent::Up(_)));
+    }
 }
