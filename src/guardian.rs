@@ -9,8 +9,12 @@
 //!
 //! It handles bytes only: the watchdog decides what they mean, and the writer knows where a message
 //! ends; it gives the guardian the rest of a partly written message.
+//!
+//! It has a link from the robot's acceptance of the login on, until the last words of a lost one are
+//! delivered.
 
 mod client;
+mod first_power;
 mod guard;
 mod note;
 mod process;

@@ -9,9 +9,8 @@ use rand::rngs::StdRng;
 use tokio::sync::Mutex;
 use tokio::time::sleep;
 
-use crate::link::{Backoff, LinkError, Options, Session};
+use crate::link::{Backoff, LinkError, Options, Session, Supervision};
 use crate::pilot::Dial;
-use crate::wire::Command;
 
 /// Counts the failed attempts to reach a robot. Cheap to clone.
 #[derive(Debug, Clone, Default)]
@@ -30,15 +29,15 @@ pub fn until_answered(dial: Dial, options: Options, seed: u64, tries: Tries) -> 
     // The pilot makes one call after the other, so this lock is never contended.
     let dial = Arc::new(Mutex::new(dial));
     let mut first = true;
-    Box::new(move |last_words| {
+    Box::new(move |supervision| {
         let (dial, options, tries) = (dial.clone(), options.clone(), tries.clone());
         let is_first = std::mem::take(&mut first);
         Box::pin(async move {
             let mut dial = dial.lock().await;
             if is_first {
-                dial_until_answered(&mut dial, last_words, &options, seed, &tries).await
+                dial_until_answered(&mut dial, supervision, &options, seed, &tries).await
             } else {
-                (*dial)(last_words).await
+                (*dial)(supervision).await
             }
         })
     })
@@ -46,7 +45,7 @@ pub fn until_answered(dial: Dial, options: Options, seed: u64, tries: Tries) -> 
 
 async fn dial_until_answered(
     dial: &mut Dial,
-    last_words: Vec<Command>,
+    supervision: Supervision,
     options: &Options,
     seed: u64,
     tries: &Tries,
@@ -54,7 +53,7 @@ async fn dial_until_answered(
     let mut backoff = Backoff::new(options);
     let (mut rng, mut logged) = (StdRng::seed_from_u64(seed), String::new());
     loop {
-        let error = match dial(last_words.clone()).await {
+        let error = match dial(supervision.clone()).await {
             Err(error) if !error.is_final() => error.to_string(),
             answered => return answered,
         };

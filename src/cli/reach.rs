@@ -48,8 +48,8 @@ pub(super) fn reach_with(
 }
 
 pub(super) fn dial(target: Target, login: Login, options: link::Options) -> Dial {
-    Box::new(move |last_words| {
+    Box::new(move |supervision| {
         let (target, login, options) = (target.clone(), login.clone(), options.clone());
-        Box::pin(async move { link::connect(&target, &login, last_words, &options).await })
+        Box::pin(async move { link::connect(&target, &login, supervision, &options).await })
     })
 }

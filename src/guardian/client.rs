@@ -38,6 +38,8 @@ pub struct Guardian {
 struct Link {
     words: LastWordsData,
     robot: Option<OwnedFd>,
+    /// The login is not complete.
+    login: bool,
 }
 
 impl Guardian {
@@ -59,6 +61,16 @@ impl Guardian {
 
     /// Guards a new link: its socket, and the last words for it.
     pub fn guard(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>) {
+        self.begin(socket, last_words, false);
+    }
+
+    /// Guards a link whose login the robot has accepted, but which obeys only after its first
+    /// POWER: with [`Guardian::guard`] the agent says that it has received that.
+    pub fn guard_login(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>) {
+        self.begin(socket, last_words, true);
+    }
+
+    fn begin(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>, login: bool) {
         let words = LastWordsData {
             rest: Vec::new(),
             last: last_words,
@@ -66,7 +78,11 @@ impl Guardian {
         let robot = socket.try_clone_to_owned().ok();
         // Older answers are about an earlier link.
         self.read_answers();
-        self.link = Some(Link { words, robot });
+        self.link = Some(Link {
+            words,
+            robot,
+            login,
+        });
         self.send_link();
     }
 
@@ -133,11 +149,16 @@ impl Guardian {
     }
 
     fn send_link(&mut self) {
-        let Some(Link { words, robot }) = &self.link else {
+        let Some(link) = &self.link else {
             return;
         };
-        let note = Note::Guard(words.clone());
-        let sent = send(&self.socket, &note, robot.as_ref().map(AsFd::as_fd));
+        let words = link.words.clone();
+        let note = if link.login {
+            Note::Login(words)
+        } else {
+            Note::Guard(words)
+        };
+        let sent = send(&self.socket, &note, link.robot.as_ref().map(AsFd::as_fd));
         self.lose_if(sent);
     }
 

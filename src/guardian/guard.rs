@@ -10,6 +10,9 @@ use super::note::{LastWordsData, Note};
 /// How long the driving core may be silent before the guardian acts in its place.
 pub(super) const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(300);
 
+/// How often to check whether the robot obeys.
+pub(super) const LOOK: Duration = Duration::from_millis(50);
+
 /// The data that the guardian must write now.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct PendingWrite {
@@ -26,6 +29,10 @@ pub(super) struct Guard {
     /// The data to send; present while there is a link.
     words: Option<LastWordsData>,
     beaten: Option<Instant>,
+    /// The login is not complete.
+    login: bool,
+    /// Nothing is written before this time.
+    deferred: Option<Instant>,
     /// The data was sent, and no beat has come since.
     written: bool,
 }
@@ -40,6 +47,13 @@ impl Guard {
                     ..Guard::default()
                 };
             }
+            Note::Login(words) => {
+                *self = Guard {
+                    words: Some(words),
+                    login: true,
+                    ..Guard::default()
+                };
+            }
             Note::LastWords(words) if self.words.is_some() => {
                 self.written &= self.words.as_ref() == Some(&words);
                 self.words = Some(words);
@@ -49,6 +63,16 @@ impl Guard {
             Note::Release => self.words = None,
         }
         self.beaten = Some(now);
+    }
+
+    /// Whether there is a link on which the robot obeys only after its first POWER.
+    pub(super) fn is_login(&self) -> bool {
+        self.login && self.words.is_some()
+    }
+
+    /// The robot does not obey yet: writes nothing for the time [`LOOK`].
+    pub(super) fn defer(&mut self, now: Instant) {
+        self.deferred = Some(now + LOOK);
     }
 
     /// Returns the data to send if the core has been silent for too long; once per silence.
@@ -70,6 +94,7 @@ impl Guard {
         self.beaten
             .filter(|_| listening)
             .map(|beaten| beaten + HEARTBEAT_TIMEOUT)
+            .map(|due| self.deferred.map_or(due, |at| due.max(at)))
     }
 
     fn take_pending(&mut self) -> Option<PendingWrite> {
@@ -148,6 +173,23 @@ mod tests {
         guard.take(Note::LastWords(LastWordsData::default()), now);
         assert_eq!(guard.poll(now + HEARTBEAT_TIMEOUT), None);
         assert_eq!(guard.end(), None);
+    }
+
+    #[test]
+    fn during_a_login_nothing_is_sent_before_the_robot_obeys() {
+        let (mut guard, now) = (Guard::default(), Instant::now());
+        guard.take(Note::Login(words(b"", b"stop")), now);
+        assert!(guard.is_login());
+        let due = now + HEARTBEAT_TIMEOUT;
+        guard.defer(due);
+        assert_eq!(guard.poll(due), None);
+        assert_eq!(guard.next_deadline(), Some(due + LOOK));
+        assert!(guard.poll(due + LOOK).is_some());
+        guard.take(Note::Guard(words(b"", b"stop")), now);
+        assert!(!guard.is_login());
+        guard.take(Note::Login(words(b"", b"stop")), now);
+        guard.take(Note::Release, now);
+        assert!(!guard.is_login());
     }
 
     #[test]

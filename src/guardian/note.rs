@@ -28,6 +28,9 @@ pub(super) struct LastWordsData {
 pub(super) enum Note {
     /// A link is open; its socket is sent along with this note.
     Guard(LastWordsData),
+    /// The robot has accepted a login, but obeys only after its first POWER; the socket is sent
+    /// along with this note.
+    Login(LastWordsData),
     /// The data to write has changed.
     LastWords(LastWordsData),
     /// The driving core is alive; the answer: so is the guardian.

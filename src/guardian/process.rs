@@ -12,6 +12,7 @@ use rustix::net::Shutdown;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::time::Instant;
 
+use super::first_power;
 use super::guard::{Guard, PendingWrite};
 use super::note::{MAX_NOTE_LEN, Note, Received};
 use crate::unsent::unacknowledged;
@@ -49,6 +50,9 @@ pub fn guardian_main() -> ExitCode {
     let (mut guard, mut robot) = (Guard::default(), None);
     let served = outlive_signals()
         .and_then(|_outlived| serve(&rustix::stdio::stdin(), &mut guard, &mut robot));
+    if let Some(robot) = robot.as_ref().filter(|_| guard.is_login()) {
+        first_power::wait(robot);
+    }
     // After an error, too: nobody else would stop the robot.
     if let Some(robot) = &robot {
         if let Some(pending) = guard.end() {
@@ -115,6 +119,9 @@ fn serve(notes: &impl AsFd, guard: &mut Guard, robot: &mut Option<OwnedFd>) -> i
                 Received::Nothing => break,
                 Received::End => return Ok(()),
             }
+        }
+        if guard.is_login() && !robot.as_ref().is_some_and(first_power::has_come) {
+            guard.defer(Instant::now());
         }
         if let (Some(robot), Some(pending)) = (&*robot, guard.poll(Instant::now())) {
             write_pending(robot, &pending);

@@ -156,13 +156,13 @@ fn rescue(options: &Options) -> Option<Launch> {
 
 /// Creates a dialler that opens a new pipe to the simulator for each connection attempt.
 fn dial(sim: Handle, login: Login, options: link::Options) -> Dial {
-    Box::new(move |last_words| {
+    Box::new(move |supervision| {
         let (sim, login, options) = (sim.clone(), login.clone(), options.clone());
         Box::pin(async move {
             let (ours, theirs) = tokio::io::duplex(LINK_LEN);
             sim.connect(theirs);
             let (reader, writer) = tokio::io::split(ours);
-            link::open(reader, writer, ADDRESS, &login, last_words, &options).await
+            link::open(reader, writer, ADDRESS, &login, supervision, &options).await
         })
     })
 }

@@ -16,6 +16,7 @@ mod reader;
 mod send_queue;
 mod session;
 mod speech;
+mod supervision;
 mod target;
 mod writer;
 
@@ -26,5 +27,6 @@ pub use host::{host_of, is_host_name};
 pub use options::Options;
 pub use reader::{Reader, Received};
 pub use session::{MAX_EARLY_REPORTS, Session, connect, open};
+pub use supervision::Supervision;
 pub use target::{Target, TargetError};
 pub use writer::Writer;

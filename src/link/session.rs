@@ -9,7 +9,7 @@ use tokio::time::{Instant, timeout_at};
 
 use super::delivery::close_gracefully;
 use super::dial::{dial, duplicate};
-use super::{LinkError, Options, Reader, Target, Writer, discover};
+use super::{LinkError, Options, Reader, Supervision, Target, Writer, discover};
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
 /// The most reports that [`Session::early`] holds; further ones are dropped.
@@ -43,15 +43,15 @@ pub struct Session {
 /// returns. A refusal because of another user is returned with that user's name, if discovery finds
 /// it within a second.
 ///
-/// From the robot's acceptance of the login on, it is sent `last_words` if anything fails, until
-/// the writer is given others (see [`Writer::set_last_words`]).
+/// From the robot's acceptance of the login on, it is sent the newest last words of `supervision`
+/// if anything fails, until the writer is given others (see [`Writer::set_last_words`]).
 ///
 /// # Errors
 /// Every kind of [`LinkError`].
 pub async fn connect(
     target: &Target,
     login: &Login,
-    last_words: Vec<Command>,
+    supervision: impl Into<Supervision>,
     options: &Options,
 ) -> Result<Session, LinkError> {
     let stream = dial(target, options).await?;
@@ -61,8 +61,10 @@ pub async fn connect(
     let (reader, writer) = stream.into_split();
     let reader = Reader::new(Box::new(reader), options.dead_after);
     let mut writer = Writer::new(Box::new(writer), direct, options.dead_after);
-    writer.set_last_words(last_words);
-    match log_in(reader, writer, peer, login, options.login_timeout).await {
+    let supervision = supervision.into();
+    writer.share_last_words(supervision.last_words());
+    let limit = options.login_timeout;
+    match log_in(reader, writer, peer, login, &supervision, limit).await {
         Err(LinkError::InUse { .. }) => Err(LinkError::InUse {
             by: discover::connected_user(peer, WHO_TIMEOUT).await,
         }),
@@ -79,13 +81,15 @@ pub async fn open(
     writer: impl AsyncWrite + Unpin + Send + 'static,
     peer: SocketAddr,
     login: &Login,
-    last_words: Vec<Command>,
+    supervision: impl Into<Supervision>,
     options: &Options,
 ) -> Result<Session, LinkError> {
     let reader = Reader::new(Box::new(reader), options.dead_after);
     let mut writer = Writer::new(Box::new(writer), None, options.dead_after);
-    writer.set_last_words(last_words);
-    log_in(reader, writer, peer, login, options.login_timeout).await
+    let supervision = supervision.into();
+    writer.share_last_words(supervision.last_words());
+    let limit = options.login_timeout;
+    log_in(reader, writer, peer, login, &supervision, limit).await
 }
 
 async fn log_in(
@@ -93,11 +97,12 @@ async fn log_in(
     mut writer: Writer,
     peer: SocketAddr,
     login: &Login,
+    supervision: &Supervision,
     limit: Duration,
 ) -> Result<Session, LinkError> {
     let mut answers = Answers::default();
     match answers
-        .await_all(&mut reader, &mut writer, login, limit)
+        .await_all(&mut reader, &mut writer, login, supervision, limit)
         .await
     {
         Ok((accepted, power)) => Ok(Session {
@@ -113,6 +118,7 @@ async fn log_in(
             if answers.accepted.is_some() {
                 writer.send_last_words();
                 close_gracefully(reader, writer, DELIVERY_TIMEOUT).await;
+                supervision.withdraw();
             }
             Err(error)
         }
@@ -134,17 +140,22 @@ impl Answers {
         reader: &mut Reader,
         writer: &mut Writer,
         login: &Login,
+        supervision: &Supervision,
         limit: Duration,
     ) -> Result<(Accepted, Power), LinkError> {
         let deadline = Instant::now() + limit;
         writer.write(&[Command::Login(login.clone())]).await?;
         loop {
             let report = timeout_at(deadline, reader.next()).await;
+            let waited = self.accepted.is_none();
             self.take(report.map_err(|_| self.late(limit))??, &login.user)?;
             let Some(accepted) = &self.accepted else {
                 continue;
             };
-            writer.arm();
+            if waited {
+                writer.arm();
+                supervision.announce(writer);
+            }
             if let Some(power) = self.power {
                 writer.write(&[Command::STOP]).await?;
                 return Ok((accepted.clone(), power));

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use tokio::io::{AsyncWrite, AsyncWriteExt};
+use tokio::sync::watch;
 use tokio::task::coop;
 use tokio::time::{Instant, sleep, timeout, timeout_at};
 
@@ -34,6 +35,8 @@ pub struct Writer {
     direct: Option<TcpStream>,
     queue: SendQueue,
     last_words: Vec<Command>,
+    /// During a login: the newest last words, in place of `last_words`.
+    shared_words: Option<watch::Receiver<Vec<Command>>>,
     dead_after: Duration,
     /// The tracks may be on: a drop must send the last words.
     armed: bool,
@@ -55,6 +58,7 @@ impl Writer {
             direct,
             queue: SendQueue::default(),
             last_words: vec![Command::STOP],
+            shared_words: None,
             dead_after,
             armed: false,
             unflushed: false,
@@ -70,12 +74,21 @@ impl Writer {
     /// Sets what is sent to the robot if all else fails: MOVE 0 0 by default; empty: nothing.
     pub fn set_last_words(&mut self, commands: Vec<Command>) {
         self.last_words = commands;
+        self.shared_words = None;
+    }
+
+    /// The same, with commands that may change until they are sent.
+    pub(super) fn share_last_words(&mut self, commands: watch::Receiver<Vec<Command>>) {
+        self.shared_words = Some(commands);
     }
 
     /// The data that another process must write if this one no longer can: the rest of a partly
     /// written message, then whole messages.
     pub fn last_words(&self) -> (&[u8], Vec<u8>) {
-        self.queue.after_replacing(&self.last_words)
+        match &self.shared_words {
+            Some(shared) => self.queue.after_replacing(&shared.borrow()),
+            None => self.queue.after_replacing(&self.last_words),
+        }
     }
 
     /// The socket, if there is one; there is none in virtual time.
@@ -268,6 +281,9 @@ impl Writer {
     /// or not. A partly written message is finished first; other queued messages are dropped: they
     /// might be motion.
     pub fn send_last_words(&mut self) {
+        if let Some(shared) = &self.shared_words {
+            self.last_words.clone_from(&shared.borrow());
+        }
         let now = Instant::now();
         self.queue.replace_unstarted(&self.last_words, now);
         while !self.queue.no_command_pending() {

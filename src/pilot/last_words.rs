@@ -1,5 +1,7 @@
 //! The last words: what the writer, the line and the guardian send to the robot if all else fails.
 
+use std::os::fd::{AsFd, OwnedFd};
+
 use super::Pilot;
 use super::line::Line;
 use super::pulse::Pulse;
@@ -10,7 +12,13 @@ impl Pilot {
     /// Stores the current last words with the writer, the line and the guardian; a released line
     /// stops dialling.
     pub(super) fn store_last_words(&mut self, line: &mut Line) {
-        line.set_last_words(self.renew_last_words());
+        let last_words = self.renew_last_words();
+        if line.is_logging_in()
+            && let Some(guardian) = self.pulse.as_mut().and_then(Pulse::guardian)
+        {
+            guardian.note(&[], &bytes_of(&last_words));
+        }
+        line.set_last_words(last_words);
         line.set_released(self.released);
         if let Some(writer) = &self.writer {
             tell_guardian(&mut self.pulse, writer);
@@ -24,6 +32,19 @@ impl Pilot {
             writer.set_last_words(last_words.clone());
         }
         last_words
+    }
+
+    /// Gives the guardian the socket of a link whose login the robot has accepted, and its last
+    /// words; `None`: that link has ended.
+    pub(super) fn guard_login(&mut self, socket: Option<OwnedFd>) {
+        let last_words = bytes_of(&self.renew_last_words());
+        let Some(guardian) = self.pulse.as_mut().and_then(Pulse::guardian) else {
+            return;
+        };
+        match socket {
+            Some(socket) => guardian.guard_login(socket.as_fd(), last_words),
+            None => guardian.release(),
+        }
     }
 
     /// Gives the new link and its last words to the guardian.
@@ -41,6 +62,10 @@ impl Pilot {
             guardian.release();
         }
     }
+}
+
+fn bytes_of(commands: &[Command]) -> Vec<u8> {
+    commands.iter().flat_map(Command::to_bytes).collect()
 }
 
 /// Gives the guardian the data that this writer would send last.

@@ -2,15 +2,18 @@
 
 use std::future::Future;
 use std::net::SocketAddr;
+use std::os::fd::OwnedFd;
 use std::pin::Pin;
 use std::time::Duration;
 
 use rand::SeedableRng;
 use rand::rngs::StdRng;
+use tokio::sync::watch;
 use tokio::time::{Sleep, sleep};
-use tracing::debug;
 
-use crate::link::{self, Backoff, Delivery, LinkError, Options, Reader, Received, Session, Writer};
+use crate::link::{
+    self, Backoff, Delivery, LinkError, Options, Reader, Received, Session, Supervision, Writer,
+};
 use crate::wire::{Accepted, Command, Power, Report};
 
 type Dialling = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
@@ -20,9 +23,9 @@ const DELIVERY_TIMEOUT: Duration = Duration::from_millis(500);
 
 type LastDelivery = Pin<Box<dyn Future<Output = Delivery> + Send>>;
 
-/// Makes one attempt to connect and log in, over any transport, with these last words (see
+/// Makes one attempt to connect and log in, over any transport, under this supervision (see
 /// [`connect`](crate::link::connect)).
-pub type Dial = Box<dyn FnMut(Vec<Command>) -> Dialling + Send>;
+pub type Dial = Box<dyn FnMut(Supervision) -> Dialling + Send>;
 
 /// A session without its reader, which stays with the line.
 pub(super) struct NewSession {
@@ -39,8 +42,13 @@ pub(super) enum LinkEvent {
     Up(Box<NewSession>),
     /// Something from the robot.
     Received(Received),
+    /// The robot has accepted the login of an attempt, whose socket this is; `None`: that link has
+    /// ended.
+    Accepted(Option<OwnedFd>),
     /// An open link is lost.
     Lost(LinkError),
+    /// The last words of a lost link are delivered, or the time for that is over.
+    Ended(Delivery),
     /// An attempt has failed; another will be made.
     Failed(LinkError),
 }
@@ -49,8 +57,15 @@ enum State {
     /// The last words are being delivered.
     Delivering(LastDelivery),
     Pausing(Pin<Box<Sleep>>),
-    Dialling(Dialling),
+    Dialling(Attempt),
     Up(Reader),
+}
+
+/// An attempt to connect and log in.
+struct Attempt {
+    dialling: Dialling,
+    /// The socket, once the robot has accepted the login.
+    accepted: watch::Receiver<Option<OwnedFd>>,
 }
 
 /// The line; see the module.
@@ -59,7 +74,7 @@ pub(super) struct Line {
     state: State,
     backoff: Backoff,
     rng: StdRng,
-    last_words: Vec<Command>,
+    last_words: watch::Sender<Vec<Command>>,
     released: bool,
 }
 
@@ -71,7 +86,8 @@ impl Line {
         seed: u64,
         last_words: Vec<Command>,
     ) -> Line {
-        let state = State::Dialling(dial(last_words.clone()));
+        let last_words = watch::Sender::new(last_words);
+        let state = begin_attempt(&mut dial, &last_words);
         Line {
             dial,
             state,
@@ -95,9 +111,20 @@ impl Line {
         }
     }
 
-    /// Sets the last words for attempts to connect that begin from now on.
+    /// Sets the last words of attempts to connect, also of one in progress.
     pub(super) fn set_last_words(&mut self, last_words: Vec<Command>) {
-        self.last_words = last_words;
+        self.last_words.send_replace(last_words);
+    }
+
+    /// Whether the robot has accepted the login of an attempt in progress.
+    pub(super) fn is_logging_in(&self) -> bool {
+        matches!(&self.state, State::Dialling(attempt) if attempt.accepted.borrow().is_some())
+    }
+
+    /// Whether the end of the run is to wait: for last words, or for a login that the robot has
+    /// accepted.
+    pub(super) fn is_unsettled(&self) -> bool {
+        matches!(self.state, State::Delivering(_)) || self.is_logging_in()
     }
 
     /// The next event. Cancel-safe.
@@ -105,14 +132,20 @@ impl Line {
         loop {
             match &mut self.state {
                 State::Delivering(delivery) => {
-                    debug!("at the end of a link: {}", delivery.await);
+                    let delivery = delivery.await;
                     self.redial();
-                    continue;
+                    return LinkEvent::Ended(delivery);
                 }
                 State::Pausing(_) if self.released => std::future::pending().await,
                 State::Pausing(pause) => pause.await,
-                State::Dialling(dialling) => {
-                    let result = dialling.await;
+                State::Dialling(attempt) => {
+                    let result = tokio::select! {
+                        biased;
+                        result = &mut attempt.dialling => result,
+                        Ok(()) = attempt.accepted.changed() => {
+                            return LinkEvent::Accepted(attempt.socket());
+                        }
+                    };
                     return self.dialled(result);
                 }
                 State::Up(reader) => {
@@ -122,7 +155,7 @@ impl Line {
                     };
                 }
             }
-            self.state = State::Dialling((self.dial)(self.last_words.clone()));
+            self.state = begin_attempt(&mut self.dial, &self.last_words);
         }
     }
 
@@ -183,5 +216,84 @@ impl Line {
     fn redial(&mut self) {
         let pause = self.backoff.next(&mut self.rng);
         self.state = State::Pausing(Box::pin(sleep(pause)));
+    }
+}
+
+impl Attempt {
+    fn socket(&self) -> Option<OwnedFd> {
+        let socket = self.accepted.borrow();
+        socket.as_ref().and_then(|socket| socket.try_clone().ok())
+    }
+}
+
+/// Begins an attempt to connect.
+fn begin_attempt(dial: &mut Dial, last_words: &watch::Sender<Vec<Command>>) -> State {
+    let supervision = Supervision::new(last_words.subscribe());
+    let accepted = supervision.accepted();
+    let dialling = dial(supervision);
+    State::Dialling(Attempt { dialling, accepted })
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::{AsyncWriteExt, DuplexStream};
+    use tokio::sync::mpsc;
+
+    use super::*;
+    use crate::wire::Login;
+
+    /// A line to robots that accept each login, and the robots' ends of its links.
+    fn line() -> (Line, mpsc::UnboundedReceiver<DuplexStream>) {
+        let (connect, robots) = mpsc::unbounded_channel();
+        let dial: Dial = Box::new(move |supervision| {
+            let (ours, mut robot) = tokio::io::duplex(1 << 16);
+            let connect = connect.clone();
+            Box::pin(async move {
+                for answer in [accepted(), Report::Power(POWER)] {
+                    robot.write_all(&answer.to_bytes()).await.unwrap();
+                }
+                connect.send(robot).unwrap();
+                let (reader, writer) = tokio::io::split(ours);
+                let peer = SocketAddr::from(([127, 0, 0, 1], 9000));
+                let (login, options) = (Login::new("admin", "admin"), Options::default());
+                link::open(reader, writer, peer, &login, supervision, &options).await
+            })
+        });
+        let line = Line::new(dial, &Options::default(), 1, vec![Command::STOP]);
+        (line, robots)
+    }
+
+    const POWER: Power = Power {
+        percent: 80,
+        charging: false,
+    };
+
+    fn accepted() -> Report {
+        Report::Accepted(Accepted {
+            uid: "SPYKEE0001".to_owned(),
+            name: "test".to_owned(),
+            place: "test".to_owned(),
+            firmware: "1.0.22".to_owned(),
+            docked: false,
+            tail: bytes::Bytes::new(),
+        })
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn the_end_of_a_delivery_is_reported_before_the_next_attempt() {
+        let (mut line, mut robots) = line();
+        let LinkEvent::Up(session) = line.next().await else {
+            panic!("not connected");
+        };
+        let _robot = robots.recv().await.unwrap();
+        let mut writer = session.writer;
+        writer.send_last_words();
+        line.hang_up(Some(writer));
+        assert!(line.is_unsettled());
+        let ended = line.next().await;
+        assert!(matches!(ended, LinkEvent::Ended(Delivery::Acknowledged)));
+        assert!(!line.is_unsettled());
+        assert!(robots.try_recv().is_err(), "an attempt has begun");
+        assert!(matches!(line.next().await, LinkEvent::Up(_)));
     }
 }

@@ -2,9 +2,10 @@
 
 use std::pin::pin;
 
-use tokio::time::Instant;
+use tokio::time::{Instant, timeout_at};
 use tracing::{debug, info, warn};
 
+use super::last_words::tell_guardian;
 use super::line::Line;
 use super::lost::LinkLost;
 use super::pulse::Pulse;
@@ -16,12 +17,14 @@ use crate::safety::Fact;
 
 impl Pilot {
     /// Handles a lost link: the last words are tried without blocking, and the line completes them.
+    /// The guardian keeps the link until then.
     pub(super) fn lose(&mut self, lost: &LinkLost, line: &mut Line) {
         self.store_last_words(line);
         let Some(mut writer) = self.writer.take() else {
             return line.hang_up(None);
         };
         writer.send_last_words();
+        tell_guardian(&mut self.pulse, &writer);
         line.hang_up(Some(writer));
         if self.released {
             info!("disconnected: {lost}; the robot is free for others")
@@ -31,7 +34,6 @@ impl Pilot {
         let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
         // Without a link nothing is sent, so this cannot fail.
         let _ = self.perform(acts);
-        self.release_guard();
         let reason = lost.to_string();
         self.publish_link_down(&reason);
         self.seats.tell_all(&Event::Disconnected { reason });
@@ -40,6 +42,7 @@ impl Pilot {
     /// Ends the run's motion (see [`Fact::RunEnding`]), switches the streams off, and closes the
     /// link when that has been acknowledged, or [`DELIVERY`] is over.
     pub(super) async fn close(mut self, mut line: Line) -> Delivery {
+        self.settle(&mut line).await;
         let stopped = self.take(Fact::RunEnding);
         let off = self.seats.streams_off();
         if let Err(lost) = stopped.and_then(|()| self.send(&off)) {
@@ -64,6 +67,23 @@ impl Pilot {
             self.release_guard();
         }
         delivery
+    }
+
+    /// Waits, for at most [`DELIVERY`], until the last words of a lost link are delivered, and until
+    /// a login that the robot has accepted is complete: before its first POWER it obeys no stop.
+    async fn settle(&mut self, line: &mut Line) {
+        let until = Instant::now() + DELIVERY;
+        self.store_last_words(line);
+        while line.is_unsettled() {
+            let next = timeout_at(until, line.next());
+            let Ok(event) = self.beat_during(next).await else {
+                return;
+            };
+            if let Err(error) = self.handle_event(event) {
+                warn!("at the end: {error}");
+            }
+            self.store_last_words(line);
+        }
     }
 
     /// Keeps the heartbeat going during `work`, so that the guardian does not act yet.

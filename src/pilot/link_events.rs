@@ -22,10 +22,19 @@ impl Pilot {
             LinkEvent::Received(Received::Report(report)) => self.report(report)?,
             LinkEvent::Received(Received::PartialFrame(part)) => self.partial_frame(part),
             LinkEvent::Lost(error) => return Err(LinkLost::from(error).into()),
-            LinkEvent::Failed(error) if self.info.is_none() => {
-                return Err(LinkEventError::First(error));
+            LinkEvent::Accepted(socket) => self.guard_login(socket),
+            LinkEvent::Ended(delivery) => {
+                debug!("at the end of a link: {delivery}");
+                self.release_guard();
             }
-            LinkEvent::Failed(error) => self.log_failed_attempt(&error.to_string()),
+            LinkEvent::Failed(error) => {
+                // If the robot had accepted the login, the last words were sent.
+                self.release_guard();
+                if self.info.is_none() {
+                    return Err(LinkEventError::First(error));
+                }
+                self.log_failed_attempt(&error.to_string());
+            }
         }
         Ok(())
     }

@@ -2,6 +2,8 @@
 //! stops. The simulated robot keeps driving when its user disconnects, the worst case of the
 //! firmware.
 
+use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
@@ -203,6 +205,73 @@ async fn ctrl_z_stops_the_tracks_before_it_stops_the_program() {
     becomes(run.pid(), 'T').await;
     rests(&rig).await;
     goes_on_with_a_stop(&rig, &run).await;
+}
+
+/// The sockets that a process holds.
+fn sockets_of(process: Pid) -> BTreeSet<PathBuf> {
+    let open = std::fs::read_dir(format!("/proc/{}/fd", process.as_raw_nonzero())).unwrap();
+    let open = open.filter_map(|entry| std::fs::read_link(entry.ok()?.path()).ok());
+    open.filter(|path| path.to_string_lossy().starts_with("socket:"))
+        .collect()
+}
+
+/// Waits until agent and guardian share a link other than these: the socket of the robot.
+async fn guarded_link(run: &Run, but: &[PathBuf]) -> PathBuf {
+    let guardian = run.guardian().unwrap();
+    let shared = async {
+        loop {
+            let sockets = sockets_of(guardian);
+            let agents = sockets_of(run.pid());
+            let mut shared = sockets.intersection(&agents).cloned();
+            if let Some(link) = shared.find(|link| !but.contains(link)) {
+                return link;
+            }
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    };
+    let waited = timeout(WAIT_LIMIT, shared).await;
+    waited.expect("the guardian has no link")
+}
+
+/// A robot that drives on after its link was cut, and whose agent logs in again: the login is
+/// accepted, and the guardian has its socket, but the battery level comes this much later.
+async fn logging_in(power_after_login: Duration) -> (Rig, Run) {
+    let firmware = spykee::sim::Firmware {
+        power_after_login,
+        ..Default::default()
+    };
+    let rig = Rig::new(QUIET_WORLD, firmware).await;
+    let run = rig.run(DRIVE);
+    rig.heard_motion(0).await;
+    let lost = guarded_link(&run, &[]).await;
+    let from = rig.sim.heard_count();
+    rig.sim.disconnect_all();
+    rig.heard(from, |command| matches!(command, Command::Login(_)))
+        .await;
+    guarded_link(&run, &[lost]).await;
+    assert!(rig.sim.state().moving());
+    (rig, run)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_robot_stops_when_the_agent_is_killed_or_stopped_during_a_login() {
+    for signal in [Signal::KILL, Signal::STOP] {
+        let (rig, run) = logging_in(Duration::from_secs(2)).await;
+        let told = rig.sim.heard_count();
+        run.signal(signal);
+        rig.heard_stop(told).await;
+        rests(&rig).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_that_is_interrupted_during_a_login_stops_the_robot_first() {
+    let (rig, mut run) = logging_in(Duration::from_secs(1)).await;
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+    let said = run.text().contains("has acknowledged the stop");
+    assert!(said, "{}", run.text());
+    rests(&rig).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

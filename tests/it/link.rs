@@ -11,10 +11,11 @@ use std::time::Duration;
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
-use spykee::link::{self, LinkError, Options, Session, Target};
-use spykee::wire::{Command, EngineReport, Login, Power, Report};
+use spykee::link::{self, LinkError, Options, Session, Supervision, Target};
+use spykee::wire::{Command, Engage, EngineReport, Login, Power, Report};
 use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream, duplex};
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
+use tokio::sync::watch;
 
 const LOGIN: &[u8] = b"PK\x0A\x00\x0C\x05admin\x05admin";
 const ACCEPTED: &[u8] = b"PK\x0B\x00\x20\x01\x0ASPYKEE0001\x06Spykee\x04home\x061.0.22\x00";
@@ -257,6 +258,38 @@ async fn a_login_without_power_times_out_with_the_last_words() {
         [LOGIN, STOP].concat(),
         "nothing may move before POWER"
     );
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_login_that_is_given_up_sends_the_newest_last_words() {
+    for dropped in [false, true] {
+        let words = watch::Sender::new(vec![Command::STOP, Command::Engine(Engage::Dock)]);
+        let (ours, mut robot) = duplex(1 << 20);
+        robot.write_all(ACCEPTED).await.unwrap();
+        let (reader, writer) = tokio::io::split(ours);
+        let (login, options) = (admin(), Options::default());
+        let supervision = Supervision::new(words.subscribe());
+        let mut logging_in = Box::pin(link::open(
+            reader,
+            writer,
+            nowhere(),
+            &login,
+            supervision,
+            &options,
+        ));
+        let second = Duration::from_secs(1);
+        let waits = tokio::time::timeout(second, &mut logging_in).await;
+        assert!(waits.is_err(), "POWER was not sent");
+        words.send_replace(stop());
+        if dropped {
+            drop(logging_in);
+        } else {
+            assert!(logging_in.await.is_err());
+        }
+        let mut heard = Vec::new();
+        within_limit(robot.read_to_end(&mut heard)).await.unwrap();
+        assert_eq!(heard, [LOGIN, STOP].concat(), "dropped: {dropped}");
+    }
 }
 
 #[tokio::test(start_paused = true)]

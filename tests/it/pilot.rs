@@ -3,12 +3,14 @@
 use std::time::Duration;
 
 use spykee::link;
-use spykee::pilot::{Dial, Ending, Pilot, Settings};
+use spykee::pilot::{Dial, Ending, Pilot, Settings, Status};
 use spykee::robot::channel::{EventReceiver, MAX_REQUESTS, PilotMessage, Request, events};
 use spykee::robot::{BehaviourId, Event, Intent, MotionEnd, MotionId, Percent, Priority, Setpoint};
 use spykee::safety::Limits;
-use spykee::wire::{Command, Led, Login, Stream};
-use tokio::sync::mpsc;
+use spykee::wire::{Accepted, Command, Engage, Led, Login, Power, Report, Stream};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};
 
@@ -20,12 +22,12 @@ const WHO: BehaviourId = BehaviourId(0);
 struct TestPilot {
     requests: mpsc::Sender<Request>,
     inbox: EventReceiver,
+    status: watch::Receiver<Status>,
     ending: Ending,
     task: JoinHandle<()>,
 }
 
-fn dial(rig: &Rig) -> Dial {
-    let address = rig.address.clone();
+fn dial(address: String) -> Dial {
     Box::new(move |words| {
         let target = address.parse().unwrap();
         Box::pin(async move {
@@ -38,6 +40,11 @@ fn dial(rig: &Rig) -> Dial {
 impl TestPilot {
     /// Runs another future in the pilot's task, which may panic.
     async fn with(rig: &Rig, beside: impl Future<Output = ()> + Send + 'static) -> TestPilot {
+        TestPilot::of(&rig.address, beside).await
+    }
+
+    /// The same, with any robot.
+    async fn of(address: &str, beside: impl Future<Output = ()> + Send + 'static) -> TestPilot {
         let settings = Settings {
             limits: Limits::default(),
             simulated: true,
@@ -45,10 +52,10 @@ impl TestPilot {
             link: link::Options::default(),
             streams: Default::default(),
         };
-        let (pilot, _, _) = Pilot::new(&settings);
+        let (pilot, _, status) = Pilot::new(&settings);
         let (requests, received) = mpsc::channel(MAX_REQUESTS);
         let ending = Ending::default();
-        let run = pilot.run(dial(rig), settings, received, ending.clone());
+        let run = pilot.run(dial(address.to_owned()), settings, received, ending.clone());
         let task = tokio::spawn(async move {
             let (ended, ()) = tokio::join!(run, beside);
             ended.unwrap();
@@ -65,6 +72,7 @@ impl TestPilot {
         TestPilot {
             requests,
             inbox,
+            status,
             ending,
             task,
         }
@@ -277,4 +285,53 @@ async fn streams_are_switched_on_again_after_a_reconnect() {
         .await;
     test_pilot.connected().await;
     rig.heard(first + 1, on).await;
+}
+
+/// The next connection of a pilot, whose login is accepted.
+async fn accepted(robot: &TcpListener) -> TcpStream {
+    let (mut pilot, _) = robot.accept().await.unwrap();
+    read(&mut pilot, &Command::Login(Login::new("admin", "admin"))).await;
+    let accepted = Report::Accepted(Accepted {
+        uid: "SPYKEE0001".to_owned(),
+        name: "test".to_owned(),
+        place: "test".to_owned(),
+        firmware: "1.0.22".to_owned(),
+        docked: false,
+        tail: bytes::Bytes::new(),
+    });
+    pilot.write_all(&accepted.to_bytes()).await.unwrap();
+    pilot
+}
+
+/// Reads up to the end of this command.
+async fn read(pilot: &mut TcpStream, command: &Command) {
+    let (wanted, mut heard) = (command.to_bytes(), Vec::new());
+    while !heard.ends_with(&wanted) {
+        heard.push(pilot.read_u8().await.unwrap());
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_last_words_of_a_login_in_progress_follow_a_persons_stop() {
+    let robot = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = robot.local_addr().unwrap().to_string();
+    let mut test_pilot = TestPilot::of(&address, async {}).await;
+    let told = async {
+        let mut link = accepted(&robot).await;
+        let (percent, charging) = (10, false);
+        let power = Report::Power(Power { percent, charging });
+        link.write_all(&power.to_bytes()).await.unwrap();
+        read(&mut link, &Command::Engine(Engage::Dock)).await;
+        drop(link);
+        let mut link = accepted(&robot).await;
+        test_pilot.requests.send(Request::Halt(true)).await.unwrap();
+        let halted = test_pilot.status.wait_for(|status| status.halted).await;
+        drop(halted.unwrap());
+        link.shutdown().await.unwrap();
+        let mut told = Vec::new();
+        link.read_to_end(&mut told).await.unwrap();
+        told
+    };
+    let told = timeout(WAIT_LIMIT, told).await.expect("waits");
+    assert_eq!(told, Command::STOP.to_bytes());
 }
