@@ -68,7 +68,7 @@ impl House {
             bus,
             view: View::channel().0,
         };
-        let executor = Executor::new(
+        let mut executor = Executor::new(
             roster,
             mpsc::channel(8).0,
             house.status.subscribe(),
@@ -78,7 +78,11 @@ impl House {
             listeners,
         );
         // Nobody reloads.
-        let work = executor.work(mpsc::channel(1).1, CancellationToken::new());
+        let work = async move {
+            executor
+                .work(mpsc::channel(1).1, CancellationToken::new())
+                .await
+        };
         (house, work)
     }
 
