@@ -2,6 +2,6 @@
 -- expect: memory
 local last = {}
 while true do
-	local _, caught = pcall(error, { last, ("x"):rep(1000) .. tostring(last) })
+	local _, caught = pcall(error, { last, ("x"):rep(8000) .. tostring(last) })
 	last = caught
 end

@@ -47,6 +47,8 @@ const FORWARD: &str = "ip netns exec $N-relay tc qdisc del dev r1 root";
 /// The three namespaces; deleted on drop.
 struct Net {
     name: String,
+    /// Where its agents run: they must not find the runs of other tests.
+    folder: tempfile::TempDir,
 }
 
 impl Net {
@@ -56,6 +58,7 @@ impl Net {
         let count = COUNT.fetch_add(1, Ordering::Relaxed);
         let net = Net {
             name: format!("spykee-{}-{count}", std::process::id()),
+            folder: tempfile::tempdir().unwrap(),
         };
         let made = net.shell(SET_UP);
         if made.status.success() {
@@ -140,6 +143,7 @@ impl Net {
         let mut process = Process::new("ip");
         process.args(["netns", "exec", &format!("{}-agent", self.name), &binary]);
         process.args(arguments).args(["--robot", ROBOT]);
+        process.current_dir(self.folder.path());
         process.env_remove("RUST_LOG").stdin(Stdio::null());
         process.stdout(Stdio::null()).stderr(Stdio::piped());
         Agent(process.spawn().unwrap())

@@ -172,6 +172,7 @@ async fn progress_returns_when_the_rest_of_a_cut_message_has_changed() {
         written.unwrap();
         assert_eq!(writer.last_words().0, &GO_BYTES[7 - rest..]);
     }
+    robot.read_exact(&mut bytes[..4]).await.unwrap();
     writer.send(&[GO], now).unwrap();
     let whole = tokio::time::timeout(Duration::from_millis(1), writer.progress()).await;
     assert!(whole.is_err(), "no message is cut");
