@@ -71,18 +71,38 @@ impl Pilot {
         self.send(&STOP)
     }
 
-    /// The commands to send instead of these: while the STOP is on, each MOVE becomes a stop, and
-    /// docking and undocking are dropped.
+    /// The commands to send instead of these.
     pub(super) fn replace_while_halted(&self, commands: &[Command]) -> Vec<Command> {
-        let still = |command: &Command| match command {
-            Command::Move { .. } => Some(Command::STOP),
-            Command::Engine(Engage::Dock | Engage::Undock) => None,
-            other => Some(other.clone()),
-        };
         if self.halt.on {
-            commands.iter().filter_map(still).collect()
+            commands.iter().filter_map(while_halted).collect()
         } else {
             commands.to_vec()
         }
+    }
+}
+
+/// What is sent instead of a command while the STOP is on: a stop for each MOVE, the end of a search
+/// for its begin, and nothing for an undocking.
+fn while_halted(command: &Command) -> Option<Command> {
+    match command {
+        Command::Move { .. } => Some(Command::STOP),
+        Command::Engine(Engage::Dock) => Some(Command::Engine(Engage::CancelDock)),
+        Command::Engine(Engage::Undock) => None,
+        other => Some(other.clone()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::safety::LastWords;
+
+    /// The robot may not have received the STOP, and a stop of the tracks alone may not end a
+    /// search.
+    #[test]
+    fn last_words_that_would_begin_a_search_end_it() {
+        let sent = LastWords::StopAndDock.commands();
+        let sent: Vec<Command> = sent.iter().filter_map(while_halted).collect();
+        assert_eq!(sent, STOP);
     }
 }
