@@ -201,8 +201,9 @@ impl Pilot {
         self.bus = bus;
     }
 
-    /// Connects, serves and reconnects until told to close. Then waits up to [`DELIVERY`] and
-    /// returns whether the robot has acknowledged what was sent last.
+    /// Connects, serves and reconnects until told to close. Then waits up to [`DELIVERY`] for a
+    /// login in progress or the last words of a lost link, and as long again for the robot's
+    /// acknowledgement; returns whether that has come for what was sent last.
     ///
     /// # Errors
     /// [`LinkError`] if the very first connection fails, so that a person can read it at the start.

@@ -190,6 +190,7 @@ impl RosterError {
 pub(super) type Reply = oneshot::Sender<Result<(), RosterError>>;
 
 /// A command to the behaviour set.
+#[derive(Debug)]
 pub(super) enum RosterCommand {
     /// Start the behaviour, and end it after this time if it still runs then.
     Start(String, Option<Duration>, Reply),
@@ -210,6 +211,8 @@ pub struct Roster {
     members: watch::Receiver<Vec<Member>>,
     viewers: ViewerChannel,
     patient: bool,
+    /// How often all were stopped.
+    stops: watch::Sender<u64>,
 }
 
 impl Roster {
@@ -224,6 +227,7 @@ impl Roster {
                 members,
                 viewers,
                 patient: false,
+                stops: watch::Sender::new(0),
             },
             taken,
         )
@@ -268,12 +272,18 @@ impl Roster {
             .await
     }
 
+    /// Changes with each [`Roster::stop_all`].
+    pub fn stops(&self) -> watch::Receiver<u64> {
+        self.stops.subscribe()
+    }
+
     /// Ends all behaviours, also those that an earlier command starts or restarts; returns when they
     /// have ended.
     ///
     /// # Errors
     /// See [`RosterError`].
     pub async fn stop_all(&self) -> Result<(), RosterError> {
+        self.stops.send_modify(|stops| *stops += 1);
         self.send_command(RosterCommand::StopAll).await?;
         let mut members = self.members();
         let ending = |one: &Member| one.state == MemberState::Ending;
@@ -377,18 +387,6 @@ impl Roster {
             Ok(Ok(answer)) => answer,
             Ok(Err(_)) => Err(RosterError::Closed),
             Err(_) => Err(RosterError::Busy),
-        }
-    }
-}
-
-impl fmt::Debug for RosterCommand {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            RosterCommand::Start(name, time_limit, _) => write!(f, "Start({name}, {time_limit:?})"),
-            RosterCommand::Stop(name, reason, _) => write!(f, "Stop({name}, {reason})"),
-            RosterCommand::StopAll(_) => write!(f, "StopAll"),
-            RosterCommand::Restart(name, _) => write!(f, "Restart({name})"),
-            RosterCommand::Define(blueprints, _) => write!(f, "Define({blueprints:?})"),
         }
     }
 }

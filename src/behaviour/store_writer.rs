@@ -145,6 +145,7 @@ impl StoreWriter {
     /// Hands the newest content to the writing thread. Never waits.
     pub(super) fn offer(&mut self, newest: Option<Vec<u8>>, now: Instant) {
         self.collect_failures();
+        let retried = newest.is_none();
         let Some(content) = newest.or_else(|| self.unsent.take()) else {
             return;
         };
@@ -154,7 +155,8 @@ impl StoreWriter {
             self.unsent = Some(content);
             return;
         }
-        if !self.day.take(content.len() as u64, now) {
+        // What could not be written has not used the day's bytes again.
+        if !retried && !self.day.take(content.len() as u64, now) {
             self.next = Some(now + SLOW_PACE);
             self.slow.get_or_insert(false);
         }

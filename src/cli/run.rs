@@ -215,11 +215,12 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
         }
-        let control = (server, about, stop_latch);
+        let control = (server, about, stop_latch.clone());
         drive(plan, line, control, (page, account), console).await
     });
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
+    stop_latch.finish(JOURNAL_END);
     journal.map(|journal| journal.finish(JOURNAL_END));
     voice.map(|voice| voice.finish(notify::END));
     // Also drawn for a run that failed or was interrupted, where it is most useful.

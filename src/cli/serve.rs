@@ -164,7 +164,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             clock,
             record,
             server,
-            stop_latch,
+            stop_latch: stop_latch.clone(),
             target,
             beats,
         },
@@ -175,6 +175,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     ));
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
+    stop_latch.finish(startup::JOURNAL_END);
     journal.map(|journal| journal.finish(startup::JOURNAL_END));
     voice.map(|voice| voice.finish(notify::END));
     drop(sim);

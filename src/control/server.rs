@@ -270,6 +270,9 @@ impl Run {
         match self.roster.stop_all().await {
             // A run that is ending ends its behaviours itself.
             Ok(()) | Err(RosterError::Closed) => answer(stopped),
+            Err(RosterError::Busy) => {
+                Answer::Refused("a behaviour has not ended within ten seconds".to_owned())
+            }
             refused => answer(refused),
         }
     }

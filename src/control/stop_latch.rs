@@ -26,6 +26,8 @@ pub struct StopLatch {
     on: watch::Sender<bool>,
     /// Wakes the thread that writes the file.
     changes: Option<SyncSender<()>>,
+    /// The folder of the file.
+    data: Option<PathBuf>,
 }
 
 impl StopLatch {
@@ -56,6 +58,7 @@ impl StopLatch {
         StopLatch {
             on,
             changes: started.is_ok().then_some(changes),
+            data: Some(data.to_owned()),
         }
     }
 
@@ -91,6 +94,18 @@ impl StopLatch {
     pub fn restore(&self, requests: &mpsc::Sender<Request>) {
         if self.is_on() {
             let _ = requests.try_send(Request::Halt(true));
+        }
+    }
+
+    /// Waits until the file is as wanted, at most this long. Blocks.
+    pub fn finish(&self, limit: Duration) {
+        let end = std::time::Instant::now() + limit;
+        let differs = |data: &PathBuf| StopLatch::is_kept(data) != self.is_on();
+        while self.changes.is_some()
+            && self.data.as_ref().is_some_and(differs)
+            && std::time::Instant::now() < end
+        {
+            std::thread::sleep(Duration::from_millis(10));
         }
     }
 
@@ -137,11 +152,15 @@ impl StopFile {
     fn follow(mut self, changes: &Receiver<()>) {
         loop {
             let woken = match self.kept {
-                Some(_) => changes.recv().map_err(RecvTimeoutError::from),
-                None => changes.recv_timeout(AGAIN),
+                Some(false) => changes.recv().map_err(RecvTimeoutError::from),
+                _ => changes.recv_timeout(AGAIN),
             };
             if woken == Err(RecvTimeoutError::Disconnected) {
                 return;
+            }
+            // Another robot's run or tool may have removed it from a shared folder.
+            if self.kept == Some(true) && !StopLatch::is_kept(&self.data) {
+                self.kept = Some(false);
             }
             self.write();
         }
@@ -178,7 +197,9 @@ mod tests {
 
     /// Waits until the file is there, or is not.
     fn becomes(data: &Path, kept: bool) {
+        let began = std::time::Instant::now();
         while StopLatch::is_kept(data) != kept {
+            assert!(began.elapsed() < Duration::from_secs(60), "kept: {}", !kept);
             std::thread::yield_now();
         }
     }

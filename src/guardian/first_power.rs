@@ -11,8 +11,9 @@ use tokio::time::Instant;
 
 use super::guard::LOOK;
 
-/// How long to wait for it: the robot's only connection is held open meanwhile.
-const LIMIT: Duration = Duration::from_secs(3);
+/// How long to wait for it, as long as an agent does by default; the robot's only connection is held
+/// open meanwhile.
+const LIMIT: Duration = Duration::from_secs(10);
 /// The beginning of a POWER message.
 const POWER: [u8; 5] = [b'P', b'K', 3, 0, 1];
 

@@ -278,20 +278,6 @@ mod tests {
     }
 
     #[test]
-    fn two_agents_that_create_it_at_the_same_time_write_to_the_same_file() {
-        let data = tempfile::tempdir().unwrap();
-        let open = || Database::open(data.path(), Options::default(), &about(), now()).unwrap();
-        let mut one = open();
-        one.write(&[event(1, "one")], 0, now()).unwrap();
-        // The other agent found no file just before.
-        create_file(&Folder::open(&folder(data.path())).unwrap()).unwrap();
-        let mut other = open();
-        other.write(&[event(2, "other")], 0, now()).unwrap();
-        one.write(&[event(3, "one")], 0, now()).unwrap();
-        assert_eq!(count(data.path()), 3);
-    }
-
-    #[test]
     fn old_rows_are_deleted_and_the_oldest_make_room() {
         let data = tempfile::tempdir().unwrap();
         let options = Options {

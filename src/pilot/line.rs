@@ -127,6 +127,15 @@ impl Line {
         matches!(self.state, State::Delivering(_)) || self.is_logging_in()
     }
 
+    /// Leaves a login in progress to the guardian: dropped, it would send its last words before the
+    /// robot's first POWER; the robot would disconnect, and might drive on.
+    pub(super) fn leave_login(&mut self) {
+        if self.is_logging_in() {
+            let none = State::Pausing(Box::pin(sleep(Duration::ZERO)));
+            std::mem::forget(std::mem::replace(&mut self.state, none));
+        }
+    }
+
     /// The next event. Cancel-safe.
     pub(super) async fn next(&mut self) -> LinkEvent {
         loop {

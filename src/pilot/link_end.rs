@@ -77,6 +77,9 @@ impl Pilot {
         while line.is_unsettled() {
             let next = timeout_at(until, line.next());
             let Ok(event) = self.beat_during(next).await else {
+                if self.pulse.as_mut().and_then(Pulse::guardian).is_some() {
+                    line.leave_login();
+                }
                 return;
             };
             if let Err(error) = self.handle_event(event) {

@@ -26,6 +26,7 @@ const LONGEST: Duration = Duration::from_secs(15);
 /// See the module.
 pub(super) struct Executor {
     members: watch::Receiver<Vec<Member>>,
+    stops: watch::Receiver<u64>,
     requests: mpsc::Sender<Request>,
     status: watch::Receiver<Status>,
     clock: Clock,
@@ -58,6 +59,7 @@ impl Executor {
     ) -> Executor {
         Executor {
             members: roster.members(),
+            stops: roster.stops(),
             requests,
             status,
             clock,
@@ -119,6 +121,10 @@ impl Executor {
         self.start_permanent(up);
         self.apply_quiet_hours(now);
         let names: Vec<String> = running.iter().cloned().collect();
+        if self.stops.has_changed().unwrap_or(false) {
+            self.stops.mark_unchanged();
+            self.planner.forget_waiting();
+        }
         let acts = self.planner.poll(Facts {
             now,
             at,

@@ -101,6 +101,11 @@ impl Planner {
         !self.due.is_empty()
     }
 
+    /// Forgets the starts that wait for the robot: a person has stopped everything.
+    pub fn forget_waiting(&mut self) {
+        self.due.clear();
+    }
+
     /// Returns the next start after the last poll, and its behaviour.
     pub fn next_start(&self) -> Option<(Timestamp, &str)> {
         let next = self.next.iter().zip(&self.table.rules);
@@ -126,8 +131,9 @@ impl Planner {
     /// Returns the record from which the next program continues.
     pub fn record(&self) -> Record {
         let resumed = self.due.iter().filter(|due| due.resumed);
-        let new = self.due.iter().rev().filter(|due| !due.resumed);
-        let due = resumed.chain(new.take(MAX_WAITING)).map(|due| UnderWay {
+        let new = || self.due.iter().filter(|due| !due.resumed);
+        let older = new().count().saturating_sub(MAX_WAITING);
+        let due = resumed.chain(new().skip(older)).map(|due| UnderWay {
             run: due.run.clone(),
             planned: due.planned.as_second(),
             until: due.lasts.and_then(|lasts| {

@@ -248,8 +248,8 @@ async fn logging_in(power_after_login: Duration) -> (Rig, Run) {
     rig.sim.disconnect_all();
     rig.heard(from, |command| matches!(command, Command::Login(_)))
         .await;
-    guarded_link(&run, &[lost]).await;
     assert!(rig.sim.state().moving());
+    guarded_link(&run, &[lost]).await;
     (rig, run)
 }
 
@@ -271,6 +271,17 @@ async fn a_run_that_is_interrupted_during_a_login_stops_the_robot_first() {
     assert_eq!(run.code().await, Some(130), "{}", run.text());
     let said = run.text().contains("has acknowledged the stop");
     assert!(said, "{}", run.text());
+    rests(&rig).await;
+}
+
+/// The run ends before the robot obeys: the guardian completes its end.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_that_is_interrupted_during_a_slow_login_leaves_the_stop_to_the_guardian() {
+    let (rig, mut run) = logging_in(Duration::from_secs(5)).await;
+    let told = rig.sim.heard_count();
+    run.signal(Signal::INT);
+    assert_eq!(run.code().await, Some(130), "{}", run.text());
+    rig.heard_stop(told).await;
     rests(&rig).await;
 }
 

@@ -333,5 +333,6 @@ async fn the_last_words_of_a_login_in_progress_follow_a_persons_stop() {
         told
     };
     let told = timeout(WAIT_LIMIT, told).await.expect("waits");
-    assert_eq!(told, Command::STOP.to_bytes());
+    let end = Command::Engine(Engage::CancelDock).to_bytes();
+    assert_eq!(told, [Command::STOP.to_bytes(), end].concat());
 }

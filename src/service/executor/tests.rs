@@ -18,6 +18,7 @@ const LIMIT: Duration = Duration::from_secs(300);
 
 /// What surrounds the executor: the robot, the roster, and those who hear of missed starts.
 struct House {
+    roster: Roster,
     status: watch::Sender<Status>,
     members: watch::Sender<Vec<Member>>,
     orders: mpsc::UnboundedReceiver<(String, Reply)>,
@@ -54,6 +55,7 @@ impl House {
         let members = watch::Sender::new(Vec::new());
         let (roster, orders) = Roster::fake(members.subscribe());
         let house = House {
+            roster: roster.clone(),
             status: watch::Sender::new(Status {
                 link: LinkState::Up,
                 ..Status::default()
@@ -130,11 +132,11 @@ async fn a_run_that_loads_slowly_is_ended_on_time() {
     let (mut house, work) = House::new();
     let begun = Instant::now();
     let story = async {
-        let started = house.order("Start(go").await;
+        let started = house.order("Start(\"go\"").await;
         house.shows(MemberState::Loading);
         sleep(Duration::from_secs(11)).await;
         house.runs(started);
-        house.order("Stop(go").await
+        house.order("Stop(\"go\"").await
     };
     let _stopped = tokio::select! {
         never = work => match never {},
@@ -148,19 +150,39 @@ async fn a_run_that_loads_slowly_is_ended_on_time() {
 async fn a_start_that_does_not_reach_the_robot_is_repeated_when_it_is_back() {
     let (mut house, work) = House::new();
     let story = async {
-        let started = house.order("Start(go").await;
+        let started = house.order("Start(\"go\"").await;
         house.link(LinkState::Lost);
         let _ = started.send(Err(RosterError::Offline));
         sleep(Duration::from_secs(60)).await;
         assert!(house.orders.is_empty(), "there is no robot");
         house.link(LinkState::Up);
-        let started = house.order("Start(go").await;
+        let started = house.order("Start(\"go\"").await;
         house.runs(started);
-        house.order("Stop(go").await
+        house.order("Stop(\"go\"").await
     };
     let _stopped = tokio::select! {
         never = work => match never {},
         stopped = story => stopped,
     };
     assert!(!house.has_missed());
+}
+
+#[tokio::test(start_paused = true)]
+async fn a_start_that_waits_for_the_robot_is_cancelled_when_a_person_stops_everything() {
+    let (mut house, work) = House::new();
+    let story = async {
+        let started = house.order("Start(\"go\"").await;
+        house.link(LinkState::Lost);
+        let _ = started.send(Err(RosterError::Offline));
+        sleep(Duration::from_secs(60)).await;
+        // The roster of this test executes no such command.
+        let _ = house.roster.stop_all().await;
+        house.link(LinkState::Up);
+        sleep(Duration::from_secs(60)).await;
+    };
+    tokio::select! {
+        never = work => match never {},
+        () = story => {}
+    }
+    assert!(house.orders.is_empty(), "it was started");
 }

@@ -12,7 +12,7 @@ use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT};
 #[tokio::test(flavor = "multi_thread")]
 async fn a_start_waits_for_the_robot_also_if_the_service_restarts_meanwhile() {
     let home = Rig::quiet().await;
-    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let listener = std::net::TcpListener::bind("127.0.7.1:0").unwrap();
     let address = listener.local_addr().unwrap();
     drop(listener);
     home.file("drive.lua", DRIVES);
