@@ -5,7 +5,7 @@
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::sync::{mpsc, watch};
 use tracing::warn;
@@ -19,15 +19,23 @@ const TEXT: &[u8] =
     b"A person has stopped the robot. To release it, use the page or `spykee robot let-go`.\n";
 /// Time until a failed write is retried.
 const AGAIN: Duration = Duration::from_secs(10);
+/// How often to check at the end whether the file is written.
+const RECHECK: Duration = Duration::from_millis(10);
 
 /// See the module. A default one has no file, for simulations.
 #[derive(Debug, Clone, Default)]
 pub struct StopLatch {
     on: watch::Sender<bool>,
-    /// Wakes the thread that writes the file.
-    changes: Option<SyncSender<()>>,
-    /// The folder of the file.
-    data: Option<PathBuf>,
+    /// The thread that writes the file.
+    writer: Option<Writer>,
+}
+
+#[derive(Debug, Clone)]
+struct Writer {
+    /// Wakes it.
+    changes: SyncSender<()>,
+    /// Whether the file is there; unknown after an error.
+    kept: watch::Receiver<Option<bool>>,
 }
 
 impl StopLatch {
@@ -45,10 +53,10 @@ impl StopLatch {
         }
         let on = watch::Sender::new(kept);
         let (changes, received) = sync_channel(1);
-        let file = StopFile {
-            data: data.to_owned(),
-            wanted: on.subscribe(),
-            kept: Some(kept),
+        let file = StopFile::new(data, &on, kept);
+        let writer = Writer {
+            changes,
+            kept: file.kept.subscribe(),
         };
         let writing = std::thread::Builder::new().name("stop".into());
         let started = writing.spawn(move || file.follow(&received));
@@ -57,8 +65,7 @@ impl StopLatch {
         }
         StopLatch {
             on,
-            changes: started.is_ok().then_some(changes),
-            data: Some(data.to_owned()),
+            writer: started.is_ok().then_some(writer),
         }
     }
 
@@ -99,13 +106,10 @@ impl StopLatch {
 
     /// Waits until the file is as wanted, at most this long. Blocks.
     pub fn finish(&self, limit: Duration) {
-        let end = std::time::Instant::now() + limit;
-        let differs = |data: &PathBuf| StopLatch::is_kept(data) != self.is_on();
-        while self.changes.is_some()
-            && self.data.as_ref().is_some_and(differs)
-            && std::time::Instant::now() < end
-        {
-            std::thread::sleep(Duration::from_millis(10));
+        let end = Instant::now() + limit;
+        let behind = |writer: &Writer| *writer.kept.borrow() != Some(self.is_on());
+        while self.writer.as_ref().is_some_and(behind) && Instant::now() < end {
+            std::thread::sleep(RECHECK);
         }
     }
 
@@ -126,9 +130,9 @@ impl StopLatch {
             tell_pilot();
             std::mem::replace(was, on) != on
         });
-        if let Some(changes) = self.changes.as_ref().filter(|_| changed) {
+        if let Some(writer) = self.writer.as_ref().filter(|_| changed) {
             // If the queue is full, the thread will see this change too.
-            let _ = changes.try_send(());
+            let _ = writer.changes.try_send(());
         }
     }
 }
@@ -143,32 +147,38 @@ struct StopFile {
     data: PathBuf,
     wanted: watch::Receiver<bool>,
     /// Whether the file is there; unknown after an error.
-    kept: Option<bool>,
+    kept: watch::Sender<Option<bool>>,
 }
 
 impl StopFile {
+    fn new(data: &Path, on: &watch::Sender<bool>, kept: bool) -> StopFile {
+        StopFile {
+            data: data.to_owned(),
+            wanted: on.subscribe(),
+            kept: watch::Sender::new(Some(kept)),
+        }
+    }
+
     /// Writes or removes the file after each change, until the latch is dropped. Retries what has
-    /// failed.
-    fn follow(mut self, changes: &Receiver<()>) {
+    /// failed, and restores a file that another robot's run or tool has removed from a shared
+    /// folder.
+    fn follow(self, changes: &Receiver<()>) {
         loop {
-            let woken = match self.kept {
+            let kept = *self.kept.borrow();
+            let woken = match kept {
                 Some(false) => changes.recv().map_err(RecvTimeoutError::from),
                 _ => changes.recv_timeout(AGAIN),
             };
             if woken == Err(RecvTimeoutError::Disconnected) {
                 return;
             }
-            // Another robot's run or tool may have removed it from a shared folder.
-            if self.kept == Some(true) && !StopLatch::is_kept(&self.data) {
-                self.kept = Some(false);
-            }
             self.write();
         }
     }
 
-    fn write(&mut self) {
-        let wanted = *self.wanted.borrow();
-        if self.kept == Some(wanted) {
+    fn write(&self) {
+        let (wanted, kept) = (*self.wanted.borrow(), *self.kept.borrow());
+        if kept == Some(wanted) && (!wanted || StopLatch::is_kept(&self.data)) {
             return;
         }
         let written = if wanted {
@@ -176,9 +186,8 @@ impl StopFile {
         } else {
             StopLatch::remove(&self.data).map(|_| ())
         };
-        let failed_before = self.kept.is_none();
-        self.kept = written.is_ok().then_some(wanted);
-        if let (Err(error), false) = (written, failed_before) {
+        self.kept.send_replace(written.is_ok().then_some(wanted));
+        if let (Err(error), Some(_)) = (written, kept) {
             let path = self.data.join(NAME);
             let (path, what) = (path.display(), if wanted { "write" } else { "remove" });
             let until = if wanted {
@@ -196,12 +205,9 @@ mod tests {
     use super::*;
 
     /// Waits until the file is there, or is not.
-    fn becomes(data: &Path, kept: bool) {
-        let began = std::time::Instant::now();
-        while StopLatch::is_kept(data) != kept {
-            assert!(began.elapsed() < Duration::from_secs(60), "kept: {}", !kept);
-            std::thread::yield_now();
-        }
+    fn becomes(latch: &StopLatch, data: &Path, kept: bool) {
+        latch.finish(Duration::from_secs(60));
+        assert_eq!(StopLatch::is_kept(data), kept);
     }
 
     #[test]
@@ -211,7 +217,7 @@ mod tests {
         let latch = StopLatch::open(&data);
         assert!(!latch.is_on() && !data.exists());
         latch.set(true, || ());
-        becomes(&data, true);
+        becomes(&latch, &data, true);
         drop(latch);
         let next = StopLatch::open(&data);
         let (requests, mut received) = mpsc::channel(1);
@@ -219,7 +225,7 @@ mod tests {
         assert!(matches!(received.try_recv(), Ok(Request::Halt(true))));
         assert!(next.is_on());
         next.set(false, || ());
-        becomes(&data, false);
+        becomes(&next, &data, false);
         let third = StopLatch::open(&data);
         third.restore(&requests);
         assert!(!third.is_on() && received.try_recv().is_err());
@@ -249,15 +255,15 @@ mod tests {
         let data = home.path().join("data");
         std::fs::write(&data, "").unwrap();
         let on = watch::Sender::new(true);
-        let mut file = StopFile {
-            data: data.clone(),
-            wanted: on.subscribe(),
-            kept: Some(false),
-        };
+        let file = StopFile::new(&data, &on, false);
         file.write();
-        assert_eq!(file.kept, None);
+        assert_eq!(*file.kept.borrow(), None);
         assert!(*on.borrow());
         std::fs::remove_file(&data).unwrap();
+        file.write();
+        assert!(StopLatch::is_kept(&data));
+        // Another robot's tool removes it.
+        assert!(StopLatch::remove(&data).unwrap());
         file.write();
         assert!(StopLatch::is_kept(&data));
         on.send_replace(false);

@@ -213,12 +213,7 @@ async fn stop_overrides_the_watchdogs_search_and_reports_the_low_battery() {
     let tracks = |command: &Command| matches!(command, Command::Move { .. } | Command::Engine(_));
     let last = rig.commands(0).into_iter().rfind(tracks);
     assert_eq!(last, Some(Command::STOP));
-    let resting = rig
-        .sim
-        .wait_state(|state| !state.searching && !state.moving());
-    timeout(WAIT_LIMIT, resting)
-        .await
-        .expect("the tracks do not rest");
+    rig.stands_still().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

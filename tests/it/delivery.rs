@@ -14,10 +14,10 @@ use std::time::{Duration, Instant};
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
 use spykee::sim::{Handle, Options, Server, World};
-use spykee::wire::{Accepted, Command, Engage, Power, Report};
+use spykee::wire::{Command, Engage, Power, Report};
 use tokio::time::{sleep, timeout};
 
-use crate::rig::{QUIET_WORLD, WAIT_LIMIT, moves};
+use crate::rig::{QUIET_WORLD, WAIT_LIMIT, accepted, moves};
 
 const ROBOT: &str = "10.9.0.1:9000";
 
@@ -111,15 +111,7 @@ impl Net {
             let listener = TcpListener::bind(ROBOT).unwrap();
             let_in.send(()).unwrap();
             let (mut user, _) = listener.accept().unwrap();
-            let accepted = Report::Accepted(Accepted {
-                uid: "SPYKEE0001".to_owned(),
-                name: "test".to_owned(),
-                place: "test".to_owned(),
-                firmware: "1.0.22".to_owned(),
-                docked: false,
-                tail: bytes::Bytes::new(),
-            });
-            user.write_all(&accepted.to_bytes()).unwrap();
+            user.write_all(&accepted().to_bytes()).unwrap();
             let_in.send(()).unwrap();
             told.recv().unwrap();
             let (percent, charging) = (90, false);

@@ -314,12 +314,7 @@ async fn stop_overrides_the_watchdog_that_sends_a_low_robot_home_even_at_the_end
     };
     sleep(Duration::from_secs(2)).await;
     assert_eq!(searches(stopped), None);
-    let resting = rig
-        .sim
-        .wait_state(|state| !state.searching && !state.moving());
-    timeout(WAIT_LIMIT, resting)
-        .await
-        .expect("the tracks do not rest");
+    rig.stands_still().await;
     assert_eq!(post(&at, "/api/let-go", "", json!({})).await.0, 200);
     let home = rig.heard_dock(stopped).await;
     assert_eq!(post(&at, "/api/stop", "", json!({})).await.0, 200);
@@ -350,14 +345,8 @@ async fn a_stop_while_the_link_is_down_ends_the_search_at_the_next_login() {
     page.until("state", |state| state["halted"] == true).await;
     assert!(rig.sim.state().searching);
     rig.sim.mute(false);
-    let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
-    rig.heard(asked, cancel).await;
-    let resting = rig
-        .sim
-        .wait_state(|state| !state.searching && !state.moving());
-    timeout(WAIT_LIMIT, resting)
-        .await
-        .expect("the tracks do not rest");
+    rig.heard_cancel(asked).await;
+    rig.stands_still().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -7,7 +7,7 @@ use spykee::pilot::{Dial, Ending, Pilot, Settings, Status};
 use spykee::robot::channel::{EventReceiver, MAX_REQUESTS, PilotMessage, Request, events};
 use spykee::robot::{BehaviourId, Event, Intent, MotionEnd, MotionId, Percent, Priority, Setpoint};
 use spykee::safety::Limits;
-use spykee::wire::{Accepted, Command, Engage, Led, Login, Power, Report, Stream};
+use spykee::wire::{Command, Engage, Led, Login, Power, Report, Stream};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{mpsc, watch};
@@ -291,15 +291,10 @@ async fn streams_are_switched_on_again_after_a_reconnect() {
 async fn accepted(robot: &TcpListener) -> TcpStream {
     let (mut pilot, _) = robot.accept().await.unwrap();
     read(&mut pilot, &Command::Login(Login::new("admin", "admin"))).await;
-    let accepted = Report::Accepted(Accepted {
-        uid: "SPYKEE0001".to_owned(),
-        name: "test".to_owned(),
-        place: "test".to_owned(),
-        firmware: "1.0.22".to_owned(),
-        docked: false,
-        tail: bytes::Bytes::new(),
-    });
-    pilot.write_all(&accepted.to_bytes()).await.unwrap();
+    pilot
+        .write_all(&crate::rig::accepted().to_bytes())
+        .await
+        .unwrap();
     pilot
 }
 

@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 
 use spykee::sim::{Firmware, Handle, Options, Server, World};
-use spykee::wire::{Command, Engage};
+use spykee::wire::{Accepted, Command, Engage, Report};
 use tokio::time::timeout;
 
 /// The limit of every wait for an expected event, generous even for a slow machine.
@@ -23,6 +23,18 @@ station: { at: [0, 4], heading_degrees: 0 }
 start: { at: [4, 4], heading_degrees: 90 }
 battery: { level: 90, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.01 }
 ";
+
+/// The answer of an undocked robot that accepts a login.
+pub fn accepted() -> Report {
+    Report::Accepted(Accepted {
+        uid: "SPYKEE0001".to_owned(),
+        name: "test".to_owned(),
+        place: "test".to_owned(),
+        firmware: "1.0.22".to_owned(),
+        docked: false,
+        tail: bytes::Bytes::new(),
+    })
+}
 
 /// A simulated robot that serves until the end of the test.
 pub struct Rig {
@@ -141,6 +153,20 @@ impl Rig {
     pub async fn heard_dock(&self, from: usize) -> usize {
         self.heard(from, |command| *command == Command::Engine(Engage::Dock))
             .await
+    }
+
+    pub async fn heard_cancel(&self, from: usize) -> usize {
+        let cancel = Command::Engine(Engage::CancelDock);
+        self.heard(from, |command| *command == cancel).await
+    }
+
+    /// Waits until the robot neither searches nor moves.
+    pub async fn stands_still(&self) {
+        let still = self
+            .sim
+            .wait_state(|state| !state.searching && !state.moving());
+        let stands = timeout(WAIT_LIMIT, still).await;
+        stands.expect("the tracks do not rest");
     }
 
     pub fn commands(&self, from: usize) -> Vec<Command> {

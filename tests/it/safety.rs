@@ -403,14 +403,8 @@ async fn the_end_of_a_docking_that_the_link_lost_reaches_the_robot_after_the_rec
     timeout(WAIT_LIMIT, alone).await.expect("not disconnected");
     assert!(rig.sim.state().searching);
     rig.sim.mute(false);
-    let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
-    rig.heard(asked, cancel).await;
-    let resting = rig
-        .sim
-        .wait_state(|state| !state.searching && !state.moving());
-    timeout(WAIT_LIMIT, resting)
-        .await
-        .expect("the tracks do not rest");
+    rig.heard_cancel(asked).await;
+    rig.stands_still().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -7,10 +7,10 @@ use std::time::Duration;
 
 use rustix::process::{Pid, Signal};
 use socket2::{Domain, Socket, Type};
-use spykee::wire::{Accepted, Command, Decoder, Engage, Power, Report};
+use spykee::wire::{Command, Decoder, Engage, Power, Report};
 use tokio::time::{Instant, sleep, timeout};
 
-use crate::rig::{Rig, WAIT_LIMIT, moves, state_of};
+use crate::rig::{Rig, WAIT_LIMIT, accepted, moves, state_of};
 
 /// Speech soon fills the robot's small receive buffer.
 const TALKS: &str = "robot.stream('video', true) robot.stream('audio_out', true)
@@ -45,14 +45,7 @@ impl Robot {
         stream.set_read_timeout(Some(WAIT_LIMIT)).unwrap();
         let decoder = Decoder::new();
         let mut robot = Robot { stream, decoder };
-        robot.send(&Report::Accepted(Accepted {
-            uid: "SPYKEE0001".to_owned(),
-            name: "test".to_owned(),
-            place: "test".to_owned(),
-            firmware: "1.0.22".to_owned(),
-            docked: false,
-            tail: bytes::Bytes::new(),
-        }));
+        robot.send(&accepted());
         robot.send_level(90);
         robot
     }

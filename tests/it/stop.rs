@@ -100,8 +100,7 @@ async fn a_stop_that_was_left_behind_holds_for_every_program_but_simulations() {
     let run = rig.run(DRIVE);
     run.says("a person's STOP still holds").await;
     // The battery is good and nothing was searched for: only the login's repeated STOP sends this.
-    let cancel = |command: &Command| *command == Command::Engine(Engage::CancelDock);
-    rig.heard(from, cancel).await;
+    rig.heard_cancel(from).await;
     tries_in_vain(&rig, from).await;
     let (code, text) = run_spykee(&rig, &["robot", "let-go"]).await;
     assert_eq!(code, Some(0), "{text}");

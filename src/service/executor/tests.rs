@@ -127,6 +127,14 @@ impl House {
     }
 }
 
+/// Plays a story while the executor works.
+async fn beside<T>(work: impl Future<Output = Infallible>, story: impl Future<Output = T>) -> T {
+    tokio::select! {
+        never = work => match never {},
+        told = story => told,
+    }
+}
+
 #[tokio::test(start_paused = true)]
 async fn a_run_that_loads_slowly_is_ended_on_time() {
     let (mut house, work) = House::new();
@@ -138,10 +146,7 @@ async fn a_run_that_loads_slowly_is_ended_on_time() {
         house.runs(started);
         house.order("Stop(\"go\"").await
     };
-    let _stopped = tokio::select! {
-        never = work => match never {},
-        stopped = story => stopped,
-    };
+    let _stopped = beside(work, story).await;
     assert_eq!(begun.elapsed().as_secs(), 20);
     assert!(!house.has_missed());
 }
@@ -160,10 +165,7 @@ async fn a_start_that_does_not_reach_the_robot_is_repeated_when_it_is_back() {
         house.runs(started);
         house.order("Stop(\"go\"").await
     };
-    let _stopped = tokio::select! {
-        never = work => match never {},
-        stopped = story => stopped,
-    };
+    let _stopped = beside(work, story).await;
     assert!(!house.has_missed());
 }
 
@@ -180,9 +182,6 @@ async fn a_start_that_waits_for_the_robot_is_cancelled_when_a_person_stops_every
         house.link(LinkState::Up);
         sleep(Duration::from_secs(60)).await;
     };
-    tokio::select! {
-        never = work => match never {},
-        () = story => {}
-    }
+    beside(work, story).await;
     assert!(house.orders.is_empty(), "it was started");
 }
