@@ -369,3 +369,12 @@ pub fn in_a_process_of_its_own(test: &str) {
         "{text}"
     );
 }
+
+/// The size of a test that `scripts/nightly` plays at full length.
+pub fn sized<T>(on_push: T, nightly: T) -> T {
+    if std::env::var_os("NIGHTLY").is_some() {
+        nightly
+    } else {
+        on_push
+    }
+}
