@@ -6,7 +6,7 @@ use spykee::sim::{Firmware, State, World};
 use spykee::wire::{Command, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{Rig, Run, WAIT_LIMIT};
+use crate::rig::{Rig, Run, WAIT_LIMIT, run_in};
 
 fn behaviour(rig: &Rig, name: &str) -> Run {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -47,7 +47,7 @@ async fn hello_lights_up_sounds_and_ends_without_driving() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn dock_now_brings_the_robot_to_its_station() {
-    let rig = Rig::quiet().await;
+    let rig = Rig::near_home().await;
     let mut run = behaviour(&rig, "dock_now.lua");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let state = rig.sim.state();
@@ -130,16 +130,13 @@ async fn patrol_drives_photographs_docks_charges_and_goes_again() {
 fn ready_behaviours_pass_their_scenarios() {
     let home = Path::new(env!("CARGO_MANIFEST_DIR")).join("behaviours");
     let pictures = tempfile::tempdir().unwrap();
-    let played = std::process::Command::new(env!("CARGO_BIN_EXE_spykee"))
-        .args(["test", "--seed", "1", "--pictures"])
-        .arg(pictures.path())
-        .args(
-            ["patrol", "dock_now", "follow_colour"]
-                .map(|name| home.join(format!("{name}_test.lua"))),
-        )
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&played.stdout);
-    assert_eq!(played.status.code(), Some(0), "{said}");
+    let names = ["patrol", "dock_now", "follow_colour"];
+    let files = names.map(|name| home.join(format!("{name}_test.lua")));
+    let files = files.iter().map(|file| file.to_str().unwrap());
+    let mut args = vec!["test", "--seed", "1", "--pictures", "."];
+    args.extend(files);
+    let played = run_in(pictures.path(), &args);
+    let said = played.out;
+    assert_eq!(played.code, Some(0), "{said}");
     assert!(said.contains(" runs passed; "), "{said}");
 }

@@ -1,7 +1,6 @@
 //! `spykee blobs` and `spykee learn` from the command line, on pictures from the simulator.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command as Process, Output, Stdio};
 use std::time::Duration;
 
 use serde_json::Value;
@@ -9,6 +8,8 @@ use spykee::config::Config;
 use spykee::sim::{Firmware, Pose, Robot, World};
 use spykee::vision::{BlobOptions, Camera, Colour, FrameAnalyser, Roi};
 use spykee::wire::{Command, Report, Stream};
+
+use crate::rig::{Ended, run_in};
 
 /// The robot has a red ball in front to the left, a blue post in front to the right, and a green
 /// ball behind it.
@@ -73,18 +74,9 @@ impl Workspace {
 
     /// Runs `spykee` with a command line split at spaces; returns exit code, stdout and stderr.
     fn spykee(&self, line: &str) -> (Option<i32>, String, String) {
-        let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
-        for variable in ["RUST_LOG", "NO_COLOR", "RUST_BACKTRACE"] {
-            process.env_remove(variable);
-        }
-        process.args(line.split(' ')).stdin(Stdio::null());
-        let Output {
-            status,
-            stdout,
-            stderr,
-        } = process.current_dir(self.0.path()).output().unwrap();
-        let text = |bytes| String::from_utf8(bytes).unwrap();
-        (status.code(), text(stdout), text(stderr))
+        let args: Vec<&str> = line.split(' ').collect();
+        let Ended { code, out, err } = run_in(self.0.path(), &args);
+        (code, out, err)
     }
 
     /// The output of a command that succeeds.

@@ -218,7 +218,7 @@ async fn stop_overrides_the_watchdogs_search_and_reports_the_low_battery() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn docking_by_a_person_has_the_highest_priority_and_ends_with_the_request() {
-    let rig = Rig::quiet().await;
+    let rig = Rig::near_home().await;
     let run = running(&rig, DRIVE).await;
     rig.heard_motion(0).await;
     rig.sim.hide_station(true);

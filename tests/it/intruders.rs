@@ -12,14 +12,11 @@ use spykee::sim::{Options, Server, World};
 use spykee::wire::{Command, EngineReport, Login, Report};
 use tokio::time::timeout;
 
-use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT};
+use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT, program};
 
 fn spykee(folder: &Path, args: &[&str]) -> Process {
-    let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
-    for variable in ["RUST_LOG", "NO_COLOR", "SPYKEE_PASSWORD", "SPYKEE_CONFIG"] {
-        process.env_remove(variable);
-    }
-    process.args(args).current_dir(folder).stdin(Stdio::null());
+    let mut process = program(args);
+    process.current_dir(folder);
     process
 }
 

@@ -423,7 +423,7 @@ async fn a_stream_that_falls_silent_during_a_motion_stops_the_robot() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn on_its_station_the_robot_does_not_move() {
-    let rig = Rig::quiet().await;
+    let rig = Rig::near_home().await;
     let mut run = rig.run(
         "print('docked', robot.dock{})\n\
          print('again', robot.dock{})\n\
@@ -496,7 +496,7 @@ async fn an_unknown_engine_byte_reaches_the_script_as_a_number() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_run_stays_until_a_low_robot_is_home_and_ends_with_5() {
-    let rig = Rig::quiet().await;
+    let rig = Rig::near_home().await;
     let mut run = rig.run("robot.move(20, 20, 600) task.wait(0.5)");
     rig.heard_motion(0).await;
     rig.sim.set_battery(15.0);

@@ -6,7 +6,7 @@ use std::process::{Command as Process, Stdio};
 use spykee::sim::{Fault, Firmware, Options, World};
 use spykee::wire::{Command, Engage, FileChunk, Led, Sound};
 
-use crate::rig::{QUIET_WORLD, Rig, run_spykee};
+use crate::rig::{QUIET_WORLD, Rig, command, run_spykee};
 
 async fn run_tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     run_spykee(
@@ -207,15 +207,10 @@ async fn an_upload_arrives_complete_and_other_files_than_mp3_are_refused() {
 #[test]
 fn completions_exist_for_every_shell_and_do_not_show_the_host_command() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
-        let out = Process::new(env!("CARGO_BIN_EXE_spykee"))
-            .args(["completions", shell])
-            .output()
-            .unwrap();
-        let text = String::from_utf8(out.stdout).unwrap();
-        assert!(
-            out.status.success() && text.contains("upload-sound"),
-            "{shell}"
-        );
+        let printed = command(&["completions", shell]);
+        let text = printed.out;
+        assert_eq!(printed.code, Some(0), "{shell}");
+        assert!(text.contains("upload-sound"), "{shell}");
         assert!(!text.contains("__host"), "{shell}");
         if shell == "bash" {
             let mut bash = Process::new("bash")
