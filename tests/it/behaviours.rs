@@ -6,7 +6,7 @@ use spykee::sim::{Firmware, State, World};
 use spykee::wire::{Command, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{Rig, Run, WAIT_LIMIT, run_in};
+use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, run_in};
 
 fn behaviour(rig: &Rig, name: &str) -> Run {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -42,7 +42,7 @@ async fn hello_lights_up_sounds_and_ends_without_driving() {
     assert!(heard.contains(&Command::Play(Sound::Robot)), "{heard:?}");
     assert!(heard.contains(&Command::Play(Sound::Laugh)), "{heard:?}");
     assert!(!heard.iter().any(crate::rig::moves), "{heard:?}");
-    assert!(run.text().contains("my battery is at"), "{}", run.text());
+    assert_contains(&run.text(), &["my battery is at"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -52,11 +52,7 @@ async fn dock_now_brings_the_robot_to_its_station() {
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let state = rig.sim.state();
     assert!(state.docked && state.charging, "{state:?}");
-    assert!(
-        run.text().contains("on the station and charging"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["on the station and charging"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -70,11 +66,7 @@ async fn dock_now_reports_when_it_cannot_dock() {
     rig.sim.hide_station(true);
     let mut run = behaviour(&rig, "dock_now.lua");
     assert_eq!(run.code().await, Some(1), "{}", run.text());
-    assert!(
-        run.text().contains("could not dock: base_not_found"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["could not dock: base_not_found"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -96,7 +88,7 @@ start: { at: [3, 4], heading_degrees: 0 }
     })
     .await;
     assert!(distance(&state) > 0.2, "{state:?}");
-    assert!(run.text().contains("following"), "{}", run.text());
+    assert_contains(&run.text(), &["following"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -138,5 +130,5 @@ fn ready_behaviours_pass_their_scenarios() {
     let played = run_in(pictures.path(), &args);
     let said = played.out;
     assert_eq!(played.code, Some(0), "{said}");
-    assert!(said.contains(" runs passed; "), "{said}");
+    assert_contains(&said, &[" runs passed; "]);
 }

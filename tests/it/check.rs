@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::rig::{Ended, Rig, command, run_in};
+use crate::rig::{Ended, Rig, assert_contains, command, run_in};
 
 fn spykee(args: &[&str]) -> Ended {
     run_in(Path::new(env!("CARGO_MANIFEST_DIR")), args)
@@ -93,11 +93,7 @@ fn params_of_the_config_are_checked_against_the_declarations_of_the_script() {
     );
     let output = spykee(&["check", &script, "--config", &bad]);
     assert_eq!(output.code, Some(4), "{}", output.out);
-    assert!(
-        output.out.contains("did you mean 'speed'?"),
-        "{}",
-        output.out
-    );
+    assert_contains(&output.out, &["did you mean 'speed'?"]);
 }
 
 #[test]
@@ -134,10 +130,7 @@ fn a_module_that_cannot_be_loaded_is_reported_where_it_is_required() {
     let output = spykee(&["check", main.to_str().unwrap()]);
     assert_eq!(output.code, Some(4));
     let text = output.out;
-    assert!(
-        text.contains("main.lua:1:15: error: ") && text.contains("link"),
-        "{text}"
-    );
+    assert_contains(&text, &["main.lua:1:15: error: ", "link"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -152,7 +145,7 @@ async fn an_error_in_a_module_shows_that_modules_line() {
     assert_eq!(run.code().await, Some(1), "{}", run.text());
     let said = run.text();
     for words in ["lib/far.lua:2: ", "2 | \treturn goal.x + 1", "^^^^"] {
-        assert!(said.contains(words), "{said}");
+        assert_contains(&said, &[words]);
     }
     assert!(!said.contains("attempt to"), "{said}");
 }
@@ -173,16 +166,12 @@ async fn a_run_refuses_a_faulty_script_before_it_connects_to_the_robot() {
         "2 | robot.moev(50, 50)",
         "--no-check",
     ] {
-        assert!(said.contains(words), "{said}");
+        assert_contains(&said, &[words]);
     }
     assert!(rig.commands(0).is_empty(), "{:?}", rig.commands(0));
     let mut run = rig.spykee(&["run", script, "--robot", &rig.address, "--no-check"]);
     assert_eq!(run.code().await, Some(1), "{}", run.text());
-    assert!(
-        run.text().contains("robot.moev does not exist"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["robot.moev does not exist"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -196,7 +185,7 @@ async fn a_failed_run_shows_the_line_with_a_caret() {
         "3 | print(left + 1)",
         "^^^^",
     ] {
-        assert!(said.contains(words), "{said}");
+        assert_contains(&said, &[words]);
     }
     assert!(!said.contains("attempt to"), "{said}");
 }
@@ -209,11 +198,11 @@ fn the_api_is_shown_in_full_and_by_name() {
         "Frame:find_blobs(colour [, options])",
         "battery_low",
     ] {
-        assert!(whole.contains(words), "{whole}");
+        assert_contains(&whole, &[words]);
     }
     let one = command(&["api", "robot.move"]).out;
     for words in ["power of the left track", "between -100 and 100", "example"] {
-        assert!(one.contains(words), "{one}");
+        assert_contains(&one, &[words]);
     }
     for (name, words) in [
         ("bt", "bt.sequence(node, ...)"),

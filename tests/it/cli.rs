@@ -8,7 +8,7 @@ use std::time::Duration;
 use spykee::link;
 use spykee::wire::{Command as Said, Login};
 
-use crate::rig::{command, program, run_in};
+use crate::rig::{assert_contains, command, program, run_in};
 
 /// A `spykee sim` on a free port; killed at the end of the test.
 struct Sim {
@@ -76,7 +76,7 @@ fn help_names_every_subcommand_and_succeeds() {
     assert_eq!(output.code, Some(0));
     let help = output.out;
     for word in ["sim", "discover", "--log-format"] {
-        assert!(help.contains(word), "{help}");
+        assert_contains(&help, &[word]);
     }
 }
 
@@ -104,7 +104,7 @@ fn only_commands_that_work_through_a_service_accept_its_address() {
         );
     }
     let help = command(&["robot", "battery", "--help"]).out;
-    assert!(help.contains("--url"), "{help}");
+    assert_contains(&help, &["--url"]);
 }
 
 #[test]
@@ -186,10 +186,7 @@ fn the_simulator_ends_on_a_signal_with_130() {
         assert_eq!(sim.code(), Some(130));
         let mut rest = String::new();
         sim.stdout.read_to_string(&mut rest).unwrap();
-        assert!(
-            rest.contains("--robot") && rest.contains("Ctrl-C"),
-            "{rest}"
-        );
+        assert_contains(&rest, &["--robot", "Ctrl-C"]);
     }
 }
 
@@ -215,7 +212,7 @@ fn an_invalid_world_is_named_with_line_and_column() {
         let output = command(&["sim", path.to_str().unwrap()]);
         assert_eq!(output.code, Some(2));
         let error = output.err;
-        assert!(error.contains(expected), "{error}");
+        assert_contains(&error, &[expected]);
     }
 }
 
@@ -271,7 +268,7 @@ fn a_password_file_that_others_can_read_causes_a_warning() {
     sim.signal(rustix::process::Signal::INT);
     let mut log = String::new();
     sim.stderr().read_to_string(&mut log).unwrap();
-    assert!(log.contains("WARN") && log.contains("chmod 600"), "{log}");
+    assert_contains(&log, &["WARN", "chmod 600"]);
     assert!(!log.contains("s3cret"), "{log}");
 }
 
@@ -316,7 +313,7 @@ fn an_invalid_rust_log_is_reported_and_ignored() {
     assert_eq!(sim.code(), Some(130));
     let mut log = String::new();
     sim.stderr().read_to_string(&mut log).unwrap();
-    assert!(log.contains("RUST_LOG is ignored"), "{log}");
+    assert_contains(&log, &["RUST_LOG is ignored"]);
 }
 
 /// The capacity of a pipe: beyond it, writing blocks.
@@ -388,7 +385,7 @@ fn lights_and_sounds_of_a_simulated_robot_are_in_its_log_and_the_seed_is_not() {
         assert!(!said.contains("seed"), "{said}");
     }
     let said = logs_of(&folder, &["--log-format", "json"]);
-    assert!(said.contains("\"seed\":"), "{said}");
+    assert_contains(&said, &["\"seed\":"]);
 }
 
 #[test]

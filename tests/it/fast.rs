@@ -13,7 +13,7 @@ use spykee::sim::World;
 use tokio::time::timeout;
 
 use crate::long_runs;
-use crate::rig::{QUIET_WORLD, Rig};
+use crate::rig::{QUIET_WORLD, Rig, assert_contains};
 
 const FOLLOWS: &str = "
 robot.on('frame', function(frame)
@@ -178,11 +178,7 @@ async fn recorded(rig: &Rig, script: &Path, name: &str) -> String {
         "run", script, "--sim", "--fast", "--for", "120", "--seed", "4", "--events", events,
     ]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    assert!(
-        run.text().contains("0:02:00 simulated in"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["0:02:00 simulated in"]);
     std::fs::read_to_string(file).unwrap()
 }
 
@@ -230,5 +226,5 @@ async fn fast_is_refused_with_a_real_robot() {
     ];
     let mut run = rig.spykee(&args);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
-    assert!(run.text().contains("--fast needs --sim"), "{}", run.text());
+    assert_contains(&run.text(), &["--fast needs --sim"]);
 }

@@ -8,7 +8,7 @@ use spykee::wire::Command;
 use tokio::time::timeout;
 
 use super::sim::*;
-use crate::rig::{Rig, run_in, sized};
+use crate::rig::{Rig, assert_contains, run_in, sized};
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/firmware")
@@ -166,12 +166,8 @@ async fn an_unusable_firmware_is_reported_with_its_place() {
         let mut run = rig.spykee(arguments);
         assert_eq!(run.code().await, Some(2), "{}", run.text());
         let told = "f.yaml:2:1: unknown field `search_limt`";
-        assert!(run.text().contains(told), "{}", run.text());
-        assert!(
-            run.text().contains("did you mean `search_limit`?"),
-            "{}",
-            run.text()
-        );
+        assert_contains(&run.text(), &[told]);
+        assert_contains(&run.text(), &["did you mean `search_limit`?"]);
     }
     let mut run = rig.spykee(&[
         "run",
@@ -191,9 +187,5 @@ async fn an_unusable_firmware_is_reported_with_its_place() {
         "good.yaml",
     ]);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
-    assert!(
-        run.text().contains("--firmware needs --sim"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["--firmware needs --sim"]);
 }

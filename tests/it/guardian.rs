@@ -10,7 +10,9 @@ use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use spykee::wire::{Command, Engage};
 use tokio::time::{Instant, timeout};
 
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, becomes, near_home, state_of};
+use crate::rig::{
+    QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, becomes, near_home, state_of,
+};
 
 /// Twice the time that the guardian promises, for a busy machine.
 const LIMIT: Duration = Duration::from_secs(2);
@@ -536,10 +538,7 @@ async fn a_tool_that_only_reads_does_not_end_the_search_of_a_low_robot() {
     let mut run = rig.spykee(&["robot", "stop", "--robot", &rig.address]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let text = run.text();
-    assert!(
-        text.contains("acknowledged") && text.contains("the battery is low"),
-        "{text}"
-    );
+    assert_contains(&text, &["acknowledged", "the battery is low"]);
     let dock = Command::Engine(Engage::Dock);
     assert!(!rig.commands(0).contains(&dock));
 }

@@ -2,7 +2,7 @@
 
 mod service;
 
-use crate::rig::{Rig, run_in};
+use crate::rig::{Rig, assert_contains, run_in};
 
 const GUIDE: &str = include_str!("../../behaviours/README.md");
 /// The scenarios that check the scripts of the guide.
@@ -47,7 +47,7 @@ fn every_script_of_the_guide_does_what_its_text_says() {
     let played = run_in(folder.path(), &["test", "guide_test.lua"]);
     let said = played.out;
     assert_eq!(played.code, Some(0), "{said}");
-    assert!(said.contains(" runs passed; "), "{said}");
+    assert_contains(&said, &[" runs passed; "]);
 }
 
 #[tokio::test(flavor = "multi_thread")]

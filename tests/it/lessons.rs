@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::rig::{Ended, run_in, sized};
+use crate::rig::{Ended, assert_contains, run_in, sized};
 
 /// A learner with one script.
 struct Learner(TempDir);
@@ -273,11 +273,7 @@ fn the_check_prints_points_sentences_and_where_to_find_a_hint() {
          2 of 10 points. A hint: spykee lesson check mine.lua --hint 1\n"
     );
     let said = learner.checks(&["--hint", "3", "--picture", "way.png"]);
-    assert!(
-        said.out.contains("\nHint: Three lines: `easy.forward(2)`"),
-        "{}",
-        said.out
-    );
+    assert_contains(&said.out, &["\nHint: Three lines: `easy.forward(2)`"]);
     assert!(image::open(learner.0.path().join("way.png")).is_ok());
 }
 
@@ -342,7 +338,7 @@ fn a_runtime_error_is_quoted_once_and_cannot_imitate_a_result() {
     assert_eq!(said.code, Some(4), "{}", said.err);
     assert_eq!(said.out.matches("sorry").count(), 1, "{}", said.out);
     assert!(said.out.contains("The script stopped with an error:\n"));
-    assert!(said.out.contains("mine.lua:3:"), "{}", said.out);
+    assert_contains(&said.out, &["mine.lua:3:"]);
     assert!(said.out.ends_with("\n0 of 10 points.\n"));
     for line in said.out.lines().filter(|line| line.contains("10 of 10")) {
         assert!(line.starts_with("  | "), "{}", said.out);
@@ -375,7 +371,7 @@ fn a_script_cannot_see_its_check_or_grade_itself() {
     assert!(!said.out.contains("FOUND"), "{}", said.out);
     let said = Learner::with("-- spykee lesson 1\nsim:battery(3)\n").checks(&[]);
     assert_eq!(said.code, Some(4));
-    assert!(said.out.contains("cannot run yet"), "{}", said.out);
+    assert_contains(&said.out, &["cannot run yet"]);
 }
 
 #[test]
@@ -418,7 +414,7 @@ fn lessons_are_listed_with_their_topics() {
         "    12  Extra: states",
         "spykee lesson start 1",
     ] {
-        assert!(said.out.contains(words), "{}", said.out);
+        assert_contains(&said.out, &[words]);
     }
 }
 

@@ -7,12 +7,12 @@ use std::process::{Command, Stdio};
 use tokio::time::{sleep, timeout};
 
 use crate::live::{get, live};
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
+use crate::rig::{Rig, Run, WAIT_LIMIT, docked};
 
 /// The metrics of a robot that was driven by its camera, sent home by a person, and then by the
 /// watchdog.
 async fn metrics() -> (Rig, Run, String) {
-    let world = QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }\n", "");
+    let world = docked();
     let rig = Rig::new(&world, spykee::sim::Firmware::default()).await;
     let script = "print(robot.dock()) robot.undock() local power = 20
         robot.on('frame', function() power = 50 - power robot.move(power, power) end) task.wait(600)";

@@ -1,22 +1,18 @@
 //! `spykee new`: the project that it makes works at once.
 
-use crate::rig::{Rig, moves, run_in, sized};
+use crate::rig::{Rig, assert_contains, moves, run_in, sized};
 
 #[tokio::test]
 async fn a_new_project_drives_at_once_and_is_never_overwritten() {
     let rig = Rig::quiet().await;
     let mut run = rig.spykee(&["new", "mine"]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    assert!(
-        run.text().contains("spykee run mine.lua --sim"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["spykee run mine.lua --sim"]);
     let file = rig.folder().join("mine/mine.lua");
     std::fs::write(&file, "-- changed").unwrap();
     let mut again = rig.spykee(&["new", "mine"]);
     assert_eq!(again.code().await, Some(2), "{}", again.text());
-    assert!(again.text().contains("already exists"), "{}", again.text());
+    assert_contains(&again.text(), &["already exists"]);
     assert_eq!(std::fs::read_to_string(&file).unwrap(), "-- changed");
     let mut wrong = rig.spykee(&["new", "../mine"]);
     assert_eq!(wrong.code().await, Some(2), "{}", wrong.text());

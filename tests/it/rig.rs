@@ -29,6 +29,11 @@ pub fn near_home() -> String {
     QUIET_WORLD.replace("at: [4, 4]", "at: [1.5, 4]")
 }
 
+/// The same world, with a robot on its station.
+pub fn docked() -> String {
+    QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }\n", "")
+}
+
 /// The answer of an undocked robot that accepts a login.
 pub fn accepted() -> Report {
     Report::Accepted(Accepted {
@@ -436,5 +441,13 @@ pub fn sized<T>(on_push: T, nightly: T) -> T {
         nightly
     } else {
         on_push
+    }
+}
+
+/// Fails with the whole text if one of these words is missing in it.
+#[track_caller]
+pub fn assert_contains(text: &str, words: &[&str]) {
+    for word in words {
+        assert!(text.contains(word), "`{word}` is missing in:\n{text}");
     }
 }

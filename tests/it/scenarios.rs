@@ -9,7 +9,7 @@ use serde_json::Value;
 use spykee::scenario::{Book, Cause, Setting};
 use tempfile::TempDir;
 
-use crate::rig::{Rig, run_in};
+use crate::rig::{Rig, assert_contains, run_in};
 
 fn folder(files: &[(&str, &str)]) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -325,15 +325,12 @@ fn a_behaviour_that_fails_makes_its_scenario_fail_unless_that_is_expected() {
     let folder = folder(&[("b_test.lua", source), ("b.lua", behaviour)]);
     let result = run_in(folder.path(), &["test", "--json"]).json();
     let message = result["runs"][0]["failure"]["message"].as_str().unwrap();
-    assert!(
-        message.contains("the behaviour b failed: ") && message.contains("b.lua:2"),
-        "{message}"
-    );
+    assert_contains(message, &["the behaviour b failed: ", "b.lua:2"]);
     assert_eq!(result["runs"][1]["passed"], true, "{result:#}");
     let mistaken = self::folder(&[("c_test.lua", source), ("c.lua", "robot.moev(1, 1)")]);
     let result = run_in(mistaken.path(), &["test", "--json"]).json();
     let message = result["runs"][0]["failure"]["message"].as_str().unwrap();
-    assert!(message.contains("did you mean 'move'"), "{message}");
+    assert_contains(message, &["did you mean 'move'"]);
 }
 
 #[test]
@@ -396,11 +393,7 @@ fn what_cannot_be_played_ends_with_2() {
     let empty = tempfile::tempdir().unwrap();
     let output = run_in(empty.path(), &["test"]);
     assert_eq!(output.code, Some(2));
-    assert!(
-        output.text().contains("no *_test.lua file"),
-        "{}",
-        output.text()
-    );
+    assert_contains(&output.text(), &["no *_test.lua file"]);
 }
 
 #[tokio::test]
@@ -530,18 +523,14 @@ fn a_run_that_exceeds_the_real_time_limit_is_ended_and_the_others_are_played() {
     assert_eq!(output.code, Some(4), "{}", output.text());
     let json = output.json();
     let message = json["runs"][0]["failure"]["message"].as_str().unwrap();
-    assert!(message.contains("within 3 s of real time"), "{message}");
+    assert_contains(message, &["within 3 s of real time"]);
     assert_eq!(json["runs"][0]["failure"]["pose"], Value::Null);
     assert_eq!((&json["passed"], &json["failed"]), (&1.into(), &1.into()));
     let output = run_in(
         folder.path(),
         &["test", "--timeout", "3", "--filter", "ever"],
     );
-    assert!(
-        output.text().contains("--timeout sets a longer limit"),
-        "{}",
-        output.text()
-    );
+    assert_contains(&output.text(), &["--timeout sets a longer limit"]);
 }
 
 /// The processes that play scenarios.
@@ -576,11 +565,7 @@ async fn a_run_whose_process_dies_has_failed_and_one_that_hangs_can_be_interrupt
     let trial = trials(&run).await[0];
     rustix::process::kill_process(trial, Signal::KILL).unwrap();
     assert_eq!(run.code().await, Some(4), "{}", run.text());
-    assert!(
-        run.text().contains("its process ended unexpectedly"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["its process ended unexpectedly"]);
     let mut run = rig.spykee(&["test"]);
     run_until_played(&run).await;
     rustix::process::kill_process(trials(&run).await[0], Signal::STOP).unwrap();

@@ -6,7 +6,7 @@ use spykee::sim::{Firmware, Pose, Robot, TraceEventKind, World};
 use spykee::vision::{Camera, Colour, Decoder, FrameAnalyser, brightness, find_qrcodes};
 use spykee::wire::{Command, Report, Stream};
 
-use crate::rig::{command, run_in};
+use crate::rig::{assert_contains, command, run_in};
 
 const STEP: Duration = Duration::from_millis(20);
 
@@ -40,7 +40,7 @@ fn every_built_in_world_is_drawn_to_a_picture() {
         let path = file.to_str().unwrap();
         let drawn = command(&["world", "show", name, "-o", path]);
         assert_eq!((drawn.code, drawn.err.as_str()), (Some(0), ""), "{name}");
-        assert!(drawn.out.contains(path), "{}", drawn.out);
+        assert_contains(&drawn.out, &[path]);
         let map = image::open(&file).unwrap().to_rgb8();
         let room = World::builtin(name).unwrap().room;
         let ratio = |width: f64, height: f64| width / height;
@@ -95,17 +95,11 @@ fn worlds_are_listed_and_checked() {
     let checked = command(&["world", "check", bad.to_str().unwrap()]);
     assert_eq!(checked.code, Some(4));
     let error = checked.err;
-    assert!(
-        error.contains("bad.yaml:1:") && error.contains("`depth`"),
-        "{error}"
-    );
+    assert_contains(&error, &["bad.yaml:1:", "`depth`"]);
     let shown = command(&["world", "show", "nowhere"]);
     assert_eq!(shown.code, Some(2));
     let error = shown.err;
-    assert!(
-        error.contains("nowhere") && error.contains("line_loop"),
-        "{error}"
-    );
+    assert_contains(&error, &["nowhere", "line_loop"]);
 }
 
 #[test]
@@ -137,10 +131,7 @@ fn a_run_is_drawn_with_its_path() {
     let refused = command(&[&real[..], &["--trace", "x.png"]].concat());
     assert_eq!(refused.code, Some(2));
     let error = refused.err;
-    assert!(
-        error.contains("--trace") && error.contains("--sim"),
-        "{error}"
-    );
+    assert_contains(&error, &["--trace", "--sim"]);
 }
 
 #[test]
