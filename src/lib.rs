@@ -140,9 +140,6 @@
 //! | 8 | `scenario` | worlds, behaviours and expectations: plays `*_test.lua` files |
 //! | 9 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports floor 0 only |
-//!
-//! `tests/it/floors.rs` checks every path into the crate against this table, `tests/it/circles.rs`
-//! finds import cycles inside the folders of `src`.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
 
 pub mod agent;

@@ -74,6 +74,23 @@ impl Console {
         Console::with_output(io::stderr(), features, stderr_columns, format, day)
     }
 
+    /// Collects the output instead, as if stderr were a file.
+    ///
+    /// # Errors
+    /// The system cannot start a thread.
+    pub(super) fn collecting(
+        into: Collected,
+        format: LogFormat,
+        logging: &Logging,
+    ) -> io::Result<Console> {
+        let features = Features {
+            redraw: false,
+            colour: format == LogFormat::Text && logging.colour == When::Always,
+        };
+        let day = Budget::new(logging.bytes_a_day);
+        Console::with_output(into, features, || DEFAULT_COLUMNS, format, day)
+    }
+
     fn with_output(
         out: impl Write + Send + 'static,
         features: Features,
@@ -297,6 +314,29 @@ impl<W: Write> ConsoleWriter<W> {
             let _ = out.write_all(text.as_bytes());
             let _ = out.flush();
         }
+    }
+}
+
+/// Collects what a console writes, for tests of whole commands.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Collected(Arc<Mutex<Vec<u8>>>);
+
+impl Collected {
+    pub(super) fn into_text(self) -> String {
+        let bytes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        String::from_utf8_lossy(&bytes).into_owned()
+    }
+}
+
+impl Write for Collected {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let mut collected = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        collected.extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 

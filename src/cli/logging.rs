@@ -4,6 +4,8 @@ use std::fmt;
 use std::time::Instant;
 
 use jiff::tz::TimeZone;
+use tracing::Dispatch;
+use tracing::dispatcher::DefaultGuard;
 use tracing::field::{Field, Visit};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::field::RecordFields;
@@ -14,7 +16,7 @@ use tracing_subscriber::layer::SubscriberExt as _;
 
 use super::{Console, LogFormat};
 use crate::clean;
-use crate::config::{Level, Time};
+use crate::config::{Level, Logging, Time};
 use crate::lab;
 use crate::live::LogTap;
 
@@ -31,39 +33,50 @@ fn default_filter(level: Level) -> &'static str {
 
 /// Starts logging. `RUST_LOG` overrides the filter; an invalid value is reported and the default
 /// used. A second call changes nothing.
-pub(super) fn start(console: &Console, format: LogFormat, level: Level, time: Time) {
+pub(super) fn start(console: &Console, format: LogFormat, logs: &Logging) {
     let wanted = std::env::var("RUST_LOG")
         .ok()
         .filter(|text| !text.is_empty());
     let parsed = wanted.as_deref().map(EnvFilter::try_new).transpose();
     let complaint = parsed.as_ref().err().map(ToString::to_string);
-    let filter = parsed
-        .ok()
-        .flatten()
-        .unwrap_or_else(|| EnvFilter::new(default_filter(level)));
+    let default = default_filter(logs.level);
+    let filter = parsed.ok().flatten();
+    let filter = filter.unwrap_or_else(|| EnvFilter::new(default));
+    let started = tracing::dispatcher::set_global_default(dispatch(console, format, logs, filter));
+    if let (Ok(()), Some(complaint)) = (started, complaint) {
+        tracing::warn!("RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {default}");
+    }
+}
+
+/// Logs only what this thread and its laboratories do, until the guard is dropped.
+pub(super) fn start_on_this_thread(
+    console: &Console,
+    format: LogFormat,
+    logs: &Logging,
+) -> DefaultGuard {
+    let filter = EnvFilter::new(default_filter(logs.level));
+    tracing::dispatcher::set_default(&dispatch(console, format, logs, filter))
+}
+
+fn dispatch(console: &Console, format: LogFormat, logs: &Logging, filter: EnvFilter) -> Dispatch {
     let subscriber = tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_timer(Clock::new(time, console.has_status_line()))
+        .with_timer(Clock::new(logs.time, console.has_status_line()))
         .with_writer(console.clone())
         .with_ansi(console.colour());
-    let started = match format {
-        LogFormat::Text => tracing::subscriber::set_global_default(
-            subscriber
-                .with_target(false)
-                .fmt_fields(Plain)
-                .finish()
-                .with(LogTap),
-        ),
-        LogFormat::Json => {
-            let subscriber = subscriber.json().flatten_event(true).finish();
-            tracing::subscriber::set_global_default(subscriber.with(LogTap))
-        }
-    };
-    if let (Ok(()), Some(complaint)) = (started, complaint) {
-        tracing::warn!(
-            "RUST_LOG is ignored: {complaint}; try RUST_LOG=debug or {}",
-            default_filter(level)
-        );
+    match format {
+        LogFormat::Text => subscriber
+            .with_target(false)
+            .fmt_fields(Plain)
+            .finish()
+            .with(LogTap)
+            .into(),
+        LogFormat::Json => subscriber
+            .json()
+            .flatten_event(true)
+            .finish()
+            .with(LogTap)
+            .into(),
     }
 }
 

@@ -63,6 +63,7 @@ mod trace;
 mod world;
 mod world_name;
 
+use std::cell::RefCell;
 use std::ffi::OsString;
 use std::future::Future;
 use std::io::Write;
@@ -71,7 +72,7 @@ use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, INSPECTION, host_main, inspection_main};
 use crate::clean;
-use crate::config::Format;
+use crate::config::{Format, Logging};
 use crate::guardian::{GUARDIAN_ARGUMENT, guardian_main};
 use crate::scenario::{TRIAL, trial_main};
 use crate::walls::{WORKER_ARGUMENT, keep_descriptors};
@@ -233,14 +234,69 @@ pub fn main() -> ExitCode {
         Err(error) => {
             // A broken stderr cannot be reported.
             let _ = error.print();
-            return if error.use_stderr() {
-                Exit::Usage
-            } else {
-                Exit::Done
-            }
-            .into();
+            return exit_of(&error).into();
         }
     };
+    let start_logging = |console: &Console, format, logs: &Logging| {
+        report_panics(console.clone());
+        logging::start(console, format, logs);
+    };
+    execute(cli, Console::start, start_logging).into()
+}
+
+/// What [`run_for_test`] returns.
+#[derive(Debug)]
+pub struct TestOutput {
+    /// The exit code.
+    pub code: u8,
+    /// What was written to stdout.
+    pub out: String,
+    /// What was written to stderr: log and error messages.
+    pub err: String,
+}
+
+/// Runs a command in this process, for tests of texts and exit codes: without the program's handler
+/// of panics, and with output, log and errors collected for this call alone, so that tests can run
+/// side by side. Not for commands that start processes of this program.
+pub fn run_for_test(args: &[&str]) -> TestOutput {
+    let cli = match Cli::try_parse_from(std::iter::once("spykee").chain(args.iter().copied())) {
+        Ok(cli) => cli,
+        Err(error) => {
+            let (exit, text) = (exit_of(&error), error.render().to_string());
+            let (out, err) = match exit {
+                Exit::Usage => (String::new(), text),
+                _ => (text, String::new()),
+            };
+            let code = exit as u8;
+            return TestOutput { code, out, err };
+        }
+    };
+    let err = console::Collected::default();
+    let start_console = |format, logs: &Logging| Console::collecting(err.clone(), format, logs);
+    COLLECTED_STDOUT.set(Some(String::new()));
+    let exit = execute(cli, start_console, logging::start_on_this_thread);
+    TestOutput {
+        code: exit as u8,
+        out: COLLECTED_STDOUT.take().unwrap_or_default(),
+        err: err.into_text(),
+    }
+}
+
+/// The exit code after a command line was not parsed: a mistake, or a request for help.
+fn exit_of(error: &clap::Error) -> Exit {
+    if error.use_stderr() {
+        Exit::Usage
+    } else {
+        Exit::Done
+    }
+}
+
+/// Starts console and logging as given, runs the subcommand, and writes its error if it fails.
+fn execute<Guard>(
+    cli: Cli,
+    start_console: impl FnOnce(LogFormat, &Logging) -> std::io::Result<Console>,
+    start_logging: impl FnOnce(&Console, LogFormat, &Logging) -> Guard,
+) -> Exit {
     // An invalid config is reported by the subcommand that needs it.
     let named = match cli.command {
         // Here --config names the unit's config, which may belong to another user.
@@ -254,11 +310,10 @@ pub fn main() -> ExitCode {
     let logs = settings.config().map(|config| config.logging.clone());
     let logs = logs.unwrap_or_default();
     let format = cli.log_format.unwrap_or(logs.format.into());
-    let Ok(console) = Console::start(format, &logs) else {
-        return Exit::Usage.into();
+    let Ok(console) = start_console(format, &logs) else {
+        return Exit::Usage;
     };
-    report_panics(console.clone());
-    logging::start(&console, format, logs.level, logs.time);
+    let _logging = start_logging(&console, format, &logs);
     let usable = match own {
         None if is_named => default_settings.load().map(|_| ()),
         _ => Ok(()),
@@ -268,7 +323,7 @@ pub fn main() -> ExitCode {
         Err(failure) => (failure.exit, Some(failure.report())),
     };
     console.end(last_words.as_deref(), CONSOLE_LIMIT);
-    exit.into()
+    exit
 }
 
 /// Runs a confined process of the kind named by its first argument.
@@ -322,6 +377,11 @@ fn block_on<F: Future>(future: F) -> Result<F::Output, Failure> {
     Ok(output)
 }
 
+thread_local! {
+    /// Collects what this thread prints, if it runs a command for a test.
+    static COLLECTED_STDOUT: RefCell<Option<String>> = const { RefCell::new(None) };
+}
+
 /// Writes text to stdout, without control sequences that could affect a terminal. A closed pipe is
 /// not an error.
 fn print(text: &str) -> Result<(), Failure> {
@@ -332,6 +392,15 @@ fn print(text: &str) -> Result<(), Failure> {
 /// have cleaned all text from outside.
 fn print_coloured(text: &str, colour: bool) -> Result<(), Failure> {
     let text = clean::text(text, colour);
+    let is_collected = COLLECTED_STDOUT.with_borrow_mut(|collected| {
+        if let Some(collected) = collected {
+            collected.push_str(&text);
+        }
+        collected.is_some()
+    });
+    if is_collected {
+        return Ok(());
+    }
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::usage(

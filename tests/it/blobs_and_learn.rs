@@ -1,7 +1,6 @@
 //! `spykee blobs` and `spykee learn` from the command line, on pictures from the simulator.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command as Process, Output, Stdio};
 use std::time::Duration;
 
 use serde_json::Value;
@@ -9,6 +8,8 @@ use spykee::config::Config;
 use spykee::sim::{Firmware, Pose, Robot, World};
 use spykee::vision::{BlobOptions, Camera, Colour, FrameAnalyser, Roi};
 use spykee::wire::{Command, Report, Stream};
+
+use crate::rig::{Ended, assert_contains, run_in};
 
 /// The robot has a red ball in front to the left, a blue post in front to the right, and a green
 /// ball behind it.
@@ -73,18 +74,9 @@ impl Workspace {
 
     /// Runs `spykee` with a command line split at spaces; returns exit code, stdout and stderr.
     fn spykee(&self, line: &str) -> (Option<i32>, String, String) {
-        let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
-        for variable in ["RUST_LOG", "NO_COLOR", "RUST_BACKTRACE"] {
-            process.env_remove(variable);
-        }
-        process.args(line.split(' ')).stdin(Stdio::null());
-        let Output {
-            status,
-            stdout,
-            stderr,
-        } = process.current_dir(self.0.path()).output().unwrap();
-        let text = |bytes| String::from_utf8(bytes).unwrap();
-        (status.code(), text(stdout), text(stderr))
+        let args: Vec<&str> = line.split(' ').collect();
+        let Ended { code, out, err } = run_in(self.0.path(), &args);
+        (code, out, err)
     }
 
     /// The output of a command that succeeds.
@@ -176,10 +168,7 @@ fn blobs_that_are_too_small_or_outside_the_region_are_omitted() {
     assert_eq!(count("--min-pixels 3000"), 1);
     assert_eq!(count("--min-pixels 30000"), 0);
     let error = workspace.refused("blobs ahead.jpg --colour red --roi 400,0,10,10");
-    assert!(
-        error.contains("ahead.jpg") && error.contains("320x240"),
-        "{error}"
-    );
+    assert_contains(&error, &["ahead.jpg", "320x240"]);
 }
 
 #[test]
@@ -205,10 +194,7 @@ fn no_more_blobs_than_requested_are_shown_and_a_note_says_so() {
     let workspace = Workspace::new();
     let (code, table, note) = workspace.spykee("blobs ahead.jpg --colour red,blue --max-blobs 1");
     assert_eq!((code, table.lines().count()), (Some(0), 2), "{table}");
-    assert!(
-        note.contains("ahead.jpg") && note.contains("--max-blobs"),
-        "{note}"
-    );
+    assert_contains(&note, &["ahead.jpg", "--max-blobs"]);
 }
 
 #[test]
@@ -234,16 +220,13 @@ fn an_unknown_colour_is_refused_with_the_nearest_and_all_known_ones() {
     let workspace = Workspace::new();
     workspace.put("spykee.yaml", b"colours: { sock: { h: [270, 310] } }\n");
     let error = workspace.refused("blobs ahead.jpg --colour gren");
-    assert!(
-        error.contains("'gren'") && error.contains("'green'"),
-        "{error}"
-    );
+    assert_contains(&error, &["'gren'", "'green'"]);
     assert!(
         Colour::NAMES.iter().all(|name| error.contains(name)),
         "{error}"
     );
     let error = workspace.refused("blobs ahead.jpg --colour sok --config spykee.yaml");
-    assert!(error.contains("did you mean 'sock'"), "{error}");
+    assert_contains(&error, &["did you mean 'sock'"]);
 }
 
 #[test]
@@ -287,7 +270,7 @@ fn every_kind_of_jpeg_is_read() {
     }
     let grey = fixture("ball-grey.jpg");
     let table = workspace.done(&format!("blobs {} --colour red", grey.display()));
-    assert!(table.contains("none"), "{table}");
+    assert_contains(&table, &["none"]);
 }
 
 fn png(path: &Path) -> image::RgbImage {
@@ -351,15 +334,12 @@ fn several_marked_copies_go_into_a_folder_and_a_single_output_file_is_refused() 
         ["ahead-2-blobs.png", "ahead-blobs.png", "back-blobs.png"]
     );
     let error = workspace.refused("blobs ahead.jpg back.jpg --colour red --annotate out.png");
-    assert!(
-        error.contains("out.png") && error.contains("folder"),
-        "{error}"
-    );
+    assert_contains(&error, &["out.png", "folder"]);
     let error = workspace.refused("blobs ahead.jpg --colour red --annotate ahead.jpg");
-    assert!(error.contains(".png"), "{error}");
+    assert_contains(&error, &[".png"]);
     assert!(!workspace.path("out.png").exists());
     let help = workspace.done("blobs --help");
-    assert!(help.contains("for several pictures a folder"), "{help}");
+    assert_contains(&help, &["for several pictures a folder"]);
 }
 
 #[test]
@@ -368,10 +348,7 @@ fn a_learned_colour_pasted_into_a_config_finds_the_object() {
     let yaml = workspace.done(&format!("learn ahead.jpg --roi {IN_BALL} --name ball"));
     let config = Config::parse(&yaml, "learned").unwrap();
     assert!(config.colours.contains_key("ball"), "{yaml}");
-    assert!(
-        yaml.contains("very good") && yaml.contains("ahead.jpg"),
-        "{yaml}"
-    );
+    assert_contains(&yaml, &["very good", "ahead.jpg"]);
     workspace.put("spykee.yaml", yaml.as_bytes());
     let found = workspace.json("blobs ahead.jpg --colour ball --config spykee.yaml --json");
     let blobs = found[0]["blobs"].as_array().unwrap();
@@ -428,18 +405,12 @@ fn learn_reports_what_the_colour_finds_inside_and_outside_the_region() {
 fn grey_and_mixed_regions_are_refused_with_advice() {
     let workspace = Workspace::new();
     let grey = workspace.refused(&format!("learn ahead.jpg --roi {ON_WALL}"));
-    assert!(
-        grey.contains("too grey") && grey.contains("  help: "),
-        "{grey}"
-    );
+    assert_contains(&grey, &["too grey", "  help: "]);
     // The red ball ahead and the green one behind are in the same region.
     workspace.put("left.jpg", &shot(BACK + 0.24, 0.9));
     let mixed = "learn ahead.jpg left.jpg --roi 75,135,30,25";
     let error = workspace.refused(mixed);
-    assert!(
-        error.contains("too mixed") && error.contains("  help: "),
-        "{error}"
-    );
+    assert_contains(&error, &["too mixed", "  help: "]);
     let (code, out, _) = workspace.spykee(&format!("{mixed} --json"));
     let refused: Value = serde_json::from_str(&out).unwrap();
     assert_eq!(
@@ -467,12 +438,9 @@ fn learning_continues_without_unusable_pictures() {
         Config::parse(&yaml, "learned").is_ok() && yaml.contains("thing:"),
         "{yaml}"
     );
-    assert!(
-        error.contains("text.jpg") && error.contains("not a JPEG"),
-        "{error}"
-    );
+    assert_contains(&error, &["text.jpg", "not a JPEG"]);
     let error = workspace.refused("learn ahead.jpg --roi 320,0,10,10");
-    assert!(error.contains("outside ahead.jpg"), "{error}");
+    assert_contains(&error, &["outside ahead.jpg"]);
 }
 
 #[test]

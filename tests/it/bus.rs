@@ -2,26 +2,13 @@
 
 use std::time::Duration;
 
-use spykee::agent::{Behaviour, Bus, BusMessage, Listener, Occurrence};
-use spykee::behaviour::{Launch, Library, RestartPolicy};
+use spykee::agent::{Bus, BusMessage, Listener, Occurrence};
 use spykee::lab::{self, Lab};
-use spykee::robot::{DockEnd, EndReason, Priority, WatchdogState};
+use spykee::robot::{DockEnd, EndReason, WatchdogState};
 use spykee::script;
 use spykee::sim::World;
 
-fn behaviour(name: &str, source: &str) -> Behaviour {
-    Behaviour {
-        priority: Priority(0),
-        launch: Launch {
-            source: source.into(),
-            options: script::Options::new(name, format!("{name}.lua")),
-            library: Library::default(),
-        },
-        checked: false,
-        restart: RestartPolicy::Never,
-        reloads: None,
-    }
-}
+use crate::long_runs::behaviour;
 
 /// All events that have arrived so far.
 fn all(listener: &mut Listener) -> Vec<Occurrence> {
@@ -40,7 +27,8 @@ fn play(source: &str, work: impl AsyncFnOnce(&Lab) + Send) -> Vec<Occurrence> {
         bus,
         ..lab::Options::default()
     };
-    let behaviours = vec![behaviour("one", source)];
+    let one = script::Options::new("one", "one.lua");
+    let behaviours = vec![behaviour(source, one)];
     lab::run(World::default_world(), options, async |lab: &Lab| {
         let run = lab.start(behaviours, Some(Duration::from_secs(600)));
         work(lab).await;

@@ -6,7 +6,7 @@ use std::io::{Read, Write};
 
 use spykee::sim::{FULL_SPEED, Firmware, TRACK_WIDTH};
 
-use crate::rig::{QUIET_WORLD, Rig, Run};
+use crate::rig::{QUIET_WORLD, Rig, Run, assert_contains};
 use crate::terminal::Terminal;
 
 fn number(text: &str, key: &str) -> f64 {
@@ -76,7 +76,7 @@ async fn nothing_is_measured_on_the_station_or_with_a_low_battery() {
         let rig = Rig::new(&world, Firmware::default()).await;
         let mut run = rig.spykee(&["calibrate", "--robot", &rig.address]);
         assert_eq!(run.code().await, Some(code), "{}", run.text());
-        assert!(run.text().contains(why), "{}", run.text());
+        assert_contains(&run.text(), &[why]);
     }
 }
 

@@ -1,35 +1,26 @@
 //! `spykee check`, `spykee api`, and the check before a run, from the command line.
 
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
 
-use crate::rig::Rig;
+use crate::rig::{Ended, Rig, assert_contains, command, run_in};
 
-fn spykee(args: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
-    command.args(args).stdin(Stdio::null());
-    command.env_remove("NO_COLOR").env_remove("RUST_LOG");
-    command.current_dir(env!("CARGO_MANIFEST_DIR"));
-    command.output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
+fn spykee(args: &[&str]) -> Ended {
+    run_in(Path::new(env!("CARGO_MANIFEST_DIR")), args)
 }
 
 #[test]
 fn a_finding_shows_place_message_line_and_caret() {
     let output = spykee(&["check", "tests/broken/too_much_power.lua"]);
-    assert_eq!(output.status.code(), Some(4));
+    assert_eq!(output.code, Some(4));
     let expected = "tests/broken/too_much_power.lua:3:12: error: robot.move: left must be between -100 and 100, got 140\n\
                     3 | robot.move(140, 100)\n  |            ^^^\n\n1 error\n";
-    assert_eq!(text(&output.stdout), expected);
+    assert_eq!(output.out, expected);
 }
 
 #[test]
 fn ready_made_behaviours_and_the_scripts_of_the_readme_are_clean() {
     let output = spykee(&["check", "behaviours"]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+    assert_eq!(output.code, Some(0), "{}", output.out);
     let folder = tempfile::tempdir().unwrap();
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let readme = std::fs::read_to_string(root.join("README.md")).unwrap();
@@ -43,22 +34,22 @@ fn ready_made_behaviours_and_the_scripts_of_the_readme_are_clean() {
         std::fs::write(folder.path().join(format!("{number}.lua")), block).unwrap();
     }
     let output = spykee(&["check", folder.path().to_str().unwrap()]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+    assert_eq!(output.code, Some(0), "{}", output.out);
 }
 
 #[test]
 fn findings_are_printed_as_json_too_and_unreadable_files_end_with_2() {
     let output = spykee(&["check", "--json", "tests/broken/typo_in_a_call.lua"]);
-    assert_eq!(output.status.code(), Some(4));
-    let findings: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(output.code, Some(4));
+    let findings: serde_json::Value = output.json();
     let finding = &findings[0];
     assert_eq!(finding["line"], 3);
     assert_eq!(finding["column"], 7);
     assert_eq!(finding["severity"], "error");
     let output = spykee(&["check", "no/such/file.lua"]);
-    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(output.code, Some(2));
     let output = spykee(&["check", "tests/hostile"]);
-    assert_eq!(output.status.code(), Some(4));
+    assert_eq!(output.code, Some(4));
 }
 
 /// Writes a file into a folder and returns its path.
@@ -77,9 +68,9 @@ fn the_colours_of_the_config_are_known() {
         "robot.on('frame', function(frame) print(#frame:find_blobs('sock')) end)",
     );
     let config = file("spykee.yaml", "colours: { sock: { h: [270, 310] } }");
-    assert_eq!(spykee(&["check", &script]).status.code(), Some(4));
+    assert_eq!(spykee(&["check", &script]).code, Some(4));
     let output = spykee(&["check", &script, "--config", &config]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+    assert_eq!(output.code, Some(0), "{}", output.out);
 }
 
 #[test]
@@ -95,18 +86,14 @@ fn params_of_the_config_are_checked_against_the_declarations_of_the_script() {
         "behaviours: [ { file: a.lua, params: { speed: 50 } } ]",
     );
     let output = spykee(&["check", &script, "--config", &good]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+    assert_eq!(output.code, Some(0), "{}", output.out);
     let bad = file(
         "bad.yaml",
         "behaviours: [ { file: a.lua, params: { sped: 50 } } ]",
     );
     let output = spykee(&["check", &script, "--config", &bad]);
-    assert_eq!(output.status.code(), Some(4), "{}", text(&output.stdout));
-    assert!(
-        text(&output.stdout).contains("did you mean 'speed'?"),
-        "{}",
-        text(&output.stdout)
-    );
+    assert_eq!(output.code, Some(4), "{}", output.out);
+    assert_contains(&output.out, &["did you mean 'speed'?"]);
 }
 
 #[test]
@@ -121,10 +108,7 @@ fn required_modules_are_checked_once_each_under_their_own_names() {
     file("lib/a.lua", "require('./b')\nrobot.moev(1, 1)\nreturn {}\n");
     file("lib/b.luau", "require('../main')\nlocal x = = 3\n");
     let found = |args: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
-        command.arg("check").args(args).current_dir(folder.path());
-        let output = command.stdin(Stdio::null()).output().unwrap();
-        let text = text(&output.stdout);
+        let text = run_in(folder.path(), &[&["check"], args].concat()).out;
         let lines = text.lines().filter(|line| line.contains("error"));
         lines.map(str::to_owned).collect::<Vec<_>>()
     };
@@ -144,12 +128,9 @@ fn a_module_that_cannot_be_loaded_is_reported_where_it_is_required() {
     std::fs::write(&main, "print(require('./link'))\n").unwrap();
     std::os::unix::fs::symlink("main.lua", folder.path().join("link.lua")).unwrap();
     let output = spykee(&["check", main.to_str().unwrap()]);
-    assert_eq!(output.status.code(), Some(4));
-    let text = text(&output.stdout);
-    assert!(
-        text.contains("main.lua:1:15: error: ") && text.contains("link"),
-        "{text}"
-    );
+    assert_eq!(output.code, Some(4));
+    let text = output.out;
+    assert_contains(&text, &["main.lua:1:15: error: ", "link"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -164,7 +145,7 @@ async fn an_error_in_a_module_shows_that_modules_line() {
     assert_eq!(run.code().await, Some(1), "{}", run.text());
     let said = run.text();
     for words in ["lib/far.lua:2: ", "2 | \treturn goal.x + 1", "^^^^"] {
-        assert!(said.contains(words), "{said}");
+        assert_contains(&said, &[words]);
     }
     assert!(!said.contains("attempt to"), "{said}");
 }
@@ -185,16 +166,12 @@ async fn a_run_refuses_a_faulty_script_before_it_connects_to_the_robot() {
         "2 | robot.moev(50, 50)",
         "--no-check",
     ] {
-        assert!(said.contains(words), "{said}");
+        assert_contains(&said, &[words]);
     }
     assert!(rig.commands(0).is_empty(), "{:?}", rig.commands(0));
     let mut run = rig.spykee(&["run", script, "--robot", &rig.address, "--no-check"]);
     assert_eq!(run.code().await, Some(1), "{}", run.text());
-    assert!(
-        run.text().contains("robot.moev does not exist"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["robot.moev does not exist"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -208,24 +185,24 @@ async fn a_failed_run_shows_the_line_with_a_caret() {
         "3 | print(left + 1)",
         "^^^^",
     ] {
-        assert!(said.contains(words), "{said}");
+        assert_contains(&said, &[words]);
     }
     assert!(!said.contains("attempt to"), "{said}");
 }
 
 #[test]
 fn the_api_is_shown_in_full_and_by_name() {
-    let whole = text(&spykee(&["api"]).stdout);
+    let whole = command(&["api"]).out;
     for words in [
         "robot.move(left, right [, seconds])",
         "Frame:find_blobs(colour [, options])",
         "battery_low",
     ] {
-        assert!(whole.contains(words), "{whole}");
+        assert_contains(&whole, &[words]);
     }
-    let one = text(&spykee(&["api", "robot.move"]).stdout);
+    let one = command(&["api", "robot.move"]).out;
     for words in ["power of the left track", "between -100 and 100", "example"] {
-        assert!(one.contains(words), "{one}");
+        assert_contains(&one, &[words]);
     }
     for (name, words) in [
         ("bt", "bt.sequence(node, ...)"),
@@ -233,13 +210,12 @@ fn the_api_is_shown_in_full_and_by_name() {
         ("events", "battery_low"),
         ("sim", "sim:wait_until(fn, seconds)"),
     ] {
-        let page = text(&spykee(&["api", name]).stdout);
+        let page = command(&["api", name]).out;
         assert!(page.contains(words), "{name}: {page}");
     }
-    let output = spykee(&["api", "robot.mvoe"]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("did you mean 'robot.move'?"));
-    let all: serde_json::Value =
-        serde_json::from_slice(&spykee(&["api", "--json"]).stdout).unwrap();
+    let output = command(&["api", "robot.mvoe"]);
+    assert_eq!(output.code, Some(2));
+    assert!(output.err.contains("did you mean 'robot.move'?"));
+    let all = command(&["api", "--json"]).json();
     assert!(all["functions"].as_array().unwrap().len() > 50);
 }

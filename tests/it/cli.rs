@@ -2,29 +2,13 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
-use std::process::{Child, ChildStderr, ChildStdout, Command, Output, Stdio};
+use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
 use std::time::Duration;
 
 use spykee::link;
 use spykee::wire::{Command as Said, Login};
 
-/// The command, without variables of this machine's environment that change its behaviour.
-fn spykee(args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
-    for variable in ["RUST_LOG", "NO_COLOR", "SPYKEE_PASSWORD", "RUST_BACKTRACE"] {
-        command.env_remove(variable);
-    }
-    command.args(args).stdin(Stdio::null());
-    command
-}
-
-fn run(args: &[&str]) -> Output {
-    spykee(args).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
-}
+use crate::rig::{assert_contains, command, program, run_in};
 
 /// A `spykee sim` on a free port; killed at the end of the test.
 struct Sim {
@@ -35,7 +19,7 @@ struct Sim {
 
 impl Sim {
     fn start(args: &[&str], change: impl FnOnce(&mut Command)) -> Sim {
-        let mut command = spykee(&[&["sim", "--listen", "127.0.0.1:0"], args].concat());
+        let mut command = program(&[&["sim", "--listen", "127.0.0.1:0"], args].concat());
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         change(&mut command);
         let mut child = command.spawn().unwrap();
@@ -88,39 +72,39 @@ impl Drop for Sim {
 
 #[test]
 fn help_names_every_subcommand_and_succeeds() {
-    let output = run(&["--help"]);
-    assert_eq!(output.status.code(), Some(0));
-    let help = text(&output.stdout);
+    let output = command(&["--help"]);
+    assert_eq!(output.code, Some(0));
+    let help = output.out;
     for word in ["sim", "discover", "--log-format"] {
-        assert!(help.contains(word), "{help}");
+        assert_contains(&help, &[word]);
     }
 }
 
 #[test]
 fn a_command_also_prints_its_help() {
-    let output = run(&["help", "run"]);
-    assert_eq!(output.status.code(), Some(0));
+    let output = command(&["help", "run"]);
+    assert_eq!(output.code, Some(0));
     assert_eq!(
-        text(&output.stdout),
-        text(&run(&["run", "--help"]).stdout),
+        output.out,
+        command(&["run", "--help"]).out,
         "`spykee help run` is `spykee run --help`"
     );
 }
 
 #[test]
 fn only_commands_that_work_through_a_service_accept_its_address() {
-    for command in ["calibrate", "robot log", "robot config", "robot wifi"] {
-        let words = command.split(' ').chain(["--url", "http://127.0.0.1:1"]);
-        let output = run(&words.collect::<Vec<&str>>());
-        assert_eq!(output.status.code(), Some(2), "{command}");
-        let told = text(&output.stderr);
+    for name in ["calibrate", "robot log", "robot config", "robot wifi"] {
+        let words = name.split(' ').chain(["--url", "http://127.0.0.1:1"]);
+        let output = command(&words.collect::<Vec<&str>>());
+        assert_eq!(output.code, Some(2), "{name}");
+        let told = output.err;
         assert!(
             told.contains("unexpected argument '--url'"),
-            "{command}: {told}"
+            "{name}: {told}"
         );
     }
-    let help = text(&run(&["robot", "battery", "--help"]).stdout);
-    assert!(help.contains("--url"), "{help}");
+    let help = command(&["robot", "battery", "--help"]).out;
+    assert_contains(&help, &["--url"]);
 }
 
 #[test]
@@ -135,12 +119,9 @@ fn an_invalid_command_line_ends_with_2_on_stderr() {
         &["sim", "--listen", "9000"],
         &["discover", "--log-format", "xml"],
     ] {
-        let output = run(args);
-        assert_eq!(output.status.code(), Some(2), "{args:?}");
-        assert!(
-            output.stdout.is_empty() && !output.stderr.is_empty(),
-            "{args:?}"
-        );
+        let output = command(args);
+        assert_eq!(output.code, Some(2), "{args:?}");
+        assert!(output.out.is_empty() && !output.err.is_empty(), "{args:?}");
     }
 }
 
@@ -149,33 +130,30 @@ fn discover_without_a_result_gives_advice_and_ends_with_3() {
     // A port that is bound and does not answer.
     let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
     let address = silent.local_addr().unwrap().to_string();
-    let output = run(&["discover", "--timeout", "0.2", "--ask", &address]);
-    assert_eq!(output.status.code(), Some(3));
-    let error = text(&output.stderr);
+    let output = command(&["discover", "--timeout", "0.2", "--ask", &address]);
+    assert_eq!(output.code, Some(3));
+    let error = output.err;
     assert!(
         error.starts_with("error: no robot answered\n  help: "),
         "{error}"
     );
     assert!(!error.contains('\x1b'), "{error}");
-    let output = run(&["discover", "--timeout", "0.2", "--json", "--ask", &address]);
-    assert_eq!(
-        (output.status.code(), text(&output.stdout).as_str()),
-        (Some(3), "[]\n")
-    );
+    let output = command(&["discover", "--timeout", "0.2", "--json", "--ask", &address]);
+    assert_eq!((output.code, output.out.as_str()), (Some(3), "[]\n"));
 }
 
 #[test]
 fn discover_finds_a_simulator_and_its_connected_user() {
     let sim = Sim::start(&["--user", "anna"], |_| ());
     let session = sim.log_in("anna", "admin").unwrap();
-    let output = run(&["discover", "--timeout", "0.5", "--ask", &sim.address]);
-    assert_eq!(output.status.code(), Some(0));
-    let table = text(&output.stdout);
+    let output = command(&["discover", "--timeout", "0.5", "--ask", &sim.address]);
+    assert_eq!(output.code, Some(0));
+    let table = output.out;
     let row = table.lines().nth(1).unwrap();
     for word in ["SPYKEE0001", &sim.address, "anna"] {
         assert!(row.contains(word), "{table}");
     }
-    let output = run(&[
+    let output = command(&[
         "discover",
         "--timeout",
         "0.5",
@@ -183,7 +161,7 @@ fn discover_finds_a_simulator_and_its_connected_user() {
         "--ask",
         &sim.address,
     ]);
-    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let json = output.json();
     let expected = serde_json::json!([
         { "addr": sim.address, "uid": "SPYKEE0001", "connected_user": "anna" }
     ]);
@@ -194,7 +172,7 @@ fn discover_finds_a_simulator_and_its_connected_user() {
 #[test]
 fn a_reader_that_closes_the_pipe_is_not_a_failure() {
     let sim = Sim::start(&[], |_| ());
-    let mut command = spykee(&["discover", "--timeout", "0.3", "--ask", &sim.address]);
+    let mut command = program(&["discover", "--timeout", "0.3", "--ask", &sim.address]);
     let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
     drop(child.stdout.take());
     assert_eq!(child.wait().unwrap().code(), Some(0));
@@ -208,19 +186,16 @@ fn the_simulator_ends_on_a_signal_with_130() {
         assert_eq!(sim.code(), Some(130));
         let mut rest = String::new();
         sim.stdout.read_to_string(&mut rest).unwrap();
-        assert!(
-            rest.contains("--robot") && rest.contains("Ctrl-C"),
-            "{rest}"
-        );
+        assert_contains(&rest, &["--robot", "Ctrl-C"]);
     }
 }
 
 #[test]
 fn a_port_in_use_is_named_with_advice() {
     let sim = Sim::start(&[], |_| ());
-    let output = run(&["sim", "--listen", &sim.address]);
-    assert_eq!(output.status.code(), Some(2));
-    let error = text(&output.stderr);
+    let output = run_in(Path::new("."), &["sim", "--listen", &sim.address]);
+    assert_eq!(output.code, Some(2));
+    let error = output.err;
     assert!(
         error.contains(&sim.address) && error.contains("  help: "),
         "{error}"
@@ -234,10 +209,10 @@ fn an_invalid_world_is_named_with_line_and_column() {
     let broken = folder.path().join("broken.yaml");
     std::fs::write(&broken, "room:\n  width: wide\n").unwrap();
     for (path, expected) in [(&missing, "none.yaml"), (&broken, "broken.yaml:2:")] {
-        let output = run(&["sim", path.to_str().unwrap()]);
-        assert_eq!(output.status.code(), Some(2));
-        let error = text(&output.stderr);
-        assert!(error.contains(expected), "{error}");
+        let output = command(&["sim", path.to_str().unwrap()]);
+        assert_eq!(output.code, Some(2));
+        let error = output.err;
+        assert_contains(&error, &[expected]);
     }
 }
 
@@ -281,8 +256,8 @@ fn the_password_comes_from_a_file_or_the_environment_and_is_never_shown() {
 
 #[test]
 fn no_flag_takes_the_password_itself() {
-    let output = run(&["sim", "--password", "x"]);
-    assert_eq!(output.status.code(), Some(2));
+    let output = command(&["sim", "--password", "x"]);
+    assert_eq!(output.code, Some(2));
 }
 
 #[test]
@@ -293,7 +268,7 @@ fn a_password_file_that_others_can_read_causes_a_warning() {
     sim.signal(rustix::process::Signal::INT);
     let mut log = String::new();
     sim.stderr().read_to_string(&mut log).unwrap();
-    assert!(log.contains("WARN") && log.contains("chmod 600"), "{log}");
+    assert_contains(&log, &["WARN", "chmod 600"]);
     assert!(!log.contains("s3cret"), "{log}");
 }
 
@@ -303,9 +278,9 @@ fn an_unusable_password_is_refused_without_being_shown() {
     let long = "x".repeat(300);
     for content in ["", "\ns3cret", "p\u{20ac}ss", &long] {
         let file = password_file(folder.path(), content, 0o600);
-        let output = run(&["sim", "--listen", "127.0.0.1:0", "--password-file", &file]);
-        assert_eq!(output.status.code(), Some(2), "{content}");
-        let error = text(&output.stderr);
+        let output = command(&["sim", "--listen", "127.0.0.1:0", "--password-file", &file]);
+        assert_eq!(output.code, Some(2), "{content}");
+        let error = output.err;
         assert!(error.starts_with("error: "), "{error}");
         assert!(
             content.trim().is_empty() || !error.contains(content.trim()),
@@ -316,10 +291,10 @@ fn an_unusable_password_is_refused_without_being_shown() {
 
 #[test]
 fn json_logs_have_one_object_per_line_also_for_errors() {
-    let output = run(&["sim", "none.yaml", "--log-format", "json"]);
-    assert_eq!(output.status.code(), Some(2));
+    let output = command(&["sim", "none.yaml", "--log-format", "json"]);
+    assert_eq!(output.code, Some(2));
     let mut levels = Vec::new();
-    for line in text(&output.stderr).lines() {
+    for line in output.err.lines() {
         let value: serde_json::Value = serde_json::from_str(line).unwrap();
         levels.push(value["level"].as_str().unwrap().to_owned());
         for key in ["timestamp", "level", "message", "target"] {
@@ -338,7 +313,7 @@ fn an_invalid_rust_log_is_reported_and_ignored() {
     assert_eq!(sim.code(), Some(130));
     let mut log = String::new();
     sim.stderr().read_to_string(&mut log).unwrap();
-    assert!(log.contains("RUST_LOG is ignored"), "{log}");
+    assert_contains(&log, &["RUST_LOG is ignored"]);
 }
 
 /// The capacity of a pipe: beyond it, writing blocks.
@@ -388,9 +363,9 @@ fn place(script: &str, config: &str) -> tempfile::TempDir {
 
 fn logs_of(folder: &tempfile::TempDir, args: &[&str]) -> String {
     let args = [&["run", "lights.lua", "--sim"], args].concat();
-    let output = spykee(&args).current_dir(folder.path()).output().unwrap();
-    let said = text(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{said}");
+    let output = run_in(folder.path(), &args);
+    let said = output.err;
+    assert_eq!(output.code, Some(0), "{said}");
     said
 }
 
@@ -410,7 +385,7 @@ fn lights_and_sounds_of_a_simulated_robot_are_in_its_log_and_the_seed_is_not() {
         assert!(!said.contains("seed"), "{said}");
     }
     let said = logs_of(&folder, &["--log-format", "json"]);
-    assert!(said.contains("\"seed\":"), "{said}");
+    assert_contains(&said, &["\"seed\":"]);
 }
 
 #[test]
@@ -444,14 +419,14 @@ fn the_yaml_of_a_world_is_printed_for_changes() {
         (&["hall"][..], "# Two rooms"),
         (&[], "# The built-in world"),
     ] {
-        let output = run(&[&["world", "show", "--yaml"], args].concat());
-        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-        let yaml = text(&output.stdout);
+        let output = command(&[&["world", "show", "--yaml"], args].concat());
+        assert_eq!(output.code, Some(0), "{}", output.err);
+        let yaml = output.out;
         assert!(yaml.starts_with(first), "{yaml}");
         spykee::sim::World::from_yaml(&yaml, "printed").unwrap();
     }
-    let unknown = run(&["world", "show", "haal", "--yaml"]);
-    assert_eq!(unknown.status.code(), Some(2), "{}", text(&unknown.stderr));
+    let unknown = command(&["world", "show", "haal", "--yaml"]);
+    assert_eq!(unknown.code, Some(2), "{}", unknown.err);
 }
 
 #[test]
@@ -469,7 +444,7 @@ fn a_start_inside_furniture_is_refused() {
 #[test]
 fn shells_complete_worlds_lessons_and_names_of_the_api() {
     for shell in ["bash", "zsh", "fish"] {
-        let script = text(&run(&["completions", shell]).stdout);
+        let script = command(&["completions", shell]).out;
         for names in ["living_room", "line_loop", "patrol-and-dock", "robot.move"] {
             assert!(script.contains(names), "{shell}: {names}");
         }
@@ -477,6 +452,6 @@ fn shells_complete_worlds_lessons_and_names_of_the_api() {
         assert!(script.contains("spykee behaviour list --names"), "{shell}");
         assert!(!script.contains("__spykee_behaviours"), "{shell}");
     }
-    let help = text(&run(&["run", "--help"]).stdout);
+    let help = command(&["run", "--help"]).out;
     assert!(!help.contains("line_loop"), "{help}");
 }

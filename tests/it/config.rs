@@ -6,7 +6,7 @@ use std::process::Command as Process;
 
 use spykee::wire::{Command, Stream};
 
-use crate::rig::Rig;
+use crate::rig::{Rig, assert_contains};
 
 #[tokio::test]
 async fn a_config_in_the_current_folder_is_used_and_named_in_the_log() {
@@ -19,10 +19,7 @@ async fn a_config_in_the_current_folder_is_used_and_named_in_the_log() {
     let mut run = rig.spykee(&["run"]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let text = run.text();
-    assert!(
-        text.contains("settings from spykee.yaml") && text.contains("from the config"),
-        "{text}"
-    );
+    assert_contains(&text, &["settings from spykee.yaml", "from the config"]);
 }
 
 #[tokio::test]
@@ -167,7 +164,7 @@ async fn streams_have_origins_and_refuse_unknown_values() {
     rig.file("spykee.yaml", "streams: { video: sometimes }\n");
     let mut run = rig.spykee(&["config", "check"]);
     assert_eq!(run.code().await, Some(4));
-    assert!(run.text().contains("`on`, `auto`, `off`"), "{}", run.text());
+    assert_contains(&run.text(), &["`on`, `auto`, `off`"]);
 }
 
 #[tokio::test]

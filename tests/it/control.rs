@@ -8,7 +8,7 @@ use spykee::sim::Firmware;
 use spykee::wire::{Command, Engage, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, moves, run_spykee};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, docked, moves, run_spykee};
 
 const DRIVE: &str = "while true do robot.move(30, 30, 0.5) end";
 const IDLE: &str = "task.wait(600)";
@@ -45,7 +45,7 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
     );
     let (code, text) = run_spykee(&rig, &["status"]).await;
     assert_eq!(code, Some(0));
-    assert!(text.contains("90 %") && text.contains("script"), "{text}");
+    assert_contains(&text, &["90 %", "script"]);
     // A volume that the robot already has is not sent again.
     for (robot, (volume, told)) in [
         (&["--robot", &*rig.address][..], ("30", 30)),
@@ -53,7 +53,8 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
     ] {
         let ask = |args: &[&'static str]| [&["robot"], args, robot].concat();
         let (code, text) = run_spykee(&rig, &ask(&["battery"])).await;
-        assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
+        assert_eq!(code, Some(0), "{text}");
+        assert_contains(&text, &["90 %"]);
         let (code, text) = run_spykee(&rig, &ask(&["battery", "--json"])).await;
         assert_eq!((code, json(&text)["percent"].as_u64()), (Some(0), Some(90)));
         assert!(json(&text).get("minutes_left").is_some(), "{text}");
@@ -86,11 +87,8 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
     let (code, text) = run_spykee(&rig, &["robot", "undock"]).await;
     assert_eq!(code, Some(0), "{text}");
     let (code, text) = run_spykee(&rig, &["robot", "log", "--robot", &rig.address]).await;
-    assert_eq!(
-        (code, text.contains("a run uses the robot")),
-        (Some(3), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(3), "{text}");
+    assert_contains(&text, &["a run uses the robot"]);
     assert_eq!(rig.sim.state().user, user, "the run has lost its link");
     assert!(
         run.text().matches("connected").count() == 1,
@@ -127,11 +125,8 @@ async fn a_sound_file_is_played_through_a_run_and_without_one() {
     assert_eq!(spoken(from), 32_000);
     rig.file("no.wav", "RIFF");
     let (code, text) = run_spykee(&rig, &["robot", "say", "no.wav"]).await;
-    assert_eq!(
-        (code, text.contains("not a WAV file")),
-        (Some(2), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(2), "{text}");
+    assert_contains(&text, &["not a WAV file"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -140,21 +135,15 @@ async fn stop_stops_what_a_run_drives_and_ends_the_run() {
     let mut run = running(&rig, DRIVE).await;
     let moving = rig.heard_motion(0).await;
     let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
-    assert_eq!(
-        (code, text.contains("has acknowledged it")),
-        (Some(0), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["has acknowledged it"]);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
     let stopped = rig.heard_stop(moving).await;
     assert!(!rig.commands(stopped).iter().any(moves));
     assert!(!rig.sim.state().moving());
     let (code, text) = run_spykee(&rig, &["status"]).await;
-    assert_eq!(
-        (code, text.contains("no run is active")),
-        (Some(0), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["no run is active"]);
     let sockets = rig.folder().join("spykee-data/.run");
     assert!(!sockets.exists(), "the folder of the sockets is left");
 }
@@ -204,11 +193,8 @@ async fn stop_overrides_the_watchdogs_search_and_reports_the_low_battery() {
     rig.sim.set_battery(12.0);
     rig.heard_dock(0).await;
     let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
-    assert_eq!(
-        (code, text.contains("the battery is low")),
-        (Some(0), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["the battery is low"]);
     assert_eq!(run.code().await, Some(5), "{}", run.text());
     let tracks = |command: &Command| matches!(command, Command::Move { .. } | Command::Engine(_));
     let last = rig.commands(0).into_iter().rfind(tracks);
@@ -218,7 +204,7 @@ async fn stop_overrides_the_watchdogs_search_and_reports_the_low_battery() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn docking_by_a_person_has_the_highest_priority_and_ends_with_the_request() {
-    let rig = Rig::quiet().await;
+    let rig = Rig::near_home().await;
     let run = running(&rig, DRIVE).await;
     rig.heard_motion(0).await;
     rig.sim.hide_station(true);
@@ -239,9 +225,7 @@ async fn docking_by_a_person_has_the_highest_priority_and_ends_with_the_request(
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_run_with_a_low_robot_refuses_to_undock() {
-    let world = QUIET_WORLD
-        .replace("start: { at: [4, 4], heading_degrees: 90 }", "")
-        .replace("level: 90", "level: 12");
+    let world = docked().replace("level: 90", "level: 12");
     let rig = Rig::new(&world, Firmware::default()).await;
     let _run = running(&rig, IDLE).await;
     let (code, text) = run_spykee(&rig, &["robot", "undock"]).await;
@@ -266,7 +250,8 @@ async fn the_socket_of_a_killed_run_disturbs_nothing() {
     let free = rig.sim.wait_state(|state| state.user.is_none());
     timeout(WAIT_LIMIT, free).await.unwrap();
     let (code, text) = run_spykee(&rig, &["robot", "battery", "--robot", &rig.address]).await;
-    assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["90 %"]);
     let _run = running(&rig, IDLE).await;
     assert!(!socket.exists());
 }
@@ -320,17 +305,16 @@ async fn a_simulated_run_accepts_requests_and_two_runs_must_be_told_apart() {
     let mut first = home.spykee(&["run", "script.lua", "--sim", "world.yaml"]);
     first.says("connected").await;
     let (code, text) = run_spykee(&home, &["robot", "battery"]).await;
-    assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["90 %"]);
     let second = home.spykee(&["run", "script.lua", "--robot", &home.address]);
     second.says("connected").await;
     let (code, text) = run_spykee(&home, &["robot", "battery"]).await;
-    assert_eq!(
-        (code, text.contains("several runs")),
-        (Some(2), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(2), "{text}");
+    assert_contains(&text, &["several runs"]);
     let (code, text) = run_spykee(&home, &["robot", "battery", "--robot", &home.address]).await;
-    assert_eq!((code, text.contains("90 %")), (Some(0), true), "{text}");
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["90 %"]);
     drop(second);
     let (code, text) = run_spykee(&home, &["robot", "stop"]).await;
     assert_eq!(code, Some(0), "{text}");

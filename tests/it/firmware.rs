@@ -2,14 +2,13 @@
 //! `tests/firmware/`.
 
 use std::path::{Path, PathBuf};
-use std::process::Command as Process;
 
 use spykee::sim::Firmware;
 use spykee::wire::Command;
 use tokio::time::timeout;
 
 use super::sim::*;
-use crate::rig::Rig;
+use crate::rig::{Rig, assert_contains, run_in, sized};
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/firmware")
@@ -39,17 +38,18 @@ fn safety_promises_hold_with_every_firmware() {
     let data = tempfile::tempdir().unwrap();
     let mut failed = Vec::new();
     for firmware in [None].into_iter().chain(matrix().iter().map(Some)) {
-        let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
-        process.arg("test").arg(&scenarios).current_dir(data.path());
-        process.args(["--seeds", "2"]);
+        let mut args = vec![
+            "test",
+            scenarios.to_str().unwrap(),
+            "--seeds",
+            sized("1", "2"),
+        ];
         if let Some(file) = firmware {
-            process.arg("--firmware").arg(file);
+            args.extend(["--firmware", file.to_str().unwrap()]);
         }
-        let output = process.output().unwrap();
-        if !output.status.success() {
-            let text = String::from_utf8_lossy(&output.stdout).into_owned();
-            let errors = String::from_utf8_lossy(&output.stderr).into_owned();
-            failed.push(format!("{firmware:?}:\n{text}{errors}"));
+        let played = run_in(data.path(), &args);
+        if played.code != Some(0) {
+            failed.push(format!("{firmware:?}:\n{}", played.text()));
         }
     }
     assert!(matrix().len() >= 7, "{:?}", matrix());
@@ -166,12 +166,8 @@ async fn an_unusable_firmware_is_reported_with_its_place() {
         let mut run = rig.spykee(arguments);
         assert_eq!(run.code().await, Some(2), "{}", run.text());
         let told = "f.yaml:2:1: unknown field `search_limt`";
-        assert!(run.text().contains(told), "{}", run.text());
-        assert!(
-            run.text().contains("did you mean `search_limit`?"),
-            "{}",
-            run.text()
-        );
+        assert_contains(&run.text(), &[told]);
+        assert_contains(&run.text(), &["did you mean `search_limit`?"]);
     }
     let mut run = rig.spykee(&[
         "run",
@@ -191,9 +187,5 @@ async fn an_unusable_firmware_is_reported_with_its_place() {
         "good.yaml",
     ]);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
-    assert!(
-        run.text().contains("--firmware needs --sim"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["--firmware needs --sim"]);
 }

@@ -12,7 +12,7 @@ use spykee::vision::validate_markers;
 use spykee::wire::Report;
 use tokio::time::{Instant, timeout};
 
-use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT};
+use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT, assert_contains};
 
 const GOOD: &[u8] = include_bytes!("../fixtures/ball-444.jpg");
 
@@ -62,7 +62,7 @@ async fn a_behaviour_continues_between_damaged_frames_and_the_log_reports_them_r
     troubles.abort();
     rig.heard_stop(moved).await;
     let text = run.text();
-    assert!(text.contains("thirty balls"), "{text}");
+    assert_contains(&text, &["thirty balls"]);
     let told: Vec<&str> = text
         .lines()
         .filter(|line| line.contains("damaged frame"))
@@ -106,8 +106,8 @@ async fn a_damaged_frame_behind_a_good_one_in_the_same_write_does_not_replace_it
     };
     assert_eq!(code, Some(0), "{}", run.text());
     let text = run.text();
-    assert!(text.contains("ten good ones"), "{text}");
-    assert!(text.contains("damaged frame"), "{text}");
+    assert_contains(&text, &["ten good ones"]);
+    assert_contains(&text, &["damaged frame"]);
 }
 
 /// Pixels that are red, as far as JPEG preserves the colour of a box next to green.
@@ -178,7 +178,7 @@ async fn without_annotate_no_frame_is_kept() {
     let rig = before_a_ball().await;
     let mut run = rig.run("robot.wait_frame(9):find_blobs('red') print('seen')");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    assert!(run.text().contains("seen"), "{}", run.text());
+    assert_contains(&run.text(), &["seen"]);
     assert!(pictures(&rig.folder().join("spykee-data/script")).is_empty());
 }
 
@@ -198,7 +198,7 @@ async fn an_unusable_folder_is_refused_before_the_robot_moves() {
         ];
         let mut run = rig.spykee(&args);
         assert_eq!(run.code().await, Some(2), "{}", run.text());
-        assert!(run.text().contains("--annotate"), "{}", run.text());
+        assert_contains(&run.text(), &["--annotate"]);
     }
     assert_eq!(rig.commands(0), []);
 }

@@ -10,7 +10,9 @@ use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use spykee::wire::{Command, Engage};
 use tokio::time::{Instant, timeout};
 
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, becomes, state_of};
+use crate::rig::{
+    QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, becomes, near_home, state_of,
+};
 
 /// Twice the time that the guardian promises, for a busy machine.
 const LIMIT: Duration = Duration::from_secs(2);
@@ -127,7 +129,7 @@ async fn the_robot_stops_when_the_driving_thread_hangs() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_killed_agent_does_not_end_the_search_of_a_low_robot() {
-    let rig = Rig::quiet().await;
+    let rig = Rig::near_home().await;
     let run = rig.run(DRIVE);
     rig.heard_motion(0).await;
     rig.sim.set_battery(10.0);
@@ -488,7 +490,7 @@ pub fn ends_with_a_search(rig: &Rig, from: usize) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_prompt_stays_until_a_low_robot_is_home() {
-    let rig = Rig::quiet().await;
+    let rig = Rig::near_home().await;
     let (mut run, pipe) = prompt(&rig, "robot.move(20, 20)\n");
     rig.heard_motion(0).await;
     rig.sim.set_battery(15.0);
@@ -505,7 +507,7 @@ async fn a_prompt_stays_until_a_low_robot_is_home() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_docking_tool_brings_a_low_robot_home_or_ctrl_c_leaves_it_searching() {
-    let world = QUIET_WORLD.replace("level: 90", "level: 15");
+    let world = near_home().replace("level: 90", "level: 15");
     let rig = Rig::new(&world, Default::default()).await;
     let mut run = rig.spykee(&["robot", "dock", "--robot", &rig.address]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
@@ -536,10 +538,7 @@ async fn a_tool_that_only_reads_does_not_end_the_search_of_a_low_robot() {
     let mut run = rig.spykee(&["robot", "stop", "--robot", &rig.address]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let text = run.text();
-    assert!(
-        text.contains("acknowledged") && text.contains("the battery is low"),
-        "{text}"
-    );
+    assert_contains(&text, &["acknowledged", "the battery is low"]);
     let dock = Command::Engine(Engage::Dock);
     assert!(!rig.commands(0).contains(&dock));
 }

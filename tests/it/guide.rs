@@ -2,7 +2,7 @@
 
 mod service;
 
-use crate::rig::Rig;
+use crate::rig::{Rig, assert_contains, run_in};
 
 const GUIDE: &str = include_str!("../../behaviours/README.md");
 /// The scenarios that check the scripts of the guide.
@@ -44,14 +44,10 @@ fn every_script_of_the_guide_does_what_its_text_says() {
     for (name, text) in files() {
         std::fs::write(folder.path().join(name), text).unwrap();
     }
-    let played = std::process::Command::new(env!("CARGO_BIN_EXE_spykee"))
-        .args(["test", "guide_test.lua"])
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
-    let said = String::from_utf8_lossy(&played.stdout);
-    assert_eq!(played.status.code(), Some(0), "{said}");
-    assert!(said.contains(" runs passed; "), "{said}");
+    let played = run_in(folder.path(), &["test", "guide_test.lua"]);
+    let said = played.out;
+    assert_eq!(played.code, Some(0), "{said}");
+    assert_contains(&said, &[" runs passed; "]);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,21 +1,18 @@
-//! The metrics for Prometheus, checked by a strict parser of the text format, and by `promtool`
-//! where it is installed.
-
-mod exposition;
+//! The metrics for Prometheus, as exact lines of its text format, and checked by `promtool` where it is
+//! installed.
 
 use std::io::Write as _;
 use std::process::{Command, Stdio};
 
 use tokio::time::{sleep, timeout};
 
-use self::exposition::{Family, read};
 use crate::live::{get, live};
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT};
+use crate::rig::{Rig, Run, WAIT_LIMIT, docked};
 
 /// The metrics of a robot that was driven by its camera, sent home by a person, and then by the
 /// watchdog.
 async fn metrics() -> (Rig, Run, String) {
-    let world = QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }\n", "");
+    let world = docked();
     let rig = Rig::new(&world, spykee::sim::Firmware::default()).await;
     let script = "print(robot.dock()) robot.undock() local power = 20
         robot.on('frame', function() power = 50 - power robot.move(power, power) end) task.wait(600)";
@@ -46,51 +43,57 @@ async fn metrics() -> (Rig, Run, String) {
 #[tokio::test(flavor = "multi_thread")]
 async fn the_metrics_are_valid_openmetrics() {
     let (_rig, _run, text) = metrics().await;
-    let families = read(&text).unwrap_or_else(|error| panic!("{error}\n{text}"));
-    let family = |name: &str| {
-        families
-            .get(name)
-            .unwrap_or_else(|| panic!("{name}\n{text}"))
-    };
-    for (name, kind) in [
-        ("spykee_battery_percent", "gauge"),
-        ("spykee_battery_left_seconds", "gauge"),
-        ("spykee_battery_charging", "gauge"),
-        ("spykee_battery_low", "gauge"),
-        ("spykee_docked", "gauge"),
-        ("spykee_link_up", "gauge"),
-        ("spykee_link_logins", "counter"),
-        ("spykee_link_losses", "counter"),
-        ("spykee_camera_frames", "counter"),
-        ("spykee_camera_bytes", "counter"),
-        ("spykee_frame_to_move_seconds", "histogram"),
-        ("spykee_docks", "counter"),
-        ("spykee_safety_acts", "counter"),
-        ("spykee_behaviour_starts", "counter"),
-        ("spykee_behaviour_ends", "counter"),
+    assert!(text.ends_with("# EOF\n"), "{text}");
+    for (name, kind, sample) in [
+        ("spykee_battery_percent", "gauge", ""),
+        ("spykee_battery_left_seconds", "gauge", ""),
+        ("spykee_battery_charging", "gauge", ""),
+        ("spykee_battery_low", "gauge", ""),
+        ("spykee_docked", "gauge", ""),
+        ("spykee_link_up", "gauge", ""),
+        ("spykee_link_logins", "counter", "_total"),
+        ("spykee_link_losses", "counter", "_total"),
+        ("spykee_camera_frames", "counter", "_total"),
+        ("spykee_camera_bytes", "counter", "_total"),
+        ("spykee_frame_to_move_seconds", "histogram", "_sum"),
+        ("spykee_docks", "counter", "_total{code=\""),
+        ("spykee_safety_acts", "counter", "_total{action=\""),
+        ("spykee_behaviour_starts", "counter", "_total"),
+        ("spykee_behaviour_ends", "counter", "_total{reason=\""),
     ] {
-        let found = family(name);
-        assert_eq!(found.kind, kind, "{name}");
-        assert!(
-            !found.help.is_empty() && !found.samples.is_empty(),
-            "{name}"
-        );
+        for begins in [
+            format!("# HELP {name} "),
+            format!("# TYPE {name} {kind}"),
+            format!("{name}{sample}"),
+        ] {
+            let found = text.lines().filter(|line| line.starts_with(&begins));
+            assert_ne!(found.count(), 0, "{begins}\n{text}");
+        }
     }
-    let by = |family: &Family, label: &str| {
-        let mut samples = family.samples.iter();
-        samples.any(|one| {
-            one.labels
-                .iter()
-                .any(|(name, value)| name == label && !value.is_empty())
-        })
-    };
-    assert!(by(family("spykee_docks"), "code"), "{text}");
-    assert!(by(family("spykee_safety_acts"), "action"), "{text}");
-    assert!(by(family("spykee_behaviour_ends"), "reason"), "{text}");
     assert!(
-        family("spykee_camera_bytes").samples[0].value > 1000.0,
+        value(&text, "spykee_camera_bytes_total ") > 1000.0,
         "{text}"
     );
+    // Each bucket contains the ones before it, and the last one everything.
+    let buckets = text
+        .lines()
+        .filter(|line| line.contains("_to_move_seconds_bucket{"));
+    let counts: Vec<f64> = buckets.map(|line| value(line, "}")).collect();
+    assert!(counts.is_sorted() && counts.len() > 2, "{text}");
+    let count = value(&text, "spykee_frame_to_move_seconds_count ");
+    assert_eq!(counts.last(), Some(&count), "{text}");
+    assert_eq!(
+        value(&text, "_seconds_bucket{le=\"+Inf\"}"),
+        count,
+        "{text}"
+    );
+}
+
+/// The number behind these words.
+fn value(text: &str, words: &str) -> f64 {
+    let (_, rest) = text.split_once(words).unwrap();
+    let number = rest.lines().next().unwrap();
+    number.trim().parse().unwrap()
 }
 
 /// Converts to Prometheus's older format, which `promtool` reads: there, the `HELP` and `TYPE`

@@ -1,22 +1,18 @@
 //! `spykee new`: the project that it makes works at once.
 
-use crate::rig::{Rig, moves};
+use crate::rig::{Rig, assert_contains, moves, run_in, sized};
 
 #[tokio::test]
 async fn a_new_project_drives_at_once_and_is_never_overwritten() {
     let rig = Rig::quiet().await;
     let mut run = rig.spykee(&["new", "mine"]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    assert!(
-        run.text().contains("spykee run mine.lua --sim"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["spykee run mine.lua --sim"]);
     let file = rig.folder().join("mine/mine.lua");
     std::fs::write(&file, "-- changed").unwrap();
     let mut again = rig.spykee(&["new", "mine"]);
     assert_eq!(again.code().await, Some(2), "{}", again.text());
-    assert!(again.text().contains("already exists"), "{}", again.text());
+    assert_contains(&again.text(), &["already exists"]);
     assert_eq!(std::fs::read_to_string(&file).unwrap(), "-- changed");
     let mut wrong = rig.spykee(&["new", "../mine"]);
     assert_eq!(wrong.code().await, Some(2), "{}", wrong.text());
@@ -69,17 +65,14 @@ scenario("lives through many charges", { limit = 90000, fps = 2 }, function(sim)
 end)
 "#;
 
-/// In the living room a battery lasts for two minutes, so a day has 400 charges.
+/// In the living room a battery lasts for two minutes, so an hour has 17 charges.
 #[test]
-fn templates_run_for_a_day_with_many_charges() {
-    for (template, hours) in [("patrol", 24), ("follow", 1)] {
+fn templates_run_for_hours_with_many_charges() {
+    for (template, hours) in [("patrol", sized(2, 24)), ("follow", 1)] {
         let folder = tempfile::tempdir().unwrap();
         let spykee = |args: &[&str]| {
-            let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_spykee"));
-            let output = command.args(args).current_dir(folder.path()).output();
-            let output = output.unwrap();
-            let said = String::from_utf8_lossy(&output.stdout).into_owned();
-            assert_eq!(output.status.code(), Some(0), "{template}: {said}");
+            let ended = run_in(folder.path(), args);
+            assert_eq!(ended.code, Some(0), "{template}: {}", ended.text());
         };
         spykee(&["new", "mine", "--template", template]);
         spykee(&["test", "mine"]);

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use rustix::process::Signal;
 use spykee::wire::{Command, Led};
 
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, state_of};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, state_of};
 
 /// A request as it arrived.
 #[derive(Debug, Clone)]
@@ -150,12 +150,8 @@ async fn messages_of_scripts_and_failures_reach_a_webhook_and_no_log_contains_it
         head.starts_with("post /s3cr3t http") && head.contains("bearer s3cr3t"),
         "{head}"
     );
-    assert!(head.contains("message: spykee: look at this"), "{head}");
-    assert!(
-        failure.text().contains("one failed: one.lua:3"),
-        "{}",
-        failure.text()
-    );
+    assert_contains(&head, &["message: spykee: look at this"]);
+    assert_contains(&failure.text(), &["one failed: one.lua:3"]);
     assert!(!run.text().contains("s3cr3t"), "{}", run.text());
     assert_eq!(waiting(&rig, "phone"), 0);
 }
@@ -186,7 +182,7 @@ async fn a_message_for_an_unreachable_webhook_survives_the_end_of_the_run() {
     let notify = format!("notify: {{ targets: {{ phone: {{ url: 'http://{address}/' }} }} }}");
     let mut run = start(&rig, &notify, "notify.send('hello')");
     assert_eq!(run.code().await, Some(0));
-    assert!(run.text().contains("not sent yet"), "{}", run.text());
+    assert_contains(&run.text(), &["not sent yet"]);
     assert_eq!(waiting(&rig, "phone"), 1);
     let hook = Webhook::on(TcpListener::bind(address).unwrap(), &[200]);
     let mut run = start(&rig, &notify, "task.wait(1)");
@@ -319,10 +315,7 @@ async fn notify_test_reports_its_result_and_a_found_config_starts_no_program() {
     };
     let (code, text) = test(&named).await;
     assert_eq!(code, Some(0), "{text}");
-    assert!(
-        text.contains("phone: sent") && text.contains("desk: sent"),
-        "{text}"
-    );
+    assert_contains(&text, &["phone: sent", "desk: sent"]);
     let (code, text) = test(&[&["phone"], &named[..]].concat()).await;
     assert!(
         code == Some(4) && text.contains("phone: not sent: it responds with the status 404"),

@@ -160,6 +160,11 @@ async fn the_timetable_waits_until_the_clock_is_set() {
     assert_eq!(run.code().await, Some(0), "{}", run.text());
 }
 
+/// How far a clock must be set for it to show this second of a minute now.
+fn until_second(second: i64) -> i64 {
+    second - jiff::Timestamp::now().as_second() % 60
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn a_clock_set_back_by_a_day_is_reported_and_the_timetable_follows_it() {
     let rig = Rig::quiet().await;
@@ -174,10 +179,12 @@ async fn a_clock_set_back_by_a_day_is_reported_and_the_timetable_follows_it() {
         ("CLOCK_SHIFT", seconds.to_str().unwrap()),
     ];
     let args = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
+    // So that the test need not wait long for the next full minute.
+    set_clock(&seconds, until_second(50));
     let mut run = rig.spykee_with(&args, &environment);
     run.says("starts by the timetable").await;
     run.says("the script has finished").await;
-    set_clock(&seconds, -86_400);
+    set_clock(&seconds, until_second(56) - 86_400);
     run.says("the clock was set by -8").await;
     let again = async {
         while run.text().matches("starts by the timetable").count() < 2 {

@@ -4,7 +4,7 @@
 use rustix::process::{Pid, Signal};
 use spykee::wire::{Command, Engage, EngineReport, Led, Report};
 
-use crate::rig::{Rig, Run, moves};
+use crate::rig::{Rig, Run, assert_contains, moves};
 
 /// The beginning of every script here: `turn` waits for the test's signal.
 const TURN: &str =
@@ -164,7 +164,7 @@ async fn a_behaviour_that_holds_the_tracks_still_does_not_count_as_dead() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("robot.move(0, 0) task.wait(1) print('alive')");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    assert!(run.text().contains("alive"), "{}", run.text());
+    assert_contains(&run.text(), &["alive"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]

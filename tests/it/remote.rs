@@ -5,7 +5,7 @@ use rustix::process::Signal;
 use serde_json::Value;
 use spykee::wire::{Command, Sound};
 
-use crate::rig::{Rig, Run, WAIT_LIMIT, run_spykee};
+use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, run_spykee};
 
 const CONFIG: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { user: root }\n\
     live: { listen: '127.0.0.1:0' }\nbehaviours:\n- { file: asked.lua, start: asked }\n\
@@ -85,10 +85,7 @@ async fn tools_work_on_a_remote_service_with_the_same_output_and_codes() {
     let here: Value = serde_json::from_str(&here).unwrap();
     assert_eq!(here[0]["next"], next);
     let (_, table) = run_spykee(&elsewhere, &["status", "--url", &url]).await;
-    assert!(
-        table.contains("NEXT START") && table.contains("-02-29 04:00"),
-        "{table}"
-    );
+    assert_contains(&table, &["NEXT START", "-02-29 04:00"]);
     // A picture is transferred too.
     let shot = [
         "robot",
@@ -107,7 +104,7 @@ async fn tools_work_on_a_remote_service_with_the_same_output_and_codes() {
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let (code, text) = run_spykee(&elsewhere, &["status", "--url", &url]).await;
     assert_eq!(code, Some(3), "{text}");
-    assert!(text.contains("is the service running there"), "{text}");
+    assert_contains(&text, &["is the service running there"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -119,7 +116,7 @@ async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
         let start = [&["behaviour", "start", "asked", "--for", "0.9"][..], more].concat();
         let (code, text) = run_spykee(place, &start).await;
         assert_eq!(code, Some(0), "{text}");
-        assert!(text.contains("runs, for 0:00:01 at most"), "{text}");
+        assert_contains(&text, &["runs, for 0:00:01 at most"]);
         rig.heard(from, |command| *command == Command::Play(Sound::Bomb))
             .await;
         let listed = ["behaviour", "list", "--json"];
@@ -166,11 +163,8 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
         &["status", "--url", &url, "--token-file", wrong],
     )
     .await;
-    assert_eq!(
-        (code, text.contains("denies access")),
-        (Some(3), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(3), "{text}");
+    assert_contains(&text, &["denies access"]);
     elsewhere.file("token", token);
     let right = ["--url", &url, "--token-file", "token"];
     let (code, text) = run_spykee(
@@ -183,7 +177,8 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
         .await;
     // STOP stays in force, and the service continues.
     let (code, text) = run_spykee(&elsewhere, &[&["robot", "stop"], &right[..]].concat()).await;
-    assert_eq!((code, text.contains("let-go")), (Some(0), true), "{text}");
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["let-go"]);
     assert!(run.lives());
     // The config can name the service, too.
     elsewhere.file(
@@ -192,18 +187,12 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
     );
     let named = ["status", "--config", "spykee.yaml"];
     let (code, text) = run_spykee(&elsewhere, &named).await;
-    assert_eq!(
-        (code, text.contains("stopped by a person")),
-        (Some(0), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["stopped by a person"]);
     let log = ["robot", "log", "--config", "spykee.yaml"];
     let (code, text) = run_spykee(&elsewhere, &log).await;
-    assert_eq!(
-        (code, text.contains("needs it to itself")),
-        (Some(3), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(3), "{text}");
+    assert_contains(&text, &["needs it to itself"]);
     run.signal(Signal::TERM);
     run.code().await;
 }
@@ -253,10 +242,7 @@ async fn the_metrics_contain_the_time_from_a_frame_to_the_move_that_answers_it()
     let text = tokio::time::timeout(WAIT_LIMIT, some)
         .await
         .expect("it does not react");
-    assert!(
-        text.contains("spykee_frame_to_move_seconds_bucket{le=\"+Inf\"}"),
-        "{text}"
-    );
+    assert_contains(&text, &["spykee_frame_to_move_seconds_bucket{le=\"+Inf\"}"]);
     run.signal(Signal::TERM);
     run.code().await;
 }

@@ -7,7 +7,7 @@ use tokio::io::AsyncWriteExt as _;
 use tokio::process::{Child, ChildStdin, Command as Process};
 use tokio::time::timeout;
 
-use crate::rig::{Rig, WAIT_LIMIT};
+use crate::rig::{Rig, WAIT_LIMIT, assert_contains};
 use spykee::wire::Command;
 
 /// A session that reads its lines from a pipe.
@@ -88,7 +88,7 @@ async fn the_config_that_was_found_is_named_and_used() {
     session.types("robot.stream('video', true)\n").await;
     let (code, out, err) = session.ends().await;
     assert_eq!(code, Some(1), "{out}{err}");
-    assert!(err.contains("settings from spykee.yaml"), "{err}");
+    assert_contains(&err, &["settings from spykee.yaml"]);
     assert!(out.contains("the config keeps video off"), "{out}{err}");
 }
 
@@ -172,8 +172,5 @@ async fn an_endless_line_is_reported_and_discarded() {
     }
     session.types("\n40 + 2\n").await;
     let (_, said, _) = session.ends().await;
-    assert!(
-        said.contains("this input is too long") && said.contains("42"),
-        "{said}"
-    );
+    assert_contains(&said, &["this input is too long", "42"]);
 }

@@ -24,6 +24,16 @@ start: { at: [4, 4], heading_degrees: 90 }
 battery: { level: 90, idle_drain_per_minute: 0.01, driving_drain_per_minute: 0.01 }
 ";
 
+/// The same world, with a robot so near to its station that a search ends within seconds.
+pub fn near_home() -> String {
+    QUIET_WORLD.replace("at: [4, 4]", "at: [1.5, 4]")
+}
+
+/// The same world, with a robot on its station.
+pub fn docked() -> String {
+    QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }\n", "")
+}
+
 /// The answer of an undocked robot that accepts a login.
 pub fn accepted() -> Report {
     Report::Accepted(Accepted {
@@ -50,6 +60,60 @@ impl Drop for Rig {
     }
 }
 
+/// How a command ended, and what it wrote.
+#[derive(Debug)]
+pub struct Ended {
+    pub code: Option<i32>,
+    pub out: String,
+    pub err: String,
+}
+
+impl Ended {
+    /// Everything that it wrote.
+    pub fn text(&self) -> String {
+        [&self.out[..], &self.err].concat()
+    }
+
+    pub fn json(&self) -> serde_json::Value {
+        serde_json::from_str(&self.out).unwrap_or_else(|_| panic!("{}", self.text()))
+    }
+}
+
+/// Runs a command inside the test, in the current folder: for texts and exit codes of commands that
+/// start no process of the program and handle no signals.
+pub fn command(args: &[&str]) -> Ended {
+    let spykee::cli::TestOutput { code, out, err } = spykee::cli::run_for_test(args);
+    let code = Some(code.into());
+    Ended { code, out, err }
+}
+
+/// The program, without variables of this machine's environment that change its behaviour.
+pub fn program(args: &[&str]) -> Process {
+    let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
+    for variable in [
+        "RUST_LOG",
+        "NO_COLOR",
+        "SPYKEE_PASSWORD",
+        "SPYKEE_CONFIG",
+        "RUST_BACKTRACE",
+    ] {
+        process.env_remove(variable);
+    }
+    process.args(args).stdin(Stdio::null());
+    process
+}
+
+/// Runs the program in a folder to its end.
+pub fn run_in(folder: &Path, args: &[&str]) -> Ended {
+    let output = program(args).current_dir(folder).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    Ended {
+        code: output.status.code(),
+        out: text(output.stdout),
+        err: text(output.stderr),
+    }
+}
+
 /// Runs the binary to its end; returns its exit code and what it printed.
 pub async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     let mut run = rig.spykee(args);
@@ -60,6 +124,10 @@ pub async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
 impl Rig {
     pub async fn quiet() -> Rig {
         Rig::new(QUIET_WORLD, Firmware::default()).await
+    }
+
+    pub async fn near_home() -> Rig {
+        Rig::new(&near_home(), Firmware::default()).await
     }
 
     pub async fn new(world: &str, firmware: Firmware) -> Rig {
@@ -255,11 +323,8 @@ pub struct Run {
 
 impl Run {
     fn start(args: &[&str], folder: &Path, input: Stdio, environment: &[(&str, &str)]) -> Run {
-        let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
-        for variable in ["RUST_LOG", "NO_COLOR", "SPYKEE_PASSWORD", "RUST_BACKTRACE"] {
-            process.env_remove(variable);
-        }
-        process.args(args).current_dir(folder);
+        let mut process = program(args);
+        process.current_dir(folder);
         process.envs(environment.iter().copied());
         process
             .stdin(input)
@@ -368,4 +433,21 @@ pub fn in_a_process_of_its_own(test: &str) {
         alone.status.success() && text.contains("1 passed"),
         "{text}"
     );
+}
+
+/// The size of a test that `scripts/nightly` plays at full length.
+pub fn sized<T>(on_push: T, nightly: T) -> T {
+    if std::env::var_os("NIGHTLY").is_some() {
+        nightly
+    } else {
+        on_push
+    }
+}
+
+/// Fails with the whole text if one of these words is missing in it.
+#[track_caller]
+pub fn assert_contains(text: &str, words: &[&str]) {
+    for word in words {
+        assert!(text.contains(word), "`{word}` is missing in:\n{text}");
+    }
 }

@@ -3,7 +3,7 @@
 use rustix::process::Signal;
 use spykee::wire::Command;
 
-use crate::rig::{Rig, Run, moves, run_spykee};
+use crate::rig::{Rig, Run, assert_contains, moves, run_spykee};
 
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 const IDLES: &str = "task.wait(600)";
@@ -48,11 +48,8 @@ async fn a_behaviour_stops_and_starts_by_name_while_another_continues() {
     assert_eq!(code, Some(0), "{text}");
     rig.heard_motion(after).await;
     let (code, text) = run_spykee(&rig, &["behaviour", "list"]).await;
-    assert_eq!(
-        (code, text.contains("cancelled")),
-        (Some(0), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["cancelled"]);
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
 }
@@ -72,11 +69,8 @@ async fn a_restarted_behaviour_is_loaded_from_its_current_file() {
     // A script with a mistake is refused, and no behaviour runs in its place.
     rig.file("drive.lua", "robot.mvoe(30, 30)");
     let (code, text) = run_spykee(&rig, &["behaviour", "restart", "drive"]).await;
-    assert_eq!(
-        (code, text.contains("drive.lua:1")),
-        (Some(1), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(1), "{text}");
+    assert_contains(&text, &["drive.lua:1"]);
     let (_, text) = run_spykee(&rig, &["behaviour", "list", "--json"]).await;
     assert_eq!(states(&text)[1].1, "idle", "{text}");
 }
@@ -114,10 +108,7 @@ async fn a_shell_completes_the_behaviours_of_the_run_without_executing_them() {
     let (code, text) = run_spykee(&rig, &["behaviour", "list", "--names"]).await;
     assert_eq!((code, &*text), (Some(0), "idle\ndrive"));
     let offered = completed(rig.folder(), "");
-    assert!(
-        offered.contains("idle") && offered.contains("drive"),
-        "{offered}"
-    );
+    assert_contains(&offered, &["idle", "drive"]);
     assert_eq!(completed(rig.folder(), "dr").trim(), "drive");
     assert!(!rig.folder().join("hacked").exists());
 }
@@ -132,18 +123,16 @@ async fn invalid_requests_are_explained() {
         (["stop", "patrol"], "there are idle, drive"),
     ] {
         let (code, text) = run_spykee(&rig, &[&["behaviour"], &args[..]].concat()).await;
-        assert_eq!((code, text.contains(words)), (Some(1), true), "{text}");
+        assert_eq!(code, Some(1), "{text}");
+        assert_contains(&text, &[words]);
     }
     assert_eq!(
         run_spykee(&rig, &["behaviour", "stop", "drive"]).await.0,
         Some(0)
     );
     let (code, text) = run_spykee(&rig, &["behaviour", "stop", "drive"]).await;
-    assert_eq!(
-        (code, text.contains("does not run")),
-        (Some(1), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(1), "{text}");
+    assert_contains(&text, &["does not run"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -155,9 +144,6 @@ async fn a_run_ends_when_its_last_behaviour_is_stopped() {
     assert_eq!(code, Some(0), "{text}");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let (code, text) = run_spykee(&rig, &["behaviour", "list"]).await;
-    assert_eq!(
-        (code, text.contains("no run is active")),
-        (Some(3), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(3), "{text}");
+    assert_contains(&text, &["no run is active"]);
 }

@@ -5,14 +5,14 @@ use std::time::Duration;
 use spykee::wire::{Command, Login};
 use tokio::time::Instant;
 
-use crate::rig::Rig;
+use crate::rig::{Rig, assert_contains};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_script_that_ends_normally_ends_the_run_with_0() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("print('hello', robot.battery().percent > 80)");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    assert!(run.text().contains("hello true"), "{}", run.text());
+    assert_contains(&run.text(), &["hello true"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -69,7 +69,7 @@ async fn a_time_limit_ends_the_run_with_0_after_on_stop() {
     let script = script.to_str().unwrap();
     let mut run = rig.spykee(&["run", script, "--robot", &rig.address, "--for", "1"]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    assert!(run.text().contains("bye shutdown"), "{}", run.text());
+    assert_contains(&run.text(), &["bye shutdown"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -81,7 +81,7 @@ async fn the_embedded_simulator_needs_nothing_else() {
     );
     let mut run = rig.spykee(&["run", script.to_str().unwrap(), "--sim"]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    assert!(run.text().contains("sim true true done"), "{}", run.text());
+    assert_contains(&run.text(), &["sim true true done"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -115,11 +115,7 @@ async fn without_a_robot_both_options_are_named() {
     let script = rig.file("script.lua", "print('never')");
     let mut run = rig.spykee(&["run", script.to_str().unwrap()]);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
-    assert!(
-        run.text().contains("--robot") && run.text().contains("--sim"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["--robot", "--sim"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -129,7 +125,7 @@ async fn a_robot_out_of_reach_is_exit_code_3() {
     let args = ["run", script.to_str().unwrap(), "--robot", "127.0.0.1:1"];
     let mut run = rig.spykee(&args);
     assert_eq!(run.code().await, Some(3), "{}", run.text());
-    assert!(run.text().contains("127.0.0.1:1"), "{}", run.text());
+    assert_contains(&run.text(), &["127.0.0.1:1"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -148,7 +144,7 @@ async fn a_wrong_password_is_exit_code_3_and_is_not_shown() {
     ];
     let mut run = rig.spykee(&args);
     assert_eq!(run.code().await, Some(3), "{}", run.text());
-    assert!(run.text().contains("password"), "{}", run.text());
+    assert_contains(&run.text(), &["password"]);
     assert!(!run.text().contains("hunter2"), "{}", run.text());
 }
 
@@ -163,11 +159,7 @@ async fn a_robot_in_use_is_exit_code_3_and_its_user_is_named() {
         .unwrap();
     let mut run = rig.run("print('never')");
     assert_eq!(run.code().await, Some(3), "{}", run.text());
-    assert!(
-        run.text().contains("in use") && run.text().contains("admin"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["in use", "admin"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -211,7 +203,7 @@ async fn a_script_file_too_large_is_refused() {
     let rig = Rig::quiet().await;
     let mut run = rig.run(&"-- padding\n".repeat(30_000));
     assert_eq!(run.code().await, Some(4), "{}", run.text());
-    assert!(run.text().contains("256 KiB"), "{}", run.text());
+    assert_contains(&run.text(), &["256 KiB"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -232,7 +224,7 @@ async fn logs_as_json_are_one_object_a_line() {
         let value: Result<serde_json::Value, _> = serde_json::from_str(line);
         assert!(value.is_ok_and(|value| value.is_object()), "{line}");
     }
-    assert!(run.text().contains("hello"), "{}", run.text());
+    assert_contains(&run.text(), &["hello"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -246,7 +238,7 @@ async fn a_flood_of_log_lines_is_summarised() {
         "{}",
         run.text().lines().count()
     );
-    assert!(run.text().contains("more lines"), "{}", run.text());
+    assert_contains(&run.text(), &["more lines"]);
     assert!(begun.elapsed() < Duration::from_secs(30));
 }
 

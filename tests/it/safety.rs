@@ -7,7 +7,7 @@ use spykee::sim::{Answer, Firmware};
 use spykee::wire::{Command, Engage, EngineReport, Led, Packet, Power, Report, Sound, kind};
 use tokio::time::{Instant, timeout};
 
-use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT, moves};
+use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT, assert_contains, moves};
 
 /// Drives and then never waits again; switches a light on just before the loop.
 const STUCK: &str = "robot.move(50, 50)\ntask.wait(0.3)\nrobot.led('left', true)\ntask.wait(0)\nwhile true do end\n";
@@ -41,7 +41,7 @@ async fn a_stuck_script_is_stopped_within_600_ms_and_the_reason_is_named() {
         let gap = rig.at(stop).0 - rig.at(block).0;
         assert!(gap < Duration::from_millis(600), "{gap:?}");
         assert_eq!(run.code().await, Some(1), "{}", run.text());
-        assert!(run.text().contains("cpu"), "{}", run.text());
+        assert_contains(&run.text(), &["cpu"]);
         assert!(!rig.commands(stop).iter().any(moves));
     }
 }
@@ -307,7 +307,7 @@ async fn a_killed_host_no_longer_moves_the_robot() {
     rustix::process::kill_process(hosts[0], Signal::KILL).unwrap();
     let stop = rig.heard_stop(moving).await;
     assert_eq!(run.code().await, Some(1), "{}", run.text());
-    assert!(run.text().contains("signal: 9"), "{}", run.text());
+    assert_contains(&run.text(), &["signal: 9"]);
     assert!(!rig.commands(stop).iter().any(moves));
 }
 
@@ -319,7 +319,7 @@ async fn a_frozen_host_is_stopped_and_ended() {
     rustix::process::kill_process(run.hosts()[0], Signal::STOP).unwrap();
     let stop = rig.heard_stop(moving).await;
     assert_eq!(run.code().await, Some(1), "{}", run.text());
-    assert!(run.text().contains("showed no life"), "{}", run.text());
+    assert_contains(&run.text(), &["showed no life"]);
     assert!(!rig.commands(stop).iter().any(moves));
 }
 
@@ -423,7 +423,7 @@ async fn a_stream_that_falls_silent_during_a_motion_stops_the_robot() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn on_its_station_the_robot_does_not_move() {
-    let rig = Rig::quiet().await;
+    let rig = Rig::near_home().await;
     let mut run = rig.run(
         "print('docked', robot.dock{})\n\
          print('again', robot.dock{})\n\
@@ -496,17 +496,12 @@ async fn an_unknown_engine_byte_reaches_the_script_as_a_number() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_run_stays_until_a_low_robot_is_home_and_ends_with_5() {
-    let rig = Rig::quiet().await;
+    let rig = Rig::near_home().await;
     let mut run = rig.run("robot.move(20, 20, 600) task.wait(0.5)");
     rig.heard_motion(0).await;
     rig.sim.set_battery(15.0);
     assert_eq!(run.code().await, Some(5), "{}", run.text());
-    assert!(
-        run.text()
-            .contains("staying until the robot is on its station"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["staying until the robot is on its station"]);
     let state = rig.sim.state();
     assert!(state.docked && state.charging, "{state:?}");
 }

@@ -1,7 +1,6 @@
 //! `spykee test`: scenarios pass or fail as they should, with the same result every time.
 
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
 use quick_xml::events::Event;
@@ -10,7 +9,7 @@ use serde_json::Value;
 use spykee::scenario::{Book, Cause, Setting};
 use tempfile::TempDir;
 
-use crate::rig::Rig;
+use crate::rig::{Rig, assert_contains, run_in};
 
 fn folder(files: &[(&str, &str)]) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -20,29 +19,13 @@ fn folder(files: &[(&str, &str)]) -> TempDir {
     folder
 }
 
-fn spykee(folder: &Path, args: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_spykee"));
-    command.args(args).stdin(Stdio::null()).current_dir(folder);
-    command.env_remove("NO_COLOR").env_remove("RUST_LOG");
-    command.output().unwrap()
-}
-
-fn text(output: &Output) -> String {
-    let both = [&output.stdout[..], &output.stderr[..]].concat();
-    String::from_utf8(both).unwrap()
-}
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", text(output)))
-}
-
 /// The message with which the only scenario of this source fails.
 fn complaint(source: &str) -> String {
     let behaviour = "robot.move(20, 20)\ntask.wait(1000)\n";
     let folder = folder(&[("a_test.lua", source), ("a.lua", behaviour)]);
-    let output = spykee(folder.path(), &["test", "--json"]);
-    assert_eq!(output.status.code(), Some(4), "{}", text(&output));
-    let json = json(&output);
+    let output = run_in(folder.path(), &["test", "--json"]);
+    assert_eq!(output.code, Some(4), "{}", output.text());
+    let json = output.json();
     let broken = json["broken"][0]["message"].as_str();
     let message = broken.or(json["runs"][0]["failure"]["message"].as_str());
     message.unwrap_or_else(|| panic!("{json:#}")).to_owned()
@@ -81,9 +64,9 @@ fn a_failure_is_reported_with_place_time_and_picture() {
                   end)\n";
     let behaviour = "robot.drive(0.2, 1)\ntask.wait(1000)\n";
     let folder = folder(&[("fly_test.lua", source), ("fly.lua", behaviour)]);
-    let output = spykee(folder.path(), &["test"]);
-    assert_eq!(output.status.code(), Some(4), "{}", text(&output));
-    let text = text(&output);
+    let output = run_in(folder.path(), &["test"]);
+    assert_eq!(output.code, Some(4), "{}", output.text());
+    let text = output.text();
     for part in [
         "fly_test.lua\n",
         "  ok    it moves (seed 1, 0:00:02)",
@@ -102,16 +85,16 @@ fn a_failure_is_reported_with_place_time_and_picture() {
         .join("spykee-data/scenarios/fly-test-it-flies-1.png");
     let picture = image::open(picture).unwrap();
     assert!(picture.width() > 300 && picture.height() > 300);
-    let output = spykee(folder.path(), &["test", "--filter", "moves"]);
-    assert_eq!(output.status.code(), Some(0));
+    let output = run_in(folder.path(), &["test", "--filter", "moves"]);
+    assert_eq!(output.code, Some(0));
 }
 
 #[test]
 fn the_same_seed_gives_the_same_result_with_any_number_of_jobs() {
     let folder = folder(&[("wander.lua", WANDERS), ("wander_test.lua", LOOKS_ON)]);
     let play = |jobs| {
-        let output = spykee(folder.path(), &["test", "--json", "--jobs", jobs]);
-        let mut json = json(&output);
+        let output = run_in(folder.path(), &["test", "--json", "--jobs", jobs]);
+        let mut json = output.json();
         for run in json["runs"].as_array_mut().unwrap() {
             run["seconds"] = Value::Null;
         }
@@ -219,8 +202,8 @@ robot.stop()
         ("other.lua", other),
         ("home.lua", home),
     ]);
-    let output = spykee(folder.path(), &["test", "--json"]);
-    let result = &json(&output)["runs"][0];
+    let output = run_in(folder.path(), &["test", "--json"]);
+    let result = &output.json()["runs"][0];
     assert_eq!(result["passed"], true, "{result:#}");
     assert_eq!(result["lines"][0], "all of it was played");
 }
@@ -325,7 +308,7 @@ fn a_mistake_in_a_scenario_is_explained_below_its_line() {
     ] {
         let source = format!("scenario('x', {{ limit = 30 }}, function(sim)\n{line}\nend)");
         let folder = folder(&[("a_test.lua", &source)]);
-        let text = text(&spykee(folder.path(), &["test"]));
+        let text = run_in(folder.path(), &["test"]).text();
         let shown =
             format!("        a_test.lua:2: {words}\n        2 | {line}\n          = help: {help}");
         assert!(text.contains(&shown), "{shown}\n\n{text}");
@@ -340,17 +323,14 @@ fn a_behaviour_that_fails_makes_its_scenario_fail_unless_that_is_expected() {
                   end)";
     let behaviour = "task.wait(1)\nerror('boom')\n";
     let folder = folder(&[("b_test.lua", source), ("b.lua", behaviour)]);
-    let result = json(&spykee(folder.path(), &["test", "--json"]));
+    let result = run_in(folder.path(), &["test", "--json"]).json();
     let message = result["runs"][0]["failure"]["message"].as_str().unwrap();
-    assert!(
-        message.contains("the behaviour b failed: ") && message.contains("b.lua:2"),
-        "{message}"
-    );
+    assert_contains(message, &["the behaviour b failed: ", "b.lua:2"]);
     assert_eq!(result["runs"][1]["passed"], true, "{result:#}");
     let mistaken = self::folder(&[("c_test.lua", source), ("c.lua", "robot.moev(1, 1)")]);
-    let result = json(&spykee(mistaken.path(), &["test", "--json"]));
+    let result = run_in(mistaken.path(), &["test", "--json"]).json();
     let message = result["runs"][0]["failure"]["message"].as_str().unwrap();
-    assert!(message.contains("did you mean 'move'"), "{message}");
+    assert_contains(message, &["did you mean 'move'"]);
 }
 
 #[test]
@@ -367,8 +347,8 @@ fn a_behaviour_cannot_see_its_scenario() {
                      end\n\
                      log.info('none of it')\n";
     let folder = folder(&[("c_test.lua", source), ("c.lua", behaviour)]);
-    let output = spykee(folder.path(), &["test"]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let output = run_in(folder.path(), &["test"]);
+    assert_eq!(output.code, Some(0), "{}", output.text());
 }
 
 #[test]
@@ -378,8 +358,8 @@ fn the_junit_report_is_xml_with_a_case_for_each_run() {
         ("wander_test.lua", LOOKS_ON),
         ("z_test.lua", "scenario('<&\">')"),
     ]);
-    let output = spykee(folder.path(), &["test", "--junit", "out.xml"]);
-    assert_eq!(output.status.code(), Some(4), "{}", text(&output));
+    let output = run_in(folder.path(), &["test", "--junit", "out.xml"]);
+    assert_eq!(output.code, Some(4), "{}", output.text());
     let xml = std::fs::read_to_string(folder.path().join("out.xml")).unwrap();
     let mut reader = quick_xml::Reader::from_str(&xml);
     let (mut cases, mut failures, mut errors) = (0, 0, 0);
@@ -407,17 +387,13 @@ fn what_cannot_be_played_ends_with_2() {
         &["test", "--seeds", "0"],
         &["test", "--junit", "no/such/folder.xml"],
     ] {
-        let output = spykee(folder.path(), args);
-        assert_eq!(output.status.code(), Some(2), "{args:?}\n{}", text(&output));
+        let output = run_in(folder.path(), args);
+        assert_eq!(output.code, Some(2), "{args:?}\n{}", output.text());
     }
     let empty = tempfile::tempdir().unwrap();
-    let output = spykee(empty.path(), &["test"]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(
-        text(&output).contains("no *_test.lua file"),
-        "{}",
-        text(&output)
-    );
+    let output = run_in(empty.path(), &["test"]);
+    assert_eq!(output.code, Some(2));
+    assert_contains(&output.text(), &["no *_test.lua file"]);
 }
 
 #[tokio::test]
@@ -438,13 +414,13 @@ async fn an_interruption_ends_everything_that_is_played() {
 fn a_new_project_passes_its_own_scenarios() {
     let folder = tempfile::tempdir().unwrap();
     for template in ["patrol", "follow", "empty"] {
-        let made = spykee(folder.path(), &["new", template, "--template", template]);
-        assert_eq!(made.status.code(), Some(0), "{}", text(&made));
+        let made = run_in(folder.path(), &["new", template, "--template", template]);
+        assert_eq!(made.code, Some(0), "{}", made.text());
     }
-    let output = spykee(folder.path(), &["test"]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    let checked = spykee(folder.path(), &["check", "patrol", "follow", "empty"]);
-    assert_eq!(checked.status.code(), Some(0), "{}", text(&checked));
+    let output = run_in(folder.path(), &["test"]);
+    assert_eq!(output.code, Some(0), "{}", output.text());
+    let checked = run_in(folder.path(), &["check", "patrol", "follow", "empty"]);
+    assert_eq!(checked.code, Some(0), "{}", checked.text());
 }
 
 #[test]
@@ -454,8 +430,8 @@ fn the_behaviour_beside_a_file_is_found_from_any_folder() {
     let folder = folder(&[("a.lua", "task.wait(1)"), ("a_test.lua", test)]);
     let elsewhere = tempfile::tempdir().unwrap();
     let path = folder.path().join("a_test.lua");
-    let output = spykee(elsewhere.path(), &["test", path.to_str().unwrap()]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let output = run_in(elsewhere.path(), &["test", path.to_str().unwrap()]);
+    assert_eq!(output.code, Some(0), "{}", output.text());
 }
 
 #[test]
@@ -532,8 +508,8 @@ fn a_scenario_below_the_working_folder_may_run_a_script_above_itself() {
     let source = "scenario('x', { battery = 80 }, function(sim) sim:run('../a.lua') sim:wait(1)
                   expect(sim:distance() > 0.05) end)";
     std::fs::write(folder.path().join("tests/a_test.lua"), source).unwrap();
-    let output = spykee(folder.path(), &["test"]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let output = run_in(folder.path(), &["test"]);
+    assert_eq!(output.code, Some(0), "{}", output.text());
 }
 
 #[test]
@@ -543,22 +519,18 @@ fn a_run_that_exceeds_the_real_time_limit_is_ended_and_the_others_are_played() {
                   end)
                   scenario('quick', function(sim) sim:wait(1) end)";
     let folder = folder(&[("wander.lua", WANDERS), ("a_test.lua", source)]);
-    let output = spykee(folder.path(), &["test", "--json", "--timeout", "3"]);
-    assert_eq!(output.status.code(), Some(4), "{}", text(&output));
-    let json = json(&output);
+    let output = run_in(folder.path(), &["test", "--json", "--timeout", "3"]);
+    assert_eq!(output.code, Some(4), "{}", output.text());
+    let json = output.json();
     let message = json["runs"][0]["failure"]["message"].as_str().unwrap();
-    assert!(message.contains("within 3 s of real time"), "{message}");
+    assert_contains(message, &["within 3 s of real time"]);
     assert_eq!(json["runs"][0]["failure"]["pose"], Value::Null);
     assert_eq!((&json["passed"], &json["failed"]), (&1.into(), &1.into()));
-    let output = spykee(
+    let output = run_in(
         folder.path(),
         &["test", "--timeout", "3", "--filter", "ever"],
     );
-    assert!(
-        text(&output).contains("--timeout sets a longer limit"),
-        "{}",
-        text(&output)
-    );
+    assert_contains(&output.text(), &["--timeout sets a longer limit"]);
 }
 
 /// The processes that play scenarios.
@@ -593,11 +565,7 @@ async fn a_run_whose_process_dies_has_failed_and_one_that_hangs_can_be_interrupt
     let trial = trials(&run).await[0];
     rustix::process::kill_process(trial, Signal::KILL).unwrap();
     assert_eq!(run.code().await, Some(4), "{}", run.text());
-    assert!(
-        run.text().contains("its process ended unexpectedly"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["its process ended unexpectedly"]);
     let mut run = rig.spykee(&["test"]);
     run_until_played(&run).await;
     rustix::process::kill_process(trials(&run).await[0], Signal::STOP).unwrap();
@@ -643,6 +611,6 @@ fn scripts_that_stay_in_library_functions_are_ended_in_a_scenario_too() {
         );
     }
     std::fs::write(folder.path().join("ends_test.lua"), source).unwrap();
-    let output = spykee(folder.path(), &["test", "--timeout", "60"]);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let output = run_in(folder.path(), &["test", "--timeout", "60"]);
+    assert_eq!(output.code, Some(0), "{}", output.text());
 }

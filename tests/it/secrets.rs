@@ -10,7 +10,7 @@ use spykee::sim::{Handle, Options, Server, World};
 use spykee::wire::{Command, Login};
 use tokio::time::timeout;
 
-use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT, children_of};
+use crate::rig::{QUIET_WORLD, Rig, WAIT_LIMIT, assert_contains, children_of};
 
 /// A text that no other output contains by chance.
 const PASSWORD: &str = "correct-horse-battery";
@@ -125,7 +125,7 @@ async fn saved_files_are_accessible_to_their_user_only() {
     let rig = Rig::quiet().await;
     let mut run = rig.run("print('saved', robot.wait_frame(30):save('one.jpg'))");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    assert!(run.text().contains("saved /"), "{}", run.text());
+    assert_contains(&run.text(), &["saved /"]);
     let found = modes(&rig.folder().join("spykee-data"));
     assert!(
         found.iter().any(|(path, _)| path.ends_with("one.jpg")),
@@ -162,7 +162,7 @@ async fn scripts_cannot_control_the_terminal() {
         let mut run = rig.spykee(&[&args[..], &["--log-format", format]].concat());
         assert_eq!(run.code().await, Some(1), "{}", run.text());
         let text = run.text();
-        assert!(text.contains("one") && text.contains("three"), "{text}");
+        assert_contains(&text, &["one", "three"]);
         let bad = text.chars().find(|c| {
             (c.is_control() && !matches!(c, '\n' | '\t')) || ('\u{202a}'..='\u{202e}').contains(c)
         });

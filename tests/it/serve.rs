@@ -10,7 +10,7 @@ use spykee::sim::{Firmware, Options, World};
 use spykee::wire::{Command, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, run_spykee};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, docked, run_spykee};
 
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 
@@ -33,8 +33,7 @@ async fn ends_well(run: &mut Run) {
 
 /// A robot on its station with a full battery.
 async fn at_home() -> Rig {
-    let world = QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }\n", "");
-    Rig::new(&world, Firmware::default()).await
+    Rig::new(&docked(), Firmware::default()).await
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -278,11 +277,8 @@ async fn an_idle_robot_on_its_station_is_disconnected_and_connected_again_on_req
         .await
         .expect("another user cannot log in");
     let (code, text) = run_spykee(&rig, &["status"]).await;
-    assert_eq!(
-        (code, text.contains("free for others")),
-        (Some(0), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["free for others"]);
     let (code, text) = run_spykee(&rig, &["robot", "volume", "37"]).await;
     assert_eq!(code, Some(0), "{text} {}", run.text());
     rig.heard(0, |command| *command == Command::Volume(37))
@@ -386,11 +382,7 @@ async fn a_service_does_not_run_as_root_unless_its_config_says_so() {
     );
     let mut run = serve(&rig);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
-    assert!(
-        run.text().contains("service: { user: NAME }"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["service: { user: NAME }"]);
     let data = tempfile::tempdir().unwrap();
     let data = data.path().join("data");
     std::fs::set_permissions(
@@ -447,14 +439,10 @@ async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
     );
     let json = [&["schedule", "--next", "1", "--json"], &from[..]].concat();
     let (_, text) = run_spykee(&rig, &json).await;
-    assert!(text.contains("\"2026-05-04T09:00:00+00:00\""), "{text}");
+    assert_contains(&text, &["\"2026-05-04T09:00:00+00:00\""]);
     // A service with such a timetable does not start.
     rig.file("patrol.lua", DRIVES);
     let mut run = serve(&rig);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
-    assert!(
-        run.text().contains("the timetable runs `patrl`"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["the timetable runs `patrl`"]);
 }

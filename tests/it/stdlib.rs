@@ -9,7 +9,7 @@ use rustix::process::Signal;
 use spykee::wire::{Command, Led};
 use tokio::time::{Instant, sleep};
 
-use crate::rig::{Rig, Run, WAIT_LIMIT, moves};
+use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, moves};
 
 const DECLARES: &str = "local p = params.declare{ speed = {default = 40, min = 10, max = 60, unit = '%'} }\n\
                         print('speed is', p.speed) robot.move(p.speed, p.speed, 0.2)";
@@ -29,7 +29,7 @@ async fn a_parameter_comes_from_the_command_line() {
     let rig = Rig::quiet().await;
     let mut run = run_with(&rig, DECLARES, &["--param", "speed=50"]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    assert!(run.text().contains("speed is 50"), "{}", run.text());
+    assert_contains(&run.text(), &["speed is 50"]);
     let wire = Command::Move {
         left: 45,
         right: 45,
@@ -58,7 +58,7 @@ async fn a_bad_parameter_is_refused_before_the_robot_moves() {
         for (options, code) in [(&["--no-check"][..], 1), (&[], checked)] {
             let mut run = run_with(&rig, script, &[&["--param", param], options].concat());
             assert_eq!(run.code().await, Some(code), "{}", run.text());
-            assert!(run.text().contains(words), "{}", run.text());
+            assert_contains(&run.text(), &[words]);
         }
         assert!(!rig.commands(0).iter().any(moves), "{:?}", rig.commands(0));
     }
@@ -80,7 +80,7 @@ async fn a_parameter_can_name_one_of_several_behaviours() {
     ] {
         let mut run = rig.spykee(&[&start[..], &["--param", param]].concat());
         assert_eq!(run.code().await, Some(code), "{}", run.text());
-        assert!(run.text().contains(words), "{}", run.text());
+        assert_contains(&run.text(), &[words]);
     }
 }
 
@@ -91,11 +91,7 @@ async fn the_store_survives_the_end_and_is_private() {
     for number in 1..=3 {
         let mut run = run_with(&rig, script, &[]);
         assert_eq!(run.code().await, Some(0), "{}", run.text());
-        assert!(
-            run.text().contains(&format!("run {number}")),
-            "{}",
-            run.text()
-        );
+        assert_contains(&run.text(), &[&format!("run {number}")]);
     }
     let mode = std::fs::metadata(store_file(&rig))
         .unwrap()
@@ -187,7 +183,7 @@ async fn modules_come_from_the_scripts_folder_only() {
     let mut run = rig.spykee(&["run", script.to_str().unwrap(), "--robot", &rig.address]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let text = run.text();
-    assert!(text.contains("half 21"), "{text}");
+    assert_contains(&text, &["half 21"]);
     for words in [
         "../secret false",
         "leaves the behaviour's folder",
@@ -214,10 +210,7 @@ async fn the_first_program_of_a_beginner_drives() {
     let mut run = run_with(&rig, script, &[]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let text = run.text();
-    assert!(
-        text.contains("forward true") && text.contains("left true"),
-        "{text}"
-    );
+    assert_contains(&text, &["forward true", "left true"]);
     assert!(rig.commands(0).iter().any(moves));
 }
 
@@ -251,7 +244,7 @@ async fn a_state_machine_exits_its_state_in_order_when_it_is_interrupted() {
     rig.heard_motion(0).await;
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
-    assert!(run.text().contains("leaves drive"), "{}", run.text());
+    assert_contains(&run.text(), &["leaves drive"]);
     let flash = Command::Led {
         led: Led::Flash,
         on: true,
@@ -285,5 +278,5 @@ balls:
         print('ahead')";
     let mut run = run_with(&rig, script, &["--for", "40"]);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
-    assert!(run.text().contains("ahead"), "{}", run.text());
+    assert_contains(&run.text(), &["ahead"]);
 }

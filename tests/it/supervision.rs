@@ -19,7 +19,7 @@ use spykee::wire::{Command, EngineReport, Led, Login, Report, Sound};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep, timeout};
 
-use crate::rig::{Rig, Run, WAIT_LIMIT, hosts_of};
+use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, hosts_of};
 
 /// Beats until the robot reports that a sound has ended.
 const WITNESS: &str = "
@@ -269,7 +269,7 @@ async fn an_unknown_policy_is_refused() {
     let mut run = rig.spykee(&["run", "script.lua", "--restart", "always"]);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
     for word in ["always", "never", "on-failure"] {
-        assert!(run.text().contains(word), "{}", run.text());
+        assert_contains(&run.text(), &[word]);
     }
 }
 

@@ -6,7 +6,7 @@ use std::process::{Command as Process, Stdio};
 use spykee::sim::{Fault, Firmware, Options, World};
 use spykee::wire::{Command, Engage, FileChunk, Led, Sound};
 
-use crate::rig::{QUIET_WORLD, Rig, run_spykee};
+use crate::rig::{QUIET_WORLD, Rig, assert_contains, command, docked, run_spykee};
 
 async fn run_tool(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     run_spykee(
@@ -69,14 +69,11 @@ async fn stop_ends_a_motion_that_another_program_left_behind() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn undock_and_dock_use_the_pilot_and_ctrl_c_ends_the_search_with_a_stop() {
-    let world = QUIET_WORLD.replace("start: { at: [4, 4], heading_degrees: 90 }", "");
+    let world = docked();
     let rig = Rig::new(&world, Firmware::default()).await;
     let (code, text) = run_tool(&rig, &["undock"]).await;
-    assert_eq!(
-        (code, text.contains("off its station")),
-        (Some(0), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["off its station"]);
     rig.sim
         .wait_state(|state| !state.docked && !state.leaving)
         .await;
@@ -94,9 +91,7 @@ async fn undock_and_dock_use_the_pilot_and_ctrl_c_ends_the_search_with_a_stop() 
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_robot_with_a_low_battery_does_not_leave_the_station() {
-    let world = QUIET_WORLD
-        .replace("start: { at: [4, 4], heading_degrees: 90 }", "")
-        .replace("level: 90", "level: 12");
+    let world = docked().replace("level: 90", "level: 12");
     let rig = Rig::new(&world, Firmware::default()).await;
     assert_eq!(run_tool(&rig, &["undock"]).await.0, Some(5));
     let undock = Command::Engine(Engage::Undock);
@@ -107,10 +102,10 @@ async fn a_robot_with_a_low_battery_does_not_leave_the_station() {
 async fn settings_change_only_if_the_robot_is_named_and_secrets_are_never_shown() {
     let rig = Rig::quiet().await;
     let (_, text) = run_tool(&rig, &["config"]).await;
-    assert!(text.contains("wifi-key") && text.contains("***"), "{text}");
+    assert_contains(&text, &["wifi-key", "***"]);
     let (_, json) = run_tool(&rig, &["wifi", "--json"]).await;
     assert!(!(text + &json).contains("made-up-key"));
-    assert!(json.contains("\"essid\":\"home\""), "{json}");
+    assert_contains(&json, &["\"essid\":\"home\""]);
     let set = ["config", "--set", "name=Anna"];
     assert_eq!(
         run_tool(&rig, &set).await.0,
@@ -136,7 +131,8 @@ async fn settings_change_only_if_the_robot_is_named_and_secrets_are_never_shown(
 async fn a_snapshot_is_a_complete_picture_or_ends_with_3() {
     let rig = Rig::quiet().await;
     let (code, text) = run_tool(&rig, &["snapshot", "-o", "a.jpg"]).await;
-    assert_eq!((code, text.contains("320x240")), (Some(0), true), "{text}");
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["320x240"]);
     let jpeg = std::fs::read(rig.folder().join("a.jpg")).unwrap();
     spykee::vision::validate_markers(&jpeg).unwrap();
     rig.sim.wait_state(|state| state.user.is_none()).await;
@@ -149,11 +145,8 @@ async fn a_snapshot_is_a_complete_picture_or_ends_with_3() {
     let spoilt = Rig::with(world, options).await;
     let short = ["snapshot", "-o", "b.jpg", "--timeout", "1"];
     let (code, text) = run_tool(&spoilt, &short).await;
-    assert_eq!(
-        (code, text.contains("no intact frame")),
-        (Some(3), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(3), "{text}");
+    assert_contains(&text, &["no intact frame"]);
     assert!(!spoilt.folder().join("b.jpg").exists());
     let (code, text) = run_tool(&rig, &["snapshot", "-o", "/no/such/folder.jpg"]).await;
     assert_eq!(code, Some(2), "{text}");
@@ -172,11 +165,8 @@ async fn an_upload_arrives_complete_and_other_files_than_mp3_are_refused() {
         Some(2)
     );
     let (code, text) = run_tool(&rig, &["upload-sound", "user0", "s.mp3", "--json"]).await;
-    assert_eq!(
-        (code, text.contains("\"bytes\":25020")),
-        (Some(0), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["\"bytes\":25020"]);
     let chunks: Vec<FileChunk> = rig
         .commands(0)
         .into_iter()
@@ -207,15 +197,10 @@ async fn an_upload_arrives_complete_and_other_files_than_mp3_are_refused() {
 #[test]
 fn completions_exist_for_every_shell_and_do_not_show_the_host_command() {
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
-        let out = Process::new(env!("CARGO_BIN_EXE_spykee"))
-            .args(["completions", shell])
-            .output()
-            .unwrap();
-        let text = String::from_utf8(out.stdout).unwrap();
-        assert!(
-            out.status.success() && text.contains("upload-sound"),
-            "{shell}"
-        );
+        let printed = command(&["completions", shell]);
+        let text = printed.out;
+        assert_eq!(printed.code, Some(0), "{shell}");
+        assert!(text.contains("upload-sound"), "{shell}");
         assert!(!text.contains("__host"), "{shell}");
         if shell == "bash" {
             let mut bash = Process::new("bash")

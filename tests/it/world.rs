@@ -1,29 +1,14 @@
 //! `spykee world` and `run --trace` from the command line, and the promises of the built-in worlds.
 
-use std::path::Path;
-use std::process::{Command as Process, Output, Stdio};
 use std::time::Duration;
 
 use spykee::sim::{Firmware, Pose, Robot, TraceEventKind, World};
 use spykee::vision::{Camera, Colour, Decoder, FrameAnalyser, brightness, find_qrcodes};
 use spykee::wire::{Command, Report, Stream};
 
-const STEP: Duration = Duration::from_millis(20);
+use crate::rig::{assert_contains, command, run_in};
 
-fn spykee(folder: &Path, args: &[&str]) -> (Option<i32>, String, String) {
-    let mut process = Process::new(env!("CARGO_BIN_EXE_spykee"));
-    for variable in ["RUST_LOG", "NO_COLOR", "RUST_BACKTRACE"] {
-        process.env_remove(variable);
-    }
-    let process = process.args(args).current_dir(folder).stdin(Stdio::null());
-    let Output {
-        status,
-        stdout,
-        stderr,
-    } = process.output().unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    (status.code(), text(stdout), text(stderr))
-}
+const STEP: Duration = Duration::from_millis(20);
 
 fn robot(world: &str, seed: u64) -> Robot {
     let mut robot = Robot::new(World::builtin(world).unwrap(), Firmware::default(), seed);
@@ -51,11 +36,12 @@ fn frame_after(robot: &mut Robot, seconds: f64) -> Vec<u8> {
 fn every_built_in_world_is_drawn_to_a_picture() {
     let folder = tempfile::tempdir().unwrap();
     for name in World::builtin_names() {
-        let file = format!("{name}.png");
-        let (code, said, error) = spykee(folder.path(), &["world", "show", name, "-o", &file]);
-        assert_eq!((code, error.as_str()), (Some(0), ""), "{name}");
-        assert!(said.contains(&file), "{said}");
-        let map = image::open(folder.path().join(&file)).unwrap().to_rgb8();
+        let file = folder.path().join(format!("{name}.png"));
+        let path = file.to_str().unwrap();
+        let drawn = command(&["world", "show", name, "-o", path]);
+        assert_eq!((drawn.code, drawn.err.as_str()), (Some(0), ""), "{name}");
+        assert_contains(&drawn.out, &[path]);
+        let map = image::open(&file).unwrap().to_rgb8();
         let room = World::builtin(name).unwrap().room;
         let ratio = |width: f64, height: f64| width / height;
         // To scale, except for title, numbers and margins.
@@ -70,8 +56,8 @@ fn every_built_in_world_is_drawn_to_a_picture() {
 #[test]
 fn the_legend_below_the_map_explains_the_colour_of_the_beacon() {
     let folder = tempfile::tempdir().unwrap();
-    let (code, _, error) = spykee(folder.path(), &["world", "show", "hall"]);
-    assert_eq!(code, Some(0), "{error}");
+    let drawn = run_in(folder.path(), &["world", "show", "hall"]);
+    assert_eq!(drawn.code, Some(0), "{}", drawn.err);
     let map = image::open(folder.path().join("map.png"))
         .unwrap()
         .to_rgb8();
@@ -96,30 +82,24 @@ fn the_legend_below_the_map_explains_the_colour_of_the_beacon() {
 
 #[test]
 fn worlds_are_listed_and_checked() {
+    let list = command(&["world", "list"]);
+    assert_eq!(list.code, Some(0));
+    assert!(
+        World::builtin_names().all(|name| list.out.contains(name)),
+        "{}",
+        list.out
+    );
     let folder = tempfile::tempdir().unwrap();
-    let (code, list, _) = spykee(folder.path(), &["world", "list"]);
-    assert_eq!(code, Some(0));
-    assert!(
-        World::builtin_names().all(|name| list.contains(name)),
-        "{list}"
-    );
-    std::fs::write(
-        folder.path().join("bad.yaml"),
-        "room: {width: 4, dept: 3}\n",
-    )
-    .unwrap();
-    let (code, _, error) = spykee(folder.path(), &["world", "check", "bad.yaml"]);
-    assert_eq!(code, Some(4));
-    assert!(
-        error.contains("bad.yaml:1:") && error.contains("`depth`"),
-        "{error}"
-    );
-    let (code, _, error) = spykee(folder.path(), &["world", "show", "nowhere"]);
-    assert_eq!(code, Some(2));
-    assert!(
-        error.contains("nowhere") && error.contains("line_loop"),
-        "{error}"
-    );
+    let bad = folder.path().join("bad.yaml");
+    std::fs::write(&bad, "room: {width: 4, dept: 3}\n").unwrap();
+    let checked = command(&["world", "check", bad.to_str().unwrap()]);
+    assert_eq!(checked.code, Some(4));
+    let error = checked.err;
+    assert_contains(&error, &["bad.yaml:1:", "`depth`"]);
+    let shown = command(&["world", "show", "nowhere"]);
+    assert_eq!(shown.code, Some(2));
+    let error = shown.err;
+    assert_contains(&error, &["nowhere", "line_loop"]);
 }
 
 #[test]
@@ -138,29 +118,20 @@ fn a_run_is_drawn_with_its_path() {
         "--trace",
         "run.png",
     ];
-    let (code, _, error) = spykee(folder.path(), &args);
-    assert_eq!(code, Some(0), "{error}");
+    let ran = run_in(folder.path(), &args);
+    assert_eq!(ran.code, Some(0), "{}", ran.err);
     let run = image::open(folder.path().join("run.png"))
         .unwrap()
         .to_rgb8();
     let map = World::builtin("playpen").unwrap().draw();
     assert!(run.width() > map.width() && run.height() == map.height());
-    let (code, _, error) = spykee(
-        folder.path(),
-        &[
-            "run",
-            "drive.lua",
-            "--robot",
-            "127.0.0.1:9",
-            "--trace",
-            "x.png",
-        ],
-    );
-    assert_eq!(code, Some(2));
-    assert!(
-        error.contains("--trace") && error.contains("--sim"),
-        "{error}"
-    );
+    let script = folder.path().join("drive.lua");
+    let script = script.to_str().unwrap();
+    let real = ["run", script, "--robot", "127.0.0.1:9"];
+    let refused = command(&[&real[..], &["--trace", "x.png"]].concat());
+    assert_eq!(refused.code, Some(2));
+    let error = refused.err;
+    assert_contains(&error, &["--trace", "--sim"]);
 }
 
 #[test]

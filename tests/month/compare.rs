@@ -6,7 +6,7 @@ use std::time::Duration;
 use spykee::agent::RESCUE_NAME;
 use spykee::journal::{History, Kinds, Record, Span};
 
-use super::Ledger;
+use super::super::soak::Ledger;
 use super::calendar::{CATCH_UP, PATROL, Wall, rome};
 use super::witness::{Witness, at, held, was, within};
 

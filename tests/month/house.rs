@@ -3,8 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use spykee::agent::{Agent, AgentError, Behaviour, Blueprint, Bus, Outcome, Tries, until_answered};
-use spykee::behaviour::{Launch, Library};
+use spykee::agent::{Agent, AgentError, Blueprint, Bus, Outcome, Tries, until_answered};
 use spykee::clock::{Clock, Span};
 use spykee::journal::{About, LabJournal, Options};
 use spykee::lab::Lab;
@@ -17,6 +16,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
+use super::super::behaviour;
 use super::calendar::{CATCH_UP, PATROL};
 
 /// Days that the journal remembers, and how large it may be.
@@ -152,18 +152,7 @@ fn blueprint(name: &'static str, source: String, seed: u64, data: &Path) -> Blue
         time_zone: "Europe/Rome".to_owned(),
         ..script::Options::new(name, format!("{name}.lua"))
     };
-    let launch = Launch {
-        source: source.into(),
-        options,
-        library: Library::new(concat!(env!("CARGO_MANIFEST_DIR"), "/behaviours").into()),
-    };
     Blueprint::new(name, Priority(0), move || {
-        Ok(Behaviour {
-            priority: Priority(0),
-            launch: launch.clone(),
-            checked: false,
-            restart: "never".parse().unwrap(),
-            reloads: None,
-        })
+        Ok(behaviour(source.clone(), options.clone()))
     })
 }

@@ -5,29 +5,21 @@
 mod calendar;
 mod compare;
 mod house;
-// Its losses are the soak's. Both are test programs of their own, and both are in `tests/it`.
-#[allow(dead_code, clippy::duplicate_mod)]
-#[path = "../soak/ledger.rs"]
-mod ledger;
-#[allow(clippy::duplicate_mod)]
-#[path = "../soak/process.rs"]
-mod process;
 mod witness;
 
 use std::path::Path;
-use std::sync::Mutex;
 use std::time::Duration;
 
 use spykee::clock;
-use spykee::lab::{self, Lab, Recorder};
-use spykee::sim::{Fault, World};
+use spykee::lab::{self, Lab};
+use spykee::sim::World;
 use tokio::time::sleep;
 
+use super::soak::{Ledger, Size};
+use super::{begin_fault, observed};
 use calendar::{Trouble, Wall, begins};
 use compare::Comparison;
 use house::{House, KEEPS};
-pub use ledger::Ledger;
-pub use process::Size;
 use witness::{LOOK_EVERY, Witness, note};
 
 /// A month without one of these put to the test proves nothing.
@@ -78,20 +70,16 @@ struct Month<'a> {
 /// So many days of service on this data folder.
 pub fn serve(days: u64, seed: u64, data: &Path, progress: Progress<'_>) -> Ledger {
     let world = World::from_yaml(include_str!("world.yaml"), "month").unwrap();
-    let (told, events) = std::sync::mpsc::sync_channel(100_000);
+    let sim = spykee::sim::Options {
+        fps: Some(1.0),
+        ..spykee::sim::Options::default()
+    };
+    let (options, events) = observed(seed, sim);
     let begins = begins();
     let options = lab::Options {
-        seed,
-        events: Some(Recorder::new(move |event| drop(told.try_send(event)))),
         date: Some(begins),
-        sim: spykee::sim::Options {
-            fps: Some(1.0),
-            faults: Some(Vec::new()),
-            ..spykee::sim::Options::default()
-        },
-        ..lab::Options::default()
+        ..options
     };
-    let events = Mutex::new(events);
     lab::run(world, options, async |lab: &Lab| {
         let mut month = Month {
             lab,
@@ -152,13 +140,13 @@ impl Month<'_> {
         let (sim, now) = (self.lab.sim(), self.lab.now());
         match trouble {
             Trouble::Fault(fault, lasts) => {
-                begin(self.lab, fault, lasts);
+                begin_fault(sim, fault, lasts);
                 self.witness.trouble(now, lasts);
             }
-            Trouble::StationUnseen(lasts) => begin(self.lab, UNSEEN, lasts),
+            Trouble::StationUnseen(lasts) => begin_fault(sim, UNSEEN, lasts),
             Trouble::Battery(percent) => sim.set_battery(percent.min(sim.state().battery)),
             Trouble::PowerCut(dark) => {
-                begin(self.lab, SILENT, Duration::from_secs(20));
+                begin_fault(sim, SILENT, Duration::from_secs(20));
                 self.witness.trouble(now, dark);
                 self.cut(dark).await;
             }
@@ -248,14 +236,6 @@ impl Month<'_> {
             (files.len() > 12).then(|| format!("{} files", files.len())),
         );
     }
-}
-
-/// Of a fault, `SECONDS` stands for how long it lasts.
-fn begin(lab: &Lab, fault: &str, lasts: Duration) {
-    let fault = fault.replace("SECONDS", &lasts.as_secs().to_string());
-    let yaml = format!("faults: [ {fault} ]");
-    let faults = Fault::list_from_yaml(&yaml, "month").unwrap();
-    faults.into_iter().for_each(|fault| lab.sim().begin(fault));
 }
 
 /// The leg after `round 2, leg 4`, of four.

@@ -1,11 +1,11 @@
 //! The simulator's own account of the month: what the robot heard and how it was, second by second.
 
-use std::sync::Mutex;
-use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use spykee::lab::{Event, EventKind, Lab};
 use spykee::wire::{Command, Led, Sound};
+
+use super::super::Events;
 
 /// How often it looks.
 pub const LOOK_EVERY: Duration = Duration::from_secs(1);
@@ -17,7 +17,7 @@ pub type Changes<T> = Vec<(Duration, T)>;
 
 /// See the module.
 pub struct Witness {
-    events: Mutex<Receiver<Event>>,
+    events: Events,
     heard: usize,
     /// The left light was switched: a patrol begins or ends, or its light is restored after an outage.
     pub lights: Vec<(Duration, bool)>,
@@ -41,7 +41,7 @@ pub struct Witness {
 }
 
 impl Witness {
-    pub fn new(events: Mutex<Receiver<Event>>) -> Witness {
+    pub fn new(events: Events) -> Witness {
         Witness {
             events,
             heard: 0,
@@ -75,8 +75,7 @@ impl Witness {
                 _ => {}
             }
         }
-        let events: Vec<Event> = self.events.get_mut().unwrap().try_iter().collect();
-        for event in events {
+        for event in self.events.take() {
             if let Some(level) = level(&event) {
                 note(&mut self.levels, event.at, level);
             } else if event.kind == EventKind::Log && event.text.starts_with("round ") {

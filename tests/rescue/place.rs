@@ -7,7 +7,8 @@ use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use spykee::sim::{Point, Pose, RADIUS, StationDistances, World};
 
-const SOAK: &str = include_str!("../soak/world.yaml");
+use super::super::two_rooms;
+
 const CLASSROOM: &str = include_str!("../../behaviours/worlds/classroom.yaml");
 const GALLERY: &str = include_str!("../../behaviours/worlds/gallery.yaml");
 
@@ -83,11 +84,11 @@ impl Place {
     pub fn named(name: Name) -> Place {
         let read = |text| World::from_yaml(text, name.text()).unwrap();
         let mut world = match name {
-            Name::LivingRoom | Name::TightSpots => read(SOAK),
+            Name::LivingRoom | Name::TightSpots => two_rooms(),
             Name::Classroom => read(CLASSROOM),
             Name::Gallery => read(GALLERY),
         };
-        world.battery = read(SOAK).battery;
+        world.battery = two_rooms().battery;
         let distances = StationDistances::new(&world);
         let (least_x, least_way) = match name {
             Name::LivingRoom => (SECOND_ROOM, 0.0),

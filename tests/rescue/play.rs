@@ -6,13 +6,12 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use spykee::agent::Behaviour;
-use spykee::behaviour::{Launch, Library};
 use spykee::lab::{self, Event, EventKind, Lab, Recorder};
-use spykee::robot::Priority;
 use spykee::script;
 use spykee::sim::{Pose, State};
 use tokio::time::{sleep, timeout};
 
+use super::super::{behaviour, in_parallel};
 use super::place::{Place, Start};
 use super::strategy::Strategy;
 
@@ -76,10 +75,10 @@ fn play(place: &Place, strategy: Strategy, mut start: Start) -> Played {
     let (state, took) = lab::run(place.world.clone(), options, async |lab: &Lab| {
         lab.sim().place(start.pose);
         let run = match start.drives {
-            None => lab.start(vec![behaviour("idle", "task.wait(1e6)", 0)], None),
+            None => lab.start(vec![script("idle", "task.wait(1e6)", 0)], None),
             Some(least) => {
                 lab.sim().set_battery(90.0);
-                let run = lab.start(vec![behaviour("wander", WANDER, start.seed)], None);
+                let run = lab.start(vec![script("wander", WANDER, start.seed)], None);
                 match drive_away(place, lab, least).await {
                     Some((pose, way)) => (start.pose, start.way) = (pose, way),
                     None => return (lab.sim().state(), None),
@@ -133,27 +132,12 @@ pub fn play_all(
     threads: usize,
     told: &(dyn Fn(usize) + Sync),
 ) -> Vec<Played> {
-    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                while let Some((at, start)) = take(starts, &next) {
-                    let played = play(place, strategy, start);
-                    let mut done = done.lock().unwrap();
-                    done.push((at, played));
-                    told(done.len());
-                }
-            });
-        }
-    });
-    let mut done = done.into_inner().unwrap();
-    done.sort_by_key(|(at, _)| *at);
-    done.into_iter().map(|(_, played)| played).collect()
-}
-
-fn take(starts: &[Start], next: &AtomicUsize) -> Option<(usize, Start)> {
-    let at = next.fetch_add(1, Ordering::Relaxed);
-    Some((at, *starts.get(at)?))
+    let done = AtomicUsize::new(0);
+    in_parallel(starts, threads, |start| {
+        let played = play(place, strategy, *start);
+        told(done.fetch_add(1, Ordering::Relaxed) + 1);
+        played
+    })
 }
 
 fn is_home(state: &State) -> bool {
@@ -170,22 +154,12 @@ fn end_of(state: &State) -> End {
     }
 }
 
-/// It is started once.
-fn behaviour(name: &str, source: &str, seed: u64) -> Behaviour {
-    Behaviour {
-        priority: Priority(0),
-        launch: Launch {
-            source: source.into(),
-            options: script::Options {
-                seed,
-                ..script::Options::new(name, format!("{name}.lua"))
-            },
-            library: Library::default(),
-        },
-        checked: false,
-        restart: "never".parse().unwrap(),
-        reloads: None,
-    }
+fn script(name: &str, source: &str, seed: u64) -> Behaviour {
+    let options = script::Options {
+        seed,
+        ..script::Options::new(name, format!("{name}.lua"))
+    };
+    behaviour(source, options)
 }
 
 impl Efforts {

@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
-use spykee::sim::{Fault, Handle, Pose};
+use spykee::sim::{Handle, Pose};
+
+use super::super::begin_fault;
 
 /// From one trouble to the next, at most; in seconds.
 const LONGEST_CALM: f64 = 240.0;
@@ -84,14 +86,10 @@ impl FaultFeed {
             "the robot is carried away".to_owned()
         } else {
             let text = FAULTS[self.rng.random_range(0..FAULTS.len())];
-            let yaml = format!(
-                "faults: [ {} ]",
-                text.replace("SECONDS", &seconds.to_string())
-            );
-            let faults = Fault::list_from_yaml(&yaml, "soak").unwrap();
-            faults.into_iter().for_each(|fault| sim.begin(fault));
-            self.bad_until = now + Duration::from_secs_f64(seconds);
-            yaml
+            let lasts = Duration::from_secs_f64(seconds);
+            begin_fault(sim, text, lasts);
+            self.bad_until = now + lasts;
+            text.replace("SECONDS", &seconds.to_string())
         };
         let calm = self.rng.random_range(10.0..LONGEST_CALM);
         self.next = self.bad_until + Duration::from_secs_f64(calm);

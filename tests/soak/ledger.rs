@@ -32,8 +32,6 @@ pub struct Promise {
 const MAX_KEPT: usize = 5;
 /// What happened last, so that a break can be understood.
 const RECENT: usize = 60;
-/// Columns of a paragraph.
-const WIDTH: usize = 100;
 
 /// All of them, by name.
 #[derive(Debug, Clone, Default)]
@@ -110,15 +108,14 @@ impl Ledger {
         &mut self.promises[at]
     }
 
-    /// Whether all were kept.
-    pub fn is_kept(&self) -> bool {
+    /// Whether all were kept, and each of these was put to the test; what was not is noted as broken.
+    pub fn proves(&mut self, core: &[&'static str]) -> bool {
+        for words in core {
+            if self.promise(words).tested == 0 {
+                self.note(words, Some("never put to the test".to_owned()));
+            }
+        }
         self.promises.iter().all(|promise| promise.breaks == 0)
-    }
-
-    /// Those of these promises that were never put to the test.
-    pub fn untested<'a>(&self, words: &[&'a str]) -> Vec<&'a str> {
-        let tested = |words: &str| self.promises.iter().any(|one| one.words == words);
-        words.iter().copied().filter(|one| !tested(one)).collect()
     }
 
     /// One line: how much was put to the test, and what came of it.
@@ -142,9 +139,7 @@ impl Ledger {
             "{count:>9} robots flat off the station, {helpless} could not be helped"
         )?;
         for loss in &self.losses {
-            for (at, line) in wrapped(&loss.story, WIDTH).into_iter().enumerate() {
-                writeln!(f, "{:>9}{line}", if at == 0 { "- " } else { "" })?;
-            }
+            writeln!(f, "{:>9}{}", "- ", loss.story)?;
         }
         Ok(())
     }
@@ -156,24 +151,6 @@ impl Promise {
             self.broken.push(how);
         }
     }
-}
-
-/// The lines of a paragraph.
-fn wrapped(text: &str, width: usize) -> Vec<String> {
-    let mut lines = vec![String::new()];
-    for word in text.split_whitespace() {
-        let last = lines.len() - 1;
-        let line = &mut lines[last];
-        if line.is_empty() {
-            line.push_str(word);
-        } else if line.len() + 1 + word.len() > width {
-            lines.push(word.to_owned());
-        } else {
-            line.push(' ');
-            line.push_str(word);
-        }
-    }
-    lines
 }
 
 impl fmt::Display for Ledger {

@@ -12,17 +12,17 @@ use std::path::Path;
 use std::time::Duration;
 
 use spykee::agent::Behaviour;
-use spykee::behaviour::{Launch, Library, RestartPolicy};
-use spykee::lab::{self, Lab, Recorder};
+use spykee::lab::{self, Lab};
 use spykee::robot::Priority;
 use spykee::script;
-use spykee::sim::{Firmware, World};
+use spykee::sim::Firmware;
 use tokio::time::{Instant, sleep, timeout};
 
+use super::{behaviour, observed, two_rooms};
 use fault_feed::FaultFeed;
 pub use ledger::Ledger;
 use observer::{LOOK_EVERY, Observer};
-use process::Size;
+pub use process::Size;
 
 /// An hour without one of these put to the test proves nothing.
 pub const CORE: [&str; 4] = [
@@ -48,23 +48,15 @@ pub fn soak(
     folder: &Path,
     progress: Progress<'_>,
 ) -> Ledger {
-    let world = World::from_yaml(include_str!("world.yaml"), "soak").unwrap();
-    let (told, events) = std::sync::mpsc::sync_channel(100_000);
-    let options = lab::Options {
-        seed,
-        events: Some(Recorder::new(move |event| drop(told.try_send(event)))),
-        sim: spykee::sim::Options {
-            // Enough for the rescue behaviour to find its way; a robot's camera sends more.
-            fps: Some(5.0),
-            faults: Some(Vec::new()),
-            firmware: firmware.clone(),
-            ..spykee::sim::Options::default()
-        },
-        ..lab::Options::default()
+    let sim = spykee::sim::Options {
+        // Enough for the rescue behaviour to find its way; a robot's camera sends more.
+        fps: Some(5.0),
+        firmware: firmware.clone(),
+        ..spykee::sim::Options::default()
     };
+    let (options, events) = observed(seed, sim);
     let behaviours = behaviours(seed, folder);
-    let events = std::sync::Mutex::new(events);
-    lab::run(world, options, async |lab: &Lab| {
+    lab::run(two_rooms(), options, async |lab: &Lab| {
         let run = lab.start(behaviours, None);
         let mut observer = Observer::new(lab, events, firmware.power_late);
         let mut faults = FaultFeed::new(seed);
@@ -115,7 +107,6 @@ pub fn soak(
 
 /// The patrol, the guard, and one above them that fails.
 fn behaviours(seed: u64, folder: &Path) -> Vec<Behaviour> {
-    let again = |text: &str| text.parse::<RestartPolicy>().unwrap();
     [
         ("patrol", include_str!("../../behaviours/patrol.lua"), 0),
         ("guard", include_str!("../../behaviours/guard.lua"), 0),
@@ -131,14 +122,8 @@ fn behaviours(seed: u64, folder: &Path) -> Vec<Behaviour> {
         };
         Behaviour {
             priority: Priority(priority),
-            launch: Launch {
-                source: source.into(),
-                options,
-                library: Library::new(concat!(env!("CARGO_MANIFEST_DIR"), "/behaviours").into()),
-            },
-            checked: false,
-            restart: again("on-failure"),
-            reloads: None,
+            restart: "on-failure".parse().unwrap(),
+            ..behaviour(source, options)
         }
     })
     .collect()

@@ -1,14 +1,13 @@
 //! Looks at the robot again and again, and at what it has heard, and knows what must not be.
 
 use std::collections::BTreeMap;
-use std::sync::Mutex;
-use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
-use spykee::lab::{Event, EventKind, Lab};
+use spykee::lab::{EventKind, Lab};
 use spykee::sim::{State, Tracks};
 use spykee::wire::{Command, Engage};
 
+use super::super::Events;
 use super::Ledger;
 use super::fault_feed::FaultFeed;
 use super::ledger::HOME;
@@ -39,7 +38,7 @@ pub struct Observer {
     /// From a low battery to the first look at who drives.
     to_act: Duration,
     ledger: Ledger,
-    events: Mutex<Receiver<Event>>,
+    events: Events,
     /// The next command to be read.
     heard: usize,
     /// The first command after the login of each connection was a stop, or is still to come.
@@ -59,7 +58,7 @@ pub struct Observer {
 
 impl Observer {
     /// The robot tells its battery so late.
-    pub fn new(lab: &Lab, events: Mutex<Receiver<Event>>, power_late: Duration) -> Observer {
+    pub fn new(lab: &Lab, events: Events, power_late: Duration) -> Observer {
         Observer {
             to_act: TO_ACT + power_late,
             ledger: Ledger::default(),
@@ -228,8 +227,7 @@ impl Observer {
     }
 
     fn read_events(&mut self) {
-        let events: Vec<Event> = self.events.get_mut().unwrap().try_iter().collect();
-        for event in events {
+        for event in self.events.take() {
             let line = format!(
                 "{:.2} s {:?} {}",
                 event.at.as_secs_f64(),
@@ -237,14 +235,16 @@ impl Observer {
                 event.text
             );
             self.ledger.happened(line.replace('\n', " / "));
-            self.tell_spell(&event);
-            if event.kind == EventKind::Safety && event.text.contains("drives short leg") {
-                self.homeward = Some(event.at + LEG);
-            }
-            if event.kind == EventKind::Safety
-                && event.text.contains("a rescue behaviour may drive")
-            {
-                self.homeward = Some(event.at + LOAN);
+            if event.kind == EventKind::Safety {
+                if event.text.contains("drives short leg") {
+                    self.homeward = Some(event.at + LEG);
+                }
+                if event.text.contains("a rescue behaviour may drive") {
+                    self.homeward = Some(event.at + LOAN);
+                }
+                if let Some(spell) = &mut self.spell {
+                    spell.acted(&event.text);
+                }
             }
             if event.kind == EventKind::Ended {
                 let name = event.field("behaviour").unwrap_or_default();
@@ -263,18 +263,6 @@ impl Observer {
                     broken.then(|| format!("at {:.0?}: {}", event.at, event.text)),
                 );
             }
-        }
-    }
-    fn tell_spell(&mut self, event: &Event) {
-        let Some(spell) = &mut self.spell else {
-            return;
-        };
-        match event.kind {
-            EventKind::Safety => {
-                spell.acted(event.field("action").unwrap_or_default(), &event.text)
-            }
-            EventKind::Said if event.text == "Engine(BaseNotFound)" => spell.found_nothing(),
-            _ => {}
         }
     }
 }

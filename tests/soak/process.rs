@@ -1,17 +1,15 @@
 //! How large this process is.
 
+use std::fmt;
+
 use super::Ledger;
 
 /// Memory, threads and descriptors.
 #[derive(Debug, Clone, Copy)]
 pub struct Size {
-    pub resident_kib: u64,
-    pub threads: u64,
-    pub descriptors: u64,
-}
-
-fn descriptors() -> u64 {
-    std::fs::read_dir("/proc/self/fd").unwrap().count() as u64
+    resident_kib: u64,
+    threads: u64,
+    descriptors: u64,
 }
 
 impl Size {
@@ -26,37 +24,54 @@ impl Size {
         Size {
             resident_kib: field("VmRSS:"),
             threads: field("Threads:"),
-            descriptors: descriptors(),
+            descriptors: std::fs::read_dir("/proc/self/fd").unwrap().count() as u64,
         }
     }
 
     /// Notes whether it has grown since. Threads that write pictures and stores come and go, so threads
     /// and descriptors get some room, and memory a quarter and 16 MiB.
     pub fn compare(&self, later: &Size, ledger: &mut Ledger) {
-        let grown = |what: &str, from: u64, to: u64, most: u64| {
-            (to > most).then(|| format!("{what}: {from} after the warm-up, {to} at the end"))
+        let mut compare = |promise, unit: &str, from: u64, to: u64, most: u64| {
+            let grown = format!("{unit}: {from} after the warm-up, {to} at the end");
+            ledger.note(promise, (to > most).then_some(grown));
         };
-        ledger.note(
+        let (before, room) = (self.resident_kib, self.resident_kib / 4 + 16 * 1024);
+        compare(
             "memory does not grow",
-            grown(
-                "KiB",
-                self.resident_kib,
-                later.resident_kib,
-                self.resident_kib * 5 / 4 + 16 * 1024,
-            ),
+            "KiB",
+            before,
+            later.resident_kib,
+            before + room,
         );
-        ledger.note(
+        let before = self.threads;
+        compare(
             "threads do not pile up",
-            grown("threads", self.threads, later.threads, self.threads + 4),
+            "threads",
+            before,
+            later.threads,
+            before + 4,
         );
-        ledger.note(
+        let (before, after) = (self.descriptors, later.descriptors);
+        compare(
             "descriptors do not pile up",
-            grown(
-                "descriptors",
-                self.descriptors,
-                later.descriptors,
-                self.descriptors + 16,
-            ),
+            "descriptors",
+            before,
+            after,
+            before + 16,
         );
+    }
+}
+
+impl fmt::Display for Size {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Size {
+            resident_kib,
+            threads,
+            descriptors,
+        } = self;
+        write!(
+            f,
+            "{resident_kib:>6} KiB  {threads:>3} threads  {descriptors:>3} descriptors"
+        )
     }
 }

@@ -1,11 +1,11 @@
 //! A robot that is low and off its station: since when, from where, and what was in its way meanwhile.
 //! Should it run flat, this says whether it could have come home, and why it did not.
 
-use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
 use super::ledger::Loss;
+use spykee::clock::hours;
 use spykee::sim::{FULL_SPEED, Pose, State, StationDistances, World};
 
 /// How fast the watchdog and those that it lends the tracks to may drive, as a share.
@@ -52,10 +52,8 @@ pub struct Spell {
     battery: f64,
     offline: Duration,
     searches: usize,
-    in_vain: usize,
     legs: usize,
     loans: usize,
-    acts: BTreeMap<String, usize>,
     troubles: Vec<(Duration, String)>,
     placed: bool,
 }
@@ -105,15 +103,13 @@ impl Spell {
         Spell {
             began: look.now,
             missed: None,
-            story: vec![format!("Low at {} with {stand}.", Clock(look.now))],
+            story: vec![format!("Low at {} with {stand}.", hours(look.now))],
             battery: stand.battery,
             stand,
             offline: Duration::ZERO,
             searches: 0,
-            in_vain: 0,
             legs: 0,
             loans: 0,
-            acts: BTreeMap::new(),
             troubles: Vec::new(),
             placed: false,
         }
@@ -141,7 +137,7 @@ impl Spell {
         self.stand = account.stand(look);
         let stand = &self.stand;
         self.story
-            .push(format!("{what} at {}: now with {stand}.", Clock(look.now)));
+            .push(format!("{what} at {}: now with {stand}.", hours(look.now)));
     }
 
     fn close_stand(&mut self) -> Option<String> {
@@ -167,25 +163,18 @@ impl Spell {
         self.searches += 1;
     }
 
-    /// The robot said that it did not find the station.
-    pub fn found_nothing(&mut self) {
-        self.in_vain += 1;
-    }
-
     /// The watchdog has acted.
-    pub fn acted(&mut self, action: &str, text: &str) {
-        *self.acts.entry(action.to_owned()).or_default() += 1;
+    pub fn acted(&mut self, text: &str) {
         self.legs += usize::from(text.contains("drives short leg"));
         self.loans += usize::from(text.contains("a rescue behaviour may drive"));
     }
 
     /// The robot is flat now: why.
     pub fn lost(mut self, account: &Account, look: &Look<'_>) -> Loss {
-        let (end, after) = (account.stand(look), look.now.saturating_sub(self.began));
-        let (now, after) = (Clock(look.now), Clock(after));
+        let end = account.stand(look);
+        let (now, after) = (hours(look.now), hours(look.now.saturating_sub(self.began)));
         self.story
             .push(format!("Flat at {now}, {after} later, with {end}."));
-        self.story.push(self.efforts());
         self.story.push(self.surroundings(look.now));
         let excuse = self.close_stand();
         self.story.push(match (self.missed, excuse) {
@@ -193,7 +182,7 @@ impl Spell {
             (since, _) => format!(
                 "It could have come home from where it stood at {}: a way, the charge and the time \
                  were there.",
-                Clock(since.unwrap_or(self.began))
+                hours(since.unwrap_or(self.began))
             ),
         });
         Loss {
@@ -202,35 +191,21 @@ impl Spell {
         }
     }
 
-    /// What was done for it.
-    fn efforts(&self) -> String {
-        let Spell {
-            searches,
-            in_vain,
-            legs,
-            loans,
-            ..
-        } = self;
-        let acts = self.acts.iter();
-        let acts: Vec<String> = acts.map(|(act, count)| format!("{act} {count}x")).collect();
-        format!(
-            "It heard {searches} searches, {in_vain} of them in vain; {legs} legs, {loans} loans; the \
-             watchdog said: {}.",
-            list(&acts)
-        )
-    }
-
-    /// What was in its way.
+    /// What was done for it, and what was in its way.
     fn surroundings(&self, now: Duration) -> String {
         let late = self.troubles.iter().filter(|(at, _)| *at + TOLD >= now);
         let late: Vec<String> = late
-            .map(|(at, what)| format!("{} {what}", Clock(*at)))
+            .map(|(at, what)| format!("{} {what}", hours(*at)))
             .collect();
         format!(
-            "The link was away for {} in all; troubles in the last {}: {}.",
-            Clock(self.offline),
-            Clock(TOLD),
-            list(&late)
+            "It heard {} searches, drove {} legs and had {} loans. The link was away for {} in all; \
+             troubles in the last {}: {}.",
+            self.searches,
+            self.legs,
+            self.loans,
+            hours(self.offline),
+            hours(TOLD),
+            late.join(", ")
         )
     }
 }
@@ -255,8 +230,8 @@ impl Stand {
         (undisturbed < time).then(|| {
             format!(
                 "with a sound link and a working station it had {} for a way of {}",
-                Clock(*undisturbed),
-                Clock(*time)
+                hours(*undisturbed),
+                hours(*time)
             )
         })
     }
@@ -271,30 +246,8 @@ impl fmt::Display for Stand {
             Some(Need { way, time, charge }) => write!(
                 f,
                 "{way:.1} m from home by the shortest way ({} and {charge:.1} % with one search)",
-                Clock(*time)
+                hours(*time)
             ),
-        }
-    }
-}
-
-fn list(items: &[String]) -> String {
-    if items.is_empty() {
-        return "none".to_owned();
-    }
-    items.join(", ")
-}
-
-/// Hours, minutes and seconds.
-pub struct Clock(pub Duration);
-
-impl fmt::Display for Clock {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let seconds = self.0.as_secs();
-        let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
-        if hours > 0 {
-            write!(f, "{hours}:{minutes:02}:{:02} h", seconds % 60)
-        } else {
-            write!(f, "{minutes}:{:02} min", seconds % 60)
         }
     }
 }

@@ -6,7 +6,7 @@ use spykee::wire::{Command, Engage, Sound};
 
 use super::broker::{Broker, Subscriber};
 use super::{A, IDLE, robot};
-use crate::rig::{Rig, Run};
+use crate::rig::{Rig, Run, assert_contains};
 
 /// The README's list for `rover1`, an agent, and `anna`, who may command its robot, and the same
 /// for a second robot, with `rover2` and `bruno`.
@@ -94,5 +94,5 @@ async fn a_user_of_one_robot_can_neither_drive_nor_see_nor_impersonate_another()
     let mut stop = first.spykee(&fleet);
     assert_eq!(stop.code().await, Some(2), "{}", stop.text());
     let unknown = "no robot SPYKEE0001 at this broker";
-    assert!(stop.text().contains(unknown), "{}", stop.text());
+    assert_contains(&stop.text(), &[unknown]);
 }

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::broker::{Broker, Subscriber};
 use super::{A, IDLE, robot, start};
-use crate::rig::{Rig, Run};
+use crate::rig::{Rig, Run, assert_contains};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_broker_reports_a_killed_agent() {
@@ -28,7 +28,7 @@ async fn the_broker_reports_a_killed_agent() {
     let mut list = rig.spykee(&["fleet", "list", "--config", "fleet.yaml"]);
     assert_eq!(list.code().await, Some(0), "{}", list.text());
     let text = list.text();
-    assert!(text.contains("SPYKEE0001  CONNECTIONBROKEN"), "{text}");
+    assert_contains(&text, &["SPYKEE0001  CONNECTIONBROKEN"]);
 }
 
 #[tokio::test(flavor = "multi_thread")]

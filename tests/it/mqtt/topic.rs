@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use super::broker::{Broker, Subscriber};
 use super::{A, robot};
-use crate::rig::Rig;
+use crate::rig::{Rig, assert_contains};
 
 const SENDS: &str = "local path = robot.wait_frame(20):save('seen')
     notify.send('look at this', { picture = path })";
@@ -53,10 +53,7 @@ async fn notifications_are_published_with_their_pictures_and_survive_a_broker_ou
     let mut second = run();
     assert_eq!(second.code().await, Some(0), "{}", second.text());
     let text = second.text();
-    assert!(
-        text.contains("not sent yet: no connection with the broker"),
-        "{text}"
-    );
+    assert_contains(&text, &["not sent yet: no connection with the broker"]);
     assert_eq!(waiting(&rig), 1);
     let from = subscriber.len();
     broker.begin();
@@ -77,5 +74,5 @@ async fn notifications_are_published_with_their_pictures_and_survive_a_broker_ou
     let mut found = rig.spykee(&["notify", "test", "words"]);
     assert_eq!(found.code().await, Some(2), "{}", found.text());
     let why = "uses a broker";
-    assert!(found.text().contains(why), "{}", found.text());
+    assert_contains(&found.text(), &[why]);
 }

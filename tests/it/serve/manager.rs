@@ -7,7 +7,7 @@ use tokio::time::timeout;
 
 use super::{DRIVES, config, ends_well, run_spykee};
 use crate::guardian::thread_called;
-use crate::rig::{Rig, WAIT_LIMIT};
+use crate::rig::{Rig, WAIT_LIMIT, assert_contains};
 use crate::slow_system::trace;
 
 #[tokio::test(flavor = "multi_thread")]
@@ -101,13 +101,11 @@ async fn the_unit_has_few_rights() {
         "/etc/hostname",
     ];
     let (code, text) = run_spykee(&rig, &install).await;
-    assert_eq!(
-        (code, text.contains("systemctl enable")),
-        (Some(0), true),
-        "{text}"
-    );
+    assert_eq!(code, Some(0), "{text}");
+    assert_contains(&text, &["systemctl enable"]);
     let (code, text) = run_spykee(&rig, &install).await;
-    assert_eq!((code, text.contains("--force")), (Some(2), true), "{text}");
+    assert_eq!(code, Some(2), "{text}");
+    assert_contains(&text, &["--force"]);
     let text = std::fs::read_to_string(&unit).unwrap();
     assert!(text.contains("ExecStart=/usr/bin/env serve --config /etc/spykee/spykee.yaml"));
     assert!(text.contains("LoadCredential=password:/etc/hostname"));
@@ -137,11 +135,7 @@ async fn a_password_may_come_from_the_service_managers_credentials() {
     let args = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
     let mut run = rig.spykee_with(&args, &environment);
     assert_eq!(run.code().await, Some(3), "{}", run.text());
-    assert!(
-        run.text().contains("refuses user `admin`"),
-        "{}",
-        run.text()
-    );
+    assert_contains(&run.text(), &["refuses user `admin`"]);
     rig.file("password", "admin\n");
     let mut run = rig.spykee_with(&args, &environment);
     run.says("connected").await;

@@ -1,0 +1,275 @@
+//! `scripts/soak`, `scripts/month`, `scripts/rescue` and `scripts/explore`: long runs in virtual time, each
+//! with a table of what was promised and what happened. They exit with 1 if a promise was broken.
+
+#![allow(clippy::unwrap_used, unreachable_pub)]
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::thread::available_parallelism;
+use std::time::Instant;
+
+use clap::{Args, Parser, value_parser as number};
+use spykee::safety::{Limits, Rescue};
+use spykee::sim::Firmware;
+
+#[path = "../long_runs.rs"]
+#[allow(dead_code)]
+mod long_runs;
+
+use long_runs::rescue::{Name, Place, Row, Strategy, heading, play_all};
+use long_runs::soak::Ledger;
+use long_runs::{explore, in_parallel, month, soak};
+
+/// Long runs in virtual time.
+#[derive(Parser)]
+#[command(bin_name = "scripts")]
+enum Arguments {
+    Soak(SoakArgs),
+    Month(MonthArgs),
+    Rescue(RescueArgs),
+    Explore(ExploreArgs),
+}
+
+/// Runs patrol and guard unattended for hours of virtual time, with random failures of network,
+/// station and battery. Exits with 1 if a promise was broken.
+#[derive(Args)]
+struct SoakArgs {
+    /// Virtual hours of each run
+    #[arg(long, default_value_t = 24, value_parser = number!(u64).range(1..))]
+    hours: u64,
+    /// Seed of the first run's faults
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Runs, each with the next seed
+    #[arg(long, default_value_t = 1, value_parser = number!(u64).range(1..))]
+    seeds: u64,
+    /// Runs at the same time
+    #[arg(long, default_value_t = 1, value_parser = number!(u16).range(1..))]
+    jobs: u16,
+    /// The robot's firmware: a YAML file, or `matrix` for each of tests/firmware/ in turn
+    #[arg(long, value_name = "FILE.yaml")]
+    firmware: Option<PathBuf>,
+}
+
+/// Simulates days of a service in virtual time: a timetable, outages, a robot that is unreachable
+/// for a night, a clock that is set back, power cuts. Then compares the history's record with the
+/// simulator's. Exits with 1 if a promise was broken.
+#[derive(Args)]
+struct MonthArgs {
+    /// Virtual days
+    #[arg(long, default_value_t = 30, value_parser = number!(u64).range(1..))]
+    days: u64,
+    /// Seed of the faults
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Keep the data folder here, which must be empty, for `spykee history`
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+}
+
+/// Measures how many robots with a low battery the watchdog alone brings home, beside a behaviour
+/// that does nothing. Exits with 1 if the default strategy misses its goal.
+#[derive(Args)]
+struct RescueArgs {
+    /// Robots for each world and strategy
+    #[arg(long, default_value_t = 120, value_parser = number!(u32).range(1..))]
+    starts: u32,
+    /// Seed of places, headings, battery levels and noise
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Only this world
+    #[arg(long)]
+    world: Option<Name>,
+    /// Only this strategy
+    #[arg(long)]
+    strategy: Option<Strategy>,
+    /// Robots at the same time [default: one for each processor]
+    #[arg(long, value_parser = number!(u16).range(1..))]
+    jobs: Option<u16>,
+    /// Robots leave their station and drive for one to three minutes, and then on until they are
+    /// far from home
+    #[arg(long)]
+    driven: bool,
+    /// Print every start and how it ended
+    #[arg(long)]
+    list: bool,
+}
+
+/// Explores the states of the watchdog breadth first. Exits with 1 if a promise can be broken.
+#[derive(Args)]
+struct ExploreArgs {
+    /// Steps after the first login
+    #[arg(long, default_value_t = 7)]
+    depth: usize,
+    /// End after this many states
+    #[arg(long, default_value_t = 3_000_000)]
+    states: usize,
+}
+
+/// Number of robots between two progress messages.
+const PROGRESS_EVERY: usize = 10;
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().filter(|one| one != "--bench").collect();
+    if arguments.iter().any(|argument| argument == "--test") {
+        return ExitCode::SUCCESS;
+    }
+    let is_kept = match Arguments::parse_from(arguments) {
+        Arguments::Soak(args) => run_soak(&args),
+        Arguments::Month(args) => Ok(run_month(&args)),
+        Arguments::Rescue(args) => Ok(run_rescue(&args)),
+        Arguments::Explore(args) => Ok(run_explore(&args)),
+    };
+    match is_kept {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Prints the table of promises; returns whether all were kept.
+fn judge(mut ledger: Ledger, core: &[&'static str], began: Instant) -> bool {
+    let is_kept = ledger.proves(core);
+    let seconds = began.elapsed().as_secs_f64();
+    println!("{ledger}{}; {seconds:.0} s", ledger.summary());
+    is_kept
+}
+
+fn run_soak(args: &SoakArgs) -> Result<bool, Box<dyn Error>> {
+    let began = Instant::now();
+    let seeds = args.seed..args.seed + args.seeds;
+    let mut jobs = Vec::new();
+    for (name, firmware) in firmwares(args.firmware.as_deref())? {
+        jobs.extend(
+            seeds
+                .clone()
+                .map(|seed| (seed, name.clone(), firmware.clone())),
+        );
+    }
+    let ledgers = in_parallel(&jobs, args.jobs.into(), |(seed, name, firmware)| {
+        println!("{} h unattended, seed {seed}, firmware {name}", args.hours);
+        let folder = tempfile::tempdir().unwrap();
+        let progress = &mut |hour, size: &soak::Size| {
+            let seconds = began.elapsed().as_secs_f64();
+            println!("seed {seed:>3} {hour:>4} h  {size}  {seconds:>5.0} s");
+        };
+        let ledger = soak::soak(args.hours, *seed, firmware, folder.path(), progress);
+        println!("seed {seed:>3}, {name}: {}", ledger.summary());
+        ledger
+    });
+    let mut total = Ledger::default();
+    for ((seed, name, _), ledger) in jobs.iter().zip(ledgers) {
+        total.add(&format!("seed {seed}, firmware {name}"), ledger);
+    }
+    Ok(judge(total, &soak::CORE, began))
+}
+
+/// Returns the requested firmwares, each with its name.
+fn firmwares(asked: Option<&Path>) -> Result<Vec<(String, Firmware)>, Box<dyn Error>> {
+    let Some(asked) = asked else {
+        return Ok(vec![("usual".to_owned(), Firmware::default())]);
+    };
+    let mut files = vec![asked.to_owned()];
+    if asked == Path::new("matrix") {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/firmware");
+        let entries = std::fs::read_dir(folder)?.collect::<Result<Vec<_>, _>>()?;
+        files = entries.iter().map(|entry| entry.path()).collect();
+        files.retain(|file| file.extension().is_some_and(|ending| ending == "yaml"));
+        files.sort_unstable();
+    }
+    let mut firmwares = Vec::new();
+    for file in files {
+        let name = file.file_stem().unwrap_or_default().display().to_string();
+        firmwares.push((name, Firmware::load(&file)?));
+    }
+    Ok(firmwares)
+}
+
+fn run_month(args: &MonthArgs) -> bool {
+    let (began, folder) = (Instant::now(), tempfile::tempdir().unwrap());
+    let data = args.data.as_deref().unwrap_or(folder.path());
+    println!("{} days of service, seed {}", args.days, args.seed);
+    let ledger = month::serve(args.days, args.seed, data, &mut |day, size, bytes| {
+        let seconds = began.elapsed().as_secs_f64();
+        let kib = bytes / 1024;
+        println!("{day:>4} d  {size}  {kib:>6} KiB of data  {seconds:>5.0} s");
+    });
+    judge(ledger, &month::CORE, began)
+}
+
+fn run_rescue(args: &RescueArgs) -> bool {
+    let worlds = args.world.map_or(Name::ALL.to_vec(), |name| vec![name]);
+    let all = match args.driven {
+        true => Strategy::DRIVEN,
+        false => Strategy::PUT,
+    };
+    let strategies = args.strategy.map_or(all.to_vec(), |one| vec![one]);
+    let mut rows = Vec::new();
+    for place in worlds.into_iter().map(Place::named) {
+        rows.extend(
+            strategies
+                .iter()
+                .map(|strategy| row(args, &place, *strategy)),
+        );
+    }
+    println!("\n{}", heading());
+    rows.iter().for_each(|row| println!("{row}"));
+    let missed: Vec<&Row> = rows.iter().filter(|row| row.misses_its_goal()).collect();
+    for row in &missed {
+        let (world, goal, percent) = (row.world.text(), row.world.goal(), row.percent());
+        println!("{world}: {percent:.1} % came home; the goal is {goal} %");
+    }
+    missed.is_empty()
+}
+
+fn row(args: &RescueArgs, place: &Place, strategy: Strategy) -> Row {
+    let count = args.starts as usize;
+    let starts = match args.driven {
+        true => place.drives(count, args.seed),
+        false => place.starts(count, args.seed),
+    };
+    let cores = || available_parallelism().map_or(1, usize::from);
+    let threads = args.jobs.map_or_else(cores, usize::from);
+    let what = format!("{}, {}", place.name.text(), strategy.text());
+    let began = Instant::now();
+    let report_progress = |done: usize| {
+        if done.is_multiple_of(PROGRESS_EVERY) || done == count {
+            let seconds = began.elapsed().as_secs_f64();
+            eprintln!("{what}: {done} of {count} done, {seconds:.0} s");
+        }
+    };
+    let played = play_all(place, strategy, &starts, threads, &report_progress);
+    if args.list {
+        println!("{what}");
+        played.iter().for_each(|one| println!("  {one}"));
+    }
+    Row::of(place.name, strategy, &played)
+}
+
+fn run_explore(args: &ExploreArgs) -> bool {
+    let bare = Limits {
+        rescue: Rescue::Off,
+        recovery_legs: 0,
+        ..Limits::default()
+    };
+    let mut is_kept = true;
+    for (name, limits) in [
+        ("usual limits", Limits::default()),
+        ("no legs, no rescue", bare),
+    ] {
+        let found = explore::explore(&limits, args.depth, args.states);
+        println!(
+            "{name}: {} states, all sequences of {} steps, {} broken",
+            found.states,
+            found.depth,
+            found.broken.len()
+        );
+        found.broken.iter().for_each(|what| println!("  {what}"));
+        is_kept &= found.broken.is_empty();
+    }
+    is_kept
+}

@@ -1,0 +1,149 @@
+//! A short one of each long run; `scripts/nightly` plays them at full length.
+
+use std::f64::consts::PI;
+use std::path::Path;
+use std::time::Duration;
+
+use spykee::lab::{self, Lab, Recorder};
+use spykee::safety::{Limits, Rescue};
+use spykee::script;
+use spykee::sim::{Firmware, Point, Pose};
+use tokio::time::timeout;
+
+use crate::long_runs::explore::explore;
+use crate::long_runs::rescue::place::Start;
+use crate::long_runs::rescue::{Name, Place, Row, Strategy, heading, play_all};
+use crate::long_runs::soak::{self, Ledger, soak};
+use crate::long_runs::{behaviour, month, two_rooms};
+use crate::rig::{in_a_process_of_its_own, sized};
+
+#[test]
+fn hours_with_faults_keep_every_promise() {
+    in_a_process_of_its_own("smoke::hours_with_faults");
+}
+
+#[test]
+#[ignore = "the test above runs it"]
+fn hours_with_faults() {
+    let other = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/firmware/all_other.yaml");
+    let other = Firmware::load(&other).unwrap();
+    let mut total = Ledger::default();
+    for (seed, firmware) in [(1, Firmware::default()), (4, other)] {
+        let folder = tempfile::tempdir().unwrap();
+        let ledger = soak(1, seed, &firmware, folder.path(), &mut |_, _| {});
+        println!("seed {seed}: {}", ledger.summary());
+        total.add(&format!("seed {seed}"), ledger);
+    }
+    assert!(total.proves(&soak::CORE), "\n{total}");
+}
+
+/// Places beside the station from which the soak's world hides its beacon, on both sides, each with
+/// a heading.
+const BLIND: [(f64, f64, f64); 2] = [(0.35, 4.0, -1.15), (0.4, 0.9, 0.5)];
+
+/// Starts there with a low battery and an idle behaviour; returns whether the robot charges within
+/// ten minutes, and how often the watchdog did `does`.
+fn comes_home_from((x, y, heading): (f64, f64, f64), limits: &Limits, does: &str) -> (bool, usize) {
+    let (recorder, events) = Recorder::keeping();
+    let options = lab::Options {
+        events: Some(recorder),
+        limits: limits.clone(),
+        ..lab::Options::default()
+    };
+    let idle = behaviour("task.wait(3600)", script::Options::new("idle", "idle.lua"));
+    let home = lab::run(two_rooms(), options, async |lab: &Lab| {
+        lab.sim().place(Pose { x, y, heading });
+        lab.sim().set_battery(19.0);
+        let run = lab.start(vec![idle], None);
+        let home = lab.sim().wait_state(|state| state.charging);
+        let home = timeout(Duration::from_secs(600), home).await.is_ok();
+        run.stop();
+        home && run.outcome().await.is_ok()
+    });
+    let events = events.lock().unwrap();
+    let done = events.iter().filter(|event| event.text.contains(does));
+    (home.unwrap(), done.count())
+}
+
+#[test]
+fn a_low_robot_beside_its_station_comes_home_although_it_cannot_find_it_from_there() {
+    let blind = Limits {
+        rescue: Rescue::Off,
+        ..Limits::default()
+    };
+    for place in BLIND {
+        for (limits, does) in [
+            (&blind, "drives short leg"),
+            (&Limits::default(), "a rescue behaviour may drive"),
+        ] {
+            let (home, times) = comes_home_from(place, limits, does);
+            assert!(home && times > 0, "from {place:?}: {does} {times} times");
+        }
+    }
+}
+
+#[test]
+fn the_history_of_a_service_with_faults_matches_the_simulators_record() {
+    in_a_process_of_its_own("smoke::days_of_a_service_with_faults");
+}
+
+#[test]
+#[ignore = "the test above runs it"]
+fn days_of_a_service_with_faults() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut ledger = month::serve(1, 1, folder.path(), &mut |day, size, bytes| {
+        println!("{day} d: {size}, {bytes} bytes of data");
+    });
+    println!("{}\n{ledger}", ledger.summary());
+    assert!(ledger.proves(&month::CORE), "\n{ledger}");
+}
+
+/// Few enough for a test that runs often; they do not measure the success rate, and only check that
+/// the rescue works at all.
+#[test]
+fn low_robots_in_the_next_room_come_home_without_help_from_their_behaviour() {
+    let place = Place::named(Name::LivingRoom);
+    let starts = place.starts(sized(3, 6), 1);
+    expect_home(&place, &starts, sized(2, 3));
+}
+
+/// Between two walls and a post; from there the floor beside the post looks free.
+#[test]
+fn a_low_robot_in_the_corner_behind_a_post_comes_home() {
+    let place = Place::named(Name::TightSpots);
+    let starts: Vec<Start> = (0..8u8)
+        .step_by(sized(4, 1))
+        .map(|eighth| Start {
+            pose: Pose::at(Point::new(0.33, 4.5), f64::from(eighth) * PI / 4.0),
+            battery: 18.7,
+            way: 2.8,
+            seed: u64::from(eighth),
+            drives: None,
+        })
+        .collect();
+    expect_home(&place, &starts, sized(1, 7));
+}
+
+fn expect_home(place: &Place, starts: &[Start], least: usize) {
+    let played = play_all(place, Strategy::Builtin, starts, 2, &|_| ());
+    let lines: Vec<String> = played.iter().map(ToString::to_string).collect();
+    let row = Row::of(place.name, Strategy::Builtin, &played);
+    let table = format!("{}\n{row}\n{}", heading(), lines.join("\n"));
+    assert!(row.home >= least, "{table}");
+}
+
+/// Breadth first: every pair of events in every order, and many triples.
+#[test]
+fn a_low_robot_is_sent_home_after_any_sequence_of_events() {
+    let bare = Limits {
+        rescue: Rescue::Off,
+        recovery_legs: 0,
+        ..Limits::default()
+    };
+    for limits in [Limits::default(), bare] {
+        let found = explore(&limits, 4, 5_000);
+        println!("{} states to a depth of {}", found.states, found.depth);
+        assert_eq!(found.broken, [] as [String; 0]);
+        assert!(found.states > 1000, "{}", found.states);
+    }
+}
