@@ -7,7 +7,7 @@
 //! (whether the robot is docked, and on what evidence), [`Docking`] (one docking with its
 //! retries), [`Recovery`] (what follows a failed docking), [`Loan`] and [`Leg`] (how a robot with a
 //! low battery reaches another place to search from), [`Rescue`] (which behaviour may drive it),
-//! [`Trail`] (the robot's path from its station), [`Leases`] (which hosts are alive), [`LastWords`]
+//! [`Leases`] (which hosts are alive), [`LastWords`]
 //! (what the robot is sent if the agent dies), [`Limits`] (every number).
 
 mod act;
@@ -25,7 +25,6 @@ mod recovery;
 mod rescue;
 mod streak;
 mod tracks;
-mod trail;
 mod watchdog;
 
 pub use act::{Act, Fact};
@@ -42,7 +41,6 @@ pub use place::{DockState, DockTracker, Doubt, Evidence};
 pub use recovery::{AfterFailure, Recovery, RecoveryOptions, RecoveryStep};
 pub use rescue::{Rescue, UnknownRescue};
 pub use tracks::Tracks;
-pub use trail::Trail;
 pub use watchdog::{ALARM, DockReport, Watchdog};
 
 pub use crate::robot::WatchdogState;

@@ -67,9 +67,6 @@ impl Watchdog {
             Command::Engine(_) | Command::Move { .. } => self.searching = false,
             _ => {}
         }
-        if matches!(command, Command::Engine(_)) {
-            self.trail.lose();
-        }
         self.acts.push(Act::Send(command));
     }
 }

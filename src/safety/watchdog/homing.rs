@@ -35,7 +35,6 @@ impl Watchdog {
     /// The rule with the highest precedence: stop and go home, in one batch of acts.
     pub(super) fn became_low(&mut self, cause: LowCause, now: Instant) {
         self.end_motion(MotionEnd::Safety);
-        self.path_from_station = self.trail.take(now);
         self.dock_tracker.expect_charge(now);
         if let Some(battery) = self.battery() {
             self.acts.push(Act::Announce(Event::BatteryLow(battery)));

@@ -23,10 +23,10 @@ pub use self::recovery::ALARM;
 use self::recovery::Alarm;
 use super::{
     Act, Arbiter, BatteryGuard, Charging, DockOutcome, DockState, DockTracker, Drain, Fact, Leases,
-    Limits, LowCause, Recovery, Tracks, Trail,
+    Limits, LowCause, Recovery, Tracks,
 };
 use crate::robot::{
-    Battery, BehaviourId, CallId, DockEnd, MotionEnd, Priority, Setpoint, Stroke, WatchdogState,
+    Battery, BehaviourId, CallId, DockEnd, MotionEnd, Priority, Setpoint, WatchdogState,
 };
 use crate::wire::EngineReport;
 
@@ -75,10 +75,6 @@ pub struct Watchdog {
     arbiter: Arbiter,
     leases: Leases,
     tracks: Tracks,
-    trail: Trail,
-    /// The path from the station to where the battery became low, until the first search from there
-    /// has failed or something else has moved the robot.
-    path_from_station: Option<Vec<Stroke>>,
     homing: Option<Homing>,
     leaving: Option<Leaving>,
     /// Present while the battery is low.
@@ -114,8 +110,6 @@ impl Watchdog {
             drain: Drain::default(),
             arbiter: Arbiter::default(),
             tracks: Tracks::new(now),
-            trail: Trail::new(now),
-            path_from_station: None,
             homing: None,
             leaving: None,
             recovery: None,
@@ -183,7 +177,6 @@ impl Watchdog {
         self.check_leaving(now);
         self.sound_alarm(now);
         self.drive(now);
-        self.trail.record(self.tracks.last_sent(), now);
         self.drain.advance(self.activity(), now);
         std::mem::take(&mut self.acts)
     }
@@ -315,14 +308,6 @@ impl Watchdog {
     }
 
     fn undocked(&mut self, now: Instant) {
-        // The position of a robot that left without being asked is not known: it may have been
-        // carried.
-        if self.dock_tracker.is_leaving() {
-            self.trail.begin(now)
-        } else {
-            self.trail.lose()
-        }
-        self.path_from_station = None;
         self.dock_tracker.undocked(now);
         self.guard.undocked();
         self.guard.excuse_silence(now);

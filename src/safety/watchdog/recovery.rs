@@ -8,8 +8,8 @@ use tokio::time::Instant;
 use super::Watchdog;
 use crate::robot::{BehaviourId, DockEnd, Event, MotionEnd, SafetyAction, Setpoint};
 use crate::safety::{
-    Act, Activity, AfterFailure, DockOutcome, DockState, HostLife, Recovery, RecoveryOptions,
-    RecoveryStep, Rescue,
+    Act, Activity, AfterFailure, DockOutcome, DockState, HostLife, RecoveryOptions, RecoveryStep,
+    Rescue,
 };
 use crate::wire::{Command, Led, Sound};
 
@@ -67,7 +67,7 @@ impl Watchdog {
             Some(_) => SafetyAction::Alarm,
             None => SafetyAction::Dock,
         };
-        let (end, next) = (outcome.end, self.begin(next, now));
+        let (end, next) = (outcome.end, self.begin(next));
         self.announce(
             action,
             format!("docking failed ({end}) {failures} times: {next}"),
@@ -94,8 +94,7 @@ impl Watchdog {
     }
 
     /// Informs a borrower of its loan, and returns a description of what follows.
-    fn begin(&mut self, next: AfterFailure, now: Instant) -> String {
-        let way = self.path_from_station.take();
+    fn begin(&mut self, next: AfterFailure) -> String {
         match next {
             AfterFailure::Search => "searches again".into(),
             AfterFailure::Leg => {
@@ -105,14 +104,8 @@ impl Watchdog {
             AfterFailure::Loan => {
                 let (seconds, power) = (self.limits.rescue_time.get(), self.limits.rescue_power);
                 if let Some(by) = self.borrower() {
-                    let began = self.recovery.as_ref().map_or(now, Recovery::began);
-                    let loan = Event::Loan {
-                        seconds,
-                        power,
-                        low_for: now.saturating_duration_since(began),
-                        way,
-                    };
-                    self.acts.push(Act::Tell(by, loan));
+                    self.acts
+                        .push(Act::Tell(by, Event::Loan { seconds, power }));
                 }
                 let seconds = seconds.as_secs_f64();
                 format!("a rescue behaviour may drive for {seconds} s, then it searches from there")
@@ -136,7 +129,7 @@ impl Watchdog {
             None => {}
             Some(RecoveryStep::Leg) => {
                 self.end_motion(MotionEnd::Safety);
-                let next = self.begin(AfterFailure::Leg, now);
+                let next = self.begin(AfterFailure::Leg);
                 self.announce(
                     SafetyAction::Dock,
                     format!("no behaviour has driven: {next}"),
@@ -205,8 +198,6 @@ impl Watchdog {
 
     /// Out of reach, or on the station: ends a loan, a leg or a search.
     pub(super) fn interrupt_recovery(&mut self, now: Instant) {
-        self.path_from_station = None;
-        self.trail.lose();
         if let Some(recovery) = &mut self.recovery {
             recovery.interrupt(now);
         }

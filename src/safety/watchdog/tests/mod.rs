@@ -13,7 +13,6 @@ mod recovery;
 mod rescue;
 mod rig;
 mod run_end;
-mod way_back;
 
 use std::time::Duration;
 
