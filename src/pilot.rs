@@ -16,6 +16,7 @@ mod line;
 mod link_end;
 mod link_events;
 mod lost;
+mod minutes_left;
 mod publishing;
 mod pulse;
 mod quiet_hours;
@@ -50,6 +51,7 @@ use self::lights::Lights;
 pub use self::line::Dial;
 use self::line::Line;
 use self::lost::{LinkEventError, LinkLost};
+use self::minutes_left::MinutesLeft;
 pub use self::pulse::Pulse;
 use self::quiet_hours::QuietHours;
 use self::reaction::Stopwatch;
@@ -117,6 +119,7 @@ pub struct Pilot {
     /// A person's STOP.
     halt: Halt,
     silence: Silence,
+    minutes_left: MinutesLeft,
     pictures: watch::Sender<Pictures>,
     status: watch::Sender<Status>,
     info: Option<RobotInfo>,
@@ -168,6 +171,7 @@ impl Pilot {
             shown: Shown::default(),
             halt: Halt::default(),
             silence: Silence::new(Instant::now()),
+            minutes_left: MinutesLeft::default(),
             pictures,
             status,
             info: None,
@@ -363,7 +367,7 @@ impl Pilot {
         let newest = Status {
             link,
             safety: self.watchdog.state(),
-            battery: self.watchdog.battery(),
+            battery: self.battery(),
             low: self.watchdog.low().is_some(),
             rescue: self.watchdog.wants_rescue(),
             docked: self.watchdog.docked(),

@@ -32,7 +32,10 @@ impl Pilot {
                     self.publish_undocking(by, &event);
                     self.seats.tell(by, event);
                 }
-                Act::Announce(event) => {
+                Act::Announce(mut event) => {
+                    if let Event::BatteryLow(battery) | Event::BatteryOk(battery) = &mut event {
+                        battery.minutes_left = self.minutes_left.estimate();
+                    }
                     if let Event::Safety { action, reason } = &event {
                         warn!(%action, "watchdog: {reason}");
                     }

@@ -31,6 +31,7 @@ impl Pilot {
         } else {
             warn!("disconnected: {lost}; reconnecting")
         }
+        self.minutes_left.forget();
         let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
         // Without a link nothing is sent, so this cannot fail.
         let _ = self.perform(acts);

@@ -74,6 +74,7 @@ impl Pilot {
         let mut lost = self
             .take(Fact::LinkUp { docked, power })
             .and(self.repeat_halt());
+        self.note_level();
         self.publish_battery();
         self.seats.welcome_all(&self.welcome());
         for report in early {
@@ -86,7 +87,7 @@ impl Pilot {
 
     /// The events that tell a behaviour the state of a connected robot.
     pub(super) fn welcome(&self) -> Vec<Event> {
-        let (Some(info), Some(battery)) = (&self.info, self.watchdog.battery()) else {
+        let (Some(info), Some(battery)) = (&self.info, self.battery()) else {
             return vec![];
         };
         if self.writer.is_none() {
@@ -127,7 +128,8 @@ impl Pilot {
     fn take_battery_fact(&mut self, fact: Fact) -> Result<(), LinkLost> {
         let before = self.watchdog.battery();
         let acts = self.watchdog.take(fact, Instant::now());
-        if let (Some(before), Some(battery)) = (before, self.watchdog.battery()) {
+        self.note_level();
+        if let (Some(before), Some(battery)) = (before, self.battery()) {
             if battery.is_news_after(&before) {
                 self.seats.tell_all(&Event::Battery(battery));
                 self.publish_battery();
@@ -138,6 +140,12 @@ impl Pilot {
             }
         }
         self.perform(acts)
+    }
+
+    fn note_level(&mut self) {
+        if let Some(battery) = self.watchdog.battery() {
+            self.minutes_left.level(battery, Instant::now());
+        }
     }
 
     fn engine(&mut self, report: EngineReport) -> Result<(), LinkLost> {

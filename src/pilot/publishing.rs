@@ -1,7 +1,7 @@
 //! Publishes on the bus. Nothing here waits for a listener.
 
 use super::{Pilot, Status};
-use crate::robot::{BehaviourId, DockEnd, Event, Occurrence, RobotInfo};
+use crate::robot::{Battery, BehaviourId, DockEnd, Event, Occurrence, RobotInfo};
 
 impl Pilot {
     pub(super) fn publish_link_up(&self, info: &RobotInfo, docked: bool) {
@@ -14,8 +14,16 @@ impl Pilot {
         self.bus.publish(Occurrence::LinkDown { reason });
     }
 
+    /// The battery with the estimate of the minutes left.
+    pub(super) fn battery(&self) -> Option<Battery> {
+        Some(Battery {
+            minutes_left: self.minutes_left.estimate(),
+            ..self.watchdog.battery()?
+        })
+    }
+
     pub(super) fn publish_battery(&self) {
-        if let Some(battery) = self.watchdog.battery() {
+        if let Some(battery) = self.battery() {
             self.bus.publish(Occurrence::Battery(battery));
         }
     }

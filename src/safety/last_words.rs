@@ -7,11 +7,10 @@ use crate::wire::{Command, Engage};
 /// default, before anything is known, is a stop.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum LastWords {
-    /// Stop the tracks.
+    /// Stop the tracks, end a search for the station, which a MOVE alone may not end, and stop the
+    /// tracks again.
     #[default]
     Stop,
-    /// End the search for the station, which a MOVE alone may not end, and stop the tracks.
-    EndSearch,
     /// Stop the tracks and search for the station: the battery is low.
     StopAndDock,
     /// Nothing: what the robot does on its own is best, and any MOVE would end that.
@@ -22,8 +21,7 @@ impl LastWords {
     /// The commands, to be sent in one write.
     pub fn commands(self) -> Vec<Command> {
         match self {
-            LastWords::Stop => vec![Command::STOP],
-            LastWords::EndSearch => vec![
+            LastWords::Stop => vec![
                 Command::STOP,
                 Command::Engine(Engage::CancelDock),
                 Command::STOP,
@@ -42,11 +40,10 @@ mod tests {
     fn all_last_words_begin_with_a_stop() {
         assert_eq!(LastWords::default(), LastWords::Stop);
         let find = Command::Engine(Engage::Dock);
-        assert_eq!(LastWords::Stop.commands(), [Command::STOP]);
-        assert_eq!(LastWords::StopAndDock.commands(), [Command::STOP, find]);
         let end = Command::Engine(Engage::CancelDock);
-        let ended = [Command::STOP, end, Command::STOP];
-        assert_eq!(LastWords::EndSearch.commands(), ended);
+        let stop = [Command::STOP, end, Command::STOP];
+        assert_eq!(LastWords::Stop.commands(), stop);
+        assert_eq!(LastWords::StopAndDock.commands(), [Command::STOP, find]);
         assert_eq!(LastWords::Nothing.commands(), []);
     }
 }

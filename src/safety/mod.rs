@@ -3,7 +3,7 @@
 //!
 //! [`Watchdog`] combines all parts; each part can be read alone: [`Arbiter`] (which behaviour
 //! drives), [`Tracks`] (the setpoint sent, and how often), [`BatteryGuard`] (which battery reports
-//! count, and when the level is low), [`Drain`] (how fast the battery empties), [`DockTracker`]
+//! count, and when the level is low), [`DockTracker`]
 //! (whether the robot is docked, and on what evidence), [`Docking`] (one docking with its
 //! retries), [`Recovery`] (what follows a failed docking), [`Loan`] and [`Leg`] (how a robot with a
 //! low battery reaches another place to search from), [`Rescue`] (which behaviour may drive it),
@@ -14,7 +14,6 @@ mod act;
 mod arbiter;
 mod battery;
 mod docking;
-mod drain;
 mod last_words;
 mod leases;
 mod leg;
@@ -31,7 +30,6 @@ pub use act::{Act, Fact};
 pub use arbiter::{Arbiter, Ended};
 pub use battery::{BatteryChange, BatteryGuard, Charging, LowCause};
 pub use docking::{DockAction, DockLimits, DockOutcome, Docking, Retry};
-pub use drain::{Activity, Drain};
 pub use last_words::LastWords;
 pub use leases::{HostLife, Leases};
 pub use leg::Leg;

@@ -1,8 +1,7 @@
 //! The way home of a robot with a low battery, from the first search until it is released. After a
 //! failed search the robot goes elsewhere, because a search from the same place fails again and
 //! again: driven by a behaviour that can see, to which the tracks are lent (see [`Loan`]), or
-//! blindly, in one short [`Leg`]. Only where neither is allowed does it stand and wait, and never
-//! for longer than costs as much energy as a search: standing also drains the battery.
+//! blindly, in one short [`Leg`]. Only where neither is allowed does it stand and wait.
 //!
 //! How the real robot handles a MOVE between two searches is not known (`PROTOCOL.md`, *Not
 //! known*), so each loan and each leg ends with a stop and a new BASE_FIND.
@@ -43,10 +42,6 @@ pub struct RecoveryOptions {
     pub rescuer: Option<BehaviourId>,
     /// Whether the watchdog itself may drive a leg.
     pub leg: bool,
-    /// Standing for this long costs as much energy as the search did.
-    pub longest_useful_pause: Duration,
-    /// The battery is nearly empty: there is no time for a pause.
-    pub critical: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,9 +61,7 @@ enum RecoveryPhase {
 pub struct Recovery {
     began: Instant,
     loan_time: Duration,
-    next_pause: Duration,
-    alarm_pause: Duration,
-    longest_pause: Duration,
+    pause: Duration,
     retries: u32,
     phase: RecoveryPhase,
     searched: Option<Instant>,
@@ -88,9 +81,7 @@ impl Recovery {
         Recovery {
             began: now,
             loan_time: limits.rescue_time.get(),
-            next_pause: limits.dock_pause.get(),
-            alarm_pause: limits.recovery_pause.get(),
-            longest_pause: limits.recovery_longest_pause.get(),
+            pause: limits.dock_pause.get(),
             retries: limits.dock_retries,
             phase: RecoveryPhase::Waiting { until: now },
             searched: None,
@@ -139,29 +130,8 @@ impl Recovery {
             self.drive(now);
             AfterFailure::Leg
         } else {
-            let pause = self.pause(options);
-            self.wait(pause, now);
-            AfterFailure::Pause(pause)
-        }
-    }
-
-    /// The next pause: twice the one before, and from `recovery_pause` on again once the alarm
-    /// sounds. It never costs more than a search, but lasts [`Recovery::MOMENT`] at least; at or
-    /// below the critical level there is none.
-    fn pause(&mut self, options: RecoveryOptions) -> Duration {
-        if self.failures == self.retries.saturating_add(1) {
-            self.next_pause = self.alarm_pause;
-        }
-        let longest = self
-            .longest_pause
-            .min(options.longest_useful_pause)
-            .max(Recovery::MOMENT);
-        let pause = self.next_pause.min(longest);
-        self.next_pause = self.next_pause.saturating_mul(2).min(self.longest_pause);
-        if options.critical {
-            Duration::ZERO
-        } else {
-            pause
+            self.wait(self.pause, now);
+            AfterFailure::Pause(self.pause)
         }
     }
 

@@ -25,7 +25,7 @@ fn main() {
     let usual = Limits::default();
     let bare = Limits {
         rescue: Rescue::Off,
-        recovery_legs: 0,
+        recovery_legs: false,
         ..usual.clone()
     };
     let mut broken = false;

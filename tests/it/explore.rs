@@ -12,7 +12,7 @@ const MAX_STATES: usize = 20_000;
 fn a_low_robot_is_sent_home_after_any_sequence_of_events() {
     let bare = Limits {
         rescue: Rescue::Off,
-        recovery_legs: 0,
+        recovery_legs: false,
         ..Limits::default()
     };
     for limits in [Limits::default(), bare] {

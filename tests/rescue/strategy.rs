@@ -31,7 +31,7 @@ impl Strategy {
     pub fn limits(self) -> Limits {
         match self {
             Strategy::None => Limits {
-                recovery_legs: 0,
+                recovery_legs: false,
                 rescue: Rescue::Off,
                 ..Limits::default()
             },

@@ -5,8 +5,6 @@ const WHO: BehaviourId = BehaviourId(7);
 const STANDING: RecoveryOptions = RecoveryOptions {
     rescuer: None,
     leg: false,
-    longest_useful_pause: Duration::from_secs(100),
-    critical: false,
 };
 const BLIND: RecoveryOptions = RecoveryOptions {
     leg: true,
@@ -83,49 +81,24 @@ fn an_unused_loan_is_followed_by_a_leg_where_one_is_allowed() {
 fn only_base_not_found_leads_to_a_leg() {
     let (mut recovery, now) = searching();
     let next = recovery.failed(DockEnd::Timeout, BLIND, now);
-    assert_eq!(next, AfterFailure::Pause(5 * SECOND));
+    assert_eq!(next, AfterFailure::Pause(20 * SECOND));
     let next = recovery.failed(DockEnd::NotCharging, SEEING, now);
     assert_eq!(next, AfterFailure::Search);
     assert_eq!(recovery.poll(true, now), Some(RecoveryStep::Search));
 }
 
 #[test]
-fn pauses_grow_up_to_what_a_search_is_worth() {
+fn all_pauses_are_the_same() {
     let (mut recovery, mut now) = searching();
-    for pause in [5, 10, 20, 60, 100, 100] {
+    for _ in 0..4 {
         let next = recovery.failed(DockEnd::BaseNotFound, STANDING, now);
-        assert_eq!(next, AfterFailure::Pause(pause * SECOND));
+        assert_eq!(next, AfterFailure::Pause(20 * SECOND));
         let due = recovery.next_deadline(now).unwrap();
-        assert_eq!(due, now + pause * SECOND);
+        assert_eq!(due, now + 20 * SECOND);
         assert_eq!(recovery.poll(true, due), Some(RecoveryStep::Search));
         now = due + 60 * SECOND;
     }
     assert!(recovery.is_alarming());
-}
-
-#[test]
-fn an_instant_failure_has_the_shortest_pause_and_a_critical_battery_none() {
-    let options = RecoveryOptions {
-        longest_useful_pause: Duration::ZERO,
-        ..STANDING
-    };
-    let (mut recovery, now) = searching();
-    let next = recovery.failed(DockEnd::BaseNotFound, options, now);
-    assert_eq!(next, AfterFailure::Pause(SECOND));
-    let critical = RecoveryOptions {
-        critical: true,
-        ..STANDING
-    };
-    let (mut recovery, now) = searching();
-    let next = recovery.failed(DockEnd::BaseNotFound, critical, now);
-    assert_eq!(next, AfterFailure::Pause(Duration::ZERO));
-    assert_eq!(recovery.poll(true, now), Some(RecoveryStep::Search));
-    recovery.failed(DockEnd::BaseNotFound, critical, now);
-    assert_eq!(recovery.poll(true, now), None, "not twice in a second");
-    assert_eq!(
-        recovery.poll(true, now + SECOND),
-        Some(RecoveryStep::Search)
-    );
 }
 
 #[test]
@@ -166,7 +139,7 @@ fn ending_a_loan_changes_nothing_in_a_pause_or_a_search() {
     assert_eq!(recovery.next_deadline(now), None);
     recovery.failed(DockEnd::BaseNotFound, STANDING, now);
     recovery.end(now);
-    assert_eq!(recovery.next_deadline(now), Some(now + 5 * SECOND));
+    assert_eq!(recovery.next_deadline(now), Some(now + 20 * SECOND));
     recovery.search_at_once(now);
     recovery.poll(true, now);
     recovery.failed(DockEnd::BaseNotFound, BLIND, now + SECOND);

@@ -62,7 +62,6 @@ impl Watchdog {
         match command {
             Command::Engine(Engage::Dock) => {
                 (self.searching, self.may_search) = (true, true);
-                self.cancel_delivered_at = None;
             }
             Command::Engine(_) | Command::Move { .. } => self.searching = false,
             _ => {}

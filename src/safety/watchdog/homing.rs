@@ -199,6 +199,25 @@ impl Watchdog {
         }
     }
 
+    /// Ends the search and stops the tracks.
+    fn cancel_search(&mut self, now: Instant) {
+        self.send(Command::Engine(Engage::CancelDock));
+        self.halt(now);
+    }
+
+    /// Ends a search from before the link was lost or the machine slept, unless the battery is low:
+    /// then another search follows.
+    pub(super) fn cancel_earlier_search(&mut self, now: Instant) {
+        if self.may_search && self.guard.low().is_none() {
+            self.cancel_search(now);
+        }
+    }
+
+    /// The robot's reports show that it does not search.
+    pub(super) fn search_ended(&mut self) {
+        (self.searching, self.may_search) = (false, false);
+    }
+
     fn back_off() -> Setpoint {
         let backwards = -Watchdog::BACK_OFF_PERCENT;
         Setpoint::from_percent(backwards, backwards).unwrap_or(Setpoint::STOP)

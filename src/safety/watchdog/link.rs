@@ -15,14 +15,12 @@ impl Watchdog {
     ///   robot searches for it because its battery is low.
     /// - [`LastWords::StopAndDock`] in all other cases of a low battery: waiting for the next
     ///   search, driven by the watchdog or a borrower, or backing out of the station.
-    /// - [`LastWords::EndSearch`] during a search that a behaviour asked for, and while the robot
-    ///   may not have received its end: with a good battery the robot stays where it is until
-    ///   somebody controls it again.
-    /// - [`LastWords::Stop`] otherwise.
+    /// - [`LastWords::Stop`] otherwise: with a good battery the robot stays where it is until
+    ///   somebody controls it again, also if a behaviour asked for a search.
     ///
     /// Without a link, these commands are sent if a login is given up half way: a stop, and
-    /// BASE_FIND if the battery was low and the robot not known to be on its station, or
-    /// BASE_FIND_CANCEL if it may be searching otherwise.
+    /// BASE_FIND if the battery was low and the robot not known to be on its station, or else
+    /// BASE_FIND_CANCEL.
     pub fn last_words(&self) -> LastWords {
         let low = self.guard.low().is_some();
         let stays = self.docked() && !self.dock_tracker.is_leaving();
@@ -30,8 +28,6 @@ impl Watchdog {
             LastWords::Nothing
         } else if low && !stays {
             LastWords::StopAndDock
-        } else if self.may_search {
-            LastWords::EndSearch
         } else {
             LastWords::Stop
         }
@@ -56,8 +52,7 @@ impl Watchdog {
     }
 
     pub(super) fn link_down(&mut self, now: Instant) {
-        (self.online, self.searching, self.cancel_delivered_at) = (false, false, None);
-        self.drain.interrupt();
+        (self.online, self.searching) = (false, false);
         self.tracks.note_stop(now);
         self.end_motion(MotionEnd::Disconnected);
         if let Some(leaving) = self.leaving.take() {

@@ -12,7 +12,6 @@ mod power;
 mod recovery;
 mod requests;
 mod rules;
-mod search;
 #[cfg(test)]
 mod tests;
 
@@ -22,7 +21,7 @@ use self::homing::Homing;
 pub use self::recovery::ALARM;
 use self::recovery::Alarm;
 use super::{
-    Act, Arbiter, BatteryGuard, Charging, DockOutcome, DockState, DockTracker, Drain, Fact, Leases,
+    Act, Arbiter, BatteryGuard, Charging, DockOutcome, DockState, DockTracker, Fact, Leases,
     Limits, LowCause, Recovery, Tracks,
 };
 use crate::robot::{
@@ -64,14 +63,10 @@ pub struct Watchdog {
     /// BASE_FIND was sent, and neither a report of the robot nor another command has ended the
     /// search.
     searching: bool,
-    /// BASE_FIND was sent, and neither a report of the robot nor a BASE_FIND_CANCEL that was surely
-    /// delivered has ended the search: a stop alone may not end it, and a link may lose the
-    /// BASE_FIND_CANCEL.
+    /// BASE_FIND was sent, and no report of the robot has ended the search: a stop alone may not end
+    /// it, and a link may lose the BASE_FIND_CANCEL.
     may_search: bool,
-    /// When the BASE_FIND_CANCEL that was sent over this link counts as delivered; see `search`.
-    cancel_delivered_at: Option<Instant>,
     guard: BatteryGuard,
-    drain: Drain,
     arbiter: Arbiter,
     leases: Leases,
     tracks: Tracks,
@@ -106,8 +101,6 @@ impl Watchdog {
             run_ending: false,
             searching: false,
             may_search: false,
-            cancel_delivered_at: None,
-            drain: Drain::default(),
             arbiter: Arbiter::default(),
             tracks: Tracks::new(now),
             homing: None,
@@ -166,7 +159,6 @@ impl Watchdog {
     /// Advances the time and returns what to do now.
     pub fn tick(&mut self, now: Instant) -> Vec<Act> {
         self.ticked = now;
-        self.confirm_cancel(now);
         self.check_hosts(now);
         self.check_stream(now);
         let over = self.arbiter.expire(now);
@@ -177,7 +169,6 @@ impl Watchdog {
         self.check_leaving(now);
         self.sound_alarm(now);
         self.drive(now);
-        self.drain.advance(self.activity(), now);
         std::mem::take(&mut self.acts)
     }
 
@@ -241,13 +232,13 @@ impl Watchdog {
         self.dock_tracker.on_station()
     }
 
-    /// What is believed of the battery; `None` before the first report.
+    /// What is believed of the battery, without an estimate of the minutes left; `None` before the
+    /// first report.
     pub fn battery(&self) -> Option<Battery> {
-        let minutes = self.drain.minutes_left();
         Some(Battery {
             percent: self.guard.level()?,
             charging: self.guard.charging() == Charging::Confirmed,
-            minutes_left: minutes.map(|minutes| (minutes * 10.0).round() as f32 / 10.0),
+            minutes_left: None,
         })
     }
 

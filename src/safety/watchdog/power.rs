@@ -2,9 +2,9 @@
 
 use tokio::time::Instant;
 
-use super::{Homing, Watchdog};
-use crate::robot::{Battery, MotionEnd, SafetyAction};
-use crate::safety::{Activity, BatteryChange, Charging, DockState};
+use super::Watchdog;
+use crate::robot::{MotionEnd, SafetyAction};
+use crate::safety::{BatteryChange, Charging, DockState};
 use crate::wire::Power;
 
 impl Watchdog {
@@ -22,12 +22,6 @@ impl Watchdog {
         if self.docked() && !was_docked {
             self.end_motion(MotionEnd::Docked);
             self.interrupt_recovery(now);
-        }
-        if let Some(Battery {
-            percent, charging, ..
-        }) = self.battery()
-        {
-            self.drain.level(percent.get(), charging, now);
         }
         self.apply_battery_change(change, now);
         if self.guard.critical() && !was_critical {
@@ -59,17 +53,6 @@ impl Watchdog {
             Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
             Some(BatteryChange::Released) => self.released(now),
             None => {}
-        }
-    }
-
-    pub(super) fn activity(&self) -> Activity {
-        let searches = |homing: &Homing| homing.docking.is_searching();
-        if self.moving() {
-            Activity::Driving
-        } else if self.homing.as_ref().is_some_and(searches) {
-            Activity::Searching
-        } else {
-            Activity::Standing
         }
     }
 

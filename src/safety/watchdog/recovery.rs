@@ -8,8 +8,7 @@ use tokio::time::Instant;
 use super::Watchdog;
 use crate::robot::{BehaviourId, DockEnd, Event, MotionEnd, SafetyAction, Setpoint};
 use crate::safety::{
-    Act, Activity, AfterFailure, DockOutcome, DockState, HostLife, RecoveryOptions, RecoveryStep,
-    Rescue,
+    Act, AfterFailure, DockOutcome, DockState, HostLife, RecoveryOptions, RecoveryStep, Rescue,
 };
 use crate::wire::{Command, Led, Sound};
 
@@ -49,7 +48,7 @@ impl Watchdog {
 
     /// Begins what follows a failed search of the watchdog's own.
     pub(super) fn handle_failed_search(&mut self, outcome: DockOutcome, now: Instant) {
-        let options = self.recovery_options(outcome.took);
+        let options = self.recovery_options();
         let stuck = outcome.end == DockEnd::NotCharging && self.place() == DockState::Unknown;
         let Some(recovery) = &mut self.recovery else {
             return;
@@ -74,22 +73,12 @@ impl Watchdog {
         );
     }
 
-    /// What may follow a search that took this long.
-    fn recovery_options(&self, took: Duration) -> RecoveryOptions {
+    /// What may follow a failed search.
+    fn recovery_options(&self) -> RecoveryOptions {
         let usable = !self.run_ending && !self.docked() && self.limits.rescue != Rescue::Off;
-        let rates = [Activity::Searching, Activity::Standing].map(|what| self.drain.rate(what));
-        let longest_useful_pause = match rates {
-            // A known rate is above zero.
-            [Some(searching), Some(standing)] => {
-                took.mul_f64((searching / standing).clamp(0.5, 2.0))
-            }
-            _ => took,
-        };
         RecoveryOptions {
             rescuer: self.rescuer.filter(|_| usable),
             leg: self.may_drive_a_leg(),
-            longest_useful_pause,
-            critical: self.guard.critical(),
         }
     }
 
@@ -221,7 +210,7 @@ impl Watchdog {
 
     /// Whether a leg is allowed: by the config, off the station, and before the run ends.
     fn may_drive_a_leg(&self) -> bool {
-        !self.run_ending && !self.docked() && self.limits.recovery_legs > 0
+        !self.run_ending && !self.docked() && self.limits.recovery_legs
     }
 
     /// Ends the alarm and switches off the light if the alarm has switched it on.

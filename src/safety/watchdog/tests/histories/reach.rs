@@ -174,7 +174,6 @@ fn all_there_is() -> Vec<String> {
         "place unknown while low",
         "backs out",
         "last words Stop",
-        "last words EndSearch",
         "last words StopAndDock",
         "last words Nothing",
         "kill",
