@@ -106,7 +106,7 @@ fn the_next_search_and_the_end_of_a_leg_are_deadlines() {
     let mut rig = searching(20, standing());
     rig.pass(100 * SECOND, false);
     rig.take(NOT_FOUND);
-    assert_eq!(rig.dog.recovery_deadline(), Some(rig.now + 20 * SECOND));
+    assert_eq!(rig.dog.next_deadline(), Some(rig.now + 20 * SECOND));
     let mut rig = searching(20, Limits::default());
     rig.take(NOT_FOUND);
     let due = rig.now + 2 * SECOND;

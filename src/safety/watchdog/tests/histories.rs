@@ -126,7 +126,7 @@ proptest! {
             // A script may not stop a leg of the watchdog.
             return Ok(());
         }
-        let asked_home = play.dog.homing.as_ref().is_some_and(|homing| !homing.forced);
+        let asked_home = play.dog.docking.as_ref().is_some_and(|active| !active.forced);
         play.take(&stop.fact(), &mut |moment| {
             let must = was_moving || (online && matches!(stop, Stop::RunEnding));
             let drives = |command: &Command| matches!(command, Command::Move { .. });

@@ -14,8 +14,5 @@ mod rescue;
 mod rig;
 mod run_end;
 
-use std::time::Duration;
-
 use super::*;
-use crate::robot::{Event, Intent, SafetyAction};
-use crate::wire::{Command, Engage, Power};
+use crate::robot::CallId;
