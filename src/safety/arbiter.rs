@@ -53,7 +53,8 @@ impl Arbiter {
     /// drives keeps the tracks with its new setpoint.
     pub fn claim(
         &mut self,
-        (by, priority): (BehaviourId, Priority),
+        by: BehaviourId,
+        priority: Priority,
         motion: MotionId,
         setpoint: Setpoint,
         duration: Option<Duration>,
@@ -203,8 +204,14 @@ mod tests {
     #[test]
     fn the_higher_priority_drives_and_the_lower_takes_over_again() {
         let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        assert_eq!(arbiter.claim(PATROL, MotionId(1), at(40.0), None, now), []);
-        assert_eq!(arbiter.claim(AVOID, MotionId(1), at(-20.0), None, now), []);
+        assert_eq!(
+            arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now),
+            []
+        );
+        assert_eq!(
+            arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now),
+            []
+        );
         assert_eq!(arbiter.setpoint(), at(-20.0));
         arbiter.release(AVOID.0, MotionId(1));
         assert_eq!(arbiter.setpoint(), at(40.0));
@@ -213,16 +220,16 @@ mod tests {
     #[test]
     fn a_timed_move_of_the_loser_is_preempted_when_the_winner_comes() {
         let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.claim(PATROL, MotionId(7), at(40.0), Some(SECOND), now);
-        let over = arbiter.claim(AVOID, MotionId(1), at(-20.0), Some(SECOND), now);
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(7), at(40.0), Some(SECOND), now);
+        let over = arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), Some(SECOND), now);
         assert_eq!(over, [ended(PATROL, 7, MotionEnd::Preempted)]);
     }
 
     #[test]
     fn a_timed_move_below_the_driver_is_preempted_at_once() {
         let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.claim(AVOID, MotionId(1), at(-20.0), None, now);
-        let over = arbiter.claim(PATROL, MotionId(2), at(40.0), Some(SECOND), now);
+        arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
+        let over = arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(40.0), Some(SECOND), now);
         assert_eq!(over, [ended(PATROL, 2, MotionEnd::Preempted)]);
         assert_eq!(arbiter.setpoint(), at(-20.0));
     }
@@ -230,18 +237,18 @@ mod tests {
     #[test]
     fn among_equals_the_first_keeps_the_tracks() {
         let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.claim(PATROL, MotionId(1), at(40.0), None, now);
-        arbiter.claim(OTHER, MotionId(1), at(90.0), None, now);
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now);
+        arbiter.claim(OTHER.0, OTHER.1, MotionId(1), at(90.0), None, now);
         assert_eq!(arbiter.setpoint(), at(40.0));
-        arbiter.claim(PATROL, MotionId(2), at(50.0), None, now);
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(50.0), None, now);
         assert_eq!(arbiter.setpoint(), at(50.0));
     }
 
     #[test]
     fn a_newer_setpoint_of_the_same_behaviour_ends_the_older() {
         let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.claim(PATROL, MotionId(1), at(40.0), Some(SECOND), now);
-        let over = arbiter.claim(PATROL, MotionId(2), at(50.0), None, now);
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), Some(SECOND), now);
+        let over = arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(50.0), None, now);
         assert_eq!(over, [ended(PATROL, 1, MotionEnd::Preempted)]);
         assert_eq!(arbiter.release(PATROL.0, MotionId(1)), []);
         assert_eq!(arbiter.setpoint(), at(50.0));
@@ -250,8 +257,8 @@ mod tests {
     #[test]
     fn the_claim_of_a_forgotten_behaviour_is_dropped() {
         let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.claim(PATROL, MotionId(1), at(40.0), None, now);
-        arbiter.claim(AVOID, MotionId(1), at(-20.0), None, now);
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now);
+        arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
         arbiter.forget(AVOID.0);
         assert_eq!(arbiter.setpoint(), at(40.0));
         assert!(arbiter.claimants().eq([PATROL.0]));
@@ -260,7 +267,7 @@ mod tests {
     #[test]
     fn a_timed_move_expires() {
         let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.claim(PATROL, MotionId(1), at(40.0), Some(SECOND), now);
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), Some(SECOND), now);
         assert_eq!(arbiter.next_deadline(), Some(now + SECOND));
         assert_eq!(arbiter.expire(now + SECOND / 2), []);
         assert_eq!(
@@ -273,8 +280,8 @@ mod tests {
     #[test]
     fn a_held_claim_moves_nothing_and_keeps_its_place() {
         let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.claim(PATROL, MotionId(1), at(40.0), None, now);
-        arbiter.claim(AVOID, MotionId(1), at(-20.0), None, now);
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now);
+        arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
         assert!(arbiter.hold(AVOID.0, true));
         assert!(!arbiter.hold(AVOID.0, true), "held already");
         assert_eq!(arbiter.setpoint(), Setpoint::STOP);
@@ -285,9 +292,9 @@ mod tests {
     #[test]
     fn stop_ends_equals_and_lower_but_not_a_higher_priority() {
         let (mut arbiter, now) = (Arbiter::default(), Instant::now());
-        arbiter.claim(AVOID, MotionId(1), at(-20.0), None, now);
-        arbiter.claim(PATROL, MotionId(2), at(40.0), None, now);
-        arbiter.claim(OTHER, MotionId(3), at(60.0), None, now);
+        arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(40.0), None, now);
+        arbiter.claim(OTHER.0, OTHER.1, MotionId(3), at(60.0), None, now);
         let over = arbiter.stop(OTHER.0, OTHER.1);
         let expected = [
             ended(OTHER, 3, MotionEnd::Cancelled),
@@ -417,7 +424,7 @@ mod tests {
                 let over = match *step {
                     Step::Claim(who, percent, ms) => {
                         let duration = ms.map(Duration::from_millis);
-                        arbiter.claim(BEHAVIOURS[who], MotionId(count as u64), at(percent), duration, now)
+                        arbiter.claim(BEHAVIOURS[who].0, BEHAVIOURS[who].1, MotionId(count as u64), at(percent), duration, now)
                     }
                     Step::Release(who, current) => {
                         let motion = model.held[who].filter(|_| current).map(|held| held.motion);

@@ -328,7 +328,8 @@ impl Watchdog {
         if self.online {
             self.link_down(now);
         }
-        (self.online, self.streaming) = (true, false);
+        self.online = true;
+        self.streaming = false;
         let low = self.guard.low().is_some();
         self.dock_tracker.login(docked, low, now);
         self.tracks.note_stop(now);
@@ -343,7 +344,8 @@ impl Watchdog {
     }
 
     fn link_down(&mut self, now: Instant) {
-        (self.online, self.searching) = (false, false);
+        self.online = false;
+        self.searching = false;
         self.tracks.note_stop(now);
         self.end_motion(MotionEnd::Disconnected);
         if let Some(leaving) = self.leaving.take() {
@@ -500,7 +502,9 @@ impl Watchdog {
             },
             retry: Retry::Never,
         };
-        if let (Some(active), Some(homing)) = (self.docking.take(), &mut self.homing) {
+        if let Some(active) = self.docking.take()
+            && let Some(homing) = &mut self.homing
+        {
             homing.callers.extend(active.callers);
         }
         self.end_motion(MotionEnd::Safety);
@@ -789,10 +793,14 @@ impl Watchdog {
     }
 
     fn sound_alarm(&mut self, now: Instant) {
-        let every = self.limits.alarm_every.get();
-        if let (true, Some(homing)) = (self.online, &mut self.homing) {
-            let commands = homing.poll_alarm(every, now);
-            commands.into_iter().for_each(|command| self.send(command));
+        if !self.online {
+            return;
+        }
+        let Some(homing) = &mut self.homing else {
+            return;
+        };
+        for command in homing.poll_alarm(self.limits.alarm_every.get(), now) {
+            self.send(command);
         }
     }
 
@@ -856,7 +864,8 @@ impl Watchdog {
 
     /// The robot's reports show that it does not search.
     fn search_ended(&mut self) {
-        (self.searching, self.may_search) = (false, false);
+        self.searching = false;
+        self.may_search = false;
     }
 
     // Requests.
@@ -869,7 +878,7 @@ impl Watchdog {
                 motion,
                 setpoint,
                 duration,
-            } => self.move_asked((by, priority), motion, setpoint, duration, now),
+            } => self.move_asked(by, priority, motion, setpoint, duration, now),
             Intent::Release { motion } => {
                 let over = self.arbiter.release(by, motion);
                 self.tell_ended(over);
@@ -889,29 +898,31 @@ impl Watchdog {
 
     fn move_asked(
         &mut self,
-        who: (BehaviourId, Priority),
+        by: BehaviourId,
+        priority: Priority,
         motion: MotionId,
         setpoint: Setpoint,
         duration: Option<Duration>,
         now: Instant,
     ) {
-        if self.refusal() == Some(MotionEnd::Preempted) && self.outranks_docking(who.1) {
+        if self.refusal() == Some(MotionEnd::Preempted) && self.outranks_docking(priority) {
             self.end_docking(DockEnd::Preempted, now);
         }
-        let borrows = self.borrower() == Some(who.0);
-        if let Some(end) = self.refusal().filter(|_| !borrows) {
-            let earlier = self.arbiter.clear_of(who.0, MotionEnd::Preempted);
+        let borrows = self.borrower() == Some(by);
+        if let (Some(end), false) = (self.refusal(), borrows) {
+            let earlier = self.arbiter.clear_of(by, MotionEnd::Preempted);
             self.tell_ended(earlier);
-            let by = who.0;
             return self.tell_ended(vec![Ended { by, motion, end }]);
         }
-        let setpoint = if borrows {
+        let allowed = if borrows {
             capped(setpoint, self.limits.rescue_power)
         } else {
             setpoint
         };
         let duration = duration.map(|duration| duration.min(LONGEST));
-        let over = self.arbiter.claim(who, motion, setpoint, duration, now);
+        let over = self
+            .arbiter
+            .claim(by, priority, motion, allowed, duration, now);
         self.tell_ended(over);
     }
 
@@ -1260,7 +1271,8 @@ impl Watchdog {
     fn send(&mut self, command: Command) {
         match command {
             Command::Engine(Engage::Dock) => {
-                (self.searching, self.may_search) = (true, true);
+                self.searching = true;
+                self.may_search = true;
             }
             Command::Engine(_) | Command::Move { .. } => self.searching = false,
             _ => {}
