@@ -77,9 +77,9 @@ fn rows(arguments: &Arguments) -> Vec<Row> {
     let mut rows = Vec::new();
     for world in worlds {
         let place = Place::named(world);
-        let all = match arguments.driven {
-            true => Strategy::DRIVEN,
-            false => Strategy::PUT,
+        let all: &[Strategy] = match arguments.driven {
+            true => &Strategy::DRIVEN,
+            false => &Strategy::PUT,
         };
         let strategies = arguments.strategy.map_or(all.to_vec(), |one| vec![one]);
         rows.extend(
