@@ -108,7 +108,7 @@ impl Homing {
         }
     }
 
-    /// Advances the recovery off the station while no docking is under way; `may_drive` tells
+    /// Advances the way home, off the station while no docking is under way; `may_drive` tells
     /// whether a leg is allowed now: a leg that is no longer allowed ends.
     pub fn poll(&mut self, may_drive: bool, now: Instant) -> Option<HomingStep> {
         match self.phase {
@@ -299,7 +299,8 @@ impl Homing {
     }
 
     fn search(&mut self, now: Instant) -> HomingStep {
-        (self.phase, self.searched) = (HomingPhase::Searching, Some(now));
+        self.phase = HomingPhase::Searching;
+        self.searched = Some(now);
         HomingStep::Search
     }
 }
@@ -310,6 +311,7 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
     const WHO: BehaviourId = BehaviourId(7);
+
     /// The first search began a while ago.
     fn searching() -> (Homing, Instant) {
         let now = Instant::now();
