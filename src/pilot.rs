@@ -7,58 +7,49 @@
 //!
 //! Nothing here blocks until the robot takes a command: see [`Writer::queue`].
 
-mod acting;
 mod core;
-mod halt;
-mod last_words;
-mod lights;
 mod line;
-mod link_end;
-mod link_events;
-mod lost;
-mod publishing;
+mod minutes_left;
+mod outputs;
 mod pulse;
-mod quiet_hours;
 mod reaction;
-mod restrictions;
-mod seats;
-mod serving;
-mod shown;
+mod requests;
 mod silence;
 mod status;
 mod throttle;
 
+use std::pin::pin;
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::sync::{mpsc, watch};
-use tokio::time::Instant;
+use tokio::time::{Instant, timeout_at};
 use tokio_util::sync::CancellationToken;
-use tracing::warn;
+use tracing::{debug, info, warn};
 
 use crate::budget::Repeats;
 use crate::clock::until;
 pub use crate::link::Delivery;
-use crate::link::{LinkError, Writer};
+use crate::link::{LinkError, Received, Writer, close_gracefully};
 use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
-use crate::robot::{Bus, Event, Pictures, RobotInfo, Streams};
+use crate::robot::{
+    Battery, BehaviourId, Bus, DockEnd, Event, Frame, Occurrence, PartialFrame, Pictures,
+    RobotInfo, Streams,
+};
 use crate::safety::{Fact, Limits, Watchdog};
-use crate::wire::{Command, EngineReport};
+use crate::wire::{Accepted, Command, EngineReport, Report};
 
 pub use self::core::DrivingCore;
-use self::halt::Halt;
-use self::lights::Lights;
 pub use self::line::Dial;
-use self::line::Line;
-use self::lost::{LinkEventError, LinkLost};
+use self::line::{Line, LinkEvent, LinkEventError, LinkLost, NewSession};
+use self::minutes_left::MinutesLeft;
+use self::outputs::{Halt, QuietHours, Restrictions, tell_guardian};
 pub use self::pulse::Pulse;
-use self::quiet_hours::QuietHours;
 use self::reaction::Stopwatch;
 pub use self::reaction::{Reactions, Tally};
-use self::restrictions::Restrictions;
-use self::seats::Seats;
-pub use self::shown::Shown;
+use self::requests::Seats;
 use self::silence::{Silence, SilenceAction};
-pub use self::status::{LinkState, Status};
+pub use self::status::{LinkState, Shown, Status};
 
 /// The most requests served in a row before the robot's messages are read again.
 const REQUESTS_IN_A_ROW: usize = 32;
@@ -111,18 +102,18 @@ pub struct Pilot {
     watchdog: Watchdog,
     writer: Option<Writer>,
     seats: Seats,
-    lights: Lights,
     /// The state of tracks, lights and sounds as a person beside the robot sees it.
     shown: Shown,
     /// A person's STOP.
     halt: Halt,
     silence: Silence,
+    minutes_left: MinutesLeft,
     pictures: watch::Sender<Pictures>,
     status: watch::Sender<Status>,
     info: Option<RobotInfo>,
     simulated: bool,
     /// Unknown kinds of messages, and when each was last logged.
-    unknown: Repeats<link_events::UnknownKind>,
+    unknown: Repeats<UnknownKind>,
     engine_log: Repeats<EngineReport>,
     streams_due: Option<Instant>,
     /// The state that lights, sounds and streams were last adapted to.
@@ -164,10 +155,10 @@ impl Pilot {
             watchdog: Watchdog::new(settings.limits.clone(), Instant::now()),
             writer: None,
             seats: Seats::new(settings.streams),
-            lights: Lights::default(),
             shown: Shown::default(),
             halt: Halt::default(),
             silence: Silence::new(Instant::now()),
+            minutes_left: MinutesLeft::default(),
             pictures,
             status,
             info: None,
@@ -363,7 +354,7 @@ impl Pilot {
         let newest = Status {
             link,
             safety: self.watchdog.state(),
-            battery: self.watchdog.battery(),
+            battery: self.battery(),
             low: self.watchdog.low().is_some(),
             rescue: self.watchdog.wants_rescue(),
             docked: self.watchdog.docked(),
@@ -375,6 +366,389 @@ impl Pilot {
         };
         self.publish_status(&newest);
         self.status.send_if_modified(|status| status.update(newest));
+    }
+
+    // What comes over the line.
+
+    fn handle_event(&mut self, event: LinkEvent) -> Result<(), LinkEventError> {
+        self.wake()?;
+        match event {
+            LinkEvent::Up(session) => self.connected(*session)?,
+            LinkEvent::Received(Received::Report(report)) => self.report(report)?,
+            LinkEvent::Received(Received::PartialFrame(part)) => self.partial_frame(part),
+            LinkEvent::Lost(error) => return Err(LinkLost::from(error).into()),
+            LinkEvent::Accepted(socket) => self.guard_login(socket),
+            LinkEvent::Ended(delivery) => {
+                debug!("at the end of a link: {delivery}");
+                self.release_guard();
+            }
+            LinkEvent::Failed(error) => {
+                // If the robot had accepted the login, the last words were sent.
+                self.release_guard();
+                if self.info.is_none() {
+                    return Err(LinkEventError::First(error));
+                }
+                self.log_failed_attempt(&error.to_string());
+            }
+        }
+        Ok(())
+    }
+
+    fn connected(&mut self, session: NewSession) -> Result<(), LinkLost> {
+        let NewSession {
+            accepted,
+            power,
+            peer,
+            early,
+            writer,
+        } = session;
+        let Accepted {
+            uid,
+            name,
+            firmware,
+            docked,
+            ..
+        } = accepted;
+        let address = peer.to_string();
+        info!(%uid, %address, %firmware, docked, battery = power.percent, "connected");
+        let info = RobotInfo {
+            uid,
+            name,
+            firmware,
+            address,
+            simulated: self.simulated,
+        };
+        self.writer = Some(writer);
+        self.guard();
+        self.shown.forget_lights();
+        self.silence.begin(Instant::now());
+        self.publish_link_up(&info, docked);
+        self.info = Some(info);
+        self.failed = Repeats::new(FAILED_EVERY);
+        let mut lost = self
+            .take(Fact::LinkUp { docked, power })
+            .and(self.repeat_halt());
+        self.note_level();
+        self.publish_battery();
+        self.seats.welcome_all(&self.welcome());
+        for report in early {
+            lost = lost.and(self.report(report));
+        }
+        lost?;
+        self.apply_streams(true)?;
+        self.sound_alarm()
+    }
+
+    /// The events that tell a behaviour the state of a connected robot.
+    fn welcome(&self) -> Vec<Event> {
+        let (Some(info), Some(battery)) = (&self.info, self.battery()) else {
+            return vec![];
+        };
+        if self.writer.is_none() {
+            return vec![];
+        }
+        let connected = Event::Connected {
+            info: info.clone(),
+            docked: self.watchdog.docked(),
+        };
+        vec![Event::Battery(battery), connected]
+    }
+
+    fn report(&mut self, report: Report) -> Result<(), LinkLost> {
+        self.silence.note_received(Instant::now());
+        let lost = self.take(Fact::BytesReceived);
+        match report {
+            Report::Power(power) => {
+                self.silence.level(Instant::now());
+                return lost.and(self.take_battery_fact(Fact::Power(power)));
+            }
+            Report::Engine(report) => return lost.and(self.engine(report)),
+            Report::Video(jpeg) => self.frame(jpeg),
+            Report::Audio(samples) => self.seats.tell_listeners(&Event::Audio(samples)),
+            Report::SoundFinished => self.seats.tell_all(&Event::SoundFinished),
+            Report::Unknown(packet) => self.log_unknown_message(packet.kind),
+            Report::Accepted(_) | Report::Refused(_) => debug!("unexpected login reply"),
+            Report::Config(_) | Report::Networks(_) | Report::Log(_) => {}
+        }
+        lost
+    }
+
+    // Events go to behaviours before the answers that they cause: an answer to a waiting call must
+    // not overtake the event that ended the call. Sending an event never blocks, so nothing is
+    // delayed.
+
+    /// Takes in a fact that may change what is believed of the battery, and publishes such a
+    /// change.
+    fn take_battery_fact(&mut self, fact: Fact) -> Result<(), LinkLost> {
+        let before = self.watchdog.battery();
+        let acts = self.watchdog.take(fact, Instant::now());
+        self.note_level();
+        if let (Some(before), Some(battery)) = (before, self.battery()) {
+            if battery.is_news_after(&before) {
+                self.seats.tell_all(&Event::Battery(battery));
+                self.publish_battery();
+            }
+            if battery.charging != before.charging {
+                let on = battery.charging;
+                self.seats.tell_all(&Event::Charging { on });
+            }
+        }
+        self.perform(acts)
+    }
+
+    fn note_level(&mut self) {
+        if let Some(battery) = self.watchdog.battery() {
+            self.minutes_left.level(battery, Instant::now());
+        }
+    }
+
+    fn engine(&mut self, report: EngineReport) -> Result<(), LinkLost> {
+        let event = match report {
+            EngineReport::Docked => Event::Docked,
+            EngineReport::Undocked => Event::Undocked,
+            EngineReport::Charged => Event::Charged,
+            EngineReport::BaseNotFound => Event::BaseNotFound,
+            EngineReport::Unknown(code) => Event::Engine { code },
+        };
+        self.log_engine_report(report);
+        self.seats.tell_all(&event);
+        self.take_battery_fact(Fact::Engine(report))
+    }
+
+    /// Puts a frame into the slot of the newest one without decoding it: its readers validate it.
+    fn frame(&mut self, jpeg: Bytes) {
+        let (at, mut seq) = (Instant::now(), 0);
+        self.status.send_if_modified(|status| {
+            seq = status.count_frame();
+            false
+        });
+        self.stopwatch.frame(at);
+        self.pictures
+            .send_modify(|pictures| pictures.push(Frame { seq, at, jpeg }));
+        self.seats.notify_frame();
+    }
+
+    fn partial_frame(&mut self, jpeg: Bytes) {
+        self.silence.note_received(Instant::now());
+        let seq = self.status.borrow().frames + 1;
+        self.pictures
+            .send_modify(|pictures| pictures.partial = Some(PartialFrame { seq, jpeg }));
+        self.seats.notify_frame();
+    }
+
+    /// Logs each reason at long intervals: a robot may be out of reach for weeks.
+    fn log_failed_attempt(&mut self, error: &str) {
+        match self.failed.note(error.to_owned(), Instant::now()) {
+            Some(0) => warn!("still not connected: {error}"),
+            Some(repeated) => warn!(repeated, "still not connected: {error}"),
+            None => debug!("still not connected: {error}"),
+        }
+    }
+
+    /// Limits the log: a broken or faked robot may repeat a report a thousand times a second.
+    fn log_engine_report(&mut self, report: EngineReport) {
+        let said = match report {
+            EngineReport::Unknown(code) => {
+                self.unknown.note(UnknownKind::Engine(code), Instant::now())
+            }
+            known => self.engine_log.note(known, Instant::now()),
+        };
+        match said {
+            Some(0) => info!("the robot says: {}", describe(report)),
+            Some(repeated) => info!(repeated, "the robot says: {}", describe(report)),
+            None => {}
+        }
+    }
+
+    fn log_unknown_message(&mut self, kind: u8) {
+        if let Some(repeated) = self
+            .unknown
+            .note(UnknownKind::Message(kind), Instant::now())
+        {
+            info!(
+                kind,
+                repeated, "a message of unknown type or length; logged once per type and minute"
+            );
+        }
+    }
+
+    // The end of a link, and of the run.
+
+    /// Handles a lost link: the last words are tried without blocking, and the line completes them.
+    /// The guardian keeps the link until then.
+    fn lose(&mut self, lost: &LinkLost, line: &mut Line) {
+        self.store_last_words(line);
+        let Some(mut writer) = self.writer.take() else {
+            return line.hang_up(None);
+        };
+        writer.send_last_words();
+        tell_guardian(&mut self.pulse, &writer);
+        line.hang_up(Some(writer));
+        if self.released {
+            info!("disconnected: {lost}; the robot is free for others")
+        } else {
+            warn!("disconnected: {lost}; reconnecting")
+        }
+        self.minutes_left.forget();
+        let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
+        // Without a link nothing is sent, so this cannot fail.
+        let _ = self.perform(acts);
+        let reason = lost.to_string();
+        self.publish_link_down(&reason);
+        self.seats.tell_all(&Event::Disconnected { reason });
+    }
+
+    /// Ends the run's motion (see [`Fact::RunEnding`]), switches the streams off, and closes the
+    /// link when that has been acknowledged, or [`DELIVERY`] is over.
+    async fn close(mut self, mut line: Line) -> Delivery {
+        self.settle(&mut line).await;
+        let stopped = self.take(Fact::RunEnding);
+        let off = self.seats.streams_off();
+        if let Err(lost) = stopped.and_then(|()| self.send(&off)) {
+            warn!("at the end: {lost}");
+        }
+        self.store_last_words(&mut line);
+        let delivery = match (self.writer.take(), line.into_reader()) {
+            (Some(writer), Some(reader)) => {
+                self.beat_during(close_gracefully(reader, writer, DELIVERY))
+                    .await
+            }
+            _ => Delivery::Offline,
+        };
+        match delivery {
+            Delivery::Acknowledged => info!("{delivery}"),
+            Delivery::Offline if self.info.is_none() => debug!("never connected"),
+            Delivery::NotAcknowledged { .. } | Delivery::Offline => warn!("{delivery}"),
+        }
+        // What has not been acknowledged is left to the guardian, which keeps the connection open
+        // until it is.
+        if delivery == Delivery::Acknowledged {
+            self.release_guard();
+        }
+        delivery
+    }
+
+    /// Waits, for at most [`DELIVERY`], until the last words of a lost link are delivered, and until
+    /// a login that the robot has accepted is complete: before its first POWER it obeys no stop.
+    async fn settle(&mut self, line: &mut Line) {
+        let until = Instant::now() + DELIVERY;
+        self.store_last_words(line);
+        while line.is_unsettled() {
+            let next = timeout_at(until, line.next());
+            let Ok(event) = self.beat_during(next).await else {
+                if self.pulse.as_mut().and_then(Pulse::guardian).is_some() {
+                    line.leave_login();
+                }
+                return;
+            };
+            if let Err(error) = self.handle_event(event) {
+                warn!("at the end: {error}");
+            }
+            self.store_last_words(line);
+        }
+    }
+
+    /// Keeps the heartbeat going during `work`, so that the guardian does not act yet.
+    async fn beat_during<T>(&mut self, work: impl Future<Output = T>) -> T {
+        let mut work = pin!(work);
+        loop {
+            let due = self.pulse.as_ref().map(Pulse::due);
+            tokio::select! {
+                biased;
+                done = &mut work => return done,
+                () = until(due) => {
+                    if let Some(pulse) = &mut self.pulse {
+                        pulse.beat(Instant::now());
+                    }
+                }
+            }
+        }
+    }
+
+    // What is published on the bus. Nothing here waits for a listener.
+
+    fn publish_link_up(&self, info: &RobotInfo, docked: bool) {
+        let robot = info.clone();
+        self.bus.publish(Occurrence::LinkUp { robot, docked });
+    }
+
+    fn publish_link_down(&self, reason: &str) {
+        let reason = reason.to_owned();
+        self.bus.publish(Occurrence::LinkDown { reason });
+    }
+
+    /// The battery with the estimate of the minutes left.
+    fn battery(&self) -> Option<Battery> {
+        Some(Battery {
+            minutes_left: self.minutes_left.estimate(),
+            ..self.watchdog.battery()?
+        })
+    }
+
+    fn publish_battery(&self) {
+        if let Some(battery) = self.battery() {
+            self.bus.publish(Occurrence::Battery(battery));
+        }
+    }
+
+    fn publish_safety(&self, event: &Event) {
+        if let Event::Safety { action, reason } = event {
+            let (action, reason) = (*action, reason.clone());
+            self.bus.publish(Occurrence::Safety { action, reason });
+        }
+    }
+
+    /// Publishes an undocking that was tried; a refused one is not published, since a script may
+    /// request thousands of them.
+    fn publish_undocking(&self, by: BehaviourId, event: &Event) {
+        let Event::UndockEnded { end, .. } = event else {
+            return;
+        };
+        if let (DockEnd::Done | DockEnd::Timeout, Some(by)) = (*end, self.seats.name(by)) {
+            let (by, end) = (by.to_owned(), *end);
+            self.bus.publish(Occurrence::Undock { by, end });
+        }
+    }
+
+    fn publish_docking(&mut self) {
+        let Some(report) = self.watchdog.take_dock_report() else {
+            return;
+        };
+        let by = report.by.and_then(|by| self.seats.name(by));
+        self.bus.publish(Occurrence::Dock {
+            by: by.map(str::to_owned),
+            end: report.outcome.end,
+            attempts: report.outcome.attempts,
+            seconds: report.outcome.took.as_secs_f64(),
+        });
+    }
+
+    /// Publishes the watchdog's state if it differs from that in the last status.
+    fn publish_status(&self, newest: &Status) {
+        let before = *self.status.borrow();
+        let essence = |status: &Status| (status.safety, status.low, status.docked);
+        if essence(&before) != essence(newest) {
+            let (state, low, docked) = essence(newest);
+            self.bus
+                .publish(Occurrence::Watchdog { state, low, docked });
+        }
+    }
+}
+
+/// A kind of unknown value: each is logged once a minute.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum UnknownKind {
+    Message(u8),
+    Engine(u8),
+}
+
+fn describe(report: EngineReport) -> String {
+    match report {
+        EngineReport::Docked => "on the station".to_owned(),
+        EngineReport::Undocked => "off the station".to_owned(),
+        EngineReport::Charged => "the battery is full".to_owned(),
+        EngineReport::BaseNotFound => "station not found".to_owned(),
+        EngineReport::Unknown(code) => format!("ENGINE {code}, an unknown value"),
     }
 }
 

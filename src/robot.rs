@@ -13,7 +13,6 @@ mod occurrence;
 mod param;
 mod quantity;
 mod streams;
-mod stroke;
 
 pub use bus::{Bus, BusMessage, Listener, TimedOccurrence};
 pub use ends::{DockEnd, EndReason, MotionEnd, SafetyAction};
@@ -25,7 +24,6 @@ pub use occurrence::{Occurrence, Remark, WatchdogState};
 pub use param::{DeclaredParam, DeclaredParams, ParamBoard, ParamChange, ParamValue};
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
 pub use streams::{StreamOff, Streams, Use};
-pub use stroke::Stroke;
 
 use serde::{Deserialize, Serialize};
 

@@ -71,7 +71,7 @@ pub fn modules() -> impl Iterator<Item = &'static Namespace> {
 
 /// Every kind of table and object that calls take or return and that events carry.
 pub fn objects() -> impl Iterator<Item = &'static Object> {
-    const ALL: [&Object; 29] = [
+    const ALL: [&Object; 28] = [
         &frame::FRAME,
         &frame::BLOB,
         &frame::TRACK,
@@ -98,7 +98,6 @@ pub fn objects() -> impl Iterator<Item = &'static Object> {
         &tables::CHARGING,
         &tables::SAFETY,
         &tables::LOAN,
-        &tables::PLACE,
         &tables::ENGINE,
         &scenario::SIM,
     ];

@@ -125,23 +125,11 @@ pub(super) const LOAN: Object = table(
             "the longest duration; a stop or a second without motion ends the loan earlier",
         )
         .unit("s"),
-        number("power", "the limit of each track's power; higher power is scaled down").unit("%"),
-        number("low_for", "time since the battery became low").unit("s"),
-        value(
-            "way_back",
-            Type::List(&Type::Object(&PLACE)),
-            "points of the robot's path back to the station, the nearest first; nil unless the path is known and only one search for the station has moved the robot since",
+        number(
+            "power",
+            "the limit of each track's power; higher power is scaled down",
         )
-        .optional(),
-    ],
-);
-
-pub(super) const PLACE: Object = table(
-    "Place",
-    "A point on the way back, relative to the pose of the robot when its battery became low. It comes from dead reckoning, so it is less exact the farther away it is.",
-    &[
-        number("x", "ahead of that pose").unit("m"),
-        number("y", "to the left of that pose").unit("m"),
+        .unit("%"),
     ],
 );
 

@@ -1,7 +1,7 @@
 //! Detects a robot whose system still acknowledges data while its program is dead: nothing is
-//! received any more, even when no stream is on. It is not known how often a real robot reports its
-//! battery level, or whether it answers when asked (`PROTOCOL.md`, *Not known*), so silence means
-//! something only after the robot has shown that it reports. Pure: reads no clock.
+//! received any more, even when no stream is on. It is not known whether a real robot answers when
+//! it is asked for its battery level (`PROTOCOL.md`, *Not known*), so silence means something only
+//! after the robot has answered once. Pure: reads no clock.
 
 use std::time::Duration;
 
@@ -11,12 +11,8 @@ use tokio::time::Instant;
 const ASK_AFTER: Duration = Duration::from_secs(20);
 /// A level that comes within this time after the question counts as the answer.
 const ANSWER: Duration = Duration::from_secs(2);
-/// The shortest silence that ends a link, two questions included.
-const SHORTEST: Duration = Duration::from_secs(60);
-/// A robot that reports its level regularly is gone after this many missed reports.
-const MISSED: u32 = 6;
-/// This many intervals between levels decide whether they come regularly.
-const PAUSES: usize = 4;
+/// The silence that ends the link to a robot that answers, two questions included.
+const LONGEST: Duration = Duration::from_secs(60);
 
 /// What to do about a silence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,8 +28,6 @@ pub(super) enum SilenceAction {
 pub(super) struct Silence {
     last_received: Instant,
     asked: Option<Instant>,
-    level: Option<Instant>,
-    pauses: Vec<Duration>,
     answers: bool,
 }
 
@@ -43,15 +37,14 @@ impl Silence {
         Silence {
             last_received: now,
             asked: None,
-            level: None,
-            pauses: Vec::new(),
             answers: false,
         }
     }
 
-    /// Handles a new login. What is known of the robot is kept.
+    /// Handles a new login. Whether the robot answers is still known.
     pub(super) fn begin(&mut self, now: Instant) {
-        (self.last_received, self.asked, self.level) = (now, None, Some(now));
+        self.last_received = now;
+        self.asked = None;
     }
 
     /// Notes that something was received from the robot.
@@ -61,22 +54,14 @@ impl Silence {
 
     /// Notes a battery level.
     pub(super) fn level(&mut self, now: Instant) {
-        let answer = self.asked.take().is_some_and(|asked| now < asked + ANSWER);
-        self.answers |= answer;
-        if let Some(before) = self.level.replace(now)
-            && !answer
-        {
-            self.pauses.push(now.saturating_duration_since(before));
-            let old = self.pauses.len().saturating_sub(PAUSES);
-            self.pauses.drain(..old);
-        }
+        self.answers |= self.asked.take().is_some_and(|asked| now < asked + ANSWER);
         self.note_received(now);
     }
 
     /// Returns what to do if the silence is too long.
     pub(super) fn poll(&mut self, now: Instant) -> Option<SilenceAction> {
         let silence = now.saturating_duration_since(self.last_received);
-        if self.limit().is_some_and(|limit| silence >= limit) {
+        if self.answers && silence >= LONGEST {
             self.begin(now);
             return Some(SilenceAction::Gone(silence));
         }
@@ -89,9 +74,12 @@ impl Silence {
 
     /// When [`Silence::poll`] has something to return.
     pub(super) fn next_deadline(&self) -> Instant {
-        let gone = self.limit().map(|limit| self.last_received + limit);
-        gone.into_iter()
-            .fold(self.next_question(), |next, gone| next.min(gone))
+        let question = self.next_question();
+        if self.answers {
+            question.min(self.last_received + LONGEST)
+        } else {
+            question
+        }
     }
 
     fn next_question(&self) -> Instant {
@@ -99,16 +87,6 @@ impl Silence {
             .asked
             .map_or(self.last_received, |asked| asked.max(self.last_received));
         since + ASK_AFTER
-    }
-
-    /// The silence that ends the link; `None` for a robot whose silence means nothing.
-    fn limit(&self) -> Option<Duration> {
-        if self.answers {
-            return Some(SHORTEST);
-        }
-        let (shortest, longest) = (self.pauses.iter().min()?, self.pauses.iter().max()?);
-        let regular = self.pauses.len() == PAUSES && *longest <= *shortest * 2;
-        regular.then(|| SHORTEST.max(*longest * MISSED))
     }
 }
 
@@ -171,26 +149,12 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_that_reported_regularly_is_gone_when_it_stops_reporting() {
+    fn levels_that_come_unasked_give_silence_no_meaning() {
         let (mut silence, start) = new();
-        for turn in 1..=4 {
-            silence.level(start + 15 * turn * SECOND);
-        }
-        let verdicts = pass(&mut silence, start, 61, 200);
-        let gone = (60 + 90, SilenceAction::Gone(90 * SECOND));
-        assert_eq!(
-            verdicts.iter().find(|one| one.1 != SilenceAction::Ask),
-            Some(&gone)
-        );
-    }
-
-    #[test]
-    fn irregular_levels_give_silence_no_meaning() {
-        let (mut silence, start) = new();
-        for second in [15, 100, 103, 160, 300] {
+        for second in [15, 30, 45, 60] {
             silence.level(start + second * SECOND);
         }
-        let verdicts = pass(&mut silence, start, 301, 3000);
+        let verdicts = pass(&mut silence, start, 61, 3000);
         assert!(
             verdicts
                 .iter()

@@ -1,8 +1,10 @@
 //! A summary of the state for people.
 
-use super::shown::Shown;
-use crate::robot::Battery;
+use tracing::info;
+
+use crate::robot::{Battery, Setpoint, TrackPower};
 use crate::safety::{DockState, WatchdogState};
+use crate::wire::{Command, Led, Sound};
 
 /// The state of the link.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -97,5 +99,169 @@ impl Status {
     pub(super) fn count_frame(&mut self) -> u64 {
         self.frames += 1;
         self.frames
+    }
+}
+
+/// The last commands that a person beside the robot would see and hear; also used to send only
+/// changes. Lights and volume are unknown after a login, lights also after sounds that switch them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Shown {
+    /// The power of the tracks.
+    pub tracks: Setpoint,
+    /// The headlight, the left and the right light.
+    pub lights: [Option<bool>; 3],
+    /// The volume, in percent.
+    pub volume: Option<u8>,
+    /// The last sound.
+    pub sound: Option<Sound>,
+    /// The number of sounds so far: distinguishes repetitions of the same sound.
+    pub sounds: u32,
+}
+
+impl Shown {
+    /// Forgets lights and volume, after a new login.
+    pub(super) fn forget_lights(&mut self) {
+        self.lights = [None; 3];
+        self.volume = None;
+    }
+
+    /// Whether a command changes the known state. Sounds always do.
+    pub(super) fn is_news(&self, command: &Command) -> bool {
+        match *command {
+            Command::Led { led, on } => light(led).is_none_or(|at| self.lights[at] != Some(on)),
+            Command::Volume(percent) => self.volume != Some(percent),
+            _ => true,
+        }
+    }
+
+    /// The commands that switch lights and sounds off, except for what the alarm needs if it
+    /// sounds.
+    pub(super) fn off(&self, alarm: bool) -> Vec<Command> {
+        let mut off = Vec::new();
+        for led in [Led::Left, Led::Right, Led::Flash] {
+            let dark = Command::Led { led, on: false };
+            if self.is_news(&dark) && !(alarm && led == Led::Flash) {
+                off.push(dark);
+            }
+        }
+        if !alarm {
+            off.push(Command::StopSound);
+        }
+        off
+    }
+
+    /// Logs the changes that a person beside the robot would see and hear.
+    pub(super) fn log(&self, command: &Command) {
+        match *command {
+            Command::Led { led, on } if self.is_news(command) => {
+                let state = if on { "on" } else { "off" };
+                info!("{} light {state}", led.name());
+            }
+            Command::Play(sound) => info!("plays {}", sound.name()),
+            Command::Volume(percent) if self.is_news(command) => info!("volume {percent} %"),
+            _ => {}
+        }
+    }
+
+    /// Notes a command that is sent. Some sounds also switch lights, so that the lights are unknown
+    /// afterwards (`PROTOCOL.md`, PLAY).
+    pub(super) fn note(&mut self, command: &Command) {
+        match *command {
+            Command::Move { left, right } => {
+                let power = |power| TrackPower::new(power).unwrap_or_default();
+                self.tracks = Setpoint {
+                    left: power(left),
+                    right: power(right),
+                };
+            }
+            Command::Led { led, on } => {
+                if let Some(at) = light(led) {
+                    self.lights[at] = Some(on);
+                }
+            }
+            Command::Volume(percent) => self.volume = Some(percent),
+            Command::Play(sound) => {
+                self.sound = Some(sound);
+                self.sounds = self.sounds.wrapping_add(1);
+                self.lights = [None; 3];
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The place of a light in [`Shown::lights`].
+fn light(led: Led) -> Option<usize> {
+    match led {
+        Led::Flash => Some(0),
+        Led::Left => Some(1),
+        Led::Right => Some(2),
+        Led::Unknown(_) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_changes_count_and_a_sound_makes_lights_unknown() {
+        let mut shown = Shown::default();
+        let mut news = |command: Command| {
+            let news = shown.is_news(&command);
+            shown.note(&command);
+            news
+        };
+        let flash = |on| Command::Led {
+            led: Led::Flash,
+            on,
+        };
+        assert!(news(flash(true)) && !news(flash(true)));
+        assert!(news(flash(false)) && news(flash(true)));
+        assert!(news(Command::Play(Sound::Alarm)));
+        assert!(news(flash(true)));
+        assert!(news(Command::Volume(3)) && !news(Command::Volume(3)));
+        shown.forget_lights();
+        assert!(shown.is_news(&Command::Volume(3)));
+    }
+
+    #[test]
+    fn switching_off_covers_all_lights_and_sounds_but_those_of_the_alarm() {
+        let dark = |led| Command::Led { led, on: false };
+        let mut shown = Shown::default();
+        shown.note(&dark(Led::Left));
+        let off = [dark(Led::Right), dark(Led::Flash), Command::StopSound];
+        assert_eq!(shown.off(false), off);
+        assert_eq!(shown.off(true), off[..1]);
+    }
+
+    #[test]
+    fn an_unsent_command_still_counts_as_a_change() {
+        let shown = Shown::default();
+        assert!(shown.is_news(&Command::Volume(3)));
+        assert!(shown.is_news(&Command::Volume(3)));
+    }
+
+    #[test]
+    fn sent_commands_are_shown_and_a_sound_makes_lights_unknown() {
+        let mut shown = Shown::default();
+        shown.note(&Command::Move {
+            left: 30,
+            right: -20,
+        });
+        shown.note(&Command::Led {
+            led: Led::Left,
+            on: true,
+        });
+        assert_eq!(
+            (shown.tracks.left.get(), shown.tracks.right.get()),
+            (30, -20)
+        );
+        assert_eq!(shown.lights, [None, Some(true), None]);
+        shown.note(&Command::Play(Sound::Laser));
+        assert_eq!(
+            (shown.lights, shown.sound, shown.sounds),
+            ([None; 3], Some(Sound::Laser), 1)
+        );
     }
 }

@@ -6,7 +6,6 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use super::ends::{DockEnd, MotionEnd, SafetyAction};
-use super::stroke::Stroke;
 use super::{Battery, CallId, MotionId, Percent, RobotInfo};
 
 /// An event for a behaviour.
@@ -61,11 +60,6 @@ pub enum Event {
         seconds: Duration,
         /// The limit of each track's power; more is scaled down.
         power: Percent,
-        /// Time since the battery became low.
-        low_for: Duration,
-        /// The robot's path from its station to where it stood when the battery became low, if it
-        /// is known and nothing but one search has moved the robot since.
-        way: Option<Vec<Stroke>>,
     },
     /// An unknown ENGINE byte.
     Engine {

@@ -53,7 +53,8 @@ impl Arbiter {
     /// drives keeps the tracks with its new setpoint.
     pub fn claim(
         &mut self,
-        (by, priority): (BehaviourId, Priority),
+        by: BehaviourId,
+        priority: Priority,
         motion: MotionId,
         setpoint: Setpoint,
         duration: Option<Duration>,
@@ -176,4 +177,292 @@ impl Arbiter {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    //! Who drives: examples with numbers, and a comparison with a simple model.
+
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const PATROL: (BehaviourId, Priority) = (BehaviourId(0), Priority(0));
+    const AVOID: (BehaviourId, Priority) = (BehaviourId(1), Priority(10));
+    const OTHER: (BehaviourId, Priority) = (BehaviourId(2), Priority(0));
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn at(percent: f64) -> Setpoint {
+        Setpoint::from_percent(percent, percent).unwrap()
+    }
+
+    fn ended(who: (BehaviourId, Priority), motion: u64, end: MotionEnd) -> Ended {
+        Ended {
+            by: who.0,
+            motion: MotionId(motion),
+            end,
+        }
+    }
+
+    #[test]
+    fn the_higher_priority_drives_and_the_lower_takes_over_again() {
+        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        assert_eq!(
+            arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now),
+            []
+        );
+        assert_eq!(
+            arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now),
+            []
+        );
+        assert_eq!(arbiter.setpoint(), at(-20.0));
+        arbiter.release(AVOID.0, MotionId(1));
+        assert_eq!(arbiter.setpoint(), at(40.0));
+    }
+
+    #[test]
+    fn a_timed_move_of_the_loser_is_preempted_when_the_winner_comes() {
+        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(7), at(40.0), Some(SECOND), now);
+        let over = arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), Some(SECOND), now);
+        assert_eq!(over, [ended(PATROL, 7, MotionEnd::Preempted)]);
+    }
+
+    #[test]
+    fn a_timed_move_below_the_driver_is_preempted_at_once() {
+        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
+        let over = arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(40.0), Some(SECOND), now);
+        assert_eq!(over, [ended(PATROL, 2, MotionEnd::Preempted)]);
+        assert_eq!(arbiter.setpoint(), at(-20.0));
+    }
+
+    #[test]
+    fn among_equals_the_first_keeps_the_tracks() {
+        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now);
+        arbiter.claim(OTHER.0, OTHER.1, MotionId(1), at(90.0), None, now);
+        assert_eq!(arbiter.setpoint(), at(40.0));
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(50.0), None, now);
+        assert_eq!(arbiter.setpoint(), at(50.0));
+    }
+
+    #[test]
+    fn a_newer_setpoint_of_the_same_behaviour_ends_the_older() {
+        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), Some(SECOND), now);
+        let over = arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(50.0), None, now);
+        assert_eq!(over, [ended(PATROL, 1, MotionEnd::Preempted)]);
+        assert_eq!(arbiter.release(PATROL.0, MotionId(1)), []);
+        assert_eq!(arbiter.setpoint(), at(50.0));
+    }
+
+    #[test]
+    fn the_claim_of_a_forgotten_behaviour_is_dropped() {
+        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now);
+        arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
+        arbiter.forget(AVOID.0);
+        assert_eq!(arbiter.setpoint(), at(40.0));
+        assert!(arbiter.claimants().eq([PATROL.0]));
+    }
+
+    #[test]
+    fn a_timed_move_expires() {
+        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), Some(SECOND), now);
+        assert_eq!(arbiter.next_deadline(), Some(now + SECOND));
+        assert_eq!(arbiter.expire(now + SECOND / 2), []);
+        assert_eq!(
+            arbiter.expire(now + SECOND),
+            [ended(PATROL, 1, MotionEnd::Done)]
+        );
+        assert_eq!(arbiter.setpoint(), Setpoint::STOP);
+    }
+
+    #[test]
+    fn a_held_claim_moves_nothing_and_keeps_its_place() {
+        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now);
+        arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
+        assert!(arbiter.hold(AVOID.0, true));
+        assert!(!arbiter.hold(AVOID.0, true), "held already");
+        assert_eq!(arbiter.setpoint(), Setpoint::STOP);
+        assert!(arbiter.hold(AVOID.0, false));
+        assert_eq!(arbiter.setpoint(), at(-20.0));
+    }
+
+    #[test]
+    fn stop_ends_equals_and_lower_but_not_a_higher_priority() {
+        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
+        arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(40.0), None, now);
+        arbiter.claim(OTHER.0, OTHER.1, MotionId(3), at(60.0), None, now);
+        let over = arbiter.stop(OTHER.0, OTHER.1);
+        let expected = [
+            ended(OTHER, 3, MotionEnd::Cancelled),
+            ended(PATROL, 2, MotionEnd::Preempted),
+        ];
+        assert_eq!(over, expected);
+        assert_eq!(arbiter.setpoint(), at(-20.0));
+    }
+
+    /// What a behaviour or the pilot may do to the arbiter.
+    #[derive(Debug, Clone)]
+    enum Step {
+        Claim(usize, f64, Option<u64>),
+        Release(usize, bool),
+        Stop(usize),
+        Hold(usize, bool),
+        Forget(usize),
+        Clear,
+        Pass(u64),
+    }
+
+    fn step() -> impl Strategy<Value = Step> {
+        let who = 0usize..5;
+        let percent = (-4i32..=4).prop_map(|power| f64::from(power) * 20.0);
+        prop_oneof![
+            6 => (who.clone(), percent, prop::option::weighted(0.4, 1u64..2_000))
+                .prop_map(|(who, percent, ms)| Step::Claim(who, percent, ms)),
+            3 => (who.clone(), any::<bool>()).prop_map(|(who, current)| Step::Release(who, current)),
+            1 => who.clone().prop_map(Step::Stop),
+            2 => (who.clone(), any::<bool>()).prop_map(|(who, held)| Step::Hold(who, held)),
+            1 => who.prop_map(Step::Forget),
+            1 => Just(Step::Clear),
+            3 => (0u64..1_500).prop_map(Step::Pass),
+        ]
+    }
+
+    /// Two at the bottom, two in the middle, one above.
+    const BEHAVIOURS: [(BehaviourId, Priority); 5] = [
+        (BehaviourId(0), Priority(0)),
+        (BehaviourId(1), Priority(5)),
+        (BehaviourId(2), Priority(0)),
+        (BehaviourId(3), Priority(5)),
+        (BehaviourId(4), Priority(10)),
+    ];
+
+    /// What one behaviour holds in the model.
+    #[derive(Debug, Clone, Copy)]
+    struct Held {
+        setpoint: Setpoint,
+        motion: MotionId,
+        until: Option<Instant>,
+        /// Its order among equals: the claim that has had the tracks, or has waited for them, longest
+        /// comes first.
+        since: usize,
+        silent: bool,
+    }
+
+    /// The rule in its simplest form: a table, searched each time.
+    #[derive(Debug, Default)]
+    struct Model {
+        held: [Option<Held>; 5],
+    }
+
+    impl Model {
+        fn driver(&self) -> Option<usize> {
+            let place = |who: usize| {
+                self.held[who].map(|held| (BEHAVIOURS[who].1, std::cmp::Reverse(held.since)))
+            };
+            (0..5)
+                .filter(|&who| self.held[who].is_some())
+                .max_by_key(|&who| place(who))
+        }
+
+        fn setpoint(&self) -> Setpoint {
+            let held = self.driver().and_then(|who| self.held[who]);
+            held.filter(|held| !held.silent)
+                .map_or(Setpoint::STOP, |held| held.setpoint)
+        }
+
+        fn drop_where(&mut self, over: impl Fn(usize, Held) -> bool) {
+            for who in 0..5 {
+                self.held[who] = self.held[who].filter(|&held| !over(who, held));
+            }
+        }
+
+        fn follow(&mut self, step: &Step, count: usize, now: Instant) {
+            match *step {
+                Step::Claim(who, percent, ms) => {
+                    let since = self.held[who].map_or(count, |held| held.since);
+                    self.held[who] = Some(Held {
+                        setpoint: at(percent),
+                        motion: MotionId(count as u64),
+                        until: ms.map(|ms| now + Duration::from_millis(ms)),
+                        since,
+                        silent: false,
+                    });
+                    let driver = self.driver();
+                    self.drop_where(|who, held| held.until.is_some() && Some(who) != driver);
+                }
+                Step::Release(who, current) => self.drop_where(|other, _| other == who && current),
+                Step::Stop(who) => {
+                    self.drop_where(|other, _| BEHAVIOURS[other].1 <= BEHAVIOURS[who].1)
+                }
+                Step::Hold(who, silent) => {
+                    self.held[who] = self.held[who].map(|held| Held { silent, ..held });
+                }
+                Step::Forget(who) => self.drop_where(|other, _| other == who),
+                Step::Clear => self.drop_where(|_, _| true),
+                Step::Pass(_) => {
+                    self.drop_where(|_, held| held.until.is_some_and(|until| until <= now))
+                }
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_tracks_always_follow_the_highest_claim_and_never_a_released_one(
+            steps in prop::collection::vec(step(), 1..80),
+        ) {
+            let (mut arbiter, mut model, mut now) = (Arbiter::default(), Model::default(), Instant::now());
+            for (count, step) in steps.iter().enumerate() {
+                let before = model.held;
+                if let Step::Pass(ms) = step {
+                    now += Duration::from_millis(*ms);
+                }
+                let over = match *step {
+                    Step::Claim(who, percent, ms) => {
+                        let duration = ms.map(Duration::from_millis);
+                        arbiter.claim(BEHAVIOURS[who].0, BEHAVIOURS[who].1, MotionId(count as u64), at(percent), duration, now)
+                    }
+                    Step::Release(who, current) => {
+                        let motion = model.held[who].filter(|_| current).map(|held| held.motion);
+                        arbiter.release(BEHAVIOURS[who].0, motion.unwrap_or(MotionId(u64::MAX)))
+                    }
+                    Step::Stop(who) => arbiter.stop(BEHAVIOURS[who].0, BEHAVIOURS[who].1),
+                    Step::Hold(who, silent) => {
+                        arbiter.hold(BEHAVIOURS[who].0, silent);
+                        vec![]
+                    }
+                    Step::Forget(who) => {
+                        arbiter.forget(BEHAVIOURS[who].0);
+                        vec![]
+                    }
+                    Step::Clear => arbiter.clear(MotionEnd::Safety),
+                    Step::Pass(_) => arbiter.expire(now),
+                };
+                model.follow(step, count, now);
+                prop_assert_eq!(arbiter.setpoint(), model.setpoint(), "after {:?}", step);
+                prop_assert_eq!(arbiter.driver(), model.driver().map(|who| BEHAVIOURS[who].0));
+                // A behaviour that lost its setpoint is told so once, unless it has ended.
+                let holds = |held: &[Option<Held>; 5], ended: &Ended| {
+                    held.iter().flatten().any(|held| held.motion == ended.motion)
+                };
+                for ended in &over {
+                    prop_assert!(!holds(&model.held, ended), "{:?} still holds", ended);
+                }
+                let lost = before.iter().flatten().filter(|old| {
+                    !model.held.iter().flatten().any(|held| held.motion == old.motion)
+                });
+                let expected = match step {
+                    Step::Forget(_) => 0,
+                    _ => lost.count(),
+                };
+                let of_before = over.iter().filter(|ended| holds(&before, ended)).count();
+                prop_assert_eq!(of_before, expected, "{:?}: {:?}", step, over);
+                prop_assert!(arbiter.next_deadline().is_none_or(|due| due > now));
+            }
+        }
+    }
+}

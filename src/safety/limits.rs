@@ -25,20 +25,13 @@ pub struct Limits {
     pub charge_timeout: Seconds,
     /// Further searches after the first one; when all have failed, the alarm sounds (3).
     pub dock_retries: u32,
-    /// The pause after a failed search, if nothing drives the robot elsewhere then (5 s). It doubles
-    /// each time, up to `recovery_longest_pause`, and never costs more energy than the search did.
-    /// At or below the critical level there is no pause.
+    /// The pause after a failed search, if nothing drives the robot elsewhere then (20 s).
     pub dock_pause: Seconds,
     /// Whether the watchdog itself drives a short leg if the station was not found and no rescue
-    /// behaviour has driven: any number but 0 (12). It drives legs blindly: at 30 %, straight for 2
-    /// s, later for up to 4 s (0.27 to 0.54 m), every second one after a turn of 0.95 s, with a
-    /// search after each, until the robot is released. 0 disables legs: for places where the robot
-    /// could fall.
-    pub recovery_legs: u32,
-    /// The first pause once the alarm sounds (60 s).
-    pub recovery_pause: Seconds,
-    /// The longest pause after a failed search (300 s).
-    pub recovery_longest_pause: Seconds,
+    /// behaviour has driven (true). It drives legs blindly: at 30 %, straight for 2 s, later for up
+    /// to 4 s (0.27 to 0.54 m), every second one after a turn of 0.95 s, with a search after each,
+    /// until the robot is released. False where the robot could fall.
+    pub recovery_legs: bool,
     /// The rescue behaviour, which drives a robot with a low battery elsewhere after a failed
     /// search: `builtin`, which drives over free floor; the name of a `.lua` file; or `off`.
     pub rescue: Rescue,
@@ -72,10 +65,8 @@ impl Default for Limits {
             dock_timeout: Seconds::from_secs(180),
             charge_timeout: Seconds::from_secs(30),
             dock_retries: 3,
-            dock_pause: Seconds::from_secs(5),
-            recovery_legs: 12,
-            recovery_pause: Seconds::from_secs(60),
-            recovery_longest_pause: Seconds::from_secs(300),
+            dock_pause: Seconds::from_secs(20),
+            recovery_legs: true,
             rescue: Rescue::Builtin,
             rescue_time: Seconds::from_secs(8),
             rescue_power: percent(30),
@@ -155,9 +146,8 @@ mod tests {
         );
         assert_eq!(limits.host_silence, Seconds::from_millis(250));
         assert_eq!(limits.host_idle_silence, Seconds::from_secs(5));
-        assert_eq!(limits.recovery_pause, Seconds::from_secs(60));
-        assert_eq!(limits.recovery_longest_pause, Seconds::from_secs(300));
-        assert_eq!(limits.recovery_legs, 12);
+        assert_eq!(limits.dock_pause, Seconds::from_secs(20));
+        assert!(limits.recovery_legs);
         assert_eq!(limits.check(), Ok(()));
     }
 

@@ -3,46 +3,39 @@
 //!
 //! [`Watchdog`] combines all parts; each part can be read alone: [`Arbiter`] (which behaviour
 //! drives), [`Tracks`] (the setpoint sent, and how often), [`BatteryGuard`] (which battery reports
-//! count, and when the level is low), [`Drain`] (how fast the battery empties), [`DockTracker`]
-//! (whether the robot is docked, and on what evidence), [`Docking`] (one docking with its
-//! retries), [`Recovery`] (what follows a failed docking), [`Loan`] and [`Leg`] (how a robot with a
-//! low battery reaches another place to search from), [`Rescue`] (which behaviour may drive it),
-//! [`Trail`] (the robot's path from its station), [`Leases`] (which hosts are alive), [`LastWords`]
-//! (what the robot is sent if the agent dies), [`Limits`] (every number).
+//! count, and when the level is low), [`DockTracker`] (whether the robot is docked, and on what
+//! evidence), [`Docking`] (one docking with its retries), [`Homing`] (the way home of a robot with a
+//! low battery), [`Loan`] and [`Leg`] (how it reaches another place to search from), [`Rescue`]
+//! (which behaviour may drive it), [`Leases`] (which hosts are alive), [`LastWords`] (what the robot
+//! is sent if the agent dies), [`Limits`] (every number).
 
 mod act;
 mod arbiter;
 mod battery;
 mod docking;
-mod drain;
-mod last_words;
+mod homing;
 mod leases;
 mod leg;
 mod limits;
 mod loan;
 mod place;
-mod recovery;
 mod rescue;
 mod streak;
 mod tracks;
-mod trail;
 mod watchdog;
 
-pub use act::{Act, Fact};
+pub use act::{Act, Fact, LastWords};
 pub use arbiter::{Arbiter, Ended};
 pub use battery::{BatteryChange, BatteryGuard, Charging, LowCause};
 pub use docking::{DockAction, DockLimits, DockOutcome, Docking, Retry};
-pub use drain::{Activity, Drain};
-pub use last_words::LastWords;
+pub use homing::{ALARM, AfterFailure, Homing, HomingStep};
 pub use leases::{HostLife, Leases};
 pub use leg::Leg;
 pub use limits::{Limits, LimitsError};
 pub use loan::{Loan, capped};
 pub use place::{DockState, DockTracker, Doubt, Evidence};
-pub use recovery::{AfterFailure, Recovery, RecoveryOptions, RecoveryStep};
 pub use rescue::{Rescue, UnknownRescue};
 pub use tracks::Tracks;
-pub use trail::Trail;
-pub use watchdog::{ALARM, DockReport, Watchdog};
+pub use watchdog::{DockReport, Watchdog};
 
 pub use crate::robot::WatchdogState;

@@ -9,9 +9,8 @@ use tokio::time::Instant;
 
 use super::frame_state::HeldFrame;
 use super::ids::{SubscriptionId, TaskId, Timer};
-use super::way_back::Waypoint;
 pub(super) use crate::api::EventName;
-use crate::robot::{Event, Percent};
+use crate::robot::Event;
 
 /// Largest number of subscriptions at once.
 pub(super) const MAX_SUBSCRIPTIONS: usize = 64;
@@ -62,15 +61,6 @@ pub(super) enum Payload {
     Event(Rc<Event>),
     Frame(Rc<HeldFrame>),
     Noise { dbfs: f64, own: bool },
-    Loan(Rc<Loan>),
-}
-
-/// The tracks are lent to the script, for this time and with this much power.
-pub(super) struct Loan {
-    pub(super) seconds: Duration,
-    pub(super) power: Percent,
-    pub(super) low_for: Duration,
-    pub(super) way_back: Option<Vec<Waypoint>>,
 }
 
 /// One `robot.on` or `robot.once`.

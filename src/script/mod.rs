@@ -65,7 +65,6 @@ mod travel;
 mod turn_slip;
 mod wall_ahead;
 mod warm_up;
-mod way_back;
 
 use std::cell::RefCell;
 use std::rc::Rc;

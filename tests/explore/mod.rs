@@ -158,11 +158,7 @@ impl Node {
             }
         }
         let stays = self.dog.docked() || !low;
-        let stops = matches!(
-            self.dog.last_words(),
-            LastWords::Stop | LastWords::EndSearch
-        );
-        if !stays && stops {
+        if !stays && self.dog.last_words() == LastWords::Stop {
             return Some("low, off the station, and the last words do not send it home".to_owned());
         }
         None
@@ -242,7 +238,7 @@ fn goes_home(act: &Act) -> bool {
 /// The longest time in which nothing need be seen: a search under way, a charge waited for, a pause.
 fn liveness(limits: &Limits) -> Duration {
     let search = limits.dock_timeout.get() + limits.charge_timeout.get();
-    let pause = limits.recovery_longest_pause.get() + limits.rescue_time.get();
+    let pause = limits.dock_pause.get() + limits.rescue_time.get();
     search + pause + Duration::from_secs(60)
 }
 

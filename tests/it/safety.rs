@@ -158,7 +158,7 @@ async fn a_low_robot_that_cannot_get_home_stands_still_sounds_the_alarm_and_sear
     rig.sim.hide_station(true);
     let config = rig.file(
         "spykee.yaml",
-        "watchdog: { dock_pause: 0.1, alarm_every: 1, recovery_legs: 0, rescue: off, recovery_pause: 0.2 }\n",
+        "watchdog: { dock_pause: 0.1, alarm_every: 1, recovery_legs: false, rescue: off }\n",
     );
     let script = rig.file(
         "script.lua",
@@ -201,7 +201,7 @@ async fn scripts_cannot_silence_the_alarm() {
     rig.sim.hide_station(true);
     let config = rig.file(
         "spykee.yaml",
-        "watchdog: { dock_pause: 0.1, alarm_every: 2, recovery_legs: 0, rescue: off, recovery_pause: 0.2 }\n",
+        "watchdog: { dock_pause: 0.1, alarm_every: 2, recovery_legs: false, rescue: off }\n",
     );
     let script = rig.file(
         "script.lua",

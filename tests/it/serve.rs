@@ -346,7 +346,8 @@ async fn the_alarm_is_heard(settings: &str) -> bool {
     };
     let rig = Rig::new(QUIET_WORLD, firmware).await;
     rig.sim.hide_station(true);
-    let watchdog = "watchdog: { dock_retries: 0, dock_pause: 1, recovery_legs: 0, rescue: off }\n";
+    let watchdog =
+        "watchdog: { dock_retries: 0, dock_pause: 1, recovery_legs: false, rescue: off }\n";
     quiet_now(&rig, &format!("{settings}{watchdog}"));
     let mut run = serve(&rig);
     run.says("quiet hours").await;

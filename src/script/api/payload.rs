@@ -4,9 +4,8 @@ use std::time::Duration;
 
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
-use super::super::events::{EventName, Loan, Payload};
+use super::super::events::{EventName, Payload};
 use super::super::sound;
-use super::super::way_back::Waypoint;
 use super::{frame, of_row};
 use crate::api;
 use crate::robot::{Battery, Event};
@@ -21,7 +20,6 @@ pub(super) fn to_lua(payload: &Payload, lua: &Lua) -> LuaResult<LuaValue> {
             table.raw_set("own", *own)?;
             return Ok(LuaValue::Table(of_row("Noise", table)));
         }
-        Payload::Loan(loan) => return loan_table(lua, loan).map(LuaValue::Table),
         Payload::Event(event) => event,
     };
     let table = event_table(lua, event)?;
@@ -49,27 +47,13 @@ fn event_table(lua: &Lua, event: &Event) -> LuaResult<LuaTable> {
             table.raw_set("reason", reason.as_str())?;
         }
         Event::Engine { code } => table.raw_set("code", *code)?,
+        Event::Loan { seconds, power } => {
+            table.raw_set("seconds", seconds.as_secs_f64())?;
+            table.raw_set("power", power.get())?;
+        }
         _ => {}
     }
     Ok(table)
-}
-
-fn loan_table(lua: &Lua, loan: &Loan) -> LuaResult<LuaTable> {
-    let table = lua.create_table_with_capacity(0, 4)?;
-    table.raw_set("seconds", loan.seconds.as_secs_f64())?;
-    table.raw_set("power", loan.power.get())?;
-    table.raw_set("low_for", loan.low_for.as_secs_f64())?;
-    if let Some(places) = &loan.way_back {
-        let way = lua.create_table_with_capacity(places.len(), 0)?;
-        for Waypoint { x, y } in places {
-            let place = lua.create_table_with_capacity(0, 2)?;
-            place.raw_set("x", *x)?;
-            place.raw_set("y", *y)?;
-            way.raw_push(of_row("Place", place))?;
-        }
-        table.raw_set("way_back", way)?;
-    }
-    Ok(of_row("Loan", table))
 }
 
 /// The table that `robot.battery()` returns.

@@ -10,12 +10,11 @@ use super::State;
 use super::robot_state::shows_motion;
 use crate::robot::{Event, Frame};
 use crate::script::Script;
-use crate::script::events::{EventName, Loan, Payload};
+use crate::script::events::{EventName, Payload};
 use crate::script::frame_state::HeldFrame;
 use crate::script::output::Level;
 use crate::script::sound::Loudness;
 use crate::script::task::{Answer, SubscriptionId, Wait};
-use crate::script::way_back::way_back;
 use crate::vision::{FrameError, validate_markers};
 use crate::wire::Stream;
 
@@ -101,21 +100,6 @@ impl State {
             Event::Audio(ref samples) => {
                 self.detect_noise(samples);
                 self.publish(EventName::Audio, Payload::Event(Rc::new(event)));
-            }
-            Event::Loan {
-                seconds,
-                power,
-                low_for,
-                way,
-            } => {
-                let calibration = self.options.calibration;
-                let loan = Loan {
-                    seconds,
-                    power,
-                    low_for,
-                    way_back: way.map(|way| way_back(&way, calibration)),
-                };
-                self.publish(EventName::Loan, Payload::Loan(Rc::new(loan)));
             }
             event => {
                 if let Some(name) = EventName::of(&event) {

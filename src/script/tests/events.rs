@@ -1,5 +1,5 @@
 use super::*;
-use crate::robot::{Battery, Frame, Percent, SafetyAction, Stroke};
+use crate::robot::{Battery, Frame, Percent, SafetyAction};
 use bytes::Bytes;
 
 fn battery(percent: u8, charging: bool) -> Battery {
@@ -285,35 +285,11 @@ fn at_most_64_subscriptions() {
 }
 
 #[test]
-fn a_loan_has_the_way_back_in_metres_by_the_calibration() {
-    let mut rig = Rig::with(
-        "robot.on('loan', function(loan)
-             print(loan.seconds, loan.power, loan.low_for, loan.way_back and #loan.way_back)
-             for _, place in loan.way_back or {} do print(string.format('%.2f %.2f', place.x, place.y)) end
-         end)",
-        |options| options.calibration.full_speed = 0.15,
-    );
-    let loan = |way| Event::Loan {
+fn a_loan_has_its_time_and_its_power() {
+    let mut rig = Rig::new("robot.on('loan', function(loan) print(loan.seconds, loan.power) end)");
+    rig.deliver(Event::Loan {
         seconds: Duration::from_secs(8),
         power: Percent::saturating(30),
-        low_for: Duration::from_millis(20_500),
-        way,
-    };
-    rig.deliver(loan(None));
-    let ahead = Stroke {
-        left: 2.0,
-        right: 2.0,
-    };
-    rig.deliver(loan(Some(vec![ahead])));
-    rig.deliver(loan(Some(vec![])));
-    assert_eq!(
-        rig.texts(),
-        [
-            "8 30 20.5 nil",
-            "8 30 20.5 2",
-            "-0.15 0.00",
-            "-0.30 0.00",
-            "8 30 20.5 0"
-        ]
-    );
+    });
+    assert_eq!(rig.texts(), ["8 30"]);
 }

@@ -144,21 +144,6 @@ fn an_unconfirmed_report_of_charging_halts_a_docking_that_backs_off() {
 }
 
 #[test]
-fn the_minutes_left_are_learnt() {
-    let mut rig = Rig::online(60);
-    assert_eq!(rig.dog.battery().unwrap().minutes_left, None);
-    for percent in (50..60).rev() {
-        rig.pass(60 * SECOND, false);
-        rig.take(Fact::Power(power(percent)));
-    }
-    let left = rig.dog.battery().unwrap().minutes_left;
-    assert!(
-        left.is_some_and(|left| (45.0..55.0).contains(&left)),
-        "{left:?}"
-    );
-}
-
-#[test]
 fn charging_releases_but_motion_on_the_station_is_refused() {
     let mut rig = Rig::online(20);
     rig.take(Fact::Engine(EngineReport::Docked));

@@ -79,7 +79,7 @@ fn a_docking_is_cancelled_only_by_its_caller_and_by_equal_or_higher_priorities()
             let acts = rig.ask_as(by, priority, give_up.clone());
             let expected = ends.then_some((DockEnd::Cancelled, 1));
             assert_eq!(dock_ended(&acts), expected, "{give_up:?} of {priority}");
-            assert_eq!(rig.dog.homing.is_none(), ends);
+            assert_eq!(rig.dog.docking.is_none(), ends);
         }
     }
 }

@@ -45,32 +45,34 @@ fn legs_go_on_for_as_long_as_the_battery_lasts() {
 }
 
 #[test]
-fn without_legs_it_stands_in_pauses_that_grow_up_to_what_a_search_is_worth() {
+fn without_legs_it_stands_for_one_pause_between_two_searches() {
     let mut rig = searching(20, standing());
-    for pause in [5, 10, 20, 60, 100, 100] {
+    for level in [20, 15, 9, 8, 5] {
         rig.pass(100 * SECOND, false);
+        rig.take(Fact::Power(power(level)));
         let acts = rig.take(NOT_FOUND);
         assert_eq!(tracks(&acts), [(0, 0)]);
-        assert!(reasons(&acts)[0].ends_with(&format!("tries again in {pause} s")));
-        assert_eq!(count(&rig.pass((pause - 1) * SECOND, false), &FIND), 0);
+        assert!(reasons(&acts)[0].ends_with("tries again in 20 s"));
+        assert_eq!(count(&rig.pass(19 * SECOND, false), &FIND), 0);
         let acts = rig.pass(SECOND, false);
-        assert_eq!(count(&acts, &FIND), 1, "{pause} s");
+        assert_eq!(count(&acts, &FIND), 1, "{level} %");
         assert_eq!(tracks(&acts), [(0, 0)], "a stop first");
     }
     assert_eq!(rig.dog.state(), WatchdogState::Alarm);
 }
 
 #[test]
-fn at_the_critical_level_there_are_no_pauses() {
-    let mut rig = searching(8, standing());
-    rig.pass(100 * SECOND, false);
-    assert_eq!(sent(&rig.take(NOT_FOUND)), [Command::STOP, FIND]);
-    assert_eq!(
-        sent(&rig.take(NOT_FOUND)),
-        [Command::STOP],
-        "not twice in a second"
-    );
-    assert_eq!(sent(&rig.pass(SECOND, false)), [Command::STOP, FIND]);
+fn no_two_searches_begin_within_a_second() {
+    let limits = Limits {
+        dock_pause: Seconds::from_millis(50),
+        ..standing()
+    };
+    let mut rig = searching(20, limits);
+    rig.take(NOT_FOUND);
+    assert_eq!(sent(&rig.pass(50 * MS, false)), [Command::STOP, FIND]);
+    assert_eq!(sent(&rig.take(NOT_FOUND)), [Command::STOP]);
+    assert_eq!(sent(&rig.pass(999 * MS, false)), []);
+    assert_eq!(sent(&rig.pass(MS, false)), [Command::STOP, FIND]);
 }
 
 #[test]
@@ -104,7 +106,7 @@ fn the_next_search_and_the_end_of_a_leg_are_deadlines() {
     let mut rig = searching(20, standing());
     rig.pass(100 * SECOND, false);
     rig.take(NOT_FOUND);
-    assert_eq!(rig.dog.recovery_deadline(), Some(rig.now + 5 * SECOND));
+    assert_eq!(rig.dog.next_deadline(), Some(rig.now + 20 * SECOND));
     let mut rig = searching(20, Limits::default());
     rig.take(NOT_FOUND);
     let due = rig.now + 2 * SECOND;
@@ -118,7 +120,7 @@ fn a_search_that_takes_too_long_is_cancelled_and_no_leg_follows() {
     let acts = rig.pass(180 * SECOND, false);
     assert_eq!(count(&acts, &CANCEL), 1);
     assert_eq!(tracks(&acts), [(0, 0)]);
-    let failed = "docking failed (timeout) 1 times: tries again in 5 s";
+    let failed = "docking failed (timeout) 1 times: tries again in 20 s";
     assert_eq!(reasons(&acts), [failed]);
 }
 
@@ -183,7 +185,7 @@ fn a_caller_of_a_low_robots_docking_waits_through_its_failures() {
     assert_eq!(rig.dock(7), []);
     rig.pass(100 * SECOND, false);
     assert_eq!(dock_ended(&rig.take(NOT_FOUND)), None);
-    rig.pass(5 * SECOND, false);
+    rig.pass(20 * SECOND, false);
     rig.take(Fact::Engine(EngineReport::Docked));
     let acts = rig.take(Fact::Power(charging(20)));
     assert_eq!(dock_ended(&acts), Some((DockEnd::Done, 2)));
@@ -193,7 +195,7 @@ fn a_caller_of_a_low_robots_docking_waits_through_its_failures() {
     let mut acts = Vec::new();
     for _ in 0..4 {
         acts.extend(rig.take(NOT_FOUND));
-        acts.extend(rig.pass(10 * SECOND, false));
+        acts.extend(rig.pass(20 * SECOND, false));
     }
     assert_eq!(dock_ended(&acts), Some((DockEnd::Safety, 4)));
 }
@@ -208,56 +210,6 @@ fn load_is_shed_at_the_critical_level_unless_it_charges() {
     assert!(rig.dog.shed(), "not yet");
     rig.take(Fact::Power(charging(8)));
     assert!(!rig.dog.shed());
-}
-
-#[test]
-fn a_pause_costs_no_more_than_its_search() {
-    let limits = Limits {
-        dock_pause: Seconds::from_secs(86_400),
-        recovery_longest_pause: Seconds::from_secs(86_400),
-        ..standing()
-    };
-    let mut rig = searching(20, limits);
-    rig.pass(99 * SECOND, false);
-    rig.take(NOT_FOUND);
-    assert_eq!(rig.dog.recovery_deadline(), Some(rig.now + 100 * SECOND));
-}
-
-/// The longest pause after searches of 100 s, in seconds, of a robot whose level falls by a step
-/// after each of these numbers of seconds, while it stands and while it searches.
-fn longest_pause(standing_for: u32, searching_for: u32) -> u32 {
-    let mut rig = Rig::with(standing());
-    rig.take(Fact::LinkUp {
-        docked: false,
-        power: power(95),
-    });
-    for level in (70..95).rev() {
-        rig.pass(standing_for * SECOND, false);
-        rig.take(Fact::Power(power(level)));
-    }
-    for level in (40..70).rev() {
-        rig.dock(1);
-        rig.pass(searching_for * SECOND, false);
-        rig.take(Fact::Power(power(level)));
-    }
-    rig.ask(Intent::CancelDock);
-    rig.take(Fact::Power(power(20)));
-    let pauses = (0..6).map(|_| {
-        rig.pass(100 * SECOND, false);
-        let reasons = reasons(&rig.take(NOT_FOUND));
-        let words = reasons[0].rsplit("tries again in ").next().unwrap();
-        let pause = words.trim_end_matches(" s").parse().unwrap();
-        rig.pass(pause * SECOND, false);
-        pause
-    });
-    pauses.max().unwrap()
-}
-
-#[test]
-fn the_cost_of_a_pause_uses_the_learnt_rates() {
-    assert_eq!(longest_pause(60, 20), 200, "at most twice as long");
-    assert_eq!(longest_pause(20, 60), 50, "at least half as long");
-    assert_eq!(longest_pause(60, 40), 150);
 }
 
 #[test]

@@ -47,8 +47,6 @@ fn a_loan_is_announced_and_lasts_eight_seconds_at_thirty_percent() {
     let loan = Event::Loan {
         seconds: 8 * SECOND,
         power: Percent::saturating(30),
-        low_for: SECOND,
-        way: None,
     };
     assert!(acts.contains(&Act::Tell(RESCUER, loan)));
     assert_eq!(sent(&acts), [Command::STOP]);

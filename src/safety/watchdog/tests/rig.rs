@@ -204,7 +204,7 @@ pub(super) fn searching(percent: u8, limits: Limits) -> Rig {
 
 pub(super) fn standing() -> Limits {
     Limits {
-        recovery_legs: 0,
+        recovery_legs: false,
         ..Limits::default()
     }
 }

@@ -49,7 +49,7 @@ fn on_the_station_there_are_no_last_words_unless_the_robot_backs_out() {
 fn with_a_good_battery_a_behaviours_search_is_ended() {
     let mut rig = Rig::online(60);
     rig.dock(1);
-    assert_eq!(rig.dog.last_words(), LastWords::EndSearch);
+    assert_eq!(rig.dog.last_words(), LastWords::Stop);
     rig.take(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(rig.dog.last_words(), LastWords::Stop);
 }

@@ -103,11 +103,9 @@ pub(super) fn any_limits() -> impl Strategy<Value = Limits> {
         time(),
         time(),
         time(),
-        time(),
-        time(),
     );
     let count = || prop_oneof![0..3u32, Just(u32::MAX)];
-    let odd = (levels, times, count(), count());
+    let odd = (levels, times, count(), any::<bool>());
     let odd = odd.prop_map(
         |((critical, low, ok), times, dock_retries, recovery_legs)| Limits {
             low,
@@ -124,8 +122,6 @@ pub(super) fn any_limits() -> impl Strategy<Value = Limits> {
             stream_silence: times.6,
             alarm_every: times.7,
             recovery_legs,
-            recovery_pause: times.8,
-            recovery_longest_pause: times.9,
             rescue_time: times.2,
             rescue_power: ok,
             rescue: if dock_retries == 1 {

@@ -46,7 +46,7 @@ impl WayHome {
             None => began + WayHome::LONGEST_LEG,
         };
         moment.drives_until(ends)?;
-        let leg = limits.recovery_legs > 0 && known.not_found;
+        let leg = limits.recovery_legs && known.not_found;
         prop_assert!(self.lent.is_some() || leg, "{:?}", known);
         Ok(())
     }
@@ -79,7 +79,7 @@ impl LongestWait {
     /// A robot that is low, online and not charging is sent BASE_FIND again within this time.
     fn longest(limits: &Limits) -> Duration {
         let moment = Duration::from_secs(1);
-        let pause = limits.recovery_longest_pause.get().max(moment);
+        let pause = limits.dock_pause.get().max(moment);
         let on_contact = limits.charge_timeout.get() * 2 + DockTracker::LONGEST_LEAVING;
         let driven = limits.rescue_time.get() + WayHome::LONGEST_LEG;
         limits.dock_timeout.get() + on_contact + pause + driven + moment
@@ -108,44 +108,5 @@ impl LongestWait {
             known
         );
         Ok(())
-    }
-}
-
-/// Whether the robot may be searching, from all that it was sent and has reported, over any link.
-#[derive(Debug, Default)]
-pub(super) struct MaySearch {
-    on: bool,
-    /// When it was sent BASE_FIND_CANCEL over this link.
-    cancelled: Option<Instant>,
-}
-
-impl MaySearch {
-    pub(super) fn is_on(&self) -> bool {
-        self.on
-    }
-
-    pub(super) fn see(&mut self, moment: &Moment<'_>) {
-        let Play { dog, now, .. } = moment.play;
-        if let Some(Fact::LinkUp { .. } | Fact::LinkDown | Fact::Suspended) = moment.fact {
-            self.cancelled = None;
-        }
-        self.on &= match moment.fact {
-            Some(Fact::Engine(EngineReport::Docked | EngineReport::BaseNotFound)) => false,
-            Some(Fact::Power(_) | Fact::LinkUp { .. }) => {
-                dog.guard.charging() != Charging::Confirmed
-            }
-            _ => true,
-        };
-        let delivered = |at: Instant| at + Watchdog::CANCEL_DELIVERY <= *now;
-        if self.cancelled.is_some_and(delivered) {
-            *self = MaySearch::default();
-        }
-        for command in sent(&moment.acts) {
-            match command {
-                Command::Engine(Engage::Dock) => (self.on, self.cancelled) = (true, None),
-                Command::Engine(Engage::CancelDock) => self.cancelled = Some(*now),
-                _ => {}
-            }
-        }
     }
 }

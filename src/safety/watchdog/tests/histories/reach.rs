@@ -7,8 +7,8 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     let Play { dog, known, .. } = moment.play;
     let mut seen = vec![format!("state {:?}", dog.state())];
     let mut note = |name: &str, holds: bool| seen.extend(holds.then(|| name.to_owned()));
-    let homing = dog.homing.as_ref();
-    let forced = homing.is_some_and(|homing| homing.forced);
+    let docking = dog.docking.as_ref();
+    let forced = docking.is_some_and(|active| active.forced);
     note("moves", moment.moves());
     note("searches", moment.sends(&FIND));
     note("cancels the search", moment.sends(&CANCEL));
@@ -36,7 +36,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
         moment.fact.is_none() && known.charges > 0 && dog.low().is_some() && !known.docked(),
     );
     note("several wish to drive", dog.arbiter.claimants().count() > 1);
-    note("backs off", homing.is_some() && dog.moving());
+    note("backs off", docking.is_some() && dog.moving());
     let alarm = dog.state() == WatchdogState::Alarm;
     let low_moves = known.low && dog.moving();
     let lent = dog.borrower().is_some();
@@ -52,7 +52,7 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     note("searches under alarm", alarm && moment.sends(&FIND));
     note(
         "stands still under alarm, off the station",
-        alarm && !known.docked() && homing.is_none() && !dog.moving(),
+        alarm && !known.docked() && docking.is_none() && !dog.moving(),
     );
     note(
         "asked to stop in a leg",
@@ -78,7 +78,11 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     );
     note(
         "a behaviour waits for the watchdog's docking",
-        forced && !dog.waiting.is_empty(),
+        forced
+            && dog
+                .homing
+                .as_ref()
+                .is_some_and(|homing| !homing.callers.is_empty()),
     );
     note("the run ends while low", dog.run_ending && forced);
     note("place unknown", dog.place() == DockState::Unknown);
@@ -174,7 +178,6 @@ fn all_there_is() -> Vec<String> {
         "place unknown while low",
         "backs out",
         "last words Stop",
-        "last words EndSearch",
         "last words StopAndDock",
         "last words Nothing",
         "kill",

@@ -20,7 +20,7 @@ use tokio::time::Instant;
 use self::any::{any_history, any_limits};
 use self::known::Known;
 use self::play::{Kept, Moment, Play, Step};
-use self::promises::{LongestWait, MaySearch, WayHome};
+use self::promises::{LongestWait, WayHome};
 use super::rig::{CANCEL, FIND, LEAVE, SECOND, events, sent};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
@@ -97,15 +97,13 @@ proptest! {
         limits in any_limits(),
         history in any_history(),
     ) {
-        let (mut searching, mut may_search) = (false, MaySearch::default());
+        let mut searching = false;
         Play::new(&limits).steps(&history, &mut |moment| {
             let Play { dog, known, .. } = moment.play;
             searching = known.still_searches(&moment, searching);
-            may_search.see(&moment);
             let left = known.low && !known.docked();
             match dog.last_words() {
-                LastWords::Stop => prop_assert!(!left && !may_search.is_on()),
-                LastWords::EndSearch => prop_assert!(!left && may_search.is_on()),
+                LastWords::Stop => prop_assert!(!left),
                 LastWords::StopAndDock => prop_assert!(known.low),
                 LastWords::Nothing => prop_assert!(known.online && (searching || dog.docked())),
             }
@@ -128,7 +126,7 @@ proptest! {
             // A script may not stop a leg of the watchdog.
             return Ok(());
         }
-        let asked_home = play.dog.homing.as_ref().is_some_and(|homing| !homing.forced);
+        let asked_home = play.dog.docking.as_ref().is_some_and(|active| !active.forced);
         play.take(&stop.fact(), &mut |moment| {
             let must = was_moving || (online && matches!(stop, Stop::RunEnding));
             let drives = |command: &Command| matches!(command, Command::Move { .. });

@@ -13,10 +13,6 @@ mod recovery;
 mod rescue;
 mod rig;
 mod run_end;
-mod way_back;
-
-use std::time::Duration;
 
 use super::*;
-use crate::robot::{Event, Intent, SafetyAction};
-use crate::wire::{Command, Engage, Power};
+use crate::robot::CallId;

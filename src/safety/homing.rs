@@ -1,0 +1,464 @@
+//! The way home of a robot with a low battery, from the first search until the battery is good
+//! again. A failed search is followed by
+//!
+//! - a grant: a behaviour that can see drives the robot elsewhere for a few seconds ([`Loan`]);
+//! - or a short blind [`Leg`] of the watchdog's own, where nothing can be granted or the grant was
+//!   not used;
+//! - or, where neither is allowed, a wait.
+//!
+//! Then the robot searches from there: a search from the same place fails again and again. When too
+//! many searches have failed, the alarm calls for a person, and the searches continue.
+//!
+//! How the real robot handles a MOVE between two searches is not known (`PROTOCOL.md`, *Not
+//! known*), so each loan and each leg ends with a stop and a new BASE_FIND.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::docking::Caller;
+use super::{Leg, Limits, Loan};
+use crate::robot::{BehaviourId, DockEnd, Setpoint};
+use crate::wire::{Command, Led, Sound};
+
+/// The commands that sound the alarm: at full volume, whatever volume was set before.
+pub const ALARM: [Command; 2] = [Command::Volume(100), Command::Play(Sound::Alarm)];
+
+/// What [`Homing::poll`] begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HomingStep {
+    /// A leg, with its number counted from 1; the search follows when it has ended.
+    Leg(u32),
+    /// A search.
+    Search,
+}
+
+/// What follows a failed search.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AfterFailure {
+    /// The next search.
+    Search,
+    /// A loan of the tracks to this behaviour.
+    Loan(BehaviourId),
+    /// A leg, with its number counted from 1.
+    Leg(u32),
+    /// The robot stands still for this long.
+    Pause(Duration),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum HomingPhase {
+    /// The robot searches on its own.
+    Searching,
+    /// The tracks are lent.
+    Granted(Loan),
+    /// The watchdog drives.
+    Driving(Leg),
+    /// Standing still until the next search.
+    Waiting { until: Instant },
+}
+
+/// A person's help is needed.
+#[derive(Debug, Clone, Copy)]
+struct Alarm {
+    next: Instant,
+    flash_on: bool,
+}
+
+/// Lives from the moment the battery becomes low until the robot is released.
+#[derive(Debug, Clone)]
+pub struct Homing {
+    began: Instant,
+    loan_time: Duration,
+    pause: Duration,
+    retries: u32,
+    phase: HomingPhase,
+    searched: Option<Instant>,
+    /// The last search failed because it found no station from where the robot stands.
+    blind: bool,
+    failures: u32,
+    legs: u32,
+    alarm: Option<Alarm>,
+    /// The calls that wait until the robot is home.
+    pub(super) callers: Vec<Caller>,
+}
+
+impl Homing {
+    /// The shortest time from one search to the next, unless something has happened to the robot;
+    /// also the time without commands after an interruption, for a link that seems dead.
+    pub const MOMENT: Duration = Duration::from_secs(1);
+
+    /// How long the flash of the alarm stays on.
+    const ALARM_FLASH: Duration = Duration::from_secs(1);
+
+    /// The battery has become low; the first search is due.
+    pub fn new(limits: &Limits, now: Instant) -> Homing {
+        Homing {
+            began: now,
+            loan_time: limits.rescue_time.get(),
+            pause: limits.dock_pause.get(),
+            retries: limits.dock_retries,
+            phase: HomingPhase::Waiting { until: now },
+            searched: None,
+            blind: false,
+            failures: 0,
+            legs: 0,
+            alarm: None,
+            callers: Vec::new(),
+        }
+    }
+
+    /// Advances the way home, off the station while no docking is under way; `may_drive` tells
+    /// whether a leg is allowed now: a leg that is no longer allowed ends.
+    pub fn poll(&mut self, may_drive: bool, now: Instant) -> Option<HomingStep> {
+        match self.phase {
+            HomingPhase::Waiting { until } if until <= now => Some(self.search(now)),
+            HomingPhase::Granted(loan) if loan.is_over(now) => {
+                if !loan.used() && self.blind && may_drive {
+                    return Some(HomingStep::Leg(self.drive(now)));
+                }
+                self.wait(Duration::ZERO, now);
+                self.poll(may_drive, now)
+            }
+            HomingPhase::Driving(leg) if !may_drive || leg.setpoint(now).is_none() => {
+                Some(self.search(now))
+            }
+            // The search has ended, but no report says that it failed.
+            HomingPhase::Searching => {
+                self.wait(Duration::ZERO, now);
+                self.poll(may_drive, now)
+            }
+            _ => None,
+        }
+    }
+
+    /// Handles a failed search and begins what follows: `rescuer` is the behaviour that the tracks
+    /// may be lent to, `may_drive` tells whether a leg is allowed now.
+    pub fn failed(
+        &mut self,
+        end: DockEnd,
+        rescuer: Option<BehaviourId>,
+        may_drive: bool,
+        now: Instant,
+    ) -> AfterFailure {
+        self.failures = self.failures.saturating_add(1);
+        self.blind = end == DockEnd::BaseNotFound;
+        if end == DockEnd::NotCharging {
+            self.wait(Duration::ZERO, now);
+            AfterFailure::Search
+        } else if let Some(by) = rescuer {
+            self.phase = HomingPhase::Granted(Loan::start(by, self.loan_time, now));
+            AfterFailure::Loan(by)
+        } else if self.blind && may_drive {
+            AfterFailure::Leg(self.drive(now))
+        } else {
+            self.wait(self.pause, now);
+            AfterFailure::Pause(self.pause)
+        }
+    }
+
+    /// Ends a loan or a leg; the search from here comes next.
+    pub fn end(&mut self, now: Instant) {
+        if matches!(
+            self.phase,
+            HomingPhase::Granted(_) | HomingPhase::Driving(_)
+        ) {
+            self.wait(Duration::ZERO, now);
+        }
+    }
+
+    /// The robot is out of reach, or on its station: ends a search, a loan or a leg, but not a
+    /// pause. A search from wherever the robot is then follows, no sooner than [`Homing::MOMENT`]
+    /// after what was ended: nothing is sent over a dead link.
+    pub fn interrupt(&mut self, now: Instant) {
+        self.blind = false;
+        if !matches!(self.phase, HomingPhase::Waiting { .. }) {
+            let until = now + Homing::MOMENT;
+            self.phase = HomingPhase::Waiting { until };
+        }
+    }
+
+    /// The robot was moved, or its activity is not known: a search comes next, at once.
+    pub fn search_at_once(&mut self, now: Instant) {
+        self.blind = false;
+        self.phase = HomingPhase::Waiting { until: now };
+    }
+
+    /// Notes whether the borrower has a motion now.
+    pub fn note_motion(&mut self, moves: bool, now: Instant) {
+        if let HomingPhase::Granted(loan) = &mut self.phase {
+            loan.note(moves, now);
+        }
+    }
+
+    /// The behaviour that the tracks are lent to now.
+    pub fn borrower(&self) -> Option<BehaviourId> {
+        match &self.phase {
+            HomingPhase::Granted(loan) => Some(loan.borrower()),
+            _ => None,
+        }
+    }
+
+    /// The setpoint of the tracks; `None` unless a leg is under way.
+    pub fn setpoint(&self, now: Instant) -> Option<Setpoint> {
+        match self.phase {
+            HomingPhase::Driving(leg) => leg.setpoint(now),
+            _ => None,
+        }
+    }
+
+    /// When the battery became low.
+    pub fn began(&self) -> Instant {
+        self.began
+    }
+
+    /// The number of failed searches.
+    pub fn failures(&self) -> u32 {
+        self.failures
+    }
+
+    /// Whether the first search and all further ones that the limits allow have failed: a person
+    /// must help.
+    pub fn has_failed_too_often(&self) -> bool {
+        self.failures > self.retries
+    }
+
+    /// Begins the alarm, unless it sounds already.
+    pub fn start_alarm(&mut self, now: Instant) {
+        self.alarm.get_or_insert(Alarm {
+            next: now,
+            flash_on: false,
+        });
+    }
+
+    /// Whether the alarm calls for a person.
+    pub fn is_alarming(&self) -> bool {
+        self.alarm.is_some()
+    }
+
+    /// The commands of the alarm that are due: once per `every` it sounds and flashes.
+    pub fn poll_alarm(&mut self, every: Duration, now: Instant) -> Vec<Command> {
+        let Some(alarm) = &mut self.alarm else {
+            return vec![];
+        };
+        if alarm.next > now {
+            return vec![];
+        }
+        alarm.flash_on = !alarm.flash_on;
+        let flash = Command::Led {
+            led: Led::Flash,
+            on: alarm.flash_on,
+        };
+        if alarm.flash_on {
+            alarm.next = now + Homing::ALARM_FLASH;
+            ALARM.into_iter().chain([flash]).collect()
+        } else {
+            let pause = every.saturating_sub(Homing::ALARM_FLASH);
+            alarm.next = now + pause.max(Homing::ALARM_FLASH);
+            vec![flash]
+        }
+    }
+
+    /// When [`Homing::poll_alarm`] has commands.
+    pub fn alarm_deadline(&self) -> Option<Instant> {
+        self.alarm.as_ref().map(|alarm| alarm.next)
+    }
+
+    /// Ends the alarm. Returns the command that switches its light off, if it is on.
+    pub fn end_alarm(&mut self) -> Option<Command> {
+        let alarm = self.alarm.take()?;
+        let off = Command::Led {
+            led: Led::Flash,
+            on: false,
+        };
+        if alarm.flash_on { Some(off) } else { None }
+    }
+
+    /// When [`Homing::poll`] has something to do or [`Homing::setpoint`] changes, seen from
+    /// `now`. A time in the past means at once.
+    pub fn next_deadline(&self, now: Instant) -> Option<Instant> {
+        match self.phase {
+            HomingPhase::Waiting { until } => Some(until),
+            HomingPhase::Granted(loan) => Some(loan.next_deadline()),
+            HomingPhase::Driving(leg) => leg.next_deadline(now).or(Some(now)),
+            HomingPhase::Searching => None,
+        }
+    }
+
+    fn wait(&mut self, pause: Duration, now: Instant) {
+        let earliest = self.searched.map_or(now, |at| at + Homing::MOMENT);
+        let until = earliest.max(now + pause);
+        self.phase = HomingPhase::Waiting { until };
+    }
+
+    /// Begins a leg, and returns its number.
+    fn drive(&mut self, now: Instant) -> u32 {
+        self.phase = HomingPhase::Driving(Leg::start(self.legs, now));
+        self.legs = self.legs.saturating_add(1);
+        self.legs
+    }
+
+    fn search(&mut self, now: Instant) -> HomingStep {
+        self.phase = HomingPhase::Searching;
+        self.searched = Some(now);
+        HomingStep::Search
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+    const WHO: BehaviourId = BehaviourId(7);
+
+    /// The first search began a while ago.
+    fn searching() -> (Homing, Instant) {
+        let now = Instant::now();
+        let mut homing = Homing::new(&Limits::default(), now);
+        assert_eq!(homing.poll(true, now), Some(HomingStep::Search));
+        assert_eq!(homing.next_deadline(now), None);
+        (homing, now + 60 * SECOND)
+    }
+
+    #[test]
+    fn a_leg_begins_at_once_and_a_search_follows_it() {
+        let (mut homing, now) = searching();
+        let next = homing.failed(DockEnd::BaseNotFound, None, true, now);
+        assert_eq!(next, AfterFailure::Leg(1));
+        assert!(homing.setpoint(now + SECOND).is_some());
+        let due = homing.next_deadline(now).unwrap();
+        assert_eq!(due, now + 2 * SECOND);
+        assert_eq!(homing.next_deadline(due), Some(due), "at once");
+        assert_eq!(homing.poll(true, now + SECOND), None);
+        assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
+        assert_eq!(homing.setpoint(due), None);
+        let next = homing.failed(DockEnd::BaseNotFound, None, true, due);
+        assert_eq!(next, AfterFailure::Leg(2));
+        homing.end(due);
+        assert_eq!(homing.poll(true, due + SECOND), Some(HomingStep::Search));
+        let due = due + SECOND;
+        assert_eq!(homing.poll(true, due), None, "not twice in a second");
+    }
+
+    #[test]
+    fn a_search_that_ended_without_a_report_is_followed_by_another() {
+        let (mut homing, now) = searching();
+        assert_eq!(homing.poll(true, now), Some(HomingStep::Search));
+        assert_eq!(homing.poll(true, now), None, "not twice in a second");
+        assert_eq!(homing.next_deadline(now), Some(now + SECOND));
+    }
+
+    #[test]
+    fn a_rescuer_drives_before_a_blind_leg() {
+        let (mut homing, now) = searching();
+        let next = homing.failed(DockEnd::BaseNotFound, Some(WHO), true, now);
+        assert_eq!(next, AfterFailure::Loan(WHO));
+        assert_eq!(homing.borrower(), Some(WHO));
+        homing.note_motion(true, now + SECOND);
+        let due = now + 8 * SECOND;
+        assert_eq!(homing.next_deadline(now), Some(due));
+        assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
+        assert_eq!(homing.borrower(), None);
+    }
+
+    #[test]
+    fn an_unused_loan_is_followed_by_a_leg_where_one_is_allowed() {
+        for (may_drive, next) in [(true, HomingStep::Leg(1)), (false, HomingStep::Search)] {
+            let (mut homing, now) = searching();
+            homing.failed(DockEnd::BaseNotFound, Some(WHO), true, now);
+            let due = now + Loan::FIRST;
+            assert_eq!(homing.poll(may_drive, due), Some(next));
+        }
+    }
+
+    #[test]
+    fn only_base_not_found_leads_to_a_leg() {
+        let (mut homing, now) = searching();
+        let next = homing.failed(DockEnd::Timeout, None, true, now);
+        assert_eq!(next, AfterFailure::Pause(20 * SECOND));
+        let next = homing.failed(DockEnd::NotCharging, Some(WHO), true, now);
+        assert_eq!(next, AfterFailure::Search);
+        assert_eq!(homing.poll(true, now), Some(HomingStep::Search));
+    }
+
+    #[test]
+    fn all_pauses_are_the_same() {
+        let (mut homing, mut now) = searching();
+        for _ in 0..4 {
+            let next = homing.failed(DockEnd::BaseNotFound, None, false, now);
+            assert_eq!(next, AfterFailure::Pause(20 * SECOND));
+            let due = homing.next_deadline(now).unwrap();
+            assert_eq!(due, now + 20 * SECOND);
+            assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
+            now = due + 60 * SECOND;
+        }
+        assert!(homing.has_failed_too_often());
+    }
+
+    #[test]
+    fn a_leg_that_is_no_longer_allowed_ends() {
+        let (mut homing, now) = searching();
+        homing.failed(DockEnd::BaseNotFound, None, true, now);
+        assert_eq!(homing.poll(false, now + SECOND), Some(HomingStep::Search));
+    }
+
+    #[test]
+    fn an_interruption_ends_everything_but_a_pause() {
+        let (mut homing, now) = searching();
+        homing.failed(DockEnd::BaseNotFound, None, true, now);
+        homing.interrupt(now);
+        assert_eq!(homing.next_deadline(now), Some(now + SECOND));
+        assert_eq!(homing.poll(true, now + SECOND), Some(HomingStep::Search));
+        homing.failed(DockEnd::Timeout, None, false, now + SECOND);
+        let due = homing.next_deadline(now);
+        homing.interrupt(now + 2 * SECOND);
+        assert_eq!(homing.next_deadline(now), due);
+        homing.search_at_once(now + 3 * SECOND);
+        assert_eq!(
+            homing.poll(true, now + 3 * SECOND),
+            Some(HomingStep::Search)
+        );
+    }
+
+    #[test]
+    fn ending_a_loan_changes_nothing_in_a_pause_or_a_search() {
+        let (mut homing, now) = searching();
+        homing.end(now);
+        assert_eq!(homing.next_deadline(now), None);
+        homing.failed(DockEnd::BaseNotFound, None, false, now);
+        homing.end(now);
+        assert_eq!(homing.next_deadline(now), Some(now + 20 * SECOND));
+        homing.search_at_once(now);
+        homing.poll(true, now);
+        homing.failed(DockEnd::BaseNotFound, None, true, now + SECOND);
+        homing.end(now + 2 * SECOND);
+        assert_eq!(
+            homing.poll(true, now + 2 * SECOND),
+            Some(HomingStep::Search)
+        );
+    }
+
+    #[test]
+    fn the_alarm_flashes_for_a_second_and_sounds_again_after_its_pause() {
+        let (mut homing, now) = searching();
+        assert_eq!(homing.poll_alarm(15 * SECOND, now), []);
+        homing.start_alarm(now);
+        let flash = |on| Command::Led {
+            led: Led::Flash,
+            on,
+        };
+        let [volume, sound] = ALARM;
+        let alarm = [volume, sound, flash(true)];
+        assert_eq!(homing.poll_alarm(15 * SECOND, now), alarm);
+        homing.start_alarm(now);
+        assert_eq!(homing.poll_alarm(15 * SECOND, now), [], "it sounds already");
+        let off = now + SECOND;
+        assert_eq!(homing.alarm_deadline(), Some(off));
+        assert_eq!(homing.poll_alarm(15 * SECOND, off), [flash(false)]);
+        assert_eq!(homing.alarm_deadline(), Some(now + 15 * SECOND));
+        assert_eq!(homing.poll_alarm(15 * SECOND, now + 15 * SECOND), alarm);
+        assert_eq!(homing.end_alarm(), Some(flash(false)));
+        assert_eq!(homing.end_alarm(), None);
+    }
+}

@@ -1,0 +1,1285 @@
+//! All safety rules combined: facts and the time go in, acts come out.
+//!
+//! Every command that can move the robot is made here and nowhere else. A behaviour's motion
+//! request goes through the [`Arbiter`], then through [`Watchdog::refusal`]; if it passes,
+//! [`Tracks`] sends it.
+//!
+//! A docking belongs to the callers that wait for it and has the highest of their priorities. Like
+//! a setpoint, it is refused while a higher priority drives, ends as `preempted` when a higher
+//! priority wants to drive, and is cancelled only by its own callers and by equal or higher
+//! priorities.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::docking::{ActiveDocking, Caller};
+use super::{
+    Act, AfterFailure, Arbiter, BatteryChange, BatteryGuard, Charging, DockAction, DockLimits,
+    DockOutcome, DockState, DockTracker, Docking, Ended, Fact, Homing, HomingStep, HostLife,
+    LastWords, Leases, Limits, LowCause, Rescue, Retry, Tracks, capped,
+};
+use crate::robot::{
+    Battery, BehaviourId, DockEnd, DockPlan, EndReason, Event, Intent, MotionEnd, MotionId,
+    Priority, SafetyAction, Setpoint, WatchdogState,
+};
+use crate::wire::{Command, Engage, EngineReport, Power};
+
+/// The shortest timeout of a docking: with none at all there would be nothing to wait for.
+const SHORTEST: Duration = Duration::from_millis(1);
+
+/// The longest duration, thirty days; longer ones are shortened to it. A host may send any
+/// duration, and adding it to the clock could overflow.
+const LONGEST: Duration = Duration::from_secs(30 * 24 * 60 * 60);
+
+/// The most calls that may wait for a docking; further requests are refused.
+const MAX_CALLERS: usize = 64;
+
+/// An undocking that a behaviour waits for.
+#[derive(Debug, Clone)]
+struct Leaving {
+    caller: Caller,
+    until: Instant,
+}
+
+/// A docking that has ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DockReport {
+    /// The behaviour that asked for it first; `None` for the watchdog's own docking.
+    pub by: Option<BehaviourId>,
+    /// Its outcome.
+    pub outcome: DockOutcome,
+}
+
+/// The safety rules as one state machine.
+#[derive(Debug, Clone)]
+pub struct Watchdog {
+    limits: Limits,
+    online: bool,
+    run_ending: bool,
+    dock_tracker: DockTracker,
+    /// BASE_FIND was sent, and neither a report of the robot nor another command has ended the
+    /// search.
+    searching: bool,
+    /// BASE_FIND was sent, and no report of the robot has ended the search: a stop alone may not end
+    /// it, and a link may lose the BASE_FIND_CANCEL.
+    may_search: bool,
+    guard: BatteryGuard,
+    arbiter: Arbiter,
+    leases: Leases,
+    tracks: Tracks,
+    docking: Option<ActiveDocking>,
+    leaving: Option<Leaving>,
+    /// Present while the battery is low.
+    homing: Option<Homing>,
+    /// The behaviour that the tracks may be lent to.
+    rescuer: Option<BehaviourId>,
+    streaming: bool,
+    /// Since when the robot has moved without sending anything, pauses in the motion included.
+    silent_motion_since: Option<Instant>,
+    /// The time of the last [`Watchdog::tick`].
+    ticked: Instant,
+    acts: Vec<Act>,
+    /// The last docking that has ended, until it is reported.
+    dock_report: Option<DockReport>,
+}
+
+impl Watchdog {
+    /// How a behaviour's docking backs off between attempts: at this power, percent ...
+    const BACK_OFF_PERCENT: f64 = 30.0;
+    /// ... for this long.
+    const BACK_OFF_TIME: Duration = Duration::from_millis(1500);
+
+    // Construction, facts in, acts out.
+
+    /// Begins without a link; nothing moves.
+    pub fn new(limits: Limits, now: Instant) -> Watchdog {
+        Watchdog {
+            guard: BatteryGuard::new(&limits),
+            leases: Leases::new(limits.host_silence.get(), limits.host_grace.get()),
+            dock_tracker: DockTracker::new(limits.charge_timeout.get()),
+            limits,
+            online: false,
+            run_ending: false,
+            searching: false,
+            may_search: false,
+            arbiter: Arbiter::default(),
+            tracks: Tracks::new(now),
+            docking: None,
+            leaving: None,
+            homing: None,
+            rescuer: None,
+            streaming: false,
+            silent_motion_since: None,
+            ticked: now,
+            acts: Vec::new(),
+            dock_report: None,
+        }
+    }
+
+    /// Returns the docking that has ended since the last call, if one has.
+    pub fn take_dock_report(&mut self) -> Option<DockReport> {
+        self.dock_report.take()
+    }
+
+    /// Takes a fact in and returns what to do now.
+    pub fn take(&mut self, fact: Fact, now: Instant) -> Vec<Act> {
+        self.absorb(fact, now);
+        self.tick(now)
+    }
+
+    /// Takes a fact in without returning acts: they come with the next [`Watchdog::tick`] or
+    /// [`Watchdog::take`], which must follow immediately. For facts that arrive together.
+    pub fn absorb(&mut self, fact: Fact, now: Instant) {
+        match fact {
+            Fact::LinkUp { docked, power } => self.link_up(docked, power, now),
+            Fact::LinkDown => self.link_down(now),
+            Fact::BytesReceived => self.note_received(now),
+            Fact::Power(power) => self.power(power, now),
+            Fact::Engine(news) => self.engine(news, now),
+            Fact::Streaming(on) => {
+                if on && !self.streaming {
+                    self.note_received(now);
+                }
+                self.streaming = on;
+            }
+            Fact::Asked {
+                by,
+                priority,
+                intent,
+            } => self.asked(by, priority, intent, now),
+            Fact::Alive(by) => self.leases.renew(by, now),
+            Fact::Gone(by) => self.gone(by, now),
+            Fact::Rescuer(by) => self.set_rescuer(by, now),
+            Fact::Suspended => self.wake(now),
+            Fact::RunEnding => self.end_run(now),
+        }
+    }
+
+    /// Advances the time and returns what to do now.
+    pub fn tick(&mut self, now: Instant) -> Vec<Act> {
+        self.ticked = now;
+        self.check_hosts(now);
+        self.check_stream(now);
+        let over = self.arbiter.expire(now);
+        self.tell_ended(over);
+        self.check_place(now);
+        self.check_power_silence(now);
+        self.continue_docking(now);
+        self.check_leaving(now);
+        self.sound_alarm(now);
+        self.drive(now);
+        std::mem::take(&mut self.acts)
+    }
+
+    /// When [`Watchdog::tick`] has something to do, seen from its last call. A time in the past
+    /// means at once.
+    pub fn next_deadline(&self) -> Option<Instant> {
+        let docking = match &self.docking {
+            Some(active) if !self.may_charge() => active.docking.next_deadline(),
+            _ => None,
+        };
+        let silence = if self.docked() {
+            None
+        } else {
+            self.guard.next_deadline()
+        };
+        [
+            self.arbiter.next_deadline(),
+            self.leases
+                .next_deadline(self.arbiter.claimants(), self.ticked),
+            self.tracks.next_deadline(),
+            self.stream_deadline(),
+            self.leaving.as_ref().map(|leaving| leaving.until),
+            self.dock_tracker.next_deadline(self.guard.low().is_some()),
+            self.homing.as_ref().and_then(Homing::alarm_deadline),
+            self.between_searches()
+                .and_then(|homing| homing.next_deadline(self.ticked)),
+            silence,
+            self.guard.unconfirmed_deadline(),
+            docking,
+        ]
+        .into_iter()
+        .flatten()
+        .filter(|_| self.online)
+        .min()
+    }
+
+    // What others may know.
+
+    /// The state shown in the status line.
+    pub fn state(&self) -> WatchdogState {
+        if !self.online {
+            WatchdogState::Offline
+        } else if self.is_alarming() {
+            WatchdogState::Alarm
+        } else if self.docked() {
+            WatchdogState::Docked
+        } else if self.guard.low().is_some() {
+            WatchdogState::LowGoingHome
+        } else if self.docking.is_some() {
+            WatchdogState::Docking
+        } else {
+            WatchdogState::Free
+        }
+    }
+
+    /// Why the battery counts as low; `None` if it does not, or the robot was released.
+    pub fn low(&self) -> Option<LowCause> {
+        self.guard.low()
+    }
+
+    /// Where the robot is.
+    pub fn place(&self) -> DockState {
+        self.dock_tracker.place()
+    }
+
+    /// Whether the robot is on its station, by its own report or because it charges.
+    pub fn docked(&self) -> bool {
+        self.dock_tracker.on_station()
+    }
+
+    /// What is believed of the battery, without an estimate of the minutes left; `None` before the
+    /// first report.
+    pub fn battery(&self) -> Option<Battery> {
+        Some(Battery {
+            percent: self.guard.level()?,
+            charging: self.guard.charging() == Charging::Confirmed,
+            minutes_left: None,
+        })
+    }
+
+    /// Whether the last setpoint sent to the tracks moves them.
+    pub fn moving(&self) -> bool {
+        self.tracks.moving_since().is_some()
+    }
+
+    /// Whether the robot may be in motion: its tracks were told to move, it searches for its
+    /// station, or it leaves it.
+    pub fn is_robot_moving(&self) -> bool {
+        self.moving() || self.searching || self.leaving.is_some() || self.dock_tracker.is_leaving()
+    }
+
+    /// Why no behaviour, except one that has borrowed the tracks, may move the robot now; `None` if
+    /// all may.
+    pub fn refusal(&self) -> Option<MotionEnd> {
+        if !self.online {
+            Some(MotionEnd::Disconnected)
+        } else if self.run_ending {
+            Some(MotionEnd::Cancelled)
+        } else if self.guard.low().is_some() || self.guard.critical() {
+            Some(MotionEnd::Safety)
+        } else if self.docked() || self.dock_tracker.is_leaving() {
+            Some(MotionEnd::Docked)
+        } else if self.docking.is_some() {
+            Some(MotionEnd::Preempted)
+        } else {
+            None
+        }
+    }
+
+    /// The commands to send if the agent dies now; valid once the last batch of acts is executed.
+    ///
+    /// - [`LastWords::Nothing`] on the station, unless the robot backs out of it, and while the
+    ///   robot searches for it because its battery is low.
+    /// - [`LastWords::StopAndDock`] in all other cases of a low battery: waiting for the next
+    ///   search, driven by the watchdog or a borrower, or backing out of the station.
+    /// - [`LastWords::Stop`] otherwise: with a good battery the robot stays where it is until
+    ///   somebody controls it again, also if a behaviour asked for a search.
+    ///
+    /// Without a link, these commands are sent if a login is given up half way: a stop, and
+    /// BASE_FIND if the battery was low and the robot not known to be on its station, or else
+    /// BASE_FIND_CANCEL.
+    pub fn last_words(&self) -> LastWords {
+        let low = self.guard.low().is_some();
+        let stays = self.docked() && !self.dock_tracker.is_leaving();
+        if self.online && (stays || (low && self.searching)) {
+            LastWords::Nothing
+        } else if low && !stays {
+            LastWords::StopAndDock
+        } else {
+            LastWords::Stop
+        }
+    }
+
+    /// Whether a rescue behaviour should be running: the battery is low and the robot is not on its
+    /// station. True some time before the first loan, so that its host has time to start.
+    pub fn wants_rescue(&self) -> bool {
+        let off = self.run_ending || self.limits.rescue == Rescue::Off;
+        !off && self.guard.low().is_some() && !self.docked()
+    }
+
+    /// Whether to switch off everything that the way home does not need: the battery is nearly
+    /// empty and does not charge. The rescue behaviour's camera and the alarm are needed.
+    pub fn shed(&self) -> bool {
+        self.guard.critical() && self.place() != DockState::Charging
+    }
+
+    /// Whether the alarm controls volume, headlight and sounds. It sets the volume to 100 % each
+    /// time, because a script may have set it to 0 before. The volume is not restored: after the
+    /// alarm it stays until the next script sets it.
+    pub fn alarm_sounds(&self) -> bool {
+        self.is_alarming() && self.online
+    }
+
+    // The link and the life of the run.
+
+    fn link_up(&mut self, docked: bool, power: Power, now: Instant) {
+        if self.online {
+            self.link_down(now);
+        }
+        self.online = true;
+        self.streaming = false;
+        let low = self.guard.low().is_some();
+        self.dock_tracker.login(docked, low, now);
+        self.tracks.note_stop(now);
+        self.cancel_earlier_search(now);
+        self.note_received(now);
+        self.search_at_once(now);
+        self.power(power, now);
+    }
+
+    fn note_received(&mut self, now: Instant) {
+        self.silent_motion_since = self.tracks.moving_since().map(|_| now);
+    }
+
+    fn link_down(&mut self, now: Instant) {
+        self.online = false;
+        self.searching = false;
+        self.tracks.note_stop(now);
+        self.end_motion(MotionEnd::Disconnected);
+        if let Some(leaving) = self.leaving.take() {
+            self.answer_undock(leaving.caller, DockEnd::Disconnected);
+        }
+        if let Some(active) = &mut self.docking {
+            active.docking.cancel(DockEnd::Disconnected, now);
+            self.answer_docking(now);
+        }
+        self.answer_waiting(DockEnd::Disconnected, now);
+        self.interrupt_homing(now);
+    }
+
+    /// Handles the end of a suspension. Nothing old is repeated: all requests end as if the link
+    /// had been lost, the tracks stop, and a robot with a low battery searches at once.
+    fn wake(&mut self, now: Instant) {
+        if !self.online {
+            return;
+        }
+        self.link_down(now);
+        self.online = true;
+        self.cancel_earlier_search(now);
+        self.halt(now);
+        self.dock_tracker.doubt_leaving();
+        self.search_at_once(now);
+    }
+
+    /// Stops all motion. If the watchdog sends the robot home, BASE_FIND is sent again, since the
+    /// stop may have ended the search.
+    fn end_run(&mut self, now: Instant) {
+        self.run_ending = true;
+        self.end_motion(MotionEnd::Cancelled);
+        self.cancel_docks(None, now);
+        if !self.online {
+            return;
+        }
+        self.halt(now);
+        if self.docking.is_none() {
+            self.search_at_once(now);
+        }
+        if self.docking.as_ref().is_some_and(|active| active.forced) && !self.docked() {
+            self.send(Command::Engine(Engage::Dock));
+        }
+    }
+
+    // From POWER to stop and BASE_FIND.
+
+    fn power(&mut self, power: Power, now: Instant) {
+        let power = Power {
+            charging: power.charging && !self.dock_tracker.has_just_left(now),
+            ..power
+        };
+        let was_critical = self.guard.critical();
+        let contact = self.dock_tracker.has_contact();
+        let change = self.guard.report(power, contact, now);
+        let was_docked = self.docked();
+        let charges = self.guard.charging() != Charging::No;
+        self.dock_tracker.power(charges, now);
+        if self.docked() && !was_docked {
+            self.end_motion(MotionEnd::Docked);
+            self.interrupt_homing(now);
+        }
+        self.apply_battery_change(change, now);
+        if self.guard.critical() && !was_critical {
+            if self.borrower().is_none() {
+                self.end_motion(MotionEnd::Safety);
+            }
+            let reason = format!(
+                "battery at {} %: motion is refused except on the way home",
+                power.percent
+            );
+            self.announce(SafetyAction::Hold, reason);
+        }
+    }
+
+    /// Acts on the charging state, and on a change of the battery's state if there is one.
+    fn apply_battery_change(&mut self, change: Option<BatteryChange>, now: Instant) {
+        let charging = self.charging_here();
+        let actions = match &mut self.docking {
+            None => vec![],
+            Some(active) => match charging {
+                Charging::No => vec![],
+                Charging::Unconfirmed => active.docking.wait(),
+                Charging::Confirmed => active.docking.charging(now),
+            },
+        };
+        if charging == Charging::Confirmed {
+            self.search_ended();
+            self.end_alarm();
+        }
+        self.execute_dock_actions(actions, now);
+        match change {
+            Some(BatteryChange::BecameLow(cause)) => self.became_low(cause, now),
+            Some(BatteryChange::Released) => self.released(now),
+            None => {}
+        }
+    }
+
+    /// Whether a single unconfirmed report says that the robot charges: nothing may drive it away
+    /// then.
+    fn may_charge(&self) -> bool {
+        self.charging_here() == Charging::Unconfirmed
+    }
+
+    /// The believed charging state; [`Charging::No`] once a later report or a doubt has moved the
+    /// robot from [`DockState::Charging`] to another state.
+    fn charging_here(&self) -> Charging {
+        match self.place() {
+            DockState::Charging => self.guard.charging(),
+            _ => Charging::No,
+        }
+    }
+
+    /// The rule with the highest precedence: stop and go home, in one batch of acts.
+    fn became_low(&mut self, cause: LowCause, now: Instant) {
+        self.end_motion(MotionEnd::Safety);
+        self.dock_tracker.expect_charge(now);
+        if let Some(battery) = self.battery() {
+            self.acts.push(Act::Announce(Event::BatteryLow(battery)));
+        }
+        if self.docked() {
+            let reason = format!("{cause}: stays on the station and waits for charging");
+            self.announce(SafetyAction::Hold, reason);
+        } else {
+            self.announce(SafetyAction::Dock, format!("{cause}: stops and goes home"));
+        }
+        self.homing = Some(Homing::new(&self.limits, now));
+        self.pursue_home(now);
+    }
+
+    /// Starts or continues the way home if the battery is low and no docking of the watchdog's is
+    /// under way. A behaviour's docking becomes the watchdog's own.
+    fn pursue_home(&mut self, now: Instant) {
+        let underway = matches!(&self.docking, Some(active) if active.forced);
+        if !self.online || self.guard.low().is_none() || underway {
+            return;
+        }
+        if self.docked() {
+            return self.send_home(now);
+        }
+        if self.docking.is_some() {
+            self.search_at_once(now);
+        }
+        self.continue_homing(now);
+    }
+
+    /// Begins a search of the watchdog's own or, on the station, the wait for charging.
+    fn send_home(&mut self, now: Instant) {
+        let limits = DockLimits {
+            plan: DockPlan {
+                timeout: self.limits.dock_timeout.get(),
+                retries: 0,
+                charge_timeout: self.limits.charge_timeout.get(),
+            },
+            retry: Retry::Never,
+        };
+        if let Some(active) = self.docking.take()
+            && let Some(homing) = &mut self.homing
+        {
+            homing.callers.extend(active.callers);
+        }
+        self.end_motion(MotionEnd::Safety);
+        self.start_docking(limits, true, vec![], now);
+    }
+
+    fn start_docking(
+        &mut self,
+        limits: DockLimits,
+        forced: bool,
+        callers: Vec<Caller>,
+        now: Instant,
+    ) {
+        self.end_motion(MotionEnd::Preempted);
+        self.tracks.want(Setpoint::STOP);
+        let (docking, actions) = Docking::start(limits, self.docked(), now);
+        self.docking = Some(ActiveDocking {
+            docking,
+            forced,
+            callers,
+        });
+        self.execute_dock_actions(actions, now);
+    }
+
+    fn continue_docking(&mut self, now: Instant) {
+        if !self.online || self.may_charge() {
+            return;
+        }
+        if let Some(active) = &mut self.docking {
+            let actions = active.docking.poll(now);
+            self.execute_dock_actions(actions, now);
+        }
+        self.pursue_home(now);
+    }
+
+    /// Executes the docking's actions, then checks whether it has ended.
+    fn execute_dock_actions(&mut self, actions: Vec<DockAction>, now: Instant) {
+        for action in actions {
+            match action {
+                DockAction::Find => {
+                    self.halt(now);
+                    self.send(Command::Engine(Engage::Dock));
+                }
+                DockAction::Cancel => self.cancel_search(now),
+                DockAction::Reverse => {
+                    self.halt(now);
+                    let back = -Watchdog::BACK_OFF_PERCENT;
+                    let setpoint = Setpoint::from_percent(back, back);
+                    self.tracks.want(setpoint.unwrap_or(Setpoint::STOP));
+                }
+                DockAction::Halt => self.halt(now),
+                DockAction::Undock => {
+                    let timeout = Docking::LEAVE_TIMEOUT;
+                    self.dock_tracker.leave_station(timeout, now);
+                    self.send(Command::Engine(Engage::Undock));
+                }
+            }
+        }
+        self.answer_docking(now);
+    }
+
+    /// Answers the calls that wait for a docking that has ended; a failure of the watchdog's own
+    /// goes to [`Watchdog::handle_failed_search`].
+    fn answer_docking(&mut self, now: Instant) {
+        let over = |active: &mut ActiveDocking| active.docking.outcome().is_some();
+        let Some(active) = self.docking.take_if(over) else {
+            return;
+        };
+        let Some(outcome) = active.docking.outcome() else {
+            return;
+        };
+        // The watchdog's own docking has no callers: those wait for the way home.
+        let by = active.callers.first().map(|caller| caller.by);
+        self.dock_report = Some(DockReport { by, outcome });
+        for caller in active.callers {
+            self.answer_dock(caller, outcome.end, outcome.attempts, outcome.took);
+        }
+        if !active.forced {
+            return;
+        }
+        match outcome.end {
+            DockEnd::Done | DockEnd::AlreadyDocked => self.answer_waiting(DockEnd::Done, now),
+            DockEnd::Disconnected => self.answer_waiting(DockEnd::Disconnected, now),
+            end => self.handle_failed_search(end, now),
+        }
+    }
+
+    /// Tells the callers that wait for the watchdog's way home how it ended.
+    fn answer_waiting(&mut self, end: DockEnd, now: Instant) {
+        let Some(homing) = &mut self.homing else {
+            return;
+        };
+        let callers = std::mem::take(&mut homing.callers);
+        let attempts = homing.failures() + u32::from(end == DockEnd::Done);
+        let took = now.saturating_duration_since(homing.began());
+        for caller in callers {
+            self.answer_dock(caller, end, attempts, took);
+        }
+    }
+
+    /// The battery is good again: the way home ends where it is. A docking under way continues for
+    /// the behaviours that wait for it.
+    fn released(&mut self, now: Instant) {
+        self.end_alarm();
+        let mut callers = Vec::new();
+        if let Some(homing) = self.homing.take() {
+            callers = homing.callers;
+            self.end_motion(MotionEnd::Safety);
+        }
+        if let Some(battery) = self.battery() {
+            let reason = format!("battery at {}", battery.percent);
+            self.announce(SafetyAction::Release, reason);
+            self.acts.push(Act::Announce(Event::BatteryOk(battery)));
+        }
+        match &mut self.docking {
+            Some(active) if active.forced && callers.is_empty() => {
+                self.end_docking(DockEnd::Cancelled, now);
+            }
+            Some(active) if active.forced => {
+                active.forced = false;
+                active.callers = callers;
+            }
+            _ => {
+                for caller in callers {
+                    self.answer_dock(caller, DockEnd::Safety, 0, Duration::ZERO);
+                }
+            }
+        }
+    }
+
+    // Between two searches.
+
+    /// Begins what follows a failed search of the watchdog's own.
+    fn handle_failed_search(&mut self, end: DockEnd, now: Instant) {
+        let may_lend = !self.run_ending && !self.docked() && self.limits.rescue != Rescue::Off;
+        let rescuer = if may_lend { self.rescuer } else { None };
+        let may_drive = self.may_drive_a_leg();
+        let stuck = end == DockEnd::NotCharging && self.place() == DockState::Unknown;
+        let Some(homing) = &mut self.homing else {
+            return;
+        };
+        let next = homing.failed(end, rescuer, may_drive, now);
+        let failures = homing.failures();
+        if homing.has_failed_too_often() || stuck {
+            homing.start_alarm(now);
+            self.answer_waiting(DockEnd::Safety, now);
+        }
+        let action = if self.is_alarming() {
+            SafetyAction::Alarm
+        } else {
+            SafetyAction::Dock
+        };
+        let next = self.begin(next);
+        self.announce(
+            action,
+            format!("docking failed ({end}) {failures} times: {next}"),
+        );
+    }
+
+    /// Informs a borrower of its loan, and returns a description of what follows.
+    fn begin(&mut self, next: AfterFailure) -> String {
+        match next {
+            AfterFailure::Search => "searches again".to_owned(),
+            AfterFailure::Leg(number) => {
+                format!("drives short leg {number}, and searches from there")
+            }
+            AfterFailure::Pause(pause) => format!("tries again in {:.0} s", pause.as_secs_f64()),
+            AfterFailure::Loan(by) => {
+                let seconds = self.limits.rescue_time.get();
+                let power = self.limits.rescue_power;
+                self.acts
+                    .push(Act::Tell(by, Event::Loan { seconds, power }));
+                let seconds = seconds.as_secs_f64();
+                format!("a rescue behaviour may drive for {seconds} s, then it searches from there")
+            }
+        }
+    }
+
+    /// Off the station and without a docking under way: begins the next leg or search when it is
+    /// due.
+    fn continue_homing(&mut self, now: Instant) {
+        if self.docked() {
+            return;
+        }
+        self.watch_borrower(now);
+        let may_drive = self.may_drive_a_leg();
+        let Some(homing) = &mut self.homing else {
+            return;
+        };
+        match homing.poll(may_drive, now) {
+            None => {}
+            Some(HomingStep::Leg(number)) => {
+                self.end_motion(MotionEnd::Safety);
+                let next = self.begin(AfterFailure::Leg(number));
+                self.announce(
+                    SafetyAction::Dock,
+                    format!("no behaviour has driven: {next}"),
+                );
+            }
+            Some(HomingStep::Search) => self.send_home(now),
+        }
+    }
+
+    /// Notes whether the borrower drives, and ends its loan if its host falls silent meanwhile.
+    fn watch_borrower(&mut self, now: Instant) {
+        let Some(by) = self.borrower() else {
+            return;
+        };
+        let moves = self.arbiter.claimants().any(|claimant| claimant == by);
+        let silent = moves && self.leases.host_life(by, now) != HostLife::Alive;
+        if let Some(homing) = &mut self.homing {
+            homing.note_motion(moves, now);
+            if silent {
+                homing.end(now);
+            }
+        }
+    }
+
+    /// Whether a leg is allowed: by the config, off the station, and before the run ends.
+    fn may_drive_a_leg(&self) -> bool {
+        !self.run_ending && !self.docked() && self.limits.recovery_legs
+    }
+
+    /// The way home, while the robot is in reach, off its station, and no docking is under way.
+    fn between_searches(&self) -> Option<&Homing> {
+        if self.online && !self.docked() && self.docking.is_none() {
+            self.homing.as_ref()
+        } else {
+            None
+        }
+    }
+
+    /// The setpoint of a robot with a low battery.
+    fn homing_setpoint(&self, now: Instant) -> Setpoint {
+        let Some(homing) = self.between_searches() else {
+            return Setpoint::STOP;
+        };
+        match homing.setpoint(now) {
+            _ if homing.borrower().is_some() => self.arbiter.setpoint(),
+            Some(setpoint) if self.may_drive_a_leg() => setpoint,
+            _ => Setpoint::STOP,
+        }
+    }
+
+    /// The behaviour that the tracks are lent to now.
+    fn borrower(&self) -> Option<BehaviourId> {
+        self.between_searches().and_then(Homing::borrower)
+    }
+
+    /// Ends a loan or a leg; the search follows.
+    fn end_loan(&mut self, now: Instant) {
+        if let Some(homing) = &mut self.homing {
+            homing.end(now);
+        }
+    }
+
+    /// Sets the behaviour that the tracks may be lent to. A loan to another behaviour ends.
+    fn set_rescuer(&mut self, by: Option<BehaviourId>, now: Instant) {
+        self.rescuer = by;
+        if let Some(homing) = &mut self.homing
+            && homing
+                .borrower()
+                .is_some_and(|borrower| by != Some(borrower))
+        {
+            homing.end(now);
+        }
+    }
+
+    /// Out of reach, or on the station: ends a loan, a leg or a search.
+    fn interrupt_homing(&mut self, now: Instant) {
+        if let Some(homing) = &mut self.homing {
+            homing.interrupt(now);
+        }
+    }
+
+    /// The robot was moved, or its activity is not known: with a low battery it searches from there
+    /// now.
+    fn search_at_once(&mut self, now: Instant) {
+        if let Some(homing) = &mut self.homing {
+            homing.search_at_once(now);
+        }
+    }
+
+    fn is_alarming(&self) -> bool {
+        self.homing.as_ref().is_some_and(Homing::is_alarming)
+    }
+
+    fn sound_alarm(&mut self, now: Instant) {
+        if !self.online {
+            return;
+        }
+        let Some(homing) = &mut self.homing else {
+            return;
+        };
+        for command in homing.poll_alarm(self.limits.alarm_every.get(), now) {
+            self.send(command);
+        }
+    }
+
+    /// Ends the alarm and switches off the light if the alarm has switched it on.
+    fn end_alarm(&mut self) {
+        if let Some(off) = self.homing.as_mut().and_then(Homing::end_alarm) {
+            self.send(off);
+        }
+    }
+
+    // ENGINE.
+
+    fn engine(&mut self, news: EngineReport, now: Instant) {
+        match news {
+            EngineReport::Docked => {
+                self.search_ended();
+                self.dock_tracker.docked(now);
+                self.end_motion(MotionEnd::Docked);
+                self.interrupt_homing(now);
+            }
+            EngineReport::Undocked => self.undocked(now),
+            EngineReport::BaseNotFound => self.search_ended(),
+            EngineReport::Charged | EngineReport::Unknown(_) => {}
+        }
+        if let Some(active) = &mut self.docking {
+            let actions = active.docking.engine(news, now);
+            self.execute_dock_actions(actions, now);
+        }
+        if news == EngineReport::Undocked && self.docking.is_none() {
+            self.search_at_once(now);
+        }
+        let change = match news {
+            EngineReport::Docked => self.guard.contact(),
+            _ => None,
+        };
+        self.apply_battery_change(change, now);
+    }
+
+    fn undocked(&mut self, now: Instant) {
+        self.dock_tracker.undocked(now);
+        self.guard.undocked();
+        self.guard.excuse_silence(now);
+        if let Some(leaving) = self.leaving.take() {
+            self.answer_undock(leaving.caller, DockEnd::Done);
+        }
+    }
+
+    /// Ends the search and stops the tracks.
+    fn cancel_search(&mut self, now: Instant) {
+        self.send(Command::Engine(Engage::CancelDock));
+        self.halt(now);
+    }
+
+    /// Ends a search from before the link was lost or the machine slept, unless the battery is low:
+    /// then another search follows.
+    fn cancel_earlier_search(&mut self, now: Instant) {
+        if self.may_search && self.guard.low().is_none() {
+            self.cancel_search(now);
+        }
+    }
+
+    /// The robot's reports show that it does not search.
+    fn search_ended(&mut self) {
+        self.searching = false;
+        self.may_search = false;
+    }
+
+    // Requests.
+
+    fn asked(&mut self, by: BehaviourId, priority: Priority, intent: Intent, now: Instant) {
+        self.leases.renew(by, now);
+        let caller = |call| Caller { by, priority, call };
+        match intent {
+            Intent::Move {
+                motion,
+                setpoint,
+                duration,
+            } => self.move_asked(by, priority, motion, setpoint, duration, now),
+            Intent::Release { motion } => {
+                let over = self.arbiter.release(by, motion);
+                self.tell_ended(over);
+            }
+            Intent::Stop => self.stop_asked(by, priority, now),
+            Intent::Dock { call, plan } => self.dock_asked(caller(call), plan, now),
+            Intent::Undock { call, timeout } => self.undock_asked(caller(call), timeout, now),
+            Intent::CancelDock => self.cancel_docks(Some((by, priority)), now),
+            Intent::Led { .. }
+            | Intent::Play(_)
+            | Intent::StopSound
+            | Intent::Volume(_)
+            | Intent::Say(_)
+            | Intent::Stream { .. } => {}
+        }
+    }
+
+    fn move_asked(
+        &mut self,
+        by: BehaviourId,
+        priority: Priority,
+        motion: MotionId,
+        setpoint: Setpoint,
+        duration: Option<Duration>,
+        now: Instant,
+    ) {
+        if self.refusal() == Some(MotionEnd::Preempted) && self.outranks_docking(priority) {
+            self.end_docking(DockEnd::Preempted, now);
+        }
+        let borrows = self.borrower() == Some(by);
+        if let (Some(end), false) = (self.refusal(), borrows) {
+            let earlier = self.arbiter.clear_of(by, MotionEnd::Preempted);
+            self.tell_ended(earlier);
+            return self.tell_ended(vec![Ended { by, motion, end }]);
+        }
+        let allowed = if borrows {
+            capped(setpoint, self.limits.rescue_power)
+        } else {
+            setpoint
+        };
+        let duration = duration.map(|duration| duration.min(LONGEST));
+        let over = self
+            .arbiter
+            .claim(by, priority, motion, allowed, duration, now);
+        self.tell_ended(over);
+    }
+
+    /// No behaviour can stop the way home of a robot with a low battery, except its own part of it:
+    /// a borrower's stop returns the tracks.
+    fn stop_asked(&mut self, by: BehaviourId, priority: Priority, now: Instant) {
+        match self.borrower() {
+            Some(borrower) if borrower == by => self.end_loan(now),
+            Some(_) => return,
+            None => {}
+        }
+        let over = self.arbiter.stop(by, priority);
+        self.tell_ended(over);
+        if self.docking.as_ref().is_some_and(|active| !active.forced) {
+            self.cancel_docks(Some((by, priority)), now);
+        }
+    }
+
+    fn dock_asked(&mut self, caller: Caller, plan: DockPlan, now: Instant) {
+        if let Some(end) = self.dock_refusal(caller) {
+            return self.answer_dock(caller, end, 0, Duration::ZERO);
+        }
+        if let Some(homing) = &mut self.homing {
+            return homing.callers.push(caller);
+        }
+        if let Some(active) = &mut self.docking {
+            return active.callers.push(caller);
+        }
+        let plan = DockPlan {
+            timeout: plan.timeout.clamp(SHORTEST, LONGEST),
+            charge_timeout: plan.charge_timeout.clamp(SHORTEST, LONGEST),
+            ..plan
+        };
+        let limits = DockLimits {
+            plan,
+            retry: Retry::Reverse(Watchdog::BACK_OFF_TIME),
+        };
+        self.start_docking(limits, false, vec![caller], now);
+    }
+
+    fn dock_refusal(&self, caller: Caller) -> Option<DockEnd> {
+        let called = self
+            .docking
+            .as_ref()
+            .map_or(0, |active| active.callers.len());
+        let waiting = self
+            .homing
+            .as_ref()
+            .map_or(0, |homing| homing.callers.len());
+        let crowded = called + waiting >= MAX_CALLERS;
+        if !self.online {
+            Some(DockEnd::Disconnected)
+        } else if self.run_ending {
+            Some(DockEnd::Cancelled)
+        } else if self.place() == DockState::Charging {
+            Some(DockEnd::AlreadyDocked)
+        } else if self.is_alarming() || crowded {
+            Some(DockEnd::Safety)
+        } else if self.is_outranked(caller.priority) {
+            Some(DockEnd::Preempted)
+        } else {
+            None
+        }
+    }
+
+    fn undock_asked(&mut self, caller: Caller, timeout: Duration, now: Instant) {
+        if let Some(end) = self.undock_refusal(caller) {
+            return self.answer_undock(caller, end);
+        }
+        if let Some(earlier) = self.leaving.take() {
+            self.answer_undock(earlier.caller, DockEnd::Cancelled);
+        }
+        let timeout = timeout.min(LONGEST);
+        let until = now + timeout;
+        self.leaving = Some(Leaving { caller, until });
+        self.dock_tracker.leave_station(timeout, now);
+        self.send(Command::Engine(Engage::Undock));
+    }
+
+    fn undock_refusal(&self, caller: Caller) -> Option<DockEnd> {
+        let left = matches!(self.place(), DockState::Left(_)) && !self.dock_tracker.is_leaving();
+        let low = self.guard.low().is_some() || self.guard.at_or_below_low();
+        if !self.online {
+            Some(DockEnd::Disconnected)
+        } else if self.run_ending {
+            Some(DockEnd::Cancelled)
+        } else if left {
+            Some(DockEnd::NotDocked)
+        } else if low || self.guard.critical() {
+            Some(DockEnd::Safety)
+        } else if self.is_outranked(caller.priority) || self.docks_above(caller.priority) {
+            Some(DockEnd::Preempted)
+        } else {
+            None
+        }
+    }
+
+    /// Ends waiting docking calls as `cancelled`: those of `by` itself and those of equal or lower
+    /// priority; with `None`, all. When no call is left the docking ends, unless it is the
+    /// watchdog's own.
+    fn cancel_docks(&mut self, by: Option<(BehaviourId, Priority)>, now: Instant) {
+        let stays = |caller: &Caller| {
+            by.is_some_and(|(by, priority)| caller.by != by && caller.priority > priority)
+        };
+        let mut over = Vec::new();
+        if let Some(homing) = &mut self.homing {
+            over.extend(homing.callers.extract_if(.., |caller| !stays(caller)));
+        }
+        match &mut self.docking {
+            Some(active) if !active.forced => {
+                if !active.callers.iter().any(stays) {
+                    return self.end_docking(DockEnd::Cancelled, now);
+                }
+                over.extend(active.callers.extract_if(.., |caller| !stays(caller)));
+            }
+            _ => {}
+        }
+        for caller in over {
+            self.answer_dock(caller, DockEnd::Cancelled, 0, Duration::ZERO);
+        }
+    }
+
+    /// Ends a docking under way and tells its callers.
+    fn end_docking(&mut self, end: DockEnd, now: Instant) {
+        if let Some(active) = &mut self.docking {
+            let actions = active.docking.cancel(end, now);
+            self.execute_dock_actions(actions, now);
+        }
+    }
+
+    /// Whether the docking under way belongs to behaviours that all have lower priority.
+    fn outranks_docking(&self, priority: Priority) -> bool {
+        let lower = |active: &ActiveDocking| !active.forced && active.priority() < Some(priority);
+        self.docking.as_ref().is_some_and(lower)
+    }
+
+    /// Whether a behaviour of higher priority drives, or waits for an undocking.
+    fn is_outranked(&self, priority: Priority) -> bool {
+        let leaves = self.leaving.as_ref().map(|leaving| leaving.caller.priority);
+        self.arbiter.priority().max(leaves) > Some(priority)
+    }
+
+    /// Whether a behaviour of higher priority waits for a docking.
+    fn docks_above(&self, priority: Priority) -> bool {
+        let active = self.docking.as_ref();
+        active.and_then(ActiveDocking::priority) > Some(priority)
+    }
+
+    fn gone(&mut self, by: BehaviourId, now: Instant) {
+        self.arbiter.forget(by);
+        self.leases.forget(by);
+        if self
+            .leaving
+            .as_ref()
+            .is_some_and(|leaving| leaving.caller.by == by)
+        {
+            self.leaving = None;
+        }
+        if let Some(homing) = &mut self.homing {
+            homing.callers.retain(|caller| caller.by != by);
+        }
+        if self.rescuer == Some(by) {
+            self.set_rescuer(None, now);
+        }
+        let Some(active) = &mut self.docking else {
+            return;
+        };
+        active.callers.retain(|caller| caller.by != by);
+        if active.callers.is_empty() && !active.forced {
+            let actions = active.docking.cancel(DockEnd::Cancelled, now);
+            self.execute_dock_actions(actions, now);
+        }
+    }
+
+    // Rules that depend on time.
+
+    /// Holds the motion of a host that shows no life, and ends the host if it stays silent.
+    fn check_hosts(&mut self, now: Instant) {
+        let moving: Vec<BehaviourId> = self.arbiter.claimants().collect();
+        for by in moving {
+            match self.leases.host_life(by, now) {
+                HostLife::Alive => {
+                    self.arbiter.hold(by, false);
+                }
+                HostLife::Silent => self.hold_silent(by, now),
+                HostLife::Dead => self.end_silent(by, now),
+            }
+        }
+    }
+
+    /// A silent host that stands by does no harm: it is only kept from getting the tracks.
+    fn hold_silent(&mut self, by: BehaviourId, now: Instant) {
+        if self.arbiter.hold(by, true) && self.arbiter.driver() == Some(by) {
+            self.halt(now);
+            let silence = self.limits.host_silence.get().as_millis();
+            self.announce(
+                SafetyAction::Stop,
+                format!("a script showed no life for {silence} ms"),
+            );
+        }
+    }
+
+    fn end_silent(&mut self, by: BehaviourId, now: Instant) {
+        if self.arbiter.driver() == Some(by) {
+            self.halt(now);
+        }
+        self.arbiter.forget(by);
+        self.leases.forget(by);
+        let silence = self.limits.host_silence.get() + self.limits.host_grace.get();
+        let reason = format!("a script showed no life for {} ms", silence.as_millis());
+        self.announce(SafetyAction::Kill, reason);
+        self.acts.push(Act::Kill(by, EndReason::Cpu));
+    }
+
+    fn stream_deadline(&self) -> Option<Instant> {
+        let since = self.silent_motion_since.filter(|_| self.streaming)?;
+        Some(since + self.limits.stream_silence.get())
+    }
+
+    /// Stops a robot that moves while its stream is silent, and reconnects to find out whether it
+    /// still answers.
+    fn check_stream(&mut self, now: Instant) {
+        if self.stream_deadline().is_none_or(|due| due > now) {
+            return;
+        }
+        self.silent_motion_since = None;
+        self.halt(now);
+        self.end_motion(MotionEnd::Disconnected);
+        self.interrupt_homing(now);
+        let silence = self.limits.stream_silence.get().as_secs_f64();
+        let reason = format!("no bytes from the robot for {silence} s while it moves");
+        self.announce(SafetyAction::Reconnect, reason.clone());
+        self.acts.push(Act::Reconnect(reason));
+    }
+
+    fn check_power_silence(&mut self, now: Instant) {
+        if !self.online {
+            return;
+        }
+        if self
+            .guard
+            .unconfirmed_deadline()
+            .is_some_and(|due| due <= now)
+        {
+            let change = self.guard.expire_unconfirmed(now);
+            self.dock_tracker.power(false, now);
+            self.apply_battery_change(change, now);
+        }
+        if self.docked() {
+            self.guard.excuse_silence(now);
+        } else if let Some(BatteryChange::BecameLow(cause)) = self.guard.poll(now) {
+            self.became_low(cause, now);
+        }
+    }
+
+    /// Lets a robot with a low battery search for its station when it may no longer be on it. If
+    /// the contacts did not charge, the docking ends as failed, and the alarm calls for a person.
+    fn check_place(&mut self, now: Instant) {
+        let low = self.guard.low().is_some();
+        let Some(doubt) = self.dock_tracker.poll(low, now).filter(|_| low) else {
+            return;
+        };
+        if let Some(active) = self.docking.as_mut().filter(|active| active.forced) {
+            let actions = active.docking.lost_contact(doubt, now);
+            self.execute_dock_actions(actions, now);
+        }
+        self.search_at_once(now);
+    }
+
+    fn check_leaving(&mut self, now: Instant) {
+        if let Some(leaving) = self.leaving.take_if(|leaving| leaving.until <= now) {
+            self.answer_undock(leaving.caller, DockEnd::Timeout);
+        }
+    }
+
+    // The acts.
+
+    /// The only place that makes a MOVE other than a stop.
+    fn drive(&mut self, now: Instant) {
+        if !self.online {
+            return;
+        }
+        if self.docking.is_none() {
+            let wanted = match self.refusal() {
+                None => self.arbiter.setpoint(),
+                Some(_) => self.homing_setpoint(now),
+            };
+            self.tracks.want(wanted);
+        }
+        if let Some(setpoint) = self.tracks.poll(now) {
+            if !setpoint.is_stop() {
+                self.silent_motion_since.get_or_insert(now);
+            }
+            self.send(setpoint.command());
+        }
+    }
+
+    /// Stops the tracks in this batch of acts, whatever was sent before.
+    fn halt(&mut self, now: Instant) {
+        self.tracks.note_stop(now);
+        let sent = |act: &Act| matches!(act, Act::Send(_));
+        let stop = Act::Send(Command::STOP);
+        if self.acts.iter().rfind(|act| sent(act)) != Some(&stop) {
+            self.send(Command::STOP);
+        }
+    }
+
+    fn end_motion(&mut self, end: MotionEnd) {
+        let over = self.arbiter.clear(end);
+        self.tell_ended(over);
+    }
+
+    fn tell_ended(&mut self, over: Vec<Ended>) {
+        let tell = |Ended { by, motion, end }| Act::Tell(by, Event::MotionEnded { motion, end });
+        self.acts.extend(over.into_iter().map(tell));
+    }
+
+    fn answer_dock(
+        &mut self,
+        Caller { by, call, .. }: Caller,
+        end: DockEnd,
+        attempts: u32,
+        took: Duration,
+    ) {
+        self.acts.push(Act::Tell(
+            by,
+            Event::DockEnded {
+                call,
+                end,
+                attempts,
+                took,
+            },
+        ));
+    }
+
+    fn answer_undock(&mut self, Caller { by, call, .. }: Caller, end: DockEnd) {
+        self.acts
+            .push(Act::Tell(by, Event::UndockEnded { call, end }));
+    }
+
+    fn announce(&mut self, action: SafetyAction, reason: String) {
+        self.acts
+            .push(Act::Announce(Event::Safety { action, reason }));
+    }
+
+    fn send(&mut self, command: Command) {
+        match command {
+            Command::Engine(Engage::Dock) => {
+                self.searching = true;
+                self.may_search = true;
+            }
+            Command::Engine(_) | Command::Move { .. } => self.searching = false,
+            _ => {}
+        }
+        self.acts.push(Act::Send(command));
+    }
+}
+
+#[cfg(test)]
+mod tests;
