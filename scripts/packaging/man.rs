@@ -39,8 +39,8 @@ The robot's password.
 SPYKEE_CONFIG
 The config file, unless \-\-config names one.
 .TP
-SPYKEE_...
-A single setting, such as SPYKEE_WATCHDOG_LOW for the key low in watchdog. An unknown one is refused.
+SPYKEE_ROBOT
+The robot's address, which overrides the config's.
 .TP
 RUST_LOG
 Filter for the log, such as debug.

@@ -259,6 +259,9 @@ pub fn main() -> ExitCode {
     };
     report_panics(console.clone());
     logging::start(&console, format, logs.level, logs.time);
+    if let Some(own) = own {
+        own.warn_about_variables();
+    }
     let usable = match own {
         None if is_named => default_settings.load().map(|_| ()),
         _ => Ok(()),

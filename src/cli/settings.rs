@@ -112,6 +112,18 @@ impl SettingsArgs {
         SettingsArgs::of(self.config.clone())
     }
 
+    /// Warns about variables that look like settings but that nothing reads.
+    pub(super) fn warn_about_variables(&self) {
+        let Ok(effective) = self.load() else { return };
+        if !effective.unread_variables.is_empty() {
+            tracing::warn!(
+                "spykee does not read {}: settings other than SPYKEE_CONFIG, SPYKEE_PASSWORD and \
+                 SPYKEE_ROBOT belong in a config file",
+                effective.unread_variables.join(", ")
+            );
+        }
+    }
+
     /// Logs which file is used.
     pub(super) fn announce(&self) {
         if let Some(path) = self.file() {
