@@ -60,7 +60,7 @@ pub(super) struct LabJournalOptions {
 
 impl LabJournalOptions {
     /// The journal that this config asks for, if any.
-    pub(super) fn of(config: &Config) -> Option<LabJournalOptions> {
+    pub(super) fn from_config(config: &Config) -> Option<LabJournalOptions> {
         let wanted = config.journal.record == journal::When::On;
         wanted.then(|| LabJournalOptions {
             data: config.data_folder().to_owned(),

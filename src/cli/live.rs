@@ -24,7 +24,7 @@ pub(super) struct PageInputs {
 
 impl PageInputs {
     /// Collects the inputs from the config, the known scripts and the bus.
-    pub(super) fn of(config: &Config, known: watch::Receiver<Known>, bus: &Bus) -> PageInputs {
+    pub(super) fn new(config: &Config, known: watch::Receiver<Known>, bus: &Bus) -> PageInputs {
         PageInputs {
             options: config.live.clone(),
             data: config.data_folder().to_owned(),

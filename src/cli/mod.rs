@@ -248,7 +248,7 @@ pub fn main() -> ExitCode {
         _ => cli.config.file,
     };
     let is_named = named.is_some();
-    let default_settings = SettingsArgs::of(named);
+    let default_settings = SettingsArgs::new(named);
     let own = cli.command.settings();
     let settings = own.unwrap_or(&default_settings);
     let logs = settings.config().map(|config| config.logging.clone());

@@ -251,7 +251,7 @@ fn names(behaviours: &[Behaviour]) -> String {
 
 fn page(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> PageInputs {
     let scripts: Vec<Script> = behaviours.iter().map(super::live::script).collect();
-    PageInputs::of(config, watch::channel(scripts.into()).1, bus)
+    PageInputs::new(config, watch::channel(scripts.into()).1, bus)
 }
 
 /// Runs in virtual time, in this process.
@@ -297,7 +297,7 @@ fn fast(
         limit: args.limit.map(Span::get),
         trace,
         page,
-        journal: LabJournalOptions::of(config),
+        journal: LabJournalOptions::from_config(config),
     };
     let outcome = fast.run(names, console)?;
     events.map_or(Ok(()), EventFile::finish)?;
@@ -351,7 +351,7 @@ async fn drive(
 }
 
 fn load(args: &RunArgs, config: &Config, seed: u64) -> Result<LoadedBehaviours, Failure> {
-    let named = |file: &PathBuf| Entry::of(file.clone());
+    let named = |file: &PathBuf| Entry::new(file.clone());
     let entries: Vec<Entry> = if args.files.is_empty() {
         config.behaviours.clone()
     } else {

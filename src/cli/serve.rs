@@ -150,7 +150,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let page = config
         .live
         .listen
-        .map(|_| PageInputs::of(&config, shown, &bus));
+        .map(|_| PageInputs::new(&config, shown, &bus));
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let voice = notify::start(args.settings.load()?, &bus)?;
     let line = StatusLine::new(

@@ -255,7 +255,7 @@ impl Stage for DeclarationStage {
         if name.trim().is_empty() {
             return Err(CallError::NoName.into());
         }
-        let options = Options::of(given.value(1));
+        let options = Options::parse(given.value(1));
         load_world(options.world.as_deref(), self.folder.as_deref())?;
         let mut found = self.found.borrow_mut();
         if let Some(twin) = found.iter().find(|other| other.name == name) {

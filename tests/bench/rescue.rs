@@ -114,5 +114,5 @@ fn row(arguments: &Arguments, place: &Place, strategy: Strategy) -> Row {
         println!("{what}");
         played.iter().for_each(|one| println!("  {one}"));
     }
-    Row::of(place.name, strategy, &played)
+    Row::new(place.name, strategy, &played)
 }

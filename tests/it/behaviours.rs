@@ -101,7 +101,7 @@ start: { at: [3, 4], heading_degrees: 0 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn patrol_drives_photographs_docks_charges_and_goes_again() {
-    let rig = Rig::of(World::default_world(), Firmware::default()).await;
+    let rig = Rig::with_world(World::default_world(), Firmware::default()).await;
     let run = behaviour(&rig, "patrol.lua");
     let start = rig.sim.state().pose;
     until(&rig, "on its way", &run, |state| {

@@ -69,7 +69,7 @@ impl Observer {
             low_since: None,
             moves: Vec::new(),
             homeward: None,
-            account: Account::of(lab.sim().world()),
+            account: Account::new(lab.sim().world()),
             spell: None,
             flat_since: None,
         }

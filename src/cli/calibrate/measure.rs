@@ -22,15 +22,15 @@ pub(super) struct Plan {
 impl Plan {
     /// Both tracks at this fraction of [`POWER`], -1 to 1.
     pub(super) fn straight(direction: f64, millis: u64) -> Plan {
-        Plan::of(direction, direction, millis)
+        Plan::new(direction, direction, millis)
     }
 
     /// A turn on the spot, to the left if positive.
     pub(super) fn turn(direction: f64, millis: u64) -> Plan {
-        Plan::of(-direction, direction, millis)
+        Plan::new(-direction, direction, millis)
     }
 
-    fn of(left: f64, right: f64, millis: u64) -> Plan {
+    fn new(left: f64, right: f64, millis: u64) -> Plan {
         let setpoint = Setpoint::from_percent(left * POWER, right * POWER);
         Plan {
             setpoint: setpoint.unwrap_or(Setpoint::STOP),

@@ -49,7 +49,7 @@ pub(super) fn serve(
     let world = embedded::load(world.as_deref())?;
     end_at_a_signal(stop.clone())?;
     let limit = args.limit.map(Span::get);
-    let (journal_options, link) = (LabJournalOptions::of(config), config.link.clone());
+    let (journal_options, link) = (LabJournalOptions::from_config(config), config.link.clone());
     exit_when_stuck(console);
     let outcome = lab::run(world, options, async |lab: &Lab| {
         let mut plan = lab.plan(Vec::new());
