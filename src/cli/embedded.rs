@@ -116,8 +116,9 @@ pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
     let Some(path) = world else {
         return Ok(World::default_world());
     };
-    let builtin = path.to_str().and_then(World::builtin);
-    if let Some(world) = builtin.filter(|_| !path.exists()) {
+    if let Some(world) = path.to_str().and_then(World::builtin)
+        && !path.exists()
+    {
         return Ok(world);
     }
     World::load(path).map_err(|error| {

@@ -168,8 +168,10 @@ impl SendQueue {
             return self.gather();
         }
         let held = unacknowledged().is_some_and(|bytes| bytes > MAX_UNACKNOWLEDGED);
-        let first = self.speech.first().filter(|_| !held);
-        first.unwrap_or_default()
+        if held {
+            return Bytes::new();
+        }
+        self.speech.first().unwrap_or_default()
     }
 
     fn urgent(&self) -> usize {

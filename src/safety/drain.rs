@@ -101,8 +101,9 @@ impl Drain {
     /// Takes in a level that is believed.
     pub fn level(&mut self, percent: u8, charging: bool, now: Instant) {
         self.count(now);
-        let Some(before) = self.level.filter(|_| self.charging == charging) else {
-            return self.begin(percent, charging);
+        let before = match self.level {
+            Some(before) if self.charging == charging => before,
+            _ => return self.begin(percent, charging),
         };
         let (ahead, back) = if charging {
             (
@@ -138,8 +139,10 @@ impl Drain {
     /// Minutes until the battery is empty, at the average rate of the last ten percent. `None`
     /// while it charges, and until two percent without a leap have been observed.
     pub fn minutes_left(&self) -> Option<f64> {
-        let level = self.level.filter(|_| !self.charging)?;
-        Some(f64::from(level) / self.recent.rate()?)
+        if self.charging {
+            return None;
+        }
+        Some(f64::from(self.level?) / self.recent.rate()?)
     }
 
     /// Minutes until the battery is empty at the rate of this activity alone; `None` until that

@@ -288,7 +288,9 @@ pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<Wo
         path.extension()
             .is_some_and(|end| end == "yaml" || end == "yml")
     };
-    if let Some(folder) = folder.filter(|_| is_world(Path::new(name))) {
+    if let Some(folder) = folder
+        && is_world(Path::new(name))
+    {
         let path = folder.join(name);
         // Error messages quote the content, so only world files may be read, also through links.
         if path.canonicalize().is_ok_and(|path| !is_world(&path)) {

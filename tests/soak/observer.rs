@@ -97,7 +97,9 @@ impl Observer {
             online: state.user.as_deref() == Some(OURS),
             disturbed: faults.is_bad(now),
         });
-        if let Some(spell) = self.spell.as_mut().filter(|_| faults.has_carried()) {
+        if let Some(spell) = &mut self.spell
+            && faults.has_carried()
+        {
             spell.carried();
         }
         self.help_up(lab, &state, now);

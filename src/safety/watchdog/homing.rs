@@ -169,8 +169,10 @@ impl Watchdog {
         let Some(outcome) = homing.docking.outcome() else {
             return;
         };
-        let first = homing.callers.first().map(|caller| caller.by);
-        let by = first.filter(|_| !homing.forced);
+        let by = match homing.callers.first() {
+            Some(caller) if !homing.forced => Some(caller.by),
+            _ => None,
+        };
         self.dock_report = Some(DockReport { by, outcome });
         for caller in homing.callers {
             self.answer_dock(caller, outcome.end, outcome.attempts, outcome.took);

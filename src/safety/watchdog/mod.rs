@@ -191,11 +191,13 @@ impl Watchdog {
     /// When [`Watchdog::tick`] has something to do, seen from its last call. A time in the past
     /// means at once.
     pub fn next_deadline(&self) -> Option<Instant> {
-        let homing = self
-            .homing
-            .as_ref()
-            .filter(|_| !self.may_charge())
-            .and_then(|homing| homing.docking.next_deadline());
+        if !self.online {
+            return None;
+        }
+        let homing = match &self.homing {
+            Some(homing) if !self.may_charge() => homing.docking.next_deadline(),
+            _ => None,
+        };
         let silence = if self.docked() {
             None
         } else {
@@ -217,7 +219,6 @@ impl Watchdog {
         ]
         .into_iter()
         .flatten()
-        .filter(|_| self.online)
         .min()
     }
 

@@ -86,7 +86,7 @@ impl Watchdog {
             _ => took,
         };
         RecoveryOptions {
-            rescuer: self.rescuer.filter(|_| usable),
+            rescuer: if usable { self.rescuer } else { None },
             leg: self.may_drive_a_leg(),
             longest_useful_pause,
             critical: self.guard.critical(),
@@ -161,16 +161,25 @@ impl Watchdog {
         }
     }
 
+    /// The recovery, while it is what the watchdog does.
+    fn active_recovery(&self) -> Option<&Recovery> {
+        if self.is_recovering() {
+            self.recovery.as_ref()
+        } else {
+            None
+        }
+    }
+
     /// When [`Watchdog::continue_recovery`] has something to do.
     pub(super) fn recovery_deadline(&self) -> Option<Instant> {
-        let recovery = self.recovery.as_ref().filter(|_| self.is_recovering())?;
+        let recovery = self.active_recovery()?;
         recovery.next_deadline(self.ticked)
     }
 
     /// The setpoint of a robot with a low battery between two searches; `None` if the tracks stand
     /// still.
     pub(super) fn between_searches(&self, now: Instant) -> Option<Setpoint> {
-        let recovery = self.recovery.as_ref().filter(|_| self.is_recovering())?;
+        let recovery = self.active_recovery()?;
         if recovery.borrower().is_some() {
             return Some(self.arbiter.setpoint());
         }
@@ -180,7 +189,7 @@ impl Watchdog {
 
     /// The behaviour that the tracks are lent to now.
     pub(super) fn borrower(&self) -> Option<BehaviourId> {
-        let recovery = self.recovery.as_ref().filter(|_| self.is_recovering())?;
+        let recovery = self.active_recovery()?;
         recovery.borrower()
     }
 

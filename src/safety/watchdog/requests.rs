@@ -57,7 +57,9 @@ impl Watchdog {
             self.end_docking(DockEnd::Preempted, now);
         }
         let borrows = self.borrower() == Some(who.0);
-        if let Some(end) = self.refusal().filter(|_| !borrows) {
+        if let Some(end) = self.refusal()
+            && !borrows
+        {
             let earlier = self.arbiter.clear_of(who.0, MotionEnd::Preempted);
             self.tell_ended(earlier);
             let by = who.0;

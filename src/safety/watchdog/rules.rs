@@ -46,7 +46,10 @@ impl Watchdog {
     }
 
     pub(super) fn stream_deadline(&self) -> Option<Instant> {
-        let since = self.silent_motion_since.filter(|_| self.streaming)?;
+        if !self.streaming {
+            return None;
+        }
+        let since = self.silent_motion_since?;
         Some(since + self.limits.stream_silence.get())
     }
 
@@ -90,9 +93,12 @@ impl Watchdog {
     /// the contacts did not charge, the docking ends as failed, and the alarm calls for a person.
     pub(super) fn check_place(&mut self, now: Instant) {
         let low = self.guard.low().is_some();
-        let Some(doubt) = self.dock_tracker.poll(low, now).filter(|_| low) else {
+        let Some(doubt) = self.dock_tracker.poll(low, now) else {
             return;
         };
+        if !low {
+            return;
+        }
         if let Some(homing) = self.homing.as_mut().filter(|homing| homing.forced) {
             let actions = homing.docking.lost_contact(doubt, now);
             self.execute_dock_actions(actions, now);
