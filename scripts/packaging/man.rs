@@ -14,10 +14,10 @@ const REST: &str = r#".SH "EXIT STATUS"
 Done.
 .TP
 1
-A script failed and will not be restarted, or the robot did not carry out a command.
+A script failed and will not be restarted, the robot did not carry out a command, or the system refused something.
 .TP
 2
-The command line, the config or a file that the command needs cannot be used.
+The command line, the config or a file that the command reads is missing or invalid.
 .TP
 3
 The robot, a run, a service or a broker cannot be reached or refused the login, or doctor found a problem.

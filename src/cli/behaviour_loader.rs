@@ -93,7 +93,7 @@ impl BehaviourLoader<'_> {
         let source = read_source(&entry.file)?;
         let name = unique(entry.name().map_err(Failure::usage)?, names);
         let data = self.config.data_folder().join(&name);
-        let data = std::path::absolute(data).map_err(Failure::usage)?;
+        let data = std::path::absolute(data).map_err(Failure::internal)?;
         let options = script::Options {
             params: params(entry, self.file),
             annotate_dir: marked_folder(self.annotate, &name, &data)?,
@@ -156,7 +156,7 @@ fn marked_folder(
     let Some(folder) = annotate else {
         return Ok(None);
     };
-    let folder = std::path::absolute(folder.join(name)).map_err(Failure::usage)?;
+    let folder = std::path::absolute(folder.join(name)).map_err(Failure::internal)?;
     let refused = |why: &dyn Display| {
         let what = format_args!(
             "--annotate cannot keep frames in {}: {why}",

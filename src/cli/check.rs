@@ -49,7 +49,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     let text = if args.json {
         format!(
             "{}\n",
-            serde_json::to_string_pretty(&findings).map_err(Failure::usage)?
+            serde_json::to_string_pretty(&findings).map_err(Failure::internal)?
         )
     } else {
         report(&findings, count)

@@ -105,7 +105,7 @@ impl Drop for EmbeddedSim {
 }
 
 fn no_sim(error: std::io::Error) -> Failure {
-    Failure::usage(format_args!("cannot start the simulator: {error}"))
+    Failure::io("start the simulator", error)
 }
 
 /// Loads the world from a file, the built-in one of that name, or the default one.

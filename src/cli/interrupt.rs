@@ -79,8 +79,7 @@ impl TerminatingSignals {
 /// # Errors
 /// The signal handler cannot be installed.
 pub(super) fn listen(number: i32) -> Result<Signal, Failure> {
-    signal(SignalKind::from_raw(number))
-        .map_err(|error| Failure::usage(format_args!("cannot receive signals: {error}")))
+    signal(SignalKind::from_raw(number)).map_err(|error| Failure::io("receive signals", error))
 }
 
 /// From now on the first terminating signal cancels `stop`, and Ctrl-Z first stops the robot, by a

@@ -255,7 +255,7 @@ pub fn main() -> ExitCode {
     let logs = logs.unwrap_or_default();
     let format = cli.log_format.unwrap_or(logs.format.into());
     let Ok(console) = Console::start(format, &logs) else {
-        return Exit::Usage.into();
+        return Exit::Failed.into();
     };
     report_panics(console.clone());
     logging::start(&console, format, logs.level, logs.time);
@@ -318,8 +318,7 @@ fn block_on<F: Future>(future: F) -> Result<F::Output, Failure> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build();
-    let runtime = runtime
-        .map_err(|error| Failure::usage(format_args!("cannot start the runtime: {error}")))?;
+    let runtime = runtime.map_err(|error| Failure::io("start the runtime", error))?;
     let output = runtime.block_on(future);
     runtime.shutdown_timeout(RUNTIME_LIMIT);
     Ok(output)
@@ -337,9 +336,9 @@ fn print_coloured(text: &str, colour: bool) -> Result<(), Failure> {
     let text = clean::text(text, colour);
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::usage(
-            format_args!("cannot write to stdout: {error}"),
-        )),
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Failure::io("write to stdout", error))
+        }
         _ => Ok(()),
     }
 }

@@ -82,16 +82,12 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
         args.into.join(&args.name)
     };
     let shown = folder.display();
-    fs::create_dir_all(&args.into).map_err(|error| {
-        Failure::usage(format_args!(
-            "cannot create {}: {error}",
-            args.into.display()
-        ))
-    })?;
+    fs::create_dir_all(&args.into)
+        .map_err(|error| Failure::io(format_args!("create {}", args.into.display()), error))?;
     fs::create_dir(&folder).map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
             .help("nothing was changed; choose another name"),
-        _ => Failure::usage(format_args!("cannot create {shown}: {error}")),
+        _ => Failure::io(format_args!("create {shown}"), error),
     })?;
     for (name, text) in files(&args.name, args.template) {
         write(&folder.join(name), &text)?;
@@ -106,8 +102,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
     let folder = path.parent().map_or(Ok(()), fs::create_dir_all);
     let written = folder.and_then(|()| fs::write(path, text));
-    written
-        .map_err(|error| Failure::usage(format_args!("cannot write {}: {error}", path.display())))
+    written.map_err(|error| Failure::unwritable(path, error))
 }
 
 /// All files to write, as (name, text).

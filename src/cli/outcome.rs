@@ -14,7 +14,7 @@ pub(super) fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure
     let outcome = match outcome {
         Ok(outcome) => outcome,
         Err(AgentError::Link(error)) => return Err(unreachable(error)),
-        Err(error @ AgentError::Broken(_)) => return Err(Failure::new(Exit::Script, error)),
+        Err(error @ AgentError::Broken(_)) => return Err(Failure::new(Exit::Failed, error)),
     };
     let ended_by = |is: fn(EndReason) -> bool| {
         let mut endings = outcome.endings.iter();
@@ -25,7 +25,7 @@ pub(super) fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure
     } else if outcome.interrupted {
         Exit::Interrupted
     } else if ended_by(is_failure) {
-        Exit::Script
+        Exit::Failed
     } else if outcome.safety || ended_by(|reason| reason == EndReason::Safety) {
         Exit::Safety
     } else {

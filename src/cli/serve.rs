@@ -273,7 +273,7 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
         Ok(outcome) if outcome.safety => Ok(Exit::Safety),
         Ok(_) => Ok(Exit::Done),
         Err(AgentError::Link(error)) => Err(error.into()),
-        Err(error @ AgentError::Broken(_)) => Err(Failure::new(Exit::Script, error)),
+        Err(error @ AgentError::Broken(_)) => Err(Failure::new(Exit::Failed, error)),
     }
 }
 

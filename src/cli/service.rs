@@ -83,7 +83,7 @@ impl UnitArgs {
     fn text(&self) -> Result<String, Failure> {
         let program = match &self.program {
             Some(program) => program.clone(),
-            None => std::env::current_exe().map_err(Failure::usage)?,
+            None => std::env::current_exe().map_err(Failure::internal)?,
         };
         for path in [&program, &self.config]
             .into_iter()
@@ -139,7 +139,7 @@ fn install(text: &str, config: &Path, to: &Path, force: bool) -> Result<(), Fail
         .open(to)
         .and_then(|mut file| file.write_all(text.as_bytes()));
     written.map_err(|error| {
-        let failure = Failure::usage(format_args!("cannot write {}: {error}", to.display()));
+        let failure = Failure::unwritable(to, &error);
         match error.kind() {
             std::io::ErrorKind::AlreadyExists => failure.help("--force replaces it"),
             std::io::ErrorKind::PermissionDenied => failure.help("sudo spykee service install"),

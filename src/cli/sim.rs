@@ -83,14 +83,14 @@ async fn serve(world: World, options: Options, console: &Console) -> Result<Exit
     let (uid, user) = (options.uid.clone(), options.login.user.clone());
     let interrupted = interruption()?;
     let server = Server::bind(world, options).await.map_err(|error| {
-        Failure::usage(format_args!("cannot listen on {listen}: {error}"))
+        Failure::io(format_args!("listen on {listen}"), error)
             .help("is a simulator already running? --listen 127.0.0.1:0 picks a free port")
     })?;
     print(&greeting(server.local_addr(), &uid, &user))?;
     let handle = server.handle();
     tokio::select! {
         ended = server.run() => ended.map(|()| Exit::Done).map_err(|error| {
-            Failure::usage(format_args!("the simulator failed: {error}"))
+            Failure::internal(format_args!("the simulator failed: {error}"))
         }),
         () = show_status(&handle, console) => Ok(Exit::Done),
         () = interrupted => Ok(Exit::Interrupted),

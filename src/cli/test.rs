@@ -116,9 +116,7 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
     trouble?;
     if let Some(path) = &args.junit {
         let written = std::fs::write(path, junit::document(&report)?);
-        written.map_err(|error| {
-            Failure::usage(format_args!("cannot write {}: {error}", path.display()))
-        })?;
+        written.map_err(|error| Failure::unwritable(path, error))?;
     }
     console.status("");
     if args.json {

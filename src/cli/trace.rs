@@ -17,9 +17,7 @@ impl TraceFile {
     /// The file cannot be created.
     pub(super) fn create(path: &Path) -> Result<TraceFile, Failure> {
         let made = std::fs::File::create(path);
-        made.map_err(|error| {
-            Failure::usage(format_args!("cannot write {}: {error}", path.display()))
-        })?;
+        made.map_err(|error| Failure::unwritable(path, error))?;
         Ok(TraceFile(path.to_owned()))
     }
 

@@ -89,7 +89,8 @@ fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
         (None, Some(path)) => {
             // Refuses to print files that are not worlds.
             World::load(path).map_err(Failure::usage)?;
-            let text = std::fs::read_to_string(path).map_err(Failure::usage)?;
+            let text =
+                std::fs::read_to_string(path).map_err(|error| Failure::unreadable(path, error))?;
             print(&text)?;
         }
         (None, None) => {}
@@ -104,7 +105,7 @@ fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
 pub(super) fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure> {
     picture
         .save(path)
-        .map_err(|error| Failure::usage(format_args!("cannot write {}: {error}", path.display())))
+        .map_err(|error| Failure::unwritable(path, error))
 }
 
 fn list() -> Result<Exit, Failure> {

@@ -219,7 +219,7 @@ fn the_simulator_ends_on_a_signal_with_130() {
 fn a_port_in_use_is_named_with_advice() {
     let sim = Sim::start(&[], |_| ());
     let output = run(&["sim", "--listen", &sim.address]);
-    assert_eq!(output.status.code(), Some(2));
+    assert_eq!(output.status.code(), Some(1));
     let error = text(&output.stderr);
     assert!(
         error.contains(&sim.address) && error.contains("  help: "),

@@ -85,7 +85,7 @@ impl Measured {
             "implausible result: {full_speed:.2} m/s at full power, {track_width:.2} m between the tracks"
         );
         let help = "measure again: distances in centimetres; a full turn counts as 360 degrees";
-        Err(Failure::new(Exit::Script, what).help(help))
+        Err(Failure::new(Exit::Failed, what).help(help))
     }
 }
 

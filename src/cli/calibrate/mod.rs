@@ -124,7 +124,7 @@ async fn step(driver: &mut Driver, plan: Plan) -> Result<(), Failure> {
             Exit::Unreachable,
             "is the robot still in reach of its Wi-Fi?",
         ),
-        _ => (Exit::Script, "start again, on free floor"),
+        _ => (Exit::Failed, "start again, on free floor"),
     };
     let what = format_args!("the move was cut short: {end}");
     Err(Failure::new(exit, what).help(help))

@@ -81,13 +81,13 @@ pub(super) fn say(json: bool, text: &str) -> Result<(), Failure> {
     }
     let mut err = std::io::stderr().lock();
     err.write_all(clean::text(text, false).as_bytes())
-        .map_err(|error| Failure::usage(format_args!("cannot write to stderr: {error}")))
+        .map_err(|error| Failure::io("write to stderr", error))
 }
 
 /// Waits for a line on a separate thread, so that the pilot keeps running and Ctrl-C works.
 async fn answer() -> Result<String, Failure> {
     let typed = tokio::task::spawn_blocking(line).await;
-    typed.unwrap_or_else(|error| Err(Failure::usage(format_args!("no answer: {error}"))))
+    typed.unwrap_or_else(|error| Err(Failure::internal(format_args!("no answer: {error}"))))
 }
 
 /// Reads one line of stdin and trims it.
@@ -104,8 +104,6 @@ pub(super) fn line() -> Result<String, Failure> {
         Ok(1..) => Ok(line.trim().to_owned()),
         Ok(0) => Err(Failure::usage("no answer: the calibration needs a person")
             .help("--sim measures without a person")),
-        Err(error) => Err(Failure::usage(format_args!(
-            "cannot read the answer: {error}"
-        ))),
+        Err(error) => Err(Failure::io("read the answer", error)),
     }
 }

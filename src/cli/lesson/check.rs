@@ -92,7 +92,7 @@ pub(super) fn marks_of(
     let trials = trials(timeout)?;
     let book = trials
         .of_text(lesson.folder, lesson.check)
-        .map_err(Failure::usage)?;
+        .map_err(Failure::internal)?;
     let setting = Setting {
         subject: Some(file.to_owned()),
         ..Setting::default()
@@ -176,9 +176,7 @@ fn run_scenarios(
 fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
     if let Some(path) = &args.gradescope {
         let text = format!("{:#}\n", gradescope(feedback));
-        std::fs::write(path, text).map_err(|error| {
-            Failure::usage(format_args!("cannot write {}: {error}", path.display()))
-        })?;
+        std::fs::write(path, text).map_err(|error| Failure::unwritable(path, error))?;
     }
     let failed = feedback.marks.first_failure();
     let scene = failed.and_then(|failure| failure.scene.as_ref());

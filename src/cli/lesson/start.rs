@@ -26,7 +26,7 @@ pub(super) fn run(args: &StartArgs) -> Result<Exit, Failure> {
     let own = || PathBuf::from(format!("lesson-{}", lesson.folder));
     let folder = args.folder.clone().unwrap_or_else(own);
     let shown = folder.display();
-    let cannot = |error| Failure::usage(format_args!("cannot create {shown}: {error}"));
+    let cannot = |error| Failure::io(format_args!("create {shown}"), error);
     if let Some(parent) = folder.parent() {
         fs::create_dir_all(parent).map_err(cannot)?;
     }

@@ -38,10 +38,8 @@ pub(super) fn let_go(args: &LetGoArgs) -> Result<Exit, Failure> {
         Ok(true) => print("released: the next program may move the robot again\n")?,
         Ok(false) => print("nothing to release: no STOP holds in this data folder\n")?,
         Err(error) => {
-            return Err(Failure::usage(format_args!(
-                "cannot release STOP in {}: {error}",
-                data.display()
-            )));
+            let doing = format_args!("release STOP in {}", data.display());
+            return Err(Failure::io(doing, error));
         }
     }
     Ok(Exit::Done)

@@ -158,7 +158,7 @@ fn exit_of(end: DockEnd, low: bool) -> Result<Exit, Failure> {
             "is the robot still in reach of its Wi-Fi?",
         ),
         other => (
-            if low { Exit::Safety } else { Exit::Script },
+            if low { Exit::Safety } else { Exit::Failed },
             format!("it did not work: {}", other.name().replace('_', " ")),
             "put the robot in front of its station, some two metres away, and try again",
         ),

@@ -100,5 +100,5 @@ fn end_at_a_signal(stop: tokio_util::sync::CancellationToken) -> Result<(), Fail
         .name("signals".into())
         .spawn(watch_signals)
         .map(|_| ())
-        .map_err(|error| Failure::usage(format_args!("cannot start a thread: {error}")))
+        .map_err(|error| Failure::io("start a thread", error))
 }

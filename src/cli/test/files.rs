@@ -13,7 +13,7 @@ const MAX_DEPTH: u32 = 16;
 /// # Errors
 /// A path that does not exist or cannot be read.
 pub(super) fn collect(path: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
-    let cannot = |error| Failure::usage(format_args!("cannot read {}: {error}", path.display()));
+    let cannot = |error| Failure::unreadable(path, error);
     if std::fs::metadata(path).map_err(cannot)?.is_dir() {
         search(path, 0, files)
     } else {
@@ -23,7 +23,7 @@ pub(super) fn collect(path: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failu
 }
 
 fn search(folder: &Path, depth: u32, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
-    let cannot = |error| Failure::usage(format_args!("cannot read {}: {error}", folder.display()));
+    let cannot = |error| Failure::unreadable(folder, error);
     let mut paths = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(cannot)? {
         paths.push(entry.map_err(cannot)?.path());
