@@ -24,10 +24,6 @@ pub(super) struct NewArgs {
     /// Behaviour to start from
     #[arg(long, value_enum, default_value = "patrol")]
     template: Template,
-
-    /// Parent folder; created if missing
-    #[arg(long, value_name = "DIR", default_value = ".")]
-    into: PathBuf,
 }
 
 /// The behaviour to start from.
@@ -76,11 +72,7 @@ fn parse_name(text: &str) -> Result<String, ArgumentError> {
 /// # Errors
 /// The folder exists or cannot be created.
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
-    let folder = if args.into.as_os_str() == "." {
-        PathBuf::from(&args.name)
-    } else {
-        args.into.join(&args.name)
-    };
+    let folder = PathBuf::from(&args.name);
     let shown = folder.display();
     fs::create_dir_all(&args.into)
         .map_err(|error| Failure::io(format_args!("create {}", args.into.display()), error))?;

@@ -6,7 +6,6 @@ use std::time::Duration;
 
 use tokio::time::interval;
 
-use super::argument::ArgumentError;
 use super::embedded::load;
 use super::firmware::FirmwareArgs;
 use super::interrupt::interruption;
@@ -28,10 +27,6 @@ pub(super) struct SimArgs {
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:9000")]
     listen: SocketAddr,
 
-    /// Camera frames per second, 0.1 to 60 [default: from the world]
-    #[arg(long, value_name = "NUMBER", value_parser = parse_fps)]
-    fps: Option<f64>,
-
     /// Seed for simulator noise; the same seed and the same commands give the same run
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     seed: u64,
@@ -48,11 +43,6 @@ pub(super) struct SimArgs {
     login: LoginArgs,
 }
 
-fn parse_fps(text: &str) -> Result<f64, ArgumentError> {
-    let fps = text.parse().ok().filter(|fps| (0.1..=60.0).contains(fps));
-    fps.ok_or(ArgumentError::FrameRate)
-}
-
 /// Serves until interrupted.
 ///
 /// # Errors
@@ -64,7 +54,6 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
         listen: args.listen,
         login: args.login.login_without_config()?,
         seed: args.seed,
-        fps: args.fps,
         faults,
         firmware: args.firmware.load()?,
         ..Options::default()

@@ -131,7 +131,7 @@ fn an_invalid_command_line_ends_with_2_on_stderr() {
         &["discover", "--timeout", "0"],
         &["discover", "--timeout", "nan"],
         &["discover", "--ask", "nowhere"],
-        &["sim", "--fps", "0"],
+        &["sim", "--seed", "-1"],
         &["sim", "--listen", "9000"],
         &["discover", "--log-format", "xml"],
     ] {

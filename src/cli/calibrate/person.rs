@@ -40,11 +40,11 @@ pub(super) async fn round(driver: &mut Driver, json: bool) -> Result<Measured, F
     let next = "3/3  Mark where it faces. It turns left on the spot for two seconds.";
     let how_much = "How many degrees did it turn? A full turn counts as 360. (r: repeat) ";
     let degrees = ask(driver, json, next, Plan::turn(1.0, TURN), how_much).await?;
-    let seconds = |millis: u64| millis as f64 / 1000.0;
-    Ok(Measured::from_tape(
-        ((short, seconds(SHORT)), (long, seconds(LONG))),
-        (degrees.to_radians(), seconds(TURN)),
-    ))
+    // The difference of two moves cancels the effect of starting and stopping.
+    Ok(Measured {
+        speed: (long - short) / (LONG - SHORT) as f64 * 1000.0,
+        turning: degrees.to_radians() / TURN as f64 * 1000.0,
+    })
 }
 
 /// Drives one step, repeated as often as the person likes, and returns the person's measurement.
@@ -75,7 +75,7 @@ async fn ask(
 }
 
 /// Prints to the person: on stdout, or on stderr if stdout is for JSON.
-pub(super) fn say(json: bool, text: &str) -> Result<(), Failure> {
+fn say(json: bool, text: &str) -> Result<(), Failure> {
     if !json {
         return print(text);
     }
@@ -94,7 +94,7 @@ async fn answer() -> Result<String, Failure> {
 ///
 /// # Errors
 /// End of input, or a read error.
-pub(super) fn line() -> Result<String, Failure> {
+fn line() -> Result<String, Failure> {
     let mut line = String::new();
     let read = std::io::stdin()
         .lock()
