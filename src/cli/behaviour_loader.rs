@@ -11,7 +11,6 @@ use tokio::sync::mpsc;
 
 use super::Failure;
 use super::params::{self, Param};
-use super::source::read_source;
 use crate::agent::{Behaviour, Blueprint, BlueprintError};
 use crate::behaviour::{self, Launch, Library, Reload, RestartPolicy, ScriptWatcher};
 use crate::clock::{Clock, Zone};
@@ -186,4 +185,15 @@ fn unique(name: String, names: &mut Vec<String>) -> String {
     }
     names.push(candidate.clone());
     candidate
+}
+
+/// Reads a script; the error has help for the user.
+pub(super) fn read_source(path: &Path) -> Result<Vec<u8>, Failure> {
+    behaviour::read_source(path).map_err(|error| {
+        Failure::usage(format_args!(
+            "cannot read the behaviour {}: {error}",
+            path.display()
+        ))
+        .help("ready-made behaviours are in behaviours/")
+    })
 }

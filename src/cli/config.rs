@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use clap::Subcommand;
 use serde_json::{Value as Json, json};
 
+use super::schedule::unknown_behaviour;
 use super::settings::SettingsArgs;
-use super::timetable::unknown_behaviour;
 use super::{Exit, Failure, print};
 use crate::config::{self, Config, Setting};
 

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::world_name::WorldParser;
+use super::world::WorldParser;
 use super::{Failure, secret};
 use crate::config::Effective;
 use crate::link::Target;

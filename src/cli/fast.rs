@@ -17,7 +17,7 @@ use super::interrupt::TerminatingSignals;
 use super::live::PageInputs;
 use super::startup::{STATUS_PERIOD, runtime};
 use super::status::StatusLine;
-use super::trace::TraceFile;
+use super::world::TraceFile;
 use super::{Console, Exit, Failure};
 use crate::agent::{AgentError, Behaviour, Bus, Outcome, Tries};
 use crate::clock::hours;

@@ -74,8 +74,6 @@ fn parse_name(text: &str) -> Result<String, ArgumentError> {
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
     let folder = PathBuf::from(&args.name);
     let shown = folder.display();
-    fs::create_dir_all(&args.into)
-        .map_err(|error| Failure::io(format_args!("create {}", args.into.display()), error))?;
     fs::create_dir(&folder).map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
             .help("nothing was changed; choose another name"),

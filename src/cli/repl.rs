@@ -2,7 +2,6 @@
 //! the same pilot and watchdog. The terminal has its own thread; nothing here blocks on it.
 
 mod editor;
-mod history;
 mod names;
 
 use std::io::IsTerminal as _;
@@ -14,11 +13,10 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use super::interrupt::{handle_prompt_signals, handle_signals, listen};
+use super::interrupt::{Terminal, handle_prompt_signals, handle_signals, listen};
 use super::reach::{dial, place, reach};
 use super::settings::SettingsArgs;
 use super::startup::{driving_core, launcher, pulse, refuse_if_stopped, rescue, runtime};
-use super::terminal::Terminal;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, PilotSetup, Talk, TalkError};
 use crate::behaviour::{Launch, Library, PromptCommand, PromptMessage};

@@ -7,11 +7,10 @@ use std::time::Duration;
 use tokio::time::interval;
 
 use super::embedded::load;
-use super::firmware::FirmwareArgs;
 use super::interrupt::interruption;
-use super::world_name::WorldParser;
+use super::world::WorldParser;
 use super::{Console, Exit, Failure, LoginArgs, block_on, print};
-use crate::sim::{Fault, Handle, Options, Server, State, World};
+use crate::sim::{Fault, Firmware, Handle, Options, Server, State, World};
 
 /// Interval between redraws of the status line.
 const STATUS_PERIOD: Duration = Duration::from_millis(500);
@@ -121,4 +120,40 @@ fn status(state: &State) -> String {
         "{activity} · battery {:.0} %{charging} · at {:.2} {:.2} m · user {user} · {} frames",
         state.battery, state.pose.x, state.pose.y, state.frames,
     )
+}
+
+/// The firmware of a simulated robot.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub(super) struct FirmwareArgs {
+    /// YAML file with the simulated robot's behaviour where the real firmware is unknown; the README
+    /// lists the keys
+    #[arg(long, value_name = "FILE.yaml")]
+    firmware: Option<PathBuf>,
+}
+
+impl FirmwareArgs {
+    /// Loads the firmware from the file, or returns the default.
+    ///
+    /// # Errors
+    /// An invalid file; the error says what is wrong and where.
+    pub(super) fn load(&self) -> Result<Firmware, Failure> {
+        let Some(path) = &self.firmware else {
+            return Ok(Firmware::default());
+        };
+        Firmware::load(path).map_err(|error| {
+            Failure::usage(error).help("the README's section on firmware lists all keys")
+        })
+    }
+
+    /// Refuses the flag for a real robot, which has its own firmware.
+    ///
+    /// # Errors
+    /// The flag was given and the robot is not simulated.
+    pub(super) fn refuse_unless(&self, simulated: bool) -> Result<(), Failure> {
+        if simulated || self.firmware.is_none() {
+            return Ok(());
+        }
+        let failure = Failure::usage("--firmware needs --sim: it describes a simulated robot");
+        Err(failure.help("--sim [WORLD] runs on a simulated robot"))
+    }
 }

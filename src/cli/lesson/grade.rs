@@ -146,8 +146,10 @@ fn grade(
     };
     let Some(marks) = marks_of(
         args.lesson,
-        (&file, &source),
-        (args.jobs, args.timeout),
+        &file,
+        &source,
+        args.jobs,
+        args.timeout,
         console,
     )?
     else {

@@ -23,8 +23,10 @@ pub(super) fn serve(
     args: &ServeArgs,
     place: RobotChoice,
     login: Login,
-    (config, loaded): (&Config, LoadedDuties),
-    (seed, console): (u64, &Console),
+    config: &Config,
+    loaded: LoadedDuties,
+    seed: u64,
+    console: &Console,
 ) -> Result<Exit, Failure> {
     let RobotChoice::Sim(world) = place else {
         let why = "--fast needs --sim: a real robot runs in real time";
