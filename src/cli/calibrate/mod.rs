@@ -86,7 +86,7 @@ fn ready(status: Status) -> Result<(), Failure> {
         return Err(failure.help("charge the robot first"));
     }
     if status.safety == WatchdogState::Docked {
-        let failure = Failure::usage("the robot is on its station");
+        let failure = Failure::new(Exit::Failed, "the robot is on its station");
         return Err(failure.help("`spykee robot undock`, then put it on free floor"));
     }
     Ok(())
