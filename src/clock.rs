@@ -2,9 +2,7 @@
 //! `tokio::time`. In a laboratory the wall clock is virtual too: it starts at a given date and
 //! advances with the runtime's clock.
 
-mod error;
 mod span;
-mod until;
 mod zone;
 
 use std::cell::Cell;
@@ -13,11 +11,9 @@ use std::time::Duration;
 
 use jiff::civil::DateTime;
 use jiff::{SignedDuration, Timestamp, Zoned};
-use tokio::time::Instant;
+use tokio::time::{Instant, sleep_until};
 
-pub use error::ClockError;
 pub use span::Span;
-pub use until::until;
 pub use zone::Zone;
 
 /// An earlier date means that the computer's clock is not set: no version of this program is older.
@@ -112,6 +108,33 @@ pub fn hours(time: Duration) -> String {
     let seconds = time.as_secs();
     let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
     format!("{hours}:{minutes:02}:{:02}", seconds % 60)
+}
+
+/// Sleeps until the deadline; without one, never returns. Cancel-safe, for the branches of
+/// `select!`.
+pub async fn until(deadline: Option<Instant>) {
+    match deadline {
+        Some(deadline) => sleep_until(deadline).await,
+        None => std::future::pending().await,
+    }
+}
+
+/// What a duration must be.
+const SPAN_EXPECTED: &str =
+    "a duration such as 90s, 30m, 1h30m or 7d, or a number of seconds, at most 366d";
+
+/// Errors in times that a person wrote.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ClockError {
+    /// Not a date with a time of day.
+    #[error("`{0}` is not a date such as \"2026-03-29 01:30\"")]
+    Date(String),
+    /// Not a duration, or one longer than a year.
+    #[error("expected {SPAN_EXPECTED}, found `{0}`")]
+    Span(String),
+    /// Not the name of a time zone.
+    #[error("there is no time zone `{0}`")]
+    Zone(String),
 }
 
 #[cfg(test)]

@@ -5,11 +5,9 @@ mod behaviours;
 mod effective;
 mod logging;
 mod mqtt;
-mod place;
 mod remote;
 mod schema;
 mod service;
-mod variables;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,13 +16,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 pub use self::behaviours::{Entry, Start};
-pub use self::effective::{Effective, Named, Origin, Setting};
+pub use self::effective::{Effective, PASSWORD_PIPE_VARIABLE, PASSWORD_VARIABLE, Setting};
 pub use self::logging::{Format, Level, Logging, Time, When};
 pub use self::mqtt::{Mqtt, MqttError, Tls};
 pub use self::remote::{Remote, ServiceUrl, ServiceUrlError};
 pub use self::schema::schema;
 pub use self::service::{Idle, Service};
-pub use self::variables::{PASSWORD_PIPE_VARIABLE, PASSWORD_VARIABLE};
 use crate::clock::{Span, Zone};
 use crate::files;
 use crate::http;
@@ -194,7 +191,7 @@ impl Config {
     /// # Errors
     /// See [`ConfigError`].
     pub fn load(path: &Path) -> Result<Config, ConfigError> {
-        Config::of_text(&Config::read(path)?, path)
+        Config::parse_file(&Config::read(path)?, path)
     }
 
     /// The data folder, with a folder for each behaviour.
@@ -257,7 +254,7 @@ impl Config {
         files::read_text(path, yaml::MAX_LEN).map_err(|error| read(error.into()))
     }
 
-    fn of_text(text: &str, path: &Path) -> Result<Config, ConfigError> {
+    fn parse_file(text: &str, path: &Path) -> Result<Config, ConfigError> {
         let mut config = Config::parse(text, &path.display().to_string())?;
         let folder = path.parent().unwrap_or(Path::new(""));
         let paths = config.behaviours.iter_mut().map(|entry| &mut entry.file);

@@ -3,9 +3,9 @@
 //! any valid one is refused. Also reads texts so that errors have their position, and puts the
 //! parser's errors into plain words.
 
-mod text;
+use std::fmt;
 
-pub use self::text::{known_text, parsed_text};
+use serde::de::{Deserializer, Error, Unexpected, Visitor};
 
 /// Maximum length of a text, in bytes: more than a thousand lines. Nesting that the check below
 /// does not detect costs time proportional to the square of this.
@@ -135,6 +135,50 @@ impl Scan {
 fn is_rule(line: &str) -> bool {
     let line = line.trim();
     !line.is_empty() && line.chars().all(|c| c == '-')
+}
+
+/// Reads a text and parses it; `expected` describes the valid ones.
+///
+/// # Errors
+/// If the value is not a text, or the error of `parse`.
+pub fn parsed_text<'de, D: Deserializer<'de>, T, W: fmt::Display>(
+    from: D,
+    expected: &str,
+    parse: impl FnOnce(&str) -> Result<T, W>,
+) -> Result<T, D::Error> {
+    from.deserialize_str(TextVisitor { expected, parse })
+}
+
+/// As [`parsed_text`], for a `parse` that gives no reason.
+///
+/// # Errors
+/// If the value is not a text, or `parse` returns `None`.
+pub fn known_text<'de, D: Deserializer<'de>, T>(
+    from: D,
+    expected: &str,
+    parse: impl FnOnce(&str) -> Option<T>,
+) -> Result<T, D::Error> {
+    parsed_text(from, expected, |text| {
+        let found = Unexpected::Str(text);
+        parse(text).ok_or_else(|| format!("invalid value: {found}, expected {expected}"))
+    })
+}
+
+struct TextVisitor<'a, P> {
+    expected: &'a str,
+    parse: P,
+}
+
+impl<T, W: fmt::Display, P: FnOnce(&str) -> Result<T, W>> Visitor<'_> for TextVisitor<'_, P> {
+    type Value = T;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.expected)
+    }
+
+    fn visit_str<E: Error>(self, text: &str) -> Result<T, E> {
+        (self.parse)(text).map_err(E::custom)
+    }
 }
 
 #[cfg(test)]

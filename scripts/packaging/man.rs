@@ -14,10 +14,10 @@ const REST: &str = r#".SH "EXIT STATUS"
 Done.
 .TP
 1
-A script failed and will not be restarted, or the robot did not carry out a command.
+A script failed and will not be restarted, the robot did not carry out a command, or the system refused something.
 .TP
 2
-The command line, the config or a file that the command needs cannot be used.
+The command line, the config or a file that the command reads is missing or invalid.
 .TP
 3
 The robot, a run, a service or a broker cannot be reached or refused the login, or doctor found a problem.
@@ -39,8 +39,8 @@ The robot's password.
 SPYKEE_CONFIG
 The config file, unless \-\-config names one.
 .TP
-SPYKEE_...
-A single setting, such as SPYKEE_WATCHDOG_LOW for the key low in watchdog. An unknown one is refused.
+SPYKEE_ROBOT
+The robot's address, which overrides the config's.
 .TP
 RUST_LOG
 Filter for the log, such as debug.

@@ -51,9 +51,10 @@ impl ActiveBehaviour {
 
     /// When its time is over; `None`: it has no limit, or is ending already.
     pub(super) fn deadline(&self) -> Option<Instant> {
-        let ending = self.stop.borrow().is_some();
-        let limited = self.since.zip(self.time_limit).filter(|_| !ending);
-        limited.map(|(since, time_limit)| since + time_limit)
+        if self.stop.borrow().is_some() {
+            return None;
+        }
+        Some(self.since? + self.time_limit?)
     }
 
     /// Tells it to end, and not to start again.

@@ -148,13 +148,15 @@ fn of_namespace(namespace: &Namespace) -> String {
 
 /// The objects with methods that a module's functions return.
 fn made_by(namespace: &Namespace) -> Vec<&'static Object> {
+    if namespace.availability != Availability::Module {
+        return Vec::new();
+    }
     let returns = namespace.functions.iter().flat_map(|one| one.returns);
     let objects = returns.filter_map(|value| match value.kind {
         Type::Object(object) => Some(object),
         _ => None,
     });
-    let is_module = namespace.availability == Availability::Module;
-    objects.filter(|_| is_module).collect()
+    objects.collect()
 }
 
 fn fields(same: impl Fn(&str) -> bool) -> Vec<String> {

@@ -301,7 +301,9 @@ impl Host {
     /// wait for pictures.
     async fn report_sighting(&mut self) -> io::Result<()> {
         let sighting = self.script.take_sighting();
-        if let Some(sighting) = sighting.as_ref().filter(|_| self.findings) {
+        if let Some(sighting) = &sighting
+            && self.findings
+        {
             self.outbox.send(&found(sighting)).await?;
         }
         let Some(gallery) = &mut self.gallery else {

@@ -237,7 +237,9 @@ impl StoreWriter {
 /// process would have done.
 impl Drop for StoreWriter {
     fn drop(&mut self) {
-        if let Some(content) = self.unsent.take().filter(|_| self.write_at_end) {
+        if let Some(content) = self.unsent.take()
+            && self.write_at_end
+        {
             let _ = replace(&self.folder, &content, self.free);
         }
     }

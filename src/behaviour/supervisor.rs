@@ -222,7 +222,11 @@ impl Supervisor {
                 message = self.host.from_host.next() => match message {
                     Ok(Some(FromHost::Ended(ending))) => return Some(ending),
                     Ok(Some(message)) => {
-                        self.liveness.iter_mut().filter(|_| running).for_each(Liveness::reset);
+                        if let Some(liveness) = &mut self.liveness
+                            && running
+                        {
+                            liveness.reset();
+                        }
                         self.handle_message(message).await;
                     }
                     Ok(None) => return None,
@@ -340,8 +344,10 @@ impl Supervisor {
     }
 
     fn pass_partial(&mut self, partial: Option<PartialFrame>) {
-        let partial = partial.filter(|_| self.partial_wanted);
-        if let Some((at, jpeg)) = partial.and_then(|partial| self.frame_progress.rest(&partial)) {
+        if let Some(partial) = partial
+            && self.partial_wanted
+            && let Some((at, jpeg)) = self.frame_progress.rest(&partial)
+        {
             self.pass_on(ToHost::PartialFrame { at, jpeg });
         }
     }

@@ -47,9 +47,6 @@ pub(super) enum ArgumentError {
     /// `discover --timeout`: too short or too long.
     #[error("expected 0.1 to 60 seconds")]
     Search,
-    /// `sim --fps`.
-    #[error("expected 0.1 to 60 frames per second")]
-    FrameRate,
     /// `--roi`.
     #[error("expected x,y,w,h in whole pixels, such as 100,80,40,30; w and h at least 1")]
     Roi,

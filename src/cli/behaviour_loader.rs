@@ -11,7 +11,6 @@ use tokio::sync::mpsc;
 
 use super::Failure;
 use super::params::{self, Param};
-use super::source::read_source;
 use crate::agent::{Behaviour, Blueprint, BlueprintError};
 use crate::behaviour::{self, Launch, Library, Reload, RestartPolicy, ScriptWatcher};
 use crate::clock::{Clock, Zone};
@@ -93,7 +92,7 @@ impl BehaviourLoader<'_> {
         let source = read_source(&entry.file)?;
         let name = unique(entry.name().map_err(Failure::usage)?, names);
         let data = self.config.data_folder().join(&name);
-        let data = std::path::absolute(data).map_err(Failure::usage)?;
+        let data = std::path::absolute(data).map_err(Failure::internal)?;
         let options = script::Options {
             params: params(entry, self.file),
             annotate_dir: marked_folder(self.annotate, &name, &data)?,
@@ -156,7 +155,7 @@ fn marked_folder(
     let Some(folder) = annotate else {
         return Ok(None);
     };
-    let folder = std::path::absolute(folder.join(name)).map_err(Failure::usage)?;
+    let folder = std::path::absolute(folder.join(name)).map_err(Failure::internal)?;
     let refused = |why: &dyn Display| {
         let what = format_args!(
             "--annotate cannot keep frames in {}: {why}",
@@ -186,4 +185,15 @@ fn unique(name: String, names: &mut Vec<String>) -> String {
     }
     names.push(candidate.clone());
     candidate
+}
+
+/// Reads a script; the error has help for the user.
+pub(super) fn read_source(path: &Path) -> Result<Vec<u8>, Failure> {
+    behaviour::read_source(path).map_err(|error| {
+        Failure::usage(format_args!(
+            "cannot read the behaviour {}: {error}",
+            path.display()
+        ))
+        .help("ready-made behaviours are in behaviours/")
+    })
 }

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use super::{Failure, secret};
-use crate::config::{Effective, Named};
+use crate::config::Effective;
 use crate::control::Run;
 use crate::files;
 use crate::mqtt::{Account, Mqtt};
@@ -24,15 +24,10 @@ pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> 
     if options.host.is_none() {
         return Ok(None);
     }
-    let found = match settings.file_of("mqtt.password_file") {
-        Some((path, Named::Found)) => Some(path),
-        _ => None,
+    let password = match &options.password_file {
+        Some(path) => Some(secret::from_configured_file(path, settings.found_file())?),
+        None => None,
     };
-    let read = |path| match found {
-        Some(config) => secret::from_found_file(path, config),
-        None => secret::from_named_file(path),
-    };
-    let password = options.password_file.as_deref().map(read).transpose()?;
     let certificates = |path: &std::path::PathBuf| {
         files::read(path, LONGEST_CERTIFICATES).map_err(|error| {
             Failure::usage(format_args!(
@@ -57,7 +52,7 @@ pub(super) fn account(settings: &Effective) -> Result<Option<Account>, Failure> 
 /// See [`account`]; or a config that was found, not named.
 pub(super) fn of_run(settings: &Effective) -> Result<Option<Account>, Failure> {
     let account = account(settings)?;
-    if let (Some(_), Some((config, Named::Found))) = (&account, settings.file_of("mqtt.host")) {
+    if let (Some(_), Some(config)) = (&account, settings.found_file()) {
         let config = config.display();
         let failure = Failure::usage(format_args!(
             "the config {config} would connect the robot to a broker, but was found in the current \

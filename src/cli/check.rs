@@ -4,9 +4,9 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
 use super::behaviour_loader::params;
+use super::behaviour_loader::read_source;
 use super::examiner::Examiner;
 use super::settings::SettingsArgs;
-use super::source::read_source;
 use super::{Console, Exit, Failure, plural, print, print_coloured};
 use crate::agent::Behaviour;
 use crate::behaviour::Launch;
@@ -49,7 +49,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     let text = if args.json {
         format!(
             "{}\n",
-            serde_json::to_string_pretty(&findings).map_err(Failure::usage)?
+            serde_json::to_string_pretty(&findings).map_err(Failure::internal)?
         )
     } else {
         report(&findings, count)

@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Subcommand;
 use serde_json::{Value as Json, json};
 
+use super::schedule::unknown_behaviour;
 use super::settings::SettingsArgs;
-use super::timetable::unknown_behaviour;
 use super::{Exit, Failure, print};
-use crate::config::{self, Config, Origin, Setting};
-use crate::link::Target;
+use crate::config::{self, Config, Setting};
 
 /// Show the settings and where they come from, check a config file, or print its JSON Schema
 #[derive(Debug, Clone, clap::Args)]
@@ -20,8 +19,7 @@ pub(super) struct ConfigArgs {
 
 #[derive(Debug, Clone, Subcommand)]
 enum Action {
-    /// Print the settings in effect: flags override $SPYKEE_..., which overrides the file, which
-    /// overrides the defaults
+    /// Print the settings in effect: $SPYKEE_ROBOT overrides the file, which overrides the defaults
     Show(ShowArgs),
     /// Check a config file
     Check {
@@ -48,18 +46,6 @@ struct ShowArgs {
     /// Print a JSON array, with origins
     #[arg(long)]
     json: bool,
-
-    /// Robot's address, as for `spykee run`
-    #[arg(long, value_name = "HOST[:PORT]")]
-    robot: Option<Target>,
-
-    /// User name for the login, as for `spykee run`
-    #[arg(long, value_name = "NAME")]
-    user: Option<String>,
-
-    /// Password file, as for `spykee run`
-    #[arg(long, value_name = "FILE")]
-    password_file: Option<PathBuf>,
 }
 
 impl ConfigArgs {
@@ -112,29 +98,7 @@ fn check(file: &Path) -> Result<Exit, Failure> {
 }
 
 fn show(args: &ShowArgs) -> Result<Exit, Failure> {
-    let effective = args.settings.load()?;
-    let flags = [
-        (
-            "robot",
-            "--robot",
-            args.robot.as_ref().map(Target::to_string),
-        ),
-        ("user", "--user", args.user.clone()),
-        (
-            "password_file",
-            "--password-file",
-            args.password_file
-                .as_ref()
-                .map(|path| path.display().to_string()),
-        ),
-    ];
-    let mut settings = effective.settings();
-    for (key, flag, value) in flags {
-        let slot = settings.iter_mut().find(|setting| setting.key == key);
-        if let (Some(slot), Some(value)) = (slot, value) {
-            (slot.value, slot.origin) = (value.into(), Origin::Flag(flag));
-        }
-    }
+    let settings = args.settings.load()?.settings();
     print(&if args.json {
         format!(
             "{:#}\n",
@@ -153,7 +117,7 @@ fn as_json(setting: &Setting) -> Json {
     json!({
         "key": setting.key,
         "value": serde_json::to_value(&setting.value).unwrap_or(Json::Null),
-        "origin": setting.origin.to_string(),
+        "origin": setting.origin,
     })
 }
 

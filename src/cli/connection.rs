@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::world_name::WorldParser;
+use super::world::WorldParser;
 use super::{Failure, secret};
-use crate::config::{Effective, Named};
+use crate::config::Effective;
 use crate::link::Target;
 use crate::wire::Login;
 
@@ -108,11 +108,7 @@ impl LoginArgs {
         let Some(path) = &settings.config.password_file else {
             return Ok(DEFAULT_LOGIN.to_owned());
         };
-        match settings.file_of("password_file") {
-            None => secret::from_chosen_file(path),
-            Some((config, Named::Found)) => secret::from_found_file(path, config),
-            Some((_, Named::Chosen)) => secret::from_named_file(path),
-        }
+        secret::from_configured_file(path, settings.found_file())
     }
 }
 

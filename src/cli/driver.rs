@@ -68,7 +68,7 @@ pub(super) async fn drive(
 /// motion, ends because of it.
 async fn unless_stopped<T>(stop: &CancellationToken, work: impl Future<Output = T>) -> Option<T> {
     let done = stop.run_until_cancelled(work).await;
-    done.filter(|_| !stop.is_cancelled())
+    if stop.is_cancelled() { None } else { done }
 }
 
 impl Driver {

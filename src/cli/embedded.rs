@@ -105,7 +105,7 @@ impl Drop for EmbeddedSim {
 }
 
 fn no_sim(error: std::io::Error) -> Failure {
-    Failure::usage(format_args!("cannot start the simulator: {error}"))
+    Failure::io("start the simulator", error)
 }
 
 /// Loads the world from a file, the built-in one of that name, or the default one.
@@ -116,8 +116,9 @@ pub(super) fn load(world: Option<&Path>) -> Result<World, Failure> {
     let Some(path) = world else {
         return Ok(World::default_world());
     };
-    let builtin = path.to_str().and_then(World::builtin);
-    if let Some(world) = builtin.filter(|_| !path.exists()) {
+    if let Some(world) = path.to_str().and_then(World::builtin)
+        && !path.exists()
+    {
         return Ok(world);
     }
     World::load(path).map_err(|error| {

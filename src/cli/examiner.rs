@@ -26,9 +26,8 @@ struct File {
 
 impl Examiner {
     pub(super) fn new() -> Result<Examiner, Failure> {
-        let inspector = Inspector::of_this_executable().map_err(|error| {
-            Failure::usage(format_args!("cannot find this program's own file: {error}"))
-        })?;
+        let inspector = Inspector::of_this_executable()
+            .map_err(|error| Failure::io("find this program's own file", error))?;
         Ok(Examiner {
             inspector,
             seen: BTreeSet::new(),

@@ -1,5 +1,7 @@
 //! Exit codes for scripts, and error messages for people.
 
+use std::fmt::Display;
+use std::path::Path;
 use std::process::ExitCode;
 
 use crate::link::LinkError;
@@ -9,8 +11,9 @@ use crate::link::LinkError;
 pub enum Exit {
     /// Success.
     Done = 0,
-    /// A behaviour failed, or the robot did not carry out a command.
-    Script = 1,
+    /// A behaviour failed, the robot did not carry out a command, or the system refused a file, a
+    /// socket or a process.
+    Failed = 1,
     /// The command line, or a config, world or other file that the command needs, cannot be used.
     Usage = 2,
     /// The robot, a run, a service or a broker cannot be reached or refused the login, or `doctor`
@@ -46,7 +49,7 @@ pub struct Failure {
 
 impl Failure {
     /// Creates a failure from an exit code and a message.
-    pub fn new(exit: Exit, what: impl std::fmt::Display) -> Failure {
+    pub fn new(exit: Exit, what: impl Display) -> Failure {
         Failure {
             exit,
             what: what.to_string(),
@@ -54,9 +57,29 @@ impl Failure {
         }
     }
 
-    /// Creates a failure for a command line, config or file that cannot be used.
-    pub fn usage(what: impl std::fmt::Display) -> Failure {
+    /// A command line, config or input file that cannot be used.
+    pub fn usage(what: impl Display) -> Failure {
         Failure::new(Exit::Usage, what)
+    }
+
+    /// An input file or folder that cannot be read.
+    pub fn unreadable(path: &Path, error: impl Display) -> Failure {
+        Failure::usage(format_args!("cannot read {}: {error}", path.display()))
+    }
+
+    /// An output file that cannot be written.
+    pub fn unwritable(path: &Path, error: impl Display) -> Failure {
+        Failure::io(format_args!("write {}", path.display()), error)
+    }
+
+    /// Something that the system refused; `doing` completes "cannot ...".
+    pub fn io(doing: impl Display, error: impl Display) -> Failure {
+        Failure::internal(format_args!("cannot {doing}: {error}"))
+    }
+
+    /// A failure that the caller did not cause.
+    pub fn internal(what: impl Display) -> Failure {
+        Failure::new(Exit::Failed, what)
     }
 
     /// Adds a help text.

@@ -17,7 +17,7 @@ use super::interrupt::TerminatingSignals;
 use super::live::PageInputs;
 use super::startup::{STATUS_PERIOD, runtime};
 use super::status::StatusLine;
-use super::trace::TraceFile;
+use super::world::TraceFile;
 use super::{Console, Exit, Failure};
 use crate::agent::{AgentError, Behaviour, Bus, Outcome, Tries};
 use crate::clock::hours;
@@ -60,7 +60,7 @@ pub(super) struct LabJournalOptions {
 
 impl LabJournalOptions {
     /// The journal that this config asks for, if any.
-    pub(super) fn of(config: &Config) -> Option<LabJournalOptions> {
+    pub(super) fn from_config(config: &Config) -> Option<LabJournalOptions> {
         let wanted = config.journal.record == journal::When::On;
         wanted.then(|| LabJournalOptions {
             data: config.data_folder().to_owned(),
@@ -144,7 +144,7 @@ impl Fast {
         match (result, joined) {
             (Ok(result), Ok(())) => result.map_err(no_lab)?,
             _ => Err(Failure::new(
-                Exit::Script,
+                Exit::Failed,
                 AgentError::Broken("the laboratory"),
             )),
         }
@@ -206,7 +206,7 @@ pub(super) fn exit_when_stuck(console: &Console) {
     let console = console.clone();
     script::when_stuck(STUCK_LIMIT, move |file| {
         let words = format!("error: {}", script::stuck(file));
-        exit_with_message(&console, &words, Exit::Script);
+        exit_with_message(&console, &words, Exit::Failed);
     });
 }
 
@@ -241,7 +241,7 @@ async fn show(
 }
 
 pub(super) fn no_lab(error: std::io::Error) -> Failure {
-    Failure::usage(format_args!("cannot start the simulation: {error}"))
+    Failure::io("start the simulation", error)
 }
 
 /// The virtual time that has passed, and the real time it took.
@@ -294,9 +294,8 @@ impl EventFile {
     /// The file cannot be created.
     pub(super) fn create(path: &Path) -> Result<EventFile, Failure> {
         let shown = path.display().to_string();
-        let file = File::create(path).map_err(|error| {
-            Failure::usage(format_args!("cannot write the event log {shown}: {error}"))
-        })?;
+        let file = File::create(path)
+            .map_err(|error| Failure::io(format_args!("write the event log {shown}"), error))?;
         let writing = Writing {
             file: BufWriter::new(file),
             trouble: None,
@@ -331,7 +330,7 @@ impl EventFile {
         let flushed = writing.file.flush();
         match writing.trouble.take().map_or(flushed, Err) {
             Ok(()) => Ok(()),
-            Err(error) => Err(Failure::usage(format_args!(
+            Err(error) => Err(Failure::internal(format_args!(
                 "the event log {} is incomplete: {error}",
                 self.shown
             ))),

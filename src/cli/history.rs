@@ -144,9 +144,10 @@ fn open(data: &Path) -> Result<History, Failure> {
                  run` too; --config selects another config and its data folder",
             ),
         ),
-        Err(error) => Err(Failure::usage(format_args!(
-            "cannot read the journal in {data_shown}: {error}"
-        ))),
+        Err(error) => {
+            let doing = format_args!("read the journal in {data_shown}");
+            Err(Failure::io(doing, error))
+        }
     }
 }
 
@@ -169,7 +170,7 @@ fn list(
         tracing::warn!("only the newest {DEFAULT_LIMIT} entries are shown; --since shows more");
     }
     if args.json {
-        let text = serde_json::to_string(&records).map_err(Failure::usage)?;
+        let text = serde_json::to_string(&records).map_err(Failure::internal)?;
         print(&format!("{text}\n"))?;
         return Ok(Exit::Done);
     }
@@ -241,5 +242,5 @@ fn plot(
 }
 
 fn unreadable(error: crate::journal::JournalError) -> Failure {
-    Failure::usage(format_args!("cannot read the journal: {error}"))
+    Failure::io("read the journal", error)
 }

@@ -7,9 +7,10 @@ mod feedback;
 mod grade;
 mod likeness;
 mod marks;
-mod start;
 
 use std::ffi::OsStr;
+use std::fs;
+use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, TypedValueParser};
 
@@ -30,7 +31,7 @@ enum Action {
     /// List the lessons
     List,
     /// Create a folder with a lesson's task and a script to start from
-    Start(start::StartArgs),
+    Start(StartArgs),
     /// Test a script against its lesson and say what is missing
     Check(check::CheckArgs),
     /// Check the scripts of a class
@@ -40,7 +41,7 @@ enum Action {
 pub(super) fn run(args: &LessonArgs, console: &Console) -> Result<Exit, Failure> {
     match &args.action {
         Action::List => list(),
-        Action::Start(args) => start::run(args),
+        Action::Start(args) => start(args),
         Action::Check(args) => check::run(args, console),
         Action::Grade(args) => grade::run(args, console),
     }
@@ -94,4 +95,49 @@ impl TypedValueParser for LessonParser {
 
 fn parse_lesson(text: &str) -> Result<&'static Lesson, ArgumentError> {
     Lesson::named(text).ok_or_else(|| ArgumentError::Lesson(Lesson::all().len()))
+}
+
+#[derive(Debug, Clone, clap::Args)]
+struct StartArgs {
+    /// Number or name of the lesson
+    #[arg(value_name = "LESSON", value_parser = LessonParser, hide_possible_values = true)]
+    lesson: &'static Lesson,
+
+    /// Folder to create [default: named after the lesson, such as lesson-03-moving]
+    #[arg(value_name = "DIR")]
+    folder: Option<PathBuf>,
+}
+
+/// Creates the folder. Does not change an existing one.
+///
+/// # Errors
+/// The folder exists or cannot be created.
+fn start(args: &StartArgs) -> Result<Exit, Failure> {
+    let lesson = args.lesson;
+    let own = || PathBuf::from(format!("lesson-{}", lesson.folder));
+    let folder = args.folder.clone().unwrap_or_else(own);
+    let shown = folder.display();
+    let cannot = |error| Failure::io(format_args!("create {shown}"), error);
+    if let Some(parent) = folder.parent() {
+        fs::create_dir_all(parent).map_err(cannot)?;
+    }
+    fs::create_dir(&folder).map_err(|error| match error.kind() {
+        std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
+            .help(format!(
+                "nothing was changed; continue in it, or use another folder: spykee lesson start {} \
+                 DIR",
+                lesson.number
+            )),
+        _ => cannot(error),
+    })?;
+    let file = lesson.file();
+    for (name, text) in [("README.md", lesson.readme), (&file, lesson.starter)] {
+        fs::write(folder.join(name), text).map_err(cannot)?;
+    }
+    let (number, title, world) = (lesson.number, lesson.title(), lesson.world);
+    print(&format!(
+        "Lesson {number}, {title}, is in {shown}: read README.md, then edit {file}.\n\n\
+         next:\n  cd {shown}\n  spykee run {file} --sim {world} --trace run.png\n  spykee lesson check {file}\n"
+    ))?;
+    Ok(Exit::Done)
 }

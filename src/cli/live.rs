@@ -24,7 +24,7 @@ pub(super) struct PageInputs {
 
 impl PageInputs {
     /// Collects the inputs from the config, the known scripts and the bus.
-    pub(super) fn of(config: &Config, known: watch::Receiver<Known>, bus: &Bus) -> PageInputs {
+    pub(super) fn new(config: &Config, known: watch::Receiver<Known>, bus: &Bus) -> PageInputs {
         PageInputs {
             options: config.live.clone(),
             data: config.data_folder().to_owned(),
@@ -95,12 +95,14 @@ fn words(value: &ParamValue) -> String {
 }
 
 fn refused(error: LiveError) -> Failure {
-    let help = match &error {
-        LiveError::Access(_) => "without --live the run serves no page",
-        LiveError::Socket { .. } => "does another run use it? --live=127.0.0.1:0 picks a free port",
-        LiveError::System(_) => "without --live the run serves no page",
-    };
-    Failure::usage(error).help(help)
+    match &error {
+        LiveError::Access(_) => Failure::usage(error).help("without --live the run serves no page"),
+        LiveError::Socket { .. } => Failure::internal(error)
+            .help("does another run use it? --live=127.0.0.1:0 picks a free port"),
+        LiveError::System(_) => {
+            Failure::internal(error).help("without --live the run serves no page")
+        }
+    }
 }
 
 /// Opens the URL in the browser on a desktop. Without a desktop or `xdg-open` does nothing: the

@@ -52,10 +52,7 @@ impl MarkedPictures {
 
     fn folder(out: &Path) -> Result<MarkedPictures, Failure> {
         std::fs::create_dir_all(out).map_err(|error| {
-            Failure::usage(format_args!(
-                "cannot create the folder {}: {error}",
-                out.display()
-            ))
+            Failure::io(format_args!("create the folder {}", out.display()), error)
         })?;
         Ok(MarkedPictures::Folder(out.to_owned(), BTreeSet::new()))
     }
@@ -69,9 +66,7 @@ impl MarkedPictures {
             MarkedPictures::File(path) => path.clone(),
             MarkedPictures::Folder(folder, taken) => folder.join(name(image, taken)),
         };
-        let cannot = |error: String| {
-            Failure::usage(format_args!("cannot write {}: {error}", path.display()))
-        };
+        let cannot = |error: String| Failure::unwritable(&path, error);
         let mut png = Cursor::new(Vec::new());
         marked
             .write_to(&mut png, ImageFormat::Png)

@@ -21,7 +21,6 @@ mod embedded;
 mod examiner;
 mod failure;
 mod fast;
-mod firmware;
 mod fleet;
 mod history;
 mod interrupt;
@@ -33,7 +32,6 @@ mod marked_pictures;
 mod new;
 mod notify;
 mod number;
-mod outcome;
 mod params;
 mod picture;
 mod privileges;
@@ -51,17 +49,12 @@ mod serve;
 mod service;
 mod settings;
 mod sim;
-mod source;
 mod startup;
 mod status;
 mod table;
-mod terminal;
 mod test;
-mod timetable;
 mod token;
-mod trace;
 mod world;
-mod world_name;
 
 use std::cell::RefCell;
 use std::ffi::OsString;
@@ -304,16 +297,19 @@ fn execute<Guard>(
         _ => cli.config.file,
     };
     let is_named = named.is_some();
-    let default_settings = SettingsArgs::of(named);
+    let default_settings = SettingsArgs::new(named);
     let own = cli.command.settings();
     let settings = own.unwrap_or(&default_settings);
     let logs = settings.config().map(|config| config.logging.clone());
     let logs = logs.unwrap_or_default();
     let format = cli.log_format.unwrap_or(logs.format.into());
     let Ok(console) = start_console(format, &logs) else {
-        return Exit::Usage;
+        return Exit::Failed;
     };
     let _logging = start_logging(&console, format, &logs);
+    if let Some(own) = own {
+        own.warn_about_variables();
+    }
     let usable = match own {
         None if is_named => default_settings.load().map(|_| ()),
         _ => Ok(()),
@@ -370,8 +366,7 @@ fn block_on<F: Future>(future: F) -> Result<F::Output, Failure> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .enable_all()
         .build();
-    let runtime = runtime
-        .map_err(|error| Failure::usage(format_args!("cannot start the runtime: {error}")))?;
+    let runtime = runtime.map_err(|error| Failure::io("start the runtime", error))?;
     let output = runtime.block_on(future);
     runtime.shutdown_timeout(RUNTIME_LIMIT);
     Ok(output)
@@ -403,9 +398,9 @@ fn print_coloured(text: &str, colour: bool) -> Result<(), Failure> {
     }
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::usage(
-            format_args!("cannot write to stdout: {error}"),
-        )),
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Failure::io("write to stdout", error))
+        }
         _ => Ok(()),
     }
 }

@@ -24,10 +24,6 @@ pub(super) struct NewArgs {
     /// Behaviour to start from
     #[arg(long, value_enum, default_value = "patrol")]
     template: Template,
-
-    /// Parent folder; created if missing
-    #[arg(long, value_name = "DIR", default_value = ".")]
-    into: PathBuf,
 }
 
 /// The behaviour to start from.
@@ -76,22 +72,12 @@ fn parse_name(text: &str) -> Result<String, ArgumentError> {
 /// # Errors
 /// The folder exists or cannot be created.
 pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
-    let folder = if args.into.as_os_str() == "." {
-        PathBuf::from(&args.name)
-    } else {
-        args.into.join(&args.name)
-    };
+    let folder = PathBuf::from(&args.name);
     let shown = folder.display();
-    fs::create_dir_all(&args.into).map_err(|error| {
-        Failure::usage(format_args!(
-            "cannot create {}: {error}",
-            args.into.display()
-        ))
-    })?;
     fs::create_dir(&folder).map_err(|error| match error.kind() {
         std::io::ErrorKind::AlreadyExists => Failure::usage(format_args!("{shown} already exists"))
             .help("nothing was changed; choose another name"),
-        _ => Failure::usage(format_args!("cannot create {shown}: {error}")),
+        _ => Failure::io(format_args!("create {shown}"), error),
     })?;
     for (name, text) in files(&args.name, args.template) {
         write(&folder.join(name), &text)?;
@@ -106,8 +92,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Exit, Failure> {
 fn write(path: &Path, text: &str) -> Result<(), Failure> {
     let folder = path.parent().map_or(Ok(()), fs::create_dir_all);
     let written = folder.and_then(|()| fs::write(path, text));
-    written
-        .map_err(|error| Failure::usage(format_args!("cannot write {}: {error}", path.display())))
+    written.map_err(|error| Failure::unwritable(path, error))
 }
 
 /// All files to write, as (name, text).

@@ -11,7 +11,7 @@ use tokio_util::sync::CancellationToken;
 use super::settings::SettingsArgs;
 use super::{Exit, Failure, broker, print, secret};
 use crate::agent::Bus;
-use crate::config::{Effective, Named};
+use crate::config::Effective;
 use crate::mqtt::{PostError, publish};
 use crate::notify::{
     BrokerMessage, BrokerPublisher, Delivery, Notice, Notifier, Options, Rule, Target, deliver,
@@ -175,10 +175,7 @@ fn tokens<'a>(
     settings: &Effective,
     targets: impl IntoIterator<Item = (&'a String, &'a Target)>,
 ) -> Result<BTreeMap<String, String>, Failure> {
-    let found = match settings.file_of("notify") {
-        Some((path, Named::Found)) => Some(path),
-        _ => None,
-    };
+    let found = settings.found_file();
     let mut tokens = BTreeMap::new();
     for (name, target) in targets {
         if let Some(config) = found {
@@ -223,10 +220,7 @@ fn token(name: &str, target: &Target, found: Option<&Path>) -> Result<Option<Str
     let Some(path) = &target.token_file else {
         return Ok(None);
     };
-    let read = match found {
-        Some(config) => secret::from_found_file(path, config),
-        None => secret::from_named_file(path),
-    };
+    let read = secret::from_configured_file(path, found);
     read.map(Some).map_err(|failure| Failure {
         what: format!("the target {name}: {}", failure.what),
         ..failure

@@ -36,10 +36,9 @@ pub(super) fn drop_root(user: Option<&str>, data: &Path) -> Result<(), Failure> 
     })?;
     create_folder(data, &user).map_err(|error| {
         let data = data.display();
-        Failure::usage(format_args!("cannot create {data} for `{name}`: {error}"))
+        Failure::io(format_args!("create {data} for `{name}`"), error)
     })?;
-    become_user(&user)
-        .map_err(|why| Failure::usage(format_args!("cannot continue as `{name}`: {why}")))?;
+    become_user(&user).map_err(|why| Failure::io(format_args!("continue as `{name}`"), why))?;
     tracing::info!("started as root, now running as {name}");
     Ok(())
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::settings::SettingsArgs;
 use super::{Exit, Failure, block_on, secret};
-use crate::config::{Effective, Named, ServiceUrl};
+use crate::config::{Effective, ServiceUrl};
 use crate::control::{AskError, Client, Remote};
 
 /// Selects the service.
@@ -54,11 +54,7 @@ fn token(effective: &Effective) -> Result<Option<String>, Failure> {
     let Some(path) = &effective.config.remote.token_file else {
         return Ok(None);
     };
-    let token = match effective.file_of("remote.token_file") {
-        Some((config, Named::Found)) => secret::from_found_file(path, config),
-        _ => secret::from_named_file(path),
-    };
-    token.map(Some)
+    secret::from_configured_file(path, effective.found_file()).map(Some)
 }
 
 fn unreachable(url: &ServiceUrl, error: &AskError) -> Failure {

@@ -2,7 +2,6 @@
 //! the same pilot and watchdog. The terminal has its own thread; nothing here blocks on it.
 
 mod editor;
-mod history;
 mod names;
 
 use std::io::IsTerminal as _;
@@ -14,11 +13,10 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use super::interrupt::{handle_prompt_signals, handle_signals, listen};
+use super::interrupt::{Terminal, handle_prompt_signals, handle_signals, listen};
 use super::reach::{dial, place, reach};
 use super::settings::SettingsArgs;
 use super::startup::{driving_core, launcher, pulse, refuse_if_stopped, rescue, runtime};
-use super::terminal::Terminal;
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, PilotSetup, Talk, TalkError};
 use crate::behaviour::{Launch, Library, PromptCommand, PromptMessage};
@@ -90,7 +88,7 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
 fn launch(config: &Config, seed: u64) -> Result<Launch, Failure> {
     let data = config.data_folder().join(NAME);
     let options = script::Options {
-        data_dir: Some(std::path::absolute(data).map_err(Failure::usage)?),
+        data_dir: Some(std::path::absolute(data).map_err(Failure::internal)?),
         interactive: true,
         ..config.script(NAME, NAME, seed)
     };
@@ -130,7 +128,7 @@ async fn run_session(talk: Talk, terminal: &Terminal, console: &Console) -> Resu
     let thread = std::thread::Builder::new().name("editor".into());
     thread
         .spawn(move || editor::serve(&typed_sender, editor_commands, &console))
-        .map_err(|error| Failure::usage(format_args!("cannot start the prompt: {error}")))?;
+        .map_err(|error| Failure::io("start the prompt", error))?;
     let mut session = std::pin::pin!(talk.run(inbox, message_sender, stop.clone()));
     let (mut typed, mut messages) = (typed, messages);
     loop {
@@ -283,12 +281,12 @@ impl Repl {
             } else if interrupted {
                 Exit::Interrupted
             } else if self.failed && !self.interactive {
-                Exit::Script
+                Exit::Failed
             } else {
                 Exit::Done
             }),
             Err(TalkError::Agent(AgentError::Link(error))) => Err(error.into()),
-            Err(error) => Err(Failure::new(Exit::Script, error)),
+            Err(error) => Err(Failure::new(Exit::Failed, error)),
         }
     }
 }

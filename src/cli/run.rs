@@ -12,28 +12,29 @@ use tokio_util::sync::CancellationToken;
 use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
 use super::embedded::{EmbeddedSim, Simulated};
 use super::fast::{EventFile, Fast, LabJournalOptions};
-use super::firmware::FirmwareArgs;
 use super::interrupt::handle_signals;
 use super::live::PageInputs;
-use super::outcome::exit;
 use super::params::Param;
 use super::reach::{dial, place, reach_with};
 use super::settings::SettingsArgs;
+use super::sim::FirmwareArgs;
 use super::startup::{
     JOURNAL_END, driving_core, journal, launcher, pulse, rescue, runtime, serve, show, stop_latch,
 };
 use super::status::StatusLine;
-use super::trace::TraceFile;
+use super::world::TraceFile;
 use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check, notify};
-use crate::agent::{Agent, Behaviour, Bus, Plan, Tries, until_answered};
-use crate::behaviour::RestartPolicy;
+use crate::agent::{Agent, AgentError, Behaviour, Bus, Outcome, Plan, Tries, until_answered};
+use crate::behaviour::{RestartPolicy, is_failure};
 use crate::clock::{Clock, Date, Span, Zone};
 use crate::config::{Config, Entry};
 use crate::control::{self, ControlServer, StopLatch};
 use crate::journal;
 use crate::lab::{self, Tempo};
+use crate::link::LinkError;
 use crate::live::{Script, Simulation};
 use crate::mqtt::Account;
+use crate::robot::EndReason;
 use crate::sim;
 use crate::timetable::View;
 use crate::wire::Login;
@@ -145,7 +146,6 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     }
     let place = place(&args.connection, &config)?;
     let simulated = matches!(place, RobotChoice::Sim(_));
-    let trace = trace_file(&args, simulated)?;
     args.firmware.refuse_unless(simulated)?;
     if args.date.is_some() && !simulated {
         let what = "--date needs --sim: a real robot uses today's date";
@@ -160,16 +160,9 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         tracing::debug!(seed, "starting");
     }
     if args.fast {
-        return fast(
-            (&args, trace),
-            &config,
-            place,
-            behaviours,
-            login,
-            seed,
-            console,
-        );
+        return fast(&args, &config, place, behaviours, login, seed, console);
     }
+    let trace = trace_file(&args, simulated)?;
     let runtime = runtime()?;
     let kind = Simulated {
         faults: args.live.is_some(),
@@ -178,15 +171,16 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let (target, sim) = reach_with(place, &login, seed, kind)?;
     let server = ControlServer::open(config.data_folder());
     let stop_latch = stop_latch(&config, sim.is_some());
-    let about = (target.to_string(), sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
     let names = names(&behaviours);
     let (link, tries) = (config.link.clone(), Tries::default());
     let dial = if args.wait {
-        until_answered(dial(target, login, link.clone()), link, seed, tries.clone())
+        let dial = dial(target.clone(), login, link.clone());
+        until_answered(dial, link, seed, tries.clone())
     } else {
-        dial(target, login, link)
+        dial(target.clone(), login, link)
     };
+    let target = target.to_string();
     let core = driving_core()?;
     let bus = Bus::default();
     let page = args.live.map(|_| page(&config, &behaviours, &bus));
@@ -206,7 +200,10 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let account = broker::of_run(args.settings.load()?)?;
     let journal = match config.journal.record {
-        journal::When::On => journal(&config, &bus, &about, clock(&args, &config)),
+        journal::When::On => {
+            let about = (target.clone(), simulated);
+            journal(&config, &bus, &about, clock(&args, &config))
+        }
         _ => None,
     };
     let voice = notify::start(args.settings.load()?, &bus)?;
@@ -215,8 +212,16 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
         }
-        let control = (server, about, stop_latch.clone());
-        drive(plan, line, control, (page, account), console).await
+        let parts = RunParts {
+            plan,
+            line,
+            server,
+            target,
+            stop_latch: stop_latch.clone(),
+            page,
+            account,
+        };
+        drive(parts, console).await
     });
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
@@ -251,12 +256,12 @@ fn names(behaviours: &[Behaviour]) -> String {
 
 fn page(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> PageInputs {
     let scripts: Vec<Script> = behaviours.iter().map(super::live::script).collect();
-    PageInputs::of(config, watch::channel(scripts.into()).1, bus)
+    PageInputs::new(config, watch::channel(scripts.into()).1, bus)
 }
 
 /// Runs in virtual time, in this process.
 fn fast(
-    (args, trace): (&RunArgs, Option<TraceFile>),
+    args: &RunArgs,
     config: &Config,
     place: RobotChoice,
     behaviours: Vec<Behaviour>,
@@ -268,6 +273,7 @@ fn fast(
         let why = "--fast needs --sim: a real robot runs in real time";
         return Err(Failure::usage(why).help("spykee run FILE.lua --sim --fast"));
     };
+    let trace = trace_file(args, true)?;
     let events = args.events.as_deref().map(EventFile::create).transpose()?;
     let options = lab::Options {
         seed,
@@ -297,29 +303,32 @@ fn fast(
         limit: args.limit.map(Span::get),
         trace,
         page,
-        journal: LabJournalOptions::of(config),
+        journal: LabJournalOptions::from_config(config),
     };
     let outcome = fast.run(names, console)?;
     events.map_or(Ok(()), EventFile::finish)?;
     exit(outcome)
 }
 
-async fn drive(
+/// The parts of a run in real time.
+struct RunParts {
     plan: Plan,
     line: StatusLine,
-    (server, (target, simulated), stop_latch): (
-        io::Result<ControlServer>,
-        (String, bool),
-        StopLatch,
-    ),
-    (page, account): (Option<(PageInputs, Option<sim::Handle>)>, Option<Account>),
-    console: &Console,
-) -> Result<Exit, Failure> {
+    server: io::Result<ControlServer>,
+    target: String,
+    stop_latch: StopLatch,
+    page: Option<(PageInputs, Option<sim::Handle>)>,
+    account: Option<Account>,
+}
+
+async fn drive(parts: RunParts, console: &Console) -> Result<Exit, Failure> {
     let stop = CancellationToken::new();
-    let (core, streams) = (plan.core.clone(), plan.settings.streams);
-    let bus = plan.bus.clone();
-    let (agent, status) = Agent::new(plan);
-    stop_latch.restore(&agent.requests());
+    let core = parts.plan.core.clone();
+    let bus = parts.plan.bus.clone();
+    let streams = parts.plan.settings.streams;
+    let simulated = parts.plan.settings.simulated;
+    let (agent, status) = Agent::new(parts.plan);
+    parts.stop_latch.restore(&agent.requests());
     handle_signals(&core, agent.requests(), stop.clone())?;
     let run = control::Run {
         requests: agent.requests(),
@@ -328,30 +337,32 @@ async fn drive(
         pictures: agent.pictures(),
         reactions: agent.reactions(),
         stop: stop.clone(),
-        stop_latch,
+        stop_latch: parts.stop_latch,
         streams,
-        target,
+        target: parts.target,
         simulated,
         began: Instant::now(),
         // A single run has no timetable.
         view: View::channel().1,
     };
-    let page = page.map(|(page, sim)| page.serve(run.clone(), sim.map(Simulation::from), console));
+    let page = parts
+        .page
+        .map(|(page, sim)| page.serve(run.clone(), sim.map(Simulation::from), console));
     // Ends with the run.
     let _page = page.transpose()?;
-    let mqtt = broker::start(&bus, &run, account);
-    let showing = show(line, status, console);
+    let mqtt = broker::start(&bus, &run, parts.account);
+    let showing = show(parts.line, status, console);
     let outcome = tokio::select! {
         outcome = agent.run(stop) => exit(outcome),
         never = showing => match never {},
-        never = serve(server, run) => match never {},
+        never = serve(parts.server, run) => match never {},
     };
     mqtt.map(|mqtt| mqtt.finish(broker::END));
     outcome
 }
 
 fn load(args: &RunArgs, config: &Config, seed: u64) -> Result<LoadedBehaviours, Failure> {
-    let named = |file: &PathBuf| Entry::of(file.clone());
+    let named = |file: &PathBuf| Entry::new(file.clone());
     let entries: Vec<Entry> = if args.files.is_empty() {
         config.behaviours.clone()
     } else {
@@ -389,4 +400,42 @@ fn clock(args: &RunArgs, config: &Config) -> Clock {
         Some(date) if !args.fast => Clock::set_to(date.at(&zone(args, config))),
         _ => Clock::default(),
     }
+}
+
+/// The exit code for the outcome of a run.
+///
+/// # Errors
+/// The first connection failed, or a part of the agent ended unexpectedly.
+fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
+    let outcome = match outcome {
+        Ok(outcome) => outcome,
+        Err(AgentError::Link(error)) => return Err(unreachable(error)),
+        Err(error @ AgentError::Broken(_)) => return Err(Failure::new(Exit::Failed, error)),
+    };
+    let ended_by = |is: fn(EndReason) -> bool| {
+        let mut endings = outcome.endings.iter();
+        endings.any(|(_, ending)| is(ending.reason))
+    };
+    Ok(if outcome.interrupted && outcome.safety {
+        Exit::Safety
+    } else if outcome.interrupted {
+        Exit::Interrupted
+    } else if ended_by(is_failure) {
+        Exit::Failed
+    } else if outcome.safety || ended_by(|reason| reason == EndReason::Safety) {
+        Exit::Safety
+    } else {
+        Exit::Done
+    })
+}
+
+/// The failure of the first connection.
+fn unreachable(error: LinkError) -> Failure {
+    if error.is_final() {
+        return error.into();
+    }
+    let help = error.help();
+    Failure::from(error).help(format!(
+        "{help}; `spykee run --wait` retries until it answers"
+    ))
 }

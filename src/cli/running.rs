@@ -107,7 +107,7 @@ pub(super) fn ask(
         }
         Some(Answer::Refused(why)) => {
             let what = format!("the run ({name}) refused the request: {why}");
-            Err(Failure::new(Exit::Script, what)
+            Err(Failure::new(Exit::Failed, what)
                 .help("`spykee status` shows its state, `spykee behaviour list` its behaviours"))
         }
         answer => Ok(answer),

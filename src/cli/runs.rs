@@ -55,7 +55,7 @@ pub(super) fn run(args: &StatusArgs) -> Result<Exit, Failure> {
     let runs: Vec<Overview> = runs.into_iter().map(|run| run.overview).collect();
     if args.json {
         let runs: Vec<Report> = runs.iter().map(Report::from).collect();
-        let text = serde_json::to_string(&runs).map_err(Failure::usage)?;
+        let text = serde_json::to_string(&runs).map_err(Failure::internal)?;
         print(&format!("{text}\n"))?;
     } else if runs.is_empty() {
         print(&format!("no run is active in {}\n", data.display()))?;

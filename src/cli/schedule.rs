@@ -8,7 +8,7 @@ use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, number, print};
 use crate::clock::{self, Date, Zone};
-use crate::timetable::{PredictedStart, Reason, predict_starts};
+use crate::timetable::{PredictedStart, Reason, Timetable, predict_starts};
 
 const HEAD: [(&str, Side); 4] = [
     ("WHEN", Side::Left),
@@ -109,4 +109,17 @@ fn object(one: &PredictedStart, zone: &Zone) -> Value {
         "at": time(one.at), "run": one.run, "until": one.until.map(time), "starts": one.happens(),
         "quiet": has(Reason::Quiet), "overlap": has(Reason::Overlap), "unknown": has(Reason::Unknown),
     })
+}
+
+/// Describes the first rule of the timetable that names no behaviour of the config, and lists the
+/// behaviours that the config has.
+pub(super) fn unknown_behaviour(table: &Timetable, names: &[String]) -> Option<(String, String)> {
+    let unknown = *table.unknown(names).first()?;
+    let what = format!("the timetable runs `{unknown}`, but the config has no such behaviour");
+    let known = if names.is_empty() {
+        "the config names no behaviours".to_owned()
+    } else {
+        format!("the config has {}", names.join(", "))
+    };
+    Some((what, known))
 }

@@ -135,11 +135,18 @@ pub(super) fn from_chosen_file(path: &Path) -> Result<String, Failure> {
     first_line(path, text)
 }
 
-/// The first line of a file that a config names. It must be a short regular file.
+/// The first line of a file that the config names. It must be a short regular file; for a config
+/// that was found in the current folder (`found_config`), not named, see [`from_found_file`].
 ///
 /// # Errors
-/// It cannot be read, or its first line is empty.
-pub(super) fn from_named_file(path: &Path) -> Result<String, Failure> {
+/// It cannot be read, its first line is empty, or this config may not name it.
+pub(super) fn from_configured_file(
+    path: &Path,
+    found_config: Option<&Path>,
+) -> Result<String, Failure> {
+    if let Some(config) = found_config {
+        return from_found_file(path, config);
+    }
     if files::is_shared(path) {
         let path = path.display();
         tracing::warn!("other users can read the password file {path}: chmod 600 {path}");
@@ -155,7 +162,7 @@ pub(super) fn from_named_file(path: &Path) -> Result<String, Failure> {
 ///
 /// # Errors
 /// The file is elsewhere, other users can read it, it cannot be read, or its first line is empty.
-pub(super) fn from_found_file(path: &Path, config: &Path) -> Result<String, Failure> {
+fn from_found_file(path: &Path, config: &Path) -> Result<String, Failure> {
     let folder = match config.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -258,11 +265,11 @@ mod tests {
         let path = root.path().join("password");
         write(&path, 0o644);
         assert_eq!(from_chosen_file(&path).unwrap(), "hunter2");
-        assert_eq!(from_named_file(&path).unwrap(), "hunter2");
-        assert!(from_named_file(Path::new("/dev/zero")).is_err());
+        assert_eq!(from_configured_file(&path, None).unwrap(), "hunter2");
+        assert!(from_configured_file(Path::new("/dev/zero"), None).is_err());
         fs::write(&path, "\n").unwrap();
         assert!(
-            from_named_file(&path)
+            from_configured_file(&path, None)
                 .unwrap_err()
                 .report()
                 .contains("empty")

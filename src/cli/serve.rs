@@ -110,7 +110,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     };
     let loaded = loader.load(&config)?;
     if args.fast {
-        return fast::serve(args, place, login, (&config, loaded), (seed, console));
+        return fast::serve(args, place, login, &config, loaded, seed, console);
     }
     let runtime = startup::runtime()?;
     let kind = Simulated {
@@ -150,7 +150,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let page = config
         .live
         .listen
-        .map(|_| PageInputs::of(&config, shown, &bus));
+        .map(|_| PageInputs::new(&config, shown, &bus));
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let voice = notify::start(args.settings.load()?, &bus)?;
     let line = StatusLine::new(
@@ -167,10 +167,14 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             stop_latch: stop_latch.clone(),
             target,
             beats,
+            loader,
+            config,
+            loaded,
+            page,
+            known,
+            account,
+            line,
         },
-        (loader, config, loaded),
-        (page, known, account),
-        line,
         console,
     ));
     drop(core);
@@ -182,13 +186,6 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     exit(outcome?)
 }
 
-/// The companions of a service: its page, the channel with the page's information, and its broker.
-type Companions = (
-    Option<(PageInputs, Option<Handle>)>,
-    watch::Sender<Known>,
-    Option<Account>,
-);
-
 /// The parts needed to run a service.
 struct ServiceParts {
     plan: Plan,
@@ -199,21 +196,26 @@ struct ServiceParts {
     target: Target,
     /// Heartbeats of the driving core.
     beats: Arc<Notify>,
+    loader: DutiesLoader,
+    config: Config,
+    loaded: LoadedDuties,
+    page: Option<(PageInputs, Option<Handle>)>,
+    /// What the page knows of the behaviours.
+    known: watch::Sender<Known>,
+    account: Option<Account>,
+    line: StatusLine,
 }
 
 async fn serve(
     parts: ServiceParts,
-    (loader, config, loaded): (DutiesLoader, Config, LoadedDuties),
-    (page, known, account): Companions,
-    line: StatusLine,
     console: &Console,
 ) -> Result<Result<Outcome, AgentError>, Failure> {
-    let ServiceParts { plan, server, .. } = parts;
     let ended_by_person = CancellationToken::new();
     let stop = ended_by_person.child_token();
-    let (core, settings) = (plan.core.clone(), plan.settings.clone());
-    let bus = plan.bus.clone();
-    let (agent, status) = Agent::new(plan);
+    let core = parts.plan.core.clone();
+    let settings = parts.plan.settings.clone();
+    let bus = parts.plan.bus.clone();
+    let (agent, status) = Agent::new(parts.plan);
     parts.stop_latch.restore(&agent.requests());
     let hangup = listen(libc::SIGHUP)?;
     handle_service_signals(&core, agent.requests(), stop.clone())?;
@@ -233,16 +235,17 @@ async fn serve(
         view: seen,
     };
     let (reload, reloads) = mpsc::channel(1);
-    let page =
-        page.map(|(page, sim)| page.serve(run_handle.clone(), sim.map(Simulation::from), console));
+    let page = parts
+        .page
+        .map(|(page, sim)| page.serve(run_handle.clone(), sim.map(Simulation::from), console));
     let _page = page.transpose()?;
-    let mqtt = broker::start(&bus, &run_handle, account);
+    let mqtt = broker::start(&bus, &run_handle, parts.account);
     let notifier = ManagerNotifier::of_environment();
     let service = Service {
         agent,
         status: status.clone(),
         clock: parts.clock,
-        duties: loaded.duties.clone(),
+        duties: parts.loaded.duties.clone(),
         record: parts.record,
         notifier: notifier.clone(),
         bus,
@@ -250,6 +253,7 @@ async fn serve(
         reloads,
         ended_by_person,
     };
+    let line = parts.line;
     let showing = async {
         match console.has_status_line() {
             true => show(line, status, console).await,
@@ -257,12 +261,16 @@ async fn serve(
             false => std::future::pending().await,
         }
     };
+    let now = (parts.config, parts.loaded);
+    let reloading = parts
+        .loader
+        .reload_on_hangup(hangup, reload, parts.known, now);
     let outcome = tokio::select! {
         outcome = service.run(stop) => outcome,
         never = showing => match never {},
-        never = startup::serve(server, run_handle) => match never {},
+        never = startup::serve(parts.server, run_handle) => match never {},
         never = notifier.pass_on(parts.beats) => match never {},
-        never = loader.reload_on_hangup(hangup, reload, known, (config, loaded)) => match never {},
+        never = reloading => match never {},
     };
     mqtt.map(|mqtt| mqtt.finish(broker::END));
     Ok(outcome)
@@ -273,7 +281,7 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
         Ok(outcome) if outcome.safety => Ok(Exit::Safety),
         Ok(_) => Ok(Exit::Done),
         Err(AgentError::Link(error)) => Err(error.into()),
-        Err(error @ AgentError::Broken(_)) => Err(Failure::new(Exit::Script, error)),
+        Err(error @ AgentError::Broken(_)) => Err(Failure::new(Exit::Failed, error)),
     }
 }
 

@@ -83,7 +83,7 @@ impl UnitArgs {
     fn text(&self) -> Result<String, Failure> {
         let program = match &self.program {
             Some(program) => program.clone(),
-            None => std::env::current_exe().map_err(Failure::usage)?,
+            None => std::env::current_exe().map_err(Failure::internal)?,
         };
         for path in [&program, &self.config]
             .into_iter()
@@ -138,13 +138,15 @@ fn install(text: &str, config: &Path, to: &Path, force: bool) -> Result<(), Fail
     let written = options
         .open(to)
         .and_then(|mut file| file.write_all(text.as_bytes()));
-    written.map_err(|error| {
-        let failure = Failure::usage(format_args!("cannot write {}: {error}", to.display()));
-        match error.kind() {
-            std::io::ErrorKind::AlreadyExists => failure.help("--force replaces it"),
-            std::io::ErrorKind::PermissionDenied => failure.help("sudo spykee service install"),
-            _ => failure,
+    written.map_err(|error| match error.kind() {
+        std::io::ErrorKind::AlreadyExists => {
+            Failure::usage(format_args!("{} already exists", to.display()))
+                .help("--force replaces it")
         }
+        std::io::ErrorKind::PermissionDenied => {
+            Failure::unwritable(to, error).help("sudo spykee service install")
+        }
+        _ => Failure::unwritable(to, error),
     })?;
     let name = to.file_name().unwrap_or_default().to_string_lossy();
     let config = if config.exists() {

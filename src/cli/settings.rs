@@ -31,7 +31,7 @@ pub(super) struct SettingsArgs {
 impl FromArgMatches for SettingsArgs {
     fn from_arg_matches(matches: &ArgMatches) -> Result<SettingsArgs, clap::Error> {
         let named = matches.try_get_one::<PathBuf>(CONFIG);
-        Ok(SettingsArgs::of(named.ok().flatten().cloned()))
+        Ok(SettingsArgs::new(named.ok().flatten().cloned()))
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
@@ -53,7 +53,7 @@ impl clap::Args for SettingsArgs {
 
 impl SettingsArgs {
     /// The settings of this file; `None`: of the default one.
-    pub(super) fn of(config: Option<PathBuf>) -> SettingsArgs {
+    pub(super) fn new(config: Option<PathBuf>) -> SettingsArgs {
         SettingsArgs {
             config,
             read: OnceCell::new(),
@@ -109,7 +109,19 @@ impl SettingsArgs {
 
     /// The same settings, to be read again.
     pub(super) fn reloaded(&self) -> SettingsArgs {
-        SettingsArgs::of(self.config.clone())
+        SettingsArgs::new(self.config.clone())
+    }
+
+    /// Warns about variables that look like settings but that nothing reads.
+    pub(super) fn warn_about_variables(&self) {
+        let Ok(effective) = self.load() else { return };
+        if !effective.unread_variables.is_empty() {
+            tracing::warn!(
+                "spykee does not read {}: settings other than SPYKEE_CONFIG, SPYKEE_PASSWORD and \
+                 SPYKEE_ROBOT belong in a config file",
+                effective.unread_variables.join(", ")
+            );
+        }
     }
 
     /// Logs which file is used.

@@ -6,13 +6,11 @@ use std::time::Duration;
 
 use tokio::time::interval;
 
-use super::argument::ArgumentError;
 use super::embedded::load;
-use super::firmware::FirmwareArgs;
 use super::interrupt::interruption;
-use super::world_name::WorldParser;
+use super::world::WorldParser;
 use super::{Console, Exit, Failure, LoginArgs, block_on, print};
-use crate::sim::{Fault, Handle, Options, Server, State, World};
+use crate::sim::{Fault, Firmware, Handle, Options, Server, State, World};
 
 /// Interval between redraws of the status line.
 const STATUS_PERIOD: Duration = Duration::from_millis(500);
@@ -27,10 +25,6 @@ pub(super) struct SimArgs {
     /// Address and port to listen on, TCP and UDP; port 0 picks a free one
     #[arg(long, value_name = "IP:PORT", default_value = "127.0.0.1:9000")]
     listen: SocketAddr,
-
-    /// Camera frames per second, 0.1 to 60 [default: from the world]
-    #[arg(long, value_name = "NUMBER", value_parser = parse_fps)]
-    fps: Option<f64>,
 
     /// Seed for simulator noise; the same seed and the same commands give the same run
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
@@ -48,11 +42,6 @@ pub(super) struct SimArgs {
     login: LoginArgs,
 }
 
-fn parse_fps(text: &str) -> Result<f64, ArgumentError> {
-    let fps = text.parse().ok().filter(|fps| (0.1..=60.0).contains(fps));
-    fps.ok_or(ArgumentError::FrameRate)
-}
-
 /// Serves until interrupted.
 ///
 /// # Errors
@@ -64,7 +53,6 @@ pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
         listen: args.listen,
         login: args.login.login_without_config()?,
         seed: args.seed,
-        fps: args.fps,
         faults,
         firmware: args.firmware.load()?,
         ..Options::default()
@@ -83,14 +71,14 @@ async fn serve(world: World, options: Options, console: &Console) -> Result<Exit
     let (uid, user) = (options.uid.clone(), options.login.user.clone());
     let interrupted = interruption()?;
     let server = Server::bind(world, options).await.map_err(|error| {
-        Failure::usage(format_args!("cannot listen on {listen}: {error}"))
+        Failure::io(format_args!("listen on {listen}"), error)
             .help("is a simulator already running? --listen 127.0.0.1:0 picks a free port")
     })?;
     print(&greeting(server.local_addr(), &uid, &user))?;
     let handle = server.handle();
     tokio::select! {
         ended = server.run() => ended.map(|()| Exit::Done).map_err(|error| {
-            Failure::usage(format_args!("the simulator failed: {error}"))
+            Failure::internal(format_args!("the simulator failed: {error}"))
         }),
         () = show_status(&handle, console) => Ok(Exit::Done),
         () = interrupted => Ok(Exit::Interrupted),
@@ -132,4 +120,40 @@ fn status(state: &State) -> String {
         "{activity} · battery {:.0} %{charging} · at {:.2} {:.2} m · user {user} · {} frames",
         state.battery, state.pose.x, state.pose.y, state.frames,
     )
+}
+
+/// The firmware of a simulated robot.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub(super) struct FirmwareArgs {
+    /// YAML file with the simulated robot's behaviour where the real firmware is unknown; the README
+    /// lists the keys
+    #[arg(long, value_name = "FILE.yaml")]
+    firmware: Option<PathBuf>,
+}
+
+impl FirmwareArgs {
+    /// Loads the firmware from the file, or returns the default.
+    ///
+    /// # Errors
+    /// An invalid file; the error says what is wrong and where.
+    pub(super) fn load(&self) -> Result<Firmware, Failure> {
+        let Some(path) = &self.firmware else {
+            return Ok(Firmware::default());
+        };
+        Firmware::load(path).map_err(|error| {
+            Failure::usage(error).help("the README's section on firmware lists all keys")
+        })
+    }
+
+    /// Refuses the flag for a real robot, which has its own firmware.
+    ///
+    /// # Errors
+    /// The flag was given and the robot is not simulated.
+    pub(super) fn refuse_unless(&self, simulated: bool) -> Result<(), Failure> {
+        if simulated || self.firmware.is_none() {
+            return Ok(());
+        }
+        let failure = Failure::usage("--firmware needs --sim: it describes a simulated robot");
+        Err(failure.help("--sim [WORLD] runs on a simulated robot"))
+    }
 }

@@ -28,14 +28,12 @@ pub(super) const JOURNAL_END: Duration = Duration::from_secs(2);
 /// A runtime on this thread.
 pub(super) fn runtime() -> Result<Runtime, Failure> {
     let runtime = Builder::new_current_thread().enable_all().build();
-    runtime.map_err(|error| Failure::usage(format_args!("cannot start the runtime: {error}")))
+    runtime.map_err(|error| Failure::io("start the runtime", error))
 }
 
 /// The launcher of hosts, which run this program's own file.
 pub(super) fn launcher() -> Result<Launcher, Failure> {
-    Launcher::this_executable().map_err(|error| {
-        Failure::usage(format_args!("cannot find this program's own file: {error}"))
-    })
+    Launcher::this_executable().map_err(|error| Failure::io("find this program's own file", error))
 }
 
 /// Starts the journal. On an error logs a warning: the run continues without it.
@@ -131,8 +129,7 @@ pub(super) fn rescue(config: &Config, seed: u64) -> Result<Option<Launch>, Failu
 
 /// Starts the thread on which the pilot runs.
 pub(super) fn driving_core() -> Result<DrivingCore, Failure> {
-    DrivingCore::start()
-        .map_err(|error| Failure::usage(format_args!("cannot start the driving thread: {error}")))
+    DrivingCore::start().map_err(|error| Failure::io("start the driving thread", error))
 }
 
 /// Shows the status, on a terminal or in a file.

@@ -1,6 +1,5 @@
 //! `spykee test`: runs the scenarios of `*_test.lua` files in parallel.
 
-mod files;
 pub(super) mod job_pool;
 mod junit;
 mod report;
@@ -10,8 +9,8 @@ use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::firmware::FirmwareArgs;
 use super::settings::SettingsArgs;
+use super::sim::FirmwareArgs;
 use super::{Console, Exit, Failure, number, print};
 use crate::clean;
 use crate::config::Config;
@@ -116,9 +115,7 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
     trouble?;
     if let Some(path) = &args.junit {
         let written = std::fs::write(path, junit::document(&report)?);
-        written.map_err(|error| {
-            Failure::usage(format_args!("cannot write {}: {error}", path.display()))
-        })?;
+        written.map_err(|error| Failure::unwritable(path, error))?;
     }
     console.status("");
     if args.json {
@@ -141,7 +138,7 @@ fn pictures(args: &TestArgs, config: &Config) -> PathBuf {
 fn scenario_files(paths: &[PathBuf], trials: &Trials) -> Result<Vec<ScenarioFile>, Failure> {
     let mut files = Vec::new();
     for path in paths {
-        files::collect(path, &mut files)?;
+        collect(path, &mut files)?;
     }
     files.dedup();
     if files.is_empty() {
@@ -207,4 +204,45 @@ fn list(scenario_files: &[ScenarioFile], jobs: &[job_pool::Job<'_>]) -> Result<E
     }
     print(&text)?;
     Ok(Exit::Done)
+}
+
+/// Maximum depth of nested folders.
+const MAX_DEPTH: u32 = 16;
+
+/// Collects a file as it is, and all scenario files of a folder in alphabetical order. Skips hidden
+/// folders, `target` folders and symbolic links to folders.
+///
+/// # Errors
+/// A path that does not exist or cannot be read.
+fn collect(path: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
+    let cannot = |error| Failure::unreadable(path, error);
+    if std::fs::metadata(path).map_err(cannot)?.is_dir() {
+        search(path, 0, files)
+    } else {
+        files.push(path.to_owned());
+        Ok(())
+    }
+}
+
+fn search(folder: &Path, depth: u32, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
+    let cannot = |error| Failure::unreadable(folder, error);
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(cannot)? {
+        paths.push(entry.map_err(cannot)?.path());
+    }
+    paths.sort();
+    for path in paths {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if path.is_dir() {
+            let skipped = name.starts_with('.') || name == "target" || path.is_symlink();
+            if !skipped && depth < MAX_DEPTH {
+                search(&path, depth + 1, files)?;
+            }
+        } else if name.ends_with("_test.lua") {
+            // Without `./`, as people would write it.
+            let shown = path.strip_prefix("./").map(Path::to_owned);
+            files.push(shown.unwrap_or(path));
+        }
+    }
+    Ok(())
 }

@@ -1,13 +1,15 @@
 //! `spykee world`: draws, lists and checks worlds.
 
+use std::ffi::OsStr;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use clap::builder::{PathBufValueParser, PossibleValue, TypedValueParser};
+
 use super::argument::ArgumentError;
 use super::embedded::load;
-use super::world_name::WorldParser;
 use super::{Exit, Failure, print};
-use crate::sim::World;
+use crate::sim::{Handle, World};
 
 /// Draw maps of simulated worlds, list the built-in worlds, check world files
 #[derive(Debug, Clone, clap::Args)]
@@ -89,7 +91,8 @@ fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
         (None, Some(path)) => {
             // Refuses to print files that are not worlds.
             World::load(path).map_err(Failure::usage)?;
-            let text = std::fs::read_to_string(path).map_err(Failure::usage)?;
+            let text =
+                std::fs::read_to_string(path).map_err(|error| Failure::unreadable(path, error))?;
             print(&text)?;
         }
         (None, None) => {}
@@ -104,7 +107,7 @@ fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
 pub(super) fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure> {
     picture
         .save(path)
-        .map_err(|error| Failure::usage(format_args!("cannot write {}: {error}", path.display())))
+        .map_err(|error| Failure::unwritable(path, error))
 }
 
 fn list() -> Result<Exit, Failure> {
@@ -132,4 +135,51 @@ fn check(worlds: &[PathBuf]) -> Result<Exit, Failure> {
     }
     Err(Failure::new(Exit::Check, wrong.join("\nerror: "))
         .help("worlds to start from are in behaviours/worlds/"))
+}
+
+/// Parses the name of a built-in world or of a file; shells complete the names.
+#[derive(Debug, Clone)]
+pub(super) struct WorldParser;
+
+impl TypedValueParser for WorldParser {
+    type Value = PathBuf;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<PathBuf, clap::Error> {
+        PathBufValueParser::new().parse_ref(command, arg, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(World::builtin_names().map(PossibleValue::new)))
+    }
+}
+
+/// A picture file for the path of a robot.
+#[derive(Debug)]
+pub(super) struct TraceFile(PathBuf);
+
+impl TraceFile {
+    /// Creates the file, so that an invalid name is reported before the robot moves.
+    ///
+    /// # Errors
+    /// The file cannot be created.
+    pub(super) fn create(path: &Path) -> Result<TraceFile, Failure> {
+        let made = std::fs::File::create(path);
+        made.map_err(|error| Failure::unwritable(path, error))?;
+        Ok(TraceFile(path.to_owned()))
+    }
+
+    /// Draws this robot's path and events so far.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub(super) fn write(&self, sim: &Handle) -> Result<(), Failure> {
+        save(&sim.trace().draw(sim.world()), &self.0)?;
+        tracing::info!("the robot's path is drawn in {}", self.0.display());
+        Ok(())
+    }
 }

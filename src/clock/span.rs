@@ -9,7 +9,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::error::{ClockError, SPAN_EXPECTED};
+use super::{ClockError, SPAN_EXPECTED};
 
 /// The maximum in milliseconds: a year.
 const LONGEST: u64 = 366 * 86_400_000;

@@ -10,7 +10,7 @@ use jiff::{Zoned, tz};
 use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::error::ClockError;
+use super::ClockError;
 
 /// See the module.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -49,7 +49,7 @@ pub enum Start {
 
 impl Entry {
     /// An entry for a script, with the defaults for everything else.
-    pub fn of(file: PathBuf) -> Entry {
+    pub fn new(file: PathBuf) -> Entry {
         Entry {
             file,
             name: None,
@@ -180,7 +180,7 @@ mod tests {
                       start: asked\n  \
                       params: { speed: 40, loud: true, colour: red }\n";
         let read = parse(text).unwrap();
-        assert_eq!(read[0], Entry::of("patrol.lua".into()));
+        assert_eq!(read[0], Entry::new("patrol.lua".into()));
         assert_eq!(read[0].name().as_deref(), Ok("patrol"));
         let restarts = Restarts {
             max_restarts: 3,

@@ -48,7 +48,8 @@ mod tests {
     #[test]
     fn the_example_names_every_setting() {
         let text = example();
-        for key in super::super::effective::keys() {
+        for setting in super::super::Effective::default().settings() {
+            let key = setting.key;
             let found = key.split('.').try_fold(&text, |tree, name| tree.get(name));
             assert!(found.is_some(), "{key} is not in the example");
         }

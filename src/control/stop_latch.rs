@@ -130,7 +130,9 @@ impl StopLatch {
             tell_pilot();
             std::mem::replace(was, on) != on
         });
-        if let Some(writer) = self.writer.as_ref().filter(|_| changed) {
+        if let Some(writer) = &self.writer
+            && changed
+        {
             // If the queue is full, the thread will see this change too.
             let _ = writer.changes.try_send(());
         }

@@ -91,10 +91,11 @@ impl Guard {
     /// When [`Guard::poll`] has something to return.
     pub(super) fn next_deadline(&self) -> Option<Instant> {
         let listening = self.words.is_some() && !self.written;
-        self.beaten
-            .filter(|_| listening)
-            .map(|beaten| beaten + HEARTBEAT_TIMEOUT)
-            .map(|due| self.deferred.map_or(due, |at| due.max(at)))
+        if !listening {
+            return None;
+        }
+        let due = self.beaten? + HEARTBEAT_TIMEOUT;
+        Some(self.deferred.map_or(due, |at| due.max(at)))
     }
 
     fn take_pending(&mut self) -> Option<PendingWrite> {

@@ -50,7 +50,9 @@ pub fn guardian_main() -> ExitCode {
     let (mut guard, mut robot) = (Guard::default(), None);
     let served = outlive_signals()
         .and_then(|_outlived| serve(&rustix::stdio::stdin(), &mut guard, &mut robot));
-    if let Some(robot) = robot.as_ref().filter(|_| guard.is_login()) {
+    if let Some(robot) = &robot
+        && guard.is_login()
+    {
         first_power::wait(robot);
     }
     // After an error, too: nobody else would stop the robot.

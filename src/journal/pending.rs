@@ -45,7 +45,7 @@ impl Pending {
             }
             _ => {}
         }
-        self.push(Content::of(what), at, now);
+        self.push(Content::from_occurrence(what), at, now);
     }
 
     /// Counts events that were missed.

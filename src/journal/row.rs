@@ -38,7 +38,7 @@ impl Content {
         }
     }
 
-    pub(super) fn of(what: &Occurrence) -> Content {
+    pub(super) fn from_occurrence(what: &Occurrence) -> Content {
         if let Occurrence::Battery(battery) = what {
             return Content::of_battery(battery);
         }

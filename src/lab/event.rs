@@ -57,7 +57,7 @@ impl Event {
         heard_or_said || (target.starts_with("spykee") && *metadata.level() <= Level::INFO)
     }
 
-    pub(super) fn of(at: Duration, event: &tracing::Event<'_>) -> Event {
+    pub(super) fn from_tracing(at: Duration, event: &tracing::Event<'_>) -> Event {
         let mut visitor = FieldVisitor::default();
         event.record(&mut visitor);
         let metadata = event.metadata();

@@ -99,7 +99,7 @@ impl Subscriber for Tee {
     fn event(&self, event: &tracing::Event<'_>) {
         if Event::is_wanted(event.metadata()) {
             self.recorder
-                .take(Event::of(now().unwrap_or_default(), event));
+                .take(Event::from_tracing(now().unwrap_or_default(), event));
         }
         if self.parent.enabled(event.metadata()) {
             self.parent.event(event);

@@ -32,7 +32,7 @@ enum CommandKind {
 }
 
 impl CommandKind {
-    fn of(command: &Command) -> CommandKind {
+    fn from_command(command: &Command) -> CommandKind {
         match command {
             Command::Move { .. } => CommandKind::Move,
             Command::Engine(_) => CommandKind::Engine,
@@ -91,7 +91,7 @@ impl SendQueue {
     }
 
     fn append(&mut self, command: &Command, since: Instant) {
-        let (bytes, kind) = (command.to_bytes(), CommandKind::of(command));
+        let (bytes, kind) = (command.to_bytes(), CommandKind::from_command(command));
         self.waiting += bytes.len();
         self.commands.push_back(Message { bytes, kind, since });
     }
@@ -99,7 +99,7 @@ impl SendQueue {
     /// Drops the queued MOVEs that these commands replace; returns since when the oldest of them
     /// was queued.
     fn supersede(&mut self, commands: &[Command]) -> Option<Instant> {
-        let mut kinds = commands.iter().map(CommandKind::of);
+        let mut kinds = commands.iter().map(CommandKind::from_command);
         if kinds.find(|kind| *kind != CommandKind::Other) != Some(CommandKind::Move) {
             return None;
         }
@@ -168,8 +168,10 @@ impl SendQueue {
             return self.gather();
         }
         let held = unacknowledged().is_some_and(|bytes| bytes > MAX_UNACKNOWLEDGED);
-        let first = self.speech.first().filter(|_| !held);
-        first.unwrap_or_default()
+        if held {
+            return Bytes::new();
+        }
+        self.speech.first().unwrap_or_default()
     }
 
     fn urgent(&self) -> usize {

@@ -42,8 +42,10 @@ impl FromStr for Target {
             Some((host, port)) if host_of(text).is_none() => (host, Some(port)),
             _ => (text, None),
         };
-        let host = host_of(written).filter(|_| !text.contains('/'));
-        let host = host.ok_or_else(|| TargetError::Host(text.to_owned()))?;
+        let host = match host_of(written) {
+            Some(host) if !text.contains('/') => host,
+            _ => return Err(TargetError::Host(text.to_owned())),
+        };
         if written.contains(':') && !written.starts_with('[') {
             return Err(TargetError::Brackets(written.to_owned()));
         }

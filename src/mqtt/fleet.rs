@@ -112,7 +112,7 @@ impl Fleet {
             return;
         };
         let presence = match what {
-            "connection" => Presence::of(&message.payload),
+            "connection" => Presence::parse(&message.payload),
             _ => None,
         };
         let state = match what {

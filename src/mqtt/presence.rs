@@ -31,7 +31,7 @@ impl Presence {
     }
 
     /// Parses a payload; `None` if it is not one of the words.
-    pub(super) fn of(payload: &[u8]) -> Option<Presence> {
+    pub(super) fn parse(payload: &[u8]) -> Option<Presence> {
         let mut all = Presence::ALL.into_iter();
         all.find(|presence| presence.word().as_bytes() == payload)
     }

@@ -37,9 +37,10 @@ pub fn deliver(
     abort: &CancellationToken,
 ) -> Delivery {
     let picture = || {
-        let wanted = target.picture != PictureMode::None;
-        let path = notice.picture.as_deref().filter(|_| wanted);
-        path.and_then(read_picture)
+        if target.picture == PictureMode::None {
+            return None;
+        }
+        notice.picture.as_deref().and_then(read_picture)
     };
     match (&target.url, &target.topic) {
         (Some(url), _) => webhook::send(target, url, token, notice, picture().as_deref()),

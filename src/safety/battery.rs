@@ -165,8 +165,10 @@ impl BatteryGuard {
 
     /// When silence will count as low; `None` if the battery is low already, or was never reported.
     pub fn next_deadline(&self) -> Option<Instant> {
-        let reported = self.reported.filter(|_| self.low_cause.is_none())?;
-        Some(reported + self.silence)
+        if self.low_cause.is_some() {
+            return None;
+        }
+        Some(self.reported? + self.silence)
     }
 
     /// Restarts the time of silence: on the station silence is no danger.
@@ -217,7 +219,8 @@ impl BatteryGuard {
             _ => Charging::Unconfirmed,
         };
         self.unconfirmed_since = match self.charging {
-            Charging::Unconfirmed => self.unconfirmed_since.filter(|_| !stale).or(Some(now)),
+            Charging::Unconfirmed if stale => Some(now),
+            Charging::Unconfirmed => self.unconfirmed_since.or(Some(now)),
             Charging::No | Charging::Confirmed => None,
         };
     }

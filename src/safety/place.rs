@@ -208,7 +208,7 @@ impl DockTracker {
     /// When [`DockTracker::poll`] has something to do.
     pub fn next_deadline(&self, low: bool) -> Option<Instant> {
         let waits = low && self.place == DockState::ContactReported;
-        let charge_due = self.charge_due.filter(|_| waits);
+        let charge_due = if waits { self.charge_due } else { None };
         [self.leaving, charge_due].into_iter().flatten().min()
     }
 

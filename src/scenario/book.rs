@@ -255,7 +255,7 @@ impl Stage for DeclarationStage {
         if name.trim().is_empty() {
             return Err(CallError::NoName.into());
         }
-        let options = Options::of(given.value(1));
+        let options = Options::parse(given.value(1));
         load_world(options.world.as_deref(), self.folder.as_deref())?;
         let mut found = self.found.borrow_mut();
         if let Some(twin) = found.iter().find(|other| other.name == name) {
@@ -288,7 +288,9 @@ pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<Wo
         path.extension()
             .is_some_and(|end| end == "yaml" || end == "yml")
     };
-    if let Some(folder) = folder.filter(|_| is_world(Path::new(name))) {
+    if let Some(folder) = folder
+        && is_world(Path::new(name))
+    {
         let path = folder.join(name);
         // Error messages quote the content, so only world files may be read, also through links.
         if path.canonicalize().is_ok_and(|path| !is_world(&path)) {

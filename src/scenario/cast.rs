@@ -37,7 +37,7 @@ impl Cast {
         if entries.is_empty() {
             let subject = self.subject.clone();
             let subject = subject.ok_or(CastError::NoSubject)?;
-            entries.push(Entry::of(subject));
+            entries.push(Entry::new(subject));
         }
         let mut names = Vec::new();
         for entry in &entries {
@@ -56,7 +56,7 @@ impl Cast {
 
     fn entry(&self, value: &Value) -> Result<Entry, CastError> {
         let mut entry = match value {
-            Value::String(path) => Entry::of(PathBuf::from(path)),
+            Value::String(path) => Entry::new(PathBuf::from(path)),
             Value::Object(_) => serde_json::from_value(value.clone())?,
             _ => return Err(CastError::Kind),
         };

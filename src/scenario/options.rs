@@ -28,7 +28,7 @@ pub struct Options {
 
 impl Options {
     /// Reads the options from a validated table.
-    pub(super) fn of(table: &Value) -> Options {
+    pub(super) fn parse(table: &Value) -> Options {
         let number = |key: &str| table[key].as_f64();
         Options {
             world: table["world"].as_str().map(str::to_owned),

@@ -290,8 +290,9 @@ impl Play<'_> {
 
     /// Returns the result if the scenario is over.
     fn verdict(&self, script: &Script) -> Option<Result<(), FailureReason>> {
-        let failed = self.stage.record.failed();
-        if let Some(failed) = failed.filter(|_| !self.scenario.options.may_fail) {
+        if let Some(failed) = self.stage.record.failed()
+            && !self.scenario.options.may_fail
+        {
             let text = format!("the behaviour {} failed: {}", failed.behaviour, failed.text);
             return Some(Err(FailureReason {
                 cause: Cause::Behaviour(failed.text),
@@ -358,8 +359,10 @@ impl Play<'_> {
         let line = line.map(|place| place.line);
         // A message of several lines is explained already.
         let is_plain = reason.cause == Cause::Scenario && !reason.message.contains('\n');
-        let erroneous = line.filter(|_| is_plain);
-        let explained = erroneous.and_then(|line| self.book.explanation(line, &reason.message));
+        let explained = match line {
+            Some(line) if is_plain => self.book.explanation(line, &reason.message),
+            _ => None,
+        };
         Failure {
             line: line.and_then(|line| self.book.line(line)),
             help: explained.as_ref().and_then(|one| one.help.clone()),

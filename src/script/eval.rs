@@ -117,7 +117,7 @@ fn is_incomplete(error: &LuaError) -> bool {
 }
 
 fn refused(error: &LuaError) -> Evaluated {
-    Evaluated::Failed(match VmError::of(error) {
+    Evaluated::Failed(match VmError::from_lua(error) {
         VmError::Memory => "not enough memory for this line".to_owned(),
         VmError::Text(text) => text,
     })

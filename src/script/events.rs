@@ -21,7 +21,7 @@ const MAX_QUEUE: usize = 64;
 impl EventName {
     /// The script's name of an event; `None` for events that scripts cannot subscribe to, such as
     /// the answers to waiting calls.
-    pub(super) fn of(event: &Event) -> Option<EventName> {
+    pub(super) fn from_event(event: &Event) -> Option<EventName> {
         Some(match event {
             Event::Connected { .. } => EventName::Connected,
             Event::Disconnected { .. } => EventName::Disconnected,

@@ -105,7 +105,7 @@ pub(super) enum VmError {
 impl VmError {
     /// Converts an error of the VM. The VM's error objects can be chains of any depth: they are
     /// walked with a limit and never formatted with `Display`.
-    pub(super) fn of(error: &LuaError) -> VmError {
+    pub(super) fn from_lua(error: &LuaError) -> VmError {
         let mut error = error;
         for _ in 0..32 {
             match error {
@@ -205,6 +205,6 @@ mod tests {
                 cause,
             };
         }
-        assert_eq!(VmError::of(&error), VmError::Memory);
+        assert_eq!(VmError::from_lua(&error), VmError::Memory);
     }
 }

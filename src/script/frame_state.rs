@@ -77,7 +77,7 @@ impl FrameState {
             motion_check: None,
             turned: None,
             damage: Damage::default(),
-            recorder: FindingsRecorder::of(options),
+            recorder: FindingsRecorder::from_options(options),
         }
     }
 }

@@ -127,7 +127,7 @@ pub(super) mod tests {
                 + 20.0 * (angle * 17.0).cos();
             Rgb([value as u8; 3])
         });
-        Skyline::of(&Image::from_rgb(&picture), camera)
+        Skyline::from_image(&Image::from_rgb(&picture), camera)
     }
 
     /// Turns by `whole` radians in 60 steps, estimates each radian as `estimated` radians, and

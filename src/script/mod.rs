@@ -159,7 +159,7 @@ impl Script {
             }
             other => Failure::Machine {
                 chunk,
-                reason: match failure::VmError::of(other) {
+                reason: match failure::VmError::from_lua(other) {
                     failure::VmError::Memory => "not enough memory".to_owned(),
                     failure::VmError::Text(text) => text,
                 },

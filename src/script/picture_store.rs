@@ -73,7 +73,7 @@ struct FolderContent {
 }
 
 impl FolderContent {
-    fn of(folder: &Folder) -> io::Result<FolderContent> {
+    fn read(folder: &Folder) -> io::Result<FolderContent> {
         let mut items = folder.items()?;
         items.sort();
         let weight = items.iter().map(|item| weight(item.bytes)).sum();
@@ -153,7 +153,7 @@ impl PictureStore {
     fn make_room(&mut self, folder: &Folder, name: &str, heavy: u64) -> io::Result<u64> {
         let mut content = match self.content.take() {
             Some(content) => content,
-            None => FolderContent::of(folder)?,
+            None => FolderContent::read(folder)?,
         };
         content.forget(name);
         let mut deleted = 0;

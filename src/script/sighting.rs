@@ -55,7 +55,7 @@ impl Default for FindingsRecorder {
 
 impl FindingsRecorder {
     /// Creates a recorder if the options say that somebody wants to see what the script sees.
-    pub(super) fn of(options: &Options) -> Option<FindingsRecorder> {
+    pub(super) fn from_options(options: &Options) -> Option<FindingsRecorder> {
         let (live, kept) = (options.findings, options.annotate_dir.is_some());
         let period = if live { LIVE_PERIOD } else { PERIOD };
         (live || kept).then(|| FindingsRecorder {

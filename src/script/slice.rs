@@ -140,7 +140,7 @@ impl Script {
         let slice = match result {
             Ok(_) if thread.status() == ThreadStatus::Resumable => Slice::Waits,
             Ok(values) => Slice::Over(self.done(id, values)),
-            Err(error) => match VmError::of(&error) {
+            Err(error) => match VmError::from_lua(&error) {
                 VmError::Memory => Slice::Memory,
                 VmError::Text(text) => Slice::Over(self.failed(id, text)),
             },
@@ -234,7 +234,7 @@ impl Script {
 
     /// Kills the script because the VM failed outside the script's own lines.
     fn vm_failed(&self, error: &mlua::Error, before: SliceStart) {
-        match VmError::of(error) {
+        match VmError::from_lua(error) {
             VmError::Memory => self.kill_out_of_memory(before),
             VmError::Text(text) => {
                 let mut state = self.state.borrow_mut();

@@ -17,7 +17,7 @@ pub(super) struct Loudness {
 
 impl Loudness {
     /// Measures a chunk of samples; an odd last byte is ignored.
-    pub(super) fn of(samples: &[u8]) -> Loudness {
+    pub(super) fn from_samples(samples: &[u8]) -> Loudness {
         let (mut squares, mut peak, mut count) = (0.0, 0.0_f64, 0_u32);
         for pair in samples.chunks_exact(2) {
             let sample = f64::from(i16::from_le_bytes([pair[0], pair[1]])) / 32_768.0;
@@ -39,7 +39,7 @@ impl Loudness {
 
 /// The payload of an `audio` event: `{rate, rms, peak, dbfs, samples}`.
 pub(super) fn to_lua(lua: &Lua, samples: &[u8]) -> LuaResult<LuaTable> {
-    let loudness = Loudness::of(samples);
+    let loudness = Loudness::from_samples(samples);
     let table = lua.create_table_with_capacity(0, 5)?;
     table.raw_set("rate", RATE)?;
     table.raw_set("rms", loudness.rms)?;
@@ -59,10 +59,10 @@ mod tests {
             .iter()
             .flat_map(|s| s.to_le_bytes())
             .collect();
-        let loudness = Loudness::of(&half);
+        let loudness = Loudness::from_samples(&half);
         assert_eq!((loudness.rms, loudness.peak), (0.5, 0.5));
         assert!((loudness.dbfs() + 6.02).abs() < 0.01);
-        assert_eq!(Loudness::of(&[]).dbfs(), SILENCE);
-        assert_eq!(Loudness::of(&[1]).peak, 0.0);
+        assert_eq!(Loudness::from_samples(&[]).dbfs(), SILENCE);
+        assert_eq!(Loudness::from_samples(&[1]).peak, 0.0);
     }
 }

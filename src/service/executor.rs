@@ -352,8 +352,11 @@ impl Executor {
 
     /// Updates the view and the status line of the service manager.
     fn publish_status(&mut self, status: &Status, now: jiff::Timestamp) {
-        let next = self.planner.next_start();
-        let next = next.filter(|_| clock::is_plausible(now));
+        let next = if clock::is_plausible(now) {
+            self.planner.next_start()
+        } else {
+            None
+        };
         let view = View {
             next: next.map(|(at, run)| (at, run.to_owned())),
             quiet: self.quiet != Quiet::Off,

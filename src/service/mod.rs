@@ -50,11 +50,15 @@ pub struct Duties {
 impl Duties {
     /// Returns which sounds and lights are suppressed at this time.
     fn quiet(&self, now: Timestamp) -> Quiet {
-        let quiet = self.table.quiet.filter(|_| is_plausible(now));
-        match quiet.filter(|quiet| quiet.covers(now, &self.table.zone)) {
-            Some(_) if self.quiet_alarm => Quiet::WithAlarm,
-            Some(_) => Quiet::Scripts,
-            None => Quiet::Off,
+        match self.table.quiet {
+            Some(hours) if is_plausible(now) && hours.covers(now, &self.table.zone) => {
+                if self.quiet_alarm {
+                    Quiet::WithAlarm
+                } else {
+                    Quiet::Scripts
+                }
+            }
+            _ => Quiet::Off,
         }
     }
 }

@@ -247,7 +247,10 @@ impl Planner {
                 planned,
                 lasts,
                 resumed: !one.waits,
-                expires: lasts.filter(|_| !one.waits).map(|lasts| facts.at + lasts),
+                expires: match lasts {
+                    Some(lasts) if !one.waits => Some(facts.at + lasts),
+                    _ => None,
+                },
             });
         }
     }

@@ -206,8 +206,12 @@ impl Tracker {
         for (track, owned) in self.followed.iter().zip(&self.owned) {
             let hides = owned.is_none() && track.age >= self.options.min_age;
             let inside = |index: &usize| self.crowd[*index] > 0 && track.is_within(&blobs[*index]);
-            self.hosts
-                .push((0..blobs.len()).filter(|_| hides).find(inside));
+            let host = if hides {
+                (0..blobs.len()).find(inside)
+            } else {
+                None
+            };
+            self.hosts.push(host);
         }
         self.hosts
             .iter()

@@ -23,7 +23,7 @@ pub struct Skyline {
 
 impl Skyline {
     /// The skyline of a picture.
-    pub fn of(image: &Image, camera: Camera) -> Skyline {
+    pub fn from_image(image: &Image, camera: Camera) -> Skyline {
         let size = image.size();
         let rows = |share: f64| (f64::from(size.height) * share) as u32;
         let (top, bottom) = (rows(BAND.0), rows(BAND.1));
@@ -142,7 +142,7 @@ mod tests {
                 + 20.0 * (angle * 17.0).cos();
             Rgb([(value * light).clamp(0.0, 255.0) as u8; 3])
         });
-        Skyline::of(&Image::from_rgb(&picture), camera)
+        Skyline::from_image(&Image::from_rgb(&picture), camera)
     }
 
     #[test]
@@ -163,14 +163,14 @@ mod tests {
             room(1.3, 1.0).turned_since(&room(1.0, 1.0), 0.0, 0.05),
             None
         );
-        let plain = Skyline::of(
+        let plain = Skyline::from_image(
             &Image::from_rgb(&RgbImage::from_pixel(320, 240, Rgb([70; 3]))),
             Camera::default(),
         );
         assert_eq!(plain.turned_since(&plain, 0.0, 0.3), None);
         assert_eq!(plain.turned_since(&room(1.0, 1.0), 0.0, 0.3), None);
         for side in [0, 1, 2, 3, 9] {
-            let tiny = Skyline::of(
+            let tiny = Skyline::from_image(
                 &Image::from_rgb(&RgbImage::from_pixel(side, side, Rgb([70; 3]))),
                 Camera::default(),
             );

@@ -115,7 +115,7 @@ fn an_invalid_command_line_ends_with_2_on_stderr() {
         &["discover", "--timeout", "0"],
         &["discover", "--timeout", "nan"],
         &["discover", "--ask", "nowhere"],
-        &["sim", "--fps", "0"],
+        &["sim", "--seed", "-1"],
         &["sim", "--listen", "9000"],
         &["discover", "--log-format", "xml"],
     ] {
@@ -194,7 +194,7 @@ fn the_simulator_ends_on_a_signal_with_130() {
 fn a_port_in_use_is_named_with_advice() {
     let sim = Sim::start(&[], |_| ());
     let output = run_in(Path::new("."), &["sim", "--listen", &sim.address]);
-    assert_eq!(output.code, Some(2));
+    assert_eq!(output.code, Some(1));
     let error = output.err;
     assert!(
         error.contains(&sim.address) && error.contains("  help: "),

@@ -168,15 +168,15 @@ async fn a_config_that_cannot_be_used_does_not_prevent_a_stop() {
     assert_eq!((code, told), (Some(2), true), "{text}");
 
     rig.file("spykee.yaml", &format!("robot: {}\n", rig.address));
-    let mut stop = rig.spykee_with(&["robot", "stop"], &[("SPYKEE_WATCHDOG_LO", "25")]);
+    let mut stop = rig.spykee_with(&["robot", "stop"], &[("SPYKEE_ROBOT", "http://x")]);
     let code = stop.code().await;
-    let told = stop.text().contains("did you mean SPYKEE_WATCHDOG_LOW?");
+    let told = stop.text().contains("$SPYKEE_ROBOT: expected HOST");
     assert_eq!((code, told), (Some(0), true), "{}", stop.text());
 
     // The file is trusted no more than without the warning: it was found, not named.
     let remote = "remote: { url: 'http://127.0.0.1:9', token_file: /etc/passwd }\n";
     rig.file("spykee.yaml", remote);
-    for environment in [&[("SPYKEE_WATCHDOG_LO", "25")][..], &[]] {
+    for environment in [&[("SPYKEE_ROBOT", "http://x")][..], &[]] {
         let mut stop = rig.spykee_with(&["robot", "stop"], environment);
         let code = stop.code().await;
         let told = stop.text().contains("was found in the current folder");

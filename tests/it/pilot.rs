@@ -40,11 +40,11 @@ fn dial(address: String) -> Dial {
 impl TestPilot {
     /// Runs another future in the pilot's task, which may panic.
     async fn with(rig: &Rig, beside: impl Future<Output = ()> + Send + 'static) -> TestPilot {
-        TestPilot::of(&rig.address, beside).await
+        TestPilot::new(&rig.address, beside).await
     }
 
     /// The same, with any robot.
-    async fn of(address: &str, beside: impl Future<Output = ()> + Send + 'static) -> TestPilot {
+    async fn new(address: &str, beside: impl Future<Output = ()> + Send + 'static) -> TestPilot {
         let settings = Settings {
             limits: Limits::default(),
             simulated: true,
@@ -310,7 +310,7 @@ async fn read(pilot: &mut TcpStream, command: &Command) {
 async fn the_last_words_of_a_login_in_progress_follow_a_persons_stop() {
     let robot = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = robot.local_addr().unwrap().to_string();
-    let mut test_pilot = TestPilot::of(&address, async {}).await;
+    let mut test_pilot = TestPilot::new(&address, async {}).await;
     let told = async {
         let mut link = accepted(&robot).await;
         let (percent, charging) = (10, false);

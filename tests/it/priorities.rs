@@ -17,7 +17,7 @@ struct Crew {
 }
 
 impl Crew {
-    async fn of(crew: &[(&str, i16, &str)]) -> Crew {
+    async fn new(crew: &[(&str, i16, &str)]) -> Crew {
         let rig = Rig::quiet().await;
         let mut config = "behaviours:\n".to_owned();
         for (name, priority, script) in crew {
@@ -94,7 +94,7 @@ fn avoid(on: u8, off: u8, percent: i8) -> String {
 async fn the_tracks_go_to_the_higher_priority_and_back_to_the_newest_setpoint_of_the_lower() {
     let patrol = "robot.move(40, 40) turn(101)\n\
                   robot.move(60, 60) robot.led('left', true) turn(0)";
-    let crew = Crew::of(&[("patrol", 0, patrol), ("avoid", 10, &avoid(100, 102, -50))]).await;
+    let crew = Crew::new(&[("patrol", 0, patrol), ("avoid", 10, &avoid(100, 102, -50))]).await;
     let at = crew.wait_for_move(0, 36).await;
     crew.turn(100);
     let at = crew.wait_for_move(at, -45).await;
@@ -109,7 +109,7 @@ async fn the_tracks_go_to_the_higher_priority_and_back_to_the_newest_setpoint_of
 async fn a_timed_move_is_preempted_by_a_timed_move_and_both_get_their_result() {
     let patrol = "print('patrol', robot.move(40, 40, 600)) robot.move(60, 60) turn(0)";
     let avoid = "turn(100) print('avoid', robot.move(-50, -50, 0.5)) turn(0)";
-    let crew = Crew::of(&[("patrol", 0, patrol), ("avoid", 10, avoid)]).await;
+    let crew = Crew::new(&[("patrol", 0, patrol), ("avoid", 10, avoid)]).await;
     let at = crew.wait_for_move(0, 36).await;
     crew.turn(100);
     let at = crew.wait_for_move(at, -45).await;
@@ -129,7 +129,7 @@ async fn however_the_higher_behaviour_ends_the_lower_resumes_without_a_stop() {
         "turn(0)",
     ] {
         let avoid = format!("turn(100) robot.move(-50, -50) turn(101) {end}");
-        let crew = Crew::of(&[PATROL, ("avoid", 10, &avoid)]).await;
+        let crew = Crew::new(&[PATROL, ("avoid", 10, &avoid)]).await;
         let at = crew.wait_for_move(0, 36).await;
         crew.turn(100);
         let at = crew.wait_for_move(at, -45).await;
@@ -150,7 +150,7 @@ async fn however_the_higher_behaviour_ends_the_lower_resumes_without_a_stop() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_frozen_higher_behaviour_is_stopped_before_the_lower_resumes() {
-    let crew = Crew::of(&[PATROL, ("avoid", 10, &avoid(100, 101, -50))]).await;
+    let crew = Crew::new(&[PATROL, ("avoid", 10, &avoid(100, 101, -50))]).await;
     let at = crew.wait_for_move(0, 36).await;
     crew.turn(100);
     let at = crew.wait_for_move(at, -45).await;
@@ -169,7 +169,7 @@ async fn a_behaviour_that_holds_the_tracks_still_does_not_count_as_dead() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_frozen_lower_behaviour_without_the_tracks_does_not_disturb_the_higher() {
-    let crew = Crew::of(&[PATROL, ("avoid", 10, &avoid(100, 101, -50))]).await;
+    let crew = Crew::new(&[PATROL, ("avoid", 10, &avoid(100, 101, -50))]).await;
     let at = crew.wait_for_move(0, 36).await;
     crew.turn(100);
     let at = crew.wait_for_move(at, -45).await;
@@ -182,7 +182,7 @@ async fn a_frozen_lower_behaviour_without_the_tracks_does_not_disturb_the_higher
 
 #[tokio::test(flavor = "multi_thread")]
 async fn of_three_levels_the_highest_drives_and_a_middle_one_that_released_the_tracks_is_skipped() {
-    let crew = Crew::of(&[
+    let crew = Crew::new(&[
         PATROL,
         ("middle", 5, &avoid(100, 102, 60)),
         ("avoid", 10, &avoid(101, 103, -50)),
@@ -202,7 +202,7 @@ async fn of_three_levels_the_highest_drives_and_a_middle_one_that_released_the_t
 #[tokio::test(flavor = "multi_thread")]
 async fn among_equals_the_first_keeps_the_tracks_until_it_releases_them() {
     let other = "turn(100) robot.move(70, 70) robot.led('left', true) turn(0)";
-    let crew = Crew::of(&[("first", 3, &avoid(99, 101, 40)), ("other", 3, other)]).await;
+    let crew = Crew::new(&[("first", 3, &avoid(99, 101, 40)), ("other", 3, other)]).await;
     crew.run.says("connected").await;
     let first = async {
         // The scripts may not be listening yet.
@@ -227,7 +227,7 @@ async fn no_change_of_priority_moves_a_robot_that_the_watchdog_sends_home() {
     let avoid = "turn(100)\n\
                  local drives = task.spawn(function() robot.move(-50, -50) task.wait(600) end)\n\
                  turn(101) drives:cancel() print('avoid', robot.move(-50, -50, 1)) turn(0)";
-    let crew = Crew::of(&[("patrol", 0, stubborn), ("avoid", 10, avoid)]).await;
+    let crew = Crew::new(&[("patrol", 0, stubborn), ("avoid", 10, avoid)]).await;
     let at = crew.wait_for_move(0, 36).await;
     crew.turn(100);
     crew.wait_for_move(at, -45).await;

@@ -131,10 +131,10 @@ impl Rig {
     }
 
     pub async fn new(world: &str, firmware: Firmware) -> Rig {
-        Rig::of(World::from_yaml(world, "test world").unwrap(), firmware).await
+        Rig::with_world(World::from_yaml(world, "test world").unwrap(), firmware).await
     }
 
-    pub async fn of(world: World, firmware: Firmware) -> Rig {
+    pub async fn with_world(world: World, firmware: Firmware) -> Rig {
         let options = Options {
             firmware,
             ..Options::default()

@@ -379,17 +379,18 @@ fn the_junit_report_is_xml_with_a_case_for_each_run() {
 }
 
 #[test]
-fn what_cannot_be_played_ends_with_2() {
+fn what_cannot_be_played_ends_with_2_and_an_unwritable_report_with_1() {
     let folder = folder(&[("a_test.lua", "scenario('x', {}, print)")]);
     for args in [
         &["test", "nowhere"][..],
         &["test", "--filter", "nothing of this name"],
         &["test", "--seeds", "0"],
-        &["test", "--junit", "no/such/folder.xml"],
     ] {
         let output = run_in(folder.path(), args);
         assert_eq!(output.code, Some(2), "{args:?}\n{}", output.text());
     }
+    let output = spykee(folder.path(), &["test", "--junit", "no/such/folder.xml"]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
     let empty = tempfile::tempdir().unwrap();
     let output = run_in(empty.path(), &["test"]);
     assert_eq!(output.code, Some(2));

@@ -40,7 +40,7 @@ pub struct Row {
 
 impl Row {
     /// Without those that never were away.
-    pub fn of(world: Name, strategy: Strategy, played: &[Played]) -> Row {
+    pub fn new(world: Name, strategy: Strategy, played: &[Played]) -> Row {
         let played: Vec<&Played> = played
             .iter()
             .filter(|one| one.end != End::NeverAway)

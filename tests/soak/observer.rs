@@ -68,7 +68,7 @@ impl Observer {
             low_since: None,
             moves: Vec::new(),
             homeward: None,
-            account: Account::of(lab.sim().world()),
+            account: Account::new(lab.sim().world()),
             spell: None,
             flat_since: None,
         }
@@ -96,7 +96,9 @@ impl Observer {
             online: state.user.as_deref() == Some(OURS),
             disturbed: faults.is_bad(now),
         });
-        if let Some(spell) = self.spell.as_mut().filter(|_| faults.has_carried()) {
+        if let Some(spell) = &mut self.spell
+            && faults.has_carried()
+        {
             spell.carried();
         }
         self.help_up(lab, &state, now);

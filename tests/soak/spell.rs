@@ -71,7 +71,7 @@ pub struct Look<'a> {
 }
 
 impl Account {
-    pub fn of(world: &World) -> Account {
+    pub fn new(world: &World) -> Account {
         Account {
             distances: StationDistances::new(world),
             drain: world.battery.driving_drain_per_minute,

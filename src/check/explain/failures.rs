@@ -326,11 +326,12 @@ impl<'a> ErrorSite<'a> {
         let kind = kind.map(|parameter| parameter.kind);
         let wants_function = kind.is_some_and(|kind| kind.is_function());
         let wants_result = counted.is_some() || kind.is_some_and(|kind| kind.wants_result());
-        let passed = argument
-            .filter(|_| wants_function || counted.is_some())
-            .and_then(|argument| {
+        let passed = match argument {
+            Some(argument) if wants_function || counted.is_some() => {
                 passing::help(self.source, argument, Some(whole.span), wants_result)
-            });
+            }
+            _ => None,
+        };
         let help = passed.unwrap_or_else(|| match argument {
             Some(argument) if rest.ends_with("got nothing") || rest.contains("is missing") => {
                 self.why(argument, "nil")

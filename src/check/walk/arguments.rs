@@ -321,7 +321,9 @@ impl<'a> Walk<'a> {
         let missing = keys
             .iter()
             .find(|key| key.requirement == Requirement::Required && !given.contains(&key.name));
-        if let Some(missing) = missing.filter(|_| certain) {
+        if let Some(missing) = missing
+            && certain
+        {
             let message = format!("{call}: {} is missing{}", missing.name, must_be(missing));
             self.error(table.span, message);
         }

@@ -22,15 +22,15 @@ pub(super) struct Plan {
 impl Plan {
     /// Both tracks at this fraction of [`POWER`], -1 to 1.
     pub(super) fn straight(direction: f64, millis: u64) -> Plan {
-        Plan::of(direction, direction, millis)
+        Plan::new(direction, direction, millis)
     }
 
     /// A turn on the spot, to the left if positive.
     pub(super) fn turn(direction: f64, millis: u64) -> Plan {
-        Plan::of(-direction, direction, millis)
+        Plan::new(-direction, direction, millis)
     }
 
-    fn of(left: f64, right: f64, millis: u64) -> Plan {
+    fn new(left: f64, right: f64, millis: u64) -> Plan {
         let setpoint = Setpoint::from_percent(left * POWER, right * POWER);
         Plan {
             setpoint: setpoint.unwrap_or(Setpoint::STOP),
@@ -49,43 +49,25 @@ pub(super) struct Measured {
 }
 
 impl Measured {
-    /// Computes the speeds from two (distance, time) pairs and one (angle, time) pair, in metres,
-    /// radians and seconds. Taking the difference of two moves cancels the effect of starting and
-    /// stopping.
-    pub(super) fn from_tape(
-        (short, long): ((f64, f64), (f64, f64)),
-        (angle, seconds): (f64, f64),
-    ) -> Measured {
-        let speed = (long.0 - short.0) / (long.1 - short.1);
-        let turning = angle / seconds;
-        Measured { speed, turning }
-    }
-
-    /// The calibration from the average of all rounds.
+    /// The calibration from these speeds.
     ///
     /// # Errors
     /// Implausible numbers.
-    pub(super) fn average(rounds: &[Measured]) -> Result<Calibration, Failure> {
-        let count = rounds.len() as f64;
-        let speed = rounds.iter().map(|round| round.speed).sum::<f64>() / count;
-        let turning = rounds.iter().map(|round| round.turning).sum::<f64>() / count;
-        let calibration = Calibration {
-            full_speed: speed / (POWER / 100.0),
-            // When turning on the spot, the tracks run in opposite directions at this speed.
-            track_width: 2.0 * speed / turning,
-        };
-        let Calibration {
-            full_speed,
-            track_width,
-        } = calibration;
+    pub(super) fn calibration(self) -> Result<Calibration, Failure> {
+        let full_speed = self.speed / (POWER / 100.0);
+        // When turning on the spot, the tracks run in opposite directions at this speed.
+        let track_width = 2.0 * self.speed / self.turning;
         if SPEEDS.contains(&full_speed) && WIDTHS.contains(&track_width) {
-            return Ok(calibration);
+            return Ok(Calibration {
+                full_speed,
+                track_width,
+            });
         }
         let what = format_args!(
             "implausible result: {full_speed:.2} m/s at full power, {track_width:.2} m between the tracks"
         );
         let help = "measure again: distances in centimetres; a full turn counts as 360 degrees";
-        Err(Failure::new(Exit::Script, what).help(help))
+        Err(Failure::new(Exit::Failed, what).help(help))
     }
 }
 
@@ -96,8 +78,11 @@ mod tests {
     #[test]
     fn distances_and_an_angle_give_speed_and_width() {
         // 0.45 m/s and 0.24 m at 60 %: 0.27 m/s, 2.25 rad/s; 3 cm are lost at the start.
-        let measured = Measured::from_tape(((0.24, 1.0), (0.78, 3.0)), (4.5, 2.0));
-        let calibration = Measured::average(&[measured]).unwrap();
+        let measured = Measured {
+            speed: (0.78 - 0.24) / (3.0 - 1.0),
+            turning: 4.5 / 2.0,
+        };
+        let calibration = measured.calibration().unwrap();
         assert!((calibration.full_speed - 0.45).abs() < 1e-9);
         assert!((calibration.track_width - 0.24).abs() < 1e-9);
     }
@@ -112,7 +97,7 @@ mod tests {
             (9.0, 2.0),
         ] {
             let round = Measured { speed, turning };
-            assert!(Measured::average(&[round]).is_err(), "{speed} {turning}");
+            assert!(round.calibration().is_err(), "{speed} {turning}");
         }
     }
 }

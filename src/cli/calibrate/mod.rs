@@ -2,27 +2,21 @@
 //! and its camera with pictures of a chessboard or of the station.
 
 mod camera;
-mod edit;
 mod measure;
 mod person;
 mod simulated;
 mod station;
 
-use std::io::IsTerminal;
-use std::path::Path;
-
 use serde_json::json;
 
-use self::measure::{Measured, Plan};
+use self::measure::Plan;
 use super::driver::{Driver, drive};
 use super::robot::AimArgs;
-use super::{Exit, Failure, block_on, number, print};
-use crate::files;
+use super::{Exit, Failure, block_on, print};
 use crate::pilot::Status;
 use crate::robot::MotionEnd;
 use crate::safety::WatchdogState;
 use crate::script::Calibration;
-use crate::yaml;
 
 /// Measure the robot's track width and speed, or its camera, for the config
 ///
@@ -32,10 +26,8 @@ use crate::yaml;
 /// drive on, with two metres free ahead, no stairs and no people in the way. Ctrl-C stops the
 /// robot.
 #[derive(Debug, Clone, clap::Args)]
-#[command(
-    after_help = "Examples:\n  spykee calibrate --robot 172.17.6.1 --config spykee.yaml\n  \
-                        spykee calibrate --sim --json\n  spykee calibrate camera board/*.jpg"
-)]
+#[command(after_help = "Examples:\n  spykee calibrate --robot 172.17.6.1\n  \
+                        spykee calibrate --sim --json\n  spykee calibrate camera board/*.jpg")]
 #[command(args_conflicts_with_subcommands = true)]
 pub(super) struct CalibrateArgs {
     #[command(subcommand)]
@@ -44,15 +36,6 @@ pub(super) struct CalibrateArgs {
     /// Print a JSON object; questions go to stderr
     #[arg(long)]
     json: bool,
-
-    /// Write the result into the config without asking
-    #[arg(long)]
-    yes: bool,
-
-    /// Number of measurements to average
-    #[arg(long, value_name = "COUNT", default_value_t = 1,
-          value_parser = number::whole::<u8>(1..=20))]
-    rounds: u8,
 
     /// Seed for simulator noise [default: random]
     #[arg(long, value_name = "NUMBER")]
@@ -68,11 +51,10 @@ enum What {
     Camera(camera::CameraArgs),
 }
 
-/// Measures, prints the result, and writes it into the config if the user agrees.
+/// Measures and prints the result.
 ///
 /// # Errors
-/// A robot that cannot be reached or may not drive, implausible measurements, a config that cannot
-/// be changed.
+/// A robot that cannot be reached or may not drive, implausible measurements.
 pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
     if let Some(What::Camera(args)) = &args.what {
         return camera::run(args);
@@ -83,21 +65,18 @@ pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
     let simulator = aim.sim.as_ref().map(super::embedded::EmbeddedSim::handle);
     let mut measured = None;
     let measuring = drive(parts, async |driver| {
-        let mut rounds = Vec::new();
-        for _ in 0..args.rounds {
-            rounds.push(match &simulator {
-                Some(handle) => simulated::round(driver, handle).await?,
-                None => person::round(driver, args.json).await?,
-            });
-        }
-        measured = Some(Measured::average(&rounds)?);
+        let round = match &simulator {
+            Some(handle) => simulated::round(driver, handle).await?,
+            None => person::round(driver, args.json).await?,
+        };
+        measured = Some(round.calibration()?);
         Ok(Exit::Done)
     });
     let exit = block_on(measuring)??;
     let Some(calibration) = measured else {
         return Ok(exit);
     };
-    conclude(args, calibration)
+    conclude(args.json, calibration)
 }
 
 /// Returns an error with help if the robot may not drive.
@@ -107,7 +86,7 @@ fn ready(status: Status) -> Result<(), Failure> {
         return Err(failure.help("charge the robot first"));
     }
     if status.safety == WatchdogState::Docked {
-        let failure = Failure::usage("the robot is on its station");
+        let failure = Failure::new(Exit::Failed, "the robot is on its station");
         return Err(failure.help("`spykee robot undock`, then put it on free floor"));
     }
     Ok(())
@@ -124,85 +103,27 @@ async fn step(driver: &mut Driver, plan: Plan) -> Result<(), Failure> {
             Exit::Unreachable,
             "is the robot still in reach of its Wi-Fi?",
         ),
-        _ => (Exit::Script, "start again, on free floor"),
+        _ => (Exit::Failed, "start again, on free floor"),
     };
     let what = format_args!("the move was cut short: {end}");
     Err(Failure::new(exit, what).help(help))
 }
 
-fn conclude(args: &CalibrateArgs, calibration: Calibration) -> Result<Exit, Failure> {
-    let line = edit::line_of(calibration);
-    if !args.json {
-        print(&format!("\n{line}\n"))?;
-    }
-    let written = match args.aim.settings.file() {
-        Some(path) => write(args, path, calibration)?,
-        None => {
-            if !args.json {
-                print(
-                    "Paste this line into your config, or use --config FILE or a spykee.yaml in this folder to have it written.\n",
-                )?;
-            }
-            false
-        }
-    };
-    if args.json {
-        let Calibration {
-            track_width,
-            full_speed,
-        } = calibration;
-        let object = json!({
-            "track_width": track_width, "full_speed": full_speed, "written": written,
-        });
+/// Prints the result as a line of a config, or as JSON.
+fn conclude(json: bool, calibration: Calibration) -> Result<Exit, Failure> {
+    let Calibration {
+        track_width,
+        full_speed,
+    } = calibration;
+    if json {
+        let object = json!({ "track_width": track_width, "full_speed": full_speed });
         print(&format!("{object}\n"))?;
+    } else {
+        // Measurements are no more precise than a tenth of a millimetre.
+        print(&format!(
+            "\ncalibration: {{ track_width: {track_width:.4}, full_speed: {full_speed:.4} }}\n\
+             Paste this line into your config, in place of its `calibration:` if it has one.\n"
+        ))?;
     }
     Ok(Exit::Done)
-}
-
-/// Shows the change, asks, and replaces the file atomically. Returns whether it was written.
-fn write(args: &CalibrateArgs, path: &Path, calibration: Calibration) -> Result<bool, Failure> {
-    let shown = path.display();
-    let cannot = |what: &str, error: &dyn std::fmt::Display| {
-        Failure::usage(format_args!("cannot {what} {shown}: {error}"))
-            .help(format!("write it yourself: {}", edit::line_of(calibration)))
-    };
-    let before = files::read_text(path, yaml::MAX_LEN).map_err(|error| cannot("read", &error))?;
-    let after = edit::with_calibration(&before, &shown.to_string(), calibration)
-        .map_err(|error| cannot("change", &error))?;
-    let change = edit::diff(&before, &after);
-    if change.is_empty() {
-        person::say(args.json, &format!("{shown} already has these values.\n"))?;
-        return Ok(false);
-    }
-    person::say(args.json, &format!("\n{shown}:\n{change}"))?;
-    if !args.yes {
-        if !std::io::stdin().is_terminal() {
-            person::say(
-                args.json,
-                "Not written: stdin is not a terminal. --yes writes without asking.\n",
-            )?;
-            return Ok(false);
-        }
-        person::say(args.json, "Write it? [y/N] ")?;
-        if !matches!(person::line()?.as_str(), "y" | "Y" | "yes") {
-            return Ok(false);
-        }
-    }
-    replace(path, &after).map_err(|error| cannot("write", &error))?;
-    Ok(true)
-}
-
-/// Replaces the file atomically: readers see the old file or the new one, never a partial one.
-fn replace(path: &Path, text: &str) -> std::io::Result<()> {
-    let path = path.canonicalize()?;
-    let name = format!(".spykee-calibrate-{}", std::process::id());
-    let new = path.with_file_name(name);
-    let replaced = std::fs::write(&new, text)
-        .and_then(|()| std::fs::set_permissions(&new, path.metadata()?.permissions()))
-        .and_then(|()| std::fs::rename(&new, &path));
-    if replaced.is_err() {
-        // Best effort: the incomplete temporary file is of no use.
-        let _ = std::fs::remove_file(&new);
-    }
-    replaced
 }

@@ -40,11 +40,11 @@ pub(super) async fn round(driver: &mut Driver, json: bool) -> Result<Measured, F
     let next = "3/3  Mark where it faces. It turns left on the spot for two seconds.";
     let how_much = "How many degrees did it turn? A full turn counts as 360. (r: repeat) ";
     let degrees = ask(driver, json, next, Plan::turn(1.0, TURN), how_much).await?;
-    let seconds = |millis: u64| millis as f64 / 1000.0;
-    Ok(Measured::from_tape(
-        ((short, seconds(SHORT)), (long, seconds(LONG))),
-        (degrees.to_radians(), seconds(TURN)),
-    ))
+    // The difference of two moves cancels the effect of starting and stopping.
+    Ok(Measured {
+        speed: (long - short) / (LONG - SHORT) as f64 * 1000.0,
+        turning: degrees.to_radians() / TURN as f64 * 1000.0,
+    })
 }
 
 /// Drives one step, repeated as often as the person likes, and returns the person's measurement.
@@ -75,26 +75,26 @@ async fn ask(
 }
 
 /// Prints to the person: on stdout, or on stderr if stdout is for JSON.
-pub(super) fn say(json: bool, text: &str) -> Result<(), Failure> {
+fn say(json: bool, text: &str) -> Result<(), Failure> {
     if !json {
         return print(text);
     }
     let mut err = std::io::stderr().lock();
     err.write_all(clean::text(text, false).as_bytes())
-        .map_err(|error| Failure::usage(format_args!("cannot write to stderr: {error}")))
+        .map_err(|error| Failure::io("write to stderr", error))
 }
 
 /// Waits for a line on a separate thread, so that the pilot keeps running and Ctrl-C works.
 async fn answer() -> Result<String, Failure> {
     let typed = tokio::task::spawn_blocking(line).await;
-    typed.unwrap_or_else(|error| Err(Failure::usage(format_args!("no answer: {error}"))))
+    typed.unwrap_or_else(|error| Err(Failure::internal(format_args!("no answer: {error}"))))
 }
 
 /// Reads one line of stdin and trims it.
 ///
 /// # Errors
 /// End of input, or a read error.
-pub(super) fn line() -> Result<String, Failure> {
+fn line() -> Result<String, Failure> {
     let mut line = String::new();
     let read = std::io::stdin()
         .lock()
@@ -104,8 +104,6 @@ pub(super) fn line() -> Result<String, Failure> {
         Ok(1..) => Ok(line.trim().to_owned()),
         Ok(0) => Err(Failure::usage("no answer: the calibration needs a person")
             .help("--sim measures without a person")),
-        Err(error) => Err(Failure::usage(format_args!(
-            "cannot read the answer: {error}"
-        ))),
+        Err(error) => Err(Failure::io("read the answer", error)),
     }
 }

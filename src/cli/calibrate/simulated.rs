@@ -65,7 +65,7 @@ async fn watch(driver: &mut Driver, sim: &Handle, plan: Plan) -> Result<Vec<Stat
     }
     tokio::time::sleep(REST).await;
     if sim.state().collisions > before {
-        let failure = Failure::new(Exit::Script, "the simulated robot ran into something");
+        let failure = Failure::new(Exit::Failed, "the simulated robot ran into something");
         return Err(failure.help("choose a world with a metre free around the robot"));
     }
     seen.retain(|state| state.commanded.left != 0);
@@ -86,7 +86,7 @@ fn rate(seen: &[State], between: impl Fn(&State, &State) -> f64) -> Result<f64, 
     };
     // A shorter span means that this computer was suspended or overloaded.
     if time < 0.2 {
-        let failure = Failure::new(Exit::Script, "too few states from the simulator");
+        let failure = Failure::new(Exit::Failed, "too few states from the simulator");
         return Err(failure.help("is this computer overloaded? Try again"));
     }
     Ok(way / time)

@@ -58,8 +58,15 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
         Some(lesson) => lesson,
         None => lesson_of(&source)?,
     };
-    let effort = (args.jobs, args.timeout);
-    let Some(marks) = marks_of(lesson, (&args.file, &source), effort, console)? else {
+    let tried = marks_of(
+        lesson,
+        &args.file,
+        &source,
+        args.jobs,
+        args.timeout,
+        console,
+    )?;
+    let Some(marks) = tried else {
         return Ok(Exit::Interrupted);
     };
     let feedback = Feedback {
@@ -85,14 +92,16 @@ pub(super) fn run(args: &CheckArgs, console: &Console) -> Result<Exit, Failure> 
 /// A process, thread or signal handler that cannot be started.
 pub(super) fn marks_of(
     lesson: &'static Lesson,
-    (file, source): (&Path, &[u8]),
-    (jobs, timeout): (Option<u16>, Duration),
+    file: &Path,
+    source: &[u8],
+    jobs: Option<u16>,
+    timeout: Duration,
     console: &Console,
 ) -> Result<Option<Marks>, Failure> {
     let trials = trials(timeout)?;
     let book = trials
         .of_text(lesson.folder, lesson.check)
-        .map_err(Failure::usage)?;
+        .map_err(Failure::internal)?;
     let setting = Setting {
         subject: Some(file.to_owned()),
         ..Setting::default()
@@ -106,7 +115,10 @@ pub(super) fn marks_of(
         let pool = JobPool::new(jobs, setting, trials);
         run_scenarios(&book, pool, &mut marks, console)?;
     }
-    Ok((!stop.is_cancelled()).then_some(marks))
+    if stop.is_cancelled() {
+        return Ok(None);
+    }
+    Ok(Some(marks))
 }
 
 pub(super) fn read(file: &Path) -> Result<Vec<u8>, Failure> {
@@ -176,9 +188,7 @@ fn run_scenarios(
 fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
     if let Some(path) = &args.gradescope {
         let text = format!("{:#}\n", gradescope(feedback));
-        std::fs::write(path, text).map_err(|error| {
-            Failure::usage(format_args!("cannot write {}: {error}", path.display()))
-        })?;
+        std::fs::write(path, text).map_err(|error| Failure::unwritable(path, error))?;
     }
     let failed = feedback.marks.first_failure();
     let scene = failed.and_then(|failure| failure.scene.as_ref());

@@ -70,7 +70,7 @@ struct Class {
 pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> {
     let (folder, lesson) = (&args.folder, args.lesson);
     let cannot = |error| {
-        Failure::usage(format_args!("cannot read {}: {error}", folder.display()))
+        Failure::unreadable(folder, error)
             .help("give the folder that has a folder or a script for each learner")
     };
     let found = learners(folder, lesson, &names(args)?).map_err(cannot)?;
@@ -108,8 +108,7 @@ fn names(args: &GradeArgs) -> Result<Vec<String>, Failure> {
         return Ok(Vec::new());
     };
     let text = fs::read_to_string(path).map_err(|error| {
-        Failure::usage(format_args!("cannot read {}: {error}", path.display()))
-            .help("--names needs a text file with one name per line")
+        Failure::unreadable(path, error).help("--names needs a text file with one name per line")
     })?;
     let names = text.lines().map(str::trim).filter(|name| !name.is_empty());
     Ok(names.map(str::to_owned).collect())
@@ -147,8 +146,10 @@ fn grade(
     };
     let Some(marks) = marks_of(
         args.lesson,
-        (&file, &source),
-        (args.jobs, args.timeout),
+        &file,
+        &source,
+        args.jobs,
+        args.timeout,
         console,
     )?
     else {

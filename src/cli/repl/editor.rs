@@ -1,7 +1,9 @@
 //! The prompt. Runs on its own thread, so that a blocked terminal blocks nothing else.
 
+use std::fs::{DirBuilder, OpenOptions};
 use std::io::{self, BufRead, IsTerminal as _, Write};
-use std::path::PathBuf;
+use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _};
+use std::path::{Path, PathBuf};
 
 use rustyline::error::ReadlineError;
 use rustyline::history::FileHistory;
@@ -9,7 +11,6 @@ use rustyline::{CompletionType, Config, Editor, ExternalPrinter};
 use tokio::sync::mpsc;
 
 use super::super::Console;
-use super::history;
 use super::names::Names;
 use crate::api;
 use crate::clean;
@@ -131,10 +132,10 @@ impl Prompt {
     }
 
     fn open_history(&mut self) {
-        let Some(path) = history::path() else {
+        let Some(path) = history_path() else {
             return;
         };
-        if let Err(error) = history::prepare(&path) {
+        if let Err(error) = prepare_history(&path) {
             tracing::warn!("no history is kept in {}: {error}", path.display());
             return;
         }
@@ -290,6 +291,31 @@ impl<P: ExternalPrinter> Write for AbovePrompt<P> {
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
+}
+
+/// The file that keeps typed lines: `$XDG_STATE_HOME/spykee/history`, or in `~/.local/state`;
+/// `None` without a home.
+fn history_path() -> Option<PathBuf> {
+    let folder = |name| {
+        let path = PathBuf::from(std::env::var_os(name)?);
+        path.is_absolute().then_some(path)
+    };
+    let state = folder("XDG_STATE_HOME")
+        .or_else(|| folder("HOME").map(|home| home.join(".local").join("state")))?;
+    Some(state.join("spykee").join("history"))
+}
+
+/// Creates the file and its folder, readable only by this user.
+fn prepare_history(path: &Path) -> io::Result<()> {
+    if let Some(folder) = path.parent() {
+        DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(folder)?;
+    }
+    let mut private = OpenOptions::new();
+    private.create(true).append(true).mode(0o600);
+    private.open(path).map(|_| ())
 }
 
 #[cfg(test)]

@@ -3,7 +3,6 @@
 
 mod act;
 mod ask;
-mod let_go;
 mod mp3;
 mod say;
 mod session;
@@ -58,7 +57,7 @@ enum RobotCommand {
     Dock(station::DockArgs),
     Undock(station::UndockArgs),
     Stop(stop::StopArgs),
-    LetGo(let_go::LetGoArgs),
+    LetGo(stop::LetGoArgs),
     Led(act::LedArgs),
     Play(act::PlayArgs),
     Volume(act::VolumeArgs),
@@ -106,7 +105,7 @@ pub(super) fn run(args: &RobotArgs, console: &Console) -> Result<Exit, Failure> 
         RobotCommand::Dock(args) => station::dock(args),
         RobotCommand::Undock(args) => station::undock(args),
         RobotCommand::Stop(args) => stop::stop(args),
-        RobotCommand::LetGo(args) => let_go::let_go(args),
+        RobotCommand::LetGo(args) => stop::let_go(args),
         RobotCommand::Led(args) => act::led(args),
         RobotCommand::Play(args) => act::play(args),
         RobotCommand::Volume(args) => act::volume(args),

@@ -68,6 +68,6 @@ fn read(path: &Path) -> Result<Vec<u8>, Failure> {
     let mut file = Vec::new();
     std::fs::File::open(path)
         .and_then(|source| source.take(MAX_FILE).read_to_end(&mut file))
-        .map_err(|error| Failure::usage(format_args!("cannot read {}: {error}", path.display())))?;
+        .map_err(|error| Failure::unreadable(path, error))?;
     Ok(file)
 }

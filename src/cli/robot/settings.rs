@@ -179,7 +179,7 @@ async fn change(
             let what = format!("the robot did not accept {}", refused.key);
             let help =
                 "it may do so after it is switched off and on; check with `spykee robot config`";
-            Err(Failure::new(Exit::Script, what).help(help))
+            Err(Failure::new(Exit::Failed, what).help(help))
         }
     }
 }
@@ -208,7 +208,7 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
                 .lock()
                 .take(MAX_VALUE as u64)
                 .read_line(&mut line)
-                .map_err(|error| Failure::usage(format_args!("cannot read the answer: {error}")))?;
+                .map_err(|error| Failure::io("read the answer", error))?;
             line.trim().to_owned()
         }
     };
@@ -253,9 +253,7 @@ fn parse_change(text: &str) -> Result<Setting, Failure> {
 }
 
 fn first_line(path: &Path) -> Result<String, Failure> {
-    let cannot = |error: std::io::Error| {
-        Failure::usage(format_args!("cannot read {}: {error}", path.display()))
-    };
+    let cannot = |error: std::io::Error| Failure::unreadable(path, error);
     let mut text = String::new();
     let file = std::fs::File::open(path).map_err(cannot)?;
     file.take(4096).read_to_string(&mut text).map_err(cannot)?;

@@ -146,6 +146,5 @@ fn no_picture_in_time(limit: Duration, damaged: u32) -> Failure {
 }
 
 fn save(path: &Path, jpeg: &[u8]) -> Result<(), Failure> {
-    std::fs::write(path, jpeg)
-        .map_err(|error| Failure::usage(format_args!("cannot write {}: {error}", path.display())))
+    std::fs::write(path, jpeg).map_err(|error| Failure::unwritable(path, error))
 }

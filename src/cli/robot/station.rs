@@ -29,10 +29,6 @@ pub(super) struct DockArgs {
     #[arg(long, value_name = "SECONDS", default_value_t = 180,
           value_parser = number::whole::<u64>(1..=3600))]
     timeout: u64,
-    /// Number of further tries after the first
-    #[arg(long, value_name = "COUNT", default_value_t = 2,
-          value_parser = number::whole::<u32>(0..=20))]
-    retries: u32,
     /// Print a JSON object
     #[arg(long)]
     json: bool,
@@ -58,7 +54,6 @@ pub(super) struct UndockArgs {
 pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
     let plan = DockPlan {
         timeout: Duration::from_secs(args.timeout),
-        retries: args.retries,
         ..DockPlan::default()
     };
     if let Some(run) = args.aim.find_run()? {
@@ -158,7 +153,7 @@ fn exit_of(end: DockEnd, low: bool) -> Result<Exit, Failure> {
             "is the robot still in reach of its Wi-Fi?",
         ),
         other => (
-            if low { Exit::Safety } else { Exit::Script },
+            if low { Exit::Safety } else { Exit::Failed },
             format!("it did not work: {}", other.name().replace('_', " ")),
             "put the robot in front of its station, some two metres away, and try again",
         ),

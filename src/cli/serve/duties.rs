@@ -9,8 +9,8 @@ use tokio::sync::{mpsc, watch};
 
 use crate::agent::Behaviour;
 use crate::cli::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
+use crate::cli::schedule::unknown_behaviour;
 use crate::cli::settings::SettingsArgs;
-use crate::cli::timetable::unknown_behaviour;
 use crate::cli::{Console, Failure, check, live};
 use crate::clock::{Clock, Zone};
 use crate::config::{Config, Entry, Idle, Service, Start};

@@ -23,8 +23,10 @@ pub(super) fn serve(
     args: &ServeArgs,
     place: RobotChoice,
     login: Login,
-    (config, loaded): (&Config, LoadedDuties),
-    (seed, console): (u64, &Console),
+    config: &Config,
+    loaded: LoadedDuties,
+    seed: u64,
+    console: &Console,
 ) -> Result<Exit, Failure> {
     let RobotChoice::Sim(world) = place else {
         let why = "--fast needs --sim: a real robot runs in real time";
@@ -49,7 +51,7 @@ pub(super) fn serve(
     let world = embedded::load(world.as_deref())?;
     end_at_a_signal(stop.clone())?;
     let limit = args.limit.map(Span::get);
-    let (journal_options, link) = (LabJournalOptions::of(config), config.link.clone());
+    let (journal_options, link) = (LabJournalOptions::from_config(config), config.link.clone());
     exit_when_stuck(console);
     let outcome = lab::run(world, options, async |lab: &Lab| {
         let mut plan = lab.plan(Vec::new());
@@ -100,5 +102,5 @@ fn end_at_a_signal(stop: tokio_util::sync::CancellationToken) -> Result<(), Fail
         .name("signals".into())
         .spawn(watch_signals)
         .map(|_| ())
-        .map_err(|error| Failure::usage(format_args!("cannot start a thread: {error}")))
+        .map_err(|error| Failure::io("start a thread", error))
 }

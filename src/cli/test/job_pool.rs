@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc;
 
+use super::super::Failure;
 use super::super::interrupt::interruption;
-use super::super::{Exit, Failure};
 use crate::cli::argument::ArgumentError;
 use crate::scenario::{Book, Played, Scenario, Setting, Trials};
 
@@ -60,7 +60,7 @@ impl JobPool {
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()
-            .map_err(|error| Failure::usage(format_args!("cannot start the runtime: {error}")))?;
+            .map_err(|error| Failure::io("start the runtime", error))?;
         let next = AtomicUsize::new(0);
         let (done, mut finished) = mpsc::channel(16);
         thread::scope(|scope| {
@@ -127,9 +127,7 @@ impl JobPool {
 
 /// The launcher of the processes that run scenarios.
 pub(in super::super) fn trials(timeout: Duration) -> Result<Trials, Failure> {
-    Trials::new(timeout).map_err(|error| {
-        Failure::usage(format_args!("cannot find this program's own file: {error}"))
-    })
+    Trials::new(timeout).map_err(|error| Failure::io("find this program's own file", error))
 }
 
 /// Parses `--timeout`: seconds of real time.
@@ -141,8 +139,5 @@ pub(in super::super) fn parse_timeout(text: &str) -> Result<Duration, ArgumentEr
 }
 
 fn no_lab(error: std::io::Error) -> Failure {
-    Failure::new(
-        Exit::Usage,
-        format_args!("cannot run the scenario: {error}"),
-    )
+    Failure::io("run the scenario", error)
 }

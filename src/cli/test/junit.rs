@@ -14,8 +14,7 @@ use crate::clean;
 /// # Errors
 /// None is known, as the document is written to memory.
 pub(super) fn document(report: &Report) -> Result<Vec<u8>, Failure> {
-    write(report)
-        .map_err(|error| Failure::usage(format_args!("cannot create the JUnit report: {error}")))
+    write(report).map_err(|error| Failure::io("create the JUnit report", error))
 }
 
 fn write(report: &Report) -> io::Result<Vec<u8>> {

@@ -73,7 +73,7 @@ impl Report {
             };
             if file.book.is_ok() {
                 let own = jobs.iter().filter(|job| job.book == books);
-                report.runs = own.map(Run::of).collect();
+                report.runs = own.map(Run::new).collect();
                 books += 1;
             }
             report
@@ -254,7 +254,7 @@ impl FileReport {
 }
 
 impl Run {
-    fn of(job: &Job<'_>) -> Run {
+    fn new(job: &Job<'_>) -> Run {
         Run {
             scenario: job.scenario.name.clone(),
             line: job.scenario.line,

@@ -27,7 +27,7 @@ pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
 
 impl Colours {
     /// Reads a colour or a list of colours.
-    pub(super) fn of(call: &Call<'_>, value: &LuaValue) -> Result<Colours, Refusal> {
+    pub(super) fn parse(call: &Call<'_>, value: &LuaValue) -> Result<Colours, Refusal> {
         let mut colours = Colours::default();
         match value {
             LuaValue::Table(list) => colours.add_list(call, list)?,

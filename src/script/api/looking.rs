@@ -90,7 +90,7 @@ impl State {
 /// `frame:find_blobs(colour, {roi=, invert=, ...})`
 fn blobs(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
-    let colours = Colours::of(call, call.args.value(0))?;
+    let colours = Colours::parse(call, call.args.value(0))?;
     let options = blob_options(call)?;
     let blobs = call.state.find_blobs(&held, &colours, &options);
     let marks = blobs.iter().map(|blob| mark(blob, colours.name_of(blob)));
@@ -193,7 +193,7 @@ pub(super) fn blob_table(lua: &Lua, blob: &Blob, names: &[Option<String>]) -> Lu
 /// `frame:find_line(colour, {roi=})`: `{offset, angle, strength}`, or nil.
 fn line(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
-    let colours = Colours::of(call, call.args.value(0))?;
+    let colours = Colours::parse(call, call.args.value(0))?;
     let part: Option<Roi> = call.args.options(1)?.get("roi")?;
     let line = call.state.find_line(&held, &colours, part);
     let size = call.state.image(&held).map(Image::size);

@@ -294,7 +294,7 @@ fn compile(lua: &Lua, source: &[u8], chunk: &str) -> Progress {
     let compiled = environment(lua).and_then(|own| sandbox::compile_module(lua, text, chunk, own));
     match compiled {
         Ok(function) => Progress::Ready(function),
-        Err(error) => Progress::Failed(match VmError::of(&error) {
+        Err(error) => Progress::Failed(match VmError::from_lua(&error) {
             VmError::Memory => format!("{chunk}: not enough memory for this module"),
             VmError::Text(text) => text,
         }),

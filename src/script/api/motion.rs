@@ -35,7 +35,7 @@ struct Tracks {
 
 impl Tracks {
     /// Differential drive: a left turn is positive and makes the right track the faster one.
-    fn of(linear: f64, angular: f64, calibration: Calibration) -> Tracks {
+    fn from_speeds(linear: f64, angular: f64, calibration: Calibration) -> Tracks {
         let swing = angular * calibration.track_width / 2.0;
         Tracks {
             left: linear - swing,
@@ -67,7 +67,7 @@ fn drive(call: &mut Call<'_>) -> NativeResult {
     let (linear, angular) = (call.args.get(0)?, call.args.get(1)?);
     let time = call.args.get(2)?;
     let calibration = call.state.options.calibration;
-    let (setpoint, _) = Tracks::of(linear, angular, calibration).setpoint(calibration);
+    let (setpoint, _) = Tracks::from_speeds(linear, angular, calibration).setpoint(calibration);
     start_motion(call, setpoint, time)
 }
 
@@ -78,7 +78,12 @@ fn forward(call: &mut Call<'_>) -> NativeResult {
     let usual = calibration.full_speed * USUAL;
     let speed = call.args.get::<Option<f64>>(1)?;
     let speed = speed.unwrap_or(usual).copysign(metres);
-    travel(call, metres, Tracks::of(speed, 0.0, calibration), speed)
+    travel(
+        call,
+        metres,
+        Tracks::from_speeds(speed, 0.0, calibration),
+        speed,
+    )
 }
 
 /// `robot.turn(angle [, speed])`
@@ -88,7 +93,12 @@ fn turn(call: &mut Call<'_>) -> NativeResult {
     let usual = calibration.full_speed * USUAL * 2.0 / calibration.track_width;
     let speed = call.args.get::<Option<f64>>(1)?;
     let speed = speed.unwrap_or(usual).copysign(angle);
-    travel(call, angle, Tracks::of(0.0, speed, calibration), speed)
+    travel(
+        call,
+        angle,
+        Tracks::from_speeds(0.0, speed, calibration),
+        speed,
+    )
 }
 
 /// Drives `tracks` until `way` is covered at `speed`, both in the same unit and of the same sign.
@@ -188,7 +198,7 @@ mod tests {
     };
 
     fn percent(linear: f64, angular: f64) -> (i8, i8) {
-        let (setpoint, _) = Tracks::of(linear, angular, CALIBRATION).setpoint(CALIBRATION);
+        let (setpoint, _) = Tracks::from_speeds(linear, angular, CALIBRATION).setpoint(CALIBRATION);
         let setpoint = setpoint.unwrap();
         (setpoint.left.get(), setpoint.right.get())
     }

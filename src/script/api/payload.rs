@@ -23,7 +23,7 @@ pub(super) fn to_lua(payload: &Payload, lua: &Lua) -> LuaResult<LuaValue> {
         Payload::Event(event) => event,
     };
     let table = event_table(lua, event)?;
-    let row = EventName::of(event).and_then(|name| api::event(name.name()));
+    let row = EventName::from_event(event).and_then(|name| api::event(name.name()));
     let object = row.and_then(|row| row.payload);
     let table = match object {
         Some(object) => of_row(object.name, table),

@@ -85,7 +85,7 @@ fn count(call: &Call<'_>) -> Result<CountGuard, Refusal> {
 /// `vision.tracker{colour=, min_age=3, max_lost=5, max_jump=80}`
 fn tracker(call: &mut Call<'_>) -> NativeResult {
     let table = call.args.options(0)?;
-    let colours = Colours::of(call, &table.value("colour")?)?;
+    let colours = Colours::parse(call, &table.value("colour")?)?;
     let options = TrackerOptions {
         min_age: table.get("min_age")?,
         max_lost: table.get("max_lost")?,

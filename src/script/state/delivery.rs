@@ -102,7 +102,7 @@ impl State {
                 self.publish(EventName::Audio, Payload::Event(Rc::new(event)));
             }
             event => {
-                if let Some(name) = EventName::of(&event) {
+                if let Some(name) = EventName::from_event(&event) {
                     self.publish(name, Payload::Event(Rc::new(event)));
                 }
             }
@@ -138,7 +138,7 @@ impl State {
     /// Publishes a `noise` event if this audio begins a loud sound and something listens for it.
     pub(super) fn detect_noise(&mut self, samples: &[u8]) {
         if self.has_listener(EventName::Noise) {
-            let dbfs = Loudness::of(samples).dbfs();
+            let dbfs = Loudness::from_samples(samples).dbfs();
             if dbfs > self.options.limits.noise_dbfs && self.becomes_loud() {
                 let own = self.may_be_own_sound();
                 self.publish(EventName::Noise, Payload::Noise { dbfs, own });

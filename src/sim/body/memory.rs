@@ -57,7 +57,9 @@ impl Memory {
                 .settings
                 .iter_mut()
                 .find(|(key, _)| *key == setting.key);
-            if let Some((key, value)) = known.filter(|_| setting.value.len() <= MAX_VALUE) {
+            if let Some((key, value)) = known
+                && setting.value.len() <= MAX_VALUE
+            {
                 *value = setting.value;
                 changed.push(*key);
             }

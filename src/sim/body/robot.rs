@@ -82,7 +82,7 @@ impl Robot {
             log: RobotLog::default(),
             trace: Arc::new(Mutex::new(Trace::from(pose))),
             reports: Vec::new(),
-            surroundings: Surroundings::of(world),
+            surroundings: Surroundings::new(world),
             firmware,
         }
     }

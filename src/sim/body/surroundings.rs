@@ -16,10 +16,10 @@ pub(super) struct Surroundings {
 
 impl Surroundings {
     /// Creates the surroundings from the initial state of a world.
-    pub(super) fn of(world: World) -> Surroundings {
+    pub(super) fn new(world: World) -> Surroundings {
         Surroundings {
             obstacles: world.obstacles(),
-            movers: Movers::of(&world),
+            movers: Movers::new(&world),
             world,
         }
     }

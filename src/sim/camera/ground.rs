@@ -29,7 +29,7 @@ pub(crate) fn picture(world: &World) -> Texture {
     let size = PIXEL.max((width * depth / MAX_PIXELS).sqrt());
     let count = [depth, width].map(|side| ((side / size).ceil() as usize).max(1));
     let scale = [count[0] as f32 / depth, count[1] as f32 / width];
-    let rugs: Vec<Carpet> = world.rugs.iter().map(Carpet::of).collect();
+    let rugs: Vec<Carpet> = world.rugs.iter().map(Carpet::new).collect();
     let floor = |x: f32, y: f32| {
         let rug = rugs.iter().rev().find_map(|rug| rug.colour(x, y));
         rug.unwrap_or_else(|| match world.room.floor {
@@ -45,7 +45,7 @@ pub(crate) fn picture(world: &World) -> Texture {
         pixels.extend(colours.map(|[r, g, b]| [r as u8, g as u8, b as u8, 255]));
     }
     draw_tapes(&world.lines, pixels.as_flattened_mut(), count, scale);
-    let shadows = Shadows::of(world, &world.fixed_obstacles());
+    let shadows = Shadows::new(world, &world.fixed_obstacles());
     for (row, line) in pixels.chunks_mut(count[1]).enumerate() {
         let y = (row as f32 + 0.5) / scale[0];
         for (column, pixel) in line.iter_mut().enumerate() {
@@ -53,7 +53,7 @@ pub(crate) fn picture(world: &World) -> Texture {
             *pixel = pixel.map(|channel| (f32::from(channel) * light) as u8);
         }
     }
-    Texture::of(pixels, count, scale)
+    Texture::new(pixels, count, scale)
 }
 
 /// Draws tapes onto a floor texture with `count` rows and columns, at `scale` texels per metre.
@@ -105,7 +105,7 @@ struct Carpet {
 }
 
 impl Carpet {
-    fn of(rug: &Rug) -> Carpet {
+    fn new(rug: &Rug) -> Carpet {
         let middle = rug.at.point();
         Carpet {
             middle: (middle.x as f32, middle.y as f32),
@@ -182,7 +182,7 @@ struct Shadows {
 }
 
 impl Shadows {
-    fn of(world: &World, obstacles: &Obstacles) -> Shadows {
+    fn new(world: &World, obstacles: &Obstacles) -> Shadows {
         let columns = (world.room.width as f32 / CELL).ceil() as usize + 2;
         let rows = (world.room.depth as f32 / CELL).ceil() as usize + 2;
         let light = |i: usize| {

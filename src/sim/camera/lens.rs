@@ -32,7 +32,7 @@ struct Source {
 }
 
 impl Lens {
-    pub(super) fn of(settings: &CameraSettings) -> Lens {
+    pub(super) fn new(settings: &CameraSettings) -> Lens {
         let focal = focal(settings);
         let distortion = settings.distortion();
         if distortion == [0.0, 0.0] {
@@ -42,7 +42,7 @@ impl Lens {
                 frame: Vec::new(),
             };
         }
-        let inverse = InverseDistortion::of(distortion);
+        let inverse = InverseDistortion::new(distortion);
         let places: Vec<(f32, f32)> = (0..WIDTH * HEIGHT)
             .map(|index| {
                 let (x, y) = from_middle(index);
@@ -123,7 +123,7 @@ fn from_middle(index: usize) -> (f32, f32) {
 struct InverseDistortion(Vec<f32>);
 
 impl InverseDistortion {
-    fn of([k1, k2]: [f64; 2]) -> InverseDistortion {
+    fn new([k1, k2]: [f64; 2]) -> InverseDistortion {
         let (k1, k2) = (k1 as f32, k2 as f32);
         let distorted = (0..STEPS).map(|step| {
             let r = distance(step as f32);
@@ -163,7 +163,7 @@ mod tests {
 
     #[test]
     fn a_lens_bends_straight_lines_except_through_the_centre() {
-        let mut lens = Lens::of(&lens([-0.25, 0.0]));
+        let mut lens = Lens::new(&lens([-0.25, 0.0]));
         let mut undistorted = vec![[0; 4]; WIDTH * HEIGHT];
         // A line along the upper edge of the undistorted image, and one through its centre.
         let lines = [8, HEIGHT / 2 - 1, HEIGHT / 2];
@@ -184,7 +184,7 @@ mod tests {
 
     #[test]
     fn a_lens_without_distortion_changes_nothing() {
-        let lens = Lens::of(&lens([0.0, 0.0]));
+        let lens = Lens::new(&lens([0.0, 0.0]));
         let frame = vec![[7; 4]; 4];
         assert_eq!(lens.output(&frame), frame);
         assert!((lens.focal - 380.7).abs() < 0.5, "{}", lens.focal);

@@ -33,7 +33,7 @@ pub(crate) struct Lighting {
 
 impl Lighting {
     /// Creates the lighting at the start of a world.
-    pub(crate) fn of(world: &World) -> Lighting {
+    pub(crate) fn new(world: &World) -> Lighting {
         let room = &world.room;
         let cell = (room.width.max(room.depth) / MAX_POINTS as f64).max(FINEST);
         let points = |side: f64| (side / cell).ceil() as usize + 2;
@@ -147,7 +147,7 @@ mod tests {
         let text = "room: {width: 6, depth: 4}\nstation: {at: [0, 2], heading_degrees: 0}\nlight: 0.1\n\
                     walls: [{from: [3, 0], to: [3, 4]}]\n\
                     lamps: [{at: [1, 2], colour: \"#ff8000\", on: {after: 10, for: 5}}]\n";
-        Lighting::of(&World::from_yaml(text, "test").unwrap())
+        Lighting::new(&World::from_yaml(text, "test").unwrap())
     }
 
     #[test]

@@ -70,7 +70,7 @@ struct FrameInputs {
 impl Camera {
     /// Creates the camera of a robot in a world; `seed` determines the grain of its frames.
     pub(crate) fn new(world: &World, seed: u64) -> Camera {
-        let lens = Lens::of(&world.camera);
+        let lens = Lens::new(&world.camera);
         Camera {
             settings: world.camera,
             renderer: Renderer::new(world, lens.focal),

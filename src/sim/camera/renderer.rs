@@ -45,8 +45,8 @@ impl Renderer {
     pub(super) fn new(world: &World, focal: f32) -> Renderer {
         let room = &world.room;
         Renderer {
-            scene: Scene::of(world),
-            lighting: Lighting::of(world),
+            scene: Scene::new(world),
+            lighting: Lighting::new(world),
             floor: Floor::new(world, focal),
             focal,
             lamp: Lamp {
@@ -72,7 +72,7 @@ impl Renderer {
     /// while the shutter is open.
     pub(super) fn render(&mut self, pose: Pose, flash: bool, exposure: f32, turned: f64) {
         self.exposure = exposure;
-        let view = View::of(pose, self.focal, flash);
+        let view = View::new(pose, self.focal, flash);
         self.find_things(&view);
         self.light_ceiling();
         for index in 0..WIDTH {

@@ -81,7 +81,7 @@ pub(crate) enum Thing {
 
 impl Scene {
     /// Creates the scene of a world.
-    pub(crate) fn of(world: &World) -> Scene {
+    pub(crate) fn new(world: &World) -> Scene {
         let mut scene = Scene {
             panels: Vec::new(),
             rounds: Vec::new(),
@@ -95,14 +95,14 @@ impl Scene {
         scene.mark_station(&world.station);
         scene.add_signs(world);
         let balls = world.balls.iter();
-        let balls = balls.map(|b| Round::of(b.at.point(), b.radius, RoundKind::Ball, b.colour));
+        let balls = balls.map(|b| Round::new(b.at.point(), b.radius, RoundKind::Ball, b.colour));
         let people = world.walkers.iter().map(|w| {
             let top = w.height as f32;
-            Round::of(w.at.point(), w.radius, RoundKind::Person { top }, w.colour)
+            Round::new(w.at.point(), w.radius, RoundKind::Person { top }, w.colour)
         });
         let posts = world.posts.iter().map(|p| {
             let top = p.height as f32;
-            Round::of(p.at.point(), p.radius, RoundKind::Post { top }, p.colour)
+            Round::new(p.at.point(), p.radius, RoundKind::Post { top }, p.colour)
         });
         scene.rounds.extend(balls.chain(people).chain(posts));
         scene
@@ -145,13 +145,13 @@ impl Scene {
         for (number, line) in (0..).zip(world.room.sides().into_iter().chain(inner)) {
             let surface = Surface::Wall { paint, number };
             let top = world.room.height;
-            self.panels.push(Panel::of(line, 0.0, top, surface));
+            self.panels.push(Panel::new(line, 0.0, top, surface));
         }
     }
 
     fn add_box(&mut self, sides: [Segment; 4], height: f64, surface: Surface) {
         self.panels
-            .extend(sides.map(|side| Panel::of(side, 0.0, height, surface)));
+            .extend(sides.map(|side| Panel::new(side, 0.0, height, surface)));
     }
 
     fn mark_station(&mut self, station: &station::Station) {
@@ -165,7 +165,7 @@ impl Scene {
     fn add_signs(&mut self, world: &World) {
         let obstacles = world.fixed_obstacles();
         for sign in &world.signs {
-            let Some(code) = Code::of(&sign.text) else {
+            let Some(code) = Code::new(&sign.text) else {
                 continue;
             };
             let heading = sign.heading_degrees.to_radians();
@@ -179,7 +179,7 @@ impl Scene {
             let bottom = (sign.height - sign.side / 2.0).max(0.0);
             let surface = Surface::Sign(self.codes.len());
             let top = bottom + sign.side;
-            self.panels.push(Panel::of(line, bottom, top, surface));
+            self.panels.push(Panel::new(line, bottom, top, surface));
             self.codes.push((code, sign.clone()));
         }
     }
@@ -289,7 +289,7 @@ fn outside(world: &World, obstacles: &Obstacles, at: Point, heading: f64) -> Poi
 }
 
 impl Panel {
-    fn of(line: Segment, bottom: f64, top: f64, surface: Surface) -> Panel {
+    fn new(line: Segment, bottom: f64, top: f64, surface: Surface) -> Panel {
         // The angle of an assumed lamp to the upper left of the plan: sides facing it are brighter.
         const LAMP: f64 = 2.3;
         let angle = line.from.direction_of(line.to);
@@ -306,7 +306,7 @@ impl Panel {
 }
 
 impl Round {
-    fn of(middle: Point, radius: f64, kind: RoundKind, colour: Paint) -> Round {
+    fn new(middle: Point, radius: f64, kind: RoundKind, colour: Paint) -> Round {
         Round {
             middle,
             radius: radius as f32,

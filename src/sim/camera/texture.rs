@@ -40,11 +40,11 @@ impl Texture {
             let colours = (0..count[1]).map(|second| colour(place(second, 1)));
             pixels.extend(colours.map(|[r, g, b]| [r as u8, g as u8, b as u8, 0]));
         }
-        Texture::of(pixels, count, scale)
+        Texture::new(pixels, count, scale)
     }
 
     /// Creates a texture from existing pixels.
-    pub(crate) fn of(pixels: Vec<Pixel>, [first, second]: [usize; 2], scale: [f32; 2]) -> Texture {
+    pub(crate) fn new(pixels: Vec<Pixel>, [first, second]: [usize; 2], scale: [f32; 2]) -> Texture {
         let full = Level {
             first,
             second,

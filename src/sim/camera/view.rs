@@ -45,7 +45,7 @@ pub(crate) struct Column {
 
 impl View {
     /// Creates the view of a robot at `pose`; `focal` is in pixels.
-    pub(crate) fn of(pose: Pose, focal: f32, flash: bool) -> View {
+    pub(crate) fn new(pose: Pose, focal: f32, flash: bool) -> View {
         let (sin, cos) = pose.heading.sin_cos();
         let eye = pose.point().ahead(pose.heading, AHEAD);
         View {

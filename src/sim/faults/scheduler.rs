@@ -22,7 +22,7 @@ pub(crate) struct ActiveFaults(Arc<[Fault]>);
 
 impl ActiveFaults {
     /// Creates a list of active faults.
-    pub(crate) fn of(faults: impl IntoIterator<Item = Fault>) -> ActiveFaults {
+    pub(crate) fn new(faults: impl IntoIterator<Item = Fault>) -> ActiveFaults {
         ActiveFaults(faults.into_iter().collect())
     }
 
@@ -123,7 +123,7 @@ impl FaultScheduler {
         }
         if !transitions.is_empty() {
             let on = self.scheduled.iter().filter(|scheduled| scheduled.on);
-            let active_faults = ActiveFaults::of(on.map(|scheduled| scheduled.fault));
+            let active_faults = ActiveFaults::new(on.map(|scheduled| scheduled.fault));
             self.active_faults.send_replace(active_faults);
             self.scheduled
                 .retain(|scheduled| !scheduled.timing.is_over());

@@ -139,14 +139,10 @@ impl Sockets {
 
     /// Answers a datagram if it is a discovery request.
     pub(super) async fn answer(&self, reply: &discovery::Reply, datagram: &[u8], from: SocketAddr) {
-        let Some(udp) = self
-            .udp
-            .as_ref()
-            .filter(|_| discovery::is_request(datagram))
-        else {
-            return;
-        };
-        if let Err(error) = udp.send_to(&reply.emit(), from).await {
+        if let Some(udp) = &self.udp
+            && discovery::is_request(datagram)
+            && let Err(error) = udp.send_to(&reply.emit(), from).await
+        {
             tracing::debug!(target: "spykee::sim", %error, "cannot answer a discovery request");
         }
     }

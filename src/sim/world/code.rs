@@ -14,7 +14,7 @@ pub(crate) struct Code {
 
 impl Code {
     /// Encodes a text; `None` if it is too long.
-    pub(crate) fn of(text: &str) -> Option<Code> {
+    pub(crate) fn new(text: &str) -> Option<Code> {
         if text.len() > MAX_TEXT {
             return None;
         }

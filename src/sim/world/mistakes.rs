@@ -79,7 +79,7 @@ fn check_corners(world: &World) -> Result<(), Mistake> {
 
 fn check_signs(world: &World) -> Result<(), Mistake> {
     let mut signs = world.signs.iter().enumerate();
-    let Some((index, sign)) = signs.find(|(_, sign)| Code::of(&sign.text).is_none()) else {
+    let Some((index, sign)) = signs.find(|(_, sign)| Code::new(&sign.text).is_none()) else {
         return Ok(());
     };
     let long = sign.text.len();

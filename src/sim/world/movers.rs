@@ -31,17 +31,17 @@ struct Mover {
 
 impl Movers {
     /// Creates the movers of a world, at their initial places.
-    pub(crate) fn of(world: &World) -> Movers {
+    pub(crate) fn new(world: &World) -> Movers {
         let balls = world.balls.iter().map(|ball| Mover {
             body: Circle::new(ball.at.point(), ball.radius),
             ball: true,
-            trip: ball.path.as_ref().map(Trip::of),
+            trip: ball.path.as_ref().map(Trip::new),
             rolling: Point::default(),
         });
         let people = world.walkers.iter().map(|walker| Mover {
             body: Circle::new(walker.at.point(), walker.radius),
             ball: false,
-            trip: walker.path.as_ref().map(Trip::of),
+            trip: walker.path.as_ref().map(Trip::new),
             rolling: Point::default(),
         });
         Movers {
@@ -138,7 +138,7 @@ mod tests {
 
     fn after(things: &str, robot: (f64, f64), seconds: u32) -> Point {
         let world = world(things);
-        let (mut movers, mut obstacles) = (Movers::of(&world), world.obstacles());
+        let (mut movers, mut obstacles) = (Movers::new(&world), world.obstacles());
         let robot = Circle::new(Point::new(robot.0, robot.1), 0.15);
         (0..seconds * 50).for_each(|_| movers.step(0.02, robot, &mut obstacles));
         movers.places().next().unwrap()
@@ -162,7 +162,7 @@ mod tests {
         let ball =
             "balls: [{at: [1, 3], colour: red, path: {through: [[1, 3], [5, 3]], speed: 0.5}}]";
         let world = world(ball);
-        let (mut movers, mut obstacles) = (Movers::of(&world), world.obstacles());
+        let (mut movers, mut obstacles) = (Movers::new(&world), world.obstacles());
         let (robot, place) = (
             Circle::new(Point::new(3.0, 1.0), 0.15),
             Point::new(2.0, 2.0),
@@ -175,7 +175,7 @@ mod tests {
     #[test]
     fn a_pushed_ball_rolls_on_and_comes_to_rest() {
         let world = world("balls: [{at: [3, 2], colour: red}]");
-        let (mut movers, mut obstacles) = (Movers::of(&world), world.obstacles());
+        let (mut movers, mut obstacles) = (Movers::new(&world), world.obstacles());
         let robot = Circle::new(Point::new(2.76, 2.0), 0.15);
         movers.push_balls(robot, 0.4, &mut obstacles);
         for _ in 0..200 {
@@ -189,7 +189,7 @@ mod tests {
     #[test]
     fn a_ball_at_the_wall_is_not_pushed() {
         let world = world("balls: [{at: [5.9, 2], colour: red}]");
-        let (mut movers, mut obstacles) = (Movers::of(&world), world.obstacles());
+        let (mut movers, mut obstacles) = (Movers::new(&world), world.obstacles());
         let robot = Circle::new(Point::new(5.7, 2.0), 0.15);
         movers.push_balls(robot, 0.4, &mut obstacles);
         assert_eq!(movers.places().next(), Some(Point::new(5.9, 2.0)));

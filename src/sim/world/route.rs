@@ -61,7 +61,7 @@ pub(crate) struct Trip {
 
 impl Trip {
     /// Creates a trip that starts towards the first corner.
-    pub(crate) fn of(route: &Route) -> Trip {
+    pub(crate) fn new(route: &Route) -> Trip {
         Trip {
             corners: route.through.iter().map(|spot| spot.point()).collect(),
             speed: route.speed,
@@ -121,7 +121,7 @@ mod tests {
 
     fn visited(closed: bool) -> Vec<(i32, i32)> {
         let yaml = format!("{{through: [[1, 1], [2, 1], [2, 2]], speed: 1, closed: {closed}}}");
-        let mut trip = Trip::of(&serde_yaml::from_str(&yaml).unwrap());
+        let mut trip = Trip::new(&serde_yaml::from_str(&yaml).unwrap());
         let (mut here, mut seen) = (Point::new(1.0, 1.0), Vec::new());
         for _ in 0..110 {
             here = trip.step(here, 0.05);
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_route_with_one_corner_ends_there() {
-        let mut trip = Trip::of(&serde_yaml::from_str("{through: [[1, 1]], speed: 1}").unwrap());
+        let mut trip = Trip::new(&serde_yaml::from_str("{through: [[1, 1]], speed: 1}").unwrap());
         let mut here = Point::new(1.5, 1.0);
         (0..100).for_each(|_| here = trip.step(here, 0.05));
         assert_eq!(here, Point::new(1.0, 1.0));

@@ -66,8 +66,11 @@ fn explain(error: &serde_yaml::Error) -> String {
 /// Returns the known name nearest to the unknown one. serde quotes the unknown name first, then the
 /// known ones.
 fn suggested_name(text: &str) -> Option<&str> {
+    if !text.contains("unknown ") {
+        return None;
+    }
     let mut quoted = text.split('`').skip(1).step_by(2);
-    let found = quoted.next().filter(|_| text.contains("unknown "))?;
+    let found = quoted.next()?;
     let near = quoted
         .map(|name| (strsim::damerau_levenshtein(found, name), name))
         .min()?;

@@ -53,7 +53,7 @@ fn index(level: u8) -> u8 {
 
 impl Cell {
     /// The cell of a Cb and a Cr; `None` at the border, where cells are too large to be settled.
-    pub(super) fn of(cb: u8, cr: u8) -> Option<Cell> {
+    pub(super) fn from_chroma(cb: u8, cr: u8) -> Option<Cell> {
         let inner = |index: u8| (1..15).contains(&index);
         let (cb, cr) = (index(cb), index(cr));
         (inner(cb) && inner(cr)).then_some(Cell { cb, cr })
@@ -117,12 +117,15 @@ mod tests {
 
     #[test]
     fn a_cells_levels_belong_to_it_and_the_border_has_none() {
-        let cell = Cell::of(131, 100).unwrap();
+        let cell = Cell::from_chroma(131, 100).unwrap();
         assert_eq!(cell.levels().count(), 64);
-        assert!(cell.levels().all(|(cb, cr)| Cell::of(cb, cr) == Some(cell)));
+        assert!(
+            cell.levels()
+                .all(|(cb, cr)| Cell::from_chroma(cb, cr) == Some(cell))
+        );
         for border in [0, 71, 184, 255] {
-            assert_eq!(Cell::of(border, 128), None);
-            assert_eq!(Cell::of(128, border), None);
+            assert_eq!(Cell::from_chroma(border, 128), None);
+            assert_eq!(Cell::from_chroma(128, border), None);
         }
     }
 
@@ -135,11 +138,11 @@ mod tests {
         ) {
             let mut cells = Cells::default();
             for (cb, cr, live) in settled {
-                let cell = Cell::of(cb, cr).unwrap();
+                let cell = Cell::from_chroma(cb, cr).unwrap();
                 cells.settle(cell, live);
                 prop_assert!(cells.is_settled(cell));
             }
-            let dead = |&(cb, cr): &(u8, u8)| Cell::of(cb, cr).is_some_and(|cell| {
+            let dead = |&(cb, cr): &(u8, u8)| Cell::from_chroma(cb, cr).is_some_and(|cell| {
                 cells.live[usize::from(cell.cr / 8)][usize::from(cell.cb)] >> (cell.cr % 8) & 1 == 0
             });
             let (cbs, crs): (Vec<u8>, Vec<u8>) = chroma.iter().copied().unzip();

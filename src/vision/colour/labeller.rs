@@ -136,7 +136,7 @@ impl<'a> Labeller<'a> {
         let cells = cbs
             .iter()
             .zip(crs)
-            .filter_map(|(cb, cr)| Cell::of(*cb, *cr));
+            .filter_map(|(cb, cr)| Cell::from_chroma(*cb, *cr));
         let mut unknown = cells.filter(|cell| !self.palette.cells.is_settled(*cell));
         let unknown = unknown.next();
         if let Some(cell) = unknown {

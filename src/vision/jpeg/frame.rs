@@ -91,7 +91,7 @@ impl Markers {
         }
         let mut picture = None;
         let mut has_tables = false;
-        let mut segments = Segments::of(jpeg);
+        let mut segments = Segments::new(jpeg);
         loop {
             let segment = segments.next()?;
             match segment.marker {
@@ -179,7 +179,7 @@ pub(crate) struct Segments<'a> {
 
 impl<'a> Segments<'a> {
     /// Starts after the start marker.
-    pub(crate) fn of(jpeg: &'a [u8]) -> Self {
+    pub(crate) fn new(jpeg: &'a [u8]) -> Self {
         Segments { jpeg, at: 2 }
     }
 

@@ -89,7 +89,7 @@ impl Headers {
         if !has_tables {
             self.read_tables(&STANDARD_TABLES[4..])?;
         }
-        let mut segments = Segments::of(jpeg);
+        let mut segments = Segments::new(jpeg);
         loop {
             let segment = segments.next()?;
             match segment.marker {

@@ -19,7 +19,7 @@ struct Walk {
 /// # Errors
 /// [`FrameError::Damaged`] if a marker interrupts the data or a header is truncated.
 pub(crate) fn check(jpeg: &[u8]) -> Result<(), FrameError> {
-    let (mut walk, mut segments) = (Walk::default(), Segments::of(jpeg));
+    let (mut walk, mut segments) = (Walk::default(), Segments::new(jpeg));
     loop {
         let segment = segments.next()?;
         match segment.marker {

@@ -18,7 +18,10 @@ impl WayHome {
     pub(super) fn see(&mut self, moment: &Moment<'_>) -> Kept {
         let Play { dog, known, .. } = moment.play;
         self.see_loan(moment)?;
-        for command in sent(&moment.acts).iter().filter(|_| known.low) {
+        for command in &sent(&moment.acts) {
+            if !known.low {
+                break;
+            }
             let Command::Move { left, right } = *command else {
                 continue;
             };
