@@ -12,7 +12,6 @@
 
 mod alignment_cost;
 mod blobs;
-mod calibration;
 mod camera;
 mod colour;
 mod damage;
@@ -36,10 +35,6 @@ mod vectors;
 mod votes;
 
 pub use blobs::{Blob, BlobFinder, BlobOptions};
-pub use calibration::{
-    Board, Calibrated, CalibrationError, DistanceError, Measure, Sighting, calibrate,
-    field_of_view, find_chessboard,
-};
 pub use camera::{Camera, Direction};
 pub use colour::learn::{LearnRefusal, Learned, learn};
 pub use colour::palette::{MAX_COLOURS, Palette};

@@ -1,12 +1,9 @@
-//! `spykee calibrate`: measures the robot's track width and speed with two timed moves and a turn,
-//! and its camera with pictures of a chessboard or of the station.
+//! `spykee calibrate`: measures the robot's track width and speed with two timed moves and a turn.
 
-mod camera;
 mod edit;
 mod measure;
 mod person;
 mod simulated;
-mod station;
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -24,7 +21,7 @@ use crate::safety::WatchdogState;
 use crate::script::Calibration;
 use crate::yaml;
 
-/// Measure the robot's track width and speed, or its camera, for the config
+/// Measure the robot's track width and speed for the config
 ///
 /// Guides you through two moves straight ahead and a turn on the spot, asks how far the robot
 /// really went, and computes `calibration:` from your answers. Every step can be repeated. With
@@ -34,13 +31,9 @@ use crate::yaml;
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee calibrate --robot 172.17.6.1 --config spykee.yaml\n  \
-                        spykee calibrate --sim --json\n  spykee calibrate camera board/*.jpg"
+                        spykee calibrate --sim --json"
 )]
-#[command(args_conflicts_with_subcommands = true)]
 pub(super) struct CalibrateArgs {
-    #[command(subcommand)]
-    what: Option<What>,
-
     /// Print a JSON object; questions go to stderr
     #[arg(long)]
     json: bool,
@@ -62,21 +55,12 @@ pub(super) struct CalibrateArgs {
     pub(super) aim: AimArgs,
 }
 
-/// What to calibrate other than the tracks.
-#[derive(Debug, Clone, clap::Subcommand)]
-enum What {
-    Camera(camera::CameraArgs),
-}
-
 /// Measures, prints the result, and writes it into the config if the user agrees.
 ///
 /// # Errors
 /// A robot that cannot be reached or may not drive, implausible measurements, a config that cannot
 /// be changed.
 pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
-    if let Some(What::Camera(args)) = &args.what {
-        return camera::run(args);
-    }
     let seed = args.seed.unwrap_or_else(rand::random);
     let aim = args.aim.aim(seed)?;
     let parts = aim.driver_parts(seed)?;

@@ -50,11 +50,6 @@ impl Decoder {
         }
     }
 
-    /// Whether part of the next frame has been decoded.
-    pub fn has_decoded_ahead(&self) -> bool {
-        self.baseline.has_decoded_ahead()
-    }
-
     /// The newest picture; 0x0 before the first one and after an error.
     pub fn image(&self) -> &Image {
         &self.image

@@ -35,11 +35,6 @@ impl Incremental {
         self.baseline.vectors = vectors;
     }
 
-    /// Whether part of the next frame has been decoded.
-    pub(super) fn has_decoded_ahead(&self) -> bool {
-        self.progress.is_some()
-    }
-
     /// Decodes a complete frame, ignoring any partly decoded one; see [`Baseline::decode`].
     pub(super) fn decode(
         &mut self,
