@@ -4,7 +4,6 @@
 mod act;
 mod ask;
 mod let_go;
-mod mp3;
 mod say;
 mod session;
 mod settings;
