@@ -4,9 +4,9 @@ use image::ImageDecoder;
 use image::codecs::jpeg::JpegDecoder;
 use std::io::Cursor;
 
+use super::baseline::Baseline;
 use super::frame::{FrameError, Markers};
 use super::headers::DecodeError;
-use super::incremental::Incremental;
 use super::scans;
 use crate::vision::picture::image::Image;
 use crate::vision::picture::size::Size;
@@ -17,7 +17,7 @@ pub struct Decoder {
     image: Image,
     /// The partly decoded next frame.
     next_image: Image,
-    baseline: Incremental,
+    baseline: Baseline,
     /// Pixels of a frame decoded by the `image` crate.
     pixels: Vec<u8>,
 }
@@ -108,7 +108,6 @@ fn short(error: image::ImageError) -> FrameError {
 
 #[cfg(test)]
 mod tests {
-    use super::super::baseline::Baseline;
     use super::*;
     use crate::vision::vectors::Vectors;
     use image::codecs::jpeg::JpegEncoder;
@@ -164,7 +163,7 @@ mod tests {
     /// A decoder that does not use this processor's vector instructions.
     fn plain() -> Decoder {
         let mut decoder = Decoder::default();
-        decoder.baseline.use_vectors(Vectors::Plain);
+        decoder.baseline.vectors = Vectors::Plain;
         decoder
     }
 
