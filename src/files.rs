@@ -1,10 +1,11 @@
 //! Access to untrusted files and folders. Reads only regular files of bounded length: a pipe, a
-//! device or a folder is an error and never blocks. Writes stay within one opened folder and follow
-//! no symbolic link in it.
+//! device or a folder is an error and never blocks. An opened [`Folder`] is never left: no symbolic
+//! link in it is followed, even if the disk changes meanwhile.
 
+use std::collections::BTreeSet;
 use std::fs::{DirBuilder, File};
 use std::io::{self, Read as _, Write as _};
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::fs::DirBuilderExt as _;
 use std::path::Path;
 
@@ -13,6 +14,7 @@ use rustix::fs::{
     statat, unlinkat,
 };
 use rustix::io::Errno;
+use rustix::path::Arg;
 
 /// Prefix of unfinished files; those left behind by a killed run are removed later.
 const UNFINISHED: &str = ".unfinished";
@@ -59,7 +61,7 @@ impl From<ReadError> for io::Error {
 /// # Errors
 /// See [`ReadError`].
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
-    content(open(CWD, path, OFlags::empty())?, most)
+    whole(open(CWD, path, OFlags::empty())?, most)
 }
 
 /// Reads the beginning of a regular file, at most `most` bytes.
@@ -75,7 +77,7 @@ pub fn read_beginning(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
 /// # Errors
 /// See [`ReadError`]; also a symbolic link in its place.
 pub fn read_beginning_unlinked(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
-    beginning(open_unlinked(CWD, path)?, most)
+    beginning(open(CWD, path, OFlags::NOFOLLOW)?, most)
 }
 
 /// Same as [`read`], for a text.
@@ -92,49 +94,37 @@ pub fn read_text(path: &Path, most: u64) -> Result<String, ReadError> {
 /// # Errors
 /// See [`ReadError`]; also if other users have access to the file.
 pub fn read_private(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
-    let file = open_unlinked(CWD, path)?;
+    let file = open(CWD, path, OFlags::NOFOLLOW)?;
     let stat = fstat(&file)?;
-    let others = Mode::from_raw_mode(stat.st_mode).intersects(Mode::RWXG | Mode::RWXO);
-    if others || stat.st_uid != rustix::process::geteuid().as_raw() {
+    if has_access_for_others(&stat) || stat.st_uid != rustix::process::geteuid().as_raw() {
         let words = "other users can read it; only its owner may have access: chmod 600";
         return Err(io::Error::new(io::ErrorKind::PermissionDenied, words).into());
     }
-    content(file, most)
+    whole(file, most)
 }
 
 /// Whether the group or others have access to this file.
 pub fn is_shared(path: &Path) -> bool {
-    let Ok(stat) = statat(CWD, path, AtFlags::empty()) else {
-        return false;
-    };
+    statat(CWD, path, AtFlags::empty()).is_ok_and(|stat| has_access_for_others(&stat))
+}
+
+fn has_access_for_others(stat: &Stat) -> bool {
     Mode::from_raw_mode(stat.st_mode).intersects(Mode::RWXG | Mode::RWXO)
 }
 
 /// Opens a file without waiting for the other end of a pipe, and without acquiring a controlling
 /// terminal.
-fn open(
-    at: impl std::os::fd::AsFd,
-    path: impl rustix::path::Arg,
-    more: OFlags,
-) -> Result<OwnedFd, ReadError> {
+fn open(at: impl AsFd, path: impl Arg, more: OFlags) -> Result<OwnedFd, ReadError> {
     let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC | more;
-    Ok(openat(at, path, flags, Mode::empty())?)
-}
-
-/// Same as [`open`], but does not follow a symbolic link.
-fn open_unlinked(
-    at: impl std::os::fd::AsFd,
-    path: impl rustix::path::Arg,
-) -> Result<OwnedFd, ReadError> {
-    open(at, path, OFlags::NOFOLLOW).map_err(|error| match error {
-        ReadError::Io(error) if error.raw_os_error() == Some(Errno::LOOP.raw_os_error()) => {
-            ReadError::NoFile("a symbolic link")
+    match openat(at, path, flags, Mode::empty()) {
+        Err(Errno::LOOP) if more.contains(OFlags::NOFOLLOW) => {
+            Err(ReadError::NoFile("a symbolic link"))
         }
-        error => error,
-    })
+        opened => Ok(opened?),
+    }
 }
 
-fn content(file: OwnedFd, most: u64) -> Result<Vec<u8>, ReadError> {
+fn whole(file: OwnedFd, most: u64) -> Result<Vec<u8>, ReadError> {
     // Read one byte more: the file may grow while it is read.
     let bytes = beginning(file, most.saturating_add(1))?;
     if bytes.len() as u64 > most {
@@ -145,8 +135,7 @@ fn content(file: OwnedFd, most: u64) -> Result<Vec<u8>, ReadError> {
 }
 
 fn beginning(file: OwnedFd, most: u64) -> Result<Vec<u8>, ReadError> {
-    let stat = fstat(&file)?;
-    if let Some(kind) = no_file(&stat) {
+    if let Some(kind) = no_file(&fstat(&file)?) {
         return Err(ReadError::NoFile(kind));
     }
     let mut bytes = Vec::new();
@@ -203,14 +192,31 @@ impl Folder {
     /// # Errors
     /// Any error of the system; a symbolic link in its place.
     pub fn open(path: &Path) -> io::Result<Folder> {
-        let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-        match openat(CWD, path, flags, Mode::empty()) {
-            Ok(folder) => Ok(Folder(folder)),
+        match open_folder(CWD, path, OFlags::NOFOLLOW) {
             Err(Errno::LOOP | Errno::NOTDIR) if is_link(path) => Err(io::Error::other(format!(
                 "{} is a symbolic link: it could point anywhere, so nothing is stored there",
                 path.display()
             ))),
-            Err(error) => Err(error.into()),
+            opened => Ok(Folder(opened?)),
+        }
+    }
+
+    /// Opens an existing folder to read in it; its own path may be a symbolic link.
+    ///
+    /// # Errors
+    /// Any error of the system.
+    pub fn open_linked(path: &Path) -> io::Result<Folder> {
+        Ok(Folder(open_folder(CWD, path, OFlags::empty())?))
+    }
+
+    /// Opens a folder in this one.
+    ///
+    /// # Errors
+    /// Any error of the system; a symbolic link in its place is no folder.
+    pub fn folder(&self, name: &str) -> io::Result<Folder> {
+        match open_folder(&self.0, name, OFlags::NOFOLLOW) {
+            Err(Errno::LOOP) => Err(Errno::NOTDIR.into()),
+            opened => Ok(Folder(opened?)),
         }
     }
 
@@ -219,11 +225,19 @@ impl Folder {
     /// # Errors
     /// See [`ReadError`].
     pub fn read(&self, name: &str, most: u64) -> Result<Option<Vec<u8>>, ReadError> {
-        match open_unlinked(&self.0, name) {
-            Ok(file) => content(file, most).map(Some),
+        match open(&self.0, name, OFlags::NOFOLLOW) {
+            Ok(file) => whole(file, most).map(Some),
             Err(ReadError::Io(error)) if error.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(error) => Err(error),
         }
+    }
+
+    /// Reads the beginning of a regular file, at most `most` bytes.
+    ///
+    /// # Errors
+    /// See [`ReadError`].
+    pub fn read_beginning(&self, name: &str, most: u64) -> Result<Vec<u8>, ReadError> {
+        beginning(open(&self.0, name, OFlags::NOFOLLOW)?, most)
     }
 
     /// Creates an empty file, with access for this user only, unless something of this name exists.
@@ -291,18 +305,26 @@ impl Folder {
         Ok(unlinkat(&self.0, name, AtFlags::empty())?)
     }
 
+    /// Lists the names of everything in it that are UTF-8.
+    ///
+    /// # Errors
+    /// Any error of the system.
+    pub fn names(&self) -> io::Result<BTreeSet<String>> {
+        let mut names = BTreeSet::new();
+        for entry in Dir::read_from(&self.0)?.take(MAX_NAMES) {
+            names.extend(entry?.file_name().to_str().map(str::to_owned));
+        }
+        Ok(names)
+    }
+
     /// Lists its regular files.
     ///
     /// # Errors
     /// Any error of the system.
     pub fn items(&self) -> io::Result<Vec<Item>> {
         let mut items = Vec::new();
-        for entry in Dir::read_from(&self.0)?.take(MAX_NAMES) {
-            let entry = entry?;
-            let Ok(name) = entry.file_name().to_str() else {
-                continue;
-            };
-            items.extend(self.item(name)?);
+        for name in self.names()? {
+            items.extend(self.item(&name)?);
         }
         Ok(items)
     }
@@ -316,7 +338,10 @@ impl Folder {
             Err(Errno::NOENT) => return Ok(None),
             stat => stat?,
         };
-        Ok(no_file(&stat).is_none().then(|| Item {
+        if no_file(&stat).is_some() {
+            return Ok(None);
+        }
+        Ok(Some(Item {
             written: (
                 stat.st_mtime,
                 i64::try_from(stat.st_mtime_nsec).unwrap_or(0),
@@ -349,10 +374,138 @@ impl Folder {
     }
 }
 
+fn open_folder(at: impl AsFd, path: impl Arg, more: OFlags) -> rustix::io::Result<OwnedFd> {
+    let flags = OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC | more;
+    openat(at, path, flags, Mode::empty())
+}
+
 fn is_link(path: &Path) -> bool {
     path.symlink_metadata()
         .is_ok_and(|about| about.is_symlink())
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use std::fs;
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+
+    #[test]
+    fn only_regular_files_of_bounded_length_are_read() {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        fs::write(path("file"), "12345").unwrap();
+        assert_eq!(read(&path("file"), 5).unwrap(), b"12345");
+        assert!(matches!(
+            read(&path("file"), 4),
+            Err(ReadError::TooLong { most: 4 })
+        ));
+        let mode = Mode::RUSR | Mode::WUSR;
+        rustix::fs::mknodat(CWD, path("pipe"), FileType::Fifo, mode, 0).unwrap();
+        for (name, what) in [
+            (path("pipe"), "a pipe"),
+            (root.path().to_owned(), "a folder"),
+            ("/dev/zero".into(), "a device"),
+        ] {
+            let error = read(&name, 100).unwrap_err().to_string();
+            assert!(error.contains(what), "{error}");
+        }
+        fs::write(path("bytes"), [0xff]).unwrap();
+        assert!(matches!(
+            read_text(&path("bytes"), 5),
+            Err(ReadError::NoText)
+        ));
+    }
+
+    #[test]
+    fn a_private_file_is_accessible_to_its_owner_only_and_not_a_link() {
+        let root = tempfile::tempdir().unwrap();
+        let (file, link) = (root.path().join("secret"), root.path().join("link"));
+        fs::write(&file, "x").unwrap();
+        symlink(&file, &link).unwrap();
+        let allow = |mode| fs::set_permissions(&file, fs::Permissions::from_mode(mode)).unwrap();
+        for mode in [0o640, 0o604, 0o620, 0o610] {
+            allow(mode);
+            assert!(is_shared(&file));
+            assert!(read_private(&file, 10).is_err(), "{mode:o}");
+        }
+        allow(0o600);
+        assert!(!is_shared(&file));
+        assert_eq!(read_private(&file, 10).unwrap(), b"x");
+        assert!(read_private(&link, 10).is_err());
+    }
+
+    #[test]
+    fn a_link_is_followed_only_where_that_is_asked_for() {
+        let root = tempfile::tempdir().unwrap();
+        let (file, link) = (root.path().join("file"), root.path().join("link"));
+        fs::write(&file, "12345").unwrap();
+        symlink(&file, &link).unwrap();
+        assert_eq!(read_beginning(&link, 3).unwrap(), b"123");
+        assert_eq!(read_beginning_unlinked(&file, 3).unwrap(), b"123");
+        let error = read_beginning_unlinked(&link, 3).unwrap_err();
+        assert_eq!(error.to_string(), "it is a symbolic link, not a file");
+    }
+
+    #[test]
+    fn a_folder_that_is_a_link_is_refused_and_links_in_it_are_not_followed() {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        fs::create_dir(path("elsewhere")).unwrap();
+        symlink(path("elsewhere"), path("data")).unwrap();
+        for opened in [Folder::open(&path("data")), Folder::make(&path("data"))] {
+            let error = opened.unwrap_err().to_string();
+            assert!(error.contains("symbolic link"), "{error}");
+        }
+        let folder = Folder::make(&path("deep/er")).unwrap();
+        fs::write(path("secret"), "secret").unwrap();
+        symlink(path("secret"), path("deep/er/a.jpg")).unwrap();
+        assert!(folder.read("a.jpg", 100).is_err());
+        assert_eq!(folder.items().unwrap(), []);
+        folder.replace("a.jpg", b"new").unwrap();
+        assert_eq!(fs::read(path("secret")).unwrap(), b"secret");
+        assert_eq!(folder.read("a.jpg", 100).unwrap().unwrap(), b"new");
+        // Also under the temporary name of an unfinished file.
+        symlink(path("secret"), path("deep/er/.unfinished-b.jpg")).unwrap();
+        folder.replace_durably("b.jpg", b"new").unwrap();
+        assert_eq!(fs::read(path("secret")).unwrap(), b"secret");
+        assert_eq!(folder.read("none", 100).unwrap(), None);
+        let mode = |name: &str| fs::metadata(path(name)).unwrap().permissions().mode() & 0o777;
+        assert_eq!((mode("deep/er"), mode("deep/er/b.jpg")), (0o700, 0o600));
+    }
+
+    #[test]
+    fn only_a_missing_file_is_created() {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        let folder = Folder::open(root.path()).unwrap();
+        folder.create("a").unwrap();
+        assert_eq!(fs::read(path("a")).unwrap(), b"");
+        let mode = fs::metadata(path("a")).unwrap().permissions().mode();
+        assert_eq!(mode & 0o777, 0o600);
+        fs::write(path("a"), "kept").unwrap();
+        folder.create("a").unwrap();
+        assert_eq!(fs::read(path("a")).unwrap(), b"kept");
+        symlink(path("none"), path("link")).unwrap();
+        folder.create("link").unwrap();
+        assert!(is_link(&path("link")) && !path("none").exists());
+    }
+
+    #[test]
+    fn unfinished_files_are_removed() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Folder::open(root.path()).unwrap();
+        fs::write(root.path().join(".unfinished-a"), "x").unwrap();
+        fs::write(root.path().join(".store-7"), "x").unwrap();
+        folder.replace("b", b"12").unwrap();
+        folder.sweep(".store-").unwrap();
+        let names: Vec<_> = folder
+            .items()
+            .unwrap()
+            .into_iter()
+            .map(|item| (item.name, item.bytes))
+            .collect();
+        assert_eq!(names, [("b".to_owned(), 2)]);
+        assert!(folder.free().unwrap() > 0);
+    }
+}

@@ -10,7 +10,6 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
-use super::cadence::Cadence;
 use super::gallery::Gallery;
 use super::message::{FromHost, Launch, ToHost};
 use super::pipe::{Receiver, Sender};
@@ -127,7 +126,6 @@ pub(super) async fn serve(
                 frame_asked: false,
                 damaged: false,
                 partial_frame: Vec::new(),
-                cadence: Cadence::default(),
                 gallery,
                 findings,
                 store,
@@ -158,8 +156,6 @@ struct Host {
     damaged: bool,
     /// The bytes of the next frame received so far.
     partial_frame: Vec<u8>,
-    /// Predicts when the next frame is due.
-    cadence: Cadence,
     /// Saves marked frames for people to view.
     gallery: Option<Gallery>,
     /// Whether to report findings to viewers.
@@ -220,7 +216,6 @@ impl Host {
             }
             let (ready, moving) = (self.script.is_ready(), self.script.has_motion());
             let writes_at = self.writes_at();
-            let prepares = self.time == Time::Real && self.script.examines_frames();
             if !ready {
                 self.script.collect_garbage_step();
             }
@@ -233,14 +228,6 @@ impl Host {
                 () = std::future::ready(()), if ready => {}
                 () = until(self.script.next_deadline()) => {}
                 () = until(writes_at) => {}
-                () = until(self.cadence.prepare_at()), if prepares => {
-                    let began = Instant::now();
-                    self.script.warm_up();
-                    self.cadence.record_preparation(began.elapsed());
-                    // Warms up the driving core, too.
-                    self.outbox.send(&FromHost::Alive).await?;
-                    continue;
-                }
                 _ = beat.tick(), if moving => self.outbox.send(&FromHost::Alive).await?,
                 _ = idle.tick(), if !moving && self.time == Time::Real => {
                     self.outbox.send(&FromHost::Alive).await?;
@@ -284,10 +271,9 @@ impl Host {
             ToHost::Frame(frame) => {
                 self.frame_asked = false;
                 self.partial_frame.clear();
-                self.cadence.record_arrival(frame.at);
                 self.damaged = !self.script.deliver_frame(frame, now);
             }
-            ToHost::PartialFrame { at, jpeg } => self.add_part(at, &jpeg),
+            ToHost::PartialFrame { at, jpeg } => self.decode_part(at, &jpeg),
             ToHost::Evaluate { text, more } => self.script.evaluate(&text, more, now),
             ToHost::SetParam { name, value } => self.script.set_live_param(&name, value, now),
             ToHost::Interrupt => self.script.interrupt(now),
@@ -319,20 +305,15 @@ impl Host {
         self.outbox.send(&warning(text)).await
     }
 
-    fn add_part(&mut self, at: usize, part: &[u8]) {
+    /// Decodes the part of the next frame that follows on from what has been received.
+    fn decode_part(&mut self, at: usize, part: &[u8]) {
         if at == 0 {
             self.partial_frame.clear();
-            self.decode_partial(part);
-            self.cadence.cancel_preparation();
-            self.script.warm_up();
-        } else if at == self.partial_frame.len() {
-            self.decode_partial(part);
         }
-    }
-
-    fn decode_partial(&mut self, part: &[u8]) {
-        self.partial_frame.extend_from_slice(part);
-        self.script.look_ahead(&self.partial_frame);
+        if at == self.partial_frame.len() {
+            self.partial_frame.extend_from_slice(part);
+            self.script.decode_ahead(&self.partial_frame);
+        }
     }
 
     async fn send_output(&mut self) -> io::Result<()> {

@@ -1,100 +1,24 @@
 //! Finds the files for `require` in the folder of one behaviour's script. The agent reads them: a
-//! host sends a module name and gets text; it has no right to open files there itself.
-//!
-//! A path is walked component by component. Each is opened relative to the folder before it, and
-//! symbolic links are not followed, so that nothing outside can be reached even if the disk changes
-//! meanwhile.
+//! host sends a module name and gets text; it has no right to open files there itself. Nothing
+//! outside the folder can be reached: see [`Folder`].
 
 use std::collections::BTreeSet;
-use std::ffi::OsString;
-use std::fs::File;
-use std::io::{self, Read as _};
-use std::os::fd::OwnedFd;
-use std::os::unix::ffi::OsStringExt as _;
-use std::path::PathBuf;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use rustix::fs::{CWD, Dir, FileType, Mode, OFlags, fstat, openat};
-use rustix::io::Errno;
-
+use crate::files::{Folder, ReadError};
 use crate::script::{MAX_SOURCE, ModuleFile, ModuleName, suggestion};
 
 /// Extensions of module files.
 const ENDINGS: [&str; 2] = [".lua", ".luau"];
-/// Maximum number of folder entries that are read.
-const MAX_NAMES: usize = 10_000;
 
 /// Why a module cannot be loaded, in words for the script's author.
 #[derive(Debug, thiserror::Error)]
-pub enum LibraryError {
-    /// There is no folder to look in.
-    #[error("this behaviour has no folder to load modules from")]
-    NoFolder,
-    /// The name is empty.
-    #[error("a module needs a name")]
-    NoName,
-    /// The behaviour's folder cannot be opened.
-    #[error("cannot open {}: {source}", .folder.display())]
-    Folder {
-        /// The folder.
-        folder: PathBuf,
-        /// Why.
-        source: Errno,
-    },
-    /// There is no such file.
-    #[error(
-        "module '{module}' was not found in the behaviour's folder: there is no {wanted}.lua{hint}"
-    )]
-    Missing {
-        /// The module's name, as the script wrote it.
-        module: String,
-        /// The part of it that is missing.
-        wanted: String,
-        /// What was probably meant; may be empty.
-        hint: String,
-    },
-    /// Several files have this name.
-    #[error("module '{module}': there are {}; keep one of them", .files.join(" and "))]
-    Ambiguous {
-        /// The module's name, as the script wrote it.
-        module: String,
-        /// Their names.
-        files: Vec<String>,
-    },
-    /// A component is a symbolic link, which is not followed, or is not a folder.
-    #[error(
-        "module '{module}': {name} is a symbolic link or not a folder; modules must be files in the \
-         behaviour's own folder"
-    )]
-    Link {
-        /// The module's name, as the script wrote it.
-        module: String,
-        /// The link.
-        name: String,
-    },
-    /// The name belongs to something else, such as a folder or a pipe.
-    #[error("module '{module}': {name} is not a file")]
-    NotAFile {
-        /// The module's name, as the script wrote it.
-        module: String,
-        /// The name of what is not a file.
-        name: String,
-    },
-    /// A file or folder cannot be opened or read.
-    #[error("module '{module}': cannot {verb} {name}: {source}")]
-    Io {
-        /// The module's name, as the script wrote it.
-        module: String,
-        /// What failed: `open`, `list` or `read`.
-        verb: &'static str,
-        /// The file or folder.
-        name: String,
-        /// Why.
-        source: io::Error,
-    },
-}
+#[error("{0}")]
+pub struct LibraryError(String);
 
-/// See the module. Clones share the same state.
+/// Reads the modules of one behaviour. Clones share the same state.
 #[derive(Debug, Clone, Default)]
 pub struct Library {
     folder: Option<PathBuf>,
@@ -121,156 +45,101 @@ impl Library {
     /// # Errors
     /// See [`LibraryError`].
     pub fn fetch(&self, name: &ModuleName) -> Result<ModuleFile, LibraryError> {
-        let Some(folder) = &self.folder else {
-            return Err(LibraryError::NoFolder);
+        let Some(root) = &self.folder else {
+            let words = "this behaviour has no folder to load modules from";
+            return Err(LibraryError(words.to_owned()));
         };
-        let folder = if folder.as_os_str().is_empty() {
-            PathBuf::from(".")
+        let root = if root.as_os_str().is_empty() {
+            Path::new(".")
         } else {
-            folder.clone()
+            root
         };
-        let mut segments: Vec<&str> = name.segments().collect();
-        let Some(last) = segments.pop() else {
-            return Err(LibraryError::NoName);
+        let mut path: Vec<&str> = name.segments().collect();
+        let Some(last) = path.pop() else {
+            return Err(LibraryError("a module needs a name".to_owned()));
         };
-        let shown = name.as_str();
-        let mut at = openat(CWD, &folder, folder_flags(), Mode::empty()).map_err(|source| {
-            let folder = folder.clone();
-            LibraryError::Folder { folder, source }
-        })?;
-        for segment in &segments {
-            at = enter(&at, segment, shown)?;
+        let open = Folder::open_linked(root);
+        let mut folder =
+            open.map_err(|error| LibraryError(format!("cannot open {}: {error}", root.display())))?;
+        for segment in &path {
+            folder = enter(&folder, segment)
+                .map_err(|what| LibraryError(format!("module '{}'{what}", name.as_str())))?;
         }
-        let found = find(&at, last, shown)?;
-        let source = read(&at, &found, shown)?;
-        let file = segments
-            .iter()
-            .chain([&&*found])
-            .copied()
-            .collect::<Vec<_>>();
-        let file = file.join("/");
+        let (file, source) = read(&folder, last)
+            .map_err(|what| LibraryError(format!("module '{}'{what}", name.as_str())))?;
+        path.push(&file);
+        let file = path.join("/");
         let mut files = self.files.lock().unwrap_or_else(PoisonError::into_inner);
-        files.insert(folder.join(&file));
+        files.insert(root.join(&file));
         Ok(ModuleFile { file, source })
     }
 }
 
-fn folder_flags() -> OFlags {
-    OFlags::RDONLY | OFlags::DIRECTORY | OFlags::CLOEXEC
+/// Opens a subfolder. The error continues the sentence "module 'name'".
+fn enter(folder: &Folder, name: &str) -> Result<Folder, String> {
+    let name = find(folder, name, &[""])?;
+    folder.folder(&name).map_err(|error| match error.kind() {
+        ErrorKind::NotADirectory => is_link(&name),
+        _ => format!(": cannot open {name}: {error}"),
+    })
 }
 
-/// Opens a subfolder, unless it is a symbolic link.
-fn enter(at: &OwnedFd, segment: &str, shown: &str) -> Result<OwnedFd, LibraryError> {
-    let near = exact(at, segment, &[""], shown)?;
-    let Some(segment) = near else {
-        return Err(missing(at, segment, shown));
-    };
-    let flags = folder_flags() | OFlags::NOFOLLOW;
-    openat(at, &*segment, flags, Mode::empty()).map_err(|error| refused(&segment, shown, error))
+/// Reads a module's file: its name, and at most one byte more than a module may have, so that a
+/// longer one can be reported as too long. The error continues the sentence "module 'name'".
+fn read(folder: &Folder, name: &str) -> Result<(String, Vec<u8>), String> {
+    let name = find(folder, name, &ENDINGS)?;
+    match folder.read_beginning(&name, MAX_SOURCE as u64 + 1) {
+        Ok(source) => Ok((name, source)),
+        Err(ReadError::NoFile("a symbolic link")) => Err(is_link(&name)),
+        Err(ReadError::NoFile(_)) => Err(format!(": {name} is not a file")),
+        Err(error) => Err(format!(": cannot read {name}: {error}")),
+    }
 }
 
-/// Returns the module's file name, with its extension.
-fn find(at: &OwnedFd, last: &str, shown: &str) -> Result<String, LibraryError> {
-    exact(at, last, &ENDINGS, shown)?.ok_or_else(|| missing(at, last, shown))
-}
-
-/// Returns the folder entry that is `wanted` plus one of the endings. The comparison is
+/// Returns the name in the folder that is `wanted` plus one of the endings. The comparison is
 /// case-sensitive even if the file system is not.
-fn exact(
-    at: &OwnedFd,
-    wanted: &str,
-    endings: &[&str],
-    shown: &str,
-) -> Result<Option<String>, LibraryError> {
-    let names = names(at).map_err(|source| failed(shown, "list", "its folder", source))?;
+fn find(folder: &Folder, wanted: &str, endings: &[&str]) -> Result<String, String> {
+    let names = folder
+        .names()
+        .map_err(|error| format!(": cannot list its folder: {error}"))?;
     let mut found: Vec<String> = endings
         .iter()
         .map(|ending| format!("{wanted}{ending}"))
         .filter(|name| names.contains(name))
         .collect();
     if found.len() > 1 {
-        let module = shown.to_owned();
-        Err(LibraryError::Ambiguous {
-            module,
-            files: found,
-        })
-    } else {
-        Ok(found.pop())
+        return Err(format!(
+            ": there are {}; keep one of them",
+            found.join(" and ")
+        ));
     }
+    found.pop().ok_or_else(|| missing(&names, wanted))
 }
 
-fn names(at: &OwnedFd) -> io::Result<BTreeSet<String>> {
-    let mut names = BTreeSet::new();
-    for entry in Dir::read_from(at)?.take(MAX_NAMES) {
-        let name = OsString::from_vec(entry?.file_name().to_bytes().to_vec());
-        names.extend(name.into_string());
-    }
-    Ok(names)
-}
-
-fn missing(at: &OwnedFd, wanted: &str, shown: &str) -> LibraryError {
-    let names = names(at).unwrap_or_default();
-    let is_folder = names.contains(wanted);
-    let stems = names.iter().map(|name| {
-        let stem = ENDINGS.iter().find_map(|ending| name.strip_suffix(ending));
-        stem.unwrap_or(name)
-    });
-    let hint = if is_folder {
+fn missing(names: &BTreeSet<String>, wanted: &str) -> String {
+    let hint = if names.contains(wanted) {
         "; it is a folder: name a file in it".to_owned()
     } else {
+        let stems = names.iter().map(|name| {
+            let stem = ENDINGS.iter().find_map(|ending| name.strip_suffix(ending));
+            stem.unwrap_or(name)
+        });
         suggestion(wanted, stems)
     };
-    LibraryError::Missing {
-        module: shown.to_owned(),
-        wanted: wanted.to_owned(),
-        hint,
-    }
+    format!(" was not found in the behaviour's folder: there is no {wanted}.lua{hint}")
 }
 
-fn refused(name: &str, shown: &str, error: Errno) -> LibraryError {
-    match error {
-        Errno::LOOP | Errno::NOTDIR => LibraryError::Link {
-            module: shown.to_owned(),
-            name: name.to_owned(),
-        },
-        error => failed(shown, "open", name, error.into()),
-    }
-}
-
-fn failed(shown: &str, verb: &'static str, name: &str, source: io::Error) -> LibraryError {
-    LibraryError::Io {
-        module: shown.to_owned(),
-        verb,
-        name: name.to_owned(),
-        source,
-    }
-}
-
-/// Reads at most one byte more than a module may have, so that a longer one can be reported as too
-/// long.
-fn read(at: &OwnedFd, name: &str, shown: &str) -> Result<Vec<u8>, LibraryError> {
-    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let file = openat(at, name, flags | OFlags::NOCTTY, Mode::empty());
-    let file = file.map_err(|error| refused(name, shown, error))?;
-    let cannot = |source: io::Error| failed(shown, "read", name, source);
-    let stat = fstat(&file).map_err(|error| cannot(error.into()))?;
-    if FileType::from_raw_mode(stat.st_mode) != FileType::RegularFile {
-        return Err(LibraryError::NotAFile {
-            module: shown.to_owned(),
-            name: name.to_owned(),
-        });
-    }
-    let mut source = Vec::new();
-    File::from(file)
-        .take(MAX_SOURCE as u64 + 1)
-        .read_to_end(&mut source)
-        .map_err(cannot)?;
-    Ok(source)
+fn is_link(name: &str) -> String {
+    format!(
+        ": {name} is a symbolic link or not a folder; modules must be files in the behaviour's own \
+         folder"
+    )
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rustix::fs::{CWD, Mode, mkfifoat};
     use std::fs;
     use std::os::unix::fs::symlink;
 
@@ -320,7 +189,7 @@ mod tests {
         fs::write(folder.join("both.luau"), "").unwrap();
         fs::create_dir(folder.join("lib")).unwrap();
         fs::create_dir(folder.join("dir.lua")).unwrap();
-        rustix::fs::mkfifoat(CWD, folder.join("pipe.lua"), Mode::RUSR).unwrap();
+        mkfifoat(CWD, folder.join("pipe.lua"), Mode::RUSR).unwrap();
         let library = Library::new(folder.to_owned());
         for (name, words) in [
             ("PID", "did you mean 'pid'?"),

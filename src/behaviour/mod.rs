@@ -2,7 +2,6 @@
 //! side) and the messages between them. The agent runs no Lua and no image decoder, so a crash in a
 //! host affects only its own behaviour.
 
-mod cadence;
 mod dialogue;
 mod frame_progress;
 mod gallery;

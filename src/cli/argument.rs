@@ -32,12 +32,6 @@ pub(super) enum ArgumentError {
          ending in `_test`"
     )]
     Project,
-    /// `calibrate camera --station`.
-    #[error("expected a distance from {0} to {1} metres, such as 1.5")]
-    Distance(f64, f64),
-    /// `calibrate camera --board`.
-    #[error("expected COLUMNSxROWS, 3 to 40 inner corners each way, such as 9x6")]
-    Board,
     /// `--timeout` of tests and lessons.
     #[error("expected a number of seconds, 0.1 to 86400")]
     Timeout,

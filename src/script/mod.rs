@@ -64,12 +64,11 @@ mod track_motion;
 mod travel;
 mod turn_slip;
 mod wall_ahead;
-mod warm_up;
 
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use mlua::prelude::{Lua, LuaFunction, LuaMultiValue, LuaResult};
+use mlua::prelude::{Lua, LuaMultiValue, LuaResult};
 use tokio::time::Instant;
 
 use crate::robot::EndReason;
@@ -111,7 +110,6 @@ pub struct Script {
     state: Shared,
     /// Bytes in use after the last complete garbage collection.
     used_after_collection: usize,
-    warm_up_handler: LuaFunction,
 }
 
 impl Script {
@@ -180,7 +178,6 @@ impl Script {
         state.borrow_mut().failure_log.source = text;
         sandbox::seed(&lua, seed)?;
         api::install(&lua, &state, api_set)?;
-        let warm_up_handler = warm_up::handler(&lua)?;
         let main = lua.create_thread(sandbox::compile(&lua, source, &chunk)?)?;
         let start = Answer::Start(LuaMultiValue::new());
         state
@@ -192,7 +189,6 @@ impl Script {
             lua,
             state,
             used_after_collection,
-            warm_up_handler,
         })
     }
 

@@ -22,8 +22,6 @@ pub struct FrameAnalyser {
     /// The most recently used palette is last.
     palettes: Vec<Palette>,
     finder: BlobFinder,
-    /// The options of the last search, which used the newest palette.
-    last_options: Option<BlobOptions>,
     decoded: u64,
 }
 
@@ -56,22 +54,6 @@ impl FrameAnalyser {
         self.decoder.decode_ahead(beginning);
     }
 
-    /// Decodes the last frame again, unless part of the next one is already decoded, and finds its
-    /// blobs again. The results stay the same; the purpose is to keep code and buffers in the
-    /// processor's caches for the next frame.
-    pub fn warm_caches(&mut self, jpeg: &[u8]) {
-        let Some((_, Ok(()))) = self.last else {
-            return;
-        };
-        if !self.decoder.has_decoded_ahead() && self.decoder.decode(jpeg).is_err() {
-            return;
-        }
-        if let (Some(options), Some(palette)) = (&self.last_options, self.palettes.last_mut()) {
-            self.finder
-                .find(self.decoder.image(), palette, options, self.camera);
-        }
-    }
-
     /// The number of the last frame that was decoded, successfully or not.
     pub fn last_frame(&self) -> Option<u64> {
         self.last.as_ref().map(|(key, _)| *key)
@@ -91,9 +73,6 @@ impl FrameAnalyser {
     ) -> Result<&[Blob], FrameError> {
         self.decode(key, jpeg)?;
         let palette = newest(&mut self.palettes, colours, options.invert);
-        if self.last_options.as_ref() != Some(options) {
-            self.last_options = Some(options.clone());
-        }
         Ok(self
             .finder
             .find(self.decoder.image(), palette, options, self.camera))
@@ -143,39 +122,4 @@ fn newest<'a>(palettes: &'a mut Vec<Palette>, colours: &[Colour], invert: bool) 
     }
     let last = palettes.len() - 1;
     &mut palettes[last]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    const FIRST: &[u8] = include_bytes!("../../tests/fixtures/ball-420.jpg");
-    const SECOND: &[u8] = include_bytes!("../../tests/fixtures/ball-444.jpg");
-
-    #[test]
-    fn warming_the_caches_changes_no_result() {
-        let colours = [Colour::named("red").unwrap()];
-        let options = BlobOptions::default();
-        let find = |analyser: &mut FrameAnalyser, key, jpeg| {
-            analyser
-                .find_blobs(key, jpeg, &colours, &options)
-                .unwrap()
-                .to_vec()
-        };
-        let mut plain = FrameAnalyser::default();
-        let expected = [find(&mut plain, 1, FIRST), find(&mut plain, 2, SECOND)];
-        let mut analyser = FrameAnalyser::default();
-        analyser.warm_caches(FIRST);
-        assert_eq!(find(&mut analyser, 1, FIRST), expected[0]);
-        analyser.warm_caches(FIRST);
-        assert_eq!(find(&mut analyser, 1, FIRST), expected[0]);
-        analyser.decode_ahead(&SECOND[..SECOND.len() / 2]);
-        analyser.warm_caches(FIRST);
-        assert!(
-            analyser.decoder.has_decoded_ahead(),
-            "the received part stays decoded"
-        );
-        assert_eq!(find(&mut analyser, 2, SECOND), expected[1]);
-        assert_eq!(analyser.decoded(), 2);
-    }
 }

@@ -10,15 +10,12 @@
 //! frame is kept cheap: brightness, sharpness and motion use the decoded luma directly, and colours
 //! are looked up without a conversion to RGB.
 
-mod alignment_cost;
+mod annotate;
 mod blobs;
-mod calibration;
 mod camera;
 mod colour;
 mod damage;
-mod drawing;
 mod feet;
-mod finders;
 mod frame_analyser;
 mod jpeg;
 mod line;
@@ -35,19 +32,14 @@ mod turn;
 mod vectors;
 mod votes;
 
+pub use annotate::{Mark, annotate, annotate_enlarged};
 pub use blobs::{Blob, BlobFinder, BlobOptions};
-pub use calibration::{
-    Board, Calibrated, CalibrationError, DistanceError, Measure, Sighting, calibrate,
-    field_of_view, find_chessboard,
-};
 pub use camera::{Camera, Direction};
 pub use colour::learn::{LearnRefusal, Learned, learn};
 pub use colour::palette::{MAX_COLOURS, Palette};
 pub use colour::{Colour, ColourError, Span};
 pub use damage::Damage;
-pub use drawing::annotate::{Mark, annotate, annotate_enlarged};
 pub use feet::{RobotPose, Wall, WallFeet};
-pub use finders::{MAX_FILLED, MAX_FINDERS, MAX_STEPS, QrWork};
 pub use frame_analyser::FrameAnalyser;
 pub use jpeg::decoder::Decoder;
 pub use jpeg::encoder::{Encoder as JpegEncoder, Subsampling};
@@ -60,7 +52,7 @@ pub use picture::image::{Image, Roi};
 pub use picture::measure::{brightness, sharpness};
 pub use picture::size::{MAX_HEIGHT, MAX_WIDTH, Size};
 pub use profiles::{Profiles, compare as compare_profiles};
-pub use qrcode::{MAX_CODES, QrCode, find_qrcodes, find_qrcodes_counting};
+pub use qrcode::{MAX_CODES, MAX_QR_STEPS, QrCode, find_qrcodes, find_qrcodes_counting};
 pub use standstill::{Drive, HalfLuma, Verdict, compare as compare_half_luma};
 pub use sway::swayed;
 pub use tracker::{Track, Tracker, TrackerOptions};

@@ -22,7 +22,6 @@ mod guide;
 mod hostile;
 mod intruders;
 mod journal;
-mod lens;
 mod lessons;
 mod link;
 mod live;

@@ -87,33 +87,3 @@ async fn partial_frames_are_not_requested_for_a_script_without_vision() {
     to.send(&frame(1)).await.unwrap();
     assert_eq!(next_request(&mut from).await, (false, vec!["1".to_owned()]));
 }
-
-#[tokio::test(flavor = "local", start_paused = true)]
-async fn only_a_host_whose_script_examines_frames_prepares_for_the_next_one() {
-    for (look, prepares) in [("f:find_blobs('red')", true), ("print(f.seq)", false)] {
-        let source = format!("robot.on('frame', function(f) {look} end)");
-        let (mut to, mut from) = host_in(Time::Real, &source).await;
-        next_request(&mut from).await;
-        let mut signs = Vec::new();
-        for number in 1..=6 {
-            tokio::time::sleep(Duration::from_millis(66)).await;
-            to.send(&frame(number)).await.unwrap();
-            signs.push(signs_of_life(&mut from).await);
-        }
-        // The rate is known from the third frame on; an idle host's sign is not due before 0.5 s.
-        assert_eq!(signs[3..], [u32::from(prepares); 3], "{look}");
-    }
-}
-
-/// Counts the signs of life before the next frame request.
-async fn signs_of_life(from: &mut Receiver<FromHost>) -> u32 {
-    let mut count = 0;
-    loop {
-        let message = timeout(Duration::from_secs(60), from.next()).await.unwrap();
-        match message.unwrap().unwrap() {
-            FromHost::Alive => count += 1,
-            FromHost::WantFrame { .. } => return count,
-            _ => {}
-        }
-    }
-}

@@ -1,11 +1,8 @@
-//! `spykee calibrate`: measures the robot's track width and speed with two timed moves and a turn,
-//! and its camera with pictures of a chessboard or of the station.
+//! `spykee calibrate`: measures the robot's track width and speed with two timed moves and a turn.
 
-mod camera;
 mod measure;
 mod person;
 mod simulated;
-mod station;
 
 use serde_json::json;
 
@@ -18,7 +15,7 @@ use crate::robot::MotionEnd;
 use crate::safety::WatchdogState;
 use crate::script::Calibration;
 
-/// Measure the robot's track width and speed, or its camera, for the config
+/// Measure the robot's track width and speed for the config
 ///
 /// Guides you through two moves straight ahead and a turn on the spot, asks how far the robot
 /// really went, and computes `calibration:` from your answers. Every step can be repeated. With
@@ -27,12 +24,8 @@ use crate::script::Calibration;
 /// robot.
 #[derive(Debug, Clone, clap::Args)]
 #[command(after_help = "Examples:\n  spykee calibrate --robot 172.17.6.1\n  \
-                        spykee calibrate --sim --json\n  spykee calibrate camera board/*.jpg")]
-#[command(args_conflicts_with_subcommands = true)]
+                        spykee calibrate --sim --json")]
 pub(super) struct CalibrateArgs {
-    #[command(subcommand)]
-    what: Option<What>,
-
     /// Print a JSON object; questions go to stderr
     #[arg(long)]
     json: bool,
@@ -45,20 +38,11 @@ pub(super) struct CalibrateArgs {
     pub(super) aim: AimArgs,
 }
 
-/// What to calibrate other than the tracks.
-#[derive(Debug, Clone, clap::Subcommand)]
-enum What {
-    Camera(camera::CameraArgs),
-}
-
 /// Measures and prints the result.
 ///
 /// # Errors
 /// A robot that cannot be reached or may not drive, implausible measurements.
 pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
-    if let Some(What::Camera(args)) = &args.what {
-        return camera::run(args);
-    }
     let seed = args.seed.unwrap_or_else(rand::random);
     let aim = args.aim.aim(seed)?;
     let parts = aim.driver_parts(seed)?;

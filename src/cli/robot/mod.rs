@@ -3,7 +3,6 @@
 
 mod act;
 mod ask;
-mod mp3;
 mod say;
 mod session;
 mod settings;

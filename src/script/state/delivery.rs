@@ -45,7 +45,7 @@ impl Script {
 
     /// Decodes the part of the next frame that has already arrived, so that examining the whole
     /// frame takes less time.
-    pub fn look_ahead(&mut self, beginning: &[u8]) {
+    pub fn decode_ahead(&mut self, beginning: &[u8]) {
         self.state
             .borrow_mut()
             .frames

@@ -1,7 +1,5 @@
 //! Frames: saved, damaged, and of any size.
 
-use std::rc::Rc;
-
 use bytes::Bytes;
 use image::{Rgb, RgbImage};
 
@@ -181,28 +179,4 @@ fn behaviours_that_see_the_floor_work_with_frames_of_any_size_or_report_that_the
     }
     let words = "the floor cannot be seen in pictures of 32x24";
     shown("explore.lua", 32, 24).assert_ended(EndReason::Error, words);
-}
-
-#[test]
-fn warming_up_has_no_effects_and_releases_the_frame() {
-    let jpeg = picture(&[((100, 50, 40, 20), RED)]);
-    let mut rig = looking("print(f.seq, #f:find_blobs('red'))", |_| {});
-    rig.script.warm_up();
-    show(&mut rig, 1, &jpeg);
-    let holders = |rig: &Rig| {
-        let state = rig.script.state.borrow();
-        state.frames.newest.as_ref().map(Rc::strong_count)
-    };
-    rig.script.take_sighting();
-    let (before, cpu) = (holders(&rig), rig.script.usage().cpu);
-    for _ in 0..100 {
-        rig.script.warm_up();
-    }
-    // The handler's own object may have been collected meanwhile.
-    assert!(holders(&rig) <= before, "{:?}", holders(&rig));
-    assert_eq!(rig.script.usage().cpu, cpu);
-    assert!(rig.script.take_output().is_empty());
-    assert!(rig.script.take_sighting().is_none() && rig.script.ended().is_none());
-    show(&mut rig, 2, &jpeg);
-    assert_eq!(rig.texts(), ["1 1", "2 1"]);
 }

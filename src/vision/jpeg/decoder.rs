@@ -4,9 +4,9 @@ use image::ImageDecoder;
 use image::codecs::jpeg::JpegDecoder;
 use std::io::Cursor;
 
+use super::baseline::Baseline;
 use super::frame::{FrameError, Markers};
 use super::headers::DecodeError;
-use super::incremental::Incremental;
 use super::scans;
 use crate::vision::picture::image::Image;
 use crate::vision::picture::size::Size;
@@ -17,7 +17,7 @@ pub struct Decoder {
     image: Image,
     /// The partly decoded next frame.
     next_image: Image,
-    baseline: Incremental,
+    baseline: Baseline,
     /// Pixels of a frame decoded by the `image` crate.
     pixels: Vec<u8>,
 }
@@ -48,11 +48,6 @@ impl Decoder {
             self.baseline
                 .decode_ahead(beginning, markers.has_tables, &mut self.next_image);
         }
-    }
-
-    /// Whether part of the next frame has been decoded.
-    pub fn has_decoded_ahead(&self) -> bool {
-        self.baseline.has_decoded_ahead()
     }
 
     /// The newest picture; 0x0 before the first one and after an error.
@@ -113,7 +108,6 @@ fn short(error: image::ImageError) -> FrameError {
 
 #[cfg(test)]
 mod tests {
-    use super::super::baseline::Baseline;
     use super::*;
     use crate::vision::vectors::Vectors;
     use image::codecs::jpeg::JpegEncoder;
@@ -169,7 +163,7 @@ mod tests {
     /// A decoder that does not use this processor's vector instructions.
     fn plain() -> Decoder {
         let mut decoder = Decoder::default();
-        decoder.baseline.use_vectors(Vectors::Plain);
+        decoder.baseline.vectors = Vectors::Plain;
         decoder
     }
 

@@ -3,22 +3,38 @@
 //! takes most of the time of a simulation with pictures (`scripts/bench-fast`). Shares no code with
 //! the decoder, so that an error in one is not hidden by the same error in the other.
 
-mod bit_writer;
-mod dct;
-mod subsampling;
-mod tables;
-#[cfg(test)]
-mod tests;
+use std::ops::Range;
 
 use bytes::Bytes;
-
-use self::bit_writer::BitWriter;
-use self::dct::{Block, SIDE, transform, transposed};
-pub use self::subsampling::Subsampling;
-use self::tables::{Codes, ZIGZAG, codes, factors, head, nonzero_ac};
+use jpeg_encoder::{ColorType, EncodingError, SamplingFactor};
+use serde::Deserialize;
 
 /// Red, green, blue and an unused byte.
 pub(crate) type Pixel = [u8; 4];
+
+/// How much of the chroma resolution a JPEG omits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize)]
+pub enum Subsampling {
+    /// Full chroma resolution.
+    #[serde(rename = "4:4:4")]
+    None,
+    /// Half the columns.
+    #[serde(rename = "4:2:2")]
+    Half,
+    /// Half the columns and half the rows.
+    #[default]
+    #[serde(rename = "4:2:0")]
+    Quarter,
+}
+
+/// The corresponding value of `jpeg_encoder`.
+fn factor(subsampling: Subsampling) -> SamplingFactor {
+    match subsampling {
+        Subsampling::None => SamplingFactor::F_1_1,
+        Subsampling::Half => SamplingFactor::F_2_1,
+        Subsampling::Quarter => SamplingFactor::F_2_2,
+    }
+}
 
 /// Encodes frames of one size.
 pub struct Encoder {
@@ -175,5 +191,384 @@ impl Coder {
         const NEAREST: f32 = 12_582_912.0;
         let (values, factors) = (block.as_flattened(), self.factors.as_flattened());
         std::array::from_fn(|i| (values[i] * factors[i] + NEAREST).to_bits() as i16)
+    }
+}
+
+/// Number of rows and of columns of a block.
+const SIDE: usize = 8;
+
+/// A block as rows of columns; after the transform, horizontal coefficients of vertical ones.
+type Block = [[f32; SIDE]; SIDE];
+
+/// Transforms every column at once; the results are scaled by [`scale`] (Arai, Agui and Nakajima,
+/// 1988).
+fn transform(block: &mut Block) {
+    const COS_2: f32 = 0.382_683_43;
+    const COS_4: f32 = std::f32::consts::FRAC_1_SQRT_2;
+    #[expect(clippy::needless_range_loop, reason = "every row has the column")]
+    for column in 0..SIDE {
+        let (a, b) = (block[0][column], block[1][column]);
+        let (c, d) = (block[2][column], block[3][column]);
+        let (e, f) = (block[4][column], block[5][column]);
+        let (g, h) = (block[6][column], block[7][column]);
+        let outer = [a + h, b + g, c + f, d + e];
+        let [s0, s1, s2, s3] = [d - e, c - f, b - g, a - h];
+        let (p0, p3) = (outer[0] + outer[3], outer[0] - outer[3]);
+        let (p1, p2) = (outer[1] + outer[2], outer[1] - outer[2]);
+        let turned = (p2 + p3) * COS_4;
+        let (q0, q1, q2) = (s0 + s1, s1 + s2, s2 + s3);
+        let shared = (q0 - q2) * COS_2;
+        let low = q0 * 0.541_196_1 + shared;
+        let high = q2 * 1.306_563 + shared;
+        let middle = q1 * COS_4;
+        let (near, far) = (s3 + middle, s3 - middle);
+        let coefficients = [
+            p0 + p1,
+            near + high,
+            p3 + turned,
+            far - low,
+            p0 - p1,
+            far + low,
+            p3 - turned,
+            near - high,
+        ];
+        for (row, coefficient) in coefficients.into_iter().enumerate() {
+            block[row][column] = coefficient;
+        }
+    }
+}
+
+/// The transposed block.
+fn transposed(block: &Block) -> Block {
+    std::array::from_fn(|i| std::array::from_fn(|j| block[j][i]))
+}
+
+/// The factor by which [`transform`] makes a coefficient too large.
+fn scale(coefficient: usize) -> f64 {
+    let angle = coefficient as f64 * std::f64::consts::PI / 16.0;
+    let scale = if coefficient == 0 {
+        1.0
+    } else {
+        angle.cos() * std::f64::consts::SQRT_2
+    };
+    scale * 8f64.sqrt()
+}
+
+/// The code of each symbol and its length in bits.
+type Codes = [(u32, u32); 256];
+
+/// The position in a transformed block of each coefficient in file order (T.81, figure A.6).
+const ZIGZAG: [u8; SIDE * SIDE] = {
+    let mut places = [0; SIDE * SIDE];
+    let (mut u, mut v) = (0, 0);
+    let mut index = 0;
+    while index < SIDE * SIDE {
+        places[index] = (u * SIDE + v) as u8;
+        let up = (u + v) % 2 == 0;
+        match (up, u, v) {
+            (true, 7, _) => v += 1,
+            (true, _, 0) => u += 1,
+            (true, ..) => (u, v) = (u + 1, v - 1),
+            (false, _, 7) => u += 1,
+            (false, 0, _) => v += 1,
+            (false, ..) => (u, v) = (u - 1, v + 1),
+        }
+        index += 1;
+    }
+    places
+};
+
+/// The position in file order of each coefficient of a block.
+const ORDER: [u8; SIDE * SIDE] = {
+    let mut order = [0; SIDE * SIDE];
+    let mut index = 0;
+    while index < SIDE * SIDE {
+        order[ZIGZAG[index] as usize] = index as u8;
+        index += 1;
+    }
+    order
+};
+
+/// A bit for each AC value that is not 0, in file order. Most values are 0.
+fn nonzero_ac(values: &[i16; SIDE * SIDE]) -> u64 {
+    let present: [u8; SIDE * SIDE] = std::array::from_fn(|i| u8::from(values[i] != 0));
+    let mut bits = 0;
+    for (row, order) in present.chunks_exact(SIDE).zip(ORDER.chunks_exact(SIDE)) {
+        for (present, place) in row.iter().zip(order) {
+            bits |= u64::from(*present) << place;
+        }
+    }
+    bits & !1
+}
+
+/// A file up to its pixel data.
+fn head(
+    quality: u8,
+    subsampling: Subsampling,
+    (width, height): (u16, u16),
+) -> Result<Vec<u8>, EncodingError> {
+    let mut file = Vec::new();
+    let mut encoder = jpeg_encoder::Encoder::new(&mut file, quality);
+    encoder.set_sampling_factor(factor(subsampling));
+    let black = vec![0; usize::from(width) * usize::from(height) * 3];
+    encoder.encode(&black, width, height, ColorType::Rgb)?;
+    let end = segments(&file).last().map_or(0, |segment| segment.end);
+    file.truncate(end);
+    match_robot_headers(&mut file);
+    Ok(file)
+}
+
+/// Sets version 1.01 of JFIF and the component ids 1, 2 and 3, as in the frames of robots
+/// (`PROTOCOL.md`, VIDEO).
+fn match_robot_headers(file: &mut [u8]) {
+    let places: Vec<Range<usize>> = segments(file).collect();
+    for place in places {
+        let Some(segment) = file.get_mut(place) else {
+            continue;
+        };
+        let (first, step) = match segment {
+            [_, START, _, _, b'J', b'F', b'I', b'F', 0, major, minor, ..] => {
+                (*major, *minor) = (1, 1);
+                continue;
+            }
+            [_, FRAME, ..] => (10, 3),
+            [_, SCAN, ..] => (5, 2),
+            _ => continue,
+        };
+        for (id, at) in (1..=3).zip((first..).step_by(step)) {
+            if let Some(byte) = segment.get_mut(at) {
+                *byte = id;
+            }
+        }
+    }
+}
+
+const START: u8 = 0xE0;
+const FRAME: u8 = 0xC0;
+const QUANTISERS: u8 = 0xDB;
+const CODES: u8 = 0xC4;
+const SCAN: u8 = 0xDA;
+
+/// The ranges of a file's segments, including the markers, up to the scan header.
+fn segments(file: &[u8]) -> impl Iterator<Item = Range<usize>> {
+    let mut next = Some(2);
+    std::iter::from_fn(move || {
+        let start = next?;
+        let [_, marker, high, low] = *file.get(start..)?.first_chunk()?;
+        let end = start + 2 + usize::from(u16::from_be_bytes([high, low]));
+        next = (marker != SCAN).then_some(end);
+        Some(start..end)
+    })
+}
+
+/// The content of the table with this marker and number, without both.
+fn table(file: &[u8], marker: u8, id: u8) -> &[u8] {
+    let mut all = segments(file).filter_map(|segment| file.get(segment));
+    let found = all.find(|segment| segment[1] == marker && segment[4] == id);
+    found.map_or(&[], |segment| &segment[5..])
+}
+
+/// The factors of a component's coefficients, from the quantisers in a file's headers.
+fn factors(head: &[u8], id: u8) -> Block {
+    let quantisers = table(head, QUANTISERS, id);
+    let mut factors = [0.0; SIDE * SIDE];
+    for (place, quantiser) in ZIGZAG.into_iter().zip(quantisers) {
+        let place = usize::from(place);
+        let scale = scale(place / SIDE) * scale(place % SIDE);
+        factors[place] = (1.0 / (f64::from(*quantiser) * scale)) as f32;
+    }
+    std::array::from_fn(|u| std::array::from_fn(|v| factors[u * SIDE + v]))
+}
+
+/// Builds the codes from the number of codes of each length and their symbols (T.81, annex C).
+fn codes(head: &[u8], id: u8) -> Codes {
+    let table = table(head, CODES, id);
+    let mut codes = [(0, 0); 256];
+    let (counts, mut symbols) = table.split_at(table.len().min(16));
+    let mut code = 0;
+    for (count, len) in counts.iter().zip(1..) {
+        let these;
+        (these, symbols) = symbols.split_at(symbols.len().min(usize::from(*count)));
+        for symbol in these {
+            codes[usize::from(*symbol)] = (code, len);
+            code += 1;
+        }
+        code <<= 1;
+    }
+    codes
+}
+
+/// A file to which bits are appended.
+struct BitWriter {
+    file: Vec<u8>,
+    /// The lowest `count` bits are not in the file yet.
+    waiting: u64,
+    count: u32,
+}
+
+impl BitWriter {
+    /// Starts a file with `head`.
+    fn after(head: &[u8]) -> BitWriter {
+        let mut file = Vec::with_capacity(16 * 1024);
+        file.extend_from_slice(head);
+        BitWriter {
+            file,
+            waiting: 0,
+            count: 0,
+        }
+    }
+
+    /// Writes a value: the code of `zeros` and of the value's length, and its bits (T.81, F.1.2).
+    fn push_value(&mut self, codes: &Codes, zeros: u32, value: i32) {
+        let len = 32 - value.unsigned_abs().leading_zeros();
+        let (code, code_len) = codes[(zeros << 4 | len) as usize & 255];
+        let ones = (1 << len) - 1;
+        let bits = (value + (value >> 31)) as u32 & ones;
+        self.push(code << len | bits, code_len + len);
+    }
+
+    /// Writes the code of a symbol.
+    fn push_code(&mut self, codes: &Codes, symbol: u8) {
+        let (code, len) = codes[usize::from(symbol)];
+        self.push(code, len);
+    }
+
+    /// Writes at most 32 bits.
+    fn push(&mut self, bits: u32, len: u32) {
+        self.waiting = self.waiting << len | u64::from(bits);
+        self.count += len;
+        if self.count >= 32 {
+            self.count -= 32;
+            let four = ((self.waiting >> self.count) as u32).to_be_bytes();
+            if four.contains(&0xFF) {
+                four.into_iter().for_each(|byte| self.put(byte));
+            } else {
+                self.file.extend_from_slice(&four);
+            }
+        }
+    }
+
+    fn put(&mut self, byte: u8) {
+        self.file.push(byte);
+        if byte == 0xFF {
+            self.file.push(0);
+        }
+    }
+
+    /// Completes the file.
+    fn end(mut self) -> Bytes {
+        while self.count > 0 {
+            let missing = 8u32.saturating_sub(self.count);
+            self.waiting = self.waiting << missing | ((1 << missing) - 1);
+            self.count = self.count + missing - 8;
+            self.put((self.waiting >> self.count) as u8);
+        }
+        self.file.extend_from_slice(&[0xFF, 0xD9]);
+        Bytes::from(self.file)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use rand::rngs::StdRng;
+    use rand::{RngExt, SeedableRng};
+
+    use super::*;
+
+    const WIDTH: usize = 320;
+    const HEIGHT: usize = 240;
+    const SIZE: (u16, u16) = (WIDTH as u16, HEIGHT as u16);
+
+    const ALL: [Subsampling; 3] = [Subsampling::None, Subsampling::Half, Subsampling::Quarter];
+
+    /// A grey and a coloured gradient with sharp edges and noise.
+    fn picture(seed: u64) -> Vec<Pixel> {
+        let mut random = StdRng::seed_from_u64(seed);
+        let mut pixel = |index: usize| {
+            let (x, y) = (index % WIDTH, index / WIDTH);
+            let edge = if (x / 50 + y / 37) % 2 == 0 { 60 } else { 0 };
+            let noise = random.random_range(0..8);
+            [x / 2 + edge, y / 2 + edge, 255 - x / 3 - y / 3, 0]
+                .map(|level| (level + noise).min(255) as u8)
+        };
+        (0..WIDTH * HEIGHT).map(&mut pixel).collect()
+    }
+
+    fn decoded(file: &[u8]) -> Vec<u8> {
+        let image = image::load_from_memory(file).unwrap().to_rgb8();
+        assert_eq!(image.dimensions(), (WIDTH as u32, HEIGHT as u32));
+        image.into_raw()
+    }
+
+    fn of_the_crate(frame: &[Pixel], quality: u8, subsampling: Subsampling) -> Vec<u8> {
+        let mut file = Vec::new();
+        let mut encoder = jpeg_encoder::Encoder::new(&mut file, quality);
+        encoder.set_sampling_factor(factor(subsampling));
+        let pixels = frame.as_flattened();
+        encoder
+            .encode(pixels, SIZE.0, SIZE.1, ColorType::Rgba)
+            .unwrap();
+        file
+    }
+
+    /// Root mean square of the differences.
+    fn error(image: &[u8], frame: &[Pixel]) -> f64 {
+        let channels = frame.iter().flat_map(|pixel| &pixel[..3]);
+        let differences = image
+            .iter()
+            .zip(channels)
+            .map(|(a, b)| f64::from(*a) - f64::from(*b));
+        let sum: f64 = differences.map(|difference| difference * difference).sum();
+        (sum / image.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn files_are_as_accurate_and_as_short_as_those_of_the_crate() {
+        for (quality, subsampling) in [1, 30, 75, 95, 100]
+            .into_iter()
+            .flat_map(|quality| ALL.map(|kind| (quality, kind)))
+        {
+            let frame = picture(u64::from(quality));
+            let file = Encoder::new(quality, subsampling, SIZE).encode(&frame);
+            let other = of_the_crate(&frame, quality, subsampling);
+            let (own, other_error) = (
+                error(&decoded(&file), &frame),
+                error(&decoded(&other), &frame),
+            );
+            assert!(
+                own <= other_error * 1.02 + 0.05,
+                "{quality} {subsampling:?}: {own} and {other_error}"
+            );
+            let ratio = file.len() as f64 / other.len() as f64;
+            assert!(
+                (0.8..1.05).contains(&ratio),
+                "{quality} {subsampling:?}: {ratio}"
+            );
+        }
+    }
+
+    #[test]
+    fn an_encoder_keeps_no_state_between_frames() {
+        let mut encoder = Encoder::new(75, Subsampling::Half, SIZE);
+        let first = encoder.encode(&picture(1));
+        assert_ne!(encoder.encode(&picture(2)), first);
+        assert_eq!(encoder.encode(&picture(1)), first);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        /// Extreme pixels at every quality: nothing overflows, and every file is complete.
+        #[test]
+        fn any_pixels_give_a_valid_file(seed: u64, quality in 1u8..=100, kind in 0usize..3, extremes: bool) {
+            let mut random = StdRng::seed_from_u64(seed);
+            let frame: Vec<Pixel> = (0..WIDTH * HEIGHT)
+                .map(|_| random.random::<Pixel>().map(|level| if extremes { level / 128 * 255 } else { level }))
+                .collect();
+            let file = Encoder::new(quality, ALL[kind], SIZE).encode(&frame);
+            let image = decoded(&file);
+            let other = decoded(&of_the_crate(&frame, quality, ALL[kind]));
+            prop_assert!(error(&image, &frame) <= error(&other, &frame) * 1.05 + 0.1);
+        }
     }
 }

@@ -16,7 +16,6 @@ pub(crate) mod frame;
 mod headers;
 mod huffman;
 mod idct;
-mod incremental;
 mod machine;
 mod mcu;
 mod scans;
