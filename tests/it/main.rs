@@ -17,6 +17,8 @@ mod explore;
 mod fast;
 mod faults;
 mod firmware;
+#[path = "../worlds/mod.rs"]
+mod flats;
 mod floors;
 mod frames;
 mod genuine;
@@ -69,3 +71,4 @@ mod vision;
 mod waiting;
 mod walls;
 mod world;
+mod worlds;
