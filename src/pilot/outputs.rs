@@ -248,7 +248,9 @@ impl Pilot {
         if before == now {
             return Ok(());
         }
-        if let Some(writer) = self.writer.as_mut().filter(|_| now.shed || now.alarm) {
+        if let Some(writer) = &mut self.writer
+            && (now.shed || now.alarm)
+        {
             writer.drop_audio();
         }
         if now.shed && !before.shed {

@@ -161,7 +161,9 @@ impl Pilot {
             return Ok(());
         }
         let noise = quiet_hours.commands_at_start(self.watchdog.alarm_sounds());
-        if let Some(writer) = self.writer.as_mut().filter(|_| !noise.is_empty()) {
+        if let Some(writer) = &mut self.writer
+            && !noise.is_empty()
+        {
             writer.drop_audio();
         }
         self.flush_deferred()?;

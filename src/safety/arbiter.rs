@@ -427,8 +427,11 @@ mod tests {
                         arbiter.claim(BEHAVIOURS[who].0, BEHAVIOURS[who].1, MotionId(count as u64), at(percent), duration, now)
                     }
                     Step::Release(who, current) => {
-                        let motion = model.held[who].filter(|_| current).map(|held| held.motion);
-                        arbiter.release(BEHAVIOURS[who].0, motion.unwrap_or(MotionId(u64::MAX)))
+                        let motion = match model.held[who] {
+                            Some(held) if current => held.motion,
+                            _ => MotionId(u64::MAX),
+                        };
+                        arbiter.release(BEHAVIOURS[who].0, motion)
                     }
                     Step::Stop(who) => arbiter.stop(BEHAVIOURS[who].0, BEHAVIOURS[who].1),
                     Step::Hold(who, silent) => {

@@ -175,6 +175,9 @@ impl Watchdog {
     /// When [`Watchdog::tick`] has something to do, seen from its last call. A time in the past
     /// means at once.
     pub fn next_deadline(&self) -> Option<Instant> {
+        if !self.online {
+            return None;
+        }
         let docking = match &self.docking {
             Some(active) if !self.may_charge() => active.docking.next_deadline(),
             _ => None,
@@ -201,7 +204,6 @@ impl Watchdog {
         ]
         .into_iter()
         .flatten()
-        .filter(|_| self.online)
         .min()
     }
 
@@ -1138,7 +1140,10 @@ impl Watchdog {
     }
 
     fn stream_deadline(&self) -> Option<Instant> {
-        let since = self.silent_motion_since.filter(|_| self.streaming)?;
+        if !self.streaming {
+            return None;
+        }
+        let since = self.silent_motion_since?;
         Some(since + self.limits.stream_silence.get())
     }
 
@@ -1182,9 +1187,12 @@ impl Watchdog {
     /// the contacts did not charge, the docking ends as failed, and the alarm calls for a person.
     fn check_place(&mut self, now: Instant) {
         let low = self.guard.low().is_some();
-        let Some(doubt) = self.dock_tracker.poll(low, now).filter(|_| low) else {
+        let Some(doubt) = self.dock_tracker.poll(low, now) else {
             return;
         };
+        if !low {
+            return;
+        }
         if let Some(active) = self.docking.as_mut().filter(|active| active.forced) {
             let actions = active.docking.lost_contact(doubt, now);
             self.execute_dock_actions(actions, now);

@@ -455,8 +455,9 @@ mod tests {
     fn ids_survive_two_equal_balls_crossing() {
         let (mut scene, mut random) = (Scene::new(), StdRng::seed_from_u64(7));
         let runs = 120;
-        let survived = (0..runs)
-            .filter(|_| ids_survive_a_crossing(&mut scene, &mut random))
+        let survived = std::iter::repeat_with(|| ids_survive_a_crossing(&mut scene, &mut random))
+            .take(runs)
+            .filter(|survived| *survived)
             .count();
         println!("{survived} of {runs} crossings");
         assert!(

@@ -247,13 +247,13 @@ fn row(args: &RescueArgs, place: &Place, strategy: Strategy) -> Row {
         println!("{what}");
         played.iter().for_each(|one| println!("  {one}"));
     }
-    Row::of(place.name, strategy, &played)
+    Row::new(place.name, strategy, &played)
 }
 
 fn run_explore(args: &ExploreArgs) -> bool {
     let bare = Limits {
         rescue: Rescue::Off,
-        recovery_legs: 0,
+        recovery_legs: false,
         ..Limits::default()
     };
     let mut is_kept = true;

@@ -1,8 +1,12 @@
 //! `scripts/score-behaviours --stuck`: measures how often a script is told that its robot is
-//! blocked, and the rate of false alarms.
+//! blocked, the rate of false alarms, and how far off its pose is, in flats that are generated and
+//! in the built-in worlds.
 
 #![allow(clippy::unwrap_used, unreachable_pub)]
 
+#[path = "../worlds/mod.rs"]
+#[allow(dead_code)] // the tests look at more of a flat
+mod flats;
 #[path = "../stuck/score.rs"]
 mod score;
 
@@ -27,8 +31,8 @@ const WANDER: &str = include_str!("../stuck/wander.lua");
 /// Interval at which the state of the simulated robot is sampled.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// Measures in every built-in world how often a script is told that its robot is blocked by
-/// something, and the rate of false alarms. Exits with 1 if the goals are missed.
+/// Measures how often a script is told that its robot is blocked by something, the rate of false
+/// alarms, and how far off its pose is after a minute. Exits with 1 if the goals are missed.
 #[derive(Parser)]
 #[command(name = "scripts/score-behaviours --stuck")]
 struct Arguments {
@@ -41,9 +45,18 @@ struct Arguments {
     /// Virtual minutes for which each robot drives
     #[arg(long, default_value_t = 8)]
     minutes: u64,
-    /// Only this world
+    /// Only this built-in world
     #[arg(long)]
     world: Option<String>,
+    /// Number of generated flats, each with one robot
+    #[arg(long, default_value_t = 12)]
+    flats: u64,
+    /// The seed of the first flat
+    #[arg(long, default_value_t = 1001)]
+    first_flat: u64,
+    /// No built-in worlds
+    #[arg(long)]
+    only_flats: bool,
     /// Print every missed blockage and every false alarm
     #[arg(long)]
     list: bool,
@@ -55,47 +68,60 @@ fn main() -> ExitCode {
         return ExitCode::SUCCESS;
     }
     let arguments = Arguments::parse_from(arguments);
-    let names = World::builtin_names();
-    let names: Vec<&str> = names
-        .into_iter()
-        .filter(|name| arguments.world.as_deref().is_none_or(|only| only == *name))
-        .collect();
-    let mut all = Score::default();
     println!("{}", Score::heading("world"));
-    for name in names {
-        let score = score(name, &arguments);
-        println!("{}", score.line(name));
-        if arguments.list {
-            score.notes.iter().for_each(|note| eprintln!("  {note}"));
+    let flats = 0..if arguments.world.is_none() {
+        arguments.flats
+    } else {
+        0
+    };
+    let flats = flats.map(|number| (flats::flat(arguments.first_flat + number).world, number + 1));
+    let unseen = score("generated flats", flats.collect(), &arguments);
+    let mut builtin = Score::default();
+    for name in World::builtin_names() {
+        if arguments.only_flats || arguments.world.as_deref().is_some_and(|only| only != name) {
+            continue;
         }
-        all.add(score);
+        let seeds = arguments.first..arguments.first + arguments.seeds;
+        let robots = seeds.map(|seed| (World::builtin(name).unwrap(), seed));
+        builtin.add(score(name, robots.collect(), &arguments));
     }
-    println!("{}", all.line("all"));
-    all.print_kinds();
-    ExitCode::from(u8::from(!all.reaches_the_goals()))
+    println!("{}", builtin.line("all built-in worlds"));
+    for (name, score) in [("generated flats", &unseen), ("built-in worlds", &builtin)] {
+        println!("\nIn {name}: {}", score.rates());
+        score.print_kinds();
+    }
+    let judged = if arguments.flats > 0 && arguments.world.is_none() {
+        unseen
+    } else {
+        builtin
+    };
+    ExitCode::from(u8::from(!judged.reaches_the_goals()))
 }
 
-/// Plays all seeds of a world, on all processors.
-fn score(name: &str, arguments: &Arguments) -> Score {
+/// Runs a robot in each of these worlds, with a seed each, on all processors; prints the sum.
+fn score(name: &str, robots: Vec<(World, u64)>, arguments: &Arguments) -> Score {
+    let time = Duration::from_secs(60 * arguments.minutes);
     let (next, sum) = (AtomicUsize::new(0), Mutex::new(Score::default()));
-    let work = || loop {
-        let number = next.fetch_add(1, Ordering::Relaxed) as u64;
-        if number >= arguments.seeds {
-            return;
+    let work = || {
+        while let Some((world, seed)) = robots.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let played = play(world.clone(), *seed, time);
+            sum.lock().unwrap().add(played);
         }
-        let time = Duration::from_secs(60 * arguments.minutes);
-        let played = play(name, arguments.first + number, time);
-        sum.lock().unwrap().add(played);
     };
     std::thread::scope(|scope| {
         for _ in 0..available_parallelism().map_or(1, usize::from) {
             scope.spawn(work);
         }
     });
-    sum.into_inner().unwrap()
+    let score = sum.into_inner().unwrap();
+    println!("{}", score.line(name));
+    if arguments.list {
+        score.notes.iter().for_each(|note| eprintln!("  {note}"));
+    }
+    score
 }
 
-fn play(name: &str, seed: u64, time: Duration) -> Score {
+fn play(world: World, seed: u64, time: Duration) -> Score {
     let logged = Arc::new(Mutex::new(Vec::new()));
     let recorded = logged.clone();
     let options = lab::Options {
@@ -107,8 +133,8 @@ fn play(name: &str, seed: u64, time: Duration) -> Score {
         })),
         ..lab::Options::default()
     };
-    let world = World::builtin(name).unwrap();
     let people: Vec<String> = world.walkers.iter().map(|one| one.name.clone()).collect();
+    let who = format!("{}, seed {seed}", world.name);
     let mut looks = Looks::default();
     lab::run(world, options, async |lab: &Lab| {
         let run = lab.start(vec![behaviour(seed)], None);
@@ -127,7 +153,7 @@ fn play(name: &str, seed: u64, time: Duration) -> Score {
     })
     .unwrap();
     let logged = logged.lock().unwrap().clone();
-    looks.score(&logged, time, &format!("{name}, seed {seed}"))
+    looks.score(&logged, time, &who)
 }
 
 /// Returns the kind of thing that the robot ran into last.

@@ -15,6 +15,8 @@ mod doctor;
 mod fast;
 mod faults;
 mod firmware;
+#[path = "../worlds/mod.rs"]
+mod flats;
 mod frames;
 mod genuine;
 mod guardian;
@@ -65,3 +67,4 @@ mod vision;
 mod waiting;
 mod walls;
 mod world;
+mod worlds;

@@ -127,7 +127,7 @@ fn a_low_robot_in_the_corner_behind_a_post_comes_home() {
 fn expect_home(place: &Place, starts: &[Start], least: usize) {
     let played = play_all(place, Strategy::Builtin, starts, 2, &|_| ());
     let lines: Vec<String> = played.iter().map(ToString::to_string).collect();
-    let row = Row::of(place.name, Strategy::Builtin, &played);
+    let row = Row::new(place.name, Strategy::Builtin, &played);
     let table = format!("{}\n{row}\n{}", heading(), lines.join("\n"));
     assert!(row.home >= least, "{table}");
 }
@@ -137,7 +137,7 @@ fn expect_home(place: &Place, starts: &[Start], least: usize) {
 fn a_low_robot_is_sent_home_after_any_sequence_of_events() {
     let bare = Limits {
         rescue: Rescue::Off,
-        recovery_legs: 0,
+        recovery_legs: false,
         ..Limits::default()
     };
     for limits in [Limits::default(), bare] {

@@ -21,6 +21,10 @@ pub enum Said {
     Begins(Duration, &'static str),
     /// It was told that the robot is held.
     Blocked,
+    /// Its pose begins here.
+    Origin,
+    /// Its pose: metres ahead and to the left, and degrees to the left.
+    Pose([f64; 3]),
 }
 
 impl Said {
@@ -28,6 +32,17 @@ impl Said {
     pub fn parse(line: &str) -> Option<Said> {
         if line == "blocked" {
             return Some(Said::Blocked);
+        }
+        if line == "origin" {
+            return Some(Said::Origin);
+        }
+        if let Some(pose) = line.strip_prefix("pose ") {
+            let mut numbers = pose.split(' ').map_while(|word| word.parse().ok());
+            return Some(Said::Pose([
+                numbers.next()?,
+                numbers.next()?,
+                numbers.next()?,
+            ]));
         }
         let (seconds, how) = line.strip_prefix("for ")?.split_once(' ')?;
         let how = ["straight", "curve", "turn"]
@@ -72,6 +87,8 @@ pub struct Score {
     kinds: BTreeMap<&'static str, Count>,
     for_nothing: usize,
     driven: Duration,
+    /// How far off poses were, in metres and in degrees.
+    off: [Vec<f64>; 2],
     /// What was missed, and what was told for nothing.
     pub notes: Vec<String>,
 }
@@ -89,6 +106,9 @@ impl Score {
         }
         self.for_nothing += other.for_nothing;
         self.driven += other.driven;
+        for (off, more) in self.off.iter_mut().zip(other.off) {
+            off.extend(more);
+        }
         self.notes.extend(other.notes);
     }
 
@@ -98,6 +118,34 @@ impl Score {
             "| {name} | {} | {} in {hours:.1} h |",
             self.all().cells(),
             self.for_nothing
+        )
+    }
+
+    /// The rates, in a sentence.
+    pub fn rates(&self) -> String {
+        let Count {
+            blockings,
+            in_time,
+            late,
+        } = self.all();
+        let of_ten = |off: &Vec<f64>, tenths: usize| {
+            let mut off = off.clone();
+            off.sort_by(f64::total_cmp);
+            off.get(off.len() * tenths / 10).copied().unwrap_or(0.0)
+        };
+        let [metres, degrees] = &self.off;
+        format!(
+            "{:.0} % of {blockings} blockings told within a second, {:.0} % at all, {:.1} false \
+             alarms an hour; poses off by {:.2} m and {:.0} degrees after a minute in half of {} \
+             cases, {:.2} m and {:.0} degrees in nine of ten",
+            percent(in_time, blockings),
+            percent(in_time + late, blockings),
+            self.for_nothing as f64 / hours(self.driven).max(0.1),
+            of_ten(metres, 5),
+            of_ten(degrees, 5),
+            metres.len(),
+            of_ten(metres, 9),
+            of_ten(degrees, 9),
         )
     }
 
@@ -232,7 +280,39 @@ impl Looks {
                     .push(format!("{who}: told for nothing at {seconds:.1} s{way}"));
             }
         }
+        score.off = self.pose_errors(heard);
         score
+    }
+
+    /// How far off the poses were that the script said, in metres and in degrees.
+    fn pose_errors(&self, heard: &[(Duration, Said)]) -> [Vec<f64>; 2] {
+        let true_pose = |time: Duration| {
+            let index = self.ways.partition_point(|(then, ..)| *then <= time);
+            Some(self.ways.get(index.checked_sub(1)?)?.1)
+        };
+        let mut off = [Vec::new(), Vec::new()];
+        let mut origin = None;
+        for (at, said) in heard {
+            match said {
+                Said::Origin => origin = true_pose(*at),
+                Said::Pose([x, y, degrees]) => {
+                    let (Some(from), Some(to)) = (origin, true_pose(*at)) else {
+                        continue;
+                    };
+                    let (sin, cos) = from.heading.sin_cos();
+                    let (dx, dy) = (to.x - from.x, to.y - from.y);
+                    let (ahead, aside) = (dx * cos + dy * sin, dy * cos - dx * sin);
+                    let turned = (to.heading - from.heading).to_degrees() - degrees;
+                    off[0].push((ahead - x).hypot(aside - y));
+                    off[1].push((turned + 180.0).rem_euclid(360.0) - 180.0);
+                }
+                _ => {}
+            }
+        }
+        off[1]
+            .iter_mut()
+            .for_each(|degrees| *degrees = degrees.abs());
+        off
     }
 
     /// Where it was then, and how far it had come within a second.

@@ -1,5 +1,6 @@
 -- Drives about without looking where it goes, camera on: straight on, in curves, and now and then backwards. Its log
--- says of each motion how many seconds it is to last, and when it is told that it is held.
+-- says of each motion how many seconds it is to last, when it is told that it is held, and once a minute where it
+-- believes to be.
 if robot.docked() and robot.undock() then
 	robot.turn(math.pi)
 end
@@ -37,7 +38,20 @@ local function either()
 	return if math.random() < 0.5 then 1 else -1
 end
 
+local function begin_at_origin()
+	robot.reset_pose()
+	log.info("origin")
+	return task.now()
+end
+
+local began = begin_at_origin()
 while true do
+	if task.now() - began > 60 then
+		task.wait(0.5)
+		local pose = robot.pose()
+		log.info(`pose {pose.x} {pose.y} {math.deg(pose.heading)}`)
+		began = begin_at_origin()
+	end
 	local speed = 0.12 + 0.23 * math.random()
 	local what, metres = math.random(), 0.5 + 3 * math.random()
 	if what < 0.7 then

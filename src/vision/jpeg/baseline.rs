@@ -60,11 +60,9 @@ impl Baseline {
     /// Decodes as much as possible of a frame that is still being received and whose markers before
     /// the data have been validated. The rest is left for later.
     pub(super) fn decode_ahead(&mut self, jpeg: &[u8], has_tables: bool, image: &mut Image) {
-        let before = self.progress.take();
-        let known = before.filter(|_| jpeg.starts_with(&self.beginning));
-        let progress = match known {
-            Some(progress) => Ok(progress),
-            None => {
+        let progress = match self.progress.take() {
+            Some(progress) if jpeg.starts_with(&self.beginning) => Ok(progress),
+            _ => {
                 let start = self.read_headers(jpeg, has_tables);
                 start.map(|start| Progress {
                     taken: start,
