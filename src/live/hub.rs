@@ -20,7 +20,7 @@ use super::metrics::Metrics;
 use super::scripts::{self, Behaviour, Known};
 use super::state::{self, People, Person, Rate};
 use super::world::{self, Simulation};
-use crate::agent::SeatError;
+use crate::agent::{MemberState, SeatError};
 use crate::control::Run;
 use crate::robot::{BusMessage, Findings, Listener, Occurrence, RobotInfo};
 
@@ -273,6 +273,16 @@ impl Hub {
 
     pub(super) fn people(&self) -> People {
         let viewers = self.lock_viewers();
+    /// Returns the names of the behaviours that run.
+    pub(super) fn running_behaviours(&self) -> Vec<String> {
+        let receiver = self.run.roster.members();
+        let members = receiver.borrow();
+        let running = members
+            .iter()
+            .filter(|member| matches!(member.state, MemberState::Running { .. }));
+        running.map(|member| member.name.clone()).collect()
+    }
+
         let driver = viewers.driver.as_ref().map(|(person, _)| person.clone());
         People {
             driver,

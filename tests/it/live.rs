@@ -534,6 +534,78 @@ async fn invalid_messages_end_only_their_own_connection() {
     odd.send_text("{\"type\":\"drive\"}").await;
     odd.until("notice", |notice| notice["key"] == "nonsense")
         .await;
+#[tokio::test(flavor = "multi_thread")]
+async fn the_history_of_a_year_is_thinned_to_its_lowest_and_highest_levels() {
+    const YEAR: i64 = 365 * 24 * 60;
+    let rig = Rig::quiet().await;
+    rig.file("spykee.yaml", "journal: { record: on }\n");
+    let (_run, at) = live(&rig, IDLE, &["--config", "spykee.yaml"]).await;
+    let path = spykee::journal::journal_file(&rig.folder().join("spykee-data"));
+    // A level each minute, up and down between 20 and 99, and two dockings a day.
+    let fill = format!(
+        "BEGIN IMMEDIATE;
+         WITH RECURSIVE minute(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM minute WHERE n < {YEAR})
+         INSERT INTO battery SELECT unixepoch() * 1000 - n * 60000, 0, 'A', 20 + n % 80, n % 4 = 0 FROM minute;
+         WITH RECURSIVE half(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM half WHERE n < 730)
+         INSERT INTO event (at, session, robot, kind, data)
+             SELECT unixepoch() * 1000 - n * 43200000 + 3600000, 0, 'A', 'dock',
+                 CASE n % 10 WHEN 0 THEN '{{\"event\":\"dock\",\"end\":\"timeout\"}}'
+                     WHEN 1 THEN 'damaged' ELSE '{{\"event\":\"dock\",\"end\":\"done\"}}' END FROM half;
+         COMMIT;"
+    );
+    let filled = async {
+        let existing = rusqlite::OpenFlags::SQLITE_OPEN_READ_WRITE;
+        loop {
+            let journal = rusqlite::Connection::open_with_flags(&path, existing);
+            if journal.is_ok_and(|journal| journal.execute_batch(&fill).is_ok()) {
+                return;
+            }
+            sleep(Duration::from_millis(100)).await;
+        }
+    };
+    timeout(WAIT_LIMIT, filled)
+        .await
+        .expect("the program has made no tables");
+    for days in ["365", "7", "1", "99", "60000"] {
+        let (status, body) = get(&at, &format!("/api/history?days={days}")).await;
+        assert!(
+            status == 200 && body.len() < 64 * 1024,
+            "{days}: {status}, {}",
+            body.len()
+        );
+        let history: Value = serde_json::from_str(&body).unwrap();
+        let parts = history["parts"].as_array().unwrap();
+        assert!(
+            (280..=288).contains(&parts.len()),
+            "{days}: {}",
+            parts.len()
+        );
+        let level = |part: &Value, key: &str| part[key].as_u64().unwrap_or(0);
+        let inside = |part: &&Value| level(part, "low") >= 20 && level(part, "high") <= 99;
+        assert!(
+            parts.iter().filter(inside).count() >= 280,
+            "{days}: {body:.300}"
+        );
+        assert!(history["events"].as_array().unwrap().len() <= 200);
+    }
+    let (_, body) = get(&at, "/api/history?days=365").await;
+    let history: Value = serde_json::from_str(&body).unwrap();
+    let parts = history["parts"].as_array().unwrap();
+    let sum = |key: &str| {
+        parts
+            .iter()
+            .filter_map(|part| part[key].as_u64())
+            .sum::<u64>()
+    };
+    assert_eq!((sum("docks"), sum("failed_docks")), (584, 73));
+    // Each part covers more than a day, so it has seen all levels.
+    let whole = |part: &&Value| part["low"] == 20 && part["high"] == 99;
+    assert!(parts.iter().filter(whole).count() >= 285, "{body:.300}");
+    let share = parts[100]["charging"].as_f64().unwrap();
+    assert!((share - 0.25).abs() < 0.01, "{share}");
+    assert_eq!(get(&at, "/api/history?days=-1").await.0, 400);
+}
+
     for bytes in [
         &b"\0\0\0\0"[..],
         b"GET / HTTP/1.1\r\n",

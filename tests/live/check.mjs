@@ -506,6 +506,48 @@ const promises = {
     const port = await freePort();
     // For a test: a certificate of Caddy's own, in a folder of the test, and a port that anybody may have.
     fs.writeFileSync(path.join(run.folder, "Caddyfile"), "{\n  admin off\n  auto_https disable_redirects\n  skip_install_trust\n"
+  async "a day, a week and a year of history, with the keyboard, on a phone, in light and dark"(browser) {
+    const config = "live: { listen: '127.0.0.1:0' }\nbehaviours: [{ file: idle.lua }]\n";
+    const run = await Run.start({ "idle.lua": IDLE, "spykee.yaml": config }, ["--sim", "--config", "spykee.yaml"], ["serve"]);
+    for (const [name, options] of [["desktop", DESK], ["phone", PHONE]]) {
+      for (const colorScheme of ["light", "dark"]) {
+        const page = await open(browser, run, { ...options, colorScheme });
+        await ready(page);
+        await page.getByRole("img", { name: /^Day: Battery/ }).waitFor();
+        await page.route("**/api/history?days=365", (route) => route.fulfill({ json: year() }));
+        await button(page, "Week").focus();
+        await page.keyboard.press("Enter");
+        await page.getByRole("img", { name: /^Week: Battery/ }).waitFor();
+        await page.keyboard.press("Tab");
+        await page.keyboard.press("Space");
+        const plot = page.getByRole("img", { name: "Year: Battery 22–100 %; Charging 2190.0 h; Runs 288 · 876.0 h; Dockings 588, 12 failed; Alarms 3" });
+        await plot.waitFor();
+        if (await button(page, "Year").getAttribute("aria-pressed") !== "true") {
+          throw new Error("nobody hears which range is chosen");
+        }
+        const drawn = await plot.locator("svg").evaluateAll((all) => all.map((one) => {
+          const { width, height } = one.getBoundingClientRect();
+          const bars = [...one.querySelectorAll(".bar")].map((bar) => bar.getBBox().width);
+          return width > 120 && height > 10 && Math.max(...bars) > 0;
+        }));
+        if (drawn.length !== 5 || !drawn.every((lane) => lane)) {
+          throw new Error(`a lane is not drawn: ${drawn}`);
+        }
+        const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+        if (wide > 0) {
+          throw new Error(`${name}: ${wide} pixels too wide`);
+        }
+        if (pictures) {
+          await page.locator(".past").evaluate((element) => element.scrollIntoView());
+          await page.locator(".past").screenshot({ path: path.join(pictures, `history-${name}-${colorScheme}.png`) });
+        }
+        clean(page);
+        await page.context().close();
+      }
+    }
+    await run.end();
+  },
+
       + `  storage file_system ${run.folder}/caddy\n}\nrobot.test:${port} {\n  tls internal\n  reverse_proxy ${new URL(run.url).host}\n}\n`);
     const caddy = spawn("caddy", ["run", "--config", "Caddyfile", "--adapter", "caddyfile"],
       { cwd: run.folder, env: { ...process.env, HOME: run.folder, XDG_DATA_HOME: run.folder, XDG_CONFIG_HOME: run.folder }, stdio: "ignore" });
@@ -618,6 +660,22 @@ async function keep(page, name) {
 }
 
 const browser = await chromium.launch({
+/** A year as the server tells it: two dockings a part, some of them failed, three alarms, a gap without a link. */
+function year() {
+  const part = 365 * 300_000;
+  const until = Date.now();
+  const since = until - 288 * part;
+  const parts = Array.from({ length: 288 }, (_, index) => {
+    const known = index < 180 || index > 187;
+    const low = 22 + Math.round(20 * Math.abs(Math.sin(index / 9)));
+    return {
+      at: since + index * part, low: known ? low : null, high: known ? 100 : null,
+      charging: 0.25, running: 0.1, runs: 1, docks: 2, failed_docks: index % 24 === 5 ? 1 : 0, alarms: index % 96 === 40 ? 1 : 0,
+    };
+  });
+  return { since, until, part, parts, events: [] };
+}
+
   executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox", "--host-resolver-rules=MAP robot.test 127.0.0.1"],
 });
 
