@@ -15,14 +15,14 @@ use super::command::{
     BehaviourAction, Done, PageCommand, UNDOCK, in_words, perform, succeeded, to_request,
 };
 use super::hub::Hub;
+use super::openapi::{
+    self, BehaviourChange, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume,
+};
 use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
-use super::shapes::{
-    BehaviourChange, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume,
-};
 use super::state::{self, Rate};
 use super::ticket::Ticket;
-use super::{messages, openapi, viewer};
+use super::{messages, viewer};
 use crate::control::{Answer, Change, MAX_SPEECH, Report, RunRequest};
 use crate::http::{Driver, Refusal, Visitor};
 use crate::pilot::LinkState;
@@ -109,7 +109,7 @@ async fn live(
     upgrade: WebSocketUpgrade,
 ) -> Result<Response, Refusal> {
     let full = || Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "too many viewers");
-    let ticket = Ticket::admit(&hub, &visitor).ok_or_else(full)?;
+    let ticket = Ticket::admit(&hub, visitor).ok_or_else(full)?;
     let upgrade = upgrade
         .max_message_size(viewer::MAX_MESSAGE)
         .max_frame_size(viewer::MAX_MESSAGE);

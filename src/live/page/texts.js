@@ -177,8 +177,8 @@ const TEXTS = {
 
   login: ["Log in", "Anmelden", "Accedi"],
   logout: ["Log out", "Abmelden", "Esci"],
-  password: ["Password or token", "Passwort oder Token", "Password o token"],
-  login_hint: ["Ask the person who runs the robot.", "Frage die Person, die den Roboter betreibt.", "Chiedi a chi gestisce il robot."],
+  token: ["Token", "Token", "Token"],
+  login_hint: ["Open the link that “spykee token new” has printed, or scan its QR code. Ask the person who runs the robot.", "Öffne den Link, den „spykee token new“ ausgegeben hat, oder scanne seinen QR-Code. Frage die Person, die den Roboter betreibt.", "Apri il link stampato da “spykee token new”, o scansiona il suo codice QR. Chiedi a chi gestisce il robot."],
   name: ["Your name", "Dein Name", "Il tuo nome"],
   language: ["Language", "Sprache", "Lingua"],
   theme: ["Colours", "Farben", "Colori"],
