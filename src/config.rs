@@ -272,8 +272,6 @@ impl Config {
             .chain(&mut config.mqtt.tls.ca_file)
             .chain(&mut config.data)
             .chain(&mut config.password_file)
-            .chain(&mut config.live.driver_password_file)
-            .chain(&mut config.live.viewer_password_file)
         {
             *path = folder.join(&path);
         }

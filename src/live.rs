@@ -23,7 +23,6 @@ mod page;
 mod past;
 mod scripts;
 mod server;
-mod shapes;
 mod state;
 mod ticket;
 mod viewer;

@@ -1,12 +1,10 @@
-//! `spykee history`: shows the journal as a table, as JSON or CSV, or as a picture.
+//! `spykee history`: shows the journal as a table, as JSON or CSV.
 
-mod chart;
 mod moment;
-mod scale;
-mod story;
+mod runs;
 mod view;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::ValueEnum;
 use jiff::Timestamp;
@@ -20,11 +18,11 @@ use crate::journal::{History, Kinds, Record, Span};
 /// Show the journal: links, battery, docks, alarms, runs, pictures, entries by scripts
 ///
 /// `spykee serve` keeps a journal; `spykee run` keeps one with `journal: { record: on }` in the
-/// config. Times are local.
+/// config. Times are local. The page draws the same journal: spykee run --live, or a service.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     after_help = "Examples:\n  spykee history --since 1d\n  spykee history docks --since 2026-11-01 \
-                        --csv > docks.csv\n  spykee history --plot battery.png --since 7d"
+                        --csv > docks.csv"
 )]
 pub(super) struct HistoryArgs {
     /// Kind of entries to show
@@ -49,17 +47,12 @@ pub(super) struct HistoryArgs {
     newest: Option<u32>,
 
     /// Print a JSON array
-    #[arg(long, conflicts_with_all = ["csv", "plot"])]
+    #[arg(long, conflicts_with = "csv")]
     json: bool,
 
     /// Print CSV for spreadsheets
-    #[arg(long, conflicts_with = "plot")]
+    #[arg(long)]
     csv: bool,
-
-    /// Draw battery level, charging, docks and runs over time into this file [default without
-    /// --since: the last seven days]
-    #[arg(long, value_name = "FILE.png", value_parser = super::world::parse_png)]
-    plot: Option<PathBuf>,
 
     #[command(flatten)]
     pub(super) settings: SettingsArgs,
@@ -106,13 +99,11 @@ impl Topic {
 
 /// Default maximum number of entries.
 const DEFAULT_LIMIT: u32 = 1000;
-/// Default time span of a plot.
-const DEFAULT_PLOT_SPAN: jiff::SignedDuration = jiff::SignedDuration::from_hours(7 * 24);
 
-/// Prints or draws the journal.
+/// Prints the journal.
 ///
 /// # Errors
-/// No journal, or one that cannot be read; a picture that cannot be written.
+/// No journal, or one that cannot be read.
 pub(super) fn run(args: &HistoryArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let data = config.data_folder();
@@ -127,11 +118,7 @@ pub(super) fn run(args: &HistoryArgs) -> Result<Exit, Failure> {
         robot: args.robot.clone(),
         newest: args.newest,
     };
-    let history = open(data)?;
-    match &args.plot {
-        Some(path) => plot(&history, span, now, zone, path),
-        None => list(args, &history, span, &zone),
-    }
+    list(args, &open(data)?, span, &zone)
 }
 
 fn open(data: &Path) -> Result<History, Failure> {
@@ -192,53 +179,11 @@ fn view(topic: Topic, records: &[Record], zone: &TimeZone) -> View {
         Topic::Link => view::link(records, zone),
         Topic::Docks => view::docks(records, zone),
         Topic::Alarms => view::all(records, zone),
-        Topic::Runs => view::runs(&story::runs(records), zone),
+        Topic::Runs => view::runs(&runs::runs(records), zone),
         Topic::Pictures => view::pictures(records, zone),
         Topic::Entries => view::entries(records, zone),
         Topic::Messages => view::messages(records, zone),
     }
-}
-
-fn plot(
-    history: &History,
-    span: Span,
-    now: Timestamp,
-    zone: TimeZone,
-    path: &Path,
-) -> Result<Exit, Failure> {
-    let until = span.until.unwrap_or(now);
-    let since = match span.since {
-        Some(since) => since,
-        None => until
-            .checked_sub(DEFAULT_PLOT_SPAN)
-            .map_err(Failure::usage)?,
-    };
-    if since >= until {
-        return Err(Failure::usage("--since is not before --until"));
-    }
-    let within = Span {
-        since: Some(since),
-        until: Some(until),
-        newest: None,
-        ..span
-    };
-    let kinds = Kinds::Of(&["started", "ended", "dock", "link_up", "link_down", "safety"]);
-    let battery = history.battery(&within).map_err(unreadable)?;
-    let events = history.records(&kinds, &within).map_err(unreadable)?;
-    // A journal younger than the default span starts at its first entry.
-    let first = battery.iter().chain(&events).map(|record| record.at).min();
-    let since = match (span.since, first) {
-        (None, Some(first)) => since.max(first),
-        _ => since,
-    };
-    let story = story::Story::of((since, until), &battery, &events);
-    if story.is_empty() {
-        let why = "the journal has nothing to draw in this time span";
-        return Err(Failure::usage(why).help("choose another with --since and --until"));
-    }
-    super::world::save(&chart::draw(&story, &zone), path)?;
-    print(&format!("The picture is in {}.\n", path.display()))?;
-    Ok(Exit::Done)
 }
 
 fn unreadable(error: crate::journal::JournalError) -> Failure {

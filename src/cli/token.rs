@@ -1,19 +1,25 @@
-//! `spykee token`: manages the tokens with which programs on other computers use the page's API.
+//! `spykee token`: manages the tokens with which people open the page, and programs use its API.
+
+use std::io::IsTerminal as _;
+use std::net::SocketAddr;
 
 use clap::{Subcommand, ValueEnum};
+use qrcode::render::unicode::Dense1x2;
+use qrcode::{EcLevel, QrCode};
 
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
-use super::{Exit, Failure, print};
-use crate::http::{Keyring, KeyringError, Role};
+use super::{Exit, Failure, print, print_coloured};
+use crate::http::{Key, Keyring, KeyringError, Role};
 
 /// Create, list and revoke tokens for the page and the JSON API
 ///
-/// A token is 256 random bits. It is printed once; the data folder keeps its SHA-256 digest in a
-/// private file. Programs send it as `Authorization: Bearer TOKEN`, and people can log in to the
-/// page with it.
+/// A token is 256 random bits. It is printed once, on a terminal with a link to the page and the
+/// link's QR code for a phone; the data folder keeps its SHA-256 digest in a private file. Programs
+/// send it as `Authorization: Bearer TOKEN`. Within a second an active run accepts a new token, and
+/// refuses a revoked one.
 #[derive(Debug, Clone, clap::Args)]
-#[command(after_help = "Example: spykee token new phone --role viewer")]
+#[command(after_help = "Example: spykee token new phone --role driver")]
 pub(super) struct TokenArgs {
     #[command(subcommand)]
     action: Action,
@@ -25,7 +31,7 @@ pub(super) struct TokenArgs {
 enum Action {
     /// Create a token and print it; it is shown only once
     New {
-        /// Name of your choice, such as the program that uses the token
+        /// Name of your choice, such as the device or program that uses the token
         name: String,
         /// Role of the token
         #[arg(long, value_enum, default_value_t = Wanted::Viewer)]
@@ -33,7 +39,7 @@ enum Action {
     },
     /// List the tokens by name
     List,
-    /// Revoke a token; an active run accepts it until it is restarted
+    /// Revoke a token; an active run refuses it within a second
     Revoke {
         /// Name of the token
         name: String,
@@ -53,8 +59,8 @@ enum Wanted {
 /// # Errors
 /// A config or token file that cannot be used; a name that is already used or unknown.
 pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
-    let data = args.settings.config()?.data_folder();
-    let mut keys = Keyring::open(data).map_err(refused)?;
+    let config = args.settings.config()?;
+    let mut keys = Keyring::open(config.data_folder()).map_err(refused)?;
     match &args.action {
         Action::New { name, role } => {
             let role = match role {
@@ -67,12 +73,15 @@ pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
                 role.name()
             );
             print(&format!("{token}\n"))?;
+            if std::io::stdout().is_terminal() {
+                let address = address_for_others(config.live.address());
+                print_coloured(&invitation(address, &token), true)?;
+            }
         }
         Action::List if keys.list().is_empty() => print("there are no tokens\n")?,
         Action::List => {
-            let rows: Vec<Vec<String>> = (keys.list().into_iter())
-                .map(|key| vec![key.name, key.role.name().to_owned()])
-                .collect();
+            let row = |key: &Key| vec![key.name.clone(), key.role.name().to_owned()];
+            let rows: Vec<Vec<String>> = keys.list().iter().map(row).collect();
             print(&aligned(
                 &[("NAME", Side::Left), ("ROLE", Side::Left)],
                 &rows,
@@ -83,7 +92,6 @@ pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
                 let failure = Failure::usage(format_args!("there is no token `{name}`"));
                 return Err(failure.help("spykee token list"));
             }
-            tracing::info!("an active run accepts the token until it is restarted");
         }
     }
     Ok(Exit::Done)
@@ -91,9 +99,90 @@ pub(super) fn run(args: &TokenArgs) -> Result<Exit, Failure> {
 
 fn refused(error: KeyringError) -> Failure {
     let help = match &error {
-        KeyringError::Broken { .. } => "remove the file and create new tokens",
+        KeyringError::Broken { .. } => {
+            "use this command as the user of the service, or remove the file and create new tokens"
+        }
         KeyringError::Write { .. } => "`data:` in the config sets the data folder",
+        KeyringError::Foreign { .. } => "use this command as that user: sudo -u USER spykee token",
         KeyringError::Refused(_) => "spykee token list",
     };
     Failure::usage(error).help(help)
+}
+
+/// Returns the address of a page that listens here, as other computers know it: instead of all
+/// addresses of this computer, its first one in a network.
+fn address_for_others(listen: SocketAddr) -> SocketAddr {
+    if !listen.ip().is_unspecified() {
+        return listen;
+    }
+    let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
+    let mut addresses = interfaces.iter().map(if_addrs::Interface::ip);
+    let first = addresses.find(|ip| ip.is_ipv4() && !ip.is_loopback());
+    SocketAddr::new(first.unwrap_or(listen.ip()), listen.port())
+}
+
+/// The link that opens the page with this token, for a phone as a QR code. A browser does not send
+/// what follows the `#`, so no log of a server or proxy contains the token.
+fn invitation(address: SocketAddr, token: &str) -> String {
+    let link = format!("http://{address}/#token={token}");
+    if address.ip().is_loopback() {
+        return format!(
+            "This link opens the page on this computer; for others, set `live: {{ listen: \
+             0.0.0.0:{} }}` in the config:\n{link}\n",
+            address.port()
+        );
+    }
+    let code = QrCode::with_error_correction_level(&link, EcLevel::L);
+    // A link is shorter than the longest text of a code.
+    let code = code.map_or_else(|_| String::new(), |code| black_on_white(&code));
+    format!("This link, or its QR code, opens the page:\n{link}\n{code}")
+}
+
+/// A QR code with the right colours on every terminal.
+fn black_on_white(code: &QrCode) -> String {
+    let text = code.render::<Dense1x2>().build();
+    let lines = text
+        .lines()
+        .map(|line| format!("\x1b[30;107m{line}\x1b[0m\n"));
+    lines.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Reads the code as a camera sees it: black and white, eight pixels a module.
+    fn read(code: &str) -> String {
+        let lines = code
+            .lines()
+            .filter_map(|line| line.strip_prefix("\x1b[30;107m"));
+        let lines = lines.map(|line| line.strip_suffix("\x1b[0m").unwrap());
+        let rows: Vec<Vec<char>> = lines.map(|line| line.chars().collect()).collect();
+        let size = 8 * rows[0].len();
+        let dark = |x: usize, y: usize| match rows.get(y / 16).map(|row| row[x / 8]) {
+            Some('█') => true,
+            Some('▀') => y % 16 < 8,
+            Some('▄') => y % 16 >= 8,
+            _ => false,
+        };
+        let grey = |x, y| if dark(x, y) { 0 } else { 255 };
+        let mut image = rqrr::PreparedImage::prepare_from_greyscale(size, size, grey);
+        image.detect_grids()[0].decode().unwrap().1
+    }
+
+    #[test]
+    fn the_qr_code_is_the_link_with_the_token_behind_the_hash() {
+        let token = format!("spykee_{}", "0123456789abcdef".repeat(4));
+        let text = invitation("192.168.178.123:7788".parse().unwrap(), &token);
+        let link = text.lines().nth(1).unwrap();
+        assert_eq!(link, format!("http://192.168.178.123:7788/#token={token}"));
+        assert_eq!(read(&text), link);
+        let widest = text.lines().map(|line| line.chars().count()).max().unwrap();
+        assert!(widest <= 120, "{widest}");
+        let here = invitation("127.0.0.1:7788".parse().unwrap(), &token);
+        assert!(
+            here.contains("0.0.0.0:7788") && !here.contains('█'),
+            "{here}"
+        );
+    }
 }

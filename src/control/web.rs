@@ -4,6 +4,7 @@
 use std::io;
 use std::time::Duration;
 
+use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use ureq::http::{HeaderValue, Request};
@@ -153,7 +154,8 @@ impl Call {
                     Change::Stop => json!({ "change": "stop" }),
                     Change::Restart => json!({ "change": "restart" }),
                 };
-                post(format!("/api/behaviours/{}", encoded(name)), body)
+                let name = utf8_percent_encode(name, NON_ALPHANUMERIC);
+                post(format!("/api/behaviours/{name}"), body)
             }
         }
     }
@@ -162,15 +164,6 @@ impl Call {
 /// Rounds up to whole seconds, at least one.
 fn seconds(time: Duration) -> u64 {
     time.as_secs_f64().ceil().max(1.0) as u64
-}
-
-/// Percent-encodes a name as one segment of a path.
-fn encoded(name: &str) -> String {
-    let byte = |byte: u8| match byte {
-        b'a'..=b'z' | b'A'..=b'Z' | b'0'..=b'9' | b'-' | b'_' => char::from(byte).to_string(),
-        byte => format!("%{byte:02X}"),
-    };
-    name.bytes().map(byte).collect()
 }
 
 /// The result of a docking or undocking, successful or not.
@@ -220,7 +213,7 @@ fn parse_answer(request: &RunRequest, status: u16, body: Vec<u8>) -> Result<Answ
         (_, 409) => Ok(Answer::Refused(why(&body))),
         (_, 503) => Ok(Answer::Offline),
         (RunRequest::Picture(_), 504) => Ok(Answer::NoPicture),
-        (_, 401 | 403 | 421 | 429) => Err(AskError::Denied(why(&body))),
+        (_, 401 | 403 | 421) => Err(AskError::Denied(why(&body))),
         _ => Err(AskError::UnexpectedStatus(status)),
     }
 }
@@ -286,8 +279,12 @@ mod tests {
 
     #[test]
     fn a_name_stays_within_its_segment_of_the_path() {
-        assert_eq!(encoded("guard-2"), "guard-2");
-        assert_eq!(encoded("a/../b?c"), "a%2F%2E%2E%2Fb%3Fc");
+        let request = RunRequest::Behaviour {
+            name: "a/../b?c".to_owned(),
+            change: Change::Start,
+        };
+        let path = Call::of(&request).path;
+        assert_eq!(path, "/api/behaviours/a%2F%2E%2E%2Fb%3Fc");
     }
 
     #[test]

@@ -1,64 +1,45 @@
-//! Access control: the config's passwords, the tokens of programs, the sessions of browsers.
+//! Access control: who may use the page and the API. Everybody on loopback as long as no token was
+//! ever made; else whoever has a token, until it is revoked.
 
 use std::net::{IpAddr, SocketAddr};
-use std::path::Path;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use tokio::time::Instant;
+use tokio::sync::watch;
+use tokio::time::{Instant, MissedTickBehavior, interval};
 
-use super::attempts::Attempts;
 use super::guard::{Names, OriginHeaders, Reason};
-use super::keyring::{Keyring, KeyringError};
+use super::keyring::{Keyring, KeyringError, Role};
 use super::options::Options;
-use super::role::{Role, Visitor};
-use super::secret::Digest;
-use super::sessions::Sessions;
-use crate::files;
+use super::visitor::Visitor;
 
-/// Maximum length of a password file and of a password, in bytes.
-const MAX_FILE_LEN: u64 = 4096;
-const MAX_PASSWORD: usize = 1024;
+/// How often the tokens are read again.
+const REREAD: Duration = Duration::from_secs(1);
+/// Wrong tokens are logged at most this often.
+const WRONG_TOKENS: Duration = Duration::from_secs(60);
 
 /// Why access cannot be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum AccessError {
     /// Anyone who can reach that address could drive the robot.
     #[error(
-        "{0} can be reached from elsewhere, but there is neither a password nor a token: \
-         `spykee token new NAME` creates a token, `live: {{ driver_password_file: FILE }}` sets a password"
+        "{0} can be reached from elsewhere, but there is no token: `spykee token new NAME` makes one"
     )]
     Open(SocketAddr),
-    /// A password cannot be read.
-    #[error("cannot read the password file {path}: {why}")]
-    Password {
-        /// Which.
-        path: String,
-        /// Why.
-        why: String,
-    },
     /// The tokens cannot be read.
     #[error(transparent)]
     Tokens(#[from] KeyringError),
 }
 
-/// Why access was denied.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub(super) enum Denied {
-    #[error("wrong password or token")]
-    Wrong,
-    #[error("too many attempts: wait {} s", .0.as_secs() + 1)]
-    TooMany(Duration),
-}
-
-/// See the module.
+/// The host names under which we are reached, and the tokens.
 #[derive(Debug)]
 pub struct Access {
     names: Names,
-    passwords: Vec<(Digest, Role)>,
-    keyring: Keyring,
-    sessions: Mutex<Sessions>,
-    attempts: Mutex<Attempts>,
+    data: PathBuf,
+    keyring: watch::Sender<Keyring>,
+    /// The number of wrong tokens since it was last logged, and the address of the last one.
+    wrong: Mutex<Option<(u64, IpAddr)>>,
 }
 
 impl Access {
@@ -68,38 +49,21 @@ impl Access {
     /// # Errors
     /// See [`AccessError`].
     pub fn new(options: &Options, listen: SocketAddr, data: &Path) -> Result<Access, AccessError> {
-        let files = [
-            (&options.driver_password_file, Role::Driver),
-            (&options.viewer_password_file, Role::Viewer),
-        ];
-        let mut passwords = Vec::new();
-        for (path, role) in files {
-            if let Some(path) = path {
-                passwords.push((Digest::of(&password(path)?), role));
-            }
+        let keyring = Keyring::open(data)?;
+        if keyring.is_unused() && !listen.ip().is_loopback() {
+            return Err(AccessError::Open(listen));
         }
-        let access = Access {
+        Ok(Access {
             names: Names::new(listen, &options.hosts),
-            passwords,
-            keyring: Keyring::open(data)?,
-            sessions: Mutex::default(),
-            attempts: Mutex::new(Attempts::new(Instant::now())),
-        };
-        if access.is_open() && !listen.ip().is_loopback() {
-            Err(AccessError::Open(listen))
-        } else {
-            Ok(access)
-        }
+            data: data.to_owned(),
+            keyring: watch::Sender::new(keyring),
+            wrong: Mutex::default(),
+        })
     }
 
-    /// Whether no login is needed: on loopback, with neither a password nor a token.
+    /// Whether no login is needed: on loopback, if no token was ever made.
     pub fn is_open(&self) -> bool {
-        self.passwords.is_empty() && self.keyring.is_empty()
-    }
-
-    /// Whether people can log in; with tokens alone only programs can.
-    pub(super) fn has_passwords(&self) -> bool {
-        !self.passwords.is_empty()
+        self.keyring.borrow().is_unused()
     }
 
     /// # Errors
@@ -108,81 +72,92 @@ impl Access {
         self.names.validate(request)
     }
 
-    /// Opens a session with a password or a token.
-    ///
-    /// # Errors
-    /// See [`Denied`].
-    pub(super) fn log_in(&self, from: IpAddr, password: &str) -> Result<(String, Role), Denied> {
-        let now = Instant::now();
-        let tried = lock(&self.attempts).take(from, now);
-        tried.map_err(Denied::TooMany)?;
-        let known = (password.len() <= MAX_PASSWORD)
-            .then(|| self.role_of(password))
-            .flatten();
-        let role = known.ok_or(Denied::Wrong)?;
-        lock(&self.attempts).give_back(from);
-        Ok((lock(&self.sessions).open(role, now), role))
+    /// Returns the visitor with this token, or without any.
+    pub(super) fn visitor(&self, token: Option<&str>) -> Option<Visitor> {
+        let keyring = self.keyring.borrow();
+        if keyring.is_unused() {
+            let role = Role::Driver;
+            return Some(Visitor { role, key: None });
+        }
+        let key = keyring.find(token?)?.clone();
+        Some(Visitor {
+            role: key.role,
+            key: Some(key),
+        })
     }
 
-    /// Compares all of them, so that the time taken reveals nothing.
-    fn role_of(&self, password: &str) -> Option<Role> {
-        let digest = Digest::of(password);
-        let mut known = self.keyring.find(password).map(|token| token.role);
-        for (password, role) in &self.passwords {
-            if password.is(&digest) {
-                known = known.max(Some(*role));
+    /// Returns the visitor with this token; `None` for a wrong one, which is counted for the log.
+    pub(super) fn visitor_of_token(&self, token: &str, from: IpAddr) -> Option<Visitor> {
+        let visitor = self
+            .visitor(Some(token))
+            .filter(|visitor| visitor.key.is_some());
+        if visitor.is_none() {
+            let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
+            let count = wrong.map_or(0, |(count, _)| count);
+            *wrong = Some((count.saturating_add(1), from));
+        }
+        visitor
+    }
+
+    /// Waits until this visitor has no access any more.
+    pub async fn revoked(&self, visitor: &Visitor) {
+        let lost = |keyring: &Keyring| match &visitor.key {
+            Some(key) => !keyring.list().contains(key),
+            None => !keyring.is_unused(),
+        };
+        // Fails only when this is dropped.
+        let _ = self.keyring.subscribe().wait_for(lost).await;
+    }
+
+    /// Reads the tokens again and again, so that a new or a revoked one counts within a
+    /// second, and logs wrong ones. Never returns.
+    pub async fn follow_tokens(self: Arc<Access>) {
+        let mut beat = interval(REREAD);
+        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut trouble = None;
+        let mut logged: Option<Instant> = None;
+        loop {
+            beat.tick().await;
+            let access = self.clone();
+            let reread = tokio::task::spawn_blocking(move || access.reread()).await;
+            let error = reread
+                .unwrap_or(Ok(()))
+                .err()
+                .map(|error| error.to_string());
+            if let Some(error) = &error
+                && trouble.as_ref() != Some(error)
+            {
+                tracing::error!("{error}: until it can be read, nobody has access to the page");
+            }
+            trouble = error;
+            if logged.is_none_or(|logged| logged.elapsed() >= WRONG_TOKENS)
+                && let Some((count, from)) = self.take_wrong()
+            {
+                tracing::warn!(%from, "{count} requests with a wrong token");
+                logged = Some(Instant::now());
             }
         }
-        known
     }
 
-    pub(super) fn log_out(&self, session: &str) {
-        lock(&self.sessions).close(session);
+    /// Reads the tokens again. If that fails, nobody has access. Where a token was needed, one
+    /// stays needed even if the file is gone.
+    fn reread(&self) -> Result<(), KeyringError> {
+        let read = Keyring::open(&self.data);
+        self.keyring.send_if_modified(|keyring| {
+            let next = match &read {
+                Ok(next) if !next.is_unused() || keyring.is_unused() => next.clone(),
+                _ => Keyring::closed(&self.data),
+            };
+            let changed = *keyring != next;
+            *keyring = next;
+            changed
+        });
+        read.map(drop)
     }
 
-    /// Returns the visitor with this session, or without any.
-    pub(super) fn of_session(&self, session: Option<&str>) -> Option<Visitor> {
-        let role = if self.is_open() {
-            Some(Role::Driver)
-        } else {
-            lock(&self.sessions).role(session?, Instant::now())
-        };
-        role.map(|role| Visitor { role, token: None })
-    }
-
-    /// Returns the visitor with this token.
-    ///
-    /// # Errors
-    /// See [`Denied`]; wrong tokens count as attempts.
-    pub(super) fn of_token(&self, from: IpAddr, token: &str) -> Result<Visitor, Denied> {
-        lock(&self.attempts)
-            .take(from, Instant::now())
-            .map_err(Denied::TooMany)?;
-        let found = self.keyring.find(token).ok_or(Denied::Wrong)?;
-        lock(&self.attempts).give_back(from);
-        let (role, token) = (found.role, Some(found.name));
-        Ok(Visitor { role, token })
-    }
-}
-
-/// Locks shared state; only for short lookups.
-fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
-    shared.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-fn password(path: &Path) -> Result<String, AccessError> {
-    let refused = |why: String| AccessError::Password {
-        path: path.display().to_string(),
-        why,
-    };
-    let read = files::read_private(path, MAX_FILE_LEN);
-    let bytes = read.map_err(|error| refused(error.to_string()))?;
-    let text = String::from_utf8(bytes).map_err(|_| refused("it is not UTF-8".to_owned()))?;
-    match text.lines().next().unwrap_or_default() {
-        line if line.chars().count() < 8 => Err(refused(
-            "its first line is not a password of at least 8 characters".to_owned(),
-        )),
-        line => Ok(line.to_owned()),
+    fn take_wrong(&self) -> Option<(u64, IpAddr)> {
+        let mut wrong = self.wrong.lock().unwrap_or_else(PoisonError::into_inner);
+        wrong.take()
     }
 }
 
@@ -194,63 +169,63 @@ mod tests {
 
     const HERE: IpAddr = IpAddr::V4(std::net::Ipv4Addr::LOCALHOST);
 
-    fn access(listen: &str, password: Option<&str>) -> Result<Access, AccessError> {
+    fn access(listen: &str, data: &Path) -> Result<Access, AccessError> {
+        Access::new(&Options::default(), listen.parse().unwrap(), data)
+    }
+
+    #[test]
+    fn a_token_is_required_off_loopback_and_wherever_there_is_one() {
         let data = tempfile::tempdir().unwrap();
-        let path = data.path().join("password");
-        let driver_password_file = password.map(|password| {
-            fs::write(&path, password).unwrap();
-            fs::set_permissions(&path, Permissions::from_mode(0o600)).unwrap();
-            path.clone()
-        });
-        let options = Options {
-            driver_password_file,
-            ..Options::default()
-        };
-        Access::new(&options, listen.parse().unwrap(), data.path())
+        for listen in ["0.0.0.0:1", "192.168.1.2:1"] {
+            let refused = access(listen, data.path());
+            assert!(matches!(refused, Err(AccessError::Open(_))), "{listen}");
+        }
+        assert!(access("127.0.0.1:1", data.path()).unwrap().is_open());
+        let mut keys = Keyring::open(data.path()).unwrap();
+        let token = keys.make("tv", Role::Viewer).unwrap();
+        // On loopback, too: a proxy may stand in front of it.
+        for listen in ["0.0.0.0:1", "127.0.0.1:1"] {
+            let guarded = access(listen, data.path()).unwrap();
+            assert!(!guarded.is_open());
+            assert_eq!(guarded.visitor(None), None);
+            assert_eq!(guarded.visitor(Some("spykee_")), None);
+            let visitor = guarded.visitor_of_token(&token, HERE).unwrap();
+            assert_eq!(visitor.role, Role::Viewer);
+        }
     }
 
     #[test]
-    fn off_loopback_a_password_is_required() {
-        assert!(matches!(
-            access("0.0.0.0:1", None),
-            Err(AccessError::Open(_))
-        ));
-        assert!(matches!(
-            access("192.168.1.2:1", None),
-            Err(AccessError::Open(_))
-        ));
-        assert!(access("127.0.0.1:1", None).unwrap().is_open());
-        let guarded = access("0.0.0.0:1", Some("correct horse\n")).unwrap();
-        assert_eq!(guarded.of_session(None), None);
-        assert_eq!(guarded.log_in(HERE, "correct"), Err(Denied::Wrong));
-        let (session, role) = guarded.log_in(HERE, "correct horse").unwrap();
-        assert_eq!(role, Role::Driver);
-        assert!(guarded.of_session(Some(&session)).is_some());
-        guarded.log_out(&session);
-        assert_eq!(guarded.of_session(Some(&session)), None);
-        assert!(matches!(
-            access("0.0.0.0:1", Some("short")),
-            Err(AccessError::Password { .. })
-        ));
+    fn a_token_that_is_made_or_revoked_counts_at_the_next_reading() {
+        let data = tempfile::tempdir().unwrap();
+        let access = access("127.0.0.1:1", data.path()).unwrap();
+        assert!(access.visitor(None).is_some());
+        let mut keys = Keyring::open(data.path()).unwrap();
+        let token = keys.make("pad", Role::Driver).unwrap();
+        access.reread().unwrap();
+        assert_eq!(access.visitor(None), None);
+        assert!(access.visitor(Some(&token)).is_some());
+        keys.revoke("pad").unwrap();
+        access.reread().unwrap();
+        assert_eq!(access.visitor(Some(&token)), None);
+        assert!(!access.is_open(), "the last token was revoked");
+        fs::remove_dir_all(data.path().join(".access")).unwrap();
+        access.reread().unwrap();
+        assert!(!access.is_open(), "the file is gone");
     }
 
     #[test]
-    fn with_a_password_loopback_needs_it_too_because_of_proxies() {
-        let guarded = access("127.0.0.1:1", Some("correct horse")).unwrap();
-        assert!(!guarded.is_open());
-        assert_eq!(guarded.of_session(None), None);
-    }
-
-    #[test]
-    fn guessing_is_slow_even_if_a_guess_is_right() {
-        let guarded = access("127.0.0.1:1", Some("correct horse")).unwrap();
-        let wrong = || guarded.log_in(HERE, "guess");
-        let denied = (0..20).map(|_| wrong().unwrap_err());
-        assert_eq!(denied.filter(|denied| *denied == Denied::Wrong).count(), 5);
-        assert!(matches!(
-            guarded.log_in(HERE, "correct horse"),
-            Err(Denied::TooMany(_))
-        ));
-        assert!(guarded.of_token(HERE, "spykee_x").is_err());
+    fn while_the_tokens_cannot_be_read_nobody_has_access() {
+        let data = tempfile::tempdir().unwrap();
+        let mut keys = Keyring::open(data.path()).unwrap();
+        let token = keys.make("pad", Role::Driver).unwrap();
+        let access = access("127.0.0.1:1", data.path()).unwrap();
+        let file = data.path().join(".access/tokens.json");
+        fs::set_permissions(&file, Permissions::from_mode(0o644)).unwrap();
+        assert!(access.reread().is_err());
+        assert_eq!(access.visitor(Some(&token)), None);
+        assert_eq!(access.visitor(None), None);
+        fs::set_permissions(&file, Permissions::from_mode(0o600)).unwrap();
+        access.reread().unwrap();
+        assert!(access.visitor(Some(&token)).is_some());
     }
 }

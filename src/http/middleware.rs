@@ -2,13 +2,13 @@
 //! after.
 
 use std::io;
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
 use axum::body::Body;
-use axum::extract::{ConnectInfo, FromRequestParts, Request, State};
+use axum::extract::{ConnectInfo, Request, State};
 use axum::http::header::{self, HeaderMap, HeaderName, HeaderValue};
-use axum::http::request::Parts;
 use axum::http::{Method, StatusCode};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
@@ -16,16 +16,14 @@ use futures_util::StreamExt as _;
 use futures_util::stream::unfold;
 use tokio::time::{Instant, timeout_at};
 
-use super::access::{Access, Denied};
+use super::access::Access;
 use super::guard::{OriginHeaders, Reason};
-use super::listener::Peer;
-use super::refusal::Refusal;
-use super::role::{Role, Visitor};
+use super::visitor::{Identity, Refusal, Visitor};
 
 /// Timeout for the body of a request.
 const BODY: Duration = Duration::from_secs(15);
-/// Name of the session's cookie.
-pub(super) const COOKIE: &str = "spykee_session";
+/// Name of the cookie with the token of a person.
+pub(super) const COOKIE: &str = "spykee_token";
 /// The page may load only what we serve, and run only our own scripts.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
                       connect-src 'self'; font-src 'self'; manifest-src 'self'; base-uri 'none'; \
@@ -51,12 +49,11 @@ const HEADERS: [(HeaderName, &str); 6] = [
 /// Middleware: checks a request, identifies the visitor, and adds headers to the response.
 pub async fn guard_request(
     State(access): State<Arc<Access>>,
-    ConnectInfo(peer): ConnectInfo<Peer>,
+    ConnectInfo(from): ConnectInfo<SocketAddr>,
     mut request: Request,
     next: Next,
 ) -> Response {
-    peer.mark_head_received();
-    let response = match admit(&access, &peer, &request) {
+    let response = match admit(&access, from, &request) {
         Ok(visitor) => {
             request.extensions_mut().insert(Identity(visitor));
             next.run(request.map(with_body_timeout)).await
@@ -85,7 +82,7 @@ fn with_body_timeout(body: Body) -> Body {
 
 fn admit(
     access: &Access,
-    peer: &Peer,
+    from: SocketAddr,
     request: &Request<Body>,
 ) -> Result<Option<Visitor>, Refusal> {
     let headers = request.headers();
@@ -106,11 +103,11 @@ fn admit(
         })?;
     let token = only(headers, &header::AUTHORIZATION).and_then(|text| text.strip_prefix("Bearer "));
     match token {
-        Some(token) => access
-            .of_token(peer.address.ip(), token)
-            .map(Some)
-            .map_err(denied),
-        None => Ok(access.of_session(session(headers))),
+        Some(token) => match access.visitor_of_token(token, from.ip()) {
+            Some(visitor) => Ok(Some(visitor)),
+            None => Err(Refusal::wrong_token()),
+        },
+        None => Ok(access.visitor(cookie(headers))),
     }
 }
 
@@ -121,22 +118,14 @@ fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
     first.filter(|_| all.next().is_none())
 }
 
-/// Returns the session cookie.
-pub(super) fn session(headers: &HeaderMap) -> Option<&str> {
+/// Returns the token in the page's cookie. By hand: the crate for cookies brings dates and a jar.
+fn cookie(headers: &HeaderMap) -> Option<&str> {
     let cookies = headers
         .get_all(header::COOKIE)
         .iter()
         .filter_map(|value| value.to_str().ok());
     let mut pairs = cookies.flat_map(|value| value.split(';'));
     pairs.find_map(|pair| pair.trim().strip_prefix(COOKIE)?.strip_prefix('='))
-}
-
-pub(super) fn denied(denied: Denied) -> Refusal {
-    let status = match denied {
-        Denied::Wrong => StatusCode::UNAUTHORIZED,
-        Denied::TooMany(_) => StatusCode::TOO_MANY_REQUESTS,
-    };
-    Refusal::new(status, denied.to_string())
 }
 
 fn with_response_headers(mut response: Response) -> Response {
@@ -152,35 +141,4 @@ fn with_response_headers(mut response: Response) -> Response {
         headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
     }
     response
-}
-
-/// The visitor who sends a request, if known.
-#[derive(Debug, Clone)]
-pub(super) struct Identity(pub(super) Option<Visitor>);
-
-impl<S: Sync> FromRequestParts<S> for Visitor {
-    type Rejection = Refusal;
-
-    async fn from_request_parts(parts: &mut Parts, _: &S) -> Result<Visitor, Refusal> {
-        let identity = parts.extensions.get::<Identity>();
-        identity
-            .and_then(|Identity(visitor)| visitor.clone())
-            .ok_or_else(Refusal::unknown)
-    }
-}
-
-/// A visitor with the role of a driver.
-#[derive(Debug, Clone)]
-pub struct Driver(pub Visitor);
-
-impl<S: Sync> FromRequestParts<S> for Driver {
-    type Rejection = Refusal;
-
-    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Driver, Refusal> {
-        let visitor = Visitor::from_request_parts(parts, state).await?;
-        match visitor.role {
-            Role::Driver => Ok(Driver(visitor)),
-            Role::Viewer => Err(Refusal::viewer_only()),
-        }
-    }
 }

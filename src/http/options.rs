@@ -1,7 +1,6 @@
 //! The config's options for the page and the API.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -10,22 +9,17 @@ use serde::{Deserialize, Deserializer, Serialize};
 const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);
 /// Default maximum number of viewers.
 const VIEWERS: u16 = 32;
-const MAX_VIEWERS: u64 = 1000;
+const MAX_VIEWERS: u16 = 1000;
 
 /// `live:` of the config.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
-    /// The address of the page and the API, `IP:PORT`. Beyond loopback a password or a token is
-    /// required.
+    /// The address of the page and the API, `IP:PORT`. Beyond loopback a token is required.
     #[schemars(with = "Option<String>")]
     pub listen: Option<SocketAddr>,
     /// Host names of the page besides that address, such as that of a proxy in front of it.
     pub hosts: Vec<String>,
-    /// The first line of this file is the password of those who may do everything.
-    pub driver_password_file: Option<PathBuf>,
-    /// The first line of this file is the password of those who may only look, and stop the robot.
-    pub viewer_password_file: Option<PathBuf>,
     /// The maximum number of viewers at a time, from 1 to 1000.
     #[serde(deserialize_with = "viewers")]
     #[schemars(range(min = 1, max = 1000))]
@@ -37,8 +31,6 @@ impl Default for Options {
         Options {
             listen: None,
             hosts: Vec::new(),
-            driver_password_file: None,
-            viewer_password_file: None,
             viewers: VIEWERS,
         }
     }
@@ -53,11 +45,12 @@ impl Options {
 
 fn viewers<'de, D: Deserializer<'de>>(from: D) -> Result<u16, D::Error> {
     let number = u64::deserialize(from)?;
-    let inside = u16::try_from(number)
-        .ok()
-        .filter(|_| (1..=MAX_VIEWERS).contains(&number));
-    inside.ok_or_else(|| {
-        let expected = "a whole number of viewers from 1 to 1000";
-        serde::de::Error::invalid_value(serde::de::Unexpected::Unsigned(number), &expected)
-    })
+    match u16::try_from(number) {
+        Ok(viewers @ 1..=MAX_VIEWERS) => Ok(viewers),
+        _ => {
+            let expected = "a whole number of viewers from 1 to 1000";
+            let found = serde::de::Unexpected::Unsigned(number);
+            Err(serde::de::Error::invalid_value(found, &expected))
+        }
+    }
 }

@@ -82,6 +82,19 @@ pub struct Span {
     pub newest: Option<u32>,
 }
 
+/// The battery within one part of a period.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LevelRange {
+    /// The number of the part, from 0.
+    pub part: u32,
+    /// The lowest level, in percent.
+    pub low: u8,
+    /// The highest level, in percent.
+    pub high: u8,
+    /// The share of its records with the robot charging, 0..=1.
+    pub charging: f64,
+}
+
 /// A journal opened for reading.
 #[derive(Debug)]
 pub struct History(Connection);
@@ -123,6 +136,34 @@ impl History {
     /// # Errors
     /// If the journal cannot be read.
     pub fn records(&self, kinds: &Kinds, span: &Span) -> Result<Vec<Record>, JournalError> {
+        let mut records = Vec::new();
+        let newest = format!("DESC LIMIT {}", span.limit());
+        self.visit_ordered(kinds, span, &newest, |record| records.push(record))?;
+        records.reverse();
+        Ok(records)
+    }
+
+    /// Passes events of these kinds on one by one, in the order in which they happened; all of the
+    /// period, however many.
+    ///
+    /// # Errors
+    /// If the journal cannot be read.
+    pub fn visit(
+        &self,
+        kinds: &Kinds,
+        span: &Span,
+        each: impl FnMut(Record),
+    ) -> Result<(), JournalError> {
+        self.visit_ordered(kinds, span, "ASC", each)
+    }
+
+    fn visit_ordered(
+        &self,
+        kinds: &Kinds,
+        span: &Span,
+        order: &str,
+        each: impl FnMut(Record),
+    ) -> Result<(), JournalError> {
         let (mut conditions, mut values) = span.conditions();
         if let Kinds::Of(kinds) = kinds {
             let marks = vec!["?"; kinds.len()].join(", ");
@@ -130,14 +171,43 @@ impl History {
             values.extend(kinds.iter().map(|kind| (*kind).to_owned().into()));
         }
         let columns = "at, session, robot, data";
-        self.read("event", columns, &conditions, values, span, |row| {
+        let select = select("event", columns, &conditions, order);
+        let data = |row: &rusqlite::Row<'_>| {
             let text: String = row.get(3)?;
             let data = serde_json::from_str(&text).unwrap_or_else(|_| {
                 // Edited by hand, or damaged: still shows that something happened.
                 Map::from_iter([("event".to_owned(), json!("unreadable"))])
             });
             Ok(data)
-        })
+        };
+        self.read(&select, values, data, each)
+    }
+
+    /// Returns the lowest and the highest battery level in each of so many equal parts of a
+    /// period, leaving out parts without any.
+    ///
+    /// # Errors
+    /// If the journal cannot be read.
+    pub fn levels(
+        &self,
+        since: Timestamp,
+        until: Timestamp,
+        parts: u32,
+    ) -> Result<Vec<LevelRange>, JournalError> {
+        let select =
+            "SELECT (at - ?1) * ?3 / (?2 - ?1) AS part, min(percent), max(percent), avg(charging)
+            FROM battery WHERE at >= ?1 AND at < ?2 GROUP BY part";
+        let mut statement = self.0.prepare(select)?;
+        let period = (since.as_millisecond(), until.as_millisecond(), parts);
+        let rows = statement.query_map(period, |row| {
+            Ok(LevelRange {
+                part: row.get(0)?,
+                low: row.get::<_, i64>(1)?.clamp(0, 100) as u8,
+                high: row.get::<_, i64>(2)?.clamp(0, 100) as u8,
+                charging: row.get(3)?,
+            })
+        })?;
+        Ok(rows.collect::<Result<_, _>>()?)
     }
 
     /// Returns the battery levels, in their order.
@@ -147,50 +217,59 @@ impl History {
     pub fn battery(&self, span: &Span) -> Result<Vec<Record>, JournalError> {
         let (conditions, values) = span.conditions();
         let columns = "at, session, robot, percent, charging";
-        self.read("battery", columns, &conditions, values, span, |row| {
+        let order = format!("DESC LIMIT {}", span.limit());
+        let select = select("battery", columns, &conditions, &order);
+        let data = |row: &rusqlite::Row<'_>| {
             let (percent, charging): (i64, bool) = (row.get(3)?, row.get(4)?);
             Ok(Map::from_iter([
                 ("event".to_owned(), json!("battery")),
                 ("percent".to_owned(), json!(percent)),
                 ("charging".to_owned(), json!(charging)),
             ]))
-        })
+        };
+        let mut records = Vec::new();
+        self.read(&select, values, data, |record| records.push(record))?;
+        records.reverse();
+        Ok(records)
     }
 
     fn read(
         &self,
-        table: &str,
-        columns: &str,
-        conditions: &[String],
+        select: &str,
         values: Vec<rusqlite::types::Value>,
-        span: &Span,
         data: impl Fn(&rusqlite::Row<'_>) -> rusqlite::Result<Map<String, Value>>,
-    ) -> Result<Vec<Record>, JournalError> {
-        let condition = if conditions.is_empty() {
-            String::new()
-        } else {
-            format!("WHERE {}", conditions.join(" AND "))
-        };
-        let limit = span.newest.map_or(-1, i64::from);
-        // In the order of writing, not of time: the clock may have been set back in between.
-        let select =
-            format!("SELECT {columns} FROM {table} {condition} ORDER BY rowid DESC LIMIT {limit}");
-        let mut statement = self.0.prepare(&select)?;
-        let rows = statement.query_map(params_from_iter(values), |row| {
-            Ok(Record {
+        mut each: impl FnMut(Record),
+    ) -> Result<(), JournalError> {
+        let mut statement = self.0.prepare(select)?;
+        let mut rows = statement.query(params_from_iter(values))?;
+        while let Some(row) = rows.next()? {
+            each(Record {
                 at: Timestamp::from_millisecond(row.get(0)?).unwrap_or_default(),
                 session: row.get(1)?,
                 robot: row.get(2)?,
                 data: data(row)?,
-            })
-        })?;
-        let mut records = rows.collect::<Result<Vec<_>, _>>()?;
-        records.reverse();
-        Ok(records)
+            });
+        }
+        Ok(())
     }
 }
 
+/// In the order of writing, not of time: the clock may have been set back in between.
+fn select(table: &str, columns: &str, conditions: &[String], order: &str) -> String {
+    let condition = if conditions.is_empty() {
+        String::new()
+    } else {
+        format!("WHERE {}", conditions.join(" AND "))
+    };
+    format!("SELECT {columns} FROM {table} {condition} ORDER BY rowid {order}")
+}
+
 impl Span {
+    /// The maximum number of records, in SQL.
+    fn limit(&self) -> i64 {
+        self.newest.map_or(-1, i64::from)
+    }
+
     fn conditions(&self) -> (Vec<String>, Vec<rusqlite::types::Value>) {
         let mut conditions = Vec::new();
         let mut values = Vec::new();

@@ -8,20 +8,21 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post};
 use axum::{Json, Router};
+use jiff::Timestamp;
 use serde::Deserialize;
 
 use super::command::{
     BehaviourAction, Done, PageCommand, UNDOCK, in_words, perform, succeeded, to_request,
 };
 use super::hub::Hub;
+use super::openapi::{
+    self, BehaviourChange, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume,
+};
 use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
-use super::shapes::{
-    BehaviourChange, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume,
-};
 use super::state::{self, Rate};
 use super::ticket::Ticket;
-use super::{messages, openapi, viewer};
+use super::{messages, viewer};
 use crate::control::{Answer, Change, MAX_SPEECH, Report, RunRequest};
 use crate::http::{Driver, Refusal, Visitor};
 use crate::pilot::LinkState;
@@ -30,7 +31,7 @@ use crate::robot::DockPlan;
 /// Maximum length of a request body, in bytes; speech may be longer.
 const MAX_BODY: usize = 16 * 1024;
 /// Maximum number of days of history in one response.
-const MAX_DAYS: u8 = 31;
+const MAX_DAYS: u16 = 366;
 /// Timeout for a picture: default and maximum.
 const PICTURE: Duration = Duration::from_secs(5);
 const LONGEST_PICTURE: Duration = Duration::from_secs(600);
@@ -108,7 +109,7 @@ async fn live(
     upgrade: WebSocketUpgrade,
 ) -> Result<Response, Refusal> {
     let full = || Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "too many viewers");
-    let ticket = Ticket::admit(&hub, &visitor).ok_or_else(full)?;
+    let ticket = Ticket::admit(&hub, visitor).ok_or_else(full)?;
     let upgrade = upgrade
         .max_message_size(viewer::MAX_MESSAGE)
         .max_frame_size(viewer::MAX_MESSAGE);
@@ -194,13 +195,15 @@ async fn read<T: Send + 'static>(
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Days {
-    days: Option<u8>,
+    days: Option<u16>,
 }
 
 /// `None` without a journal.
 async fn history(State(hub): Shared, _: Visitor, Query(asked): Query<Days>) -> Reply<Option<Past>> {
     let days = asked.days.unwrap_or(1).clamp(1, MAX_DAYS);
-    let past = read(&hub, move |data| past::past(data, days)).await?;
+    let running = hub.running_behaviours();
+    let past = move |data: &std::path::Path| past::past(data, days, Timestamp::now(), &running);
+    let past = read(&hub, past).await?;
     past.map(Json).map_err(|error| {
         tracing::warn!("the page cannot read the journal: {error}");
         let words = "the journal cannot be read";

@@ -20,7 +20,6 @@ const LINGER: Duration = Duration::from_secs(2);
 /// small machine busy for longer than a behaviour needs to react.
 const AFTER_BEHAVIOURS: Duration = Duration::from_millis(5);
 
-/// See the module.
 #[derive(Debug)]
 pub(super) struct Camera {
     newest: watch::Sender<Option<Frame>>,

@@ -19,7 +19,6 @@ struct Point {
     charging: bool,
 }
 
-/// See the module.
 #[derive(Debug, Default)]
 pub(super) struct History(VecDeque<Point>);
 

@@ -20,8 +20,9 @@ use super::metrics::Metrics;
 use super::scripts::{self, Behaviour, Known};
 use super::state::{self, People, Person, Rate};
 use super::world::{self, Simulation};
-use crate::agent::SeatError;
+use crate::agent::{MemberState, SeatError};
 use crate::control::Run;
+use crate::http::Access;
 use crate::robot::{BusMessage, Findings, Listener, Occurrence, RobotInfo};
 
 /// Polling interval for changes.
@@ -35,12 +36,12 @@ const READERS: usize = 2;
 /// Number of findings that a viewer may lag behind.
 const FOUND: usize = 32;
 
-/// See the module.
 pub(super) struct Hub {
     pub(super) run: Run,
     pub(super) sim: Option<Simulation>,
     pub(super) known: watch::Receiver<Known>,
     pub(super) data: PathBuf,
+    pub(super) access: Arc<Access>,
     /// Limits the number of concurrent disk reads.
     pub(super) reading: Semaphore,
     pub(super) camera: Camera,
@@ -70,7 +71,9 @@ impl Hub {
     pub(super) fn new(
         run: Run,
         sim: Option<Simulation>,
-        (known, data): (watch::Receiver<Known>, PathBuf),
+        known: watch::Receiver<Known>,
+        data: PathBuf,
+        access: Arc<Access>,
         most_viewers: u16,
     ) -> Arc<Hub> {
         let empty = || watch::Sender::new(Utf8Bytes::default());
@@ -80,6 +83,7 @@ impl Hub {
             sim,
             known,
             data,
+            access,
             reading: Semaphore::new(READERS),
             camera: Camera::new(),
             log_buffer: LogBuffer::new(),
@@ -161,12 +165,10 @@ impl Hub {
 
     /// Serves the shared parts until the run has ended.
     pub(super) async fn serve(self: Arc<Hub>, bus: Listener) {
-        let (camera, found) = (self.camera.serve(&self.run), self.pass_on_found());
-        let pilot_checks = self.check_pilot();
         tokio::join!(
-            camera,
-            found,
-            pilot_checks,
+            self.camera.serve(&self.run),
+            self.pass_on_found(),
+            self.check_pilot(),
             self.hold_tracks(),
             self.listen(bus),
             self.publish_state(),
@@ -269,6 +271,16 @@ impl Hub {
         let (members, params) = (self.run.roster.members(), self.run.roster.params());
         let (known, members, params) = (self.known.borrow(), members.borrow(), params.borrow());
         scripts::behaviours(&known.scripts, &members, &params, self.now())
+    }
+
+    /// Returns the names of the behaviours that run.
+    pub(super) fn running_behaviours(&self) -> Vec<String> {
+        let receiver = self.run.roster.members();
+        let members = receiver.borrow();
+        let running = members
+            .iter()
+            .filter(|member| matches!(member.state, MemberState::Running { .. }));
+        running.map(|member| member.name.clone()).collect()
     }
 
     pub(super) fn people(&self) -> People {

@@ -50,7 +50,6 @@ impl EncodeMetric for FrameToMove {
     }
 }
 
-/// See the module.
 pub(super) struct Metrics {
     registry: Registry,
     percent: Gauge<f64, AtomicU64>,

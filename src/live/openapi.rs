@@ -1,16 +1,124 @@
-//! The description of the API for programs (OpenAPI 3.1), with schemas derived from the Rust types.
+//! The JSON types of the API's requests and responses, and its description for programs (OpenAPI
+//! 3.1), with schemas derived from them.
 
+use schemars::JsonSchema;
 use schemars::generate::{SchemaGenerator, SchemaSettings};
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
+use super::command::{BehaviourAction, Light};
 use super::past::{Past, Start};
 use super::scripts::{Behaviour, Text};
-use super::shapes::{
-    BehaviourChange, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume,
-};
 use super::state::State;
+use crate::clock::Span;
 use crate::control::Report;
 use crate::http::Me;
+use crate::robot::{ParamValue, Percent};
+
+/// The health of the program and the robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+pub(super) struct Health {
+    /// Whether the pilot responds.
+    pub live: bool,
+    /// Whether the robot is connected.
+    pub ready: bool,
+}
+
+/// The result of a request.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, JsonSchema)]
+pub(super) struct Outcome {
+    /// Whether it was executed.
+    pub ok: bool,
+    /// The result in words, such as how a docking ended.
+    pub text: String,
+}
+
+/// A light and its new state.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Lamp {
+    /// The light.
+    pub light: Light,
+    /// On or off.
+    pub on: bool,
+}
+
+/// A sound.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Tune {
+    /// Its name, such as `laser`.
+    pub sound: String,
+}
+
+/// The volume.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Volume {
+    /// From 0 to 100.
+    pub percent: Percent,
+}
+
+/// A parameter of a behaviour and its new value.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Tuned {
+    /// Its name.
+    pub param: String,
+    /// Its new value.
+    pub value: ParamValue,
+}
+
+/// A change of a behaviour's state.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "Become")]
+pub(super) struct BehaviourChange {
+    /// The change.
+    pub change: BehaviourAction,
+    /// With `start`: end it after this time, such as `30m`, or a number of seconds.
+    #[serde(rename = "for")]
+    pub lasts: Option<Span>,
+}
+
+/// A docking; the defaults are those of `robot.dock`.
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Dock {
+    /// Maximum duration of one search, from 1 to 3600 s.
+    pub seconds: Option<u64>,
+    /// Number of retries, from 0 to 20.
+    pub retries: Option<u32>,
+}
+
+/// A timeout.
+#[derive(Debug, Clone, Copy, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct TimeLimit {
+    /// In whole seconds, from 1 to 600.
+    pub seconds: Option<u64>,
+}
+
+/// The result of a docking or undocking, successful or not.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub(super) struct Docking {
+    /// Whether it succeeded.
+    pub ok: bool,
+    /// The same as `end`.
+    pub text: String,
+    /// The same as `end`, if it failed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// `done`, `already_docked`, `not_docked`, `base_not_found`, `timeout`, and so on, as in
+    /// scripts.
+    pub end: &'static str,
+    /// Attempts made; absent for an undocking.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attempts: Option<u32>,
+    /// Time taken; absent for an undocking.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
+}
 
 /// The request body of a call.
 enum Body {
@@ -54,7 +162,7 @@ pub(super) fn document() -> Value {
         "openapi": "3.1.0",
         "info": {
             "title": "spykee", "version": env!("CARGO_PKG_VERSION"),
-            "description": "The API of a run of spykee. Off loopback, or with a password, a token is \
+            "description": "The API of a run of spykee. Off loopback, or as soon as there is a token, one is \
                             required: `spykee token new NAME`.",
         },
         "paths": paths,
@@ -95,7 +203,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     );
     get(
         "/api/me",
-        "Name and role of the caller.",
+        "Role of the caller.",
         None,
         Gives::Json(shape!(Me)),
     );
@@ -131,7 +239,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     );
     get(
         "/api/history",
-        "Battery and events of the last day, or of the last week with `?days=7`, at most 31 days; null without a journal.",
+        "Battery, runs, dockings and alarms of the last day in 288 parts, or of the last week with `?days=7`, at most 366 days; and the newest events. Null without a journal.",
         Some("viewer"),
         Gives::Json(shape!(Option<Past>)),
     );

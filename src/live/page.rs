@@ -29,7 +29,6 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/map.js", JS, include_str!("page/map.js")),
     ("/past.js", JS, include_str!("page/past.js")),
     ("/robot.js", JS, include_str!("page/robot.js")),
-    ("/schema.js", JS, include_str!("page/schema.js")),
     ("/script.js", JS, include_str!("page/script.js")),
     ("/simulation.js", JS, include_str!("page/simulation.js")),
     ("/texts.js", JS, include_str!("page/texts.js")),

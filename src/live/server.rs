@@ -7,6 +7,7 @@ use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 
 use axum::middleware;
+use tokio::net::TcpListener;
 use tokio::runtime::Builder;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
@@ -18,7 +19,7 @@ use super::scripts::Known;
 use super::world::Simulation;
 use super::{api, page};
 use crate::control::Run;
-use crate::http::{self, Access, AccessError, LimitedListener, Options, Peer};
+use crate::http::{self, Access, AccessError, Options};
 use crate::robot::Listener;
 
 /// The run that the page shows and controls.
@@ -83,7 +84,7 @@ impl Live {
                 runtime.block_on(async {
                     match open(&shown, &options).await {
                         Ok((listener, access)) => {
-                            let _ = started.send(listener.address().map_err(LiveError::System));
+                            let _ = started.send(listener.local_addr().map_err(LiveError::System));
                             let served = serve(listener, access, shown, &options);
                             let _ = stopped.run_until_cancelled(served).await;
                         }
@@ -126,21 +127,18 @@ impl Drop for Live {
     }
 }
 
-async fn open(
-    shown: &Shown,
-    options: &Options,
-) -> Result<(LimitedListener, Arc<Access>), LiveError> {
+async fn open(shown: &Shown, options: &Options) -> Result<(TcpListener, Arc<Access>), LiveError> {
     let address = options.address();
     // Check the access before the socket is opened.
     Access::new(options, address, &shown.data)?;
-    let listener = LimitedListener::open(address, options.viewers).await;
+    let listener = TcpListener::bind(address).await;
     let listener = listener.map_err(|source| LiveError::Socket { address, source })?;
     // Use the actual port, which matters for the check of `Host`.
-    let access = Access::new(options, listener.address()?, &shown.data)?;
+    let access = Access::new(options, listener.local_addr()?, &shown.data)?;
     Ok((listener, Arc::new(access)))
 }
 
-async fn serve(listener: LimitedListener, access: Arc<Access>, shown: Shown, options: &Options) {
+async fn serve(listener: TcpListener, access: Arc<Access>, shown: Shown, options: &Options) {
     let Shown {
         run,
         sim,
@@ -149,7 +147,8 @@ async fn serve(listener: LimitedListener, access: Arc<Access>, shown: Shown, opt
         log,
         data,
     } = shown;
-    let hub = Hub::new(run, sim, (known, data), options.viewers);
+    let hub = Hub::new(run, sim, known, data, access.clone(), options.viewers);
+    let _following = AbortOnDropHandle::new(tokio::spawn(access.clone().follow_tokens()));
     let _serving = AbortOnDropHandle::new(tokio::spawn(hub.clone().serve(bus)));
     let keeper = hub.clone();
     let _keeping = log.map(|log| {
@@ -161,8 +160,5 @@ async fn serve(listener: LimitedListener, access: Arc<Access>, shown: Shown, opt
         .merge(http::routes(access.clone()))
         .merge(api::routes(hub))
         .layer(middleware::from_fn_with_state(access, http::guard_request));
-    let service = router.into_make_service_with_connect_info::<Peer>();
-    if let Err(error) = axum::serve(listener, service).await {
-        tracing::error!("the page is no longer served: {error}");
-    }
+    http::serve(listener, router).await;
 }

@@ -14,7 +14,7 @@ use crate::wire::Stream;
 /// Period over which frames are counted.
 const RATE: Duration = Duration::from_secs(1);
 
-/// See the module.
+/// The state of the run.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub(super) struct State {
     /// `connecting`, `up`, `lost` or `released`.

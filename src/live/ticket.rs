@@ -21,7 +21,7 @@ static NUMBER: AtomicU32 = AtomicU32::new(1);
 pub(super) struct Ticket {
     hub: Arc<Hub>,
     pub(super) id: u32,
-    pub(super) role: Role,
+    pub(super) visitor: Visitor,
     name: Mutex<String>,
 }
 
@@ -47,18 +47,21 @@ pub(super) enum WheelError {
 
 impl Ticket {
     /// Admits a viewer; `None` if there are too many.
-    pub(super) fn admit(hub: &Arc<Hub>, visitor: &Visitor) -> Option<Ticket> {
+    pub(super) fn admit(hub: &Arc<Hub>, visitor: Visitor) -> Option<Ticket> {
         let mut viewers = hub.lock_viewers();
         if viewers.count >= hub.most_viewers {
             return None;
         }
         viewers.count += 1;
         let id = NUMBER.fetch_add(1, Ordering::Relaxed);
-        let name = visitor.token.clone().unwrap_or_else(|| format!("#{id}"));
+        let name = match &visitor.key {
+            Some(key) => key.name.clone(),
+            None => format!("#{id}"),
+        };
         Some(Ticket {
             hub: hub.clone(),
             id,
-            role: visitor.role,
+            visitor,
             name: Mutex::new(name),
         })
     }
@@ -97,7 +100,7 @@ impl Ticket {
     pub(super) fn take_wheel(
         &self,
     ) -> Result<Option<impl Future<Output = ()> + Send + use<>>, WheelError> {
-        if self.role != Role::Driver {
+        if self.visitor.role != Role::Driver {
             return Err(WheelError::Viewer);
         }
         if is_halted(&self.hub) {

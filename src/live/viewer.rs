@@ -12,6 +12,7 @@ use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
 use bytes::{BufMut as _, Bytes, BytesMut};
 use futures_util::stream::SplitSink;
 use futures_util::{SinkExt as _, StreamExt as _};
+use serde::Deserialize;
 use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 use tokio_util::task::AbortOnDropHandle;
@@ -55,7 +56,7 @@ struct Queues {
     messages: mpsc::Sender<Utf8Bytes>,
 }
 
-/// Serves a page until it is closed.
+/// Serves a page until it is closed, or its token is revoked.
 pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
     let (sink, mut stream) = socket.split();
     let (watch, watched) = watch::channel(Watch::default());
@@ -65,10 +66,14 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
     let hello = ToPage::Hello(Hello {
         version: env!("CARGO_PKG_VERSION"),
         you: ticket.id,
-        role: ticket.role,
+        role: ticket.visitor.role,
         world: hub.sim.is_some(),
         camera: has_camera(&hub.run),
     });
+    let access = hub.access.clone();
+    let visitor = ticket.visitor.clone();
+    let revoked = access.revoked(&visitor);
+    tokio::pin!(revoked);
     let writer = Writer {
         hub,
         watched,
@@ -92,6 +97,7 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
     loop {
         let message = tokio::select! {
             biased;
+            () = &mut revoked => return,
             message = timeout(SILENCE, stream.next()) => message,
             _ = &mut writing => return,
         };
@@ -102,6 +108,12 @@ pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
             _ => return,
         }
     }
+}
+
+/// The number of a command that cannot be understood.
+#[derive(Deserialize)]
+struct Numbered {
+    id: u32,
 }
 
 /// Handles the messages of a page. Dropping it leaves the wheel.
@@ -129,7 +141,10 @@ impl Reader {
             Ok(message) => message,
             Err(error) => {
                 tracing::debug!("a page sent an invalid message: {error}");
-                return self.notice("nonsense", String::new());
+                return match serde_json::from_str(text) {
+                    Ok(Numbered { id }) => self.answer(id, false, error.to_string()),
+                    Err(_) => self.notice("nonsense", String::new()),
+                };
             }
         };
         match message {
@@ -142,7 +157,7 @@ impl Reader {
                 .send_modify(|taken| *taken = taken.wrapping_add(1)),
             FromPage::Name { name } => self.ticket.rename(&name),
             FromPage::Stop => drop(self.ticket.hub().stop().await),
-            FromPage::LetGo if self.ticket.role == Role::Driver => {
+            FromPage::LetGo if self.ticket.visitor.role == Role::Driver => {
                 let _ = self.ticket.hub().release_stop().await;
             }
             FromPage::LetGo => self.notice("viewer_only", String::new()),
@@ -182,25 +197,26 @@ impl Reader {
 
     fn execute(&mut self, id: u32, command: PageCommand) {
         self.commands.retain(|command| !command.is_finished());
-        let messages = self.queues.messages.clone();
-        let answer = move |(ok, why): (bool, String)| {
-            // Dropped if the page does not read its answers.
-            let _ = messages.try_send(text(&ToPage::Answer { id, ok, text: why }));
-        };
-        if self.ticket.role != Role::Driver {
-            return answer((
-                false,
-                "viewers may only watch and stop the robot".to_owned(),
-            ));
+        if self.ticket.visitor.role != Role::Driver {
+            let why = "viewers may only watch and stop the robot";
+            return self.answer(id, false, why.to_owned());
         }
         if self.commands.len() >= MAX_COMMANDS {
-            return answer((false, "too many commands at once".to_owned()));
+            return self.answer(id, false, "too many commands at once".to_owned());
         }
         let hub = self.ticket.hub().clone();
+        let messages = self.queues.messages.clone();
         let doing = tokio::spawn(async move {
-            answer(perform(command, &hub.run, hub.sim.as_ref()).await);
+            let (ok, why) = perform(command, &hub.run, hub.sim.as_ref()).await;
+            let _ = messages.try_send(text(&ToPage::Answer { id, ok, text: why }));
         });
         self.commands.push(AbortOnDropHandle::new(doing));
+    }
+
+    /// Answers a command; dropped if the page does not read its answers.
+    fn answer(&self, id: u32, ok: bool, why: String) {
+        let answer = text(&ToPage::Answer { id, ok, text: why });
+        let _ = self.queues.messages.try_send(answer);
     }
 
     fn notice(&self, key: &'static str, name: String) {

@@ -189,9 +189,6 @@ async fn history_shows_runs_entries_pictures_and_the_battery() {
     );
     let (_, text) = history(&rig, &["--until", "2001-01-01"]).await;
     assert_contains(&text, &["the journal has no such entries"]);
-    let (code, text) = history(&rig, &["--plot", "battery.png"]).await;
-    assert_eq!(code, Some(0), "{text}");
-    assert!(image::open(rig.folder().join("battery.png")).is_ok());
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -15,6 +15,7 @@ use tokio::time::{sleep, timeout};
 pub use self::browser::get;
 use self::browser::{Page, Received, address, ask};
 use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, moves};
+use crate::terminal::Terminal;
 
 const IDLE: &str = "task.wait(600)";
 const DRIVE: &str = "while true do robot.move(30, 30, 0.5) end";
@@ -95,7 +96,7 @@ async fn requests_from_other_sites_or_for_other_host_names_are_rejected() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn without_a_password_nothing_is_served_beyond_loopback() {
+async fn without_a_token_nothing_is_served_beyond_loopback() {
     let rig = Rig::quiet().await;
     rig.file("script.lua", IDLE);
     let args = [
@@ -122,24 +123,32 @@ async fn token(rig: &Rig, name: &str, role: &str) -> String {
         .to_owned()
 }
 
+async fn revoke(rig: &Rig, name: &str) {
+    let mut revoked = rig.spykee(&["token", "revoke", name]);
+    assert_eq!(revoked.code().await, Some(0), "{}", revoked.text());
+}
+
+fn bearer(token: &str) -> String {
+    format!("Authorization: Bearer {token}\r\n")
+}
+
+/// Asks until the answer has this status.
+async fn until_status(at: &str, headers: &str, wanted: u16) {
+    let reached = async {
+        while ask(at, "GET /api/status", headers, "").await.0 != wanted {
+            sleep(Duration::from_millis(50)).await;
+        }
+    };
+    let reached = timeout(WAIT_LIMIT, reached).await;
+    assert!(reached.is_ok(), "never {wanted}");
+}
+
 #[tokio::test(flavor = "multi_thread")]
-async fn each_password_and_token_has_the_rights_of_its_role() {
+async fn each_token_has_the_rights_of_its_role() {
     let rig = Rig::quiet().await;
-    let secret = rig.file("driver.password", "correct horse\n");
-    std::fs::set_permissions(&secret, std::fs::Permissions::from_mode(0o600)).unwrap();
-    rig.file(
-        "spykee.yaml",
-        "live: { driver_password_file: driver.password }\n",
-    );
-    let viewer = format!(
-        "Authorization: Bearer {}\r\n",
-        token(&rig, "tv", "viewer").await
-    );
-    let driver = format!(
-        "Authorization: Bearer {}\r\n",
-        token(&rig, "pad", "driver").await
-    );
-    let (_run, at) = live(&rig, IDLE, &["--config", "spykee.yaml"]).await;
+    let viewer = bearer(&token(&rig, "tv", "viewer").await);
+    let driver = bearer(&token(&rig, "pad", "driver").await);
+    let (_run, at) = live(&rig, IDLE, &[]).await;
     assert_eq!(get(&at, "/api/status").await.0, 401);
     assert_eq!(get(&at, "/metrics").await.0, 401);
     assert_eq!(get(&at, "/healthz").await.0, 200);
@@ -163,28 +172,115 @@ async fn each_password_and_token_has_the_rights_of_its_role() {
     page.send_text("{\"type\":\"wheel\",\"take\":true}").await;
     page.until("notice", |notice| notice["key"] == "viewer_only")
         .await;
-    // A password session lasts until the logout.
-    let (status, body) = post(
-        &at,
-        "/api/login",
-        "",
-        json!({ "password": "correct horse" }),
-    )
-    .await;
-    assert_eq!(status, 200, "{body}");
-    assert_contains(&body, &["driver"]);
-    let mut denied = Vec::new();
-    for _ in 0..8 {
-        denied.push(
-            post(&at, "/api/login", "", json!({ "password": "guess" }))
-                .await
-                .0,
-        );
-    }
-    assert!(
-        denied.starts_with(&[401, 401]) && denied.ends_with(&[429]),
-        "{denied:?}"
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_login_exchanges_the_token_for_a_cookie_that_no_script_can_read() {
+    let rig = Rig::quiet().await;
+    let token = token(&rig, "phone", "driver").await;
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    let (status, body) = post(&at, "/api/login", "", json!({ "token": "spykee_guess" })).await;
+    assert_eq!(
+        (status, body.contains("wrong token")),
+        (401, true),
+        "{body}"
     );
+    let body = json!({ "token": token }).to_string();
+    let request = format!(
+        "POST /api/login HTTP/1.1\r\nHost: {at}\r\nContent-Type: application/json\r\n\
+         Content-Length: {}\r\n\r\n{body}",
+        body.len()
+    );
+    let answer = browser::send(&at, request.as_bytes()).await;
+    let answer = String::from_utf8_lossy(&answer).to_ascii_lowercase();
+    let cookie = answer.lines().find(|line| line.starts_with("set-cookie: "));
+    let cookie = cookie.unwrap().trim_start_matches("set-cookie: ");
+    for part in ["; httponly", "; samesite=strict", "; path=/"] {
+        assert!(cookie.contains(part), "{cookie}");
+    }
+    assert!(answer.contains("\"role\":\"driver\""), "{answer}");
+    let cookie = format!("Cookie: a=b; {}\r\n", cookie.split(';').next().unwrap());
+    assert_eq!(ask(&at, "GET /api/status", &cookie, "").await.0, 200);
+    revoke(&rig, "phone").await;
+    until_status(&at, &cookie, 401).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn wrong_tokens_of_others_do_not_lock_out_a_valid_one() {
+    let rig = Rig::quiet().await;
+    let viewer = bearer(&token(&rig, "tv", "viewer").await);
+    let (run, at) = live(&rig, DRIVE, &[]).await;
+    let wrong = bearer(&format!("spykee_{}", "0".repeat(64)));
+    for _ in 0..100 {
+        assert_eq!(ask(&at, "GET /api/status", &wrong, "").await.0, 401);
+        let guess = json!({ "token": "guess" });
+        assert_eq!(post(&at, "/api/login", "", guess).await.0, 401);
+    }
+    assert_eq!(ask(&at, "GET /api/status", &viewer, "").await.0, 200);
+    let from = rig.sim.heard_count();
+    assert_eq!(post(&at, "/api/stop", &viewer, json!({})).await.0, 200);
+    rig.heard_stop(from).await;
+    run.says("requests with a wrong token").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_revoked_token_is_refused_within_a_second_and_without_any_the_page_stays_closed() {
+    let rig = Rig::quiet().await;
+    let pad = bearer(&token(&rig, "pad", "driver").await);
+    let (mut run, at) = live(&rig, IDLE, &[]).await;
+    let mut page = Page::open(&at, &pad).await.unwrap();
+    page.until("state", |state| state["link"] == "up").await;
+    revoke(&rig, "pad").await;
+    page.closed().await;
+    until_status(&at, &pad, 401).await;
+    assert_eq!(get(&at, "/api/status").await.0, 401);
+    let other = bearer(&token(&rig, "other", "viewer").await);
+    until_status(&at, &other, 200).await;
+    revoke(&rig, "other").await;
+    until_status(&at, &other, 401).await;
+    run.signal(Signal::INT);
+    run.code().await;
+    let (_run, at) = live(&rig, IDLE, &[]).await;
+    assert_eq!(get(&at, "/api/status").await.0, 401);
+    assert_eq!(post(&at, "/api/stop", "", json!({})).await.0, 401);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_page_whose_tokens_cannot_be_read_is_not_served() {
+    let rig = Rig::quiet().await;
+    token(&rig, "pad", "driver").await;
+    let file = rig.folder().join("spykee-data/.access/tokens.json");
+    let readable = std::fs::Permissions::from_mode(0o644);
+    std::fs::set_permissions(&file, readable).unwrap();
+    rig.file("script.lua", DRIVE);
+    let args = [
+        "run",
+        "script.lua",
+        "--robot",
+        &rig.address,
+        "--live=127.0.0.1:0",
+    ];
+    let mut run = rig.spykee(&args);
+    assert_eq!(run.code().await, Some(2), "{}", run.text());
+    assert!(
+        run.text().contains("cannot use the tokens"),
+        "{}",
+        run.text()
+    );
+    assert!(!rig.commands(0).iter().any(moves));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn on_a_terminal_a_new_token_comes_with_a_link_and_its_qr_code() {
+    let rig = Rig::quiet().await;
+    rig.file("spykee.yaml", "live: { listen: 192.168.1.7:7788 }\n");
+    let args = ["token", "new", "phone", "--config", "spykee.yaml"];
+    let mut terminal = Terminal::start(&args, &rig);
+    terminal
+        .shows("http://192.168.1.7:7788/#token=spykee_")
+        .await;
+    terminal.shows("\u{2580}").await;
+    assert_eq!(terminal.code().await, Some(0), "{}", terminal.text());
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -436,6 +532,78 @@ async fn without_journal_and_timetable_the_run_says_so_and_no_path_leaves_the_pi
         assert_eq!(get(&at, path).await, (200, "null".to_owned()), "{path}");
     }
     assert_eq!(get(&at, "/api/history?days=x").await.0, 400);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_history_of_a_year_is_thinned_to_its_lowest_and_highest_levels() {
+    const YEAR: i64 = 365 * 24 * 60;
+    let rig = Rig::quiet().await;
+    rig.file("spykee.yaml", "journal: { record: on }\n");
+    let (_run, at) = live(&rig, IDLE, &["--config", "spykee.yaml"]).await;
+    let path = spykee::journal::journal_file(&rig.folder().join("spykee-data"));
+    // A level each minute, up and down between 20 and 99, and two dockings a day.
+    let fill = format!(
+        "BEGIN IMMEDIATE;
+         WITH RECURSIVE minute(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM minute WHERE n < {YEAR})
+         INSERT INTO battery SELECT unixepoch() * 1000 - n * 60000, 0, 'A', 20 + n % 80, n % 4 = 0 FROM minute;
+         WITH RECURSIVE half(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM half WHERE n < 730)
+         INSERT INTO event (at, session, robot, kind, data)
+             SELECT unixepoch() * 1000 - n * 43200000 + 3600000, 0, 'A', 'dock',
+                 CASE n % 10 WHEN 0 THEN '{{\"event\":\"dock\",\"end\":\"timeout\"}}'
+                     WHEN 1 THEN 'damaged' ELSE '{{\"event\":\"dock\",\"end\":\"done\"}}' END FROM half;
+         COMMIT;"
+    );
+    let filled = async {
+        let existing = rusqlite::OpenFlags::SQLITE_OPEN_READ_WRITE;
+        loop {
+            let journal = rusqlite::Connection::open_with_flags(&path, existing);
+            if journal.is_ok_and(|journal| journal.execute_batch(&fill).is_ok()) {
+                return;
+            }
+            sleep(Duration::from_millis(100)).await;
+        }
+    };
+    timeout(WAIT_LIMIT, filled)
+        .await
+        .expect("the program has made no tables");
+    for days in ["365", "7", "1", "99", "60000"] {
+        let (status, body) = get(&at, &format!("/api/history?days={days}")).await;
+        assert!(
+            status == 200 && body.len() < 64 * 1024,
+            "{days}: {status}, {}",
+            body.len()
+        );
+        let history: Value = serde_json::from_str(&body).unwrap();
+        let parts = history["parts"].as_array().unwrap();
+        assert!(
+            (280..=288).contains(&parts.len()),
+            "{days}: {}",
+            parts.len()
+        );
+        let level = |part: &Value, key: &str| part[key].as_u64().unwrap_or(0);
+        let inside = |part: &&Value| level(part, "low") >= 20 && level(part, "high") <= 99;
+        assert!(
+            parts.iter().filter(inside).count() >= 280,
+            "{days}: {body:.300}"
+        );
+        assert!(history["events"].as_array().unwrap().len() <= 200);
+    }
+    let (_, body) = get(&at, "/api/history?days=365").await;
+    let history: Value = serde_json::from_str(&body).unwrap();
+    let parts = history["parts"].as_array().unwrap();
+    let sum = |key: &str| {
+        parts
+            .iter()
+            .filter_map(|part| part[key].as_u64())
+            .sum::<u64>()
+    };
+    assert_eq!((sum("docks"), sum("failed_docks")), (584, 73));
+    // Each part covers more than a day, so it has seen all levels.
+    let whole = |part: &&Value| part["low"] == 20 && part["high"] == 99;
+    assert!(parts.iter().filter(whole).count() >= 285, "{body:.300}");
+    let share = parts[100]["charging"].as_f64().unwrap();
+    assert!((share - 0.25).abs() < 0.01, "{share}");
+    assert_eq!(get(&at, "/api/history?days=-1").await.0, 400);
 }
 
 #[tokio::test(flavor = "multi_thread")]

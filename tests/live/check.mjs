@@ -1,7 +1,7 @@
 // Drives the page in Chromium. Each promise is a function; what the robot does is asked of the simulated
 // world, through the map's own messages.
 
-import { spawn } from "node:child_process";
+import { execFileSync, spawn } from "node:child_process";
 import fs from "node:fs";
 import net from "node:net";
 import { createRequire } from "node:module";
@@ -53,6 +53,14 @@ class Run {
     run.process = await Process.start([...command, ...args], /the page is at (http\S+)/, run.folder);
     run.url = run.process.found[1];
     return run;
+  }
+
+  /** A new token with this role, once the run knows it. */
+  async token(role) {
+    const token = execFileSync(spykee, ["token", "new", role, "--role", role], { cwd: this.folder, encoding: "utf8" }).trim();
+    const headers = { authorization: `Bearer ${token}` };
+    await until(async () => (await fetch(`${this.url}api/status`, { headers })).ok, "a token that is known");
+    return token;
   }
 
   async end() {
@@ -326,15 +334,14 @@ const promises = {
   },
 
   async "logging in and out, and roles"(browser) {
-    const config = "live: { driver_password_file: driver, viewer_password_file: viewer }\n";
-    const files = { "idle.lua": IDLE, "spykee.yaml": config, driver: "a good password\n", viewer: "only to look\n" };
-    const run = await Run.start(files, ["idle.lua", "--sim", "--config", "spykee.yaml"]);
+    const run = await Run.start({ "idle.lua": IDLE }, ["idle.lua", "--sim"]);
+    const [viewer, driver] = [await run.token("viewer"), await run.token("driver")];
     const page = await open(browser, run);
-    await page.getByLabel("Password or token").fill("wrong one");
+    await page.getByLabel("Token").fill("wrong one");
     await button(page, "Log in").click();
-    await page.getByText("wrong password or token").waitFor();
+    await page.getByText("wrong token").waitFor();
     await keep(page, "login");
-    await page.getByLabel("Password or token").fill("only to look");
+    await page.getByLabel("Token").fill(viewer);
     await button(page, "Log in").click();
     await ready(page);
     await page.getByText("You may look").waitFor();
@@ -344,9 +351,12 @@ const promises = {
     await button(page, "STOP").click();
     await page.getByText(/The robot stays still/).waitFor();
     await button(page, "Log out").click();
-    await page.getByLabel("Password or token").fill("a good password");
-    await button(page, "Log in").click();
+    await page.getByLabel("Token").waitFor();
+    await page.goto(`${run.url}#token=${driver}`);
     await button(page, "Let it move again").click();
+    if (page.url() !== run.url) {
+      throw new Error(`the token stays in the address: ${page.url()}`);
+    }
     await page.getByText("Free to move").waitFor();
     const cookies = await page.context().cookies();
     if (!cookies.every((one) => one.httpOnly && one.sameSite === "Strict")) {
@@ -496,13 +506,55 @@ const promises = {
     await run.end();
   },
 
+  async "a day, a week and a year of history, with the keyboard, on a phone, in light and dark"(browser) {
+    const config = "live: { listen: '127.0.0.1:0' }\nbehaviours: [{ file: idle.lua }]\n";
+    const run = await Run.start({ "idle.lua": IDLE, "spykee.yaml": config }, ["--sim", "--config", "spykee.yaml"], ["serve"]);
+    for (const [name, options] of [["desktop", DESK], ["phone", PHONE]]) {
+      for (const colorScheme of ["light", "dark"]) {
+        const page = await open(browser, run, { ...options, colorScheme });
+        await ready(page);
+        await page.getByRole("img", { name: /^Day: Battery/ }).waitFor();
+        await page.route("**/api/history?days=365", (route) => route.fulfill({ json: year() }));
+        await button(page, "Week").focus();
+        await page.keyboard.press("Enter");
+        await page.getByRole("img", { name: /^Week: Battery/ }).waitFor();
+        await page.keyboard.press("Tab");
+        await page.keyboard.press("Space");
+        const plot = page.getByRole("img", { name: "Year: Battery 22–100 %; Charging 2190.0 h; Runs 288 · 876.0 h; Dockings 588, 12 failed; Alarms 3" });
+        await plot.waitFor();
+        if (await button(page, "Year").getAttribute("aria-pressed") !== "true") {
+          throw new Error("nobody hears which range is chosen");
+        }
+        const drawn = await plot.locator("svg").evaluateAll((all) => all.map((one) => {
+          const { width, height } = one.getBoundingClientRect();
+          const bars = [...one.querySelectorAll(".bar")].map((bar) => bar.getBBox().width);
+          return width > 120 && height > 10 && Math.max(...bars) > 0;
+        }));
+        if (drawn.length !== 5 || !drawn.every((lane) => lane)) {
+          throw new Error(`a lane is not drawn: ${drawn}`);
+        }
+        const wide = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
+        if (wide > 0) {
+          throw new Error(`${name}: ${wide} pixels too wide`);
+        }
+        if (pictures) {
+          await page.locator(".past").evaluate((element) => element.scrollIntoView());
+          await page.locator(".past").screenshot({ path: path.join(pictures, `history-${name}-${colorScheme}.png`) });
+        }
+        clean(page);
+        await page.context().close();
+      }
+    }
+    await run.end();
+  },
+
   async "behind Caddy, as the README has it, people log in and drive over TLS"(browser) {
     if (!has("caddy")) {
       return "skipped, there is no caddy: sudo apt install caddy";
     }
-    const config = "live: { driver_password_file: driver, hosts: [robot.test] }\n";
-    const files = { "idle.lua": IDLE, "spykee.yaml": config, driver: "a good password\n" };
-    const run = await Run.start(files, ["idle.lua", "--sim", "--config", "spykee.yaml"]);
+    const config = "live: { hosts: [robot.test] }\n";
+    const run = await Run.start({ "idle.lua": IDLE, "spykee.yaml": config }, ["idle.lua", "--sim", "--config", "spykee.yaml"]);
+    const driver = await run.token("driver");
     const port = await freePort();
     // For a test: a certificate of Caddy's own, in a folder of the test, and a port that anybody may have.
     fs.writeFileSync(path.join(run.folder, "Caddyfile"), "{\n  admin off\n  auto_https disable_redirects\n  skip_install_trust\n"
@@ -513,9 +565,7 @@ const promises = {
     await until(() => reaches(port), "Caddy");
     const context = await browser.newContext({ locale: "en-GB", ...DESK, ignoreHTTPSErrors: true });
     const page = await context.newPage();
-    await page.goto(`https://robot.test:${port}/`);
-    await page.getByLabel("Password or token").fill("a good password");
-    await button(page, "Log in").click();
+    await page.goto(`https://robot.test:${port}/#token=${driver}`);
     await ready(page);
     await takeWheel(page);
     const moving = () => page.getByRole("img", { name: /tracks [1-9]/ }).first().waitFor();
@@ -609,6 +659,22 @@ const promises = {
     await run.end();
   },
 };
+
+/** A year as the server tells it: two dockings a part, some of them failed, three alarms, a gap without a link. */
+function year() {
+  const part = 365 * 300_000;
+  const until = Date.now();
+  const since = until - 288 * part;
+  const parts = Array.from({ length: 288 }, (_, index) => {
+    const known = index < 180 || index > 187;
+    const low = 22 + Math.round(20 * Math.abs(Math.sin(index / 9)));
+    return {
+      at: since + index * part, low: known ? low : null, high: known ? 100 : null,
+      charging: 0.25, running: 0.1, runs: 1, docks: 2, failed_docks: index % 24 === 5 ? 1 : 0, alarms: index % 96 === 40 ? 1 : 0,
+    };
+  });
+  return { since, until, part, parts, events: [] };
+}
 
 async function keep(page, name) {
   if (pictures) {

@@ -7,7 +7,7 @@ use jiff::tz::TimeZone;
 use serde_json::Value;
 
 use super::super::table::{Side, aligned, csv_cell};
-use super::story::Run;
+use super::runs::Run;
 use crate::clock;
 use crate::journal::Record;
 
@@ -300,7 +300,7 @@ fn time(at: Timestamp, zone: &TimeZone) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::story::tests::record;
+    use super::super::runs::tests::record;
     use super::*;
     use serde_json::json;
 

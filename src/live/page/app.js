@@ -7,7 +7,7 @@ import { Connection } from "./connection.js";
 import { clock, h, remember, remembered, say, visible } from "./dom.js";
 import { drive } from "./drive.js";
 import { log } from "./log.js";
-import { logIn, logOut, me } from "./login.js";
+import { askForToken, logInByLink, logOut, me } from "./login.js";
 import { map } from "./map.js";
 import { past, schedule } from "./past.js";
 import { robot } from "./robot.js";
@@ -170,9 +170,12 @@ function kind(now) {
 async function begin() {
   theme();
   const app = document.getElementById("app");
+  // A link with a token, opened where the page is open already.
+  window.addEventListener("hashchange", () => location.reload());
+  const linked = await logInByLink();
   let visitor = await me();
   if (visitor.role === null) {
-    visitor = await logIn(app);
+    visitor = await askForToken(app, linked.error);
   }
   build(app, visitor);
 }

@@ -1,6 +1,4 @@
-// The WebSocket: reconnects when it is lost, validates messages, and passes them on by their type.
-
-import { mistake } from "./schema.js";
+// The WebSocket: reconnects when it is lost, and passes messages on by their type.
 
 const FIRST_PAUSE = 300;
 const LONGEST_PAUSE = 5000;
@@ -10,17 +8,9 @@ export class Connection {
   #listeners = new Map();
   #socket = null;
   #pause = FIRST_PAUSE;
-  #schema = null;
   #answers = new Map();
   #number = 0;
   #watch = {};
-
-  constructor() {
-    fetch("/api/messages.json")
-      .then((answer) => answer.json())
-      .then((schema) => { this.#schema = schema.to_page; })
-      .catch(() => {});
-  }
 
   on(kind, listener) {
     this.#listeners.set(kind, [...(this.#listeners.get(kind) ?? []), listener]);
@@ -62,11 +52,6 @@ export class Connection {
       return this.#tell("frame", frame);
     }
     const message = JSON.parse(data);
-    const wrong = this.#schema ? mistake(this.#schema, message) : "";
-    if (wrong) {
-      console.error(`invalid message: ${wrong}`, message);
-      return;
-    }
     if (message.type === "answer") {
       this.#answers.get(message.id)?.(message);
       this.#answers.delete(message.id);

@@ -1,10 +1,16 @@
 // History and timetable of a service.
 
-import { h, s, say } from "./dom.js";
+import { h, s, visible } from "./dom.js";
 import { t } from "./texts.js";
 
-const WIDTH = 600;
-const HEIGHT = 110;
+/** The ranges of the history in days, with the formats of their axes. */
+const RANGES = [
+  ["day", 1, { hour: "2-digit", minute: "2-digit", hourCycle: "h23" }],
+  ["week", 7, { weekday: "short", day: "numeric" }],
+  ["year", 365, { month: "short", year: "numeric" }],
+];
+/** Least width of what happened within a moment, in parts of the period. */
+const MARK = 2.5;
 /** Refresh interval of both, in milliseconds. */
 const AGAIN = 60_000;
 const PICTURES = 8;
@@ -23,23 +29,42 @@ const word = (prefix, name) => {
   return text === key ? name.replaceAll("_", " ") : text;
 };
 
-function plot(battery, since, until) {
-  const x = (at) => (WIDTH * (at - since) / Math.max(1, until - since)).toFixed(1);
-  const y = (percent) => (HEIGHT * (1 - percent / 100)).toFixed(1);
-  const steps = battery.map(([at, percent]) => `${x(at)} ${y(percent)}`);
-  const charging = battery.flatMap(([at, , is], index) => {
-    const next = battery[index + 1]?.[0] ?? until;
-    return is ? [s("rect", { class: "charging", x: x(at), y: HEIGHT - 4, width: Math.max(0.5, x(next) - x(at)), height: 4 })] : [];
+/** A lane of the plot: rectangles `[x, width, top, height]`, in parts of the period and in percent, to the lower edge
+ *  unless they have a height; those of `bad` in red. */
+function lane(kind, all, bad = []) {
+  const path = (name, shapes) => s("path", {
+    class: name, d: shapes.map(([x, width, top, height = 100 - top]) => `M${x} ${top}h${width}v${height}h${-width}z`).join(""),
   });
-  return [...charging, s("path", { class: "line", d: steps.length ? `M${steps.join("L")}` : "" })];
+  return s("svg", { class: `plot ${kind}`, viewBox: "0 0 288 100", preserveAspectRatio: "none", "aria-hidden": "true" },
+    s("path", { class: "rule", d: `M72 0v100M144 0v100M216 0v100${kind === "level" ? "M0 50h288" : ""}` }),
+    path("bar", all), path("bar bad", bad));
 }
 
-/** A mark for each docking and alarm, on the plot's upper edge. */
-function marks(events, since, until) {
-  const x = (at) => WIDTH * (at - since) / Math.max(1, until - since);
-  return events.filter(({ kind }) => kind === "dock" || kind === "safety").map(({ at, kind, code }) => s("rect", {
-    class: kind === "dock" && GOOD.includes(code) ? "event" : "event bad", x: x(at) - 1, y: 0, width: 2.5, height: 10,
-  }));
+/** The lanes of a period, each with its name and what it adds up to. */
+function lanes({ since, part, parts }) {
+  const x = ({ at }) => (at - since) / part;
+  const sum = (count) => parts.reduce((total, one) => total + count(one), 0);
+  const share = (key) => parts.filter((one) => one[key] > 0).map((one) => [x(one), 1, 100 - Math.max(20, 100 * one[key])]);
+  const marks = (key, top) => parts.filter((one) => one[key] > 0).map((one) => [x(one), MARK, top]);
+  const hours = (key) => t("hours", { hours: (sum((one) => one[key]) * part / 3.6e6).toFixed(1) });
+  const known = parts.filter(({ low }) => low !== null);
+  const level = known.map((one, index) => {
+    // Joined to the part before it, if that is known.
+    const near = index > 0 && one.at - known[index - 1].at === part ? known[index - 1] : one;
+    const [low, high] = [Math.min(one.low, near.high), Math.max(one.high, near.low)];
+    return [x(one), 1, 100 - high, Math.max(2, high - low)];
+  });
+  const range = known.length === 0 ? "–"
+    : `${Math.min(...known.map(({ low }) => low))}–${Math.max(...known.map(({ high }) => high))} %`;
+  const failed = sum(({ failed_docks: count }) => count);
+  const docks = sum(({ docks: count }) => count) + failed;
+  return [
+    ["battery", range, lane("level", level)],
+    ["lane_charging", hours("charging"), lane("charging", share("charging"))],
+    ["lane_runs", `${sum(({ runs }) => runs)} · ${hours("running")}`, lane("runs", share("running"))],
+    ["lane_docks", failed ? t("docks_failed", { docks, failed }) : docks, lane("docks", marks("docks", 45), marks("failed_docks", 0))],
+    ["lane_alarms", sum(({ alarms }) => alarms), lane("alarms", [], marks("alarms", 0))],
+  ];
 }
 
 function row({ at, kind, behaviour, code, text }, time) {
@@ -61,33 +86,42 @@ function picture({ at, behaviour, text }, time) {
 
 export function past(connection) {
   const language = document.documentElement.lang;
-  const time = new Intl.DateTimeFormat(language, { weekday: "short", hour: "2-digit", minute: "2-digit", hourCycle: "h23" });
-  const day = new Intl.DateTimeFormat(language, { day: "numeric", month: "short", hour: "2-digit", minute: "2-digit", hourCycle: "h23" });
-  const drawing = s("svg", { class: "plot", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, preserveAspectRatio: "none", role: "img" });
-  const [from, to] = [h("span", { class: "quiet" }), h("span", { class: "quiet" })];
+  const time = new Intl.DateTimeFormat(language, { day: "numeric", month: "short", hour: "2-digit", minute: "2-digit", hourCycle: "h23" });
+  const drawing = h("div", { class: "lanes", role: "img" });
+  const axis = h("span", { class: "quiet scale" });
   const pictures = h("div", { class: "pictures" });
   const events = h("ol", { class: "events", tabindex: 0, "aria-label": t("history") });
-  const days = h("select", { id: "past-days", onchange: show },
-    ...[1, 3, 7, 31].map((count) => h("option", { value: count }, t("days", { count }))));
+  const buttons = RANGES.map((range) => h("button", { type: "button", onclick: () => choose(range) }, t(`range_${range[0]}`)));
+  let chosen = RANGES[0];
   let timer = null;
+
+  function choose(range) {
+    chosen = range;
+    buttons.forEach((button, index) => button.setAttribute("aria-pressed", String(RANGES[index] === range)));
+    show();
+  }
+
+  function draw(told, [name, , format]) {
+    const all = lanes(told);
+    drawing.replaceChildren(...all.flatMap(([key, total, plot]) => [
+      h("span", { class: "quiet" }, t(key)), plot, h("span", { class: "quiet total" }, total)]), axis);
+    const words = all.map(([key, total]) => `${t(key)} ${total}`).join("; ");
+    drawing.setAttribute("aria-label", visible(`${t(`range_${name}`)}: ${words}`));
+    const label = new Intl.DateTimeFormat(language, format);
+    const moments = [told.since, (told.since + told.until) / 2, told.until];
+    axis.replaceChildren(...moments.map((at) => h("span", {}, label.format(new Date(at)))));
+  }
 
   async function show() {
     clearTimeout(timer);
-    timer = setTimeout(show, AGAIN);
-    const told = document.hidden && !card.hidden ? null : await ask(`/api/history?days=${days.value}`);
-    if (!told) {
+    timer = setTimeout(show, AGAIN * Math.min(10, chosen[1]));
+    const range = chosen;
+    const told = document.hidden && !card.hidden ? null : await ask(`/api/history?days=${range[1]}`);
+    if (!told || range !== chosen) {
       return;
     }
     card.hidden = false;
-    // A new journal does not cover all the days asked for.
-    const first = Math.min(told.battery[0]?.[0] ?? told.until, told.events[0]?.at ?? told.until);
-    const since = Math.max(told.since, first);
-    drawing.replaceChildren(...plot(told.battery, since, told.until), ...marks(told.events, since, told.until));
-    const docks = told.events.filter(({ kind }) => kind === "dock").length;
-    const alarms = told.events.filter(({ kind, code }) => kind === "safety" && code === "alarm").length;
-    drawing.setAttribute("aria-label", t("history_alt", { from: day.format(new Date(since)), docks, alarms }));
-    say(from, day.format(new Date(since)));
-    say(to, day.format(new Date(told.until)));
+    draw(told, range);
     const kept = told.events.filter(({ kind, text }) => kind === "picture" && text).slice(-PICTURES).reverse();
     pictures.replaceChildren(...kept.map((one) => picture(one, time)));
     events.replaceChildren(...told.events.toReversed().map((one) => row(one, time)));
@@ -95,10 +129,9 @@ export function past(connection) {
 
   const card = h("section", { class: "card past", "aria-labelledby": "past-title", hidden: true },
     h("div", { class: "head" }, h("h2", { id: "past-title" }, t("history")),
-      h("div", { class: "row filters" }, h("label", { for: "past-days" }, t("history_of")), days)),
-    h("div", { class: "graph" }, h("span", { class: "axis" }, h("span", {}, "100"), h("span", {}, "0")), drawing),
-    h("p", { class: "scale" }, from, to), pictures, events);
-  connection.on("hello", show);
+      h("div", { class: "row ranges", role: "group", "aria-label": t("history_of") }, ...buttons)),
+    drawing, pictures, events);
+  connection.on("hello", () => choose(chosen));
   return card;
 }
 

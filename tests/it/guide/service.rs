@@ -232,7 +232,6 @@ async fn a_new_owner_follows_the_steps_about_the_service() {
     for command in typed {
         owner.types(command).await;
     }
-    assert!(owner.rig.folder().join("evening.png").exists());
     let mut service = owner.service.take().unwrap();
     service.signal(Signal::TERM);
     assert_eq!(service.code().await, Some(0), "{}", service.text());

@@ -150,6 +150,7 @@ async fn endless_long_or_malformed_bodies_are_refused() {
         ("/api/behaviours/%2e%2e%2fetc", "{\"change\":\"start\"}"),
         ("/api/behaviours/%3Cb%3E", "{\"change\":\"start\"}"),
         ("/api/behaviours/nobody", "{\"change\":\"fly\"}"),
+        ("/api/login", "{\"token\":\"guess\"}"),
         ("/api/login", "{\"password\":\"guess\"}"),
     ] {
         let (status, answer) = ask(&at, &format!("POST {path}"), "", body).await;
@@ -333,13 +334,24 @@ async fn endless_or_invalid_messages_end_only_their_own_connection() {
         "[]",
         "{\"type\":\"drive\",\"left\":1e999,\"right\":0}",
         "{\"type\":\"order\",\"id\":-1,\"order\":{\"do\":\"dock\"}}",
-        "{\"type\":\"order\",\"id\":1,\"order\":{\"do\":\"sim\",\"change\":{\"sim\":\"fly\"}}}",
         "{\"type\":\"stop\",\"type\":\"stop\"}",
         "{\"type\":\"watch\",\"camera\":\"yes\"}",
     ] {
         odd.send_text(said).await;
         odd.until("notice", |notice| notice["key"] == "nonsense")
             .await;
+    }
+    // A command that has a number gets an answer to it.
+    for order in [
+        "{\"do\":\"sim\",\"change\":{\"sim\":\"fly\"}}",
+        "{\"do\":\"volume\",\"percent\":101}",
+    ] {
+        odd.send_text(&format!(
+            "{{\"type\":\"order\",\"id\":7,\"order\":{order}}}"
+        ))
+        .await;
+        let answer = odd.until("answer", |answer| answer["id"] == 7).await;
+        assert!(answer["ok"] == false && answer["text"] != "", "{answer}");
     }
     // No page has the wheel, so none can drive.
     odd.send_text("{\"type\":\"drive\",\"left\":-90,\"right\":-90}")
