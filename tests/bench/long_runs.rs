@@ -203,9 +203,10 @@ fn run_month(args: &MonthArgs) -> bool {
 
 fn run_rescue(args: &RescueArgs) -> bool {
     let worlds = args.world.map_or(Name::ALL.to_vec(), |name| vec![name]);
-    let all = match args.driven {
-        true => Strategy::DRIVEN,
-        false => Strategy::PUT,
+    let all: &[Strategy] = if args.driven {
+        &Strategy::DRIVEN
+    } else {
+        &Strategy::PUT
     };
     let strategies = args.strategy.map_or(all.to_vec(), |one| vec![one]);
     let mut rows = Vec::new();
