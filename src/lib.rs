@@ -29,7 +29,7 @@
 //!
 //! 1. `link/reader.rs` cuts the stream into messages: a `Report` (`wire/report.rs`). The first part
 //!    of a frame that is still arriving is passed on early, so that its host can start to decode;
-//! 2. `pilot/link_events.rs` makes it a `Frame` with a number and a time, and stores it, still
+//! 2. `pilot.rs` makes it a `Frame` with a number and a time, and stores it, still
 //!    encoded, as the newest one: older frames that no reader has taken are dropped;
 //! 3. `behaviour/supervisor.rs` sends the `Frame` through the pipe when its host asks for one;
 //! 4. `behaviour/host.rs` gives it to the VM; `script/state/delivery.rs` validates its markers
@@ -38,10 +38,10 @@
 //!    blobs (`vision/frame_analyser.rs`);
 //! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`,
 //!    which goes back through the pipe;
-//! 7. `pilot/serving.rs` turns the `Intent` into a `Fact`, and `pilot/acting.rs` passes it to the
-//!    watchdog (`safety/watchdog/requests.rs`): `safety/arbiter.rs` decides which behaviour may
-//!    drive, `safety/tracks.rs` when a command is sent;
-//! 8. `pilot/acting.rs` hands the watchdog's `Command` to `link/writer.rs`, which writes it.
+//! 7. `pilot/requests.rs` passes the `Intent` to the watchdog (`safety/watchdog.rs`):
+//!    `safety/arbiter.rs` decides which behaviour may drive, `safety/tracks.rs` when a command is
+//!    sent;
+//! 8. `pilot/outputs.rs` hands the watchdog's `Command` to `link/writer.rs`, which writes it.
 //!
 //! On the way it travels in envelopes that carry other messages too (`Received`, `LinkEvent`,
 //! `ToHost`, `Payload`, `Output`, `FromHost`, `Request`, `Act`) and waits in queues
@@ -51,22 +51,22 @@
 //! locks:
 //!
 //! 1. `link/reader.rs` reads POWER (`wire/report.rs`);
-//! 2. `pilot/link_events.rs` gives it to the watchdog as a fact (`safety/watchdog/mod.rs`);
-//! 3. `safety/battery.rs` decides that the level is low, `safety/watchdog/homing.rs` that the robot
-//!    goes home;
+//! 2. `pilot.rs` gives it to the watchdog (`safety/watchdog.rs`);
+//! 3. `safety/battery.rs` decides that the level is low, `safety/homing.rs` what the robot does until
+//!    it is home;
 //! 4. `link/writer.rs` writes `MOVE 0 0` and `BASE_FIND` at once, ahead of queued speech.
 //!
 //! # How to add
 //!
 //! - **A call for scripts**: its row in the table of the API (`api/`: name, arguments, bounds,
 //!   results, an example), its native under `script/api/`, and, if the robot has to do something,
-//!   an `Intent` (`robot/intent.rs`) that `pilot/serving.rs` serves. `spykee api`, the editor's
+//!   an `Intent` (`robot/intent.rs`) that `pilot/requests.rs` serves. `spykee api`, the editor's
 //!   definitions and the guide's reference come from the table; a native without a row does not
 //!   load.
 //! - **A command to the robot**: its section in `wire/PROTOCOL.md` with a byte vector, its variant
 //!   with `parse` and `emit` in `wire/command.rs`, what the simulated robot does with it in
 //!   `sim/body/robot/commands.rs`. If it can move the robot, only the watchdog may make it.
-//! - **A report of the robot**: likewise in `wire/report.rs`; `pilot/link_events.rs` handles it,
+//! - **A report of the robot**: likewise in `wire/report.rs`; `pilot.rs` handles it,
 //!   and `sim/body/robot.rs` sends it.
 //! - **A fault**: its variant of `sim::FaultKind` (`sim/faults/fault.rs`), its name and keys in
 //!   YAML (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`,

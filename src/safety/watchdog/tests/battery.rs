@@ -168,7 +168,7 @@ fn a_search_without_end_is_cancelled_after_180_seconds() {
     let mut rig = Rig::online(20);
     assert_eq!(sent(&rig.pass(178 * SECOND, false)), []);
     assert_eq!(sent(&rig.pass(2 * SECOND, false)), [CANCEL, Command::STOP]);
-    assert_eq!(sent(&rig.pass(6 * SECOND, false)), [Command::STOP, FIND]);
+    assert_eq!(sent(&rig.pass(21 * SECOND, false)), [Command::STOP, FIND]);
 }
 
 #[test]
