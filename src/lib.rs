@@ -123,6 +123,7 @@
 //! | 1 | `guardian` | the process that stops the robot when the agent cannot |
 //! | 2 | `api` | the one table of what scripts can call and read |
 //! | 2 | `safety` | watchdog, arbiter, docking: pure rules |
+//! | 2 | `odometry` | pose and "blocked" from tracks and frames; knows no scripts |
 //! | 2 | `link` | connect, log in, reconnect, discover |
 //! | 2 | `journal` | what has happened, in a SQLite file |
 //! | 2 | `notify` | notifications of it, by webhooks, topics and commands |
@@ -162,6 +163,7 @@ pub mod link;
 pub mod live;
 pub mod mqtt;
 pub mod notify;
+mod odometry;
 pub mod pilot;
 pub mod robot;
 pub mod safety;

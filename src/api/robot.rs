@@ -95,7 +95,7 @@ const FUNCTIONS: &[Function] = &[
             bounded("speed", MOTION_SPEED, "default: half of full speed").unit("m/s").optional(),
         ],
         ENDED,
-        "Drives straight for a distance, and waits until that is done. With the camera on, it ends early as `blocked` when the pictures show that something holds the robot. In a curve or in the dark this works less often. If the robot pushes from the start against a uniform surface that has not held it before, it works late or never.",
+        "Drives straight for a distance, and waits until that is done. With the camera on, it ends early as `blocked` when the pictures show that something holds the robot. In a curve or in the dark this works less often. If the robot pushes from the start against a uniform surface, it works late or never.",
         "local ok, code = robot.forward(0.5)\nprint(ok, code)",
     )
     .waiting(),
@@ -121,7 +121,7 @@ const FUNCTIONS: &[Function] = &[
         "robot.pose",
         &[],
         &[object("pose", &POSE_ESTIMATE, "relative to the pose at the last `robot.reset_pose()`, or at the start of the script")],
-        "Estimates the robot's pose by dead reckoning: from the script's commands to the tracks and, while the camera is on, from the turns that the pictures show. The estimate allows for the gradual acceleration of the tracks and measures the delay of the pictures automatically. Motion that the script did not command is not counted, and makes the errors grow.",
+        "Estimates the robot's pose by dead reckoning: from the script's commands to the tracks and, while the camera is on, from the turns that the pictures show. The delay of the pictures is measured automatically. Motion that the script did not command is not counted, and makes the errors grow.",
         "robot.reset_pose()\nrobot.forward(0.5)\nlocal pose = robot.pose()\nprint(pose.x, pose.y, math.deg(pose.heading), pose.error)",
     )
     .pure(),

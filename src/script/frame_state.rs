@@ -8,7 +8,7 @@ use tokio::time::Instant;
 
 use super::options::Options;
 use super::sighting::FindingsRecorder;
-use super::timed_motion::TimedMotion;
+use crate::odometry::TimedMotion;
 use crate::robot::Frame;
 use crate::vision::{Damage, FrameAnalyser, Size};
 

@@ -7,8 +7,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::params::GivenParam;
-use crate::robot::Streams;
-use crate::vision::{Camera, Colour};
+use crate::robot::{Setpoint, Streams};
+use crate::vision::{Camera, Colour, Drive};
 
 /// One mebibyte.
 const MIB: u64 = 1024 * 1024;
@@ -216,6 +216,22 @@ pub struct Calibration {
     /// Speed of a track at 100 % of power, in metres per second: 0.45.
     #[serde(deserialize_with = "ranges::full_speed")]
     pub full_speed: f64,
+}
+
+/// The power of a track at full speed, in the units of the robot's MOVE command.
+const FULL_POWER: f64 = 90.0;
+
+impl Calibration {
+    /// The motion that a setpoint should cause.
+    pub(crate) fn drive(self, setpoint: Setpoint) -> Drive {
+        let speed = |power: i8| f64::from(power) / FULL_POWER * self.full_speed;
+        let left = speed(setpoint.left.get());
+        let right = speed(setpoint.right.get());
+        Drive {
+            forward: (left + right) / 2.0,
+            turn: (right - left) / self.track_width,
+        }
+    }
 }
 
 impl Default for Calibration {

@@ -11,7 +11,6 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use self::robot_state::RobotState;
-use super::blockage::Blockage;
 use super::daily_limits::DailyLimits;
 use super::declaration::Declaration;
 use super::events::{EventName, Subscriptions};
@@ -21,7 +20,6 @@ use super::group::Group;
 use super::life::{Exit, Life};
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
-use super::odometry::{Driver, Odometry, drive_of};
 use super::options::Options;
 use super::output::{Level, LogLine, OutputQueue};
 use super::params::ParamValue;
@@ -32,7 +30,7 @@ use super::stage::Stage;
 use super::store::Store;
 use super::streams::WantedStreams;
 use super::task::{Answer, GroupId, TaskKind, Wait};
-use super::timed_motion::TimedMotion;
+use crate::odometry::{Blockage, Driver, Odometry, TimedMotion};
 use crate::robot::{Intent, MotionEnd, MotionId};
 use crate::vision::Skyline;
 
@@ -119,7 +117,7 @@ impl State {
         let daily_limits = DailyLimits::new(&options.limits);
         let modules = Modules::new(&options.chunk);
         let frames = FrameState::new(&options);
-        let odometry = Odometry::new(now, options.calibration);
+        let odometry = Odometry::new(now, options.calibration.full_speed);
         State {
             options,
             failure_log: FailureLog::default(),
@@ -157,9 +155,7 @@ impl State {
     /// Advances the time, which never runs backwards.
     pub(super) fn tick(&mut self, now: Instant) {
         self.now = self.now.max(now);
-        if self.odometry.advance(self.now, self.driver()) {
-            self.blockage.forget();
-        }
+        self.odometry.advance(self.now, self.driver());
         if self.motion.is_on() || self.robot.moving {
             self.last_moved = Some(self.now);
         }
@@ -182,7 +178,7 @@ impl State {
     fn driver(&self) -> Driver {
         match self.motion.setpoint() {
             Some(setpoint) if !setpoint.is_stop() => {
-                Driver::Script(drive_of(setpoint, self.options.calibration))
+                Driver::Script(self.options.calibration.drive(setpoint))
             }
             _ if self.robot.moving => Driver::Other,
             _ => Driver::None,
@@ -201,12 +197,10 @@ impl State {
             .map(|(motion, setpoint, since)| TimedMotion {
                 motion,
                 since,
-                drive: drive_of(setpoint, calibration),
+                drive: calibration.drive(setpoint),
                 odometer: self.odometry.odometer(),
-                heading: self.odometry.pose().heading,
             });
-        let last = self.odometry.last_track_motion();
-        if last.is_some_and(|last| last.most_turn() > LEAST_TURN) {
+        if self.odometry.last_turn() > LEAST_TURN {
             self.frames.turned = Some(at);
         }
         let lately = |turned: Instant| at.saturating_duration_since(turned) < COASTING_TIME;

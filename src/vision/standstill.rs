@@ -1,54 +1,54 @@
-//! Decides from two pictures whether the camera stood still although its robot should have moved.
+//! Decides from two pictures whether the camera stood still although its robot should have moved:
+//! what should have changed in the picture and did not.
 //!
-//! When the robot drives forward, the floor and what stands on it come nearer; when it turns,
-//! everything shifts sideways. A tile of the picture that would look different after the expected
-//! movement is a *witness*. If nearly all witnesses look unchanged, the camera stood still; people
-//! who walk through the view hide some of them. Without enough witnesses (a plain wall, darkness)
-//! the result is unknown. A common sideways shift of all tiles is allowed while the robot drives:
-//! one that is held may turn.
+//! Each picture is reduced to a few rows and columns of mean brightness, which show even faint
+//! stripes of a wall. When the robot drives, everything below the height of the lens is on the
+//! floor or nearer, so it moves by a known minimum; when it turns on the spot, everything shifts
+//! sideways. A sample that this would change is a *witness*; only if nearly all witnesses look
+//! unchanged has the camera stood still. Without enough witnesses (a plain wall, darkness) the
+//! result is unknown.
 
 use std::time::Duration;
 
 use super::camera::Camera;
-use super::votes::Votes;
 use crate::vision::picture::image::Image;
 use crate::vision::picture::size::Size;
 
-/// Side of a tile of the half-size picture, pixels.
-const TILE: usize = 8;
 /// Height of the lens above the floor, metres.
-pub(super) const LENS_HEIGHT: f64 = 0.2;
-/// Distance of the lens ahead of the robot's centre, metres.
-pub(super) const LENS_AHEAD: f64 = 0.1;
-/// A tile is evaluated only if the expected movement shifts it by at least this many half-size
-/// pixels.
-const LEAST_SHIFT: f64 = 2.0;
-/// A tile is a witness if the expected movement changes its pixels by at least this much on
-/// average, of 255.
-const WITNESS: f64 = 8.0;
-/// A witness votes for standing still if it has changed by less than this share of the expected
-/// change.
-const STILL: f64 = 0.45;
-/// Least number of witnesses for any result.
-const FEWEST_WITNESSES: u32 = 8;
-/// Least number on each side of the picture if both sides must agree.
-const FEWEST_ASIDE: u32 = 3;
-/// Least number for a larger sway than [`SWAYS`] while driving straight.
-const FEWEST_FAR_ASIDE: u32 = 16;
-/// Least number of quarters of the picture (vertical strips, side by side) with witnesses: a ball
-/// that the robot pushes ahead is not enough.
-const FEWEST_QUARTERS: usize = 2;
-/// The camera stood still if at least the first share of the witnesses did, and moved if at most
-/// the second share did.
-const STANDS: f64 = 0.7;
-const MOVES: f64 = 0.4;
-/// Sideways shifts of the half-size picture that still count as standing still, pixels.
-const SWAYS: [isize; 5] = [0, 1, -1, 2, -2];
-/// Sideways shifts within which an edge might be mistaken for a sway, half-size pixels.
-const SLIDES: isize = 10;
-/// A turn is evaluated only if it is expected to shift the picture by more than this, half-size
-/// pixels.
+const LENS_HEIGHT: f64 = 0.2;
+/// The bands of rows over which columns are averaged, as shares of the height below the horizon.
+const BANDS: [(f64, f64); 4] = [(-0.7, -0.35), (-0.35, 0.0), (0.25, 0.62), (0.62, 0.98)];
+/// Vertical strips of the picture over which rows are averaged, and where they begin, as a share of
+/// the height.
+const STRIPS: usize = 8;
+const TOP: f64 = 0.36;
+/// The strips ahead of the robot.
+const AHEAD: std::ops::Range<usize> = 3..5;
+/// If the brightness of a strip changes by less than this from the rows above to the rows below
+/// everywhere, of 255, it shows a single surface from above the height of the lens to the bottom.
+const STEP: f32 = 1.8;
+const STEP_ROWS: usize = 3;
+/// Brightness within which steps can be seen; darker or brighter strips may hide them.
+const USABLE_BRIGHTNESS: std::ops::RangeInclusive<f32> = 20.0..=240.0;
+/// Smallest shift that is evaluated, in pixels of half size; and that of a turn.
+const LEAST_SHIFT: f64 = 1.5;
 const LEAST_TURN: f64 = 8.0;
+/// Least distance driven for a result, metres.
+const LEAST_WAY: f64 = 0.01;
+/// A sample is a witness if the movement changes it by at least this much, of 255. It votes for
+/// standing still if it has changed by less than this share of that.
+const WITNESS: f64 = 2.0;
+const STILL: f64 = 0.4;
+/// The camera stood still if at least this many witnesses are asked and this share of them says so;
+/// more when the robot drives backwards, where nothing shows that a wall is still distant. It moved
+/// if at most the last share says so.
+const STANDS: (u32, f64) = (12, 0.75);
+const STANDS_BACKWARDS: (u32, f64) = (24, 0.82);
+const MOVES: f64 = 0.4;
+/// Sideways shifts of the picture that still count as standing still, half-size pixels; then each
+/// side of the picture must have this many witnesses and agree.
+const SWAY: i32 = 2;
+const FEWEST_ASIDE: u32 = 4;
 
 /// The movement that the tracks should produce.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,291 +70,419 @@ pub enum Verdict {
     Unknown,
 }
 
-/// A picture's luma at half its width and height.
+/// The mean brightness of a picture of half size along its columns and its rows, in bands and
+/// strips.
 #[derive(Debug, Clone, Default)]
-pub struct HalfLuma {
-    w: usize,
-    h: usize,
+pub struct Profiles {
     luma: Vec<u8>,
+    size: (usize, usize),
+    bands: [Vec<f32>; BANDS.len()],
+    strips: [Vec<f32>; STRIPS],
+    /// Strips that show a single surface, and so no floor.
+    plain: [bool; STRIPS],
 }
 
-impl HalfLuma {
-    /// Takes the luma of a picture; reuses the memory of `self`.
+impl Profiles {
+    /// Computes the profiles of a picture; reuses the memory of `self`.
     pub fn take(&mut self, image: &Image) {
         let Size { width, height } = image.size();
-        (self.w, self.h) = (width as usize / 2, height as usize / 2);
+        let (w, h) = (width as usize / 2, height as usize / 2);
+        self.size = (w, h);
         image.halve_luma(&mut self.luma);
+        let row = |y: usize| &self.luma[y * w..][..w];
+        for (band, (top, bottom)) in self.bands.iter_mut().zip(rows_of_bands(h)) {
+            band.clear();
+            band.resize(w, 0.0);
+            for y in top..bottom {
+                for (sum, value) in band.iter_mut().zip(row(y)) {
+                    *sum += f32::from(*value);
+                }
+            }
+            let rows = (bottom - top).max(1) as f32;
+            band.iter_mut().for_each(|sum| *sum /= rows);
+        }
+        let wide = w / STRIPS;
+        for (number, strip) in self.strips.iter_mut().enumerate() {
+            let mean = |y: usize| {
+                let part = &row(y)[number * wide..][..wide];
+                let sum: u32 = part.iter().map(|value| u32::from(*value)).sum();
+                sum as f32 / wide.max(1) as f32
+            };
+            strip.clear();
+            strip.extend((top_of_strips(h)..h).map(mean));
+            self.plain[number] = is_plain(strip);
+        }
     }
 
-    /// Number of columns and rows.
-    pub(super) fn size(&self) -> (usize, usize) {
-        (self.w, self.h)
+    /// The greatest possible distance, in metres, from the lens to what fills the picture ahead;
+    /// `None` if floor may be visible there.
+    pub fn nearer_than(&self, camera: Camera) -> Option<f64> {
+        let (w, h) = self.size;
+        if w < 2 * STRIPS || h < 8 || self.plain[AHEAD].contains(&false) {
+            return None;
+        }
+        Some(camera.focal_length(w as u32) * LENS_HEIGHT / (h as f64 / 2.0))
     }
 
-    /// The pixels of a row, which must be within the picture.
-    pub(super) fn row(&self, y: usize) -> &[u8] {
-        &self.luma[y * self.w..][..self.w]
+    /// How far below the horizon the foot of what stands ahead is, in half-size pixels: the edge
+    /// that leaves the picture last when the robot drives on.
+    pub fn foot_ahead(&self) -> Option<f64> {
+        let horizon = (self.size.1 / 2).checked_sub(top_of_strips(self.size.1))?;
+        let [left, right] = &self.strips[AHEAD] else {
+            return None;
+        };
+        let rows = left.iter().zip(right).skip(horizon);
+        let rows: Vec<f32> = rows.map(|(left, right)| (left + right) / 2.0).collect();
+        let steps: Vec<f32> = steps(&rows).collect();
+        let first = steps.iter().position(|step| *step >= STEP)?;
+        // The step is visible from some rows above the edge on and is largest at the edge.
+        let near = &steps[first..steps.len().min(first + 2 * STEP_ROWS + 1)];
+        let weighted = near
+            .iter()
+            .zip(0u8..)
+            .map(|(step, row)| step * f32::from(row));
+        let middle = weighted.sum::<f32>() / near.iter().sum::<f32>();
+        Some((first + STEP_ROWS) as f64 + 0.5 + f64::from(middle))
     }
+}
 
-    /// Pixels of a tile, row by row; the tile must be within the picture.
-    fn tile(&self, left: usize, top: usize) -> impl Iterator<Item = i32> + Clone {
-        let rows = (top..top + TILE).map(move |y| &self.luma[y * self.w + left..][..TILE]);
-        rows.flatten().map(|value| i32::from(*value))
-    }
+/// By how much the rows above each row differ from those below it.
+fn steps(rows: &[f32]) -> impl Iterator<Item = f32> + '_ {
+    let mean = |rows: &[f32]| rows.iter().sum::<f32>() / STEP_ROWS as f32;
+    rows.windows(2 * STEP_ROWS + 1)
+        .map(move |rows| (mean(&rows[..STEP_ROWS]) - mean(&rows[STEP_ROWS + 1..])).abs())
+}
 
-    /// The tile shifted by this many pixels; `None` unless it is completely within the picture.
-    fn shifted(
-        &self,
-        (left, top): (usize, usize),
-        (right, down): (isize, isize),
-    ) -> Option<impl Iterator<Item = i32> + Clone> {
-        let left = left.checked_add_signed(right)?;
-        let top = top.checked_add_signed(down)?;
-        (left + TILE <= self.w && top + TILE <= self.h).then(|| self.tile(left, top))
-    }
+/// Whether the brightness has no step from the rows above to the rows below.
+fn is_plain(rows: &[f32]) -> bool {
+    let is_usable = rows.iter().all(|row| USABLE_BRIGHTNESS.contains(row));
+    is_usable && steps(rows).all(|step| step < STEP)
+}
+
+fn top_of_strips(height: usize) -> usize {
+    (TOP * height as f64) as usize
+}
+
+fn rows_of_bands(height: usize) -> [(usize, usize); BANDS.len()] {
+    let horizon = height / 2;
+    let row = |share: f64| ((1.0 + share) * horizon as f64) as usize;
+    BANDS.map(|(top, bottom)| (row(top), row(bottom)))
 }
 
 /// Decides whether the camera stood still between two pictures taken `apart` from each other, while
-/// the robot should have made this movement. A robot that is held may still turn: `swayed` is the
-/// most likely shift of the picture to the right in half-size pixels, assuming that it only
-/// shifted.
+/// the robot should have made this movement. `ahead` is the greatest possible distance, in metres,
+/// of whatever fills the picture, if known.
 pub fn compare(
-    before: &HalfLuma,
-    now: &HalfLuma,
+    before: &Profiles,
+    now: &Profiles,
     camera: Camera,
     drive: Drive,
     apart: Duration,
-    swayed: isize,
+    ahead: Option<f64>,
 ) -> Verdict {
-    if (before.w, before.h) != (now.w, now.h) || now.w < TILE || now.h < TILE {
-        return Verdict::Unknown;
-    }
-    let expected = Expected::new(now, camera, drive, apart.as_secs_f64());
-    let tops = (0..=now.h - TILE).step_by(TILE);
-    let tiles = tops.flat_map(|top| {
-        (0..=now.w - TILE)
-            .step_by(TILE)
-            .map(move |left| (left, top))
-    });
-    let witnesses: Vec<Witness> = tiles
-        .filter_map(|place| Witness::at(before, place, expected.shift(place)?))
-        .collect();
-    let count = witnesses.len() as u32;
-    if count < FEWEST_WITNESSES || quarters(&witnesses, now.w) < FEWEST_QUARTERS {
-        return Verdict::Unknown;
-    }
-    let curve = drive.forward != 0.0 && expected.turn != 0.0;
-    let votes = |sway: isize, filter: &dyn Fn(&Witness) -> bool| {
-        let mut votes = Votes::default();
-        for one in witnesses.iter().filter(|one| filter(one)) {
-            if let Some(still) = one.stands(before, now, expected.sway_at(one.place, sway)) {
-                votes.add(one.place.0 + TILE / 2 >= now.w / 2, still);
-            }
-        }
-        votes
+    let (w, h) = now.size;
+    let focal = camera.focal_length(w as u32);
+    let way = drive.forward * apart.as_secs_f64();
+    let turned = focal * drive.turn * apart.as_secs_f64();
+    let is_expected = if drive.forward == 0.0 {
+        turned.abs() >= LEAST_TURN
+    } else {
+        // In a curve everything shifts, whether the robot is held or not.
+        way.abs() >= LEAST_WAY && turned.abs() < LEAST_SHIFT
     };
-    let slides = SLIDES + expected.turned_pixels() as isize;
-    let (mut most, mut stands) = (0.0, false);
-    let around = (swayed - 1..=swayed + 1).filter(|sway| !SWAYS.contains(sway));
-    for sway in SWAYS.into_iter().chain(around) {
-        let all = votes(sway, &|_| true);
-        if all.count() < FEWEST_WITNESSES {
-            continue;
-        }
-        most = f64::max(most, all.share());
-        if all.share() < STANDS {
+    if before.size != now.size || w < 2 * STRIPS || h < 8 || !is_expected {
+        return Verdict::Unknown;
+    }
+    let reach = focal * LENS_HEIGHT;
+    let expected = Expected {
+        way,
+        turned,
+        focal,
+        reach,
+        plain: std::array::from_fn(|strip| before.plain[strip] && now.plain[strip]),
+        farthest: (reach / (h as f64 / 2.0)).min(ahead.unwrap_or(f64::INFINITY)),
+    };
+    let (fewest, surely) = if way < 0.0 { STANDS_BACKWARDS } else { STANDS };
+    let mut most = None;
+    for sway in -SWAY..=SWAY {
+        let votes = expected.votes(before, now, sway);
+        if votes.count() < fewest {
             continue;
         }
         // When driving forward, things on the left move to the left and things on the right move to
-        // the right. One side alone might therefore have swayed, or show an edge along the
-        // direction of travel, such as a line or a skirting board, which looks the same all along.
-        // It counts only if it also shows that nothing moved downwards.
-        let drives = drive.forward != 0.0;
-        // In a curve, the edge of an object that is passed may look as if the robot only turned.
-        let both = || {
-            all.least_share(FEWEST_ASIDE)
-                .is_some_and(|share| share >= STANDS)
+        // the right: for a sway, both sides must agree.
+        let share = if sway == 0 {
+            votes.share()
+        } else {
+            votes.least_share()
         };
-        // A few witnesses that suggest a large turn may be chance matches.
-        let far_aside = !curve && drives && !SWAYS.contains(&sway);
-        if far_aside && all.count() < FEWEST_FAR_ASIDE {
-            continue;
+        if share >= surely {
+            return Verdict::Stands;
         }
-        stands = !drives || (!curve && both()) || {
-            let sure = votes(sway, &|one| one.differs_from_any_sway(before, slides));
-            sure.count() >= FEWEST_WITNESSES && sure.share() >= STANDS
-        };
-        if stands {
-            break;
+        most = Some(f64::max(most.unwrap_or(0.0), votes.share()));
+    }
+    match most {
+        Some(most) if most <= MOVES => Verdict::Moves,
+        _ => Verdict::Unknown,
+    }
+}
+
+/// What the witnesses say, on the left and on the right.
+#[derive(Debug, Default)]
+struct Votes {
+    asked: [u32; 2],
+    still: [u32; 2],
+}
+
+impl Votes {
+    fn count(&self) -> u32 {
+        self.asked[0] + self.asked[1]
+    }
+
+    /// The share that found the camera still.
+    fn share(&self) -> f64 {
+        f64::from(self.still[0] + self.still[1]) / f64::from(self.count().max(1))
+    }
+
+    /// The share on the side where it is smaller; 0 if a side has too few witnesses.
+    fn least_share(&self) -> f64 {
+        if self.asked.iter().any(|asked| *asked < FEWEST_ASIDE) {
+            return 0.0;
         }
-    }
-    if stands {
-        Verdict::Stands
-    } else if most <= MOVES && !curve {
-        Verdict::Moves
-    } else {
-        // A robot that is held in a curve may turn, too.
-        Verdict::Unknown
-    }
-}
-
-/// In how many of four vertical strips of the picture there are at least two witnesses.
-fn quarters(witnesses: &[Witness], width: usize) -> usize {
-    let mut counts = [0; 4];
-    for witness in witnesses {
-        counts[(witness.place.0 * 4 / width).min(3)] += 1;
-    }
-    counts.iter().filter(|count| **count >= 2).count()
-}
-
-/// A tile that would look different after the expected movement.
-struct Witness {
-    place: (usize, usize),
-    /// The expected shift to the right and down, half-size pixels.
-    shift: (isize, isize),
-    /// The expected mean change of its pixels, of 255.
-    change: f64,
-}
-
-impl Witness {
-    /// Evaluates the tile at this place. The expected shift is compared at the four whole-pixel
-    /// shifts around it: an edge along the direction of movement is not a witness.
-    fn at(before: &HalfLuma, place: (usize, usize), shift: (f64, f64)) -> Option<Witness> {
-        let shift = (shift.0.floor() as isize, shift.1.floor() as isize);
-        let there = || before.tile(place.0, place.1);
-        let change = difference_after_motion(before, place, shift, there, WITNESS)?;
-        let witness = Witness {
-            place,
-            shift,
-            change,
-        };
-        (change >= WITNESS).then_some(witness)
+        let share = |side: usize| f64::from(self.still[side]) / f64::from(self.asked[side]);
+        share(0).min(share(1))
     }
 
-    /// Whether no sway looks like the movement here. A straight edge through the tile does not show
-    /// how far it has moved along itself.
-    fn differs_from_any_sway(&self, before: &HalfLuma, slides: isize) -> bool {
-        let (right, down) = self.shift;
-        let here = || before.tile(self.place.0, self.place.1);
-        let slides = slides + 2 * (right.abs() + down.abs());
-        (-slides..=slides).all(|slid| {
-            let least =
-                difference_after_motion(before, self.place, (right + slid, down), here, WITNESS);
-            least.is_none_or(|least| least >= WITNESS)
-        })
-    }
-
-    /// Whether the tile is found `sway` pixels to the right of its place and looks less like the
-    /// tile after the movement; `None` if that place is not in the picture.
-    fn stands(&self, before: &HalfLuma, now: &HalfLuma, sway: isize) -> Option<bool> {
-        let there = now.shifted(self.place, (sway, 0))?;
-        let off = difference(there.clone(), before.tile(self.place.0, self.place.1));
-        if off >= STILL * self.change {
-            return Some(false);
+    /// Asks a sample, with its values in both pictures and those expected if the camera stood still
+    /// (or swayed) and if it moved.
+    fn ask(&mut self, right: bool, before: f64, now: f64, stood: f64, moved: f64) {
+        let change = (moved - before).abs();
+        if change < WITNESS {
+            return;
         }
-        let moved = difference_after_motion(before, self.place, self.shift, || there.clone(), off);
-        Some(moved.is_some_and(|moved| moved > off))
+        let off = (now - stood).abs();
+        let is_still = off < STILL * change && off < (now - moved).abs();
+        self.asked[usize::from(right)] += 1;
+        self.still[usize::from(right)] += u32::from(is_still);
     }
 }
 
-/// The least difference of a tile from those that the movement brings here. The search stops once
-/// it is below `enough`. `None` if they are not in the picture.
-fn difference_after_motion<I: Iterator<Item = i32> + Clone>(
-    before: &HalfLuma,
-    place: (usize, usize),
-    (right, down): (isize, isize),
-    tile: impl Fn() -> I,
-    enough: f64,
-) -> Option<f64> {
-    let mut least = f64::INFINITY;
-    for (aside, below) in [(0, 0), (1, 1), (0, 1), (1, 0)] {
-        let there = before.shifted(place, (-right - aside, -down - below))?;
-        least = least.min(difference(tile(), there));
-        if least < enough {
-            break;
-        }
-    }
-    Some(least)
-}
-
-/// The mean absolute difference of two tiles, corrected for their mean brightness.
-fn difference(
-    one: impl Iterator<Item = i32> + Clone,
-    other: impl Iterator<Item = i32> + Clone,
-) -> f64 {
-    const PIXELS: i32 = (TILE * TILE) as i32;
-    let pairs = one.zip(other).map(|(one, other)| one - other);
-    let mean = pairs.clone().sum::<i32>() / PIXELS;
-    let sum: i32 = pairs.map(|difference| (difference - mean).abs()).sum();
-    f64::from(sum) / f64::from(PIXELS)
-}
-
-/// Where things move in the picture if the robot moves as commanded.
+/// The expected movement between the pictures.
 struct Expected {
-    centre: (f64, f64),
-    focal: f64,
     /// Metres driven forward.
     way: f64,
-    /// Radians turned to the left.
-    turn: f64,
-    /// Whether the robot also drives forward or backward.
-    drives: bool,
+    /// Half-size pixels by which a turn on the spot shifts the middle of the picture to the right.
+    turned: f64,
+    focal: f64,
+    /// For a point on the floor: depth times rows below the horizon.
+    reach: f64,
+    /// Strips without floor: everything in them is at most `farthest` metres away.
+    plain: [bool; STRIPS],
+    farthest: f64,
 }
 
 impl Expected {
-    fn new(luma: &HalfLuma, camera: Camera, drive: Drive, seconds: f64) -> Expected {
-        let centre = (luma.w as f64 / 2.0, luma.h as f64 / 2.0);
-        let focal = camera.focal_length(luma.w as u32);
-        let turn = drive.turn * seconds;
-        Expected {
-            centre,
-            focal,
-            way: drive.forward * seconds,
-            // A small turn cannot be told from a sway.
-            turn: if (turn * focal).abs() > LEAST_TURN {
-                turn
+    fn votes(&self, before: &Profiles, now: &Profiles, sway: i32) -> Votes {
+        let mut votes = Votes::default();
+        let height = now.size.1;
+        let bands = before.bands.iter().zip(&now.bands);
+        for ((before, now), (top, _)) in bands.zip(rows_of_bands(height)) {
+            let rows = top as f64 - height as f64 / 2.0;
+            self.ask_band(before, now, rows, sway, &mut votes);
+        }
+        if self.way != 0.0 {
+            let horizon = height as f64 / 2.0 - top_of_strips(height) as f64;
+            for (strip, (before, now)) in before.strips.iter().zip(&now.strips).enumerate() {
+                self.ask_strip(before, now, horizon, 2 * strip >= STRIPS, &mut votes);
+            }
+        }
+        votes
+    }
+
+    /// The least magnification of what is seen this many rows below the horizon.
+    fn growth(&self, rows: f64, plain: bool) -> f64 {
+        let floor = self.reach / rows.max(0.1);
+        let depth = if plain {
+            floor.min(self.farthest)
+        } else {
+            floor
+        };
+        depth / (depth - self.way).max(0.05)
+    }
+
+    /// Asks the columns of a band.
+    fn ask_band(&self, before: &[f32], now: &[f32], rows: f64, sway: i32, votes: &mut Votes) {
+        let middle = before.len() as f64 / 2.0 - 0.5;
+        let growth = [false, true].map(|plain| self.growth(rows, plain));
+        for (column, value) in now.iter().enumerate() {
+            let x = column as f64 - middle;
+            let plain = self.plain[(column * STRIPS / now.len()).min(STRIPS - 1)];
+            let from = if self.way == 0.0 {
+                x - self.turned * (1.0 + (x / self.focal).powi(2))
             } else {
-                0.0
-            },
-            drives: drive.forward != 0.0,
+                x / growth[usize::from(plain)]
+            };
+            let stood = at(before, column as f64 - f64::from(sway));
+            let moved = at(before, middle + from);
+            if let (Some(stood), Some(moved)) = (stood, moved)
+                && (x - from).abs() >= LEAST_SHIFT
+            {
+                let before = f64::from(before[column]);
+                votes.ask(x > 0.0, before, f64::from(*value), stood, moved);
+            }
         }
     }
 
-    /// How far the turn may shift the picture, in half-size pixels, with a margin for an inaccurate
-    /// turn.
-    fn turned_pixels(&self) -> f64 {
-        (self.turn * self.focal * 1.4).abs().min(60.0)
-    }
-
-    /// Shifts near things farther, because the lens is ahead of the robot's centre when it turns.
-    fn sway_at(&self, (_, top): (usize, usize), sway: isize) -> isize {
-        let y = (top + TILE / 2) as f64 - self.centre.1;
-        let near = LENS_AHEAD / LENS_HEIGHT * y.max(0.0) / self.focal;
-        (sway as f64 * (1.0 + near)).round() as isize
-    }
-
-    /// The expected shift to the right and down in half-size pixels; `None` if it is too small to
-    /// be seen.
-    fn shift(&self, (left, top): (usize, usize)) -> Option<(f64, f64)> {
-        let x = (left + TILE / 2) as f64 - self.centre.0;
-        let y = (top + TILE / 2) as f64 - self.centre.1;
-        // Everything seen below the height of the lens is on the floor or nearer; things above it
-        // may be far away.
-        let ahead = if y > 1.0 {
-            let depth = self.focal * LENS_HEIGHT / y;
-            self.way / (depth - self.way).max(0.05)
-        } else {
-            0.0
-        };
-        // A robot held in a curve may or may not turn: only the movement forward is evaluated.
-        let turn = if self.drives { 0.0 } else { self.turn };
-        let aside = self.focal * turn * (1.0 + (x / self.focal).powi(2));
-        let (right, down) = (x * ahead + aside, y * ahead);
-        // Larger shifts are outside the picture anyway.
-        let pixels = |shift: f64| shift.clamp(-1e6, 1e6);
-        (right.hypot(down) >= LEAST_SHIFT).then(|| (pixels(right), pixels(down)))
+    /// Asks the rows of a strip.
+    fn ask_strip(&self, before: &[f32], now: &[f32], horizon: f64, right: bool, votes: &mut Votes) {
+        for (row, value) in now.iter().enumerate() {
+            let y = row as f64 + 0.5 - horizon;
+            let from = y / self.growth(y, false);
+            if y > 0.0
+                && (y - from).abs() >= LEAST_SHIFT
+                && let Some(moved) = at(before, from + horizon - 0.5)
+            {
+                let before = f64::from(before[row]);
+                votes.ask(right, before, f64::from(*value), before, moved);
+            }
+        }
     }
 }
 
+/// The linearly interpolated value at a position.
+fn at(values: &[f32], place: f64) -> Option<f64> {
+    if place < 0.0 {
+        return None;
+    }
+    let index = place as usize;
+    let left = f64::from(*values.get(index)?);
+    let right = f64::from(*values.get(index + 1).unwrap_or(&values[index]));
+    Some(left + (right - left) * place.fract())
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use image::{Rgb, RgbImage};
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const DRIVES: Drive = Drive {
+        forward: 0.2,
+        turn: 0.0,
+    };
+    const TURNS: Drive = Drive {
+        forward: 0.0,
+        turn: 0.8,
+    };
+    const APART: Duration = Duration::from_millis(400);
+    const BOTH_SIDES: [f64; 3] = [-0.25, -0.07, 0.11];
+
+    /// The view of a wall `far` metres ahead with pale stripes, 4 % darker and 0.09 m wide. They
+    /// begin at these distances to the right of the wall's centre, in metres; each picture has
+    /// different noise.
+    fn wall(far: f64, aside: f64, stripes: &[f64], noise: u32) -> Profiles {
+        let focal = Camera::default().focal_length(320);
+        let picture = RgbImage::from_fn(320, 240, |column, row| {
+            let x = (f64::from(column) - 159.5) * far / focal + aside;
+            let dark = stripes.iter().any(|from| (*from..from + 0.09).contains(&x));
+            let mixed = (column * 37 + row * 101 + noise * 7919).wrapping_mul(0x2C1B_3C6D) >> 24;
+            Rgb([(if dark { 144 } else { 148 } + mixed % 7) as u8; 3])
+        });
+        profiles(&picture)
+    }
+
+    fn profiles(picture: &RgbImage) -> Profiles {
+        let mut profiles = Profiles::default();
+        profiles.take(&Image::from_rgb(picture));
+        profiles
+    }
+
+    fn verdict(before: &Profiles, now: &Profiles, drive: Drive) -> Verdict {
+        compare(before, now, Camera::default(), drive, APART, None)
+    }
+
+    #[test]
+    fn pale_stripes_close_ahead_show_whether_the_robot_is_held() {
+        let before = wall(0.4, 0.0, &BOTH_SIDES, 1);
+        let held = wall(0.4, 0.0, &BOTH_SIDES, 2);
+        assert_eq!(verdict(&before, &held, DRIVES), Verdict::Stands);
+        for slower in [0.08, 0.06] {
+            let driven = wall(0.4 - slower, 0.0, &BOTH_SIDES, 3);
+            assert_ne!(verdict(&before, &driven, DRIVES), Verdict::Stands);
+        }
+    }
+
+    #[test]
+    fn an_edge_that_sways_on_one_side_alone_is_not_a_standstill() {
+        let before = wall(0.4, 0.0, &[0.05], 1);
+        for (far, aside) in [(0.4, -0.008), (0.38, 0.0), (0.34, 0.005)] {
+            let now = wall(far, aside, &[0.05], 2);
+            assert_ne!(verdict(&before, &now, DRIVES), Verdict::Stands);
+        }
+    }
+
+    #[test]
+    fn a_robot_that_should_turn_but_does_not_stands_still() {
+        let before = wall(1.0, 0.0, &BOTH_SIDES, 1);
+        let held = wall(1.0, 0.0, &BOTH_SIDES, 2);
+        assert_eq!(verdict(&before, &held, TURNS), Verdict::Stands);
+        for turned in [0.32, 0.16] {
+            let turned = wall(1.0, -turned, &BOTH_SIDES, 3);
+            assert_ne!(verdict(&before, &turned, TURNS), Verdict::Stands);
+        }
+    }
+
+    #[test]
+    fn only_a_surface_that_hides_all_floor_ahead_is_near() {
+        let camera = Camera::default();
+        let near = wall(0.4, 0.0, &BOTH_SIDES, 1).nearer_than(camera);
+        assert!((0.3..0.7).contains(&near.unwrap()), "{near:?}");
+        let with_floor = |row: u32| {
+            profiles(&RgbImage::from_fn(320, 240, |_, y| {
+                Rgb([if y < row { 150 } else { 144 }; 3])
+            }))
+        };
+        assert_eq!(with_floor(225).nearer_than(camera), None);
+        let foot = with_floor(200).foot_ahead().unwrap();
+        assert!((foot - 40.0).abs() < 1.0, "{foot}");
+        for grey in [0, 255] {
+            let dazzled = profiles(&RgbImage::from_pixel(320, 240, Rgb([grey; 3])));
+            assert_eq!(dazzled.nearer_than(camera), None);
+        }
+    }
+
+    #[test]
+    fn a_plain_wall_a_curve_and_pictures_of_other_sizes_give_no_result() {
+        let plain = wall(0.4, 0.0, &[], 1);
+        let noisy = wall(0.4, 0.0, &[], 2);
+        for drive in [DRIVES, TURNS] {
+            assert_eq!(verdict(&plain, &noisy, drive), Verdict::Unknown);
+        }
+        let stripes = wall(0.4, 0.0, &BOTH_SIDES, 3);
+        let curve = Drive {
+            forward: 0.2,
+            turn: 0.3,
+        };
+        assert_eq!(verdict(&stripes, &stripes, curve), Verdict::Unknown);
+        for side in [0, 1, 2, 7, 16, 33] {
+            let small = profiles(&RgbImage::from_pixel(side, side, Rgb([90; 3])));
+            assert_eq!(verdict(&small, &stripes, DRIVES), Verdict::Unknown);
+            assert_eq!(verdict(&small, &small, DRIVES), Verdict::Unknown);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_picture_and_any_drive_give_a_verdict(
+            pixels in proptest::collection::vec(any::<u8>(), 50 * 40), w in 1u32..50, h in 1u32..40,
+            forward in -1e9f64..1e9, turn in -1e9f64..1e9, ahead in -1e9f64..1e9,
+        ) {
+            let picture = RgbImage::from_fn(w, h, |x, y| Rgb([pixels[(y * 50 + x) as usize]; 3]));
+            let one = profiles(&picture);
+            for drive in [Drive { forward, turn }, Drive { forward: 0.0, turn }] {
+                compare(&one, &one, Camera::default(), drive, APART, Some(ahead));
+            }
+        }
+    }
+}

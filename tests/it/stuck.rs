@@ -108,49 +108,6 @@ fn close_to_a_uniform_wall_the_distance_driven_tells() {
     assert!(pushed < 0.25, "it pushed for {pushed} m: {told:?}");
 }
 
-#[test]
-fn close_to_a_wall_its_last_stripe_tells() {
-    // From there, the foot of the wall is no longer visible.
-    let close = at(3.4, 1.5, 0.0);
-    let (told, end) = play("yard", close, &moves("robot.forward(2, 0.25)"), 1);
-    let (seconds, code) = seconds_and_code(&told);
-    assert!(code == "blocked", "{told:?}, {end:?}");
-    let pushed = 0.25 * seconds - (end.x - close.x);
-    assert!(pushed < 0.17, "it pushed for {pushed} m: {told:?}");
-}
-
-/// A script that is held while it drives backwards, turns on the spot by this many degrees, and
-/// drives on.
-fn turns_and_drives_on(degrees: u32) -> String {
-    format!(
-        "robot.stream('video', true)\nrobot.wait_frame(5)\ntask.wait(1)\n\
-         local _, held = robot.forward(-1, 0.2)\nrobot.turn(math.rad({degrees}))\n\
-         local from = clock.now()\nlocal _, code = robot.forward(0.5, 0.2)\n\
-         print(clock.now() - from, code)\nprint(held)"
-    )
-}
-
-#[test]
-fn a_robot_that_turns_where_it_was_held_and_pushes_on_is_reported_as_blocked_soon() {
-    let told_and_end = |degrees| play(PLAIN, at(0.25, 1.2, 0.0), &turns_and_drives_on(degrees), 1);
-    for degrees in [180, 150, 220] {
-        let (told, end) = told_and_end(degrees);
-        let (seconds, code) = seconds_and_code(&told);
-        assert!(
-            told[1] == "blocked" && code == "blocked" && seconds < 1.3,
-            "{degrees}: {told:?}, {end:?}"
-        );
-    }
-    for degrees in [0, 40, 80] {
-        let (told, end) = told_and_end(degrees);
-        let (_, code) = seconds_and_code(&told);
-        assert!(
-            told[1] == "blocked" && code == "done",
-            "{degrees}: {told:?}, {end:?}"
-        );
-    }
-}
-
 /// An empty room with low walls.
 const PLAIN: &str = "
 room: { width: 4, depth: 3, height: 0.6, walls: '#c9d3d6' }

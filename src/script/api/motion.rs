@@ -18,7 +18,6 @@ pub(super) const CALLS: &Natives = &[
     ("robot.pose", pose),
     ("robot.reset_pose", |call| {
         call.state.odometry.reset();
-        call.state.blockage.forget();
         call.reply(())
     }),
 ];

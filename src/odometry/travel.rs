@@ -19,8 +19,6 @@ pub(super) struct Totals {
     pub(super) turn: f64,
     /// Radians to either side.
     pub(super) turned: f64,
-    /// Commanded radians to the left; turns to the right count as negative.
-    pub(super) commanded: f64,
     /// Metres, forwards or backwards.
     pub(super) way: f64,
 }
@@ -40,15 +38,14 @@ impl Travel {
         }
     }
 
-    /// Adds the motion since the last entry, at a constant rate until `now`: the commanded turn and
-    /// the turn made, in radians, and the distance in metres.
-    pub(super) fn add(&mut self, now: Instant, commanded: f64, turn: f64, way: f64) {
+    /// Adds the motion since the last entry, at a constant rate until `now`: the turn in radians and
+    /// the distance in metres.
+    pub(super) fn add(&mut self, now: Instant, turn: f64, way: f64) {
         let last = self.totals.back().map(|(_, totals)| *totals);
         let last = last.unwrap_or_default();
         let sum = Totals {
             turn: last.turn + turn,
             turned: last.turned + turn.abs(),
-            commanded: last.commanded + commanded,
             way: last.way + way.abs(),
         };
         let count = self.totals.len();
@@ -81,7 +78,6 @@ impl Travel {
         Some(Totals {
             turn: between(before.turn, after.turn),
             turned: between(before.turned, after.turned),
-            commanded: between(before.commanded, after.commanded),
             way: between(before.way, after.way),
         })
     }
@@ -94,7 +90,6 @@ impl Sub for Totals {
         Totals {
             turn: self.turn - before.turn,
             turned: self.turned - before.turned,
-            commanded: self.commanded - before.commanded,
             way: self.way - before.way,
         }
     }
@@ -109,14 +104,13 @@ mod tests {
         let start = Instant::now();
         let mut travel = Travel::new(start);
         for millis in 1..=10_000 {
-            travel.add(start + Duration::from_millis(millis), 0.0012, 0.001, -0.002);
+            travel.add(start + Duration::from_millis(millis), 0.001, -0.002);
         }
         let at = |millis| start + Duration::from_millis(millis);
         let Some(done) = travel.between(at(9_205), at(9_709)) else {
             panic!("too long ago");
         };
         assert!((done.turn - 0.504).abs() < 1e-6 && (done.way - 1.008).abs() < 1e-6);
-        assert!((done.commanded - 0.6048).abs() < 1e-6);
         assert_eq!(travel.between(at(5_000), at(9_000)), None);
         assert!(travel.totals.len() < 700, "{}", travel.totals.len());
     }
