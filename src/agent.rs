@@ -3,14 +3,14 @@
 
 mod active;
 mod behaviour_set;
+mod connect_attempts;
 mod loading;
+mod pilot_client;
+mod repl_session;
 mod rescue;
 mod restart_loop;
 mod roster;
 mod running_pilot;
-mod seat;
-mod talk;
-mod waiting;
 
 use std::time::Duration;
 
@@ -20,20 +20,22 @@ use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 
 use self::behaviour_set::BehaviourSet;
+pub use self::connect_attempts::{ConnectAttempts, retry_until_connected};
+pub use self::pilot_client::{Docked, PilotClient, PilotClientError};
+pub use self::repl_session::{ReplError, ReplSession};
 pub use self::rescue::{RESCUE_NAME, rescue};
 use self::restart_loop::LaunchContext;
-pub use self::roster::{Blueprint, BlueprintError, Member, MemberState, Roster, RosterError};
+pub use self::roster::{
+    BehaviourSpec, BehaviourSpecError, BehaviourState, BehaviourStatus, Roster, RosterError,
+};
 pub use self::running_pilot::{PilotSetup, RunningPilot};
-pub use self::seat::{Docked, Seat, SeatError};
-pub use self::talk::{Talk, TalkError};
-pub use self::waiting::{Tries, until_answered};
 use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy};
 use crate::link::LinkError;
-use crate::pilot::{Dial, Pulse, Reactions, Settings, Status};
+use crate::pilot::{Connector, Heartbeat, Reactions, Settings, Status};
 use crate::robot::channel::Request;
-pub use crate::robot::{Bus, BusMessage, Listener, Occurrence, TimedOccurrence};
+pub use crate::robot::{AgentEvent, Bus, BusMessage, Listener, TimedEvent};
 use crate::robot::{EndReason, Pictures, Priority, ViewerChannel};
-use crate::script::Ending;
+use crate::script::ScriptExit;
 
 /// The total time for the scripts' last words and the end of their hosts.
 const SCRIPTS_END: Duration = Duration::from_millis(1100);
@@ -61,21 +63,21 @@ pub struct Plan {
     /// The behaviours that run from the beginning.
     pub behaviours: Vec<Behaviour>,
     /// What else can be started, and from what the initial behaviours are made when they are
-    /// started again after their end; without a blueprint, from their first text.
-    pub blueprints: Vec<Blueprint>,
+    /// started again after their end; without a spec, from their first text.
+    pub specs: Vec<BehaviourSpec>,
     /// Continue when no behaviour runs.
     pub stays: bool,
     /// The pilot's settings.
     pub settings: Settings,
     /// How to reach the robot.
-    pub dial: Dial,
+    pub connector: Connector,
     /// How to start hosts.
     pub launcher: Launcher,
     /// Runs the pilot and serves the hosts' pipes: the runtime of a
     /// [`DrivingCore`](crate::pilot::DrivingCore), or in virtual time the only runtime.
     pub core: runtime::Handle,
     /// The heartbeat, in real time only.
-    pub pulse: Option<Pulse>,
+    pub heartbeat: Option<Heartbeat>,
     /// The rescue behaviour, if any: see [`rescue`].
     pub rescue: Option<Launch>,
     /// End after this time.
@@ -88,7 +90,7 @@ pub struct Plan {
 #[derive(Debug)]
 pub struct Outcome {
     /// Each behaviour's name and last ending, in the order in which they ended.
-    pub endings: Vec<(String, Ending)>,
+    pub exits: Vec<(String, ScriptExit)>,
     /// The watchdog controlled the robot at the end: low battery.
     pub safety: bool,
     /// Ended by the token, and not by the end of its behaviours or by the time limit.
@@ -121,7 +123,7 @@ pub struct Agent {
 impl Agent {
     /// Prepares a run. Also returns the newest status of robot and watchdog.
     pub fn new(plan: Plan) -> (Agent, watch::Receiver<Status>) {
-        let setup = PilotSetup::new(plan.settings, plan.dial, plan.core, plan.pulse)
+        let setup = PilotSetup::new(plan.settings, plan.connector, plan.core, plan.heartbeat)
             .with_bus(plan.bus.clone());
         let status = setup.status();
         let context = LaunchContext {
@@ -135,7 +137,7 @@ impl Agent {
             viewers: ViewerChannel::default(),
             bus: plan.bus,
         };
-        let (behaviour_set, roster) = BehaviourSet::new(context, status.clone(), plan.blueprints);
+        let (behaviour_set, roster) = BehaviourSet::new(context, status.clone(), plan.specs);
         let agent = Agent {
             behaviours: plan.behaviours,
             behaviour_set,
@@ -149,7 +151,7 @@ impl Agent {
         (agent, status)
     }
 
-    /// The pilot's queue, for requests that no behaviour may make: see [`Request::Sleep`].
+    /// The pilot's queue, for requests that no behaviour may make: see [`Request::Suspend`].
     pub fn requests(&self) -> mpsc::Sender<Request> {
         self.setup.requests()
     }
@@ -221,9 +223,9 @@ impl Agent {
 
 impl Outcome {
     /// The outcome for a script that cannot be loaded.
-    fn refused(ending: (String, Ending)) -> Outcome {
+    fn refused(exit: (String, ScriptExit)) -> Outcome {
         Outcome {
-            endings: vec![ending],
+            exits: vec![exit],
             safety: false,
             interrupted: false,
         }
@@ -274,11 +276,11 @@ impl Run {
     /// Ends the run: first the tracks, then the scripts' last words, then the link.
     async fn end(self, reason: EndReason, interrupted: bool) -> Result<Outcome, AgentError> {
         self.pilot.stop_motion();
-        let endings = self.behaviour_set.end(reason).await;
+        let exits = self.behaviour_set.end(reason).await;
         let safety = reason == EndReason::Safety || self.pilot.status().low;
         self.pilot.end().await;
         Ok(Outcome {
-            endings,
+            exits,
             safety,
             interrupted,
         })

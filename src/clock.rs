@@ -1,5 +1,5 @@
 //! The time of day. Code that depends on the date uses this module; everything else uses
-//! `tokio::time`. In a laboratory the wall clock is virtual too: it starts at a given date and
+//! `tokio::time`. In a simulation the wall clock is virtual too: it starts at a given date and
 //! advances with the runtime's clock.
 
 mod span;
@@ -52,7 +52,7 @@ impl Clock {
         i64::try_from(self.offset.as_millis()).unwrap_or(0)
     }
 
-    /// Returns the current time; in a laboratory the virtual time.
+    /// Returns the current time; in a simulation the virtual time.
     pub fn now(self) -> Timestamp {
         let virtually = WALL.get().map(|(date, at)| {
             let passed = SignedDuration::try_from(at.elapsed()).unwrap_or(SignedDuration::MAX);
@@ -64,7 +64,7 @@ impl Clock {
 }
 
 /// Makes the time on this thread virtual, starting at this date; `None`: at the default date. For
-/// laboratories.
+/// simulations.
 pub fn begin_virtual(date: Option<Timestamp>) {
     let usual = || Timestamp::from_second(VIRTUAL).unwrap_or(Timestamp::UNIX_EPOCH);
     WALL.set(Some((date.unwrap_or_else(usual), Instant::now())));
@@ -99,7 +99,7 @@ impl FromStr for Date {
 }
 
 /// Formats a time for people: `Sun 2026-03-29 01:30`.
-pub fn words(time: &Zoned) -> String {
+pub fn describe(time: &Zoned) -> String {
     time.strftime("%a %Y-%m-%d %H:%M").to_string()
 }
 

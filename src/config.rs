@@ -239,7 +239,7 @@ impl Config {
             camera: self.camera,
             colours: self.colours.clone(),
             streams: self.streams,
-            findings: self.live.listen.is_some(),
+            detections: self.live.listen.is_some(),
             time_zone: self.zone().name().to_owned(),
             ..script::Options::new(name, chunk)
         }
@@ -295,7 +295,7 @@ impl Config {
         }
         yaml::examine(text).map_err(|error| invalid(error.to_string()))?;
         let config: Config =
-            serde_yaml::from_str(text).map_err(|error| invalid(in_words(&error.to_string())))?;
+            serde_yaml::from_str(text).map_err(|error| invalid(to_message(&error.to_string())))?;
         config
             .watchdog
             .check()
@@ -320,7 +320,7 @@ impl Config {
 
 /// Rewrites the error for an unknown key to name its place and the nearest valid one; other errors
 /// as [`yaml::in_plain_words`] does.
-fn in_words(message: &str) -> String {
+fn to_message(message: &str) -> String {
     let parts = message
         .split_once("unknown field `")
         .and_then(|(before, rest)| {

@@ -7,19 +7,19 @@
 //! computer accepts the same requests and gives the same answers through its JSON API.
 
 mod client;
+mod emergency_stop;
 mod error;
 mod folder;
 mod pipe;
 mod report;
 mod request;
 mod server;
-mod stop_latch;
 mod web;
 
 pub use client::{Client, runs};
+pub use emergency_stop::EmergencyStop;
 pub use error::AskError;
-pub use report::{Level, Report, Runs, Start};
-pub use request::{Answer, Change, Listed, MAX_SPEECH, Next, Overview, RunRequest};
+pub use report::{Level, Report, RunningBehaviourReport, Start};
+pub use request::{BehaviourListing, Change, MAX_SPEECH, Next, Overview, RunRequest, RunResponse};
 pub use server::{ControlServer, Run};
-pub use stop_latch::StopLatch;
 pub use web::{Remote, TokenError};

@@ -14,11 +14,11 @@
 //! delivered.
 
 mod client;
+mod dead_man;
 mod first_power;
-mod guard;
-mod note;
+mod message;
 mod process;
 mod starter;
 
-pub use client::{BEAT, Guardian};
+pub use client::{Guardian, HEARTBEAT_INTERVAL};
 pub use process::{GUARDIAN_ARGUMENT, guardian_main};

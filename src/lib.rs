@@ -19,9 +19,9 @@
 //! ```
 //!
 //! Nothing on the driving core waits for a disk, a process or a name lookup. A host that hangs,
-//! crashes or breaks the rules is killed, and its motion ends with it. In virtual time ([`lab`])
-//! everything, including the simulated robot of [`sim`], runs on one thread over pipes in memory,
-//! with the same code and messages.
+//! crashes or breaks the rules is killed, and its motion ends with it. In virtual time
+//! ([`simulation`]) everything, including the simulated robot of [`sim`], runs on one thread over
+//! pipes in memory, with the same code and messages.
 //!
 //! # The two data paths
 //!
@@ -43,7 +43,7 @@
 //!    sent;
 //! 8. `pilot/outputs.rs` hands the watchdog's `Command` to `link/writer.rs`, which writes it.
 //!
-//! On the way it travels in envelopes that carry other messages too (`Received`, `LinkEvent`,
+//! On the way it travels in envelopes that carry other messages too (`Incoming`, `ConnectionEvent`,
 //! `ToHost`, `Payload`, `Output`, `FromHost`, `Request`, `Act`) and waits in queues
 //! (`script/events.rs`, `script/output.rs`, `link/send_queue.rs`).
 //!
@@ -69,10 +69,10 @@
 //! - **A report of the robot**: likewise in `wire/report.rs`; `pilot.rs` handles it,
 //!   and `sim/body/robot.rs` sends it.
 //! - **A fault**: its variant of `sim::FaultKind` (`sim/faults/fault.rs`), its name and keys in
-//!   YAML (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/mangle.rs`,
-//!   `sim/faults/lane.rs`) or on the robot (`sim/server/site.rs`), and its row in
-//!   `tests/it/faults/table.rs`.
-//! - **An event to be published**: its variant of `Occurrence` (`robot/occurrence.rs`),
+//!   YAML (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/corrupt.rs`,
+//!   `sim/faults/proxy_direction.rs`) or on the robot (`sim/server/robot_server.rs`), and its row
+//!   in `tests/it/faults/table.rs`.
+//! - **An event to be published**: its variant of `AgentEvent` (`robot/agent_event.rs`),
 //!   published on the agent's `Bus` where it happens; its text in `cli/history/view.rs`. All
 //!   listeners then receive it.
 //! - **A lesson**: a folder in `behaviours/lessons/` with `README.md`, `starter.lua`,
@@ -94,7 +94,7 @@
 //! | dock state | the robot's position relative to its station, as far as it has reported |
 //! | `Options` | a module's settings, its part of the config; written with the module's name |
 //! | last words | the commands that are sent to the robot if the agent dies now |
-//! | seat | what the pilot keeps of one behaviour: its rights, its streams, its queue of events |
+//! | session | what the pilot keeps of one behaviour: its rights, its streams, its queue of events |
 //! | station, docked | the charging station; the robot stands on its contacts |
 //! | beacon | the station's infrared light, which the robot's own search follows |
 //! | rescue | a behaviour that drives a robot that cannot find its station to where it can |
@@ -109,15 +109,15 @@
 //! | --- | --- | --- |
 //! | 0 | `wire` | messages to bytes and back, discovery datagrams; knows no socket |
 //! | 0 | `vision` | JPEG to pixels to blobs, and the simulator's JPEG encoder; knows no robot |
-//! | 0 | `walls` | the kernel's confinement of processes that handle people's scripts |
+//! | 0 | `sandbox` | the kernel's confinement of processes that handle people's scripts |
 //! | 0 | `files` | regular files of bounded length, folders without links |
 //! | 0 | `yaml` | refuses texts that nest too deeply; errors with positions, in plain words |
-//! | 0 | `clean` | text from outside, harmless for terminals, logs, XML and JSON |
-//! | 0 | `budget` | bytes per day, and lines that are logged once a minute |
+//! | 0 | `sanitize` | text from outside, harmless for terminals, logs, XML and JSON |
+//! | 0 | `rate_limit` | bytes per day, and lines that are logged once a minute |
 //! | 0 | `clock` | the time of day, time zones, durations as people write them |
 //! | 0 | `canvas` | areas, lines and letters in pixels |
-//! | 0 | `unsent` | how much of what was written a robot has not acknowledged yet |
-//! | 1 | `http` | a bounded server and its guard: who may ask; knows no robot |
+//! | 0 | `socket_outq` | how much of what was written a robot has not acknowledged yet |
+//! | 1 | `http` | a bounded server and its check of who may ask; knows no robot |
 //! | 1 | `timetable` | when behaviours start, and quiet hours: pure rules |
 //! | 1 | `robot` | the data types that tasks and processes exchange |
 //! | 1 | `guardian` | the process that stops the robot when the agent cannot |
@@ -133,12 +133,12 @@
 //! | 5 | `behaviour` | a behaviour's host process and its supervisor |
 //! | 6 | `agent` | wiring and lifetimes |
 //! | 6 | `config` | the YAML file, composed of each module's own options |
-//! | 7 | `lab` | a whole run in virtual time: agent, hosts and simulator on one thread |
+//! | 7 | `simulation` | a whole run in virtual time: agent, hosts and simulator on one thread |
 //! | 7 | `control` | requests to an active run: by its socket, or remotely by its API |
 //! | 8 | `live` | the page in the browser, the JSON API, health and metrics |
 //! | 8 | `service` | an agent that runs permanently: timetable, idle robot, systemd |
 //! | 8 | `mqtt` | the broker through which others see and command the robot, and find a fleet |
-//! | 8 | `scenario` | worlds, behaviours and expectations: plays `*_test.lua` files |
+//! | 8 | `scenario` | worlds, behaviours and expectations: runs `*_test.lua` files |
 //! | 9 | `cli` | one file per subcommand |
 //! | side | `sim` | the simulated robot and its world; imports floor 0 only |
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::expect_used))]
@@ -146,10 +146,8 @@
 pub mod agent;
 pub mod api;
 pub mod behaviour;
-pub mod budget;
 pub mod canvas;
 pub mod check;
-pub mod clean;
 pub mod cli;
 pub mod clock;
 pub mod config;
@@ -158,22 +156,24 @@ pub mod files;
 pub mod guardian;
 pub mod http;
 pub mod journal;
-pub mod lab;
 pub mod link;
 pub mod live;
 pub mod mqtt;
 pub mod notify;
 mod odometry;
 pub mod pilot;
+pub mod rate_limit;
 pub mod robot;
 pub mod safety;
+pub mod sandbox;
+pub mod sanitize;
 pub mod scenario;
 pub mod script;
 pub mod service;
 pub mod sim;
+pub mod simulation;
+pub mod socket_outq;
 pub mod timetable;
-pub mod unsent;
 pub mod vision;
-pub mod walls;
 pub mod wire;
 pub mod yaml;

@@ -3,33 +3,33 @@
 //!
 //! It runs on a separate thread with its own runtime. The driving core never waits for it: it reads
 //! channels in which the newest value replaces older ones, and a person's requests go through a
-//! seat at the pilot like those of any behaviour, under the same watchdog. A slow viewer loses
+//! client of the pilot like those of any behaviour, under the same watchdog. A slow viewer loses
 //! frames first, then the connection.
 //!
 //! A person who drives by hand sends setpoints; each is valid for 0.3 s (`manual_drive`). STOP is
-//! not a setpoint but a latch: it holds the robot until a person releases it.
+//! not a setpoint but an emergency stop: it holds the robot until a person releases it.
 
 mod api;
+mod battery_history;
+mod broadcast;
 mod camera;
 mod command;
+mod connection;
 mod history;
-mod hub;
 mod log;
 mod manual_drive;
 mod messages;
 mod metrics;
 mod openapi;
 mod page;
-mod past;
 mod scripts;
 mod server;
 mod state;
-mod ticket;
 mod viewer;
 mod world;
 
 pub use log::{LogTap, tap};
 pub use messages::{schema, understood};
-pub use scripts::{Known, Script};
-pub use server::{Live, LiveError, Shown};
-pub use world::Simulation;
+pub use scripts::{RunDefinition, Script};
+pub use server::{Live, LiveError, WebContext};
+pub use world::SimulatedRobot;

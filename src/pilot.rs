@@ -7,11 +7,11 @@
 //!
 //! Nothing here blocks until the robot takes a command: see [`Writer::queue`].
 
+mod connection;
 mod core;
-mod line;
+mod heartbeat;
 mod minutes_left;
 mod outputs;
-mod pulse;
 mod reaction;
 mod requests;
 mod silence;
@@ -27,29 +27,29 @@ use tokio::time::{Instant, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
-use crate::budget::Repeats;
 use crate::clock::until;
 pub use crate::link::Delivery;
-use crate::link::{LinkError, Received, Writer, close_gracefully};
-use crate::robot::channel::{MAX_REQUESTS, Request, Sleep};
+use crate::link::{Incoming, LinkError, Writer, close_gracefully};
+use crate::rate_limit::Repeats;
+use crate::robot::channel::{MAX_REQUESTS, Request, Suspend};
 use crate::robot::{
-    Battery, BehaviourId, Bus, DockEnd, Event, Frame, Occurrence, PartialFrame, Pictures,
+    AgentEvent, Battery, BehaviourId, Bus, DockEnd, Event, Frame, PartialFrame, Pictures,
     RobotInfo, Streams,
 };
 use crate::safety::{Fact, Limits, Watchdog};
 use crate::wire::{Accepted, Command, EngineReport, Report};
 
+pub use self::connection::Connector;
+use self::connection::{Connection, ConnectionEvent, ConnectionEventError, LinkLost, NewSession};
 pub use self::core::DrivingCore;
-pub use self::line::Dial;
-use self::line::{Line, LinkEvent, LinkEventError, LinkLost, NewSession};
+pub use self::heartbeat::Heartbeat;
 use self::minutes_left::MinutesLeft;
-use self::outputs::{Halt, QuietHours, Restrictions, tell_guardian};
-pub use self::pulse::Pulse;
+use self::outputs::{EmergencyStopState, QuietHours, Restrictions, tell_guardian};
 use self::reaction::Stopwatch;
 pub use self::reaction::{Reactions, Tally};
-use self::requests::Seats;
+use self::requests::Sessions;
 use self::silence::{Silence, SilenceAction};
-pub use self::status::{LinkState, Shown, Status};
+pub use self::status::{ActuatorState, LinkState, Status};
 
 /// The most requests served in a row before the robot's messages are read again.
 const REQUESTS_IN_A_ROW: usize = 32;
@@ -73,7 +73,7 @@ const ENGINE_EVERY: Duration = Duration::from_secs(1);
 
 /// The tokens that end the run.
 #[derive(Debug, Clone, Default)]
-pub struct Ending {
+pub struct Shutdown {
     /// No motion is allowed any more, except the search of a robot with a low battery; lights and
     /// sounds still work.
     pub stop_motion: CancellationToken,
@@ -81,12 +81,12 @@ pub struct Ending {
     pub close_link: CancellationToken,
 }
 
-/// The pilot's settings, besides the line.
+/// The pilot's settings, besides the connection.
 #[derive(Debug, Clone)]
 pub struct Settings {
     /// The numbers of the safety rules.
     pub limits: Limits,
-    /// Whether the line leads to the embedded simulator.
+    /// Whether the connection leads to the embedded simulator.
     pub simulated: bool,
     /// Seeds the jitter of the pauses between attempts to connect.
     pub seed: u64,
@@ -101,11 +101,11 @@ pub struct Settings {
 pub struct Pilot {
     watchdog: Watchdog,
     writer: Option<Writer>,
-    seats: Seats,
+    sessions: Sessions,
     /// The state of tracks, lights and sounds as a person beside the robot sees it.
-    shown: Shown,
+    actuators: ActuatorState,
     /// A person's STOP.
-    halt: Halt,
+    emergency_stop: EmergencyStopState,
     silence: Silence,
     minutes_left: MinutesLeft,
     pictures: watch::Sender<Pictures>,
@@ -133,7 +133,7 @@ pub struct Pilot {
     /// Why attempts to connect have failed, and when each reason was last logged.
     failed: Repeats<String>,
     /// Present in real time only.
-    pulse: Option<Pulse>,
+    heartbeat: Option<Heartbeat>,
     /// Publishes what has happened.
     bus: Bus,
     /// Measures the time from a frame to the motion that behaviours derive from it.
@@ -149,14 +149,14 @@ impl Pilot {
     /// Begins without a link. Also returns the channels of the camera's frames and of the newest
     /// status.
     pub fn new(settings: &Settings) -> (Pilot, watch::Receiver<Pictures>, watch::Receiver<Status>) {
-        let (pictures, shown) = watch::channel(Pictures::default());
+        let (pictures, frames) = watch::channel(Pictures::default());
         let (status, newest_status) = watch::channel(Status::default());
         let pilot = Pilot {
             watchdog: Watchdog::new(settings.limits.clone(), Instant::now()),
             writer: None,
-            seats: Seats::new(settings.streams),
-            shown: Shown::default(),
-            halt: Halt::default(),
+            sessions: Sessions::new(settings.streams),
+            actuators: ActuatorState::default(),
+            emergency_stop: EmergencyStopState::default(),
             silence: Silence::new(Instant::now()),
             minutes_left: MinutesLeft::default(),
             pictures,
@@ -174,17 +174,17 @@ impl Pilot {
             quiet_hours: QuietHours::default(),
             released: false,
             failed: Repeats::new(FAILED_EVERY),
-            pulse: None,
+            heartbeat: None,
             bus: Bus::default(),
             stopwatch: Stopwatch::default(),
         };
-        (pilot, shown, newest_status)
+        (pilot, frames, newest_status)
     }
 
     /// Sets the heartbeat, which runs in real time only: it beats for a guardian and detects a
     /// suspension.
-    pub fn set_pulse(&mut self, pulse: Option<Pulse>) {
-        self.pulse = pulse;
+    pub fn set_heartbeat(&mut self, heartbeat: Option<Heartbeat>) {
+        self.heartbeat = heartbeat;
     }
 
     /// Sets the bus on which the pilot publishes.
@@ -201,47 +201,52 @@ impl Pilot {
     /// Later failures are retried forever.
     pub async fn run(
         mut self,
-        dial: Dial,
+        connector: Connector,
         settings: Settings,
         mut requests: mpsc::Receiver<Request>,
-        ending: Ending,
+        shutdown: Shutdown,
     ) -> Result<Delivery, LinkError> {
-        let mut line = Line::new(dial, &settings.link, settings.seed, self.renew_last_words());
+        let mut connection = Connection::new(
+            connector,
+            &settings.link,
+            settings.seed,
+            self.renew_last_words(),
+        );
         let mut motion_stopped = false;
         loop {
-            self.store_last_words(&mut line);
+            self.store_last_words(&mut connection);
             let deadline = self.next_deadline();
             let turn = tokio::select! {
                 biased;
-                () = ending.close_link.cancelled() => break,
-                () = ending.stop_motion.cancelled(), if !motion_stopped => {
+                () = shutdown.close_link.cancelled() => break,
+                () = shutdown.stop_motion.cancelled(), if !motion_stopped => {
                     motion_stopped = true;
-                    self.take(Fact::RunEnding)
+                    self.handle(Fact::RunEnding)
                 }
-                () = until(deadline) => self.tick(&mut requests).await,
+                () = until(deadline) => self.poll(&mut requests).await,
                 // The next turn tells the guardian what is left of a partly written message.
                 written = progress(self.writer.as_mut()) => written.map_err(LinkLost::from),
-                event = line.next() => match self.handle_event(event) {
+                event = connection.next() => match self.handle_event(event) {
                     Ok(()) => Ok(()),
-                    Err(LinkEventError::Lost(lost)) => Err(lost),
-                    Err(LinkEventError::First(error)) => return Err(error),
+                    Err(ConnectionEventError::Lost(lost)) => Err(lost),
+                    Err(ConnectionEventError::First(error)) => return Err(error),
                 },
                 Some(request) = requests.recv() => self.serve(request),
             };
             let served = turn.and(self.serve_waiting(&mut requests));
             if let Err(lost) = served.and_then(|()| self.apply_restrictions()) {
-                self.lose(&lost, &mut line);
+                self.handle_link_lost(&lost, &mut connection);
             }
             self.tell_motion();
             self.publish();
         }
         self.serve_last(&mut requests);
-        Ok(self.close(line).await)
+        Ok(self.close(connection).await)
     }
 
     fn next_deadline(&self) -> Option<Instant> {
         let silence = self.writer.as_ref().map(|_| self.silence.next_deadline());
-        let beat = self.pulse.as_ref().map(Pulse::due);
+        let beat = self.heartbeat.as_ref().map(Heartbeat::due);
         let deadlines = [
             self.watchdog.next_deadline(),
             self.streams_due,
@@ -253,22 +258,22 @@ impl Pilot {
 
     /// Must be called first in a turn: beats, and detects an interruption, after which nothing from
     /// before is repeated.
-    fn wake(&mut self) -> Result<(), LinkLost> {
-        let pulse = self.pulse.as_mut();
-        match pulse.and_then(|pulse| pulse.beat(Instant::now())) {
+    fn heartbeat(&mut self) -> Result<(), LinkLost> {
+        let heartbeat = self.heartbeat.as_mut();
+        match heartbeat.and_then(|heartbeat| heartbeat.beat(Instant::now())) {
             Some(interruption) => {
                 warn!("{interruption}: the robot is stopped first");
-                self.take(Fact::Suspended)
+                self.handle(Fact::Suspended)
             }
             None => Ok(()),
         }
     }
 
     /// Stops the robot, suspends this program, and stops the robot again when the program resumes.
-    fn sleep(&mut self, Sleep(sleep): Sleep) -> Result<(), LinkLost> {
-        let stopped = self.take(Fact::Suspended);
-        sleep();
-        stopped.and_then(|()| self.take(Fact::Suspended))
+    fn suspend(&mut self, Suspend(suspend): Suspend) -> Result<(), LinkLost> {
+        let stopped = self.handle(Fact::Suspended);
+        suspend();
+        stopped.and_then(|()| self.handle(Fact::Suspended))
     }
 
     /// Serves the requests that the behaviours sent before `close_link` was cancelled.
@@ -283,13 +288,13 @@ impl Pilot {
 
     /// Drains what has arrived while this task, or the whole machine, slept before it evaluates
     /// timeouts.
-    async fn tick(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
-        let woken = self.wake();
+    async fn poll(&mut self, requests: &mut mpsc::Receiver<Request>) -> Result<(), LinkLost> {
+        let woken = self.heartbeat();
         for _ in 0..YIELDS_BEFORE_TIMEOUTS {
             tokio::task::yield_now().await;
         }
         let served = self.serve_waiting(requests);
-        let acts = self.watchdog.tick(Instant::now());
+        let acts = self.watchdog.poll(Instant::now());
         woken.and(served).and(self.perform(acts))?;
         self.catch_up_streams()?;
         self.check_silence()
@@ -328,7 +333,7 @@ impl Pilot {
         let on = self.watchdog.is_robot_moving();
         if on != self.moving {
             self.moving = on;
-            self.seats.tell_all(&Event::Moving { on });
+            self.sessions.tell_all(&Event::Moving { on });
         }
     }
 
@@ -339,7 +344,7 @@ impl Pilot {
         let lately = |at: Instant| now.saturating_duration_since(at) < SOUND_EVENT_INTERVAL;
         if !self.sounding.is_some_and(lately) {
             self.sounding = Some(now);
-            self.seats.tell_all(&Event::Sounding);
+            self.sessions.tell_all(&Event::Sounding);
         }
     }
 
@@ -358,35 +363,35 @@ impl Pilot {
             low: self.watchdog.low().is_some(),
             rescue: self.watchdog.wants_rescue(),
             docked: self.watchdog.docked(),
-            place: self.watchdog.place(),
+            dock_state: self.watchdog.dock_state(),
             shed: self.watchdog.shed(),
-            halted: self.halt.is_on(),
-            shown: self.shown,
+            emergency_stop: self.emergency_stop.is_on(),
+            actuators: self.actuators,
             frames: self.status.borrow().frames,
         };
         self.publish_status(&newest);
         self.status.send_if_modified(|status| status.update(newest));
     }
 
-    // What comes over the line.
+    // What comes over the connection.
 
-    fn handle_event(&mut self, event: LinkEvent) -> Result<(), LinkEventError> {
-        self.wake()?;
+    fn handle_event(&mut self, event: ConnectionEvent) -> Result<(), ConnectionEventError> {
+        self.heartbeat()?;
         match event {
-            LinkEvent::Up(session) => self.connected(*session)?,
-            LinkEvent::Received(Received::Report(report)) => self.report(report)?,
-            LinkEvent::Received(Received::PartialFrame(part)) => self.partial_frame(part),
-            LinkEvent::Lost(error) => return Err(LinkLost::from(error).into()),
-            LinkEvent::Accepted(socket) => self.guard_login(socket),
-            LinkEvent::Ended(delivery) => {
+            ConnectionEvent::Up(session) => self.connected(*session)?,
+            ConnectionEvent::Incoming(Incoming::Report(report)) => self.report(report)?,
+            ConnectionEvent::Incoming(Incoming::PartialFrame(part)) => self.partial_frame(part),
+            ConnectionEvent::Lost(error) => return Err(LinkLost::from(error).into()),
+            ConnectionEvent::Accepted(socket) => self.watch_login(socket),
+            ConnectionEvent::Ended(delivery) => {
                 debug!("at the end of a link: {delivery}");
-                self.release_guard();
+                self.release_guardian();
             }
-            LinkEvent::Failed(error) => {
+            ConnectionEvent::Failed(error) => {
                 // If the robot had accepted the login, the last words were sent.
-                self.release_guard();
+                self.release_guardian();
                 if self.info.is_none() {
-                    return Err(LinkEventError::First(error));
+                    return Err(ConnectionEventError::First(error));
                 }
                 self.log_failed_attempt(&error.to_string());
             }
@@ -419,18 +424,18 @@ impl Pilot {
             simulated: self.simulated,
         };
         self.writer = Some(writer);
-        self.guard();
-        self.shown.forget_lights();
+        self.watch_link();
+        self.actuators.forget_lights();
         self.silence.begin(Instant::now());
         self.publish_link_up(&info, docked);
         self.info = Some(info);
         self.failed = Repeats::new(FAILED_EVERY);
         let mut lost = self
-            .take(Fact::LinkUp { docked, power })
-            .and(self.repeat_halt());
+            .handle(Fact::LinkUp { docked, power })
+            .and(self.repeat_emergency_stop());
         self.note_level();
         self.publish_battery();
-        self.seats.welcome_all(&self.welcome());
+        self.sessions.welcome_all(&self.welcome());
         for report in early {
             lost = lost.and(self.report(report));
         }
@@ -456,7 +461,7 @@ impl Pilot {
 
     fn report(&mut self, report: Report) -> Result<(), LinkLost> {
         self.silence.note_received(Instant::now());
-        let lost = self.take(Fact::BytesReceived);
+        let lost = self.handle(Fact::BytesReceived);
         match report {
             Report::Power(power) => {
                 self.silence.level(Instant::now());
@@ -464,8 +469,8 @@ impl Pilot {
             }
             Report::Engine(report) => return lost.and(self.engine(report)),
             Report::Video(jpeg) => self.frame(jpeg),
-            Report::Audio(samples) => self.seats.tell_listeners(&Event::Audio(samples)),
-            Report::SoundFinished => self.seats.tell_all(&Event::SoundFinished),
+            Report::Audio(samples) => self.sessions.tell_listeners(&Event::Audio(samples)),
+            Report::SoundFinished => self.sessions.tell_all(&Event::SoundFinished),
             Report::Unknown(packet) => self.log_unknown_message(packet.kind),
             Report::Accepted(_) | Report::Refused(_) => debug!("unexpected login reply"),
             Report::Config(_) | Report::Networks(_) | Report::Log(_) => {}
@@ -481,16 +486,16 @@ impl Pilot {
     /// change.
     fn take_battery_fact(&mut self, fact: Fact) -> Result<(), LinkLost> {
         let before = self.watchdog.battery();
-        let acts = self.watchdog.take(fact, Instant::now());
+        let acts = self.watchdog.handle(fact, Instant::now());
         self.note_level();
         if let (Some(before), Some(battery)) = (before, self.battery()) {
             if battery.is_news_after(&before) {
-                self.seats.tell_all(&Event::Battery(battery));
+                self.sessions.tell_all(&Event::Battery(battery));
                 self.publish_battery();
             }
             if battery.charging != before.charging {
                 let on = battery.charging;
-                self.seats.tell_all(&Event::Charging { on });
+                self.sessions.tell_all(&Event::Charging { on });
             }
         }
         self.perform(acts)
@@ -511,7 +516,7 @@ impl Pilot {
             EngineReport::Unknown(code) => Event::Engine { code },
         };
         self.log_engine_report(report);
-        self.seats.tell_all(&event);
+        self.sessions.tell_all(&event);
         self.take_battery_fact(Fact::Engine(report))
     }
 
@@ -525,7 +530,7 @@ impl Pilot {
         self.stopwatch.frame(at);
         self.pictures
             .send_modify(|pictures| pictures.push(Frame { seq, at, jpeg }));
-        self.seats.notify_frame();
+        self.sessions.notify_frame();
     }
 
     fn partial_frame(&mut self, jpeg: Bytes) {
@@ -533,12 +538,12 @@ impl Pilot {
         let seq = self.status.borrow().frames + 1;
         self.pictures
             .send_modify(|pictures| pictures.partial = Some(PartialFrame { seq, jpeg }));
-        self.seats.notify_frame();
+        self.sessions.notify_frame();
     }
 
     /// Logs each reason at long intervals: a robot may be out of reach for weeks.
     fn log_failed_attempt(&mut self, error: &str) {
-        match self.failed.note(error.to_owned(), Instant::now()) {
+        match self.failed.record(error.to_owned(), Instant::now()) {
             Some(0) => warn!("still not connected: {error}"),
             Some(repeated) => warn!(repeated, "still not connected: {error}"),
             None => debug!("still not connected: {error}"),
@@ -548,10 +553,10 @@ impl Pilot {
     /// Limits the log: a broken or faked robot may repeat a report a thousand times a second.
     fn log_engine_report(&mut self, report: EngineReport) {
         let said = match report {
-            EngineReport::Unknown(code) => {
-                self.unknown.note(UnknownKind::Engine(code), Instant::now())
-            }
-            known => self.engine_log.note(known, Instant::now()),
+            EngineReport::Unknown(code) => self
+                .unknown
+                .record(UnknownKind::Engine(code), Instant::now()),
+            known => self.engine_log.record(known, Instant::now()),
         };
         match said {
             Some(0) => info!("the robot says: {}", describe(report)),
@@ -563,7 +568,7 @@ impl Pilot {
     fn log_unknown_message(&mut self, kind: u8) {
         if let Some(repeated) = self
             .unknown
-            .note(UnknownKind::Message(kind), Instant::now())
+            .record(UnknownKind::Message(kind), Instant::now())
         {
             info!(
                 kind,
@@ -574,41 +579,41 @@ impl Pilot {
 
     // The end of a link, and of the run.
 
-    /// Handles a lost link: the last words are tried without blocking, and the line completes them.
-    /// The guardian keeps the link until then.
-    fn lose(&mut self, lost: &LinkLost, line: &mut Line) {
-        self.store_last_words(line);
+    /// Handles a lost link: the last words are tried without blocking, and the connection completes
+    /// them. The guardian keeps the link until then.
+    fn handle_link_lost(&mut self, lost: &LinkLost, connection: &mut Connection) {
+        self.store_last_words(connection);
         let Some(mut writer) = self.writer.take() else {
-            return line.hang_up(None);
+            return connection.disconnect(None);
         };
         writer.send_last_words();
-        tell_guardian(&mut self.pulse, &writer);
-        line.hang_up(Some(writer));
+        tell_guardian(&mut self.heartbeat, &writer);
+        connection.disconnect(Some(writer));
         if self.released {
             info!("disconnected: {lost}; the robot is free for others")
         } else {
             warn!("disconnected: {lost}; reconnecting")
         }
         self.minutes_left.forget();
-        let acts = self.watchdog.take(Fact::LinkDown, Instant::now());
+        let acts = self.watchdog.handle(Fact::LinkDown, Instant::now());
         // Without a link nothing is sent, so this cannot fail.
         let _ = self.perform(acts);
         let reason = lost.to_string();
         self.publish_link_down(&reason);
-        self.seats.tell_all(&Event::Disconnected { reason });
+        self.sessions.tell_all(&Event::Disconnected { reason });
     }
 
     /// Ends the run's motion (see [`Fact::RunEnding`]), switches the streams off, and closes the
     /// link when that has been acknowledged, or [`DELIVERY`] is over.
-    async fn close(mut self, mut line: Line) -> Delivery {
-        self.settle(&mut line).await;
-        let stopped = self.take(Fact::RunEnding);
-        let off = self.seats.streams_off();
+    async fn close(mut self, mut connection: Connection) -> Delivery {
+        self.settle(&mut connection).await;
+        let stopped = self.handle(Fact::RunEnding);
+        let off = self.sessions.streams_off();
         if let Err(lost) = stopped.and_then(|()| self.send(&off)) {
             warn!("at the end: {lost}");
         }
-        self.store_last_words(&mut line);
-        let delivery = match (self.writer.take(), line.into_reader()) {
+        self.store_last_words(&mut connection);
+        let delivery = match (self.writer.take(), connection.into_reader()) {
             (Some(writer), Some(reader)) => {
                 self.beat_during(close_gracefully(reader, writer, DELIVERY))
                     .await
@@ -623,28 +628,33 @@ impl Pilot {
         // What has not been acknowledged is left to the guardian, which keeps the connection open
         // until it is.
         if delivery == Delivery::Acknowledged {
-            self.release_guard();
+            self.release_guardian();
         }
         delivery
     }
 
     /// Waits, for at most [`DELIVERY`], until the last words of a lost link are delivered, and until
     /// a login that the robot has accepted is complete: before its first POWER it obeys no stop.
-    async fn settle(&mut self, line: &mut Line) {
+    async fn settle(&mut self, connection: &mut Connection) {
         let until = Instant::now() + DELIVERY;
-        self.store_last_words(line);
-        while line.is_unsettled() {
-            let next = timeout_at(until, line.next());
+        self.store_last_words(connection);
+        while connection.is_unsettled() {
+            let next = timeout_at(until, connection.next());
             let Ok(event) = self.beat_during(next).await else {
-                if self.pulse.as_mut().and_then(Pulse::guardian).is_some() {
-                    line.leave_login();
+                if self
+                    .heartbeat
+                    .as_mut()
+                    .and_then(Heartbeat::guardian)
+                    .is_some()
+                {
+                    connection.abandon_login();
                 }
                 return;
             };
             if let Err(error) = self.handle_event(event) {
                 warn!("at the end: {error}");
             }
-            self.store_last_words(line);
+            self.store_last_words(connection);
         }
     }
 
@@ -652,13 +662,13 @@ impl Pilot {
     async fn beat_during<T>(&mut self, work: impl Future<Output = T>) -> T {
         let mut work = pin!(work);
         loop {
-            let due = self.pulse.as_ref().map(Pulse::due);
+            let due = self.heartbeat.as_ref().map(Heartbeat::due);
             tokio::select! {
                 biased;
                 done = &mut work => return done,
                 () = until(due) => {
-                    if let Some(pulse) = &mut self.pulse {
-                        pulse.beat(Instant::now());
+                    if let Some(heartbeat) = &mut self.heartbeat {
+                        heartbeat.beat(Instant::now());
                     }
                 }
             }
@@ -669,12 +679,12 @@ impl Pilot {
 
     fn publish_link_up(&self, info: &RobotInfo, docked: bool) {
         let robot = info.clone();
-        self.bus.publish(Occurrence::LinkUp { robot, docked });
+        self.bus.publish(AgentEvent::LinkUp { robot, docked });
     }
 
     fn publish_link_down(&self, reason: &str) {
         let reason = reason.to_owned();
-        self.bus.publish(Occurrence::LinkDown { reason });
+        self.bus.publish(AgentEvent::LinkDown { reason });
     }
 
     /// The battery with the estimate of the minutes left.
@@ -687,14 +697,14 @@ impl Pilot {
 
     fn publish_battery(&self) {
         if let Some(battery) = self.battery() {
-            self.bus.publish(Occurrence::Battery(battery));
+            self.bus.publish(AgentEvent::Battery(battery));
         }
     }
 
     fn publish_safety(&self, event: &Event) {
         if let Event::Safety { action, reason } = event {
             let (action, reason) = (*action, reason.clone());
-            self.bus.publish(Occurrence::Safety { action, reason });
+            self.bus.publish(AgentEvent::Safety { action, reason });
         }
     }
 
@@ -704,9 +714,9 @@ impl Pilot {
         let Event::UndockEnded { end, .. } = event else {
             return;
         };
-        if let (DockEnd::Done | DockEnd::Timeout, Some(by)) = (*end, self.seats.name(by)) {
+        if let (DockEnd::Done | DockEnd::Timeout, Some(by)) = (*end, self.sessions.name(by)) {
             let (by, end) = (by.to_owned(), *end);
-            self.bus.publish(Occurrence::Undock { by, end });
+            self.bus.publish(AgentEvent::Undock { by, end });
         }
     }
 
@@ -714,8 +724,8 @@ impl Pilot {
         let Some(report) = self.watchdog.take_dock_report() else {
             return;
         };
-        let by = report.by.and_then(|by| self.seats.name(by));
-        self.bus.publish(Occurrence::Dock {
+        let by = report.by.and_then(|by| self.sessions.name(by));
+        self.bus.publish(AgentEvent::Dock {
             by: by.map(str::to_owned),
             end: report.outcome.end,
             attempts: report.outcome.attempts,
@@ -730,7 +740,7 @@ impl Pilot {
         if essence(&before) != essence(newest) {
             let (state, low, docked) = essence(newest);
             self.bus
-                .publish(Occurrence::Watchdog { state, low, docked });
+                .publish(AgentEvent::Watchdog { state, low, docked });
         }
     }
 }

@@ -2,25 +2,25 @@
 //! what it receives ([`Event`], [`Frame`]), results, and the quantities in them. Data only: no
 //! rule, no socket, no VM.
 
+mod agent_event;
 mod bus;
 pub mod channel;
+mod detection;
 mod ends;
 mod event;
-mod finding;
 mod frame;
 mod intent;
-mod occurrence;
 mod param;
 mod quantity;
 mod streams;
 
-pub use bus::{Bus, BusMessage, Listener, TimedOccurrence};
+pub use agent_event::{AgentEvent, HostReport, WatchdogState};
+pub use bus::{Bus, BusMessage, Listener, TimedEvent};
+pub use detection::{Detection, Detections, ViewerChannel};
 pub use ends::{DockEnd, EndReason, MotionEnd, SafetyAction};
 pub use event::Event;
-pub use finding::{Finding, Findings, ViewerChannel};
 pub use frame::{Frame, PartialFrame, Pictures};
 pub use intent::{DockPlan, Intent};
-pub use occurrence::{Occurrence, Remark, WatchdogState};
 pub use param::{DeclaredParam, DeclaredParams, ParamBoard, ParamChange, ParamValue};
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
 pub use streams::{StreamOff, Streams, Use};

@@ -13,10 +13,10 @@ use std::time::Duration;
 
 use spykee::agent::Behaviour;
 use spykee::behaviour::{Launch, Library};
-use spykee::lab::{self, Event, Recorder};
 use spykee::robot::Priority;
 use spykee::script;
 use spykee::sim::{Fault, Handle, World};
+use spykee::simulation::{self, Event, Recorder};
 
 /// A behaviour that is started once, with the ready-made modules.
 pub fn behaviour(source: impl Into<Vec<u8>>, options: script::Options) -> Behaviour {
@@ -42,17 +42,17 @@ impl Events {
     }
 }
 
-/// A laboratory whose events are kept for an observer. All faults come from the test.
-pub fn observed(seed: u64, sim: spykee::sim::Options) -> (lab::Options, Events) {
+/// A simulation whose events are kept for an observer. All faults come from the test.
+pub fn observed(seed: u64, sim: spykee::sim::Options) -> (simulation::Options, Events) {
     let (sender, events) = std::sync::mpsc::sync_channel(100_000);
-    let options = lab::Options {
+    let options = simulation::Options {
         seed,
         events: Some(Recorder::new(move |event| drop(sender.try_send(event)))),
         sim: spykee::sim::Options {
             faults: Some(Vec::new()),
             ..sim
         },
-        ..lab::Options::default()
+        ..simulation::Options::default()
     };
     (options, Events(Mutex::new(events)))
 }

@@ -5,9 +5,9 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::Instant;
 
-use super::roster::{Blueprint, Member, MemberState, Reply, RosterError};
+use super::roster::{BehaviourSpec, BehaviourState, BehaviourStatus, Reply, RosterError};
 use crate::robot::{BehaviourId, EndReason, Priority};
-use crate::script::Ending;
+use crate::script::ScriptExit;
 
 /// Tells one behaviour to end, and why.
 pub(super) type Stop = watch::Sender<Option<EndReason>>;
@@ -77,37 +77,37 @@ impl ActiveBehaviour {
     }
 
     /// The state of the behaviour.
-    pub(super) fn state(&self) -> MemberState {
+    pub(super) fn state(&self) -> BehaviourState {
         match self.since {
-            _ if self.stop.borrow().is_some() => MemberState::Ending,
-            Some(since) => MemberState::Running { by: self.by, since },
-            None => MemberState::Loading,
+            _ if self.stop.borrow().is_some() => BehaviourState::Ending,
+            Some(since) => BehaviourState::Running { by: self.by, since },
+            None => BehaviourState::Loading,
         }
     }
 }
 
-/// All behaviours of a set: those of its blueprints first, then those that still run but are no
-/// longer in the config. `endings` holds each behaviour's last ending, by name.
-pub(super) fn members(
-    blueprints: &[Blueprint],
+/// All behaviours of a set: those of its specs first, then those that still run but are no
+/// longer in the config. `exits` holds each behaviour's last ending, by name.
+pub(super) fn statuses(
+    specs: &[BehaviourSpec],
     active: &[ActiveBehaviour],
-    endings: &[(String, Ending)],
-) -> Vec<Member> {
-    let known = |name: &str| blueprints.iter().any(|one| one.name() == name);
+    exits: &[(String, ScriptExit)],
+) -> Vec<BehaviourStatus> {
+    let known = |name: &str| specs.iter().any(|one| one.name() == name);
     let rest = active.iter().filter(|one| !known(&one.name));
     let rest = rest.map(|one| (one.name.as_str(), Priority::default()));
-    let all = blueprints.iter().map(|one| (one.name(), one.priority()));
-    let member = |(name, priority): (&str, Priority)| {
+    let all = specs.iter().map(|one| (one.name(), one.priority()));
+    let behaviour_status = |(name, priority): (&str, Priority)| {
         let running = active.iter().find(|one| one.name == name);
-        let ending = endings.iter().find(|(of, _)| of == name);
-        Member {
+        let exit = exits.iter().find(|(of, _)| of == name);
+        BehaviourStatus {
             name: name.to_owned(),
             priority,
-            state: running.map_or(MemberState::Idle, ActiveBehaviour::state),
-            ending: ending.map(|(_, ending)| ending.clone()),
+            state: running.map_or(BehaviourState::Idle, ActiveBehaviour::state),
+            exit: exit.map(|(_, exit)| exit.clone()),
         }
     };
-    all.chain(rest).map(member).collect()
+    all.chain(rest).map(behaviour_status).collect()
 }
 
 /// Tells a behaviour to end; an earlier reason is kept.

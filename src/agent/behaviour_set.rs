@@ -9,17 +9,17 @@ use tokio::task::JoinSet;
 use tokio::time::{Instant, timeout};
 use tracing::{error, info, warn};
 
-use super::active::{ActiveBehaviour, Stop, members, request_stop};
+use super::active::{ActiveBehaviour, Stop, request_stop, statuses};
 use super::loading::load;
 use super::restart_loop::{LaunchContext, RestartLoop, report};
-use super::roster::{Blueprint, Member, Reply, Roster, RosterCommand, RosterError};
+use super::roster::{BehaviourSpec, BehaviourStatus, Reply, Roster, RosterCommand, RosterError};
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::Prepared;
 use crate::clock::until;
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::Role;
-use crate::robot::{BehaviourId, EndReason, Occurrence};
-use crate::script::Ending;
+use crate::robot::{AgentEvent, BehaviourId, EndReason};
+use crate::script::ScriptExit;
 
 /// The most behaviours that run at the same time: each is a process.
 const MAX_BEHAVIOURS: usize = 32;
@@ -28,7 +28,7 @@ const MAX_BEHAVIOURS: usize = 32;
 const NUMBERS: u16 = 0xF000;
 
 /// A behaviour with its first host, or why it could not be started.
-type PreparedBehaviour = (RestartLoop, Result<Prepared, Ending>);
+type PreparedBehaviour = (RestartLoop, Result<Prepared, ScriptExit>);
 
 /// The result of loading a script.
 type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
@@ -37,13 +37,13 @@ type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 pub(super) struct BehaviourSet {
     context: LaunchContext,
     commands: mpsc::Receiver<RosterCommand>,
-    blueprints: Vec<Blueprint>,
+    specs: Vec<BehaviourSpec>,
     active: Vec<ActiveBehaviour>,
-    running: JoinSet<(BehaviourId, String, Ending)>,
+    running: JoinSet<(BehaviourId, String, ScriptExit)>,
     loading: JoinSet<Loaded>,
     /// Each behaviour's last ending by name, in the order in which they ended.
-    endings: Vec<(String, Ending)>,
-    members: watch::Sender<Vec<Member>>,
+    exits: Vec<(String, ScriptExit)>,
+    statuses: watch::Sender<Vec<BehaviourStatus>>,
     status: watch::Receiver<Status>,
     last: u16,
 }
@@ -53,19 +53,19 @@ impl BehaviourSet {
     pub(super) fn new(
         context: LaunchContext,
         status: watch::Receiver<Status>,
-        blueprints: Vec<Blueprint>,
+        specs: Vec<BehaviourSpec>,
     ) -> (BehaviourSet, Roster) {
-        let members = watch::Sender::new(Vec::new());
-        let (roster, commands) = Roster::new(members.subscribe(), context.viewers.clone());
+        let statuses = watch::Sender::new(Vec::new());
+        let (roster, commands) = Roster::new(statuses.subscribe(), context.viewers.clone());
         let behaviour_set = BehaviourSet {
             context,
             commands,
-            blueprints,
+            specs,
             active: Vec::new(),
             running: JoinSet::new(),
             loading: JoinSet::new(),
-            endings: Vec::new(),
-            members,
+            exits: Vec::new(),
+            statuses,
             status,
             last: NUMBERS - 1,
         };
@@ -78,21 +78,21 @@ impl BehaviourSet {
     pub(super) async fn prepare(
         &mut self,
         behaviours: Vec<Behaviour>,
-    ) -> Result<Vec<PreparedBehaviour>, (String, Ending)> {
+    ) -> Result<Vec<PreparedBehaviour>, (String, ScriptExit)> {
         let mut prepared = Vec::new();
         for behaviour in behaviours {
             let name = &behaviour.launch.options.name;
-            if !self.blueprints.iter().any(|known| known.name() == name) {
-                self.blueprints.push(Blueprint::from_behaviour(&behaviour));
+            if !self.specs.iter().any(|known| known.name() == name) {
+                self.specs.push(BehaviourSpec::from_behaviour(&behaviour));
             }
             let (by, stop) = (self.number(), Stop::new(None));
             let restart_loop = self.restart_loop(by, &stop, behaviour);
             match restart_loop.prepare().await {
-                Err(ending) if !restart_loop.is_watched() => {
+                Err(exit) if !restart_loop.is_watched() => {
                     let name = restart_loop.name().to_owned();
-                    report(&name, &ending);
-                    restart_loop.publish_ended(&ending, Duration::ZERO);
-                    return Err((name, ending));
+                    report(&name, &exit);
+                    restart_loop.publish_ended(&exit, Duration::ZERO);
+                    return Err((name, exit));
                 }
                 first => {
                     let name = restart_loop.name().to_owned();
@@ -126,7 +126,7 @@ impl BehaviourSet {
                 RosterCommand::Start(name, _, reply) | RosterCommand::Restart(name, reply)
                     if offline =>
                 {
-                    let refusal = match self.blueprint(&name) {
+                    let refusal = match self.spec(&name) {
                         Some(_) => RosterError::Offline,
                         None => self.unknown(&name),
                     };
@@ -153,8 +153,8 @@ impl BehaviourSet {
             biased;
             () = until(next) => self.end_overdue(Instant::now()),
             Some(ended) = self.running.join_next() => {
-                let (by, name, ending) = ended.map_err(|_| AgentError::Broken("a supervisor"))?;
-                self.behaviour_ended(by, name, ending);
+                let (by, name, exit) = ended.map_err(|_| AgentError::Broken("a supervisor"))?;
+                self.behaviour_ended(by, name, exit);
             }
             Some(loaded) = self.loading.join_next() => {
                 let (by, loaded) = loaded.map_err(|_| AgentError::Broken("a supervisor"))?;
@@ -167,21 +167,21 @@ impl BehaviourSet {
     }
 
     /// Ends all behaviours with this reason, in bounded time; returns each one's last ending.
-    pub(super) async fn end(mut self, reason: EndReason) -> Vec<(String, Ending)> {
+    pub(super) async fn end(mut self, reason: EndReason) -> Vec<(String, ScriptExit)> {
         self.commands.close();
         for one in &mut self.active {
             one.restart_reply = None;
             request_stop(&one.stop, reason);
         }
         let scripts = async {
-            while let Some(Ok((by, name, ending))) = self.running.join_next().await {
-                self.behaviour_ended(by, name, ending);
+            while let Some(Ok((by, name, exit))) = self.running.join_next().await {
+                self.behaviour_ended(by, name, exit);
             }
         };
         if timeout(SCRIPTS_END, scripts).await.is_err() {
             warn!("scripts that did not end in time were abandoned");
         }
-        self.endings
+        self.exits
     }
 
     /// After an internal error: ends all hosts at once.
@@ -202,7 +202,7 @@ impl BehaviourSet {
                     one.ended.push(reply);
                 }
                 None => {
-                    let why = match self.blueprint(&name) {
+                    let why = match self.spec(&name) {
                         Some(_) => RosterError::DoesNotRun(name),
                         None => self.unknown(&name),
                     };
@@ -213,7 +213,7 @@ impl BehaviourSet {
                 for one in &mut self.active {
                     one.stop_for_good(EndReason::Cancelled);
                 }
-                // Whoever gets the reply then waits for the members in state `Ending`.
+                // Whoever gets the reply then waits for the behaviours in state `Ending`.
                 self.publish();
                 let _ = reply.send(Ok(()));
             }
@@ -226,8 +226,8 @@ impl BehaviourSet {
                 }
                 None => self.start(&name, None, reply),
             },
-            RosterCommand::Define(blueprints, reply) => {
-                self.blueprints = blueprints;
+            RosterCommand::Define(specs, reply) => {
+                self.specs = specs;
                 let _ = reply.send(Ok(()));
             }
         }
@@ -236,7 +236,7 @@ impl BehaviourSet {
 
     /// Loads the script of a behaviour that does not run.
     fn start(&mut self, name: &str, time_limit: Option<Duration>, reply: Reply) {
-        let Some(blueprint) = self.blueprint(name).cloned() else {
+        let Some(spec) = self.spec(name).cloned() else {
             let unknown = self.unknown(name);
             return refuse(reply, unknown);
         };
@@ -246,7 +246,7 @@ impl BehaviourSet {
         let (by, stop) = (self.number(), Stop::new(None));
         let (context, status) = (self.context(&stop), self.status.clone());
         self.loading
-            .spawn(async move { (by, load(context, by, blueprint, status).await) });
+            .spawn(async move { (by, load(context, by, spec, status).await) });
         let mut one = ActiveBehaviour::new(by, name.to_owned(), stop, time_limit);
         one.started.push(reply);
         self.active.push(one);
@@ -272,13 +272,13 @@ impl BehaviourSet {
                         if let RosterError::CannotLoad(why) = &why {
                             let reason = EndReason::Error;
                             let message = Some(why.clone());
-                            self.context.bus.publish(Occurrence::Ended {
+                            self.context.bus.publish(AgentEvent::Ended {
                                 behaviour: one.name.clone(),
                                 reason,
                                 message: message.clone(),
                                 seconds: 0.0,
                             });
-                            self.keep_ending(&one.name, Ending { reason, message });
+                            self.keep_exit(&one.name, ScriptExit { reason, message });
                         }
                         why
                     }
@@ -293,19 +293,19 @@ impl BehaviourSet {
         self.publish();
     }
 
-    fn run(&mut self, restart_loop: RestartLoop, first: Result<Prepared, Ending>) {
+    fn run(&mut self, restart_loop: RestartLoop, first: Result<Prepared, ScriptExit>) {
         let by = restart_loop.by();
         if let Some(one) = self.active.iter_mut().find(|one| one.by == by) {
             one.since = Some(Instant::now());
         }
         self.running.spawn(async move {
-            let (name, ending) = restart_loop.run(first).await;
-            (by, name, ending)
+            let (name, exit) = restart_loop.run(first).await;
+            (by, name, exit)
         });
     }
 
-    fn behaviour_ended(&mut self, by: BehaviourId, name: String, ending: Ending) {
-        self.keep_ending(&name, ending);
+    fn behaviour_ended(&mut self, by: BehaviourId, name: String, exit: ScriptExit) {
+        self.keep_exit(&name, exit);
         if let Some(at) = self.active.iter().position(|one| one.by == by) {
             let one = self.active.remove(at);
             self.close(one);
@@ -334,9 +334,9 @@ impl BehaviourSet {
     }
 
     /// Remembers an ending; the list is bounded by the number of names.
-    fn keep_ending(&mut self, name: &str, ending: Ending) {
-        self.endings.retain(|(of, _)| of != name);
-        self.endings.push((name.to_owned(), ending));
+    fn keep_exit(&mut self, name: &str, exit: ScriptExit) {
+        self.exits.retain(|(of, _)| of != name);
+        self.exits.push((name.to_owned(), exit));
     }
 
     /// A number that no running behaviour has.
@@ -365,17 +365,17 @@ impl BehaviourSet {
         self.active.iter_mut().find(|one| one.name == name)
     }
 
-    fn blueprint(&self, name: &str) -> Option<&Blueprint> {
-        self.blueprints.iter().find(|known| known.name() == name)
+    fn spec(&self, name: &str) -> Option<&BehaviourSpec> {
+        self.specs.iter().find(|known| known.name() == name)
     }
 
     fn unknown(&self, name: &str) -> RosterError {
-        RosterError::unknown(name, self.blueprints.iter().map(Blueprint::name))
+        RosterError::unknown(name, self.specs.iter().map(BehaviourSpec::name))
     }
 
     fn publish(&self) {
-        let members = members(&self.blueprints, &self.active, &self.endings);
-        self.members.send_replace(members);
+        let statuses = statuses(&self.specs, &self.active, &self.exits);
+        self.statuses.send_replace(statuses);
     }
 }
 

@@ -1,4 +1,4 @@
-//! Creates a behaviour from its blueprint and loads it.
+//! Creates a behaviour from its spec and loads it.
 
 use std::time::Duration;
 
@@ -7,12 +7,12 @@ use tokio::task::spawn_blocking;
 use tokio::time::timeout;
 
 use super::restart_loop::{LaunchContext, RestartLoop};
-use super::roster::{Blueprint, BlueprintError, RosterError};
+use super::roster::{BehaviourSpec, BehaviourSpecError, RosterError};
 use crate::behaviour::Prepared;
 use crate::pilot::{LinkState, Status};
 use crate::robot::BehaviourId;
 use crate::robot::channel::Role;
-use crate::script::Ending;
+use crate::script::ScriptExit;
 
 /// How long a loaded behaviour waits for the robot.
 const REACH: Duration = Duration::from_millis(3500);
@@ -22,16 +22,16 @@ const REACH: Duration = Duration::from_millis(3500);
 pub(super) async fn load(
     context: LaunchContext,
     by: BehaviourId,
-    blueprint: Blueprint,
+    spec: BehaviourSpec,
     mut status: watch::Receiver<Status>,
 ) -> Result<(RestartLoop, Prepared), RosterError> {
-    let made = spawn_blocking(move || blueprint.make()).await;
+    let made = spawn_blocking(move || spec.make()).await;
     let behaviour = made
-        .unwrap_or(Err(BlueprintError::Internal))
+        .unwrap_or(Err(BehaviourSpecError::Internal))
         .map_err(|error| RosterError::CannotLoad(error.to_string()))?;
     let restart_loop = RestartLoop::new(context, by, Role::Behaviour, behaviour);
     let prepared = restart_loop.prepare().await;
-    let host = prepared.map_err(|ending| RosterError::CannotLoad(describe(&ending)))?;
+    let host = prepared.map_err(|exit| RosterError::CannotLoad(describe(&exit)))?;
     // A robot whose link was released is being dialled meanwhile.
     let up = status.wait_for(|status| status.link == LinkState::Up);
     match timeout(REACH, up).await {
@@ -40,7 +40,7 @@ pub(super) async fn load(
     }
 }
 
-fn describe(ending: &Ending) -> String {
-    let words = ending.message.as_deref();
-    words.unwrap_or(ending.reason.sentence()).to_owned()
+fn describe(exit: &ScriptExit) -> String {
+    let words = exit.message.as_deref();
+    words.unwrap_or(exit.reason.sentence()).to_owned()
 }

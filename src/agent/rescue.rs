@@ -1,4 +1,4 @@
-//! The rescue behaviour: the script to which the watchdog lends the tracks when a robot with a low
+//! The rescue behaviour: the script to which the watchdog grants the tracks when a robot with a low
 //! battery does not find its station. Its host runs only while the watchdog wants it.
 
 use std::io;

@@ -18,8 +18,8 @@ use crate::behaviour::{
 };
 use crate::check;
 use crate::robot::channel::{Request, Role};
-use crate::robot::{BehaviourId, Bus, EndReason, Occurrence, Pictures, Priority, ViewerChannel};
-use crate::script::Ending;
+use crate::robot::{AgentEvent, BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
+use crate::script::ScriptExit;
 
 /// The reason to end the behaviour, once there is one.
 type Stop = watch::Receiver<Option<EndReason>>;
@@ -46,7 +46,7 @@ struct Loaded {
     source: Vec<u8>,
 }
 
-type Loading = Pin<Box<dyn Future<Output = Result<Loaded, Ending>> + Send>>;
+type Loading = Pin<Box<dyn Future<Output = Result<Loaded, ScriptExit>> + Send>>;
 
 /// A behaviour and its restarts.
 pub(super) struct RestartLoop {
@@ -107,28 +107,28 @@ impl RestartLoop {
     }
 
     /// Lets a host load the text; it does not run yet.
-    pub(super) async fn prepare(&self) -> Result<Prepared, Ending> {
+    pub(super) async fn prepare(&self) -> Result<Prepared, ScriptExit> {
         let source = self.launch.source.clone();
         self.load(source).await.map(|loaded| loaded.host)
     }
 
     /// Runs until nothing is left to do. Returns the name and the last ending.
-    pub(super) async fn run(mut self, first: Result<Prepared, Ending>) -> (String, Ending) {
+    pub(super) async fn run(mut self, first: Result<Prepared, ScriptExit>) -> (String, ScriptExit) {
         self.outdated = first.is_err();
         let mut next = first;
         loop {
             let began = Instant::now();
-            let (ending, successor) = match next {
+            let (exit, successor) = match next {
                 Ok(host) => self.live(host).await,
-                Err(ending) => (ending, None),
+                Err(exit) => (exit, None),
             };
-            report(self.name(), &ending);
-            self.publish_ended(&ending, began.elapsed());
+            report(self.name(), &exit);
+            self.publish_ended(&exit, began.elapsed());
             next = match successor {
                 Some(loaded) => Ok(self.adopt(loaded)),
-                None => match self.decide_next(&ending).await {
+                None => match self.decide_next(&exit).await {
                     Some(next) => next,
-                    None => return (self.launch.options.name, ending),
+                    None => return (self.launch.options.name, exit),
                 },
             };
         }
@@ -136,7 +136,7 @@ impl RestartLoop {
 
     /// Runs a behaviour from its first line to its last. Returns its ending, and a text that was
     /// saved and loaded meanwhile. The old text runs until the new one is loaded.
-    async fn live(&mut self, host: Prepared) -> (Ending, Option<Loaded>) {
+    async fn live(&mut self, host: Prepared) -> (ScriptExit, Option<Loaded>) {
         let LaunchContext {
             requests,
             frames,
@@ -147,7 +147,7 @@ impl RestartLoop {
         } = self.context.clone();
         let handle = Handle::default();
         let bus = self.context.bus.clone();
-        bus.publish(Occurrence::Started {
+        bus.publish(AgentEvent::Started {
             behaviour: self.name().to_owned(),
         });
         let supervisor = Supervisor::register(host, self.role, requests, frames)
@@ -157,14 +157,14 @@ impl RestartLoop {
             .with_bus(bus);
         let mut life = pin!(supervisor.run(handle.clone(), &core));
         let (mut loading, mut successor, mut stopping) = (None, None, false);
-        let ending = loop {
+        let exit = loop {
             tokio::select! {
                 biased;
                 reason = stopped(&mut self.context.stop), if !stopping => {
                     stopping = true;
                     handle.stop(reason);
                 }
-                ending = &mut life => break ending,
+                exit = &mut life => break exit,
                 Some(reload) = saved(&mut self.reloads) => loading = Some(self.load(reload.source)),
                 loaded = done(&mut loading) => {
                     loading = None;
@@ -176,24 +176,24 @@ impl RestartLoop {
             }
         };
         if stopping {
-            return (ending, None);
+            return (exit, None);
         }
         if let Some(loading) = loading {
             successor = self.finish(loading).await.or(successor);
         }
-        (ending, successor)
+        (exit, successor)
     }
 
     /// Decides what follows an ending that no save has caused; `None`: nothing.
-    async fn decide_next(&mut self, ending: &Ending) -> Option<Result<Prepared, Ending>> {
+    async fn decide_next(&mut self, exit: &ScriptExit) -> Option<Result<Prepared, ScriptExit>> {
         let verdict = if self.outdated {
             RestartDecision::Over
         } else {
-            self.restarts.ended(ending.reason, Instant::now())
+            self.restarts.ended(exit.reason, Instant::now())
         };
         let RestartDecision::Again { pause, number } = verdict else {
             if verdict == RestartDecision::GivenUp {
-                self.give_up(ending).await;
+                self.give_up(exit).await;
             }
             return self.wait_for_fix(None).await.map(Ok);
         };
@@ -220,22 +220,22 @@ impl RestartLoop {
     }
 
     /// Publishes on the bus how it has ended, after running for `ran`.
-    pub(super) fn publish_ended(&self, ending: &Ending, ran: Duration) {
-        self.context.bus.publish(Occurrence::Ended {
+    pub(super) fn publish_ended(&self, exit: &ScriptExit, ran: Duration) {
+        self.context.bus.publish(AgentEvent::Ended {
             behaviour: self.name().to_owned(),
-            reason: ending.reason,
-            message: ending.message.clone(),
+            reason: exit.reason,
+            message: exit.message.clone(),
             seconds: ran.as_secs_f64(),
         });
     }
 
     /// Gives the behaviour up, with an alarm and a log message for people.
-    async fn give_up(&self, ending: &Ending) {
-        let (behaviour, reason) = (self.name(), ending.reason);
-        let message = ending.message.as_deref().unwrap_or(reason.sentence());
+    async fn give_up(&self, exit: &ScriptExit) {
+        let (behaviour, reason) = (self.name(), exit.reason);
+        let message = exit.message.as_deref().unwrap_or(reason.sentence());
         let of = self.limits();
         error!(behaviour, %reason, "given up, no restart is left {of}: {message}");
-        self.context.bus.publish(Occurrence::GivenUp {
+        self.context.bus.publish(AgentEvent::GivenUp {
             behaviour: behaviour.to_owned(),
             message: message.to_owned(),
         });
@@ -295,7 +295,7 @@ impl RestartLoop {
     }
 
     /// Logs whether a saved text could be loaded, and returns it if so.
-    fn accept(&mut self, loaded: Result<Loaded, Ending>, meanwhile: &str) -> Option<Loaded> {
+    fn accept(&mut self, loaded: Result<Loaded, ScriptExit>, meanwhile: &str) -> Option<Loaded> {
         let behaviour = &self.launch.options.name;
         self.outdated = loaded.is_err();
         match loaded {
@@ -303,7 +303,7 @@ impl RestartLoop {
                 info!(behaviour, "saved: the new script takes over");
                 Some(loaded)
             }
-            Err(Ending { message, reason }) => {
+            Err(ScriptExit { message, reason }) => {
                 let why = message.as_deref().unwrap_or(reason.sentence());
                 error!(
                     behaviour,
@@ -343,19 +343,21 @@ impl RestartLoop {
 }
 
 /// Refuses a text in which the check finds an error.
-fn check_text(launch: &Launch, inspector: Option<Inspector>) -> Result<(), Ending> {
+fn check_text(launch: &Launch, inspector: Option<Inspector>) -> Result<(), ScriptExit> {
     let Launch {
         source, options, ..
     } = launch;
     let errors = match inspector {
-        Some(inspector) => inspector.errors(source, options).map_err(|why| Ending {
-            reason: EndReason::Error,
-            message: Some(format!("{}: cannot be checked: {why}", options.chunk)),
-        })?,
+        Some(inspector) => inspector
+            .errors(source, options)
+            .map_err(|why| ScriptExit {
+                reason: EndReason::Error,
+                message: Some(format!("{}: cannot be checked: {why}", options.chunk)),
+            })?,
         None => check::errors(source, options),
     };
     errors.first().map_or(Ok(()), |error| {
-        Err(Ending {
+        Err(ScriptExit {
             reason: EndReason::Error,
             message: Some(error.text()),
         })
@@ -363,9 +365,9 @@ fn check_text(launch: &Launch, inspector: Option<Inspector>) -> Result<(), Endin
 }
 
 /// Logs how a behaviour ended.
-pub(super) fn report(name: &str, ending: &Ending) {
-    let reason = ending.reason;
-    let message = ending.message.as_deref().unwrap_or(reason.sentence());
+pub(super) fn report(name: &str, exit: &ScriptExit) {
+    let reason = exit.reason;
+    let message = exit.message.as_deref().unwrap_or(reason.sentence());
     match reason {
         EndReason::Error | EndReason::Cpu | EndReason::Memory | EndReason::Safety => {
             error!(behaviour = name, %reason, "{message}");
@@ -391,7 +393,7 @@ async fn saved(reloads: &mut Option<mpsc::Receiver<Reload>>) -> Option<Reload> {
     }
 }
 
-async fn done(loading: &mut Option<Loading>) -> Result<Loaded, Ending> {
+async fn done(loading: &mut Option<Loading>) -> Result<Loaded, ScriptExit> {
     match loading {
         Some(loading) => loading.await,
         None => pending().await,

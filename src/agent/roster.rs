@@ -12,10 +12,10 @@ use tokio::time::{Instant, timeout};
 
 use super::Behaviour;
 use crate::robot::{
-    BehaviourId, DeclaredParams, EndReason, Findings, ParamChange, ParamValue, Priority,
+    BehaviourId, DeclaredParams, Detections, EndReason, ParamChange, ParamValue, Priority,
     ViewerChannel,
 };
-use crate::script::{Ending, suggestion};
+use crate::script::{ScriptExit, suggestion};
 
 /// The most queued commands; with a full queue a command is refused.
 const MAX_COMMANDS: usize = 32;
@@ -25,7 +25,7 @@ const ANSWER: Duration = Duration::from_secs(10);
 
 /// Why a behaviour cannot be created from its file.
 #[derive(Debug, thiserror::Error)]
-pub enum BlueprintError {
+pub enum BehaviourSpecError {
     /// The file cannot be read.
     #[error("cannot read {}: {source}", path.display())]
     Read {
@@ -41,28 +41,28 @@ pub enum BlueprintError {
 
 /// Creates the behaviour of this name each time it starts: its file is read again then.
 #[derive(Clone)]
-pub struct Blueprint {
+pub struct BehaviourSpec {
     name: String,
     priority: Priority,
-    make: Arc<dyn Fn() -> Result<Behaviour, BlueprintError> + Send + Sync>,
+    make: Arc<dyn Fn() -> Result<Behaviour, BehaviourSpecError> + Send + Sync>,
 }
 
-impl Blueprint {
-    /// Creates a blueprint. `make` may block on the disk: it is called off the driving core.
+impl BehaviourSpec {
+    /// Creates a spec. `make` may block on the disk: it is called off the driving core.
     pub fn new(
         name: impl Into<String>,
         priority: Priority,
-        make: impl Fn() -> Result<Behaviour, BlueprintError> + Send + Sync + 'static,
-    ) -> Blueprint {
-        Blueprint {
+        make: impl Fn() -> Result<Behaviour, BehaviourSpecError> + Send + Sync + 'static,
+    ) -> BehaviourSpec {
+        BehaviourSpec {
             name: name.into(),
             priority,
             make: Arc::new(make),
         }
     }
 
-    /// The blueprint of an existing behaviour: the same text each time.
-    pub(super) fn from_behaviour(behaviour: &Behaviour) -> Blueprint {
+    /// The spec of an existing behaviour: the same text each time.
+    pub(super) fn from_behaviour(behaviour: &Behaviour) -> BehaviourSpec {
         let Behaviour {
             priority,
             launch,
@@ -71,7 +71,7 @@ impl Blueprint {
             ..
         } = behaviour;
         let (priority, launch, checked, restart) = (*priority, launch.clone(), *checked, *restart);
-        Blueprint::new(launch.options.name.clone(), priority, move || {
+        BehaviourSpec::new(launch.options.name.clone(), priority, move || {
             Ok(Behaviour {
                 priority,
                 launch: launch.clone(),
@@ -91,33 +91,33 @@ impl Blueprint {
         self.priority
     }
 
-    pub(super) fn make(&self) -> Result<Behaviour, BlueprintError> {
+    pub(super) fn make(&self) -> Result<Behaviour, BehaviourSpecError> {
         (self.make)()
     }
 }
 
-impl fmt::Debug for Blueprint {
+impl fmt::Debug for BehaviourSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_tuple("Blueprint").field(&self.name).finish()
+        f.debug_tuple("BehaviourSpec").field(&self.name).finish()
     }
 }
 
 /// A known behaviour and its state.
 #[derive(Debug, Clone)]
-pub struct Member {
+pub struct BehaviourStatus {
     /// Its name.
     pub name: String,
     /// Decides which behaviour drives when several want to.
     pub priority: Priority,
     /// Its state.
-    pub state: MemberState,
+    pub state: BehaviourState,
     /// How it last ended in this agent, if it ever did.
-    pub ending: Option<Ending>,
+    pub exit: Option<ScriptExit>,
 }
 
 /// The state of a behaviour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MemberState {
+pub enum BehaviourState {
     /// It does not run.
     Idle,
     /// Its script is being loaded.
@@ -201,32 +201,32 @@ pub(super) enum RosterCommand {
     /// End it if it runs, then start it.
     Restart(String, Reply),
     /// Replace the known behaviours. Running behaviours continue.
-    Define(Vec<Blueprint>, Reply),
+    Define(Vec<BehaviourSpec>, Reply),
 }
 
 /// The handle: cheap to clone, usable from any thread.
 #[derive(Debug, Clone)]
 pub struct Roster {
     commands: mpsc::Sender<RosterCommand>,
-    members: watch::Receiver<Vec<Member>>,
+    statuses: watch::Receiver<Vec<BehaviourStatus>>,
     viewers: ViewerChannel,
-    patient: bool,
+    without_timeout: bool,
     /// How often all were stopped.
     stops: watch::Sender<u64>,
 }
 
 impl Roster {
     pub(super) fn new(
-        members: watch::Receiver<Vec<Member>>,
+        statuses: watch::Receiver<Vec<BehaviourStatus>>,
         viewers: ViewerChannel,
     ) -> (Roster, mpsc::Receiver<RosterCommand>) {
         let (commands, taken) = mpsc::channel(MAX_COMMANDS);
         (
             Roster {
                 commands,
-                members,
+                statuses,
                 viewers,
-                patient: false,
+                without_timeout: false,
                 stops: watch::Sender::new(0),
             },
             taken,
@@ -236,9 +236,9 @@ impl Roster {
     /// The same handle for callers that must know the outcome: its commands wait until they are
     /// executed, however long that takes. Others get [`RosterError::Busy`] after a while, although
     /// the command may still be executed.
-    pub fn patient(&self) -> Roster {
+    pub fn without_timeout(&self) -> Roster {
         Roster {
-            patient: true,
+            without_timeout: true,
             ..self.clone()
         }
     }
@@ -285,9 +285,9 @@ impl Roster {
     pub async fn stop_all(&self) -> Result<(), RosterError> {
         self.stops.send_modify(|stops| *stops += 1);
         self.send_command(RosterCommand::StopAll).await?;
-        let mut members = self.members();
-        let ending = |one: &Member| one.state == MemberState::Ending;
-        let ended = members.wait_for(|members| !members.iter().any(ending));
+        let mut statuses = self.statuses();
+        let is_ending = |one: &BehaviourStatus| one.state == BehaviourState::Ending;
+        let ended = statuses.wait_for(|statuses| !statuses.iter().any(is_ending));
         match timeout(ANSWER, ended).await {
             Ok(Ok(_)) => Ok(()),
             Ok(Err(_)) => Err(RosterError::Closed),
@@ -309,20 +309,20 @@ impl Roster {
     ///
     /// # Errors
     /// See [`RosterError`].
-    pub async fn define(&self, blueprints: Vec<Blueprint>) -> Result<(), RosterError> {
-        self.send_command(|reply| RosterCommand::Define(blueprints, reply))
+    pub async fn define(&self, specs: Vec<BehaviourSpec>) -> Result<(), RosterError> {
+        self.send_command(|reply| RosterCommand::Define(specs, reply))
             .await
     }
 
     /// All behaviours that are known or run, in the order of the config; the receiver can wait for
     /// changes.
-    pub fn members(&self) -> watch::Receiver<Vec<Member>> {
-        self.members.clone()
+    pub fn statuses(&self) -> watch::Receiver<Vec<BehaviourStatus>> {
+        self.statuses.clone()
     }
 
     /// Subscribes to what the behaviours find in frames; slow receivers miss some.
-    pub fn findings(&self) -> broadcast::Receiver<Findings> {
-        self.viewers.findings()
+    pub fn detections(&self) -> broadcast::Receiver<Detections> {
+        self.viewers.detections()
     }
 
     /// The parameters of the running behaviours; the receiver can wait for changes.
@@ -372,7 +372,7 @@ impl Roster {
         make: impl FnOnce(Reply) -> RosterCommand,
     ) -> Result<(), RosterError> {
         let (reply, answer) = oneshot::channel();
-        if self.patient {
+        if self.without_timeout {
             let sent = self.commands.send(make(reply)).await;
             sent.map_err(|_| RosterError::Closed)?;
             return answer.await.unwrap_or(Err(RosterError::Closed));

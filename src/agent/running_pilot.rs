@@ -16,7 +16,9 @@ use super::rescue;
 use super::restart_loop::LaunchContext;
 use crate::behaviour::{Launch, Launcher};
 use crate::link::LinkError;
-use crate::pilot::{self, Delivery, Dial, LinkState, Pilot, Pulse, Reactions, Settings, Status};
+use crate::pilot::{
+    self, Connector, Delivery, Heartbeat, LinkState, Pilot, Reactions, Settings, Status,
+};
 use crate::robot::channel::{MAX_REQUESTS, Request};
 use crate::robot::{Bus, Pictures, ViewerChannel};
 
@@ -27,7 +29,7 @@ const LINK_END: Duration = Duration::from_millis(2500);
 pub struct PilotSetup {
     pilot: Pilot,
     settings: Settings,
-    dial: Dial,
+    connector: Connector,
     core: runtime::Handle,
     requests: (mpsc::Sender<Request>, mpsc::Receiver<Request>),
     frames: watch::Receiver<Pictures>,
@@ -37,20 +39,21 @@ pub struct PilotSetup {
 }
 
 impl PilotSetup {
-    /// A pilot with these settings that connects with `dial` and will run on `core`: the runtime of
-    /// a [`pilot::DrivingCore`], or in virtual time the only runtime. In real time it has a pulse.
+    /// A pilot with these settings that connects with `connector` and will run on `core`: the
+    /// runtime of a [`pilot::DrivingCore`], or in virtual time the only runtime. In real time it
+    /// has a heartbeat.
     pub fn new(
         settings: Settings,
-        dial: Dial,
+        connector: Connector,
         core: runtime::Handle,
-        pulse: Option<Pulse>,
+        heartbeat: Option<Heartbeat>,
     ) -> PilotSetup {
         let (mut pilot, frames, status) = Pilot::new(&settings);
-        pilot.set_pulse(pulse);
+        pilot.set_heartbeat(heartbeat);
         PilotSetup {
             pilot,
             settings,
-            dial,
+            connector,
             core,
             requests: mpsc::channel(MAX_REQUESTS),
             frames,
@@ -119,11 +122,14 @@ impl PilotSetup {
     /// Connects, and drives until it is ended. Cancelling `stop` stops all motion at once, even if
     /// the calling thread is blocked by the system.
     pub fn launch(self, stop: &CancellationToken) -> RunningPilot {
-        let ending = pilot::Ending::default();
-        let run = self
-            .pilot
-            .run(self.dial, self.settings, self.requests.1, ending.clone());
-        let (stopped, motion) = (stop.clone(), ending.stop_motion.clone());
+        let shutdown = pilot::Shutdown::default();
+        let run = self.pilot.run(
+            self.connector,
+            self.settings,
+            self.requests.1,
+            shutdown.clone(),
+        );
+        let (stopped, motion) = (stop.clone(), shutdown.stop_motion.clone());
         let stop_motion = self.core.spawn(async move {
             stopped.cancelled().await;
             motion.cancel();
@@ -131,7 +137,7 @@ impl PilotSetup {
         RunningPilot {
             pilot: AbortOnDropHandle::new(self.core.spawn(run)),
             ended: false,
-            ending,
+            shutdown,
             status: self.status,
             _stop_motion: AbortOnDropHandle::new(stop_motion),
             _rescue: self.rescue,
@@ -144,7 +150,7 @@ pub struct RunningPilot {
     pilot: AbortOnDropHandle<Result<Delivery, LinkError>>,
     /// The pilot has ended.
     ended: bool,
-    ending: pilot::Ending,
+    shutdown: pilot::Shutdown,
     status: watch::Receiver<Status>,
     _stop_motion: AbortOnDropHandle<()>,
     /// Ends with the pilot.
@@ -187,7 +193,7 @@ impl RunningPilot {
     /// Stops all motion for the rest of the run, except the search of a robot with a low battery;
     /// lights and sounds still work.
     pub fn stop_motion(&self) {
-        self.ending.stop_motion.cancel();
+        self.shutdown.stop_motion.cancel();
     }
 
     /// Whether the battery is low and the robot is not on its station.
@@ -208,7 +214,7 @@ impl RunningPilot {
             return Delivery::Offline;
         }
         self.stop_motion();
-        self.ending.close_link.cancel();
+        self.shutdown.close_link.cancel();
         match timeout(LINK_END, &mut self.pilot).await {
             Ok(Ok(Ok(delivery))) => delivery,
             Ok(Ok(Err(error))) => {

@@ -3,7 +3,7 @@
 use super::frame::FRAME;
 use super::model::{Choice, Event};
 use super::tables::{
-    AUDIO, BATTERY, CHARGING, CONNECTED, DISCONNECTED, ENGINE, LOAN, NOISE, SAFETY,
+    AUDIO, BATTERY, CHARGING, CONNECTED, DISCONNECTED, DRIVE_GRANT, ENGINE, NOISE, SAFETY,
 };
 use crate::wire::Stream;
 
@@ -48,7 +48,7 @@ events! {
     Noise: "noise", Some(&NOISE), "A sound exceeds the configured level, after at least a second without such a sound.";
     SoundFinished: "sound_finished", None, "The robot has finished playing music.";
     Safety: "safety", Some(&SAFETY), "The watchdog has acted.";
-    Loan: "loan", Some(&LOAN), "The watchdog lends this behaviour the tracks of a robot with a low battery. Only the rescue behaviour receives this event.";
+    DriveGrant: "drive_grant", Some(&DRIVE_GRANT), "The watchdog grants this behaviour the tracks of a robot with a low battery. Only the rescue behaviour receives this event.";
     Engine: "engine", Some(&ENGINE), "The robot has sent an engine code that is not documented.";
 }
 

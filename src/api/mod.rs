@@ -97,7 +97,7 @@ pub fn objects() -> impl Iterator<Item = &'static Object> {
         &tables::DISCONNECTED,
         &tables::CHARGING,
         &tables::SAFETY,
-        &tables::LOAN,
+        &tables::DRIVE_GRANT,
         &tables::ENGINE,
         &scenario::SIM,
     ];

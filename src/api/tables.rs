@@ -116,13 +116,13 @@ pub(super) const SAFETY: Object = table(
     &[choice("action", SAFETY_ACTION, ""), text("reason", "")],
 );
 
-pub(super) const LOAN: Object = table(
-    "Loan",
+pub(super) const DRIVE_GRANT: Object = table(
+    "DriveGrant",
     "Permission to drive a robot with a low battery, for a limited time.",
     &[
         number(
             "seconds",
-            "the longest duration; a stop or a second without motion ends the loan earlier",
+            "the longest duration; a stop or a second without motion ends the grant earlier",
         )
         .unit("s"),
         number(

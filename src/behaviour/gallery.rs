@@ -12,10 +12,10 @@ use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
 use tokio::time::Instant;
 
-use crate::budget::Budget;
 use crate::files::Folder;
-use crate::script::{Limits, Sighting};
-use crate::vision::{Decoder, Mark, annotate};
+use crate::rate_limit::Budget;
+use crate::script::{AnnotatedFrame, Limits};
+use crate::vision::{Annotation, Decoder, annotate};
 
 /// Maximum number of pictures in the folder; after that the oldest is overwritten.
 const PICTURES: usize = 100;
@@ -29,7 +29,7 @@ const QUALITIES: [u8; 2] = [85, 40];
 #[derive(Debug)]
 pub(super) struct Gallery {
     /// Taken in `drop`, which ends the thread.
-    sightings: Option<SyncSender<Sighting>>,
+    frames: Option<SyncSender<AnnotatedFrame>>,
     /// Delivers the first error; `None` once it was reported.
     trouble: Option<Receiver<String>>,
     thread: Option<JoinHandle<()>>,
@@ -43,22 +43,22 @@ impl Gallery {
     /// # Errors
     /// If the system cannot start a thread.
     pub(super) fn open(folder: PathBuf, limits: &Limits) -> io::Result<Gallery> {
-        let (sightings, waiting) = sync_channel::<Sighting>(1);
+        let (frames, waiting) = sync_channel::<AnnotatedFrame>(1);
         let (complaints, trouble) = sync_channel(1);
         let ring = Ring::new(folder, limits);
         let thread = std::thread::Builder::new()
             .name("gallery".into())
             .spawn(move || {
                 let mut ring = ring;
-                for sighting in waiting {
-                    if let Err(error) = ring.save(&sighting) {
+                for annotated in waiting {
+                    if let Err(error) = ring.save(&annotated) {
                         // Only the first error is reported.
                         let _ = complaints.try_send(error.to_string());
                     }
                 }
             })?;
         Ok(Gallery {
-            sightings: Some(sightings),
+            frames: Some(frames),
             trouble: Some(trouble),
             thread: Some(thread),
             blocking: false,
@@ -75,20 +75,20 @@ impl Gallery {
 
     /// Queues a picture to be written; skips it if the queue is full. Never waits, unless the
     /// gallery is blocking.
-    pub(super) fn offer(&self, sighting: Sighting) {
-        let Some(sightings) = &self.sightings else {
+    pub(super) fn offer(&self, annotated: AnnotatedFrame) {
+        let Some(frames) = &self.frames else {
             return;
         };
         if self.blocking {
-            let _ = sightings.send(sighting);
+            let _ = frames.send(annotated);
         } else {
-            let _ = sightings.try_send(sighting);
+            let _ = frames.try_send(annotated);
         }
     }
 
     /// Returns why a picture was not saved, once: for the first failure. Later pictures are tried
     /// regardless.
-    pub(super) fn trouble(&mut self) -> Option<String> {
+    pub(super) fn take_error(&mut self) -> Option<String> {
         let trouble = self.trouble.as_ref()?.try_recv().ok()?;
         self.trouble = None;
         Some(trouble)
@@ -97,7 +97,7 @@ impl Gallery {
 
 impl Drop for Gallery {
     fn drop(&mut self) {
-        self.sightings = None;
+        self.frames = None;
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -125,12 +125,12 @@ impl Ring {
         }
     }
 
-    fn save(&mut self, sighting: &Sighting) -> io::Result<()> {
+    fn save(&mut self, annotated: &AnnotatedFrame) -> io::Result<()> {
         // A frame that cannot be decoded is skipped; it is counted elsewhere.
-        let Ok(image) = self.decoder.decode(&sighting.frame.jpeg) else {
+        let Ok(image) = self.decoder.decode(&annotated.frame.jpeg) else {
             return Ok(());
         };
-        let marks = sighting.marks.iter().map(|seen| Mark {
+        let marks = annotated.marks.iter().map(|seen| Annotation {
             blob: &seen.blob,
             text: &seen.text,
         });
@@ -201,7 +201,7 @@ fn encode(picture: &RgbImage) -> io::Result<Vec<u8>> {
 mod tests {
     use super::*;
     use crate::robot::Frame;
-    use crate::script::Seen;
+    use crate::script::LabelledBlob;
     use crate::vision::Blob;
     use bytes::Bytes;
     use image::Rgb;
@@ -211,7 +211,7 @@ mod tests {
 
     const JPEG: &[u8] = include_bytes!("../../tests/fixtures/ball-444.jpg");
 
-    fn sighting(seq: u64) -> Sighting {
+    fn annotated(seq: u64) -> AnnotatedFrame {
         let blob = Blob {
             x: 10,
             y: 20,
@@ -220,13 +220,13 @@ mod tests {
             ..Blob::default()
         };
         let text = "red".to_owned();
-        Sighting {
+        AnnotatedFrame {
             frame: Frame {
                 seq,
                 at: tokio::time::Instant::now(),
                 jpeg: Bytes::from_static(JPEG),
             },
-            marks: vec![Seen { blob, text }],
+            marks: vec![LabelledBlob { blob, text }],
         }
     }
 
@@ -239,7 +239,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("a/b");
         let mut ring = Ring::new(folder.clone(), &Limits::default());
-        (0..PICTURES as u64 + 3).for_each(|seq| ring.save(&sighting(seq)).unwrap());
+        (0..PICTURES as u64 + 3).for_each(|seq| ring.save(&annotated(seq)).unwrap());
         assert_eq!((files(&folder), ring.next), (PICTURES, Some(3)));
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
         assert_eq!(
@@ -247,7 +247,7 @@ mod tests {
             (0o700, 0o600)
         );
         let mut again = Ring::new(folder.clone(), &Limits::default());
-        again.save(&sighting(1)).unwrap();
+        again.save(&annotated(1)).unwrap();
         assert_eq!((files(&folder), again.next), (PICTURES, Some(4)));
     }
 
@@ -255,7 +255,7 @@ mod tests {
     fn the_last_picture_is_written_before_the_drop_returns() {
         let root = tempfile::tempdir().unwrap();
         let gallery = Gallery::open(root.path().to_owned(), &Limits::default()).unwrap();
-        gallery.offer(sighting(1));
+        gallery.offer(annotated(1));
         drop(gallery);
         let kept = image::open(root.path().join("00.jpg")).unwrap().to_rgb8();
         let plain = image::load_from_memory(JPEG).unwrap().to_rgb8();
@@ -278,16 +278,16 @@ mod tests {
         let file = root.path().join("file");
         fs::write(&file, "").unwrap();
         let mut gallery = Gallery::open(file.join("folder"), &Limits::default()).unwrap();
-        gallery.offer(sighting(1));
+        gallery.offer(annotated(1));
         let trouble = loop {
-            if let Some(trouble) = gallery.trouble() {
+            if let Some(trouble) = gallery.take_error() {
                 break trouble;
             }
             std::thread::yield_now();
         };
         assert!(!trouble.is_empty());
-        gallery.offer(sighting(2));
-        assert_eq!(gallery.trouble(), None);
+        gallery.offer(annotated(2));
+        assert_eq!(gallery.take_error(), None);
     }
 
     #[test]

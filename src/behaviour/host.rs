@@ -16,13 +16,13 @@ use super::pipe::{Receiver, Sender};
 use super::store_writer::StoreWriter;
 use crate::check;
 use crate::clock::until;
-use crate::robot::{EndReason, Finding};
-use crate::script::{Ending, Level, LogLine, Output, Script, Seen, Sighting};
-use crate::walls::{SandboxPolicy, confine};
+use crate::robot::{Detection, EndReason};
+use crate::sandbox::{SandboxPolicy, confine};
+use crate::script::{AnnotatedFrame, LabelledBlob, Level, LogLine, Output, Script, ScriptExit};
 
 /// Longest interval between messages to the agent while a setpoint of the script is active; a
 /// quarter of what the watchdog allows.
-const BEAT: Duration = Duration::from_millis(50);
+const HEARTBEAT_INTERVAL: Duration = Duration::from_millis(50);
 /// The same interval otherwise; a quarter of the smallest limit that a config may set.
 const IDLE_BEAT: Duration = Duration::from_millis(500);
 /// Stack size of a thread that runs a VM, in bytes. Luau's deepest legal recursion needs 2.1 MiB in
@@ -99,7 +99,7 @@ pub(super) async fn serve(
     let Launch {
         source, options, ..
     } = *launch;
-    let findings = options.findings;
+    let detections = options.detections;
     let gallery = options
         .annotate_dir
         .clone()
@@ -127,7 +127,7 @@ pub(super) async fn serve(
                 damaged: false,
                 partial_frame: Vec::new(),
                 gallery,
-                findings,
+                detections,
                 store,
                 time,
             };
@@ -140,7 +140,7 @@ pub(super) async fn serve(
         Err(failure) => {
             let (reason, message) = (EndReason::Error, Some(failure.to_string()));
             outbox
-                .send(&FromHost::Ended(Ending { reason, message }))
+                .send(&FromHost::Ended(ScriptExit { reason, message }))
                 .await
         }
     }
@@ -158,8 +158,8 @@ struct Host {
     partial_frame: Vec<u8>,
     /// Saves marked frames for people to view.
     gallery: Option<Gallery>,
-    /// Whether to report findings to viewers.
-    findings: bool,
+    /// Whether to report detections to viewers.
+    detections: bool,
     /// Writes the script's store to its file.
     store: Option<StoreWriter>,
     /// In virtual time no idle sign of life is sent.
@@ -202,17 +202,17 @@ impl Host {
     }
 
     async fn run(mut self) -> io::Result<()> {
-        let mut beat = interval(BEAT);
-        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut heartbeat = interval(HEARTBEAT_INTERVAL);
+        heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut idle = interval(IDLE_BEAT);
         idle.set_missed_tick_behavior(MissedTickBehavior::Delay);
         self.script.run_ready(Instant::now());
-        let ending = loop {
+        let exit = loop {
             self.send_output().await?;
             self.report_sighting().await?;
             self.save_store().await?;
-            if let Some(ending) = self.script.ended() {
-                break ending;
+            if let Some(exit) = self.script.ended() {
+                break exit;
             }
             let (ready, moving) = (self.script.is_ready(), self.script.has_motion());
             let writes_at = self.writes_at();
@@ -228,7 +228,7 @@ impl Host {
                 () = std::future::ready(()), if ready => {}
                 () = until(self.script.next_deadline()) => {}
                 () = until(writes_at) => {}
-                _ = beat.tick(), if moving => self.outbox.send(&FromHost::Alive).await?,
+                _ = heartbeat.tick(), if moving => self.outbox.send(&FromHost::Alive).await?,
                 _ = idle.tick(), if !moving && self.time == Time::Real => {
                     self.outbox.send(&FromHost::Alive).await?;
                 }
@@ -240,7 +240,7 @@ impl Host {
         if let Some(trouble) = self.store.as_mut().and_then(|one| one.finish(last)) {
             self.outbox.send(&unwritten(&trouble)).await?;
         }
-        self.outbox.send(&FromHost::Ended(ending)).await
+        self.outbox.send(&FromHost::Ended(exit)).await
     }
 
     /// When the store can be written next; `None` if it has not changed.
@@ -258,7 +258,7 @@ impl Host {
         if store.is_due(now) {
             store.offer(self.script.take_store(), now);
         }
-        match store.trouble() {
+        match store.take_error() {
             Some(trouble) => self.outbox.send(&unwritten(&trouble)).await,
             None => Ok(()),
         }
@@ -286,19 +286,19 @@ impl Host {
     /// Reports and saves the frame that the script analysed. Runs after the output, which must not
     /// wait for pictures.
     async fn report_sighting(&mut self) -> io::Result<()> {
-        let sighting = self.script.take_sighting();
-        if let Some(sighting) = &sighting
-            && self.findings
+        let annotated = self.script.take_annotated_frame();
+        if let Some(annotated) = &annotated
+            && self.detections
         {
-            self.outbox.send(&found(sighting)).await?;
+            self.outbox.send(&found(annotated)).await?;
         }
         let Some(gallery) = &mut self.gallery else {
             return Ok(());
         };
-        if let Some(sighting) = sighting {
-            gallery.offer(sighting);
+        if let Some(annotated) = annotated {
+            gallery.offer(annotated);
         }
-        let Some(trouble) = gallery.trouble() else {
+        let Some(trouble) = gallery.take_error() else {
             return Ok(());
         };
         let text = format!("a marked frame was not saved: {trouble}");
@@ -330,8 +330,8 @@ impl Host {
     }
 }
 
-fn found(sighting: &Sighting) -> FromHost {
-    let finding = |seen: &Seen| Finding {
+fn found(annotated: &AnnotatedFrame) -> FromHost {
+    let detection = |seen: &LabelledBlob| Detection {
         x: seen.blob.x,
         y: seen.blob.y,
         w: seen.blob.w,
@@ -339,8 +339,8 @@ fn found(sighting: &Sighting) -> FromHost {
         text: seen.text.clone(),
     };
     let (frame, list) = (
-        sighting.frame.seq,
-        sighting.marks.iter().map(finding).collect(),
+        annotated.frame.seq,
+        annotated.marks.iter().map(detection).collect(),
     );
     FromHost::Found { frame, list }
 }

@@ -10,9 +10,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::host::STACK;
-use crate::check::{CheckContext, Finding, Required, Severity, check, required};
+use crate::check::{CheckContext, Diagnostic, Required, Severity, check, required};
+use crate::sandbox::{self, SandboxPolicy, Worker, WorkerError};
 use crate::script::Options;
-use crate::walls::{self, SandboxPolicy, Worker, WorkerError};
 
 /// The hidden argument that selects this purpose of the process.
 pub const INSPECTION: &str = "check";
@@ -30,8 +30,8 @@ struct Question {
 /// The result of inspecting one file.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct Inspected {
-    /// The findings, in the order of the file.
-    pub findings: Vec<Finding>,
+    /// The diagnostics, in the order of the file.
+    pub diagnostics: Vec<Diagnostic>,
     /// The modules that the file requires.
     pub required: Vec<Required>,
 }
@@ -99,16 +99,16 @@ impl Inspector {
         &self,
         source: &[u8],
         options: &Options,
-    ) -> Result<Vec<Finding>, InspectionError> {
-        let mut findings = self.inspect(source, options, "")?.findings;
-        findings.retain(|finding| finding.severity == Severity::Error);
-        Ok(findings)
+    ) -> Result<Vec<Diagnostic>, InspectionError> {
+        let mut diagnostics = self.inspect(source, options, "")?.diagnostics;
+        diagnostics.retain(|diagnostic| diagnostic.severity == Severity::Error);
+        Ok(diagnostics)
     }
 }
 
 /// Runs an inspection process. The arguments describe its `SandboxPolicy`.
 pub fn inspection_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
-    walls::answer(arguments, STACK, |question| {
+    sandbox::answer(arguments, STACK, |question| {
         let Question {
             source,
             options,
@@ -116,7 +116,7 @@ pub fn inspection_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
         } = postcard::from_bytes(question).map_err(io::Error::other)?;
         let context = CheckContext::new(&options, Some(Path::new(&options.chunk)));
         let inspected = Inspected {
-            findings: check(&source, &options.chunk, &context),
+            diagnostics: check(&source, &options.chunk, &context),
             required: required(&source, &folder),
         };
         postcard::to_allocvec(&inspected).map_err(io::Error::other)

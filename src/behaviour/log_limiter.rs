@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use crate::budget::{Budget, Repeats};
+use crate::rate_limit::{Budget, Repeats};
 use crate::script::{Level, LogLine};
 
 /// Maximum number of lines per second. An honest host sends at most 100, and a few of its own.
@@ -60,7 +60,7 @@ impl LogLimiter {
             return Admission::Written(line);
         }
         self.reports
-            .note((), now)
+            .record((), now)
             .map_or(Admission::DroppedSilently, Admission::Dropped)
     }
 

@@ -5,8 +5,8 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
 use super::library::Library;
-use crate::robot::{EndReason, Event, Finding, Frame, ParamValue};
-use crate::script::{Ending, ModuleFile, ModuleName, NoModule, Options, Output};
+use crate::robot::{Detection, EndReason, Event, Frame, ParamValue};
+use crate::script::{ModuleFile, ModuleName, NoModule, Options, Output, ScriptExit};
 
 /// A script and everything it needs to run, without secrets.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -81,8 +81,8 @@ pub enum FromHost {
         /// The frame's number.
         frame: u64,
         /// The objects found.
-        list: Vec<Finding>,
+        list: Vec<Detection>,
     },
     /// The script has ended; the host exits.
-    Ended(Ending),
+    Ended(ScriptExit),
 }

@@ -2,7 +2,6 @@
 //! side) and the messages between them. The agent runs no Lua and no image decoder, so a crash in a
 //! host affects only its own behaviour.
 
-mod dialogue;
 mod frame_progress;
 mod gallery;
 mod host;
@@ -16,12 +15,12 @@ mod pipe;
 mod policy;
 mod prepared;
 mod process;
-mod remark_limiter;
+mod repl_channel;
+mod report_limiter;
 mod store_writer;
 mod supervisor;
 mod watch;
 
-pub use dialogue::{Dialogue, PromptCommand, PromptMessage};
 pub use host::{STACK, host, host_main};
 pub use inspection::{INSPECTION, Inspected, InspectionError, Inspector, inspection_main};
 pub use library::{Library, LibraryError};
@@ -32,5 +31,6 @@ pub use policy::{
 };
 pub use prepared::Prepared;
 pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
+pub use repl_channel::{PromptCommand, PromptMessage, ReplChannel};
 pub use supervisor::{Handle, Supervisor};
 pub use watch::{Reload, ScriptWatcher, read_source};

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::clean;
+use crate::sanitize;
 
 /// Maximum length of a name, in characters.
 pub const MAX_NAME: usize = 64;
@@ -41,7 +41,7 @@ pub fn validate_name(name: &str) -> Result<(), NameError> {
         "it has more than 64 characters"
     } else if name.contains(['/', '\\', ':']) {
         "it contains a slash, a backslash or a colon"
-    } else if clean::line(name) != name {
+    } else if sanitize::line(name) != name {
         "it contains unprintable characters"
     } else {
         return Ok(());
@@ -50,7 +50,7 @@ pub fn validate_name(name: &str) -> Result<(), NameError> {
 }
 
 fn refused(name: &str, why: &'static str) -> NameError {
-    let shown = clean::line(&name.chars().take(MAX_NAME).collect::<String>());
+    let shown = sanitize::line(&name.chars().take(MAX_NAME).collect::<String>());
     NameError { shown, why }
 }
 

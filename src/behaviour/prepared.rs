@@ -15,9 +15,9 @@ use super::message::{FromHost, Launch, ToHost};
 use super::name::validate_name;
 use super::pipe::{Receiver, Sender};
 use super::process::{HostProcess, Launcher, PipeReader, PipeWriter};
-use super::remark_limiter::RemarkLimiter;
+use super::report_limiter::ReportLimiter;
 use crate::robot::{BehaviourId, EndReason, Priority};
-use crate::script::{Ending, ModuleName, NoModule};
+use crate::script::{ModuleName, NoModule, ScriptExit};
 
 /// Capacity of the queue of messages to a host.
 const MAX_WAITING: usize = 128;
@@ -42,14 +42,14 @@ pub struct Prepared {
     /// False in virtual time, in which no sign of life is expected.
     pub(super) in_real_time: bool,
     pub(super) log_limiter: LogLimiter,
-    pub(super) remark_limiter: RemarkLimiter,
+    pub(super) report_limiter: ReportLimiter,
 }
 
 impl Prepared {
     /// Starts a host and lets it load the script. The runtime `core` serves its pipe.
     ///
     /// # Errors
-    /// An [`Ending`], in words for the script's author, if the script fails to load or the host
+    /// An [`ScriptExit`], in words for the script's author, if the script fails to load or the host
     /// cannot be started.
     pub async fn start(
         launcher: &Launcher,
@@ -57,18 +57,18 @@ impl Prepared {
         by: BehaviourId,
         priority: Priority,
         launch: Launch,
-    ) -> Result<Prepared, Ending> {
+    ) -> Result<Prepared, ScriptExit> {
         let name = launch.options.name.clone();
         let broken = |error: io::Error| {
-            ending(
+            exit(
                 EndReason::Error,
                 &format!("{name}: its host cannot be started: {error}"),
             )
         };
-        validate_name(&name).map_err(|error| ending(EndReason::Error, &error.to_string()))?;
+        validate_name(&name).map_err(|error| exit(EndReason::Error, &error.to_string()))?;
         let log_limiter = LogLimiter::new(launch.options.limits.log_bytes_a_day);
         let folder = launch.options.data_dir.clone();
-        let remark_limiter = RemarkLimiter::new(name.clone(), folder, &launch.options.limits);
+        let report_limiter = ReportLimiter::new(name.clone(), folder, &launch.options.limits);
         let started = launcher.start(&launch.options.folders(), core);
         let (process, reader, writer) = started.map_err(broken)?;
         let (from_host, to_host, pump) = connect(reader, writer, core);
@@ -88,20 +88,20 @@ impl Prepared {
             pump,
             in_real_time: !launcher.is_in_this_thread(),
             log_limiter,
-            remark_limiter,
+            report_limiter,
         };
         let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
         match timeout(LOAD_TIME, prepared.from_host.next()).await {
             Ok(Ok(Some(FromHost::Ready))) => Ok(prepared),
-            Ok(Ok(Some(FromHost::Ended(ending)))) => Err(ending),
-            Ok(Ok(_)) => Err(prepared.failure_ending().await),
+            Ok(Ok(Some(FromHost::Ended(exit)))) => Err(exit),
+            Ok(Ok(_)) => Err(prepared.failure_exit().await),
             Ok(Err(error)) => Err(broken(error)),
             Err(_) => Err(broken(io::ErrorKind::TimedOut.into())),
         }
     }
 
     /// Describes the end of a host that exited without reporting a reason.
-    pub(super) async fn failure_ending(&mut self) -> Ending {
+    pub(super) async fn failure_exit(&mut self) -> ScriptExit {
         let status = match timeout(EXIT_TIME, self.process.wait()).await {
             Ok(status) => status,
             Err(_) => self.process.kill().await,
@@ -114,7 +114,7 @@ impl Prepared {
             "{}: its process ended unexpectedly ({status}) {words}",
             self.name
         );
-        ending(EndReason::Error, text.trim_end())
+        exit(EndReason::Error, text.trim_end())
     }
 }
 
@@ -166,8 +166,8 @@ fn serve_modules(
     ask
 }
 
-pub(super) fn ending(reason: EndReason, message: &str) -> Ending {
-    Ending {
+pub(super) fn exit(reason: EndReason, message: &str) -> ScriptExit {
+    ScriptExit {
         reason,
         message: Some(message.to_owned()),
     }

@@ -17,7 +17,7 @@ use tokio::task::JoinHandle;
 use super::host::{Time, serve};
 use super::inspection::Inspector;
 use crate::files::Folder;
-use crate::walls::{self, SandboxPolicy};
+use crate::sandbox::{self, SandboxPolicy};
 
 /// The hidden argument that makes the executable run as a host.
 pub const HOST_ARGUMENT: &str = "__host";
@@ -106,7 +106,7 @@ fn start_child(
         write: folders.iter().map(|folder| folder.to_path_buf()).collect(),
         ..SandboxPolicy::default()
     };
-    let (command, ours) = walls::command(executable, &[HOST_ARGUMENT], &policy)?;
+    let (command, ours) = sandbox::command(executable, &[HOST_ARGUMENT], &policy)?;
     ours.set_nonblocking(true)?;
     let child = Command::from(command).kill_on_drop(true).spawn()?;
     let (reader, writer) = {

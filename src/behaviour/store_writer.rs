@@ -14,8 +14,8 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use crate::budget::Budget;
 use crate::files::Folder;
+use crate::rate_limit::Budget;
 use crate::script::Limits;
 
 /// The file's name.
@@ -39,7 +39,7 @@ pub(super) struct StoreWriter {
     writer: Option<Writer>,
     /// Starts the thread.
     start: fn(PathBuf, u64) -> io::Result<Writer>,
-    /// The last problem, until [`StoreWriter::trouble`] takes it.
+    /// The last problem, until [`StoreWriter::take_error`] takes it.
     error: Option<String>,
     /// Earliest time of the next write.
     next: Option<Instant>,
@@ -204,7 +204,7 @@ impl StoreWriter {
     }
 
     /// Returns a problem to report, such as a failed write; not the same one twice in a row.
-    pub(super) fn trouble(&mut self) -> Option<String> {
+    pub(super) fn take_error(&mut self) -> Option<String> {
         if self.slow == Some(false) {
             self.slow = Some(true);
             return Some(format!(

@@ -12,19 +12,19 @@ use tokio::time::{Instant, timeout};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, warn};
 
-use super::dialogue::{self, Dialogue, PromptMessage};
 use super::frame_progress::FrameProgress;
 use super::liveness::Liveness;
 use super::log_limiter::{Admission, log};
 use super::message::{FromHost, ToHost};
-use super::prepared::{EXIT_TIME, Prepared, ending};
-use super::remark_limiter;
+use super::prepared::{EXIT_TIME, Prepared, exit};
+use super::repl_channel::{self, PromptMessage, ReplChannel};
+use super::report_limiter;
 use crate::clock::until;
 use crate::robot::channel::{EventReceiver, PilotMessage, Request, Role, events};
 use crate::robot::{
-    Bus, EndReason, Findings, ParamChange, PartialFrame, Pictures, Remark, ViewerChannel,
+    Bus, Detections, EndReason, HostReport, ParamChange, PartialFrame, Pictures, ViewerChannel,
 };
-use crate::script::{Ending, LogLine, Output};
+use crate::script::{LogLine, Output, ScriptExit};
 
 /// Time limit for a script's `on_stop` handlers plus the exit of its host.
 const STOP_TIME: Duration = Duration::from_millis(700);
@@ -66,7 +66,7 @@ pub struct Supervisor {
     partial_wanted: bool,
     frame_progress: FrameProgress,
     dropped: u64,
-    dialogue: Option<Dialogue>,
+    repl_channel: Option<ReplChannel>,
     liveness: Option<Liveness>,
     viewers: ViewerChannel,
     /// Parameter changes by users.
@@ -103,7 +103,7 @@ impl Supervisor {
             partial_wanted: false,
             frame_progress: FrameProgress::default(),
             dropped: 0,
-            dialogue: None,
+            repl_channel: None,
             liveness: None,
             param_changes: viewers.params().changes(),
             viewers,
@@ -111,13 +111,13 @@ impl Supervisor {
         }
     }
 
-    /// Publishes the script's remarks (entries, notices, pictures) on this bus.
+    /// Publishes the script's reports (entries, notices, pictures) on this bus.
     #[must_use]
     pub fn with_bus(self, bus: Bus) -> Supervisor {
         Supervisor { bus, ..self }
     }
 
-    /// Publishes the script's findings in frames, and its parameters, through this channel.
+    /// Publishes the script's detections in frames, and its parameters, through this channel.
     #[must_use]
     pub fn with_viewers(self, viewers: ViewerChannel) -> Supervisor {
         Supervisor {
@@ -129,9 +129,9 @@ impl Supervisor {
 
     /// Connects a prompt, whose user types lines for the script and reads its output.
     #[must_use]
-    pub fn with_dialogue(self, dialogue: Dialogue) -> Supervisor {
+    pub fn with_repl_channel(self, repl_channel: ReplChannel) -> Supervisor {
         Supervisor {
-            dialogue: Some(dialogue),
+            repl_channel: Some(repl_channel),
             ..self
         }
     }
@@ -146,27 +146,27 @@ impl Supervisor {
 
     /// Runs the behaviour to its end; the runtime `core` serves its messages. The pilot is informed
     /// as soon as it has ended.
-    pub async fn run(self, handle: Handle, core: &Runtime) -> Ending {
+    pub async fn run(self, handle: Handle, core: &Runtime) -> ScriptExit {
         let (requests, by) = (self.requests.clone(), self.host.by);
         let served = core.spawn(self.serve_to_the_end(handle.stop.subscribe()));
-        let Ok((mut supervisor, ending)) = AbortOnDropHandle::new(served).await else {
+        let Ok((mut supervisor, exit)) = AbortOnDropHandle::new(served).await else {
             let _ = requests.send(Request::Gone(by)).await;
-            return self::ending(EndReason::Error, "internal error: its supervisor panicked");
+            return self::exit(EndReason::Error, "internal error: its supervisor panicked");
         };
-        let ending = match ending {
-            Some(ending) => ending,
+        let exit = match exit {
+            Some(exit) => exit,
             // Finding out why the host failed takes time; its motion has stopped by then.
-            None => supervisor.host.failure_ending().await,
+            None => supervisor.host.failure_exit().await,
         };
         supervisor.reap().await;
-        ending
+        exit
     }
 
     async fn serve_to_the_end(
         mut self,
         mut stop: watch::Receiver<Option<EndReason>>,
-    ) -> (Supervisor, Option<Ending>) {
-        let ending = self.serve(&mut stop).await;
+    ) -> (Supervisor, Option<ScriptExit>) {
+        let exit = self.serve(&mut stop).await;
         let _ = self.requests.send(Request::Gone(self.host.by)).await;
         self.viewers.params().forget(&self.host.name);
         if self.dropped > 0 {
@@ -176,11 +176,11 @@ impl Supervisor {
                 "messages to its host were dropped, because it did not read them in time"
             );
         }
-        (self, ending)
+        (self, exit)
     }
 
     /// Serves the behaviour until it has ended; `None` if its host ended without a report.
-    async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Option<Ending> {
+    async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Option<ScriptExit> {
         let (mut last_moment, mut running) = (None, false);
         let picture = self.inbox.picture();
         loop {
@@ -190,15 +190,15 @@ impl Supervisor {
                     PilotMessage::Event(event) => {
                         let (answer, go) = (event.is_answer(), event.is_welcome() && !running);
                         if !self.pass_on(ToHost::Event(event)) && answer {
-                            return Some(self.queue_full_ending());
+                            return Some(self.queue_full_exit());
                         }
                         if go && self.pass_on(ToHost::Run) {
                             running = true;
                             self.liveness.iter_mut().for_each(Liveness::reset);
                         }
                     }
-                    PilotMessage::Kill(reason) => return Some(self.killed_ending(reason)),
-                    PilotMessage::Closed => return Some(self.killed_ending(EndReason::Shutdown)),
+                    PilotMessage::Kill(reason) => return Some(self.killed_exit(reason)),
+                    PilotMessage::Closed => return Some(self.killed_exit(EndReason::Shutdown)),
                 },
                 Some(reason) = requested(stop), if last_moment.is_none() => {
                     self.pass_on(ToHost::Stop(reason));
@@ -206,7 +206,7 @@ impl Supervisor {
                     last_moment = Some((Instant::now() + STOP_TIME, reason));
                 }
                 () = until(last_moment.map(|(moment, _)| moment)) => {
-                    return last_moment.map(|(_, reason)| self.killed_ending(reason));
+                    return last_moment.map(|(_, reason)| self.killed_exit(reason));
                 }
                 Ok(change) = self.param_changes.recv() => {
                     if change.behaviour == self.host.name {
@@ -214,13 +214,13 @@ impl Supervisor {
                         self.pass_on(ToHost::SetParam { name, value });
                     }
                 }
-                command = dialogue::next(&mut self.dialogue) => {
+                command = repl_channel::next(&mut self.repl_channel) => {
                     if !self.pass_on(command.into()) {
-                        return Some(self.queue_full_ending());
+                        return Some(self.queue_full_exit());
                     }
                 }
                 message = self.host.from_host.next() => match message {
-                    Ok(Some(FromHost::Ended(ending))) => return Some(ending),
+                    Ok(Some(FromHost::Ended(exit))) => return Some(exit),
                     Ok(Some(message)) => {
                         if let Some(liveness) = &mut self.liveness
                             && running
@@ -238,7 +238,7 @@ impl Supervisor {
                 () = picture.notified(), if self.frame_wanted => self.pass_picture(),
                 () = until(self.liveness.as_ref().and_then(Liveness::deadline)) => {
                     if self.liveness.as_mut().is_some_and(Liveness::is_over) {
-                        return Some(self.unresponsive_ending());
+                        return Some(self.unresponsive_exit());
                     }
                 }
             }
@@ -260,7 +260,7 @@ impl Supervisor {
             }
             FromHost::Found { frame, list } => {
                 let behaviour = self.host.name.clone();
-                return self.viewers.send(Findings {
+                return self.viewers.send(Detections {
                     behaviour,
                     frame,
                     list,
@@ -270,10 +270,10 @@ impl Supervisor {
                 return self.viewers.params().declare(&self.host.name, params);
             }
             FromHost::Output(Output::Log(line)) => return self.write(line),
-            FromHost::Output(Output::Remark(remark)) => return self.remark(remark),
+            FromHost::Output(Output::HostReport(report)) => return self.report(report),
             FromHost::Output(Output::Evaluated(evaluated)) => {
-                if let Some(dialogue) = &self.dialogue {
-                    dialogue.send(PromptMessage::Evaluated(evaluated));
+                if let Some(repl_channel) = &self.repl_channel {
+                    repl_channel.send(PromptMessage::Evaluated(evaluated));
                 }
                 return;
             }
@@ -291,9 +291,11 @@ impl Supervisor {
         let name = &self.host.name;
         match (
             self.host.log_limiter.admit(line, Instant::now()),
-            &self.dialogue,
+            &self.repl_channel,
         ) {
-            (Admission::Written(line), Some(dialogue)) => dialogue.send(PromptMessage::Line(line)),
+            (Admission::Written(line), Some(repl_channel)) => {
+                repl_channel.send(PromptMessage::Line(line))
+            }
             (Admission::Written(line), None) => log(name, &line),
             (Admission::Dropped(before), _) => warn!(
                 behaviour = %name,
@@ -304,16 +306,16 @@ impl Supervisor {
         }
     }
 
-    fn remark(&mut self, remark: Remark) {
-        match self.host.remark_limiter.admit(remark, Instant::now()) {
-            remark_limiter::Admission::Passed(what) => self.bus.publish(what),
-            remark_limiter::Admission::Dropped(before) => warn!(
+    fn report(&mut self, report: HostReport) {
+        match self.host.report_limiter.admit(report, Instant::now()) {
+            report_limiter::Admission::Passed(what) => self.bus.publish(what),
+            report_limiter::Admission::Dropped(before) => warn!(
                 behaviour = %self.host.name,
                 before,
                 "it sends too much: journal entries, messages or pictures are dropped; this is logged at \
                  most once a minute"
             ),
-            remark_limiter::Admission::DroppedSilently => {}
+            report_limiter::Admission::DroppedSilently => {}
         }
     }
 
@@ -359,7 +361,7 @@ impl Supervisor {
         sent
     }
 
-    fn unresponsive_ending(&self) -> Ending {
+    fn unresponsive_exit(&self) -> ScriptExit {
         let limit = self
             .liveness
             .as_ref()
@@ -369,16 +371,16 @@ impl Supervisor {
              work smaller (`watchdog: {{ host_idle_silence: ... }}` is how long it may take)",
             self.host.name
         );
-        ending(EndReason::Cpu, &text)
+        exit(EndReason::Cpu, &text)
     }
 
-    fn queue_full_ending(&self) -> Ending {
+    fn queue_full_exit(&self) -> ScriptExit {
         let text = format!("{}: it does not read its messages", self.host.name);
-        ending(EndReason::Cpu, &text)
+        exit(EndReason::Cpu, &text)
     }
 
-    fn killed_ending(&self, reason: EndReason) -> Ending {
-        ending(
+    fn killed_exit(&self, reason: EndReason) -> ScriptExit {
+        exit(
             reason,
             &format!("{}: {}", self.host.name, reason.sentence()),
         )

@@ -9,14 +9,14 @@ mod tests;
 
 use std::collections::BTreeMap;
 
-use super::finding::{Finding, Severity};
+use super::diagnostic::{Diagnostic, Severity};
 use super::kinds::Kinds;
 use super::lexer::Span;
 use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
 use super::{CheckContext, parser, walk};
 
 /// What failed, and where.
-struct Diagnosis {
+struct Explanation {
     at: Span,
     message: String,
     help: String,
@@ -25,25 +25,28 @@ struct Diagnosis {
 /// Explains an error such as `a.lua:3: attempt to index nil with 'cx'` in plain words, with the
 /// source line. `None` if it is not in this file or needs no explanation.
 pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
-    let finding = explanation(text, chunk, source)?;
-    let (line, message) = (finding.line, &finding.message);
-    Some(format!("{chunk}:{line}: {message}\n{}", finding.excerpt()))
+    let diagnostic = explanation(text, chunk, source)?;
+    let (line, message) = (diagnostic.line, &diagnostic.message);
+    Some(format!(
+        "{chunk}:{line}: {message}\n{}",
+        diagnostic.excerpt()
+    ))
 }
 
 /// Same as [`explain`], in parts.
-pub fn explanation(text: &str, chunk: &str, source: &str) -> Option<Finding> {
+pub fn explanation(text: &str, chunk: &str, source: &str) -> Option<Diagnostic> {
     let rest = text.strip_prefix(chunk)?.strip_prefix(':')?;
     let (line, words) = rest.split_once(": ")?;
     let number: usize = line.parse().ok()?;
     let whole = line_span(source, number)?;
     let tree = parser::parse(source).ok();
-    let diagnosis = tree.as_ref().and_then(|tree| {
+    let explanation = tree.as_ref().and_then(|tree| {
         let context = CheckContext::defined();
         let site = ErrorSite::new(tree, source, number, &context);
-        site.diagnosis(words)
+        site.explanation(words)
     });
-    let diagnosis = diagnosis.or_else(|| general(words, whole));
-    if diagnosis.is_none()
+    let explanation = explanation.or_else(|| general(words, whole));
+    if explanation.is_none()
         && ["error(", "assert("]
             .iter()
             .any(|call| whole.of(source).contains(call))
@@ -51,19 +54,19 @@ pub fn explanation(text: &str, chunk: &str, source: &str) -> Option<Finding> {
         // An error that the script raised itself needs no explanation.
         return None;
     }
-    let diagnosis = diagnosis.unwrap_or(Diagnosis {
+    let explanation = explanation.unwrap_or(Explanation {
         at: whole,
         message: words.to_owned(),
         help: String::new(),
     });
     // The caret must be on the line that the VM reports.
-    let at = if diagnosis.at.start >= whole.start && diagnosis.at.start <= whole.end {
-        diagnosis.at
+    let at = if explanation.at.start >= whole.start && explanation.at.start <= whole.end {
+        explanation.at
     } else {
         whole
     };
-    let finding = Finding::new((chunk, source), at, Severity::Error, diagnosis.message);
-    Some(finding.help(diagnosis.help))
+    let diagnostic = Diagnostic::new((chunk, source), at, Severity::Error, explanation.message);
+    Some(diagnostic.help(explanation.help))
 }
 
 /// Returns the span of a line, without its indentation.
@@ -82,34 +85,34 @@ fn line_span(source: &str, number: usize) -> Option<Span> {
 }
 
 /// Explains an error without a syntax tree.
-fn general(words: &str, at: Span) -> Option<Diagnosis> {
-    let diagnosis = |message: &str, help: &str| {
-        Some(Diagnosis {
+fn general(words: &str, at: Span) -> Option<Explanation> {
+    let explanation = |message: &str, help: &str| {
+        Some(Explanation {
             at,
             message: message.to_owned(),
             help: help.to_owned(),
         })
     };
     if words.contains("stack overflow") {
-        return diagnosis(
+        return explanation(
             "a function calls itself endlessly",
             "let it end at some point, or use a loop: while true do ... task.wait(0.1) end",
         );
     }
     if words.contains("attempt to call a") || words.contains("attempt to call missing") {
-        return diagnosis(
+        return explanation(
             "the value called here is not a function",
             "check the spelling of its name",
         );
     }
     if words.contains("attempt to yield across") {
-        return diagnosis(
+        return explanation(
             words,
             "a function for table.sort or gsub, or a metamethod, cannot wait",
         );
     }
     if words.contains("readonly table") {
-        return diagnosis(
+        return explanation(
             "this table is read-only and cannot be changed",
             "keep your own values in a local variable",
         );
@@ -142,7 +145,7 @@ fn general(words: &str, at: Span) -> Option<Diagnosis> {
         ("invalid 'for'", "a `for` counts with numbers only"),
     ];
     let found = similar.iter().find(|(part, _)| words.contains(part));
-    found.and_then(|(_, message)| diagnosis(message, "print the values to see which one it is"))
+    found.and_then(|(_, message)| explanation(message, "print the values to see which one it is"))
 }
 
 struct ErrorSite<'a> {
@@ -201,7 +204,7 @@ impl<'a> ErrorSite<'a> {
         short.trim().to_owned()
     }
 
-    fn diagnosis(&self, words: &str) -> Option<Diagnosis> {
+    fn explanation(&self, words: &str) -> Option<Explanation> {
         if let Some(rest) = words.strip_prefix("attempt to index ") {
             let (what, with) = rest.split_once(" with ")?;
             return self.index(what, with.trim_matches('\''));

@@ -1,6 +1,6 @@
 //! Determines what kind of value an expression has, as far as the file itself shows: constants,
 //! results of API calls, payloads of events. What is not certain is [`ValueKind::Unknown`] and
-//! never leads to a finding.
+//! never leads to a diagnostic.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -91,14 +91,14 @@ impl<'a> Kinds<'a> {
     /// Records the names that the statements of a block set.
     fn note_block(&mut self, block: &'a Block) {
         for statement in block {
-            self.note(statement);
+            self.record_kind(statement);
             for inner in statement.blocks() {
                 self.note_block(inner);
             }
         }
     }
 
-    fn note(&mut self, statement: &'a Statement) {
+    fn record_kind(&mut self, statement: &'a Statement) {
         let targets: Vec<&Expr> = match &statement.kind {
             StatementKind::Assign(targets, _) => targets.iter().collect(),
             StatementKind::Function(target, _) => vec![target],

@@ -5,8 +5,8 @@
 //! false positives: what cannot be determined from the file alone is left to the run. The work is
 //! bounded whatever the file contains, and no part of the script runs.
 
+mod diagnostic;
 mod explain;
-mod finding;
 mod foreign;
 mod kinds;
 mod lexer;
@@ -31,8 +31,8 @@ use crate::robot::Streams;
 use crate::script::{Failure, GivenParam, Options, Script, compile_error, read_text, resolve};
 use crate::vision::Colour;
 
+pub use diagnostic::{Diagnostic, Severity};
 pub use explain::{explain, explanation};
-pub use finding::{Finding, Severity};
 use lexer::Span;
 pub use required::{Required, required};
 
@@ -57,7 +57,7 @@ impl CheckContext {
     /// Creates the context for a script with these options in this file.
     pub fn new(options: &Options, file: Option<&Path>) -> CheckContext {
         let script = if file.is_some_and(is_scenario) {
-            Script::on_empty_stage(options.clone(), Instant::now())
+            Script::empty_scenario(options.clone(), Instant::now())
         } else {
             Script::load(b"", options.clone(), Instant::now())
         };
@@ -121,11 +121,11 @@ fn may_be_file(path: &Path) -> bool {
 
 /// Returns the errors that prevent a script with these options from running, without the warnings.
 /// The options' chunk name is the script's file.
-pub fn errors(source: &[u8], options: &Options) -> Vec<Finding> {
+pub fn errors(source: &[u8], options: &Options) -> Vec<Diagnostic> {
     let context = CheckContext::new(options, Some(Path::new(&options.chunk)));
-    let mut findings = check(source, &options.chunk, &context);
-    findings.retain(|finding| finding.severity == Severity::Error);
-    findings
+    let mut diagnostics = check(source, &options.chunk, &context);
+    diagnostics.retain(|diagnostic| diagnostic.severity == Severity::Error);
+    diagnostics
 }
 
 /// Whether a file is a scenario that tests behaviours: `*_test.lua`, or the `check.lua` of a
@@ -136,13 +136,13 @@ fn is_scenario(file: &Path) -> bool {
 }
 
 /// Returns everything wrong with a script that can be detected without running it.
-pub fn check(source: &[u8], chunk: &str, context: &CheckContext) -> Vec<Finding> {
+pub fn check(source: &[u8], chunk: &str, context: &CheckContext) -> Vec<Diagnostic> {
     let text = match read_text(source, chunk) {
         Ok(text) => text,
         Err(failure) => return vec![unreadable(source, chunk, &failure)],
     };
     if let Some(complaint) = compile_error(text, chunk) {
-        return vec![syntax::finding((chunk, text), &complaint)];
+        return vec![syntax::diagnostic((chunk, text), &complaint)];
     }
     match parser::parse(text) {
         Ok(tree) => walk::walk(&tree, (chunk, text), context),
@@ -156,8 +156,8 @@ fn reads(source: &str) -> bool {
     parser::parse(source).is_ok()
 }
 
-/// The finding for a file that is not a text.
-fn unreadable(source: &[u8], chunk: &str, failure: &Failure) -> Finding {
+/// The diagnostic for a file that is not a text.
+fn unreadable(source: &[u8], chunk: &str, failure: &Failure) -> Diagnostic {
     let text = String::from_utf8_lossy(source);
     let line = match failure {
         Failure::NotUtf8 { line, .. } | Failure::Control { line, .. } => *line,
@@ -172,5 +172,5 @@ fn unreadable(source: &[u8], chunk: &str, failure: &Failure) -> Finding {
     let words = failure.to_string();
     let words = words.strip_prefix(chunk).unwrap_or(&words);
     let words = words.trim_start_matches(|c: char| c == ':' || c == ' ' || c.is_ascii_digit());
-    Finding::new((chunk, &text), span, Severity::Error, words)
+    Diagnostic::new((chunk, &text), span, Severity::Error, words)
 }

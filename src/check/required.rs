@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::finding::{Finding, Severity};
+use super::diagnostic::{Diagnostic, Severity};
 use super::lexer::Span;
 use super::parser;
 use super::tree::{Expr, ExprKind};
@@ -17,10 +17,16 @@ pub struct Required {
 }
 
 impl Required {
-    /// Creates the finding that this module cannot be loaded, at the position where it is required.
-    pub fn refused(&self, (source, chunk): (&[u8], &str), why: &str) -> Option<Finding> {
+    /// Creates the diagnostic that this module cannot be loaded, at the position where it is
+    /// required.
+    pub fn refused(&self, (source, chunk): (&[u8], &str), why: &str) -> Option<Diagnostic> {
         let text = std::str::from_utf8(source).ok()?;
-        Some(Finding::new((chunk, text), self.at, Severity::Error, why))
+        Some(Diagnostic::new(
+            (chunk, text),
+            self.at,
+            Severity::Error,
+            why,
+        ))
     }
 }
 

@@ -5,7 +5,7 @@ mod ends;
 mod gaps;
 mod habits;
 
-use super::finding::{Finding, Severity};
+use super::diagnostic::{Diagnostic, Severity};
 use super::lexer::{Span, Token, TokenKind, tokens};
 use super::parser;
 
@@ -20,14 +20,15 @@ struct ErrorSite<'a> {
 }
 
 /// What is wrong, and what to do.
-struct Diagnosis {
+struct Explanation {
     at: Span,
     message: String,
     help: String,
 }
 
-/// Returns the finding for an error such as `a.lua:3: Expected 'then' when parsing if statement`.
-pub(super) fn finding((chunk, source): (&str, &str), complaint: &str) -> Finding {
+/// Returns the diagnostic for an error such as `a.lua:3: Expected 'then' when parsing if
+/// statement`.
+pub(super) fn diagnostic((chunk, source): (&str, &str), complaint: &str) -> Diagnostic {
     let rest = complaint.strip_prefix(chunk).unwrap_or(complaint);
     let rest = rest.strip_prefix(':').unwrap_or(rest);
     let (line, words) = match rest.split_once(':') {
@@ -42,20 +43,20 @@ pub(super) fn finding((chunk, source): (&str, &str), complaint: &str) -> Finding
         words,
         ends: source.match_indices('\n').map(|(at, _)| at).collect(),
     };
-    let diagnosis = site.diagnosis();
-    Finding::new(
+    let explanation = site.explanation();
+    Diagnostic::new(
         (chunk, source),
-        diagnosis.at,
+        explanation.at,
         Severity::Error,
-        diagnosis.message,
+        explanation.message,
     )
-    .help(diagnosis.help)
+    .help(explanation.help)
 }
 
 impl ErrorSite<'_> {
-    fn diagnosis(&self) -> Diagnosis {
+    fn explanation(&self) -> Explanation {
         // The most certain rules first.
-        let rules: [fn(&Self) -> Option<Diagnosis>; 17] = [
+        let rules: [fn(&Self) -> Option<Explanation>; 17] = [
             Self::quotes,
             Self::unfinished,
             Self::unknown_symbols,
@@ -75,8 +76,8 @@ impl ErrorSite<'_> {
             Self::missing_word,
         ];
         let found = rules.iter().find_map(|rule| rule(self));
-        found.unwrap_or_else(|| Diagnosis {
-            at: self.place(),
+        found.unwrap_or_else(|| Explanation {
+            at: self.location(),
             message: plain(self.words),
             help: String::new(),
         })
@@ -125,7 +126,7 @@ impl ErrorSite<'_> {
 
     /// Returns the position of the error: where our own parser failed, if that is on the line;
     /// otherwise the whole line.
-    fn place(&self) -> Span {
+    fn location(&self) -> Span {
         if let Err(error) = parser::parse(self.source)
             && self.line_at(error.at.start) == self.line
         {

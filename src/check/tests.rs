@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
 
-use super::{CheckContext, Finding, Severity, check, explain, reads};
+use super::{CheckContext, Diagnostic, Severity, check, explain, reads};
 use crate::api;
 use crate::robot::{Streams, Use};
 use crate::script::Options;
@@ -15,14 +15,14 @@ fn context() -> CheckContext {
     CheckContext::new(&Options::new("test", "test.lua"), None)
 }
 
-fn checked(source: &[u8]) -> Vec<Finding> {
+fn checked(source: &[u8]) -> Vec<Diagnostic> {
     check(source, "test.lua", &context())
 }
 
 fn errors(source: &str) -> Vec<String> {
-    let findings = checked(source.as_bytes()).into_iter();
-    let errors = findings.filter(|finding| finding.severity == Severity::Error);
-    errors.map(|finding| finding.message).collect()
+    let diagnostics = checked(source.as_bytes()).into_iter();
+    let errors = diagnostics.filter(|diagnostic| diagnostic.severity == Severity::Error);
+    errors.map(|diagnostic| diagnostic.message).collect()
 }
 
 #[test]
@@ -37,14 +37,14 @@ fn use_of_a_stream_that_the_config_keeps_off_is_a_warning() {
     let context = CheckContext::new(&options, None);
     let warned = |source: &str| {
         let found = check(source.as_bytes(), "test.lua", &context);
-        let [finding] = found.as_slice() else {
+        let [diagnostic] = found.as_slice() else {
             assert!(found.is_empty(), "{found:?}");
             return false;
         };
-        assert_eq!(finding.severity, Severity::Warning);
+        assert_eq!(diagnostic.severity, Severity::Warning);
         assert!(
-            finding.message.contains("the config keeps video off"),
-            "{finding:?}"
+            diagnostic.message.contains("the config keeps video off"),
+            "{diagnostic:?}"
         );
         true
     };
@@ -99,14 +99,14 @@ fn each_broken_script_gets_the_message_that_it_expects() {
     for (path, source) in corpus {
         let text = String::from_utf8(source.clone()).unwrap();
         let (by, line, words) = promise(&text);
-        let findings = checked(&source);
+        let diagnostics = checked(&source);
         let shown: Vec<String> = match by.as_str() {
-            "check" => findings
+            "check" => diagnostics
                 .iter()
                 .map(|one| format!("{}: {}", one.line, one.message))
                 .collect(),
             _ => {
-                let errors = findings
+                let errors = diagnostics
                     .iter()
                     .filter(|one| one.severity == Severity::Error);
                 wrong.extend(errors.map(|one| format!("{}: not by check: {one}", path.display())));
@@ -151,7 +151,7 @@ fn an_if_without_its_end_is_explained_with_its_else() {
 }
 
 #[test]
-fn correct_scripts_have_no_findings() {
+fn correct_scripts_have_no_diagnostics() {
     for (path, source) in scripts("behaviours") {
         let context = CheckContext::new(&Options::new("test", "test.lua"), Some(&path));
         let found = check(&source, "test.lua", &context);
@@ -169,7 +169,7 @@ fn correct_scripts_have_no_findings() {
 }
 
 #[test]
-fn unusual_but_correct_scripts_have_no_findings() {
+fn unusual_but_correct_scripts_have_no_diagnostics() {
     for source in [
         "local t = { n = 1 } t.x, t['y'] = 1, 2 for k, v in t do print(k, v) end",
         "local function f(...) local a, b = ... return select('#', ...), a, b end print(f(1, 2))",
@@ -357,15 +357,15 @@ proptest! {
     }
 
     #[test]
-    fn findings_in_a_truncated_script_have_a_position(cut in 0usize..4000) {
+    fn diagnostics_in_a_truncated_script_have_a_position(cut in 0usize..4000) {
         let source = include_str!("../../behaviours/patrol.lua");
         let mut cut = cut.min(source.len());
         while !source.is_char_boundary(cut) {
             cut -= 1;
         }
-        for finding in checked(&source.as_bytes()[..cut]) {
-            prop_assert!(finding.line >= 1 && finding.column >= 1 && finding.width >= 1);
-            prop_assert!(finding.carets().contains('^'), "{finding}");
+        for diagnostic in checked(&source.as_bytes()[..cut]) {
+            prop_assert!(diagnostic.line >= 1 && diagnostic.column >= 1 && diagnostic.width >= 1);
+            prop_assert!(diagnostic.carets().contains('^'), "{diagnostic}");
         }
     }
 

@@ -6,7 +6,7 @@ mod calls;
 mod names;
 
 use super::CheckContext;
-use super::finding::{Finding, Severity};
+use super::diagnostic::{Diagnostic, Severity};
 use super::kinds::{Kinds, ValueKind, of_type};
 use super::lexer::Span;
 use super::loops;
@@ -19,21 +19,21 @@ pub(super) struct Walk<'a> {
     pub(super) context: &'a CheckContext,
     /// File and source.
     text: (&'a str, &'a str),
-    findings: Vec<Finding>,
-    /// Findings beyond the maximum, which are only counted.
+    diagnostics: Vec<Diagnostic>,
+    /// Diagnostics beyond the maximum, which are only counted.
     surplus: Surplus,
 }
 
-/// Maximum number of findings per file.
-const MAX_FINDINGS: usize = 200;
+/// Maximum number of diagnostics per file.
+const MAX_DIAGNOSTICS: usize = 200;
 
 /// See [`Walk::surplus`].
 #[derive(Default)]
 struct Surplus {
     errors: usize,
     warnings: usize,
-    /// A dummy finding for callers to write to; never reported.
-    spare: Option<Finding>,
+    /// A dummy diagnostic for callers to write to; never reported.
+    spare: Option<Diagnostic>,
 }
 
 impl Surplus {
@@ -44,8 +44,8 @@ impl Surplus {
         }
     }
 
-    /// Returns one finding that stands for all that were only counted.
-    fn summary(&self, text: (&str, &str)) -> Option<Finding> {
+    /// Returns one diagnostic that stands for all that were only counted.
+    fn summary(&self, text: (&str, &str)) -> Option<Diagnostic> {
         let (severity, count) = match (self.errors, self.warnings) {
             (0, 0) => return None,
             (0, warnings) => (Severity::Warning, warnings),
@@ -54,16 +54,16 @@ impl Surplus {
         let end = text.1.trim_end().len();
         let span = Span { start: end, end };
         let message = format!("and {count} more mistakes in this file");
-        Some(Finding::new(text, span, severity, message).help("correct the first ones first"))
+        Some(Diagnostic::new(text, span, severity, message).help("correct the first ones first"))
     }
 }
 
-/// Returns all findings of a tree, in the order of the text.
+/// Returns all diagnostics of a tree, in the order of the text.
 pub(super) fn walk<'a>(
     tree: &'a Tree,
     text: (&'a str, &'a str),
     context: &'a CheckContext,
-) -> Vec<Finding> {
+) -> Vec<Diagnostic> {
     walked(tree, text, context).0
 }
 
@@ -72,50 +72,55 @@ pub(super) fn walked<'a>(
     tree: &'a Tree,
     text: (&'a str, &'a str),
     context: &'a CheckContext,
-) -> (Vec<Finding>, Kinds<'a>) {
+) -> (Vec<Diagnostic>, Kinds<'a>) {
     let mut walk = Walk {
         kinds: Kinds::new(tree, &context.paths),
         context,
         text,
-        findings: Vec::new(),
+        diagnostics: Vec::new(),
         surplus: Surplus::default(),
     };
     walk.block(&tree.block);
-    let mut findings = walk.findings;
-    findings.sort_by_key(|finding| (finding.line, finding.column));
-    findings.dedup();
-    findings.extend(walk.surplus.summary(text));
-    (findings, walk.kinds)
+    let mut diagnostics = walk.diagnostics;
+    diagnostics.sort_by_key(|diagnostic| (diagnostic.line, diagnostic.column));
+    diagnostics.dedup();
+    diagnostics.extend(walk.surplus.summary(text));
+    (diagnostics, walk.kinds)
 }
 
 impl<'a> Walk<'a> {
-    pub(super) fn error(&mut self, span: Span, message: impl Into<String>) -> &mut Finding {
-        self.note(span, Severity::Error, message)
+    pub(super) fn error(&mut self, span: Span, message: impl Into<String>) -> &mut Diagnostic {
+        self.add(span, Severity::Error, message)
     }
 
-    pub(super) fn warning(&mut self, span: Span, message: impl Into<String>) -> &mut Finding {
-        self.note(span, Severity::Warning, message)
+    pub(super) fn warning(&mut self, span: Span, message: impl Into<String>) -> &mut Diagnostic {
+        self.add(span, Severity::Warning, message)
     }
 
-    fn note(&mut self, span: Span, severity: Severity, message: impl Into<String>) -> &mut Finding {
+    fn add(
+        &mut self,
+        span: Span,
+        severity: Severity,
+        message: impl Into<String>,
+    ) -> &mut Diagnostic {
         if self.is_full() {
             self.surplus.count(severity);
             let text = ("", "");
-            let spare = || Finding::new(text, Span { start: 0, end: 0 }, severity, "");
+            let spare = || Diagnostic::new(text, Span { start: 0, end: 0 }, severity, "");
             return self.surplus.spare.get_or_insert_with(spare);
         }
-        let finding = Finding::new(self.text, span, severity, message);
-        self.findings.push(finding);
-        let last = self.findings.len() - 1;
-        &mut self.findings[last]
+        let diagnostic = Diagnostic::new(self.text, span, severity, message);
+        self.diagnostics.push(diagnostic);
+        let last = self.diagnostics.len() - 1;
+        &mut self.diagnostics[last]
     }
 
     pub(super) fn is_full(&self) -> bool {
-        self.findings.len() >= MAX_FINDINGS
+        self.diagnostics.len() >= MAX_DIAGNOSTICS
     }
 
-    /// Suggests a similar name; empty when the maximum of findings is reached, as the search takes
-    /// long.
+    /// Suggests a similar name; empty when the maximum of diagnostics is reached, as the search
+    /// takes long.
     pub(super) fn near<'n>(&self, wrong: &str, known: impl IntoIterator<Item = &'n str>) -> String {
         if self.is_full() {
             String::new()

@@ -12,7 +12,7 @@ use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, print};
 use crate::clock::{self, Span};
-use crate::control::{Answer, Change, Client, Listed, RunRequest};
+use crate::control::{BehaviourListing, Change, Client, RunRequest, RunResponse};
 use crate::link::Target;
 
 /// Timeout of a request: the old script's end handlers, loading the new script, and a margin.
@@ -140,7 +140,7 @@ fn list(args: &ListArgs) -> Result<Exit, Failure> {
         CHANGE_TIMEOUT,
     )? {
         None => Ok(Exit::Interrupted),
-        Some(Answer::Behaviours(behaviours)) => {
+        Some(RunResponse::Behaviours(behaviours)) => {
             if args.json {
                 let behaviours = behaviours.iter().map(object).collect();
                 print(&format!("{}\n", Value::Array(behaviours)))?;
@@ -163,7 +163,7 @@ fn change(args: &NameArgs, change: Change) -> Result<Exit, Failure> {
     let request = RunRequest::Behaviour { name, change };
     match ask(&args.which.client()?, &request, CHANGE_TIMEOUT)? {
         None => Ok(Exit::Interrupted),
-        Some(Answer::Done) => {
+        Some(RunResponse::Done) => {
             let done = match change {
                 Change::Start => "runs".to_owned(),
                 Change::StartFor(lasts) => {
@@ -201,25 +201,25 @@ fn is_plain(name: &str) -> bool {
     !name.starts_with('-') && name.chars().all(plain)
 }
 
-fn row(one: &Listed) -> Vec<String> {
+fn row(one: &BehaviourListing) -> Vec<String> {
     vec![
         one.name.clone(),
         one.state.clone(),
         one.running.map_or_else(|| "-".to_owned(), clock::hours),
         one.priority.0.to_string(),
-        one.ending.as_ref().map_or_else(
+        one.exit.as_ref().map_or_else(
             || "-".to_owned(),
             |(reason, words)| format!("{reason}: {words}"),
         ),
     ]
 }
 
-fn object(one: &Listed) -> Value {
-    let ending = one.ending.as_ref();
+fn object(one: &BehaviourListing) -> Value {
+    let exit = one.exit.as_ref();
     json!({
         "name": one.name, "priority": one.priority.0, "state": one.state,
         "seconds": one.running.map(|time| time.as_secs()),
-        "ended": ending.map(|(reason, _)| reason.to_string()),
-        "message": ending.map(|(_, words)| words),
+        "ended": exit.map(|(reason, _)| reason.to_string()),
+        "message": exit.map(|(_, words)| words),
     })
 }

@@ -1,4 +1,4 @@
-//! The behaviours that a command runs, from files and the config's entries, each with a blueprint
+//! The behaviours that a command runs, from files and the config's entries, each with a spec
 //! from which it can be started again while the agent runs.
 
 use std::collections::BTreeMap;
@@ -11,7 +11,7 @@ use tokio::sync::mpsc;
 
 use super::Failure;
 use super::params::{self, Param};
-use crate::agent::{Behaviour, Blueprint, BlueprintError};
+use crate::agent::{Behaviour, BehaviourSpec, BehaviourSpecError};
 use crate::behaviour::{self, Launch, Library, Reload, RestartPolicy, ScriptWatcher};
 use crate::clock::{Clock, Zone};
 use crate::config::{Config, Entry};
@@ -46,7 +46,7 @@ pub(super) struct BehaviourLoader<'a> {
 /// The behaviours of a command.
 pub(super) struct LoadedBehaviours {
     pub(super) behaviours: Vec<Behaviour>,
-    pub(super) blueprints: Vec<Blueprint>,
+    pub(super) specs: Vec<BehaviourSpec>,
     pub(super) watches: Vec<Watch>,
 }
 
@@ -72,13 +72,13 @@ impl BehaviourLoader<'_> {
         }
         let options = behaviours.iter_mut().map(|one| &mut one.launch.options);
         params::apply(self.params, options.collect())?;
-        let blueprints = behaviours.iter().zip(entries);
-        let blueprints = blueprints
-            .map(|(behaviour, entry)| blueprint(behaviour, entry.file.clone(), self.checked))
+        let specs = behaviours.iter().zip(entries);
+        let specs = specs
+            .map(|(behaviour, entry)| spec(behaviour, entry.file.clone(), self.checked))
             .collect();
         Ok(LoadedBehaviours {
             behaviours,
-            blueprints,
+            specs,
             watches,
         })
     }
@@ -120,13 +120,13 @@ impl BehaviourLoader<'_> {
 }
 
 /// The same behaviour with its file read again at each start.
-fn blueprint(behaviour: &Behaviour, file: PathBuf, checked: bool) -> Blueprint {
+fn spec(behaviour: &Behaviour, file: PathBuf, checked: bool) -> BehaviourSpec {
     let (priority, restart) = (behaviour.priority, behaviour.restart);
     let launch = behaviour.launch.clone();
-    Blueprint::new(launch.options.name.clone(), priority, move || {
+    BehaviourSpec::new(launch.options.name.clone(), priority, move || {
         let path = file.clone();
         let source = behaviour::read_source(&file)
-            .map_err(|source| BlueprintError::Read { path, source })?;
+            .map_err(|source| BehaviourSpecError::Read { path, source })?;
         Ok(Behaviour {
             priority,
             launch: Launch {

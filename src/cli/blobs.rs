@@ -10,7 +10,7 @@ use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Console, Exit, Failure, colours, number, picture, print};
 use crate::vision::{
-    Blob, BlobOptions, Colour, FrameAnalyser, Image, Mark, Roi, Size, annotate_enlarged,
+    Annotation, Blob, BlobOptions, Colour, FrameAnalyser, Image, Roi, Size, annotate_enlarged,
 };
 
 /// Small pictures are enlarged to about this width for people.
@@ -198,7 +198,9 @@ fn marked(image: &Image, blobs: &[Blob], args: &BlobsArgs) -> RgbImage {
         .map(|(number, blob)| format!("{number} {}", names(blob, &args.colours)))
         .collect();
     let marks = blobs.iter().zip(&texts);
-    let marks: Vec<Mark<'_>> = marks.map(|(blob, text)| Mark { blob, text }).collect();
+    let marks: Vec<Annotation<'_>> = marks
+        .map(|(blob, text)| Annotation { blob, text })
+        .collect();
     let times = (SHOWN_WIDTH / image.size().width).clamp(1, MAX_ENLARGEMENT);
     match args.roi {
         Some(roi) => annotate_enlarged(&dimmed(image, roi), &marks, times),

@@ -11,7 +11,7 @@ use crate::mqtt::{Account, Mqtt};
 use crate::robot::Bus;
 
 /// Time limit for sending the last words to the broker.
-pub(super) const END: Duration = Duration::from_secs(2);
+pub(super) const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
 /// Maximum size of a certificate file, bytes.
 const LONGEST_CERTIFICATES: u64 = 1 << 20;
 

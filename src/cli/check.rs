@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 
 use super::behaviour_loader::params;
 use super::behaviour_loader::read_source;
-use super::examiner::Examiner;
+use super::script_checker::ScriptChecker;
 use super::settings::SettingsArgs;
 use super::{Console, Exit, Failure, plural, print, print_coloured};
 use crate::agent::Behaviour;
 use crate::behaviour::Launch;
-use crate::check::{Finding, Severity};
-use crate::clean;
+use crate::check::{Diagnostic, Severity};
 use crate::config::{Config, Entry};
+use crate::sanitize;
 use crate::script::Options;
 
 /// Check behaviours for mistakes without running them
@@ -40,26 +40,26 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
     for path in &args.files {
         collect(path, 0, &mut files)?;
     }
-    let mut examiner = Examiner::new()?;
+    let mut checker = ScriptChecker::new()?;
     for file in &files {
         let (source, options) = of_file(file, config, path)?;
-        examiner.behaviour(&source, &options)?;
+        checker.behaviour(&source, &options)?;
     }
-    let (count, findings) = (examiner.count(), examiner.findings);
+    let (count, diagnostics) = (checker.count(), checker.diagnostics);
     let text = if args.json {
         format!(
             "{}\n",
-            serde_json::to_string_pretty(&findings).map_err(Failure::internal)?
+            serde_json::to_string_pretty(&diagnostics).map_err(Failure::internal)?
         )
     } else {
-        report(&findings, count)
+        report(&diagnostics, count)
     };
     if args.json {
         print(&text)?
     } else {
         print_coloured(&text, colours())?
     }
-    Ok(if has_errors(&findings) {
+    Ok(if has_errors(&diagnostics) {
         Exit::Check
     } else {
         Exit::Done
@@ -85,30 +85,30 @@ fn of_file(
     Ok((source, options))
 }
 
-/// The findings for a script that would run with these options.
-pub(super) fn of_source(source: &[u8], options: &Options) -> Result<Vec<Finding>, Failure> {
-    let mut examiner = Examiner::new()?;
-    examiner.behaviour(source, options)?;
-    Ok(examiner.findings)
+/// The diagnostics for a script that would run with these options.
+pub(super) fn of_source(source: &[u8], options: &Options) -> Result<Vec<Diagnostic>, Failure> {
+    let mut checker = ScriptChecker::new()?;
+    checker.behaviour(source, options)?;
+    Ok(checker.diagnostics)
 }
 
 /// Returns an error if a behaviour has errors; only prints warnings.
 pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<(), Failure> {
-    let mut examiner = Examiner::new()?;
+    let mut checker = ScriptChecker::new()?;
     for behaviour in behaviours {
         let Launch {
             source, options, ..
         } = &behaviour.launch;
-        examiner.behaviour(source, options)?;
+        checker.behaviour(source, options)?;
     }
-    let (errors, warnings): (Vec<_>, Vec<_>) = examiner
-        .findings
+    let (errors, warnings): (Vec<_>, Vec<_>) = checker
+        .diagnostics
         .into_iter()
-        .partition(|finding| finding.severity == Severity::Error);
+        .partition(|diagnostic| diagnostic.severity == Severity::Error);
     for warning in warnings {
         console.write_line("WARN", &warning.text());
     }
-    let texts: Vec<_> = errors.iter().map(Finding::text).collect();
+    let texts: Vec<_> = errors.iter().map(Diagnostic::text).collect();
     if texts.is_empty() {
         Ok(())
     } else {
@@ -117,11 +117,11 @@ pub(super) fn before_run(behaviours: &[Behaviour], console: &Console) -> Result<
     }
 }
 
-/// Whether a script with these findings is refused before a run.
-pub(super) fn has_errors(findings: &[Finding]) -> bool {
-    findings
+/// Whether a script with these diagnostics is refused before a run.
+pub(super) fn has_errors(diagnostics: &[Diagnostic]) -> bool {
+    diagnostics
         .iter()
-        .any(|finding| finding.severity == Severity::Error)
+        .any(|diagnostic| diagnostic.severity == Severity::Error)
 }
 
 /// Collects the scripts of a folder in alphabetical order; a file is taken as it is.
@@ -153,13 +153,13 @@ fn collect(path: &Path, depth: u32, files: &mut Vec<PathBuf>) -> Result<(), Fail
     Ok(())
 }
 
-fn report(findings: &[Finding], files: usize) -> String {
-    let mut text = shown(findings, colours());
-    let errors = findings
+fn report(diagnostics: &[Diagnostic], files: usize) -> String {
+    let mut text = shown(diagnostics, colours());
+    let errors = diagnostics
         .iter()
         .filter(|one| one.severity == Severity::Error)
         .count();
-    let warnings = findings.len() - errors;
+    let warnings = diagnostics.len() - errors;
     text += &match (errors, warnings) {
         _ if files == 0 => "no script found: no file there ends in .lua\n".to_owned(),
         (0, 0) => format!("{}: no problems found\n", plural(files, "script")),
@@ -174,31 +174,31 @@ fn report(findings: &[Finding], files: usize) -> String {
     text
 }
 
-/// Findings for people, separated by blank lines.
-fn shown(findings: &[Finding], colours: bool) -> String {
-    let one = |finding: &Finding| {
+/// Diagnostics for people, separated by blank lines.
+fn shown(diagnostics: &[Diagnostic], colours: bool) -> String {
+    let one = |diagnostic: &Diagnostic| {
         if colours {
-            coloured(finding)
+            coloured(diagnostic)
         } else {
-            finding.to_string()
+            diagnostic.to_string()
         }
     };
-    findings
+    diagnostics
         .iter()
-        .map(|finding| one(finding) + "\n\n")
+        .map(|diagnostic| one(diagnostic) + "\n\n")
         .collect()
 }
 
-fn coloured(finding: &Finding) -> String {
-    let colour = match finding.severity {
+fn coloured(diagnostic: &Diagnostic) -> String {
+    let colour = match diagnostic.severity {
         Severity::Error => "\x1b[1;31m",
         Severity::Warning => "\x1b[1;33m",
     };
-    let text = finding.to_string();
-    let text = clean::text(&text, false);
-    let carets = finding.carets();
+    let text = diagnostic.to_string();
+    let text = sanitize::text(&text, false);
+    let carets = diagnostic.carets();
     let marked = carets.replacen('^', &format!("{colour}^"), 1) + "\x1b[0m";
-    let word = match finding.severity {
+    let word = match diagnostic.severity {
         Severity::Error => "error:",
         Severity::Warning => "warning:",
     };

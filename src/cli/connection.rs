@@ -55,7 +55,7 @@ pub struct LoginArgs {
 
 impl ConnectionArgs {
     /// The robot named by the flags; `None` leaves it to the config.
-    pub fn place(&self) -> Option<RobotChoice> {
+    pub fn robot(&self) -> Option<RobotChoice> {
         let robot = self.robot.clone().map(RobotChoice::Robot);
         robot.or_else(|| self.sim.clone().map(RobotChoice::Sim))
     }
@@ -146,16 +146,16 @@ mod tests {
 
     #[test]
     fn robot_and_sim_exclude_each_other() {
-        let place = |args| parse(args).unwrap().place();
+        let choice = |args| parse(args).unwrap().robot();
         let robot = "172.17.6.1".parse().unwrap();
         assert_eq!(
-            place(&["--robot", "172.17.6.1"]),
+            choice(&["--robot", "172.17.6.1"]),
             Some(RobotChoice::Robot(robot))
         );
-        assert_eq!(place(&["--sim"]), Some(RobotChoice::Sim(None)));
+        assert_eq!(choice(&["--sim"]), Some(RobotChoice::Sim(None)));
         let world = Some(PathBuf::from("w.yaml"));
-        assert_eq!(place(&["--sim", "w.yaml"]), Some(RobotChoice::Sim(world)));
-        assert_eq!(place(&[]), None);
+        assert_eq!(choice(&["--sim", "w.yaml"]), Some(RobotChoice::Sim(world)));
+        assert_eq!(choice(&[]), None);
         assert!(parse(&["--sim", "--robot", "172.17.6.1"]).is_err());
     }
 
@@ -172,11 +172,11 @@ mod tests {
     fn a_behaviour_after_sim_is_not_taken_for_a_world() {
         let mut args = parse(&["--sim", "patrol.lua"]).unwrap();
         assert_eq!(args.take_misplaced_behaviour(), Some("patrol.lua".into()));
-        assert_eq!(args.place(), Some(RobotChoice::Sim(None)));
+        assert_eq!(args.robot(), Some(RobotChoice::Sim(None)));
         let mut args = parse(&["--sim", "room.yaml"]).unwrap();
         assert_eq!(args.take_misplaced_behaviour(), None);
         assert_eq!(
-            args.place(),
+            args.robot(),
             Some(RobotChoice::Sim(Some("room.yaml".into())))
         );
         assert_eq!(parse(&[]).unwrap().take_misplaced_behaviour(), None);

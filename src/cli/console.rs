@@ -15,8 +15,8 @@ use tracing_subscriber::fmt::time::{FormatTime as _, SystemTime};
 
 use super::LogFormat;
 use super::screen::{Features, Screen};
-use crate::budget::{Budget, Repeats};
 use crate::config::{Logging, When};
+use crate::rate_limit::{Budget, Repeats};
 
 /// Length of the queue. Records that find it full are dropped and counted.
 const MAX_WAITING: usize = 512;
@@ -27,7 +27,7 @@ const MAX_RECORD_LEN: usize = 8 * 1024;
 const TOO_LONG: &str = "a log line was dropped: it was too long";
 /// Width to assume for a window of unknown width.
 const DEFAULT_COLUMNS: usize = 80;
-/// Timeout for enqueueing the note of [`Console::redirect`].
+/// Timeout for enqueueing the message of [`Console::redirect`].
 const REDIRECT_LIMIT: Duration = Duration::from_millis(500);
 /// Interval between notices that lines are dropped because the day's byte budget is used up.
 const DROP_NOTICE_INTERVAL: Duration = Duration::from_secs(60);
@@ -38,14 +38,14 @@ const RETRY_PAUSE: Duration = Duration::from_millis(5);
 /// may block.
 #[derive(Clone)]
 pub struct Console {
-    notes: SyncSender<Note>,
+    messages: SyncSender<ConsoleMessage>,
     shared: Arc<Shared>,
     features: Features,
     format: LogFormat,
 }
 
 /// A message to the writing thread.
-enum Note {
+enum ConsoleMessage {
     Record(Vec<u8>),
     /// Why the program ends: written even if the day's byte budget is used up.
     LastWords(String),
@@ -98,7 +98,7 @@ impl Console {
         format: LogFormat,
         day: Budget,
     ) -> io::Result<Console> {
-        let (notes, inbox) = sync_channel(MAX_WAITING);
+        let (messages, inbox) = sync_channel(MAX_WAITING);
         let shared = Arc::new(Shared::default());
         let writer = ConsoleWriter {
             out,
@@ -114,7 +114,7 @@ impl Console {
             .name("console".into())
             .spawn(move || writer.serve(&inbox))?;
         Ok(Console {
-            notes,
+            messages,
             shared,
             features,
             format,
@@ -146,8 +146,8 @@ impl Console {
             .status
             .lock()
             .unwrap_or_else(PoisonError::into_inner) = Some(text.into());
-        // If the queue is full, the next note that is processed redraws it.
-        let _ = self.notes.try_send(Note::Status);
+        // If the queue is full, the next message that is processed redraws it.
+        let _ = self.messages.try_send(ConsoleMessage::Status);
     }
 
     /// Writes the status as a separate line, for files and pipes. Does nothing on a terminal.
@@ -166,7 +166,7 @@ impl Console {
     /// Redirects the output, such as above a prompt; `None`: to stderr again.
     pub fn redirect(&self, to: Option<Box<dyn Write + Send>>) {
         let mut left = REDIRECT_LIMIT;
-        self.enqueue_with_retry(Note::Redirect(to), &mut left);
+        self.enqueue_with_retry(ConsoleMessage::Redirect(to), &mut left);
     }
 
     fn record(&self, mut record: Vec<u8>) {
@@ -176,7 +176,7 @@ impl Console {
                 LogFormat::Json => record = log_line(self.format, "WARN", TOO_LONG).into_bytes(),
             }
         }
-        if let Err(TrySendError::Full(_)) = self.notes.try_send(Note::Record(record)) {
+        if let Err(TrySendError::Full(_)) = self.messages.try_send(ConsoleMessage::Record(record)) {
             self.shared.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -187,21 +187,21 @@ impl Console {
         let mut left = limit;
         if let Some(text) = last_words {
             let record = log_line(self.format, "ERROR", text);
-            self.enqueue_with_retry(Note::LastWords(record), &mut left);
+            self.enqueue_with_retry(ConsoleMessage::LastWords(record), &mut left);
         }
         let (done, wait) = sync_channel(1);
-        self.enqueue_with_retry(Note::End(done), &mut left);
+        self.enqueue_with_retry(ConsoleMessage::End(done), &mut left);
         let _ = wait.recv_timeout(left);
     }
 
-    /// Enqueues a note, retrying while the queue is full and time is left.
-    fn enqueue_with_retry(&self, mut note: Note, left: &mut Duration) {
-        while let Err(TrySendError::Full(back)) = self.notes.try_send(note) {
+    /// Enqueues a message, retrying while the queue is full and time is left.
+    fn enqueue_with_retry(&self, mut message: ConsoleMessage, left: &mut Duration) {
+        while let Err(TrySendError::Full(back)) = self.messages.try_send(message) {
             let Some(less) = left.checked_sub(RETRY_PAUSE) else {
                 return;
             };
             thread::sleep(RETRY_PAUSE);
-            (note, *left) = (back, less);
+            (message, *left) = (back, less);
         }
     }
 }
@@ -237,18 +237,18 @@ struct ConsoleWriter<W> {
 }
 
 impl<W: Write> ConsoleWriter<W> {
-    /// Processes notes. Continues after write errors: notes to a broken stderr are discarded.
-    fn serve(mut self, inbox: &Receiver<Note>) {
-        while let Ok(note) = inbox.recv() {
-            match note {
-                Note::Record(record) => self.write(&String::from_utf8_lossy(&record)),
-                Note::LastWords(text) => {
+    /// Processes messages. Continues after write errors: messages to a broken stderr are discarded.
+    fn serve(mut self, inbox: &Receiver<ConsoleMessage>) {
+        while let Ok(message) = inbox.recv() {
+            match message {
+                ConsoleMessage::Record(record) => self.write(&String::from_utf8_lossy(&record)),
+                ConsoleMessage::LastWords(text) => {
                     let line = self.screen.record(&text, (self.columns)());
                     self.put(line);
                 }
-                Note::Status => {}
-                Note::Redirect(to) => self.redirected = to,
-                Note::End(done) => {
+                ConsoleMessage::Status => {}
+                ConsoleMessage::Redirect(to) => self.redirected = to,
+                ConsoleMessage::End(done) => {
                     self.report_dropped();
                     let last = self.screen.end();
                     self.put(last.to_owned());
@@ -268,7 +268,7 @@ impl<W: Write> ConsoleWriter<W> {
         if self.day.take(text.len() as u64, now) {
             return self.put(text);
         }
-        if let Some(before) = self.drop_notices.note((), now) {
+        if let Some(before) = self.drop_notices.record((), now) {
             let words = format!(
                 "log lines are dropped ({before} before this one): the limit of {} bytes a day is used up",
                 self.day.per_day()

@@ -7,11 +7,11 @@ use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 
 use super::interrupt::handle_signals;
-use super::startup::{driving_core, launcher, pulse};
+use super::startup::{driving_core, heartbeat, launcher};
 use super::{Exit, Failure};
-use crate::agent::{AgentError, Docked, PilotSetup, RunningPilot, Seat, SeatError};
+use crate::agent::{AgentError, Docked, PilotClient, PilotClientError, PilotSetup, RunningPilot};
 use crate::behaviour::Launch;
-use crate::pilot::{Dial, Settings, Status};
+use crate::pilot::{Connector, Settings, Status};
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, DockEnd, DockPlan, MotionEnd, Priority, Setpoint};
 
@@ -20,18 +20,18 @@ const DRIVER_ID: BehaviourId = BehaviourId(0);
 /// The parts needed to drive a robot manually.
 pub(super) struct DriverParts {
     /// Connects to the robot.
-    pub(super) dial: Dial,
+    pub(super) connector: Connector,
     /// The pilot's settings.
     pub(super) settings: Settings,
     /// The rescue behaviour, if wanted.
     pub(super) rescue: Option<Launch>,
 }
 
-/// Drives the robot through a seat at the pilot.
+/// Drives the robot through a client of the pilot.
 pub(super) struct Driver {
     requests: mpsc::Sender<Request>,
     /// Set once the robot is connected.
-    seat: Option<Seat>,
+    client: Option<PilotClient>,
     pilot: RunningPilot,
 }
 
@@ -78,12 +78,12 @@ impl Driver {
         stop: &CancellationToken,
     ) -> Result<Driver, Failure> {
         let DriverParts {
-            dial,
+            connector,
             settings,
             rescue,
         } = parts;
-        let pulse = pulse(settings.simulated);
-        let mut setup = PilotSetup::new(settings, dial, core.clone(), Some(pulse));
+        let heartbeat = heartbeat(settings.simulated);
+        let mut setup = PilotSetup::new(settings, connector, core.clone(), Some(heartbeat));
         let requests = setup.requests();
         handle_signals(core, requests.clone(), stop.clone())?;
         if let Some(rescue) = rescue {
@@ -91,22 +91,22 @@ impl Driver {
         }
         Ok(Driver {
             requests,
-            seat: None,
+            client: None,
             pilot: setup.launch(stop),
         })
     }
 
     async fn connect(&mut self) -> Result<(), Failure> {
         self.pilot.connected().await.map_err(failed)?;
-        let seat = Seat::join(
+        let client = PilotClient::join(
             self.requests.clone(),
             DRIVER_ID,
             "spykee",
             Priority(0),
             Role::Person,
         );
-        self.seat = match seat.await {
-            Ok(seat) => Some(seat),
+        self.client = match client.await {
+            Ok(client) => Some(client),
             Err(error) => return Err(self.refused(error).await),
         };
         Ok(())
@@ -126,7 +126,7 @@ impl Driver {
         setpoint: Setpoint,
         duration: Duration,
     ) -> Result<MotionEnd, Failure> {
-        let end = self.seat()?.run(setpoint, duration).await;
+        let end = self.pilot_client()?.run(setpoint, duration).await;
         self.answered(end).await
     }
 
@@ -135,7 +135,7 @@ impl Driver {
     /// # Errors
     /// The pilot has ended.
     pub(super) async fn dock(&mut self, plan: DockPlan) -> Result<Docked, Failure> {
-        let end = self.seat()?.dock(plan).await;
+        let end = self.pilot_client()?.dock(plan).await;
         self.answered(end).await
     }
 
@@ -144,7 +144,7 @@ impl Driver {
     /// # Errors
     /// The pilot has ended.
     pub(super) async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, Failure> {
-        let end = self.seat()?.undock(timeout).await;
+        let end = self.pilot_client()?.undock(timeout).await;
         self.answered(end).await
     }
 
@@ -153,16 +153,16 @@ impl Driver {
     /// # Errors
     /// The pilot has ended.
     pub(super) async fn say(&mut self, samples: &[u8]) -> Result<(), Failure> {
-        let end = self.seat()?.say(samples).await;
+        let end = self.pilot_client()?.say(samples).await;
         self.answered(end).await
     }
 
-    fn seat(&mut self) -> Result<&mut Seat, Failure> {
+    fn pilot_client(&mut self) -> Result<&mut PilotClient, Failure> {
         let broken = || failed(AgentError::Broken("the pilot"));
-        self.seat.as_mut().ok_or_else(broken)
+        self.client.as_mut().ok_or_else(broken)
     }
 
-    async fn answered<T>(&mut self, answer: Result<T, SeatError>) -> Result<T, Failure> {
+    async fn answered<T>(&mut self, answer: Result<T, PilotClientError>) -> Result<T, Failure> {
         match answer {
             Ok(answer) => Ok(answer),
             Err(error) => Err(self.refused(error).await),
@@ -170,10 +170,10 @@ impl Driver {
     }
 
     /// The failure to report. If the pilot has ended, reports the pilot's own reason.
-    async fn refused(&mut self, error: SeatError) -> Failure {
+    async fn refused(&mut self, error: PilotClientError) -> Failure {
         match error {
-            SeatError::Closed => failed(self.pilot.failure().await),
-            SeatError::Ended(_) => Failure::new(Exit::Safety, error),
+            PilotClientError::Closed => failed(self.pilot.failure().await),
+            PilotClientError::Ended(_) => Failure::new(Exit::Safety, error),
         }
     }
 }

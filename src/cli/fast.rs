@@ -1,4 +1,4 @@
-//! `run --sim --fast`: the run happens in a laboratory on its own thread, in virtual time; this
+//! `run --sim --fast`: the run happens in a simulation on its own thread, in virtual time; this
 //! thread shows the progress and handles signals, in real time. A script that cannot be interrupted
 //! ends the run and the program.
 
@@ -19,17 +19,17 @@ use super::startup::{STATUS_PERIOD, runtime};
 use super::status::StatusLine;
 use super::world::TraceFile;
 use super::{Console, Exit, Failure};
-use crate::agent::{AgentError, Behaviour, Bus, Outcome, Tries};
+use crate::agent::{AgentError, Behaviour, Bus, ConnectAttempts, Outcome};
 use crate::clock::hours;
 use crate::config::Config;
 use crate::control;
-use crate::journal::{self, LabJournal};
-use crate::lab::{self, Lab, Recorder, Running};
-use crate::live::Simulation;
+use crate::journal::{self, SimulationJournal};
+use crate::live::SimulatedRobot;
 use crate::pilot::Status;
 use crate::robot::Streams;
 use crate::script;
 use crate::sim::{Handle, World};
+use crate::simulation::{self, Recorder, Running, Simulation};
 use crate::timetable::View;
 
 /// A script that cannot be interrupted for this long ends the run.
@@ -41,45 +41,45 @@ const SHUTDOWN_LIMIT: Duration = Duration::from_secs(10);
 pub(super) struct Fast {
     pub(super) world: World,
     pub(super) behaviours: Vec<Behaviour>,
-    pub(super) options: lab::Options,
+    pub(super) options: simulation::Options,
     pub(super) limit: Option<Duration>,
     /// The picture of the robot's path, drawn at the end.
     pub(super) trace: Option<TraceFile>,
     /// The page that shows the run and controls its clock.
     pub(super) page: Option<PageInputs>,
     /// The journal of the run.
-    pub(super) journal: Option<LabJournalOptions>,
+    pub(super) journal: Option<SimulationJournalOptions>,
 }
 
 /// A journal in virtual time and its folder. It is kept only if the config explicitly has
 /// `journal: { record: on }`: by default, fast runs are not mixed with the history of real runs.
-pub(super) struct LabJournalOptions {
+pub(super) struct SimulationJournalOptions {
     data: PathBuf,
     options: journal::Options,
 }
 
-impl LabJournalOptions {
+impl SimulationJournalOptions {
     /// The journal that this config asks for, if any.
-    pub(super) fn from_config(config: &Config) -> Option<LabJournalOptions> {
+    pub(super) fn from_config(config: &Config) -> Option<SimulationJournalOptions> {
         let wanted = config.journal.record == journal::When::On;
-        wanted.then(|| LabJournalOptions {
+        wanted.then(|| SimulationJournalOptions {
             data: config.data_folder().to_owned(),
             options: config.journal,
         })
     }
 
-    /// Starts the journal, within the laboratory.
-    pub(super) fn start(self, bus: &Bus) -> LabJournal {
-        let about = journal::About {
+    /// Starts the journal, within the simulation.
+    pub(super) fn start(self, bus: &Bus) -> SimulationJournal {
+        let about = journal::RunInfo {
             target: "a simulated robot".to_owned(),
             simulated: true,
         };
-        LabJournal::start(bus, &self.data, self.options, about)
+        SimulationJournal::start(bus, &self.data, self.options, about)
     }
 }
 
-/// The view of a laboratory from outside: the agent's status and the simulator.
-type LabView = (watch::Receiver<Status>, Handle);
+/// The view of a simulation from outside: the agent's status and the simulator.
+type SimulationView = (watch::Receiver<Status>, Handle);
 
 /// How the agent ended, and the virtual time that had passed.
 type Run = (Result<Outcome, AgentError>, Duration);
@@ -113,13 +113,13 @@ impl Fast {
         let (opened, view) = oneshot::channel();
         let (ended, mut end) = oneshot::channel();
         let shown = console.clone();
-        let lab_thread = move || {
-            let _ = ended.send(self.run_lab(opened, &shown));
+        let simulation_thread = move || {
+            let _ = ended.send(self.run_simulation(opened, &shown));
         };
         let thread = std::thread::Builder::new()
             .name("fast".into())
-            .spawn(lab_thread)
-            .map_err(no_lab)?;
+            .spawn(simulation_thread)
+            .map_err(no_simulation)?;
         let watching = async {
             signals.next().await;
             stop.cancel();
@@ -142,42 +142,46 @@ impl Fast {
         };
         let joined = thread.join();
         match (result, joined) {
-            (Ok(result), Ok(())) => result.map_err(no_lab)?,
+            (Ok(result), Ok(())) => result.map_err(no_simulation)?,
             _ => Err(Failure::new(
                 Exit::Failed,
-                AgentError::Broken("the laboratory"),
+                AgentError::Broken("the simulation"),
             )),
         }
     }
 
-    /// Runs the laboratory, on a thread without a runtime.
-    fn run_lab(
+    /// Runs the simulation, on a thread without a runtime.
+    fn run_simulation(
         self,
-        opened: oneshot::Sender<LabView>,
+        opened: oneshot::Sender<SimulationView>,
         console: &Console,
     ) -> std::io::Result<Result<Run, Failure>> {
         let (behaviours, limit, trace) = (self.behaviours, self.limit, self.trace);
-        let (page, tempo, streams) = (self.page, self.options.tempo.clone(), self.options.streams);
+        let (page, sim_clock, streams) = (
+            self.page,
+            self.options.sim_clock.clone(),
+            self.options.streams,
+        );
         let (journal, bus) = (self.journal, self.options.bus.clone());
-        lab::run(self.world, self.options, async |lab: &Lab| {
+        simulation::run(self.world, self.options, async |simulation: &Simulation| {
             let journal = journal.map(|journal| journal.start(&bus));
-            let run = lab.start(behaviours, limit);
-            let simulation = Simulation {
-                robot: lab.sim().clone(),
-                tempo,
+            let run = simulation.start(behaviours, limit);
+            let simulated = SimulatedRobot {
+                robot: simulation.sim().clone(),
+                sim_clock,
             };
             let page =
-                page.map(|page| page.serve(run_handle(&run, streams), Some(simulation), console));
+                page.map(|page| page.serve(run_handle(&run, streams), Some(simulated), console));
             let _page = page.transpose()?;
-            let _ = opened.send((run.status(), lab.sim().clone()));
+            let _ = opened.send((run.status(), simulation.sim().clone()));
             let outcome = run.outcome().await;
             if let Some(journal) = journal {
                 journal.finish().await;
             }
-            if let Some(Err(failure)) = trace.map(|trace| trace.write(lab.sim())) {
+            if let Some(Err(failure)) = trace.map(|trace| trace.write(simulation.sim())) {
                 tracing::error!("{}", failure.report());
             }
-            Ok((outcome, lab.now()))
+            Ok((outcome, simulation.now()))
         })
     }
 }
@@ -191,7 +195,7 @@ fn run_handle(run: &Running, streams: Streams) -> control::Run {
         pictures: run.pictures(),
         reactions: run.reactions(),
         stop: run.stopper(),
-        stop_latch: control::StopLatch::default(),
+        emergency_stop: control::EmergencyStop::default(),
         streams,
         target: "a simulation".to_owned(),
         simulated: true,
@@ -210,7 +214,7 @@ pub(super) fn exit_when_stuck(console: &Console) {
     });
 }
 
-/// Ends the program with these last words when the laboratory cannot be ended.
+/// Ends the program with these last words when the simulation cannot be ended.
 fn exit_with_message(console: &Console, words: &str, exit: Exit) -> ! {
     console.end(Some(words), super::CONSOLE_LIMIT);
     std::process::exit(exit as i32)
@@ -218,14 +222,14 @@ fn exit_with_message(console: &Console, words: &str, exit: Exit) -> ! {
 
 async fn show(
     names: String,
-    view: oneshot::Receiver<LabView>,
+    view: oneshot::Receiver<SimulationView>,
     began: Instant,
     console: &Console,
 ) -> Infallible {
     let Ok((status, sim)) = view.await else {
         return std::future::pending().await;
     };
-    let mut line = StatusLine::new(names, Some(sim.clone()), Tries::default());
+    let mut line = StatusLine::new(names, Some(sim.clone()), ConnectAttempts::default());
     let mut ticks = interval(STATUS_PERIOD);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
@@ -240,7 +244,7 @@ async fn show(
     }
 }
 
-pub(super) fn no_lab(error: std::io::Error) -> Failure {
+pub(super) fn no_simulation(error: std::io::Error) -> Failure {
     Failure::io("start the simulation", error)
 }
 

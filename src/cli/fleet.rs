@@ -105,9 +105,9 @@ async fn act(fleet: &mut Fleet, action: &Action) -> Result<Exit, Failure> {
     match action {
         Action::List { json, .. } => list(fleet, *json),
         Action::Run { behaviour, on, .. } => {
-            order(fleet, &BrokerCommand::Run(behaviour.clone()), on).await
+            send_command(fleet, &BrokerCommand::Run(behaviour.clone()), on).await
         }
-        Action::Stop { robots, .. } => order(fleet, &BrokerCommand::Stop, robots).await,
+        Action::Stop { robots, .. } => send_command(fleet, &BrokerCommand::Stop, robots).await,
     }
 }
 
@@ -156,13 +156,13 @@ fn row(found: &Found) -> Vec<String> {
 }
 
 /// Sends the command to all chosen robots at once and prints the outcome of each.
-async fn order(
+async fn send_command(
     fleet: &mut Fleet,
-    order: &BrokerCommand,
+    command: &BrokerCommand,
     named: &[String],
 ) -> Result<Exit, Failure> {
     let (chosen, absent) = choose(fleet, named)?;
-    let answers = fleet.ask(&chosen, order, REPLY_TIMEOUT).await;
+    let answers = fleet.ask(&chosen, command, REPLY_TIMEOUT).await;
     let answers = answers.map_err(unreachable)?;
     let mut exit = if absent.is_empty() {
         Exit::Done

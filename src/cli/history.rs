@@ -13,7 +13,7 @@ use jiff::tz::TimeZone;
 use self::view::View;
 use super::settings::SettingsArgs;
 use super::{Exit, Failure, number, print};
-use crate::journal::{History, Kinds, Record, Span};
+use crate::journal::{JournalReader, Kinds, Record, Span};
 
 /// Show the journal: links, battery, docks, alarms, runs, pictures, entries by scripts
 ///
@@ -121,9 +121,9 @@ pub(super) fn run(args: &HistoryArgs) -> Result<Exit, Failure> {
     list(args, &open(data)?, span, &zone)
 }
 
-fn open(data: &Path) -> Result<History, Failure> {
+fn open(data: &Path) -> Result<JournalReader, Failure> {
     let data_shown = data.display();
-    match History::open(data) {
+    match JournalReader::open(data) {
         Ok(Some(history)) => Ok(history),
         Ok(None) => Err(
             Failure::usage(format_args!("there is no journal in {data_shown}")).help(
@@ -140,7 +140,7 @@ fn open(data: &Path) -> Result<History, Failure> {
 
 fn list(
     args: &HistoryArgs,
-    history: &History,
+    history: &JournalReader,
     mut span: Span,
     zone: &TimeZone,
 ) -> Result<Exit, Failure> {

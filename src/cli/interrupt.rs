@@ -11,7 +11,7 @@ use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 
 use super::Failure;
-use crate::robot::channel::{Request, Sleep};
+use crate::robot::channel::{Request, Suspend};
 
 /// Time for SIGSTOP to suspend this program.
 const SUSPEND_DELAY: Duration = Duration::from_millis(50);
@@ -139,8 +139,8 @@ fn install_handlers(
     core.spawn(async move {
         while stopped.recv().await.is_some() {
             let original = original.clone();
-            let sleep = Sleep(Box::new(move || suspend(original)));
-            if requests.send(Request::Sleep(sleep)).await.is_err() {
+            let suspend = Suspend(Box::new(move || suspend(original)));
+            if requests.send(Request::Suspend(suspend)).await.is_err() {
                 return;
             }
         }

@@ -5,8 +5,8 @@ mod check;
 mod class;
 mod feedback;
 mod grade;
-mod likeness;
 mod marks;
+mod similarity;
 
 use std::ffi::OsStr;
 use std::fs;

@@ -10,7 +10,7 @@ use crate::agent::Behaviour;
 use crate::config::Config;
 use crate::control::Run;
 use crate::http::Options;
-use crate::live::{self, Known, Live, LiveError, Script, Shown, Simulation};
+use crate::live::{self, Live, LiveError, RunDefinition, Script, SimulatedRobot, WebContext};
 use crate::robot::{Bus, Listener};
 use crate::script::ParamValue;
 
@@ -18,17 +18,21 @@ use crate::script::ParamValue;
 pub(super) struct PageInputs {
     options: Options,
     data: std::path::PathBuf,
-    known: watch::Receiver<Known>,
+    definition: watch::Receiver<RunDefinition>,
     bus: Listener,
 }
 
 impl PageInputs {
     /// Collects the inputs from the config, the known scripts and the bus.
-    pub(super) fn new(config: &Config, known: watch::Receiver<Known>, bus: &Bus) -> PageInputs {
+    pub(super) fn new(
+        config: &Config,
+        definition: watch::Receiver<RunDefinition>,
+        bus: &Bus,
+    ) -> PageInputs {
         PageInputs {
             options: config.live.clone(),
             data: config.data_folder().to_owned(),
-            known,
+            definition,
             bus: bus.subscribe(),
         }
     }
@@ -41,21 +45,21 @@ impl PageInputs {
     pub(super) fn serve(
         self,
         run: Run,
-        sim: Option<Simulation>,
+        sim: Option<SimulatedRobot>,
         console: &Console,
     ) -> Result<Live, Failure> {
         let PageInputs {
             options,
             data,
-            known,
+            definition,
             bus,
         } = self;
         let log = live::tap();
         let live = Live::start(
-            Shown {
+            WebContext {
                 run,
                 sim,
-                known,
+                definition,
                 bus,
                 log,
                 data,
@@ -81,12 +85,12 @@ pub(super) fn script(behaviour: &Behaviour) -> Script {
         file: options.chunk.clone().into(),
         source: String::from_utf8_lossy(&behaviour.launch.source).into_owned(),
         params: params
-            .map(|(name, given)| (name.clone(), words(&given.value)))
+            .map(|(name, given)| (name.clone(), describe(&given.value)))
             .collect(),
     }
 }
 
-fn words(value: &ParamValue) -> String {
+fn describe(value: &ParamValue) -> String {
     match value {
         ParamValue::Boolean(on) => on.to_string(),
         ParamValue::Number(number) => number.to_string(),

@@ -15,10 +15,10 @@ use tracing_subscriber::fmt::time::{FormatTime, SystemTime};
 use tracing_subscriber::layer::SubscriberExt as _;
 
 use super::{Console, LogFormat};
-use crate::clean;
 use crate::config::{Level, Logging, Time};
-use crate::lab;
 use crate::live::LogTap;
+use crate::sanitize;
+use crate::simulation;
 
 /// The default filter: records of this crate from the config's level up, of other crates only
 /// warnings and errors.
@@ -48,7 +48,7 @@ pub(super) fn start(console: &Console, format: LogFormat, logs: &Logging) {
     }
 }
 
-/// Logs only what this thread and its laboratories do, until the guard is dropped.
+/// Logs only what this thread and its simulations do, until the guard is dropped.
 pub(super) fn start_on_this_thread(
     console: &Console,
     format: LogFormat,
@@ -80,7 +80,7 @@ fn dispatch(console: &Console, format: LogFormat, logs: &Logging, filter: EnvFil
     }
 }
 
-/// The timestamps: virtual time inside a laboratory, such as `+3725.040s`; otherwise the kind of
+/// The timestamps: virtual time inside a simulation, such as `+3725.040s`; otherwise the kind of
 /// time that the config selects.
 struct Clock {
     started: Instant,
@@ -110,7 +110,8 @@ impl Clock {
 
 impl FormatTime for Clock {
     fn format_time(&self, writer: &mut Writer<'_>) -> fmt::Result {
-        let run = lab::now().or_else(|| (self.time == Time::Run).then(|| self.started.elapsed()));
+        let run =
+            simulation::now().or_else(|| (self.time == Time::Run).then(|| self.started.elapsed()));
         match run {
             Some(time) => write!(writer, "+{:.3}s", time.as_secs_f64()),
             None if self.time == Time::Local => {
@@ -140,7 +141,7 @@ impl<'writer> FormatFields<'writer> for Plain {
         let names = reading.fields.iter().map(|(name, _)| *name);
         let mut parts = Vec::new();
         if let Some(message) = &reading.message {
-            parts.push(clean::message(message, names.chain(RESERVED)));
+            parts.push(sanitize::message(message, names.chain(RESERVED)));
         }
         let dimmed = |name: &str| {
             if writer.has_ansi_escapes() {
@@ -165,17 +166,17 @@ struct Reading {
 impl Visit for Reading {
     fn record_str(&mut self, field: &Field, value: &str) {
         match field.name() {
-            "message" => self.message = Some(clean::text(value, false)),
+            "message" => self.message = Some(sanitize::text(value, false)),
             // Always in quotes.
             name => self.fields.push((name, format!("{value:?}"))),
         }
     }
 
     fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
-        let text = clean::text(&format!("{value:?}"), false);
+        let text = sanitize::text(&format!("{value:?}"), false);
         match field.name() {
             "message" => self.message = Some(text),
-            name => self.fields.push((name, clean::value(&text))),
+            name => self.fields.push((name, sanitize::value(&text))),
         }
     }
 }

@@ -18,7 +18,6 @@ mod discover;
 mod doctor;
 mod driver;
 mod embedded;
-mod examiner;
 mod failure;
 mod fast;
 mod fleet;
@@ -35,15 +34,16 @@ mod number;
 mod params;
 mod picture;
 mod privileges;
-mod reach;
 mod remote;
 mod repl;
 mod robot;
+mod robot_target;
 mod run;
 mod running;
 mod runs;
 mod schedule;
 mod screen;
+mod script_checker;
 mod secret;
 mod serve;
 mod service;
@@ -64,11 +64,11 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::behaviour::{HOST_ARGUMENT, INSPECTION, host_main, inspection_main};
-use crate::clean;
 use crate::config::{Format, Logging};
 use crate::guardian::{GUARDIAN_ARGUMENT, guardian_main};
-use crate::scenario::{TRIAL, trial_main};
-use crate::walls::{WORKER_ARGUMENT, keep_descriptors};
+use crate::sandbox::{WORKER_ARGUMENT, keep_descriptors};
+use crate::sanitize;
+use crate::scenario::{SCENARIO_PROCESS, scenario_process_main};
 use clap::{CommandFactory, Parser, Subcommand, ValueEnum};
 
 pub use connection::{ConnectionArgs, LoginArgs, RobotChoice};
@@ -160,7 +160,7 @@ impl Command {
             Command::Fleet(args) => Some(args.settings()),
             Command::Token(args) => Some(&args.settings),
             Command::Robot(args) => Some(args.settings()),
-            Command::Calibrate(args) => Some(&args.aim.settings),
+            Command::Calibrate(args) => Some(&args.target.settings),
             Command::Doctor(args) => Some(&args.settings),
             Command::Repl(args) => Some(&args.settings),
             Command::Check(args) => Some(&args.settings),
@@ -326,7 +326,7 @@ fn execute<Guard>(
 fn work(mut args: impl Iterator<Item = OsString>) -> ExitCode {
     match args.next() {
         Some(kind) if kind == INSPECTION => inspection_main(args),
-        Some(kind) if kind == TRIAL => trial_main(args),
+        Some(kind) if kind == SCENARIO_PROCESS => scenario_process_main(args),
         _ => Exit::Usage.into(),
     }
 }
@@ -386,7 +386,7 @@ fn print(text: &str) -> Result<(), Failure> {
 /// Like [`print`], but with `colour` keeps the sequences that set colours: the caller must already
 /// have cleaned all text from outside.
 fn print_coloured(text: &str, colour: bool) -> Result<(), Failure> {
-    let text = clean::text(text, colour);
+    let text = sanitize::text(text, colour);
     let is_collected = COLLECTED_STDOUT.with_borrow_mut(|collected| {
         if let Some(collected) = collected {
             collected.push_str(&text);

@@ -18,7 +18,7 @@ use crate::notify::{
 };
 
 /// Time limit for the last deliveries at the end of a run.
-pub(super) const END: Duration = Duration::from_secs(3);
+pub(super) const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Test the config's notification targets: webhooks, topics and commands
 #[derive(Debug, Clone, clap::Args)]

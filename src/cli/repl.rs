@@ -14,11 +14,11 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
 use super::interrupt::{Terminal, handle_prompt_signals, handle_signals, listen};
-use super::reach::{dial, place, reach};
+use super::robot_target::{connector, resolve_or_simulate, robot_choice};
 use super::settings::SettingsArgs;
-use super::startup::{driving_core, launcher, pulse, refuse_if_stopped, rescue, runtime};
+use super::startup::{driving_core, heartbeat, launcher, refuse_if_stopped, rescue, runtime};
 use super::{ConnectionArgs, Console, Exit, Failure};
-use crate::agent::{AgentError, PilotSetup, Talk, TalkError};
+use crate::agent::{AgentError, PilotSetup, ReplError, ReplSession};
 use crate::behaviour::{Launch, Library, PromptCommand, PromptMessage};
 use crate::clock::until;
 use crate::config::Config;
@@ -59,23 +59,23 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let config = args.settings.config()?.clone();
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let place = place(&args.connection, &config)?;
+    let choice = robot_choice(&args.connection, &config)?;
     let login = args.connection.login.login(args.settings.load()?)?;
     let runtime = runtime()?;
-    let (target, sim) = reach(place, &login, seed)?;
+    let (target, sim) = resolve_or_simulate(choice, &login, seed)?;
     refuse_if_stopped(&config, sim.is_some())?;
     let core = driving_core()?;
-    let dial = dial(target, login, config.link.clone());
+    let connector = connector(target, login, config.link.clone());
     let settings = config.pilot(sim.is_some(), seed);
-    let pulse = Some(pulse(sim.is_some()));
-    let talk = Talk {
+    let heartbeat = Some(heartbeat(sim.is_some()));
+    let repl_session = ReplSession {
         launch: launch(&config, seed)?,
         launcher: launcher()?,
-        setup: PilotSetup::new(settings, dial, core.handle().clone(), pulse),
+        setup: PilotSetup::new(settings, connector, core.handle().clone(), heartbeat),
         rescue: rescue(&config, seed)?,
     };
     let terminal = Terminal::current();
-    let outcome = runtime.block_on(run_session(talk, &terminal, console));
+    let outcome = runtime.block_on(run_session(repl_session, &terminal, console));
     drop(core);
     console.redirect(None);
     terminal.restore();
@@ -99,14 +99,21 @@ fn launch(config: &Config, seed: u64) -> Result<Launch, Failure> {
     })
 }
 
-async fn run_session(talk: Talk, terminal: &Terminal, console: &Console) -> Result<Exit, Failure> {
+async fn run_session(
+    repl_session: ReplSession,
+    terminal: &Terminal,
+    console: &Console,
+) -> Result<Exit, Failure> {
     let (commands, inbox) = mpsc::channel(16);
     let (message_sender, messages) = mpsc::channel(64);
     let (typed_sender, typed) = mpsc::channel(1);
     let (to_editor, editor_commands) = mpsc::channel(MAX_EDITOR_COMMANDS);
     let stop = CancellationToken::new();
     let interactive = std::io::stdin().is_terminal();
-    let (core, requests) = (talk.setup.core().clone(), talk.setup.requests());
+    let (core, requests) = (
+        repl_session.setup.core().clone(),
+        repl_session.setup.requests(),
+    );
     let mut interruption = if interactive {
         handle_prompt_signals(&core, requests, stop.clone(), terminal.clone())?;
         Some(listen(libc::SIGINT)?)
@@ -129,7 +136,7 @@ async fn run_session(talk: Talk, terminal: &Terminal, console: &Console) -> Resu
     thread
         .spawn(move || editor::serve(&typed_sender, editor_commands, &console))
         .map_err(|error| Failure::io("start the prompt", error))?;
-    let mut session = std::pin::pin!(talk.run(inbox, message_sender, stop.clone()));
+    let mut session = std::pin::pin!(repl_session.run(inbox, message_sender, stop.clone()));
     let (mut typed, mut messages) = (typed, messages);
     loop {
         tokio::select! {
@@ -221,9 +228,9 @@ impl Repl {
             PromptMessage::Ready => {}
             PromptMessage::Line(line) => self.print(&written(&line)),
             PromptMessage::Evaluated(evaluated) => self.evaluated(evaluated),
-            PromptMessage::Ended(ending) => {
-                let why = ending.message.unwrap_or_default();
-                let reason = ending.reason;
+            PromptMessage::Ended(exit) => {
+                let why = exit.message.unwrap_or_default();
+                let reason = exit.reason;
                 self.failed |= !matches!(reason, EndReason::Done);
                 self.print(&format!(
                     "ended ({reason}): {why}\na new session starts; all variables are unset"
@@ -274,7 +281,7 @@ impl Repl {
         tracing::warn!("the terminal does not accept output: everything was stopped");
     }
 
-    fn exit(&self, ended: Result<bool, TalkError>, interrupted: bool) -> Result<Exit, Failure> {
+    fn exit(&self, ended: Result<bool, ReplError>, interrupted: bool) -> Result<Exit, Failure> {
         match ended {
             Ok(safety) => Ok(if safety {
                 Exit::Safety
@@ -285,7 +292,7 @@ impl Repl {
             } else {
                 Exit::Done
             }),
-            Err(TalkError::Agent(AgentError::Link(error))) => Err(error.into()),
+            Err(ReplError::Agent(AgentError::Link(error))) => Err(error.into()),
             Err(error) => Err(Failure::new(Exit::Failed, error)),
         }
     }

@@ -11,31 +11,34 @@ use tokio_util::sync::CancellationToken;
 
 use super::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
 use super::embedded::{EmbeddedSim, Simulated};
-use super::fast::{EventFile, Fast, LabJournalOptions};
+use super::fast::{EventFile, Fast, SimulationJournalOptions};
 use super::interrupt::handle_signals;
 use super::live::PageInputs;
 use super::params::Param;
-use super::reach::{dial, place, reach_with};
+use super::robot_target::{connector, resolve_or_simulate_with, robot_choice};
 use super::settings::SettingsArgs;
 use super::sim::FirmwareArgs;
 use super::startup::{
-    JOURNAL_END, driving_core, journal, launcher, pulse, rescue, runtime, serve, show, stop_latch,
+    JOURNAL_END, driving_core, emergency_stop, heartbeat, journal, launcher, rescue, runtime,
+    serve, show,
 };
 use super::status::StatusLine;
 use super::world::TraceFile;
 use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, check, notify};
-use crate::agent::{Agent, AgentError, Behaviour, Bus, Outcome, Plan, Tries, until_answered};
+use crate::agent::{
+    Agent, AgentError, Behaviour, Bus, ConnectAttempts, Outcome, Plan, retry_until_connected,
+};
 use crate::behaviour::{RestartPolicy, is_failure};
 use crate::clock::{Clock, Date, Span, Zone};
 use crate::config::{Config, Entry};
-use crate::control::{self, ControlServer, StopLatch};
+use crate::control::{self, ControlServer, EmergencyStop};
 use crate::journal;
-use crate::lab::{self, Tempo};
 use crate::link::LinkError;
-use crate::live::{Script, Simulation};
+use crate::live::{Script, SimulatedRobot};
 use crate::mqtt::Account;
 use crate::robot::EndReason;
 use crate::sim;
+use crate::simulation::{self, SimClock};
 use crate::timetable::View;
 use crate::wire::Login;
 
@@ -137,15 +140,15 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let seed = args.seed.unwrap_or_else(rand::random);
     let LoadedBehaviours {
         behaviours,
-        blueprints,
+        specs,
         watches,
     } = load(&args, &config, seed)?;
     // With --watch the agent checks each version: a mistake must not end the run.
     if !args.no_check && !args.watch {
         check::before_run(&behaviours, console)?;
     }
-    let place = place(&args.connection, &config)?;
-    let simulated = matches!(place, RobotChoice::Sim(_));
+    let choice = robot_choice(&args.connection, &config)?;
+    let simulated = matches!(choice, RobotChoice::Sim(_));
     args.firmware.refuse_unless(simulated)?;
     if args.date.is_some() && !simulated {
         let what = "--date needs --sim: a real robot uses today's date";
@@ -160,7 +163,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         tracing::debug!(seed, "starting");
     }
     if args.fast {
-        return fast(&args, &config, place, behaviours, login, seed, console);
+        return fast(&args, &config, choice, behaviours, login, seed, console);
     }
     let trace = trace_file(&args, simulated)?;
     let runtime = runtime()?;
@@ -168,17 +171,17 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         faults: args.live.is_some(),
         firmware: args.firmware.load()?,
     };
-    let (target, sim) = reach_with(place, &login, seed, kind)?;
+    let (target, sim) = resolve_or_simulate_with(choice, &login, seed, kind)?;
     let server = ControlServer::open(config.data_folder());
-    let stop_latch = stop_latch(&config, sim.is_some());
+    let emergency_stop = emergency_stop(&config, sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
     let names = names(&behaviours);
-    let (link, tries) = (config.link.clone(), Tries::default());
-    let dial = if args.wait {
-        let dial = dial(target.clone(), login, link.clone());
-        until_answered(dial, link, seed, tries.clone())
+    let (link, attempts) = (config.link.clone(), ConnectAttempts::default());
+    let connector = if args.wait {
+        let connector = connector(target.clone(), login, link.clone());
+        retry_until_connected(connector, link, seed, attempts.clone())
     } else {
-        dial(target.clone(), login, link)
+        connector(target.clone(), login, link)
     };
     let target = target.to_string();
     let core = driving_core()?;
@@ -187,13 +190,13 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let plan = Plan {
         behaviours,
-        blueprints,
+        specs,
         stays: args.live.is_some(),
         settings,
-        dial,
+        connector,
         launcher: launcher()?,
         core: core.handle().clone(),
-        pulse: Some(pulse(sim.is_some())),
+        heartbeat: Some(heartbeat(sim.is_some())),
         rescue: rescue(&config, seed)?,
         limit: args.limit.map(Span::get),
         bus: bus.clone(),
@@ -201,13 +204,13 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let account = broker::of_run(args.settings.load()?)?;
     let journal = match config.journal.record {
         journal::When::On => {
-            let about = (target.clone(), simulated);
-            journal(&config, &bus, &about, clock(&args, &config))
+            let described = (target.clone(), simulated);
+            journal(&config, &bus, &described, clock(&args, &config))
         }
         _ => None,
     };
-    let voice = notify::start(args.settings.load()?, &bus)?;
-    let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle), tries);
+    let notifier = notify::start(args.settings.load()?, &bus)?;
+    let line = StatusLine::new(names, sim.as_ref().map(EmbeddedSim::handle), attempts);
     let outcome = runtime.block_on(async {
         for (watched, reloads) in watches {
             tokio::spawn(watched.run(reloads));
@@ -217,7 +220,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
             line,
             server,
             target,
-            stop_latch: stop_latch.clone(),
+            emergency_stop: emergency_stop.clone(),
             page,
             account,
         };
@@ -225,9 +228,9 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     });
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
-    stop_latch.finish(JOURNAL_END);
+    emergency_stop.finish(JOURNAL_END);
     journal.map(|journal| journal.finish(JOURNAL_END));
-    voice.map(|voice| voice.finish(notify::END));
+    notifier.map(|notifier| notifier.finish(notify::SHUTDOWN_TIMEOUT));
     // Also drawn for a run that failed or was interrupted, where it is most useful.
     let drawn = match (trace, &sim) {
         (Some(trace), Some(sim)) => trace.write(&sim.handle()),
@@ -263,19 +266,19 @@ fn page(config: &Config, behaviours: &[Behaviour], bus: &Bus) -> PageInputs {
 fn fast(
     args: &RunArgs,
     config: &Config,
-    place: RobotChoice,
+    choice: RobotChoice,
     behaviours: Vec<Behaviour>,
     login: Login,
     seed: u64,
     console: &Console,
 ) -> Result<Exit, Failure> {
-    let RobotChoice::Sim(world) = place else {
+    let RobotChoice::Sim(world) = choice else {
         let why = "--fast needs --sim: a real robot runs in real time";
         return Err(Failure::usage(why).help("spykee run FILE.lua --sim --fast"));
     };
     let trace = trace_file(args, true)?;
     let events = args.events.as_deref().map(EventFile::create).transpose()?;
-    let options = lab::Options {
+    let options = simulation::Options {
         seed,
         sim: sim::Options {
             login,
@@ -291,8 +294,8 @@ fn fast(
         date: args
             .date
             .map(|date| date.at(&config.time_zone.clone().unwrap_or_else(Zone::utc))),
-        tempo: args.live.map(|_| Tempo::default()),
-        ..lab::Options::default()
+        sim_clock: args.live.map(|_| SimClock::default()),
+        ..simulation::Options::default()
     };
     let names = names(&behaviours);
     let page = args.live.map(|_| page(config, &behaviours, &options.bus));
@@ -303,7 +306,7 @@ fn fast(
         limit: args.limit.map(Span::get),
         trace,
         page,
-        journal: LabJournalOptions::from_config(config),
+        journal: SimulationJournalOptions::from_config(config),
     };
     let outcome = fast.run(names, console)?;
     events.map_or(Ok(()), EventFile::finish)?;
@@ -316,7 +319,7 @@ struct RunParts {
     line: StatusLine,
     server: io::Result<ControlServer>,
     target: String,
-    stop_latch: StopLatch,
+    emergency_stop: EmergencyStop,
     page: Option<(PageInputs, Option<sim::Handle>)>,
     account: Option<Account>,
 }
@@ -328,7 +331,7 @@ async fn drive(parts: RunParts, console: &Console) -> Result<Exit, Failure> {
     let streams = parts.plan.settings.streams;
     let simulated = parts.plan.settings.simulated;
     let (agent, status) = Agent::new(parts.plan);
-    parts.stop_latch.restore(&agent.requests());
+    parts.emergency_stop.restore(&agent.requests());
     handle_signals(&core, agent.requests(), stop.clone())?;
     let run = control::Run {
         requests: agent.requests(),
@@ -337,7 +340,7 @@ async fn drive(parts: RunParts, console: &Console) -> Result<Exit, Failure> {
         pictures: agent.pictures(),
         reactions: agent.reactions(),
         stop: stop.clone(),
-        stop_latch: parts.stop_latch,
+        emergency_stop: parts.emergency_stop,
         streams,
         target: parts.target,
         simulated,
@@ -347,7 +350,7 @@ async fn drive(parts: RunParts, console: &Console) -> Result<Exit, Failure> {
     };
     let page = parts
         .page
-        .map(|(page, sim)| page.serve(run.clone(), sim.map(Simulation::from), console));
+        .map(|(page, sim)| page.serve(run.clone(), sim.map(SimulatedRobot::from), console));
     // Ends with the run.
     let _page = page.transpose()?;
     let mqtt = broker::start(&bus, &run, parts.account);
@@ -357,7 +360,7 @@ async fn drive(parts: RunParts, console: &Console) -> Result<Exit, Failure> {
         never = showing => match never {},
         never = serve(parts.server, run) => match never {},
     };
-    mqtt.map(|mqtt| mqtt.finish(broker::END));
+    mqtt.map(|mqtt| mqtt.finish(broker::SHUTDOWN_TIMEOUT));
     outcome
 }
 
@@ -413,8 +416,8 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
         Err(error @ AgentError::Broken(_)) => return Err(Failure::new(Exit::Failed, error)),
     };
     let ended_by = |is: fn(EndReason) -> bool| {
-        let mut endings = outcome.endings.iter();
-        endings.any(|(_, ending)| is(ending.reason))
+        let mut exits = outcome.exits.iter();
+        exits.any(|(_, exit)| is(exit.reason))
     };
     Ok(if outcome.interrupted && outcome.safety {
         Exit::Safety

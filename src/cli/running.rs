@@ -7,7 +7,7 @@ use super::interrupt::interruption;
 use super::remote::RemoteArgs;
 use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Exit, Failure, block_on};
-use crate::control::{self, Answer, Client, RunRequest};
+use crate::control::{self, Client, RunRequest, RunResponse};
 use crate::link::Target;
 
 /// Timeout for requests that a run carries out immediately.
@@ -86,7 +86,7 @@ pub(super) fn ask(
     run: &Client,
     request: &RunRequest,
     limit: Duration,
-) -> Result<Option<Answer>, Failure> {
+) -> Result<Option<RunResponse>, Failure> {
     let name = run.name();
     let answer = block_on(async {
         let interrupted = interruption()?;
@@ -100,12 +100,12 @@ pub(super) fn ask(
         }
     })??;
     match answer {
-        Some(Answer::Offline) => {
+        Some(RunResponse::Offline) => {
             let what = format!("the run ({name}) has lost the robot and is reconnecting");
             let failure = Failure::new(Exit::Unreachable, what);
             Err(failure.help("is the robot still in reach of its Wi-Fi?"))
         }
-        Some(Answer::Refused(why)) => {
+        Some(RunResponse::Refused(why)) => {
             let what = format!("the run ({name}) refused the request: {why}");
             Err(Failure::new(Exit::Failed, what)
                 .help("`spykee status` shows its state, `spykee behaviour list` its behaviours"))

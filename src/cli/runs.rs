@@ -19,7 +19,7 @@ const HEAD: [(&str, Side); 8] = [
     ("BEHAVIOURS", Side::Left),
 ];
 
-/// List the active runs: robot, battery, place, behaviours, the timetable's next start
+/// List the active runs: robot, battery, dock state, behaviours, the timetable's next start
 ///
 /// Asks every `spykee run` and `spykee serve` of this data folder through its private socket, or
 /// with --url a service on another computer. `spykee robot battery`, `info`, `snapshot`, `dock`,
@@ -73,14 +73,14 @@ fn row(run: &Overview, zone: &Zone) -> Vec<String> {
     vec![
         format!("{}{simulated}", run.target),
         run.state.clone(),
-        run.battery.map_or_else(|| "-".to_owned(), words),
-        run.place.clone(),
+        run.battery.map_or_else(|| "-".to_owned(), describe),
+        run.dock_state.clone(),
         clock::hours(run.running),
         run.pid.to_string(),
         run.next.as_ref().map_or_else(
             || "-".to_owned(),
             |next| {
-                let at = clock::words(&zone.time(next.time()));
+                let at = clock::describe(&zone.time(next.time()));
                 format!("{} {at}", next.behaviour)
             },
         ),
@@ -89,7 +89,7 @@ fn row(run: &Overview, zone: &Zone) -> Vec<String> {
 }
 
 /// Describes the battery, for people.
-pub(super) fn words(battery: Battery) -> String {
+pub(super) fn describe(battery: Battery) -> String {
     let charging = if battery.charging { ", charging" } else { "" };
     let left = battery.minutes_left.map_or_else(String::new, |minutes| {
         format!(", {minutes:.0} minutes left")
@@ -109,8 +109,11 @@ mod tests {
             charging,
             minutes_left,
         };
-        assert_eq!(words(battery(false, None)), "42 %");
-        assert_eq!(words(battery(true, None)), "42 %, charging");
-        assert_eq!(words(battery(false, Some(17.6))), "42 %, 18 minutes left");
+        assert_eq!(describe(battery(false, None)), "42 %");
+        assert_eq!(describe(battery(true, None)), "42 %, charging");
+        assert_eq!(
+            describe(battery(false, Some(17.6))),
+            "42 %, 18 minutes left"
+        );
     }
 }

@@ -82,19 +82,19 @@ fn row(one: &PredictedStart, zone: &Zone) -> Vec<String> {
         if until.date() == day {
             until.strftime("%H:%M").to_string()
         } else {
-            clock::words(&until)
+            clock::describe(&until)
         }
     });
-    let notes: Vec<&str> = one.reasons.iter().map(|reason| words(*reason)).collect();
+    let notes: Vec<&str> = one.reasons.iter().map(|reason| describe(*reason)).collect();
     vec![
-        clock::words(&zone.time(one.at)),
+        clock::describe(&zone.time(one.at)),
         one.run.clone(),
         until.unwrap_or_else(|| "it ends".to_owned()),
         notes.join("; "),
     ]
 }
 
-fn words(reason: Reason) -> &'static str {
+fn describe(reason: Reason) -> &'static str {
     match reason {
         Reason::Quiet => "quiet hours: no sounds, no headlight",
         Reason::Overlap => "will not start: it still runs then",

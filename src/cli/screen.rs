@@ -1,6 +1,6 @@
 //! Computes the output for a terminal, or for a file in its place. Pure.
 
-use crate::clean;
+use crate::sanitize;
 
 /// Returns to the start of the line and clears it.
 const CLEAR_LINE: &str = "\r\x1b[K";
@@ -45,7 +45,8 @@ impl Screen {
 
     /// The output for a log record: cleaned, with the status line redrawn below it.
     pub(super) fn record(&self, text: &str, columns: usize) -> String {
-        let text = clean::text(text.trim_end(), self.features.colour).replace('\n', CONTINUATION);
+        let text =
+            sanitize::text(text.trim_end(), self.features.colour).replace('\n', CONTINUATION);
         if !self.features.redraw {
             return format!("{text}\n");
         }
@@ -54,7 +55,7 @@ impl Screen {
 
     /// The output for a new status line; empty if lines cannot be redrawn.
     pub(super) fn status(&mut self, text: &str, columns: usize) -> String {
-        self.status = clean::line(text);
+        self.status = sanitize::line(text);
         if !self.features.redraw {
             return String::new();
         }

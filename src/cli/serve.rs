@@ -1,7 +1,7 @@
 //! `spykee serve`: runs a robot permanently, by timetable and on request.
 
-mod duties;
 mod fast;
+mod service_plan;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -11,23 +11,23 @@ use tokio::sync::{Notify, mpsc, watch};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use self::duties::{DutiesLoader, LoadedDuties};
+use self::service_plan::{LoadedPlan, PlanLoader};
 use super::embedded::{EmbeddedSim, Simulated};
 use super::interrupt::{handle_service_signals, listen};
 use super::live::PageInputs;
 use super::privileges::drop_root;
-use super::reach::{dial, place, reach_with};
+use super::robot_target::{connector, resolve_or_simulate_with, robot_choice};
 use super::settings::SettingsArgs;
-use super::startup::{self, driving_core, pulse, rescue, show};
+use super::startup::{self, driving_core, heartbeat, rescue, show};
 use super::status::StatusLine;
 use super::{ConnectionArgs, Console, Exit, Failure, RobotChoice, broker, notify};
-use crate::agent::{Agent, AgentError, Bus, Outcome, Plan, Tries, until_answered};
+use crate::agent::{Agent, AgentError, Bus, ConnectAttempts, Outcome, Plan, retry_until_connected};
 use crate::clock::{Clock, Date, Span, Zone};
 use crate::config::Config;
-use crate::control::{self, ControlServer, StopLatch};
+use crate::control::{self, ControlServer, EmergencyStop};
 use crate::journal::When;
 use crate::link::Target;
-use crate::live::{Known, Simulation};
+use crate::live::{RunDefinition, SimulatedRobot};
 use crate::mqtt::Account;
 use crate::service::{ManagerNotifier, RecordFile, Service, View};
 use crate::sim::Handle;
@@ -87,16 +87,16 @@ pub(super) struct ServeArgs {
 /// Anything that prevents the service from starting: files, config; a login that the robot refuses.
 pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> {
     let config = args.settings.config()?.clone();
-    let place = place(&args.connection, &config)?;
+    let choice = robot_choice(&args.connection, &config)?;
     let login = args.connection.login.login(args.settings.load()?)?;
-    let simulated = matches!(place, RobotChoice::Sim(_));
+    let simulated = matches!(choice, RobotChoice::Sim(_));
     let clock = clock(args, &config, simulated)?;
     if !simulated || config.service.user.is_some() {
         drop_root(config.service.user.as_deref(), config.data_folder())?;
     }
     args.settings.announce();
     let seed = args.seed.unwrap_or_else(rand::random);
-    let loader = DutiesLoader {
+    let loader = PlanLoader {
         settings: args.settings.clone(),
         checked: !args.no_check,
         seed,
@@ -110,33 +110,33 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     };
     let loaded = loader.load(&config)?;
     if args.fast {
-        return fast::serve(args, place, login, &config, loaded, seed, console);
+        return fast::serve(args, choice, login, &config, loaded, seed, console);
     }
     let runtime = startup::runtime()?;
     let kind = Simulated {
         faults: config.live.listen.is_some(),
         ..Simulated::default()
     };
-    let (target, sim) = reach_with(place, &login, seed, kind)?;
+    let (target, sim) = resolve_or_simulate_with(choice, &login, seed, kind)?;
     let server = ControlServer::open(config.data_folder());
-    let stop_latch = startup::stop_latch(&config, simulated);
+    let emergency_stop = startup::emergency_stop(&config, simulated);
     let record = RecordFile::open(config.data_folder());
     let (core, bus) = (driving_core()?, Bus::default());
-    let (tries, beats) = (Tries::default(), Arc::new(Notify::new()));
+    let (attempts, beats) = (ConnectAttempts::default(), Arc::new(Notify::new()));
     let plan = Plan {
         behaviours: Vec::new(),
-        blueprints: loaded.duties.blueprints.clone(),
+        specs: loaded.service_plan.specs.clone(),
         stays: true,
         settings: config.pilot(simulated, seed),
-        dial: until_answered(
-            dial(target.clone(), login, config.link.clone()),
+        connector: retry_until_connected(
+            connector(target.clone(), login, config.link.clone()),
             config.link.clone(),
             seed,
-            tries.clone(),
+            attempts.clone(),
         ),
         launcher: startup::launcher()?,
         core: core.handle().clone(),
-        pulse: Some(pulse(simulated).notify_beats(beats.clone())),
+        heartbeat: Some(heartbeat(simulated).notify_beats(beats.clone())),
         rescue: rescue(&config, seed)?,
         limit: args.limit.map(Span::get),
         bus: bus.clone(),
@@ -146,17 +146,17 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         _ => startup::journal(&config, &bus, &(target.to_string(), simulated), clock),
     };
     let account = broker::of_run(args.settings.load()?)?;
-    let (known, shown) = watch::channel(loaded.known.clone());
+    let (definition, shown) = watch::channel(loaded.definition.clone());
     let page = config
         .live
         .listen
         .map(|_| PageInputs::new(&config, shown, &bus));
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
-    let voice = notify::start(args.settings.load()?, &bus)?;
+    let notifier = notify::start(args.settings.load()?, &bus)?;
     let line = StatusLine::new(
         "serves".to_owned(),
         sim.as_ref().map(EmbeddedSim::handle),
-        tries,
+        attempts,
     );
     let outcome = runtime.block_on(serve(
         ServiceParts {
@@ -164,14 +164,14 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
             clock,
             record,
             server,
-            stop_latch: stop_latch.clone(),
+            emergency_stop: emergency_stop.clone(),
             target,
             beats,
             loader,
             config,
             loaded,
             page,
-            known,
+            definition,
             account,
             line,
         },
@@ -179,9 +179,9 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     ));
     drop(core);
     runtime.shutdown_timeout(super::RUNTIME_LIMIT);
-    stop_latch.finish(startup::JOURNAL_END);
+    emergency_stop.finish(startup::JOURNAL_END);
     journal.map(|journal| journal.finish(startup::JOURNAL_END));
-    voice.map(|voice| voice.finish(notify::END));
+    notifier.map(|notifier| notifier.finish(notify::SHUTDOWN_TIMEOUT));
     drop(sim);
     exit(outcome?)
 }
@@ -192,16 +192,16 @@ struct ServiceParts {
     clock: Clock,
     record: (Record, Option<RecordFile>),
     server: std::io::Result<ControlServer>,
-    stop_latch: StopLatch,
+    emergency_stop: EmergencyStop,
     target: Target,
     /// Heartbeats of the driving core.
     beats: Arc<Notify>,
-    loader: DutiesLoader,
+    loader: PlanLoader,
     config: Config,
-    loaded: LoadedDuties,
+    loaded: LoadedPlan,
     page: Option<(PageInputs, Option<Handle>)>,
     /// What the page knows of the behaviours.
-    known: watch::Sender<Known>,
+    definition: watch::Sender<RunDefinition>,
     account: Option<Account>,
     line: StatusLine,
 }
@@ -216,7 +216,7 @@ async fn serve(
     let settings = parts.plan.settings.clone();
     let bus = parts.plan.bus.clone();
     let (agent, status) = Agent::new(parts.plan);
-    parts.stop_latch.restore(&agent.requests());
+    parts.emergency_stop.restore(&agent.requests());
     let hangup = listen(libc::SIGHUP)?;
     handle_service_signals(&core, agent.requests(), stop.clone())?;
     let (view, seen) = View::channel();
@@ -227,7 +227,7 @@ async fn serve(
         pictures: agent.pictures(),
         reactions: agent.reactions(),
         stop: ended_by_person.clone(),
-        stop_latch: parts.stop_latch,
+        emergency_stop: parts.emergency_stop,
         streams: settings.streams,
         target: parts.target.to_string(),
         simulated: settings.simulated,
@@ -237,7 +237,7 @@ async fn serve(
     let (reload, reloads) = mpsc::channel(1);
     let page = parts
         .page
-        .map(|(page, sim)| page.serve(run_handle.clone(), sim.map(Simulation::from), console));
+        .map(|(page, sim)| page.serve(run_handle.clone(), sim.map(SimulatedRobot::from), console));
     let _page = page.transpose()?;
     let mqtt = broker::start(&bus, &run_handle, parts.account);
     let notifier = ManagerNotifier::of_environment();
@@ -245,7 +245,7 @@ async fn serve(
         agent,
         status: status.clone(),
         clock: parts.clock,
-        duties: parts.loaded.duties.clone(),
+        service_plan: parts.loaded.service_plan.clone(),
         record: parts.record,
         notifier: notifier.clone(),
         bus,
@@ -264,7 +264,7 @@ async fn serve(
     let now = (parts.config, parts.loaded);
     let reloading = parts
         .loader
-        .reload_on_hangup(hangup, reload, parts.known, now);
+        .reload_on_hangup(hangup, reload, parts.definition, now);
     let outcome = tokio::select! {
         outcome = service.run(stop) => outcome,
         never = showing => match never {},
@@ -272,7 +272,7 @@ async fn serve(
         never = notifier.pass_on(parts.beats) => match never {},
         never = reloading => match never {},
     };
-    mqtt.map(|mqtt| mqtt.finish(broker::END));
+    mqtt.map(|mqtt| mqtt.finish(broker::SHUTDOWN_TIMEOUT));
     Ok(outcome)
 }
 

@@ -15,10 +15,10 @@ use crate::agent::{self, Bus, RESCUE_NAME};
 use crate::behaviour::{Launch, Launcher};
 use crate::clock::Clock;
 use crate::config::Config;
-use crate::control::{self, ControlServer, StopLatch};
+use crate::control::{self, ControlServer, EmergencyStop};
 use crate::guardian::Guardian;
 use crate::journal::{self, Journal};
-use crate::pilot::{DrivingCore, Pulse, Status};
+use crate::pilot::{DrivingCore, Heartbeat, Status};
 
 /// Interval between redraws of the status line.
 pub(super) const STATUS_PERIOD: Duration = Duration::from_millis(250);
@@ -43,7 +43,7 @@ pub(super) fn journal(
     (target, simulated): &(String, bool),
     clock: Clock,
 ) -> Option<Journal> {
-    let about = journal::About {
+    let about = journal::RunInfo {
         target: target.clone(),
         simulated: *simulated,
     };
@@ -52,18 +52,18 @@ pub(super) fn journal(
 }
 
 /// A person's STOP, kept in the data folder unless the robot is simulated in this program.
-pub(super) fn stop_latch(config: &Config, simulated: bool) -> StopLatch {
+pub(super) fn emergency_stop(config: &Config, simulated: bool) -> EmergencyStop {
     if simulated {
-        StopLatch::default()
+        EmergencyStop::default()
     } else {
-        StopLatch::open(config.data_folder())
+        EmergencyStop::open(config.data_folder())
     }
 }
 
 /// Whether an earlier program has left a person's STOP behind; not for a robot that is simulated in
 /// this program.
 pub(super) fn is_stopped(config: &Config, simulated: bool) -> bool {
-    !simulated && StopLatch::is_kept(config.data_folder())
+    !simulated && EmergencyStop::is_kept(config.data_folder())
 }
 
 /// Refuses to drive while a person's STOP holds.
@@ -78,7 +78,7 @@ pub(super) fn refuse_if_stopped(config: &Config, simulated: bool) -> Result<(), 
         Exit::Safety,
         "a person has stopped the robot: it may not drive",
     );
-    Err(failure.help("`spykee robot let-go` releases it"))
+    Err(failure.help("`spykee robot reset-stop` releases it"))
 }
 
 /// Runs the control server. On an error logs a warning: the run continues without it.
@@ -98,12 +98,12 @@ pub(super) async fn serve(server: io::Result<ControlServer>, run: control::Run) 
 
 /// The heartbeat of a run, with a guardian unless the robot is simulated in this program and so
 /// ends with it.
-pub(super) fn pulse(simulated: bool) -> Pulse {
+pub(super) fn heartbeat(simulated: bool) -> Heartbeat {
     if simulated {
-        return Pulse::new(None);
+        return Heartbeat::new(None);
     }
     let started = std::env::current_exe().and_then(|executable| Guardian::start(&executable));
-    Pulse::new(match started {
+    Heartbeat::new(match started {
         Ok(guardian) => Some(guardian),
         Err(error) => {
             tracing::warn!(

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use crate::agent::Tries;
+use crate::agent::ConnectAttempts;
 use crate::pilot::{LinkState, Status};
 use crate::robot::Battery;
 use crate::safety::WatchdogState;
@@ -20,7 +20,7 @@ const PLAIN_PERIOD: Duration = Duration::from_secs(60);
 pub(super) struct StatusLine {
     behaviours: String,
     sim: Option<Handle>,
-    tries: Tries,
+    attempts: ConnectAttempts,
     last_count: (Instant, u64),
     rate: f64,
     last_reported: Option<(Instant, StatusKey)>,
@@ -32,18 +32,22 @@ struct StatusKey {
     link: LinkState,
     safety: WatchdogState,
     charging: Option<bool>,
-    halted: bool,
+    emergency_stop: bool,
 }
 
 impl StatusLine {
     /// Creates the line for behaviours with these names. With a simulator it shows the robot's true
-    /// position; before the first connection it shows the number of failed tries.
-    pub(super) fn new(behaviours: String, sim: Option<Handle>, tries: Tries) -> StatusLine {
+    /// position; before the first connection it shows the number of failed attempts.
+    pub(super) fn new(
+        behaviours: String,
+        sim: Option<Handle>,
+        attempts: ConnectAttempts,
+    ) -> StatusLine {
         let last_count = (Instant::now(), 0);
         StatusLine {
             behaviours,
             sim,
-            tries,
+            attempts,
             last_count,
             rate: 0.0,
             last_reported: None,
@@ -75,7 +79,7 @@ impl StatusLine {
             link: status.link,
             safety: status.safety,
             charging,
-            halted: status.halted,
+            emergency_stop: status.emergency_stop,
         };
         let stale =
             |(at, last): &(Instant, StatusKey)| *last != key || at.elapsed() >= PLAIN_PERIOD;
@@ -87,13 +91,13 @@ impl StatusLine {
     }
 
     fn state(&self, status: &Status) -> String {
-        match (status.link, self.tries.count()) {
-            (LinkState::Connecting, tries @ 1..) => {
-                format!("waiting for the robot, tries so far: {tries}")
+        match (status.link, self.attempts.count()) {
+            (LinkState::Connecting, attempts @ 1..) => {
+                format!("waiting for the robot, attempts so far: {attempts}")
             }
             (link, _) => match link.absence() {
                 Some(words) => words.to_owned(),
-                None if status.halted => "stopped by a person".to_owned(),
+                None if status.emergency_stop => "stopped by a person".to_owned(),
                 None => status.safety.to_string(),
             },
         }

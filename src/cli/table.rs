@@ -1,6 +1,6 @@
 //! Tables for people: plain aligned text, cleaned of control sequences.
 
-use crate::clean;
+use crate::sanitize;
 
 /// The alignment of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub(super) fn aligned(head: &[(&str, Side)], rows: &[Vec<String>]) -> String {
     let titles = head.iter().map(|(title, _)| (*title).to_owned()).collect();
     let rows: Vec<Vec<String>> = std::iter::once(&titles)
         .chain(rows)
-        .map(|row| row.iter().map(|cell| clean::line(cell)).collect())
+        .map(|row| row.iter().map(|cell| sanitize::line(cell)).collect())
         .collect();
     let columns: Vec<(usize, Side)> = head
         .iter()
@@ -51,7 +51,7 @@ const FORMULAS: [char; 8] = [
 
 /// A CSV cell: quoted if necessary, and never read as a formula, since the text is untrusted.
 pub(super) fn csv_cell(text: &str) -> String {
-    let mut text = clean::text(text, false).replace(['\n', '\r', '\t'], " ");
+    let mut text = sanitize::text(text, false).replace(['\n', '\r', '\t'], " ");
     if text.starts_with(FORMULAS) {
         text.insert(0, '\'');
     }

@@ -12,9 +12,9 @@ use std::time::Duration;
 use super::settings::SettingsArgs;
 use super::sim::FirmwareArgs;
 use super::{Console, Exit, Failure, number, print};
-use crate::clean;
 use crate::config::Config;
-use crate::scenario::{Book, BookError, Scenario, Setting, Trials};
+use crate::sanitize;
+use crate::scenario::{RunSettings, Scenario, ScenarioFile, ScenarioFileError, ScenarioProcess};
 use job_pool::{JobPool, JobResult, parse_timeout};
 use report::Report;
 
@@ -69,43 +69,46 @@ pub(super) struct TestArgs {
     pub(super) settings: SettingsArgs,
 }
 
-/// A scenario file.
-struct ScenarioFile {
+/// A file to test.
+struct TestFile {
     file: PathBuf,
-    book: Result<Book, BookError>,
+    scenario_file: Result<ScenarioFile, ScenarioFileError>,
 }
 
 pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
     let config = args.settings.config()?.clone();
-    let trials = job_pool::trials(args.timeout)?;
-    let scenario_files = scenario_files(&args.paths, &trials)?;
-    let jobs = jobs(args, &scenario_files);
+    let scenario_process = job_pool::scenario_process(args.timeout)?;
+    let test_files = test_files(&args.paths, &scenario_process)?;
+    let jobs = jobs(args, &test_files);
     if args.list {
-        return list(&scenario_files, &jobs);
+        return list(&test_files, &jobs);
     }
-    if jobs.is_empty() && scenario_files.iter().all(|file| file.book.is_ok()) {
+    if jobs.is_empty() && test_files.iter().all(|file| file.scenario_file.is_ok()) {
         let failure = Failure::usage("no scenario matches --filter");
         return Err(failure.help("`spykee test --list` lists all scenarios"));
     }
     let pictures = pictures(args, &config);
-    let setting = Setting {
+    let settings = RunSettings {
         config,
         firmware: args.firmware.load()?,
-        ..Setting::default()
+        ..RunSettings::default()
     };
-    let stop = setting.stop.clone();
-    let pool = JobPool::new(args.jobs, setting, trials);
+    let stop = settings.stop.clone();
+    let pool = JobPool::new(args.jobs, settings, scenario_process);
     // Whether the status line shares the terminal with stdout.
     let shared = console.has_status_line() && std::io::stdout().is_terminal();
     let live = !args.json && !shared;
-    let mut report = Report::new(&scenario_files, &jobs, pictures);
-    let books: Vec<&Book> = scenario_files
+    let mut report = Report::new(&test_files, &jobs, pictures);
+    let scenario_files: Vec<&ScenarioFile> = test_files
         .iter()
-        .filter_map(|file| file.book.as_ref().ok())
+        .filter_map(|file| file.scenario_file.as_ref().ok())
         .collect();
     let mut trouble = Ok(());
-    pool.run(&books, &jobs, |done: JobResult| {
-        let file = books[done.job.book].file().display().to_string();
+    pool.run(&scenario_files, &jobs, |done: JobResult| {
+        let file = scenario_files[done.job.scenario_file]
+            .file()
+            .display()
+            .to_string();
         report.take(done);
         console.status(format!("{} · {file}", report.progress()));
         if live && trouble.is_ok() {
@@ -135,7 +138,10 @@ fn pictures(args: &TestArgs, config: &Config) -> PathBuf {
     args.pictures.clone().unwrap_or_else(own)
 }
 
-fn scenario_files(paths: &[PathBuf], trials: &Trials) -> Result<Vec<ScenarioFile>, Failure> {
+fn test_files(
+    paths: &[PathBuf],
+    scenario_process: &ScenarioProcess,
+) -> Result<Vec<TestFile>, Failure> {
     let mut files = Vec::new();
     for path in paths {
         collect(path, &mut files)?;
@@ -150,35 +156,38 @@ fn scenario_files(paths: &[PathBuf], trials: &Trials) -> Result<Vec<ScenarioFile
         return Err(failure.help("`spykee new NAME` creates a behaviour with scenarios"));
     }
     let read = |file: PathBuf| {
-        let book = trials.read(&file);
-        match book {
-            Err(error @ BookError::Read { .. }) => Err(Failure::usage(error)),
-            book => Ok(ScenarioFile { file, book }),
+        let scenario_file = scenario_process.read(&file);
+        match scenario_file {
+            Err(error @ ScenarioFileError::Read { .. }) => Err(Failure::usage(error)),
+            scenario_file => Ok(TestFile {
+                file,
+                scenario_file,
+            }),
         }
     };
     files.into_iter().map(read).collect()
 }
 
 /// The jobs to run, in the order of the files.
-fn jobs<'a>(args: &TestArgs, scenario_files: &'a [ScenarioFile]) -> Vec<job_pool::Job<'a>> {
+fn jobs<'a>(args: &TestArgs, test_files: &'a [TestFile]) -> Vec<job_pool::Job<'a>> {
     let wanted = |file: &Path, scenario: &Scenario| {
         let text = args.filter.as_deref().unwrap_or_default();
         format!("{}: {}", file.display(), scenario.name).contains(text)
     };
     let mut jobs = Vec::new();
-    let books = scenario_files
+    let scenario_files = test_files
         .iter()
-        .filter_map(|file| file.book.as_ref().ok());
-    for (index, book) in books.enumerate() {
-        let scenarios = book.scenarios().iter();
-        for scenario in scenarios.filter(|one| wanted(book.file(), one)) {
+        .filter_map(|file| file.scenario_file.as_ref().ok());
+    for (index, scenario_file) in scenario_files.enumerate() {
+        let scenarios = scenario_file.scenarios().iter();
+        for scenario in scenarios.filter(|one| wanted(scenario_file.file(), one)) {
             let seeds = match (args.seed, args.seeds) {
                 (Some(seed), _) => seed..=seed,
                 (None, Some(count)) => 1..=count,
                 (None, None) => scenario.seeds(),
             };
             jobs.extend(seeds.map(|seed| job_pool::Job {
-                book: index,
+                scenario_file: index,
                 scenario,
                 seed,
             }));
@@ -187,19 +196,19 @@ fn jobs<'a>(args: &TestArgs, scenario_files: &'a [ScenarioFile]) -> Vec<job_pool
     jobs
 }
 
-fn list(scenario_files: &[ScenarioFile], jobs: &[job_pool::Job<'_>]) -> Result<Exit, Failure> {
+fn list(test_files: &[TestFile], jobs: &[job_pool::Job<'_>]) -> Result<Exit, Failure> {
     let mut text = String::new();
-    for (index, file) in scenario_files.iter().enumerate() {
-        if let Err(error) = &file.book {
+    for (index, file) in test_files.iter().enumerate() {
+        if let Err(error) = &file.scenario_file {
             return Err(Failure::new(Exit::Check, error));
         }
-        let own = jobs.iter().filter(|job| job.book == index);
+        let own = jobs.iter().filter(|job| job.scenario_file == index);
         let mut names: Vec<&str> = own.map(|job| job.scenario.name.as_str()).collect();
         names.dedup();
         for name in names {
             // Writing into a string does not fail.
             let file = file.file.display().to_string();
-            let _ = writeln!(text, "{}: {}", clean::line(&file), clean::line(name));
+            let _ = writeln!(text, "{}: {}", sanitize::line(&file), sanitize::line(name));
         }
     }
     print(&text)?;

@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use ureq::http::Uri;
 
-use crate::{clean, yaml};
+use crate::{sanitize, yaml};
 
 /// The service on another computer that `spykee status`, `behaviour` and `robot` use; the command
 /// line can name another.
@@ -35,7 +35,7 @@ impl FromStr for ServiceUrl {
     type Err = ServiceUrlError;
 
     fn from_str(text: &str) -> Result<ServiceUrl, ServiceUrlError> {
-        let wrong = || ServiceUrlError(clean::line(text));
+        let wrong = || ServiceUrlError(sanitize::line(text));
         let url = text.trim_end_matches('/');
         let parsed: Uri = url.parse().map_err(|_| wrong())?;
         let known = matches!(parsed.scheme_str(), Some("http" | "https"));

@@ -9,7 +9,7 @@ use tokio::time::timeout;
 use super::error::AskError;
 use super::folder::Folder;
 use super::pipe::Pipe;
-use super::request::{Answer, Overview, RunRequest};
+use super::request::{Overview, RunRequest, RunResponse};
 use super::web::Remote;
 
 /// Timeout for a run's reply to [`RunRequest::Overview`].
@@ -42,7 +42,7 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
     let (mut clients, mut silent) = (Vec::new(), 0);
     for stream in folder.connect_all() {
         match ask(stream, &RunRequest::Overview, OVERVIEW_TIMEOUT).await {
-            Ok(Answer::Overview(overview)) => clients.push(Client {
+            Ok(RunResponse::Overview(overview)) => clients.push(Client {
                 transport: Transport::Socket(data.to_owned()),
                 overview: *overview,
             }),
@@ -61,11 +61,11 @@ impl Client {
     /// See [`AskError`].
     pub async fn of_service(remote: Remote) -> Result<Client, AskError> {
         match ask_web(remote.clone(), &RunRequest::Overview, CONNECT_TIMEOUT).await? {
-            Answer::Overview(overview) => Ok(Client {
+            RunResponse::Overview(overview) => Ok(Client {
                 transport: Transport::Web(remote),
                 overview: *overview,
             }),
-            Answer::Refused(why) => Err(AskError::Denied(why)),
+            RunResponse::Refused(why) => Err(AskError::Denied(why)),
             _ => Err(AskError::Ended),
         }
     }
@@ -88,7 +88,11 @@ impl Client {
     ///
     /// # Errors
     /// See [`AskError`].
-    pub async fn ask(&self, request: &RunRequest, limit: Duration) -> Result<Answer, AskError> {
+    pub async fn ask(
+        &self,
+        request: &RunRequest,
+        limit: Duration,
+    ) -> Result<RunResponse, AskError> {
         match &self.transport {
             Transport::Socket(data) => {
                 let stream = Folder::open(data)?.connect_to(self.overview.pid)?;
@@ -104,7 +108,7 @@ async fn ask_web(
     remote: Remote,
     request: &RunRequest,
     limit: Duration,
-) -> Result<Answer, AskError> {
+) -> Result<RunResponse, AskError> {
     let request = request.clone();
     let asked = tokio::task::spawn_blocking(move || remote.ask(&request, limit));
     asked.await.unwrap_or(Err(AskError::Ended))
@@ -114,7 +118,7 @@ async fn ask(
     stream: std::os::unix::net::UnixStream,
     request: &RunRequest,
     limit: Duration,
-) -> Result<Answer, AskError> {
+) -> Result<RunResponse, AskError> {
     let mut pipe = Pipe::new(UnixStream::from_std(stream)?);
     let answered = timeout(limit, async {
         pipe.send(request).await?;

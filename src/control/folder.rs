@@ -64,7 +64,7 @@ impl Folder {
     ///
     /// # Errors
     /// Any error of the system.
-    pub(super) fn bind(&self) -> io::Result<Bound> {
+    pub(super) fn bind(&self) -> io::Result<BoundSocket> {
         let name = name_of(std::process::id());
         self.sweep();
         // Left behind by an earlier process with the same ID.
@@ -74,7 +74,7 @@ impl Folder {
         listener.set_nonblocking(true)?;
         let path = self.path.join(name);
         let new = self.new;
-        Ok(Bound {
+        Ok(BoundSocket {
             listener,
             path,
             new,
@@ -134,14 +134,14 @@ fn name_of(pid: u32) -> String {
 /// A listening socket. Dropping it removes the socket, and the folders created for it if they are
 /// then empty.
 #[derive(Debug)]
-pub(super) struct Bound {
+pub(super) struct BoundSocket {
     pub(super) listener: UnixListener,
     path: PathBuf,
     /// Whether the data folder was created for it.
     new: bool,
 }
 
-impl Drop for Bound {
+impl Drop for BoundSocket {
     fn drop(&mut self) {
         let _ = std::fs::remove_file(&self.path);
         let folders = if self.new { 2 } else { 1 };

@@ -63,7 +63,7 @@ impl Pipe {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::request::{Answer, RunRequest};
+    use crate::control::request::{RunRequest, RunResponse};
 
     #[tokio::test]
     async fn messages_arrive_and_garbage_is_an_error() {
@@ -73,10 +73,10 @@ mod tests {
         assert_eq!(far.receive().await.unwrap(), Some(RunRequest::Overview));
         for garbage in [&[0xff; 40][..], &[], &[2], &[1, 0]] {
             near.0.send(Bytes::copy_from_slice(garbage)).await.unwrap();
-            assert!(far.receive::<Answer>().await.is_err(), "{garbage:?}");
+            assert!(far.receive::<RunResponse>().await.is_err(), "{garbage:?}");
         }
         drop(near);
-        assert_eq!(far.receive::<Answer>().await.unwrap(), None);
+        assert_eq!(far.receive::<RunResponse>().await.unwrap(), None);
     }
 
     #[tokio::test]

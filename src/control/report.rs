@@ -32,8 +32,8 @@ pub struct Report {
     pub address: Option<String>,
     /// The state of the watchdog, in words.
     pub state: String,
-    /// The robot's place, in words.
-    pub place: String,
+    /// The robot's dock state, in words.
+    pub dock_state: String,
     /// Whether the robot is on its station, as far as is known.
     pub docked: bool,
     /// Whether the battery is low and the watchdog therefore controls the robot.
@@ -41,7 +41,7 @@ pub struct Report {
     /// The battery level, if a plausible one is known.
     pub battery: Option<Level>,
     /// The running behaviours.
-    pub behaviours: Vec<Runs>,
+    pub behaviours: Vec<RunningBehaviourReport>,
     /// The next start of the timetable, if there is one.
     pub next: Option<Start>,
     /// Whether it is a quiet hour.
@@ -61,7 +61,7 @@ pub struct Level {
 
 /// A running behaviour.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub struct Runs {
+pub struct RunningBehaviourReport {
     /// The behaviour's name.
     pub name: String,
     /// Its priority when several behaviours want to drive.
@@ -101,7 +101,7 @@ impl From<&Overview> for Report {
     fn from(run: &Overview) -> Report {
         let robot = run.robot.as_ref();
         let of = |text: fn(&RobotInfo) -> &String| robot.map(|robot| text(robot).clone());
-        let behaviours = run.behaviours.iter().map(|one| Runs {
+        let behaviours = run.behaviours.iter().map(|one| RunningBehaviourReport {
             name: one.name.clone(),
             priority: one.priority.0,
         });
@@ -116,7 +116,7 @@ impl From<&Overview> for Report {
             firmware: of(|robot| &robot.firmware),
             address: of(|robot| &robot.address),
             state: run.state.clone(),
-            place: run.place.clone(),
+            dock_state: run.dock_state.clone(),
             docked: run.docked,
             low: run.low,
             battery: run.battery.map(Level::from),
@@ -162,7 +162,7 @@ impl From<Report> for Overview {
             online: report.online,
             robot,
             state: report.state,
-            place: report.place,
+            dock_state: report.dock_state,
             docked: report.docked,
             low: report.low,
             battery,
@@ -193,7 +193,7 @@ mod tests {
                 simulated: true,
             }),
             state: "docked".to_owned(),
-            place: "on its station".to_owned(),
+            dock_state: "on its station".to_owned(),
             docked: true,
             low: false,
             battery: Some(Battery {

@@ -5,7 +5,7 @@ use std::time::Duration;
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 
-use crate::agent::{Member, MemberState};
+use crate::agent::{BehaviourState, BehaviourStatus};
 use crate::robot::channel::RunningBehaviour;
 use crate::robot::{Battery, DockEnd, DockPlan, EndReason, Percent, Priority, RobotInfo};
 use crate::timetable::View;
@@ -52,7 +52,7 @@ pub enum RunRequest {
         change: Change,
     },
     /// Release a person's STOP.
-    LetGo,
+    ResetStop,
 }
 
 impl RunRequest {
@@ -74,7 +74,7 @@ impl RunRequest {
             RunRequest::Behaviour { name, change } => {
                 format!("{} behaviour {name:?}", change.verb())
             }
-            RunRequest::LetGo => "release STOP".to_owned(),
+            RunRequest::ResetStop => "release STOP".to_owned(),
         }
     }
 }
@@ -104,7 +104,7 @@ impl Change {
 
 /// The result of a [`RunRequest`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub enum Answer {
+pub enum RunResponse {
     /// The state of the run.
     Overview(Box<Overview>),
     /// How a docking ended.
@@ -125,7 +125,7 @@ pub enum Answer {
     /// No picture arrived in time.
     NoPicture,
     /// All behaviours that are known or running.
-    Behaviours(Vec<Listed>),
+    Behaviours(Vec<BehaviourListing>),
     /// The robot is not connected; the run is reconnecting.
     Offline,
     /// The request was refused, for this reason.
@@ -149,8 +149,8 @@ pub struct Overview {
     pub robot: Option<RobotInfo>,
     /// The state of the watchdog, in words.
     pub state: String,
-    /// The robot's place, in words.
-    pub place: String,
+    /// The robot's dock state, in words.
+    pub dock_state: String,
     /// Whether the robot is on its station, as far as is known.
     pub docked: bool,
     /// Whether the battery is low and the watchdog therefore controls the robot.
@@ -192,7 +192,7 @@ impl Next {
 
 /// A behaviour of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Listed {
+pub struct BehaviourListing {
     /// The behaviour's name.
     pub name: String,
     /// Its priority when several behaviours want to drive.
@@ -202,29 +202,29 @@ pub struct Listed {
     /// How long it has been running.
     pub running: Option<Duration>,
     /// How it last ended in this run.
-    pub ending: Option<(EndReason, String)>,
+    pub exit: Option<(EndReason, String)>,
 }
 
-impl Listed {
+impl BehaviourListing {
     /// Describes a behaviour of a run.
-    pub(super) fn of(member: &Member) -> Listed {
-        let (state, running) = match member.state {
-            MemberState::Idle => ("idle", None),
-            MemberState::Loading => ("loading", None),
-            MemberState::Running { since, .. } => ("running", Some(since.elapsed())),
-            MemberState::Ending => ("ending", None),
+    pub(super) fn of(behaviour_status: &BehaviourStatus) -> BehaviourListing {
+        let (state, running) = match behaviour_status.state {
+            BehaviourState::Idle => ("idle", None),
+            BehaviourState::Loading => ("loading", None),
+            BehaviourState::Running { since, .. } => ("running", Some(since.elapsed())),
+            BehaviourState::Ending => ("ending", None),
         };
-        let ending = member.ending.as_ref().map(|ending| {
-            let words = ending.message.as_deref();
-            let words = words.unwrap_or(ending.reason.sentence());
-            (ending.reason, words.to_owned())
+        let exit = behaviour_status.exit.as_ref().map(|exit| {
+            let words = exit.message.as_deref();
+            let words = words.unwrap_or(exit.reason.sentence());
+            (exit.reason, words.to_owned())
         });
-        Listed {
-            name: member.name.clone(),
-            priority: member.priority,
+        BehaviourListing {
+            name: behaviour_status.name.clone(),
+            priority: behaviour_status.priority,
             state: state.to_owned(),
             running,
-            ending,
+            exit,
         }
     }
 }

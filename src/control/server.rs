@@ -12,11 +12,13 @@ use tokio::time::{Instant, sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info};
 
-use super::folder::{Bound, Folder};
+use super::emergency_stop::EmergencyStop;
+use super::folder::{BoundSocket, Folder};
 use super::pipe::Pipe;
-use super::request::{Answer, Change, Listed, MAX_SPEECH, Next, Overview, RunRequest};
-use super::stop_latch::StopLatch;
-use crate::agent::{Docked, Roster, RosterError, Seat, SeatError};
+use super::request::{
+    BehaviourListing, Change, MAX_SPEECH, Next, Overview, RunRequest, RunResponse,
+};
+use crate::agent::{Docked, PilotClient, PilotClientError, Roster, RosterError};
 use crate::pilot::{LinkState, Reactions, Status};
 use crate::robot::channel::{Request, Role, RunningBehaviours};
 use crate::robot::{BehaviourId, Intent, Pictures, Priority, Streams, Use};
@@ -37,8 +39,8 @@ const RUNNING_TIMEOUT: Duration = Duration::from_secs(1);
 const RECONNECT_TIMEOUT: Duration = Duration::from_millis(3500);
 /// Pause after a failed `accept`.
 const PAUSE: Duration = Duration::from_millis(200);
-/// The first ID of a person's seat; behaviours are numbered from 0, and the last number belongs to
-/// the rescue behaviour.
+/// The first ID of a person's client; behaviours are numbered from 0, and the last number belongs
+/// to the rescue behaviour.
 const FIRST_PERSON: u16 = 0xF000;
 /// Number of IDs for persons; many more than are served at a time.
 const PERSONS: u16 = 0x0FF0;
@@ -59,7 +61,7 @@ pub struct Run {
     /// Ends the run at a person's request.
     pub stop: CancellationToken,
     /// A person's STOP.
-    pub stop_latch: StopLatch,
+    pub emergency_stop: EmergencyStop,
     /// The config's settings for the robot's streams.
     pub streams: Streams,
     /// The robot's address as given to the run.
@@ -76,7 +78,7 @@ pub struct Run {
 
 /// The socket of a run. Dropping it removes the socket.
 #[derive(Debug)]
-pub struct ControlServer(Bound);
+pub struct ControlServer(BoundSocket);
 
 impl ControlServer {
     /// Opens the socket in this data folder. Blocks on the disk: must not be called on the driving
@@ -139,23 +141,23 @@ async fn serve(stream: UnixStream, run: Run) {
 impl Run {
     /// Performs one request of a person. The same rules apply whether it comes from a tool, the
     /// page or a broker. Dropping the future cancels it.
-    pub async fn perform(&self, request: RunRequest) -> Answer {
+    pub async fn perform(&self, request: RunRequest) -> RunResponse {
         let request = match request {
             RunRequest::Overview => return self.overview().await,
-            RunRequest::Stop => return self.halt().await,
-            RunRequest::LetGo => return answer(self.hold(false).await),
+            RunRequest::Stop => return self.engage_stop().await,
+            RunRequest::ResetStop => return answer(self.set_emergency_stop(false).await),
             RunRequest::Behaviours => return self.behaviours(),
             RunRequest::Behaviour { name, change } => return self.change(&name, change).await,
             other => other,
         };
         if !self.reach().await {
-            return Answer::Offline;
+            return RunResponse::Offline;
         }
         match self.allowed(&request) {
-            Err(why) => Answer::Refused(why.to_owned()),
+            Err(why) => RunResponse::Refused(why.to_owned()),
             Ok(()) => match self.try_perform(request).await {
                 Ok(answer) => answer,
-                Err(error) => Answer::Refused(error.to_string()),
+                Err(error) => RunResponse::Refused(error.to_string()),
             },
         }
     }
@@ -202,47 +204,51 @@ impl Run {
         }
     }
 
-    async fn try_perform(&self, request: RunRequest) -> Result<Answer, SeatError> {
-        let mut seat = self.seat("a person").await?;
+    async fn try_perform(&self, request: RunRequest) -> Result<RunResponse, PilotClientError> {
+        let mut client = self.pilot_client("a person").await?;
         let intent = match request {
             RunRequest::Overview
             | RunRequest::Stop
-            | RunRequest::LetGo
+            | RunRequest::ResetStop
             | RunRequest::Behaviours
             | RunRequest::Behaviour { .. } => {
-                return Ok(Answer::Done);
+                return Ok(RunResponse::Done);
             }
             RunRequest::Dock(plan) => {
                 let Docked {
                     end,
                     attempts,
                     took,
-                } = seat.dock(plan).await?;
-                return Ok(Answer::Docked {
+                } = client.dock(plan).await?;
+                return Ok(RunResponse::Docked {
                     end,
                     attempts,
                     took,
                 });
             }
-            RunRequest::Undock(limit) => return seat.undock(limit).await.map(Answer::Undocked),
-            RunRequest::Say(samples) => return seat.say(&samples).await.map(|()| Answer::Done),
-            RunRequest::Picture(limit) => return self.picture(&seat, limit).await,
+            RunRequest::Undock(limit) => {
+                return client.undock(limit).await.map(RunResponse::Undocked);
+            }
+            RunRequest::Say(samples) => {
+                return client.say(&samples).await.map(|()| RunResponse::Done);
+            }
+            RunRequest::Picture(limit) => return self.picture(&client, limit).await,
             RunRequest::Led { led, on } => Intent::Led { led, on },
             RunRequest::Play(sound) => Intent::Play(sound),
             RunRequest::StopSound => Intent::StopSound,
             RunRequest::Volume(percent) => Intent::Volume(percent),
         };
-        seat.send_intent(intent).await?;
-        Ok(Answer::Done)
+        client.send_intent(intent).await?;
+        Ok(RunResponse::Done)
     }
 
-    fn behaviours(&self) -> Answer {
-        let members = self.roster.members();
-        let members = members.borrow();
-        Answer::Behaviours(members.iter().map(Listed::of).collect())
+    fn behaviours(&self) -> RunResponse {
+        let statuses = self.roster.statuses();
+        let statuses = statuses.borrow();
+        RunResponse::Behaviours(statuses.iter().map(BehaviourListing::of).collect())
     }
 
-    async fn change(&self, name: &str, change: Change) -> Answer {
+    async fn change(&self, name: &str, change: Change) -> RunResponse {
         answer(match change {
             Change::Start => self.roster.start(name).await,
             Change::StartFor(lasts) => self.roster.start_for(name, lasts).await,
@@ -252,39 +258,47 @@ impl Run {
     }
 
     /// Stops the tracks at once, then ends the run, so that nothing keeps driving.
-    async fn halt(&self) -> Answer {
+    async fn engage_stop(&self) -> RunResponse {
         let stopped = self.stop_tracks().await;
         self.stop.cancel();
         answer(stopped)
     }
 
-    async fn stop_tracks(&self) -> Result<(), SeatError> {
-        self.seat("a person").await?.send_intent(Intent::Stop).await
+    async fn stop_tracks(&self) -> Result<(), PilotClientError> {
+        self.pilot_client("a person")
+            .await?
+            .send_intent(Intent::Stop)
+            .await
     }
 
     /// Stops the tracks at once and ends all behaviours, also those that start or restart at this
     /// moment, so that nothing keeps driving. Unlike [`RunRequest::Stop`], it does not end the run
     /// itself.
-    pub async fn stop_behaviours(&self) -> Answer {
+    pub async fn stop_behaviours(&self) -> RunResponse {
         let stopped = self.stop_tracks().await;
         match self.roster.stop_all().await {
             // A run that is ending ends its behaviours itself.
             Ok(()) | Err(RosterError::Closed) => answer(stopped),
             Err(RosterError::Busy) => {
-                Answer::Refused("a behaviour has not ended within ten seconds".to_owned())
+                RunResponse::Refused("a behaviour has not ended within ten seconds".to_owned())
             }
             refused => answer(refused),
         }
     }
 
-    async fn picture(&self, seat: &Seat, limit: Duration) -> Result<Answer, SeatError> {
+    async fn picture(
+        &self,
+        client: &PilotClient,
+        limit: Duration,
+    ) -> Result<RunResponse, PilotClientError> {
         let stream = Stream::Video;
         let mut pictures = self.pictures.clone();
         let number = |pictures: &Pictures| pictures.newest.as_ref().map(|frame| frame.seq);
         let last = number(&pictures.borrow());
-        seat.send_intent(Intent::Stream { stream, on: true })
+        client
+            .send_intent(Intent::Stream { stream, on: true })
             .await?;
-        // Compare numbers, not times: a laboratory's clock differs from the client's.
+        // Compare numbers, not times: a simulation's clock differs from the client's.
         let new = |pictures: &Pictures| {
             let newest = pictures.newest.as_ref();
             number(pictures) != last
@@ -292,50 +306,51 @@ impl Run {
         };
         Ok(match timeout(limit, pictures.wait_for(new)).await {
             Ok(Ok(pictures)) => match &pictures.newest {
-                Some(frame) => Answer::Picture(frame.jpeg.to_vec()),
-                None => Answer::NoPicture,
+                Some(frame) => RunResponse::Picture(frame.jpeg.to_vec()),
+                None => RunResponse::NoPicture,
             },
-            _ => Answer::NoPicture,
+            _ => RunResponse::NoPicture,
         })
     }
 
-    /// Joins the pilot with a person's seat, whose priority is above all behaviours. `name` appears
-    /// in the log.
+    /// Joins the pilot with a person's client, whose priority is above all behaviours. `name`
+    /// appears in the log.
     ///
     /// # Errors
-    /// [`SeatError::Closed`]: the run has ended.
-    pub async fn seat(&self, name: &str) -> Result<Seat, SeatError> {
+    /// [`PilotClientError::Closed`]: the run has ended.
+    pub async fn pilot_client(&self, name: &str) -> Result<PilotClient, PilotClientError> {
         static COUNT: AtomicU16 = AtomicU16::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed) % PERSONS;
         let by = BehaviourId(FIRST_PERSON + number);
-        Seat::join(self.requests.clone(), by, name, PERSON, Role::Person).await
+        PilotClient::join(self.requests.clone(), by, name, PERSON, Role::Person).await
     }
 
     /// Sets or releases STOP. While it is set, nothing moves the robot, in this program or in the
     /// next one of its data folder.
     ///
     /// # Errors
-    /// [`SeatError::Closed`]: the run has ended, and the robot was stopped at its end.
-    pub async fn hold(&self, on: bool) -> Result<(), SeatError> {
+    /// [`PilotClientError::Closed`]: the run has ended, and the robot was stopped at its end.
+    pub async fn set_emergency_stop(&self, on: bool) -> Result<(), PilotClientError> {
         match self.requests.reserve().await {
             Ok(place) => {
-                self.stop_latch.set(on, || place.send(Request::Halt(on)));
+                self.emergency_stop
+                    .set(on, || place.send(Request::EmergencyStop(on)));
                 Ok(())
             }
             Err(_) => {
-                self.stop_latch.set(on, || ());
-                Err(SeatError::Closed)
+                self.emergency_stop.set(on, || ());
+                Err(PilotClientError::Closed)
             }
         }
     }
 
-    async fn overview(&self) -> Answer {
+    async fn overview(&self) -> RunResponse {
         let running = match self.running_behaviours().await {
             Some(running) => running,
-            None => return Answer::Refused("the run is ending".to_owned()),
+            None => return RunResponse::Refused("the run is ending".to_owned()),
         };
         let (status, view) = (*self.status.borrow(), self.view.borrow().clone());
-        Answer::Overview(Box::new(Overview {
+        RunResponse::Overview(Box::new(Overview {
             pid: std::process::id(),
             target: self.target.clone(),
             simulated: self.simulated,
@@ -343,12 +358,12 @@ impl Run {
             online: status.link == LinkState::Up,
             robot: running.robot,
             state: match status.link.absence() {
-                Some(words) if status.halted => format!("stopped by a person; {words}"),
+                Some(words) if status.emergency_stop => format!("stopped by a person; {words}"),
                 Some(words) => words.to_owned(),
-                None if status.halted => "stopped by a person".to_owned(),
+                None if status.emergency_stop => "stopped by a person".to_owned(),
                 None => status.safety.to_string(),
             },
-            place: status.place.to_string(),
+            dock_state: status.dock_state.to_string(),
             docked: status.docked,
             low: status.low,
             battery: status.battery,
@@ -373,9 +388,9 @@ impl Run {
     }
 }
 
-fn answer<E: ToString>(done: Result<(), E>) -> Answer {
+fn answer<E: ToString>(done: Result<(), E>) -> RunResponse {
     match done {
-        Ok(()) => Answer::Done,
-        Err(error) => Answer::Refused(error.to_string()),
+        Ok(()) => RunResponse::Done,
+        Err(error) => RunResponse::Refused(error.to_string()),
     }
 }

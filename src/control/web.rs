@@ -11,11 +11,11 @@ use ureq::http::{HeaderValue, Request};
 
 use super::error::AskError;
 use super::report::Report;
-use super::request::{Answer, Change, Listed, RunRequest};
-use crate::clean;
+use super::request::{BehaviourListing, Change, RunRequest, RunResponse};
 use crate::clock::Span;
 use crate::config::ServiceUrl;
 use crate::robot::{DockEnd, EndReason, Priority};
+use crate::sanitize;
 
 /// Maximum length of a reply, in bytes: that of a picture.
 const LONGEST: u64 = 4 << 20;
@@ -60,7 +60,7 @@ impl Remote {
     ///
     /// # Errors
     /// See [`AskError`].
-    pub fn ask(&self, request: &RunRequest, limit: Duration) -> Result<Answer, AskError> {
+    pub fn ask(&self, request: &RunRequest, limit: Duration) -> Result<RunResponse, AskError> {
         let call = Call::of(request);
         let method = if call.body.is_some() { "POST" } else { "GET" };
         let (kind, body) = call.body.unwrap_or_default();
@@ -127,7 +127,7 @@ impl Call {
                 json!({ "seconds": seconds(*limit) }),
             ),
             RunRequest::Stop => bare("/api/stop"),
-            RunRequest::LetGo => bare("/api/let-go"),
+            RunRequest::ResetStop => bare("/api/reset-stop"),
             RunRequest::StopSound => bare("/api/stop-sound"),
             RunRequest::Led { led, on } => post(
                 "/api/led".to_owned(),
@@ -182,7 +182,7 @@ struct Behaviour {
     priority: i16,
     state: String,
     running: Option<u64>,
-    ending: Option<End>,
+    exit: Option<End>,
 }
 
 #[derive(Deserialize)]
@@ -191,28 +191,28 @@ struct End {
     text: String,
 }
 
-fn parse_answer(request: &RunRequest, status: u16, body: Vec<u8>) -> Result<Answer, AskError> {
+fn parse_answer(request: &RunRequest, status: u16, body: Vec<u8>) -> Result<RunResponse, AskError> {
     match (request, status) {
         (RunRequest::Dock(_) | RunRequest::Undock(_), 200 | 409) => match read::<Docking>(&body) {
             Ok(docking) => Ok(docking.answer(request)),
-            Err(_) if status == 409 => Ok(Answer::Refused(why(&body))),
+            Err(_) if status == 409 => Ok(RunResponse::Refused(why(&body))),
             Err(error) => Err(error),
         },
         (RunRequest::Overview, 200) => {
             let report: Report = read(&body)?;
-            Ok(Answer::Overview(Box::new(report.into())))
+            Ok(RunResponse::Overview(Box::new(report.into())))
         }
         (RunRequest::Behaviours, 200) => {
             let all: Vec<Behaviour> = read(&body)?;
-            Ok(Answer::Behaviours(
+            Ok(RunResponse::Behaviours(
                 all.into_iter().map(Behaviour::listed).collect(),
             ))
         }
-        (RunRequest::Picture(_), 200) => Ok(Answer::Picture(body)),
-        (_, 200) => Ok(Answer::Done),
-        (_, 409) => Ok(Answer::Refused(why(&body))),
-        (_, 503) => Ok(Answer::Offline),
-        (RunRequest::Picture(_), 504) => Ok(Answer::NoPicture),
+        (RunRequest::Picture(_), 200) => Ok(RunResponse::Picture(body)),
+        (_, 200) => Ok(RunResponse::Done),
+        (_, 409) => Ok(RunResponse::Refused(why(&body))),
+        (_, 503) => Ok(RunResponse::Offline),
+        (RunRequest::Picture(_), 504) => Ok(RunResponse::NoPicture),
         (_, 401 | 403 | 421) => Err(AskError::Denied(why(&body))),
         _ => Err(AskError::UnexpectedStatus(status)),
     }
@@ -230,21 +230,21 @@ fn why(body: &[u8]) -> String {
     let body: Result<Value, _> = serde_json::from_slice(body);
     let sentence = body
         .ok()
-        .and_then(|body| body["error"].as_str().map(clean::line));
+        .and_then(|body| body["error"].as_str().map(sanitize::line));
     let sentence = sentence.unwrap_or_else(|| "no reason given".to_owned());
     sentence.chars().take(SHOWN).collect()
 }
 
 impl Docking {
-    fn answer(self, request: &RunRequest) -> Answer {
+    fn answer(self, request: &RunRequest) -> RunResponse {
         let Docking {
             end,
             attempts,
             seconds,
         } = self;
         match request {
-            RunRequest::Undock(_) => Answer::Undocked(end),
-            _ => Answer::Docked {
+            RunRequest::Undock(_) => RunResponse::Undocked(end),
+            _ => RunResponse::Docked {
                 end,
                 attempts,
                 took: Duration::try_from_secs_f64(seconds).unwrap_or_default(),
@@ -254,13 +254,13 @@ impl Docking {
 }
 
 impl Behaviour {
-    fn listed(self) -> Listed {
-        Listed {
-            name: clean::line(&self.name),
+    fn listed(self) -> BehaviourListing {
+        BehaviourListing {
+            name: sanitize::line(&self.name),
             priority: Priority(self.priority),
-            state: clean::line(&self.state),
+            state: sanitize::line(&self.state),
             running: self.running.map(Duration::from_secs),
-            ending: self.ending.map(|end| (end.reason, clean::line(&end.text))),
+            exit: self.exit.map(|end| (end.reason, sanitize::line(&end.text))),
         }
     }
 }
@@ -292,10 +292,10 @@ mod tests {
         let overview = |status, body: &str| {
             parse_answer(&RunRequest::StopSound, status, body.as_bytes().to_vec())
         };
-        assert_eq!(overview(200, "{}").unwrap(), Answer::Done);
-        assert_eq!(overview(503, "").unwrap(), Answer::Offline);
+        assert_eq!(overview(200, "{}").unwrap(), RunResponse::Done);
+        assert_eq!(overview(503, "").unwrap(), RunResponse::Offline);
         let refused = overview(409, r#"{"error":"no\u001b[2J"}"#).unwrap();
-        assert!(matches!(refused, Answer::Refused(why) if !why.contains('\u{1b}')));
+        assert!(matches!(refused, RunResponse::Refused(why) if !why.contains('\u{1b}')));
         assert!(matches!(overview(401, "{}"), Err(AskError::Denied(_))));
         assert!(matches!(
             overview(404, ""),
@@ -306,12 +306,15 @@ mod tests {
             parse_answer(&RunRequest::Dock(plan), status, body.as_bytes().to_vec()).unwrap()
         };
         let body = r#"{"error":"x","end":"base_not_found","attempts":3,"seconds":1.5}"#;
-        let docked = Answer::Docked {
+        let docked = RunResponse::Docked {
             end: DockEnd::BaseNotFound,
             attempts: 3,
             took: Duration::from_millis(1500),
         };
         assert_eq!(dock(409, body), docked);
-        assert_eq!(dock(409, r#"{"error":"x"}"#), Answer::Refused("x".into()));
+        assert_eq!(
+            dock(409, r#"{"error":"x"}"#),
+            RunResponse::Refused("x".into())
+        );
     }
 }

@@ -8,17 +8,17 @@ use std::time::Duration;
 
 use tracing::{error, info, warn};
 
-use super::note::{LastWordsData, Note, Received};
+use super::message::{Datagram, GuardianMessage, LastWordsData};
 use super::starter::{Started, Starter};
 
 /// How often the driving core must beat while there is a link; a third of the time after which the
 /// guardian acts.
-pub const BEAT: Duration = Duration::from_millis(100);
+pub const HEARTBEAT_INTERVAL: Duration = Duration::from_millis(100);
 /// The most consecutive beats that a living guardian leaves unanswered, even on the busiest
 /// machine. Counted in beats, not seconds: an agent that was itself stopped has sent no beats
 /// meanwhile.
 const MAX_UNANSWERED: u32 = 20;
-/// An answer is a note without data.
+/// An answer is a message without data.
 const MAX_ANSWER_LEN: usize = 64;
 
 /// A running guardian. If it is dropped without [`Guardian::release`], the guardian sends the last
@@ -60,13 +60,13 @@ impl Guardian {
     }
 
     /// Guards a new link: its socket, and the last words for it.
-    pub fn guard(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>) {
+    pub fn watch(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>) {
         self.begin(socket, last_words, false);
     }
 
     /// Guards a link whose login the robot has accepted, but which obeys only after its first
     /// POWER: with [`Guardian::guard`] the agent says that it has received that.
-    pub fn guard_login(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>) {
+    pub fn watch_login(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>) {
         self.begin(socket, last_words, true);
     }
 
@@ -88,7 +88,7 @@ impl Guardian {
 
     /// Updates the data to send: the rest of a partly written message, then the last words. Sends
     /// only changes to the guardian.
-    pub fn note(&mut self, rest: &[u8], last_words: &[u8]) {
+    pub fn set_last_words(&mut self, rest: &[u8], last_words: &[u8]) {
         let Some(Link { words, .. }) = &mut self.link else {
             return;
         };
@@ -97,13 +97,13 @@ impl Guardian {
         }
         words.rest = rest.to_vec();
         words.last = last_words.to_vec();
-        let note = Note::LastWords(words.clone());
-        self.send_note(&note);
+        let message = GuardianMessage::LastWords(words.clone());
+        self.send_message(&message);
     }
 
     /// Sends a beat, and checks whether the guardian answers. Returns whether it has written to the
     /// robot since the last beat.
-    pub fn beat(&mut self) -> bool {
+    pub fn heartbeat(&mut self) -> bool {
         if self.socket.is_none() {
             self.adopt_replacement();
         }
@@ -112,10 +112,10 @@ impl Guardian {
         }
         let wrote = self.read_answers();
         if self.unanswered >= MAX_UNANSWERED {
-            self.lose("does not answer");
+            self.handle_guardian_lost("does not answer");
         } else {
             self.unanswered += 1;
-            self.send_note(&Note::Beat);
+            self.send_message(&GuardianMessage::Heartbeat);
         }
         wrote
     }
@@ -124,7 +124,7 @@ impl Guardian {
     pub fn release(&mut self) {
         if self.link.take().is_some() {
             self.unanswered = 0;
-            self.send_note(&Note::Release);
+            self.send_message(&GuardianMessage::Release);
         }
     }
 
@@ -153,17 +153,17 @@ impl Guardian {
             return;
         };
         let words = link.words.clone();
-        let note = if link.login {
-            Note::Login(words)
+        let message = if link.login {
+            GuardianMessage::Login(words)
         } else {
-            Note::Guard(words)
+            GuardianMessage::Watch(words)
         };
-        let sent = send(&self.socket, &note, link.robot.as_ref().map(AsFd::as_fd));
+        let sent = send(&self.socket, &message, link.robot.as_ref().map(AsFd::as_fd));
         self.lose_if(sent);
     }
 
-    fn send_note(&mut self, note: &Note) {
-        let sent = send(&self.socket, note, None);
+    fn send_message(&mut self, message: &GuardianMessage) {
+        let sent = send(&self.socket, message, None);
         self.lose_if(sent);
     }
 
@@ -172,14 +172,14 @@ impl Guardian {
         let mut buffer = [0; MAX_ANSWER_LEN];
         let mut wrote = false;
         while let Some(socket) = &self.socket {
-            match Note::receive(socket, &mut buffer) {
-                Ok(Received::Note(answer, _)) => {
+            match GuardianMessage::receive(socket, &mut buffer) {
+                Ok(Datagram::Message(answer, _)) => {
                     self.unanswered = 0;
-                    wrote |= answer == Note::Wrote;
+                    wrote |= answer == GuardianMessage::Wrote;
                 }
-                Ok(Received::Nothing) => break,
-                Ok(Received::End) => self.lose("is gone"),
-                Err(error) => self.lose(&error.to_string()),
+                Ok(Datagram::Nothing) => break,
+                Ok(Datagram::End) => self.handle_guardian_lost("is gone"),
+                Err(error) => self.handle_guardian_lost(&error.to_string()),
             }
         }
         wrote
@@ -188,12 +188,14 @@ impl Guardian {
     fn lose_if(&mut self, sent: io::Result<()>) {
         match sent {
             Ok(()) => {}
-            Err(error) if error.kind() == io::ErrorKind::WouldBlock => self.lose("does not answer"),
-            Err(_) => self.lose("is gone"),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => {
+                self.handle_guardian_lost("does not answer")
+            }
+            Err(_) => self.handle_guardian_lost("is gone"),
         }
     }
 
-    fn lose(&mut self, what: &str) {
+    fn handle_guardian_lost(&mut self, what: &str) {
         if let Some(socket) = self.socket.take() {
             warn!("the guardian process {what}: starting another one");
             self.starter.replace(socket);
@@ -201,7 +203,11 @@ impl Guardian {
     }
 }
 
-/// Sends a note; does nothing if no guardian runs.
-fn send(to: &Option<OwnedFd>, note: &Note, robot: Option<BorrowedFd<'_>>) -> io::Result<()> {
-    to.as_ref().map_or(Ok(()), |to| note.send(to, robot))
+/// Sends a message; does nothing if no guardian runs.
+fn send(
+    to: &Option<OwnedFd>,
+    message: &GuardianMessage,
+    robot: Option<BorrowedFd<'_>>,
+) -> io::Result<()> {
+    to.as_ref().map_or(Ok(()), |to| message.send(to, robot))
 }

@@ -9,7 +9,7 @@ use rustix::io::Errno;
 use rustix::net::{RecvFlags, recv};
 use tokio::time::Instant;
 
-use super::guard::LOOK;
+use super::dead_man::LOOK;
 
 /// How long to wait for it, as long as an agent does by default; the robot's only connection is held
 /// open meanwhile.

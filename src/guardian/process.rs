@@ -1,4 +1,4 @@
-//! The guardian's own process: waits for notes and deadlines, and writes to the robot's socket.
+//! The guardian's own process: waits for messages and deadlines, and writes to the robot's socket.
 
 use std::fs::DirEntry;
 use std::io;
@@ -12,10 +12,10 @@ use rustix::net::Shutdown;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::time::Instant;
 
+use super::dead_man::{DeadMan, PendingWrite};
 use super::first_power;
-use super::guard::{Guard, PendingWrite};
-use super::note::{MAX_NOTE_LEN, Note, Received};
-use crate::unsent::unacknowledged;
+use super::message::{Datagram, GuardianMessage, MAX_MESSAGE_LEN};
+use crate::socket_outq::unacknowledged;
 
 /// The hidden argument that makes the executable run as a guardian.
 pub const GUARDIAN_ARGUMENT: &str = "__guardian";
@@ -47,17 +47,17 @@ pub fn guardian_main() -> ExitCode {
     // In its own session no terminal signals reach it. Fails only for the leader of a process
     // group.
     let _ = rustix::process::setsid();
-    let (mut guard, mut robot) = (Guard::default(), None);
+    let (mut dead_man, mut robot) = (DeadMan::default(), None);
     let served = outlive_signals()
-        .and_then(|_outlived| serve(&rustix::stdio::stdin(), &mut guard, &mut robot));
+        .and_then(|_outlived| serve(&rustix::stdio::stdin(), &mut dead_man, &mut robot));
     if let Some(robot) = &robot
-        && guard.is_login()
+        && dead_man.is_login()
     {
         first_power::wait(robot);
     }
     // After an error, too: nobody else would stop the robot.
     if let Some(robot) = &robot {
-        if let Some(pending) = guard.end() {
+        if let Some(pending) = dead_man.end() {
             write(robot, &pending.bytes);
         }
         // Without last words, too: what the agent wrote last may still be on its way.
@@ -100,35 +100,39 @@ fn outlive_signals() -> io::Result<(tokio::runtime::Runtime, Vec<Signal>)> {
 }
 
 /// Serves the agent until its end, or until nothing can be received any more.
-fn serve(notes: &impl AsFd, guard: &mut Guard, robot: &mut Option<OwnedFd>) -> io::Result<()> {
-    let mut buffer = vec![0; MAX_NOTE_LEN];
+fn serve(
+    messages: &impl AsFd,
+    dead_man: &mut DeadMan,
+    robot: &mut Option<OwnedFd>,
+) -> io::Result<()> {
+    let mut buffer = vec![0; MAX_MESSAGE_LEN];
     loop {
-        wait_readable(notes, guard.next_deadline())?;
-        // Drain pending notes before evaluating timeouts: the whole machine may have slept.
+        wait_readable(messages, dead_man.next_deadline())?;
+        // Drain pending messages before evaluating timeouts: the whole machine may have slept.
         loop {
-            match Note::receive(notes, &mut buffer)? {
-                Received::Note(note, socket) => {
-                    if note == Note::Beat {
+            match GuardianMessage::receive(messages, &mut buffer)? {
+                Datagram::Message(message, socket) => {
+                    if message == GuardianMessage::Heartbeat {
                         // An agent that does not read its answers does not miss this one.
-                        let _ = Note::Beat.send(notes, None);
+                        let _ = GuardianMessage::Heartbeat.send(messages, None);
                     }
-                    *robot = match note {
-                        Note::Release => None,
+                    *robot = match message {
+                        GuardianMessage::Release => None,
                         _ => socket.or(robot.take()),
                     };
-                    guard.take(note, Instant::now());
+                    dead_man.handle(message, Instant::now());
                 }
-                Received::Nothing => break,
-                Received::End => return Ok(()),
+                Datagram::Nothing => break,
+                Datagram::End => return Ok(()),
             }
         }
-        if guard.is_login() && !robot.as_ref().is_some_and(first_power::has_come) {
-            guard.defer(Instant::now());
+        if dead_man.is_login() && !robot.as_ref().is_some_and(first_power::has_come) {
+            dead_man.defer(Instant::now());
         }
-        if let (Some(robot), Some(pending)) = (&*robot, guard.poll(Instant::now())) {
+        if let (Some(robot), Some(pending)) = (&*robot, dead_man.poll(Instant::now())) {
             write_pending(robot, &pending);
             // An agent that resumes must know that the robot no longer does what it was last told.
-            let _ = Note::Wrote.send(notes, None);
+            let _ = GuardianMessage::Wrote.send(messages, None);
         }
     }
 }

@@ -9,9 +9,9 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
-use super::guard::{Names, OriginHeaders, Reason};
 use super::keyring::{Keyring, KeyringError, Role};
 use super::options::Options;
+use super::origin_check::{Names, OriginHeaders, Reason};
 use super::visitor::Visitor;
 
 /// How often the tokens are read again.

@@ -1,5 +1,5 @@
-//! The middleware that every request passes: the guard before it is served, the response headers
-//! after.
+//! The middleware that every request passes: the check of its origin before it is served, the
+//! response headers after.
 
 use std::io;
 use std::net::SocketAddr;
@@ -17,7 +17,7 @@ use futures_util::stream::unfold;
 use tokio::time::{Instant, timeout_at};
 
 use super::access::Access;
-use super::guard::{OriginHeaders, Reason};
+use super::origin_check::{OriginHeaders, Reason};
 use super::visitor::{Identity, Refusal, Visitor};
 
 /// Timeout for the body of a request.

@@ -9,7 +9,7 @@ use jiff::Timestamp;
 use rusqlite::{Connection, OpenFlags, Transaction, TransactionBehavior, params};
 
 use super::error::{FREE, JournalError};
-use super::options::{About, Options};
+use super::options::{Options, RunInfo};
 use super::retention::{self, page_size};
 use super::row::{Content, Row};
 use super::schema;
@@ -51,7 +51,7 @@ impl Database {
     pub(super) fn open(
         data: &Path,
         options: Options,
-        about: &About,
+        about: &RunInfo,
         now: Timestamp,
     ) -> Result<Database, JournalError> {
         let path = folder(data);
@@ -205,11 +205,11 @@ fn insert(transaction: &Transaction<'_>, session: i64, row: &Row) -> Result<(), 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::journal::{History, Kinds, Span};
+    use crate::journal::{JournalReader, Kinds, Span};
     use std::os::unix::fs::{PermissionsExt as _, symlink};
 
-    fn about() -> About {
-        About {
+    fn about() -> RunInfo {
+        RunInfo {
             target: "10.0.0.2:9000".to_owned(),
             simulated: true,
         }
@@ -233,7 +233,7 @@ mod tests {
     }
 
     fn count(data: &Path) -> usize {
-        let history = History::open(data).unwrap().unwrap();
+        let history = JournalReader::open(data).unwrap().unwrap();
         history
             .records(&Kinds::All, &Span::default())
             .unwrap()
@@ -303,7 +303,7 @@ mod tests {
             database.delete_old(now()).unwrap();
             assert!(retention::bytes(&database.connection).unwrap() <= 1 << 20);
         }
-        let history = History::open(data.path()).unwrap().unwrap();
+        let history = JournalReader::open(data.path()).unwrap().unwrap();
         let last = history.records(&Kinds::All, &Span::default()).unwrap();
         assert_eq!(
             last.last().unwrap().at.as_millisecond(),
@@ -334,7 +334,7 @@ mod tests {
         database.delete_old(now()).unwrap();
         database.write(&rows[..1], 50, now()).unwrap();
         let kinds = Kinds::Of(&["lost"]);
-        let history = History::open(data.path()).unwrap().unwrap();
+        let history = JournalReader::open(data.path()).unwrap().unwrap();
         let lost = history.records(&kinds, &Span::default()).unwrap();
         assert_eq!(lost[0].data["count"], 50);
     }

@@ -25,7 +25,7 @@ pub struct Record {
     pub session: i64,
     /// The robot's uid, if one was connected.
     pub robot: Option<String>,
-    /// `event` and its fields: see [`Occurrence`](crate::robot::Occurrence). The event of a battery
+    /// `event` and its fields: see [`AgentEvent`](crate::robot::AgentEvent). The event of a battery
     /// level is `battery`; `lost` means that `count` events could not be written.
     #[serde(flatten)]
     pub data: Map<String, Value>,
@@ -97,14 +97,14 @@ pub struct LevelRange {
 
 /// A journal opened for reading.
 #[derive(Debug)]
-pub struct History(Connection);
+pub struct JournalReader(Connection);
 
-impl History {
+impl JournalReader {
     /// Opens the journal of a data folder; `None` if there is none.
     ///
     /// # Errors
     /// If it cannot be read, or a newer program has written it.
-    pub fn open(data: &Path) -> Result<Option<History>, JournalError> {
+    pub fn open(data: &Path) -> Result<Option<JournalReader>, JournalError> {
         // SQLite must not follow a symbolic link to the file, so only the folder's path is
         // resolved.
         let Ok(folder) = folder(data).canonicalize() else {
@@ -128,7 +128,7 @@ impl History {
         }
         schema::validate(&connection, found)?;
         // Version 0: created, but not written yet.
-        Ok((found > 0).then_some(History(connection)))
+        Ok((found > 0).then_some(JournalReader(connection)))
     }
 
     /// Returns events of these kinds, in the order in which they happened.

@@ -1,4 +1,4 @@
-//! The journal in a laboratory. Its time stands still while the disk works, so the journal needs no
+//! The journal in a simulation. Its time stands still while the disk works, so the journal needs no
 //! thread: events are written at the moment of virtual time at which they are due.
 
 use std::path::Path;
@@ -6,27 +6,27 @@ use std::path::Path;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use super::options::{About, Options};
+use super::options::{Options, RunInfo};
 use super::recorder::Recorder;
 use crate::clock::Clock;
 use crate::robot::Bus;
 
-/// A journal that is written on the laboratory's own thread. Dropping it simulates a power cut:
+/// A journal that is written on the simulation's own thread. Dropping it simulates a power cut:
 /// rows that are not written yet are lost, and the session has no end.
 #[derive(Debug)]
-pub struct LabJournal {
+pub struct SimulationJournal {
     stop: CancellationToken,
     task: JoinHandle<()>,
 }
 
-impl LabJournal {
+impl SimulationJournal {
     /// Records the bus's events from now on in this data folder. Must be called within a
-    /// laboratory. Problems with the file are logged, and the write is retried.
-    pub fn start(bus: &Bus, data: &Path, options: Options, about: About) -> LabJournal {
+    /// simulation. Problems with the file are logged, and the write is retried.
+    pub fn start(bus: &Bus, data: &Path, options: Options, about: RunInfo) -> SimulationJournal {
         let stop = CancellationToken::new();
         let recorder = Recorder::new(data, options, about, Clock::default());
         let task = tokio::spawn(recorder.run(bus.subscribe(), stop.clone()));
-        LabJournal { stop, task }
+        SimulationJournal { stop, task }
     }
 
     /// Waits until all events on the bus are written and the file is closed.
@@ -37,7 +37,7 @@ impl LabJournal {
     }
 }
 
-impl Drop for LabJournal {
+impl Drop for SimulationJournal {
     fn drop(&mut self) {
         self.task.abort();
     }

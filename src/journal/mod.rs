@@ -18,7 +18,7 @@ mod schema;
 
 pub use database::{folder, journal_file};
 pub use error::JournalError;
-pub use history::{History, Kinds, LevelRange, Record, Span};
-pub use local::LabJournal;
-pub use options::{About, Options, When};
+pub use history::{JournalReader, Kinds, LevelRange, Record, Span};
+pub use local::SimulationJournal;
+pub use options::{Options, RunInfo, When};
 pub use recorder::Journal;

@@ -48,7 +48,7 @@ pub enum When {
 
 /// The agent that the journal describes.
 #[derive(Debug, Clone)]
-pub struct About {
+pub struct RunInfo {
     /// The robot's address.
     pub target: String,
     /// Whether the robot is simulated.

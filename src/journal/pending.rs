@@ -6,7 +6,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::row::{Content, Row};
-use crate::robot::{Battery, Occurrence};
+use crate::robot::{AgentEvent, Battery};
 
 /// Maximum number of rows waiting for the disk; further events are only counted.
 const MAX_WAITING: usize = 2000;
@@ -36,11 +36,11 @@ pub(super) struct Pending {
 
 impl Pending {
     /// Adds an event that happened at this time.
-    pub(super) fn add_event(&mut self, what: &Occurrence, at: i64, now: Instant) {
+    pub(super) fn add_event(&mut self, what: &AgentEvent, at: i64, now: Instant) {
         match what {
-            Occurrence::LinkUp { robot, .. } => self.robot = Some(robot.uid.clone()),
-            Occurrence::LinkDown { .. } => self.battery = None,
-            Occurrence::Battery(battery) => {
+            AgentEvent::LinkUp { robot, .. } => self.robot = Some(robot.uid.clone()),
+            AgentEvent::LinkDown { .. } => self.battery = None,
+            AgentEvent::Battery(battery) => {
                 (self.battery, self.sampled) = (Some(*battery), Some(now));
             }
             _ => {}
@@ -113,17 +113,17 @@ mod tests {
     use super::*;
     use crate::robot::{Percent, RobotInfo};
 
-    fn battery(percent: u8) -> Occurrence {
-        Occurrence::Battery(Battery {
+    fn battery(percent: u8) -> AgentEvent {
+        AgentEvent::Battery(Battery {
             percent: Percent::saturating(percent),
             charging: false,
             minutes_left: None,
         })
     }
 
-    fn down() -> Occurrence {
+    fn down() -> AgentEvent {
         let reason = "gone".to_owned();
-        Occurrence::LinkDown { reason }
+        AgentEvent::LinkDown { reason }
     }
 
     #[test]
@@ -153,7 +153,7 @@ mod tests {
             simulated: false,
         };
         let docked = false;
-        pending.add_event(&Occurrence::LinkUp { robot, docked }, 0, now);
+        pending.add_event(&AgentEvent::LinkUp { robot, docked }, 0, now);
         pending.add_event(&down(), 1, now);
         let robots = pending.rows().0.iter().map(|row| row.robot.as_deref());
         assert_eq!(robots.collect::<Vec<_>>(), [Some("SPYKEE7"); 2]);

@@ -13,10 +13,10 @@ use tracing::{debug, info, warn};
 
 use super::database::Database;
 use super::error::JournalError;
-use super::options::{About, Options};
+use super::options::{Options, RunInfo};
 use super::pending::Pending;
-use crate::budget::Repeats;
 use crate::clock::{Clock, until};
+use crate::rate_limit::Repeats;
 use crate::robot::{Bus, BusMessage, Listener};
 
 /// How often rows that are too old are deleted.
@@ -43,7 +43,7 @@ impl Journal {
         bus: &Bus,
         data: &Path,
         options: Options,
-        about: About,
+        about: RunInfo,
         clock: Clock,
     ) -> Result<Journal, JournalError> {
         let stop = CancellationToken::new();
@@ -85,7 +85,7 @@ impl Drop for Journal {
 pub(super) struct Recorder {
     data: PathBuf,
     options: Options,
-    about: About,
+    about: RunInfo,
     clock: Clock,
     database: Option<Database>,
     pending: Pending,
@@ -93,7 +93,7 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    pub(super) fn new(data: &Path, options: Options, about: About, clock: Clock) -> Recorder {
+    pub(super) fn new(data: &Path, options: Options, about: RunInfo, clock: Clock) -> Recorder {
         Recorder {
             data: data.to_owned(),
             options,
@@ -145,7 +145,7 @@ impl Recorder {
     fn handle_event(&mut self, message: BusMessage) -> bool {
         let now = Instant::now();
         match message {
-            BusMessage::Occurrence(one) => {
+            BusMessage::Event(one) => {
                 let at = self.wall_time(one.at).as_millisecond();
                 self.pending.add_event(&one.what, at, now);
             }
@@ -172,7 +172,7 @@ impl Recorder {
                 }
                 self.pending.failed(now);
                 let (rows, lost) = self.pending.rows();
-                let (waiting, report) = (rows.len(), self.reports.note((), now));
+                let (waiting, report) = (rows.len(), self.reports.record((), now));
                 if report.is_some() {
                     warn!(waiting, lost, "the journal cannot be written: {error}");
                 }
@@ -212,7 +212,7 @@ impl Recorder {
     }
 
     fn report_rename_failure(&mut self, why: io::Error) {
-        if self.reports.note((), Instant::now()).is_some() {
+        if self.reports.record((), Instant::now()).is_some() {
             warn!("the damaged journal cannot be renamed: {why}");
         }
     }

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::robot::{Battery, Occurrence};
+use crate::robot::{AgentEvent, Battery};
 
 /// Maximum length of an event as JSON, in bytes; an entry of a script is shorter.
 const LONGEST: usize = 16 * 1024;
@@ -38,12 +38,12 @@ impl Content {
         }
     }
 
-    pub(super) fn from_occurrence(what: &Occurrence) -> Content {
-        if let Occurrence::Battery(battery) = what {
+    pub(super) fn from_occurrence(what: &AgentEvent) -> Content {
+        if let AgentEvent::Battery(battery) = what {
             return Content::of_battery(battery);
         }
         let kind = what.kind();
-        // Serialisation cannot fail: all keys of an occurrence are strings.
+        // Serialisation cannot fail: all keys of an event are strings.
         let data =
             serde_json::to_string(what).unwrap_or_else(|_| json!({ "event": kind }).to_string());
         let data = if data.len() > LONGEST {
@@ -69,8 +69,8 @@ impl Content {
     }
 }
 
-fn behaviour(what: &Occurrence) -> Option<&str> {
-    use Occurrence::{Dock, Ended, Entry, GivenUp, Notify, Picture, StartMissed, Started, Undock};
+fn behaviour(what: &AgentEvent) -> Option<&str> {
+    use AgentEvent::{Dock, Ended, Entry, GivenUp, Notify, Picture, StartMissed, Started, Undock};
     match what {
         Dock { by, .. } => by.as_deref(),
         Undock { by, .. } => Some(by),

@@ -100,13 +100,13 @@ async fn question(
 ) -> io::Result<()> {
     let end = Instant::now() + timeout;
     let socket = socket_for(targets).await?;
-    let mut beat = interval(REPEAT);
-    beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    let mut ticker = interval(REPEAT);
+    ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {
         tokio::select! {
             biased;
             () = sleep_until(end) => return Ok(()),
-            _ = beat.tick() => send_all(&socket, targets).await,
+            _ = ticker.tick() => send_all(&socket, targets).await,
             reply = receive(&socket) => {
                 if reply.is_some_and(&mut enough) {
                     return Ok(());

@@ -7,7 +7,6 @@
 
 mod backoff;
 mod delivery;
-mod dial;
 pub mod discover;
 mod error;
 mod host;
@@ -18,6 +17,7 @@ mod session;
 mod speech;
 mod supervision;
 mod target;
+mod tcp_connect;
 mod writer;
 
 pub use backoff::Backoff;
@@ -25,7 +25,7 @@ pub use delivery::{Delivery, close_gracefully};
 pub use error::LinkError;
 pub use host::{host_of, is_host_name};
 pub use options::Options;
-pub use reader::{Reader, Received};
+pub use reader::{Incoming, Reader};
 pub use session::{MAX_EARLY_REPORTS, Session, connect, open};
 pub use supervision::Supervision;
 pub use target::{Target, TargetError};

@@ -17,7 +17,7 @@ const GROWTH: usize = 1024;
 
 /// Data received from the robot.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Received {
+pub enum Incoming {
     /// A whole message.
     Report(Report),
     /// The first bytes of a frame whose rest is still arriving; at least `GROWTH` bytes more than
@@ -54,7 +54,7 @@ impl Reader {
     /// See [`Reader::receive`].
     pub async fn next(&mut self) -> Result<Report, LinkError> {
         loop {
-            if let Received::Report(report) = self.receive().await? {
+            if let Incoming::Report(report) = self.receive().await? {
                 return Ok(report);
             }
         }
@@ -66,16 +66,16 @@ impl Reader {
     /// [`LinkError::Closed`] at the end of the stream, also within a message;
     /// [`LinkError::Framing`] once the framing is invalid, and on every later call;
     /// [`LinkError::Dead`] when the system has given up the connection.
-    pub async fn receive(&mut self) -> Result<Received, LinkError> {
+    pub async fn receive(&mut self) -> Result<Incoming, LinkError> {
         // Thousands of small messages fit into one chunk: timers must run between them.
         coop::consume_budget().await;
         loop {
             if let Some(report) = self.decode()? {
                 self.passed_on = 0;
-                return Ok(Received::Report(report));
+                return Ok(Incoming::Report(report));
             }
             if let Some(part) = self.grown_frame() {
-                return Ok(Received::PartialFrame(part));
+                return Ok(Incoming::PartialFrame(part));
             }
             let read = self.io.read(&mut self.chunk).await;
             let count = read.map_err(|error| LinkError::from_io(error, self.dead_after))?;
@@ -152,8 +152,8 @@ mod tests {
         let mut parts = Vec::new();
         let report = loop {
             match reader.receive().await.unwrap() {
-                Received::PartialFrame(part) => parts.push(part),
-                Received::Report(report) => break report,
+                Incoming::PartialFrame(part) => parts.push(part),
+                Incoming::Report(report) => break report,
             }
         };
         assert_eq!(report, Report::Video(jpeg.clone()));
@@ -166,7 +166,7 @@ mod tests {
         );
         // Only frames are passed on early.
         let next = reader.receive().await;
-        assert!(matches!(next, Ok(Received::Report(Report::Audio(_)))));
+        assert!(matches!(next, Ok(Incoming::Report(Report::Audio(_)))));
     }
 
     #[tokio::test]

@@ -8,7 +8,7 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::{Instant, timeout_at};
 
 use super::delivery::close_gracefully;
-use super::dial::{dial, duplicate};
+use super::tcp_connect::{duplicate, open_tcp};
 use super::{LinkError, Options, Reader, Supervision, Target, Writer, discover};
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
@@ -54,7 +54,7 @@ pub async fn connect(
     supervision: impl Into<Supervision>,
     options: &Options,
 ) -> Result<Session, LinkError> {
-    let stream = dial(target, options).await?;
+    let stream = open_tcp(target, options).await?;
     let io = |error| LinkError::from_io(error, options.dead_after);
     let peer = stream.peer_addr().map_err(io)?;
     let direct = duplicate(&stream);

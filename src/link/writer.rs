@@ -16,7 +16,7 @@ use tokio::time::{Instant, sleep, timeout, timeout_at};
 
 use super::LinkError;
 use super::send_queue::SendQueue;
-use crate::unsent::unacknowledged;
+use crate::socket_outq::unacknowledged;
 use crate::wire::Command;
 
 /// How often to check whether the robot has acknowledged the written data.

@@ -11,19 +11,20 @@ use axum::{Json, Router};
 use jiff::Timestamp;
 use serde::Deserialize;
 
+use super::broadcast::Broadcast;
 use super::command::{
-    BehaviourAction, Done, PageCommand, UNDOCK, in_words, perform, succeeded, to_request,
+    BehaviourAction, Done, PageCommand, UNDOCK, perform, succeeded, to_message, to_request,
 };
-use super::hub::Hub;
+use super::history::{self, History};
 use super::openapi::{
-    self, BehaviourChange, Dock, Docking, Health, Lamp, Outcome, TimeLimit, Tune, Tuned, Volume,
+    self, BehaviourChange, Dock, Docking, Health, Outcome, PlaySound, SetLight, SetParam,
+    TimeLimit, Volume,
 };
-use super::past::{self, Past};
 use super::scripts::{self, Behaviour, Text};
 use super::state::{self, Rate};
-use super::ticket::Ticket;
-use super::{messages, viewer};
-use crate::control::{Answer, Change, MAX_SPEECH, Report, RunRequest};
+use super::viewer::Viewer;
+use super::{connection, messages};
+use crate::control::{Change, MAX_SPEECH, Report, RunRequest, RunResponse};
 use crate::http::{Driver, Refusal, Visitor};
 use crate::pilot::LinkState;
 use crate::robot::DockPlan;
@@ -41,11 +42,11 @@ const MAX_RETRIES: u32 = 20;
 /// Maximum timeout for an undocking.
 const LONGEST_UNDOCKING: Duration = Duration::from_secs(600);
 
-type Shared = State<Arc<Hub>>;
+type Shared = State<Arc<Broadcast>>;
 type Reply<T> = Result<Json<T>, Refusal>;
 
 /// Returns all routes except those of the page's files.
-pub(super) fn routes(hub: Arc<Hub>) -> Router {
+pub(super) fn routes(broadcast: Arc<Broadcast>) -> Router {
     Router::new()
         .route("/healthz", get(healthz))
         .route("/metrics", get(metrics))
@@ -63,15 +64,15 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
         .route("/api/schedule", get(schedule))
         .route("/api/picture", get(picture))
         .route("/api/stop", post(stop))
-        .route("/api/let-go", post(release_stop))
+        .route("/api/reset-stop", post(release_stop))
         .route("/api/dock", post(dock))
         .route("/api/undock", post(undock))
         .route("/api/led", post(led))
         .route("/api/play", post(play))
         .route(
             "/api/stop-sound",
-            post(async |hub: Shared, who: Driver| {
-                execute_command(hub, who, PageCommand::StopSound).await
+            post(async |broadcast: Shared, who: Driver| {
+                execute_command(broadcast, who, PageCommand::StopSound).await
             }),
         )
         .route("/api/volume", post(volume))
@@ -80,13 +81,13 @@ pub(super) fn routes(hub: Arc<Hub>) -> Router {
             "/api/say",
             post(say).layer(DefaultBodyLimit::max(MAX_SPEECH)),
         )
-        .with_state(hub)
+        .with_state(broadcast)
 }
 
 /// Needs no login, since it reveals nothing private.
-async fn healthz(State(hub): Shared) -> Response {
-    let live = hub.is_alive();
-    let ready = live && hub.run.status.borrow().link == LinkState::Up;
+async fn healthz(State(broadcast): Shared) -> Response {
+    let live = broadcast.is_alive();
+    let ready = live && broadcast.run.status.borrow().link == LinkState::Up;
     let status = if live {
         StatusCode::OK
     } else {
@@ -95,60 +96,62 @@ async fn healthz(State(hub): Shared) -> Response {
     (status, Json(Health { live, ready })).into_response()
 }
 
-async fn metrics(State(hub): Shared, _: Visitor) -> impl IntoResponse {
-    let text = hub
-        .metrics
-        .text(&hub.run, hub.viewer_count(), hub.camera.bytes());
+async fn metrics(State(broadcast): Shared, _: Visitor) -> impl IntoResponse {
+    let text = broadcast.metrics.text(
+        &broadcast.run,
+        broadcast.viewer_count(),
+        broadcast.camera.bytes(),
+    );
     let kind = "application/openmetrics-text; version=1.0.0; charset=utf-8";
     ([(header::CONTENT_TYPE, kind)], text)
 }
 
 async fn live(
-    State(hub): Shared,
+    State(broadcast): Shared,
     visitor: Visitor,
     upgrade: WebSocketUpgrade,
 ) -> Result<Response, Refusal> {
     let full = || Refusal::new(StatusCode::SERVICE_UNAVAILABLE, "too many viewers");
-    let ticket = Ticket::admit(&hub, visitor).ok_or_else(full)?;
+    let viewer = Viewer::admit(&broadcast, visitor).ok_or_else(full)?;
     let upgrade = upgrade
-        .max_message_size(viewer::MAX_MESSAGE)
-        .max_frame_size(viewer::MAX_MESSAGE);
-    Ok(upgrade.on_upgrade(move |socket| viewer::serve(socket, ticket)))
+        .max_message_size(connection::MAX_MESSAGE)
+        .max_frame_size(connection::MAX_MESSAGE);
+    Ok(upgrade.on_upgrade(move |socket| connection::serve(socket, viewer)))
 }
 
-async fn status(State(hub): Shared, _: Visitor) -> Json<state::State> {
-    let (robot, now) = (hub.robot(), hub.now());
+async fn status(State(broadcast): Shared, _: Visitor) -> Json<state::State> {
+    let (robot, now) = (broadcast.robot(), broadcast.now());
     let mut rate = Rate::new(now);
     Json(state::state(
-        &hub.run,
+        &broadcast.run,
         robot.as_ref(),
-        hub.people(),
+        broadcast.people(),
         &mut rate,
         now,
     ))
 }
 
 /// Returns the same data as `spykee status --json`.
-async fn run(State(hub): Shared, _: Visitor) -> Reply<Report> {
-    match hub.run.perform(RunRequest::Overview).await {
-        Answer::Overview(overview) => Ok(Json(Report::from(&*overview))),
-        Answer::Refused(why) => Err(Refusal::new(StatusCode::CONFLICT, why)),
+async fn run(State(broadcast): Shared, _: Visitor) -> Reply<Report> {
+    match broadcast.run.perform(RunRequest::Overview).await {
+        RunResponse::Overview(overview) => Ok(Json(Report::from(&*overview))),
+        RunResponse::Refused(why) => Err(Refusal::new(StatusCode::CONFLICT, why)),
         _ => Err(out_of_reach()),
     }
 }
 
-async fn behaviours(State(hub): Shared, _: Visitor) -> Json<Vec<Behaviour>> {
-    Json(hub.list())
+async fn behaviours(State(broadcast): Shared, _: Visitor) -> Json<Vec<Behaviour>> {
+    Json(broadcast.list())
 }
 
 async fn change(
-    hub: Shared,
+    broadcast: Shared,
     who: Driver,
     Path(name): Path<String>,
     Json(BehaviourChange { change, lasts }): Json<BehaviourChange>,
 ) -> Reply<Outcome> {
     let Some(lasts) = lasts else {
-        return execute_command(hub, who, PageCommand::Behaviour { name, change }).await;
+        return execute_command(broadcast, who, PageCommand::Behaviour { name, change }).await;
     };
     if change != BehaviourAction::Start || lasts.get().is_zero() {
         let why = "`for` is allowed only with `start`, and must be above zero";
@@ -156,7 +159,8 @@ async fn change(
     }
     let change = Change::StartFor(lasts.get());
     done(
-        hub.0
+        broadcast
+            .0
             .run
             .perform(RunRequest::Behaviour { name, change })
             .await,
@@ -164,29 +168,31 @@ async fn change(
 }
 
 async fn tune(
-    hub: Shared,
+    broadcast: Shared,
     who: Driver,
     Path(name): Path<String>,
-    Json(Tuned { param, value }): Json<Tuned>,
+    Json(SetParam { param, value }): Json<SetParam>,
 ) -> Reply<Outcome> {
-    execute_command(hub, who, PageCommand::Param { name, param, value }).await
+    execute_command(broadcast, who, PageCommand::Param { name, param, value }).await
 }
 
-async fn script(State(hub): Shared, _: Visitor, Path(name): Path<String>) -> Reply<Text> {
-    let found = scripts::find(&hub.known.borrow().scripts, &name).cloned();
+async fn script(State(broadcast): Shared, _: Visitor, Path(name): Path<String>) -> Reply<Text> {
+    let found = scripts::find(&broadcast.definition.borrow().scripts, &name).cloned();
     let unknown = || Refusal::new(StatusCode::NOT_FOUND, "there is no script of that name");
     let script = found.ok_or_else(unknown)?;
-    read(&hub, move |_| scripts::text(&script)).await.map(Json)
+    read(&broadcast, move |_| scripts::text(&script))
+        .await
+        .map(Json)
 }
 
 /// Runs work that blocks on the disk on another thread.
 async fn read<T: Send + 'static>(
-    hub: &Hub,
+    broadcast: &Broadcast,
     work: impl FnOnce(&std::path::Path) -> T + Send + 'static,
 ) -> Result<T, Refusal> {
     let broken = || Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, "it cannot be read");
-    let _permit = hub.reading.acquire().await.map_err(|_| broken())?;
-    let data = hub.data.clone();
+    let _permit = broadcast.reading.acquire().await.map_err(|_| broken())?;
+    let data = broadcast.data.clone();
     let read = tokio::task::spawn_blocking(move || work(&data)).await;
     read.map_err(|_| broken())
 }
@@ -199,12 +205,17 @@ struct Days {
 }
 
 /// `None` without a journal.
-async fn history(State(hub): Shared, _: Visitor, Query(asked): Query<Days>) -> Reply<Option<Past>> {
+async fn history(
+    State(broadcast): Shared,
+    _: Visitor,
+    Query(asked): Query<Days>,
+) -> Reply<Option<History>> {
     let days = asked.days.unwrap_or(1).clamp(1, MAX_DAYS);
-    let running = hub.running_behaviours();
-    let past = move |data: &std::path::Path| past::past(data, days, Timestamp::now(), &running);
-    let past = read(&hub, past).await?;
-    past.map(Json).map_err(|error| {
+    let running = broadcast.running_behaviours();
+    let history =
+        move |data: &std::path::Path| history::read(data, days, Timestamp::now(), &running);
+    let history = read(&broadcast, history).await?;
+    history.map(Json).map_err(|error| {
         tracing::warn!("the page cannot read the journal: {error}");
         let words = "the journal cannot be read";
         Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, words)
@@ -212,35 +223,44 @@ async fn history(State(hub): Shared, _: Visitor, Query(asked): Query<Days>) -> R
 }
 
 /// `None` without a timetable.
-async fn schedule(State(hub): Shared, _: Visitor) -> Json<Option<Vec<past::Start>>> {
-    let known = hub.known.borrow();
-    let names: Vec<String> = known.scripts.iter().map(|one| one.name.clone()).collect();
-    let starts = |(table, clock): &(_, _)| past::starts(table, &names, *clock);
-    Json(known.timetable.as_ref().map(starts))
+async fn schedule(State(broadcast): Shared, _: Visitor) -> Json<Option<Vec<history::Start>>> {
+    let definition = broadcast.definition.borrow();
+    let names: Vec<String> = definition
+        .scripts
+        .iter()
+        .map(|one| one.name.clone())
+        .collect();
+    let starts = |(table, clock): &(_, _)| history::starts(table, &names, *clock);
+    Json(definition.timetable.as_ref().map(starts))
 }
 
 /// Returns a picture that a behaviour has saved.
 async fn saved_picture(
-    State(hub): Shared,
+    State(broadcast): Shared,
     _: Visitor,
     Path((behaviour, name)): Path<(String, String)>,
 ) -> Result<Response, Refusal> {
-    let found = read(&hub, move |data| past::picture(data, &behaviour, &name)).await?;
+    let found = read(&broadcast, move |data| {
+        history::picture(data, &behaviour, &name)
+    })
+    .await?;
     let unknown = || Refusal::new(StatusCode::NOT_FOUND, "there is no such picture");
     let jpeg = found.ok_or_else(unknown)?;
     Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response())
 }
 
 async fn picture(
-    State(hub): Shared,
+    State(broadcast): Shared,
     _: Visitor,
     Query(TimeLimit { seconds }): Query<TimeLimit>,
 ) -> Result<Response, Refusal> {
     let limit = seconds.map_or(PICTURE, |seconds| time_limit(seconds, LONGEST_PICTURE));
-    match hub.run.perform(RunRequest::Picture(limit)).await {
-        Answer::Picture(jpeg) => Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response()),
-        Answer::Refused(why) => Err(Refusal::new(StatusCode::CONFLICT, why)),
-        Answer::NoPicture => {
+    match broadcast.run.perform(RunRequest::Picture(limit)).await {
+        RunResponse::Picture(jpeg) => {
+            Ok(([(header::CONTENT_TYPE, "image/jpeg")], jpeg).into_response())
+        }
+        RunResponse::Refused(why) => Err(Refusal::new(StatusCode::CONFLICT, why)),
+        RunResponse::NoPicture => {
             let why = "no picture arrived in time";
             Err(Refusal::new(StatusCode::GATEWAY_TIMEOUT, why))
         }
@@ -248,7 +268,7 @@ async fn picture(
     }
 }
 
-async fn dock(State(hub): Shared, _: Driver, body: Option<Json<Dock>>) -> Response {
+async fn dock(State(broadcast): Shared, _: Driver, body: Option<Json<Dock>>) -> Response {
     let asked = body.map_or_else(Dock::default, |Json(asked)| asked);
     let usual = DockPlan::DEFAULT;
     let plan = DockPlan {
@@ -260,13 +280,13 @@ async fn dock(State(hub): Shared, _: Driver, body: Option<Json<Dock>>) -> Respon
             .map_or(usual.retries, |retries| retries.min(MAX_RETRIES)),
         ..usual
     };
-    docking(hub.run.perform(RunRequest::Dock(plan)).await)
+    docking(broadcast.run.perform(RunRequest::Dock(plan)).await)
 }
 
-async fn undock(State(hub): Shared, _: Driver, body: Option<Json<TimeLimit>>) -> Response {
+async fn undock(State(broadcast): Shared, _: Driver, body: Option<Json<TimeLimit>>) -> Response {
     let seconds = body.and_then(|Json(asked)| asked.seconds);
     let limit = seconds.map_or(UNDOCK, |seconds| time_limit(seconds, LONGEST_UNDOCKING));
-    docking(hub.run.perform(RunRequest::Undock(limit)).await)
+    docking(broadcast.run.perform(RunRequest::Undock(limit)).await)
 }
 
 /// Limits a timeout to at least one second and at most `most`.
@@ -276,14 +296,14 @@ fn time_limit(seconds: u64, most: Duration) -> Duration {
 
 /// Converts the result of a docking or undocking. A failure is a 409 (conflict with the current
 /// state), which also contains the result.
-fn docking(answer: Answer) -> Response {
+fn docking(answer: RunResponse) -> Response {
     let (end, attempts, took) = match answer {
-        Answer::Docked {
+        RunResponse::Docked {
             end,
             attempts,
             took,
         } => (end, Some(attempts), Some(took)),
-        Answer::Undocked(end) => (end, None, None),
+        RunResponse::Undocked(end) => (end, None, None),
         other => return done(other).into_response(),
     };
     let ok = succeeded(end);
@@ -304,12 +324,12 @@ fn docking(answer: Answer) -> Response {
 }
 
 /// Every viewer may stop the robot.
-async fn stop(State(hub): Shared, _: Visitor) -> Reply<Outcome> {
-    stop_outcome(hub.stop().await.is_ok())
+async fn stop(State(broadcast): Shared, _: Visitor) -> Reply<Outcome> {
+    stop_outcome(broadcast.stop().await.is_ok())
 }
 
-async fn release_stop(State(hub): Shared, _: Driver) -> Reply<Outcome> {
-    stop_outcome(hub.release_stop().await.is_ok())
+async fn release_stop(State(broadcast): Shared, _: Driver) -> Reply<Outcome> {
+    stop_outcome(broadcast.release_stop().await.is_ok())
 }
 
 fn stop_outcome(ok: bool) -> Reply<Outcome> {
@@ -317,40 +337,57 @@ fn stop_outcome(ok: bool) -> Reply<Outcome> {
     outcome((ok, text.to_owned()))
 }
 
-async fn led(hub: Shared, who: Driver, Json(Lamp { light, on }): Json<Lamp>) -> Reply<Outcome> {
-    execute_command(hub, who, PageCommand::Led { light, on }).await
+async fn led(
+    broadcast: Shared,
+    who: Driver,
+    Json(SetLight { light, on }): Json<SetLight>,
+) -> Reply<Outcome> {
+    execute_command(broadcast, who, PageCommand::Led { light, on }).await
 }
 
-async fn play(hub: Shared, who: Driver, Json(Tune { sound }): Json<Tune>) -> Reply<Outcome> {
-    execute_command(hub, who, PageCommand::Play { sound }).await
+async fn play(
+    broadcast: Shared,
+    who: Driver,
+    Json(PlaySound { sound }): Json<PlaySound>,
+) -> Reply<Outcome> {
+    execute_command(broadcast, who, PageCommand::Play { sound }).await
 }
 
 async fn volume(
-    hub: Shared,
+    broadcast: Shared,
     who: Driver,
     Json(Volume { percent }): Json<Volume>,
 ) -> Reply<Outcome> {
-    execute_command(hub, who, PageCommand::Volume { percent }).await
+    execute_command(broadcast, who, PageCommand::Volume { percent }).await
 }
 
 /// s16 little-endian, mono, 16 kHz.
-async fn say(State(hub): Shared, _: Driver, samples: bytes::Bytes) -> Reply<Outcome> {
-    done(hub.run.perform(RunRequest::Say(samples.to_vec())).await)
+async fn say(State(broadcast): Shared, _: Driver, samples: bytes::Bytes) -> Reply<Outcome> {
+    done(
+        broadcast
+            .run
+            .perform(RunRequest::Say(samples.to_vec()))
+            .await,
+    )
 }
 
-async fn execute_command(State(hub): Shared, _: Driver, command: PageCommand) -> Reply<Outcome> {
+async fn execute_command(
+    State(broadcast): Shared,
+    _: Driver,
+    command: PageCommand,
+) -> Reply<Outcome> {
     match to_request(command) {
-        Ok(request) => done(hub.run.perform(request).await),
-        Err(command) => outcome(perform(*command, &hub.run, hub.sim.as_ref()).await),
+        Ok(request) => done(broadcast.run.perform(request).await),
+        Err(command) => outcome(perform(*command, &broadcast.run, broadcast.sim.as_ref()).await),
     }
 }
 
 /// Converts an answer. A robot out of reach is a 503, not a conflict, since it is expected to
 /// reconnect.
-fn done(answer: Answer) -> Reply<Outcome> {
+fn done(answer: RunResponse) -> Reply<Outcome> {
     match answer {
-        Answer::Offline => Err(out_of_reach()),
-        answer => outcome(in_words(answer)),
+        RunResponse::Offline => Err(out_of_reach()),
+        answer => outcome(to_message(answer)),
     }
 }
 

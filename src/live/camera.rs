@@ -1,5 +1,5 @@
-//! The camera for viewers: one seat requests the stream while there are viewers, and a channel
-//! holds the newest frame, which each viewer takes when ready.
+//! The camera for viewers: one client of the pilot requests the stream while there are viewers, and
+//! a channel holds the newest frame, which each viewer takes when ready.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -7,7 +7,7 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::{sleep, timeout};
 
-use crate::agent::SeatError;
+use crate::agent::PilotClientError;
 use crate::control::Run;
 use crate::robot::{Frame, Intent};
 use crate::vision::validate_markers;
@@ -100,10 +100,10 @@ impl Camera {
     }
 }
 
-async fn watch_on(run: &Run, viewers: &mut watch::Receiver<usize>) -> Result<(), SeatError> {
-    let mut seat = run.seat("the page").await?;
+async fn watch_on(run: &Run, viewers: &mut watch::Receiver<usize>) -> Result<(), PilotClientError> {
+    let mut client = run.pilot_client("the page").await?;
     let (stream, on) = (Stream::Video, true);
-    seat.send_intent(Intent::Stream { stream, on }).await?;
+    client.send_intent(Intent::Stream { stream, on }).await?;
     let gone = async {
         loop {
             let nobody = viewers.wait_for(|viewers| *viewers == 0).await.is_err();
@@ -117,7 +117,7 @@ async fn watch_on(run: &Run, viewers: &mut watch::Receiver<usize>) -> Result<(),
     loop {
         tokio::select! {
             () = &mut gone => return Ok(()),
-            event = seat.next_event() => drop(event?),
+            event = client.next_event() => drop(event?),
         }
     }
 }

@@ -8,11 +8,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::world::Simulation;
-use crate::control::{self, Answer, Run, RunRequest};
-use crate::lab::{Factor, Tempo};
+use super::world::SimulatedRobot;
+use crate::control::{self, Run, RunRequest, RunResponse};
 use crate::robot::{DockEnd, DockPlan, ParamValue, Percent};
 use crate::sim::{Fault, Handle, Point, Pose};
+use crate::simulation::{SimClock, TimeScale};
 use crate::wire;
 
 /// Default timeout for an undocking.
@@ -23,7 +23,7 @@ const FAR: f64 = 1000.0;
 /// One command.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
-#[schemars(rename = "Order")]
+#[schemars(rename = "Command")]
 pub(super) enum PageCommand {
     /// Drive to the station.
     Dock,
@@ -74,7 +74,6 @@ pub(super) enum PageCommand {
 /// What to do with a behaviour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-#[schemars(rename = "Turn")]
 pub(super) enum BehaviourAction {
     /// Start it.
     Start,
@@ -180,9 +179,9 @@ pub(super) enum Change {
 pub(super) type Done = (bool, String);
 
 /// Executes a command. Dropping the future cancels it.
-pub(super) async fn perform(command: PageCommand, run: &Run, sim: Option<&Simulation>) -> Done {
+pub(super) async fn perform(command: PageCommand, run: &Run, sim: Option<&SimulatedRobot>) -> Done {
     match to_request(command) {
-        Ok(request) => in_words(run.perform(request).await),
+        Ok(request) => to_message(run.perform(request).await),
         Err(command) => match (*command, sim) {
             (PageCommand::Sim { change }, Some(sim)) => to_done(apply(change, sim)),
             (PageCommand::Param { name, param, value }, _) => {
@@ -232,16 +231,17 @@ impl From<Light> for wire::Led {
     }
 }
 
-pub(super) fn in_words(answer: Answer) -> Done {
+pub(super) fn to_message(answer: RunResponse) -> Done {
     match answer {
-        Answer::Done | Answer::Overview(_) | Answer::Picture(_) | Answer::Behaviours(_) => {
-            (true, String::new())
-        }
-        Answer::Docked { end, .. } => (succeeded(end), end.name().to_owned()),
-        Answer::Undocked(end) => (succeeded(end), end.name().to_owned()),
-        Answer::NoPicture => (false, "no picture arrived in time".to_owned()),
-        Answer::Offline => (false, "the robot is out of reach".to_owned()),
-        Answer::Refused(why) => (false, why),
+        RunResponse::Done
+        | RunResponse::Overview(_)
+        | RunResponse::Picture(_)
+        | RunResponse::Behaviours(_) => (true, String::new()),
+        RunResponse::Docked { end, .. } => (succeeded(end), end.name().to_owned()),
+        RunResponse::Undocked(end) => (succeeded(end), end.name().to_owned()),
+        RunResponse::NoPicture => (false, "no picture arrived in time".to_owned()),
+        RunResponse::Offline => (false, "the robot is out of reach".to_owned()),
+        RunResponse::Refused(why) => (false, why),
     }
 }
 
@@ -267,12 +267,12 @@ enum ChangeError {
     #[error("the speed is out of range: 1 to 100")]
     Speed,
     #[error("this simulation runs in real time; start it with --fast to control its clock")]
-    NoTempo,
+    NoSimClock,
     #[error("{0}")]
     Fault(String),
 }
 
-fn apply(change: Change, simulation: &Simulation) -> Result<(), ChangeError> {
+fn apply(change: Change, simulation: &SimulatedRobot) -> Result<(), ChangeError> {
     let sim = &simulation.robot;
     match change {
         Change::Place { x, y, heading } => {
@@ -306,18 +306,18 @@ fn apply(change: Change, simulation: &Simulation) -> Result<(), ChangeError> {
         Change::BreakCharger { broken } => sim.set_charging_broken(broken),
         Change::Fault { fault } => begin(fault, sim)?,
         Change::ClearFaults => sim.clear_faults(),
-        Change::Pause { paused } => tempo(simulation)?.pause(paused),
-        Change::Step => tempo(simulation)?.step(),
+        Change::Pause { paused } => sim_clock(simulation)?.pause(paused),
+        Change::Step => sim_clock(simulation)?.step(),
         Change::Speed { factor } => {
-            let factor = Factor::new(factor).ok_or(ChangeError::Speed)?;
-            tempo(simulation)?.set_factor(factor);
+            let factor = TimeScale::new(factor).ok_or(ChangeError::Speed)?;
+            sim_clock(simulation)?.set_time_scale(factor);
         }
     }
     Ok(())
 }
 
-fn tempo(simulation: &Simulation) -> Result<&Tempo, ChangeError> {
-    simulation.tempo.as_ref().ok_or(ChangeError::NoTempo)
+fn sim_clock(simulation: &SimulatedRobot) -> Result<&SimClock, ChangeError> {
+    simulation.sim_clock.as_ref().ok_or(ChangeError::NoSimClock)
 }
 
 fn within(is: bool, what: &'static str) -> Result<(), ChangeError> {

@@ -1,10 +1,10 @@
-//! Driving by hand: a seat at the pilot with a priority above all behaviours, for one person at a
+//! Driving by hand: a client of the pilot with a priority above all behaviours, for one person at a
 //! time.
 //!
-//! The viewer that has the wheel controls the tracks, which stand still without a setpoint. A
-//! setpoint is valid for 0.3 s. The task that enforces this also sends the seat's signs of life, so
-//! that the watchdog stops the robot if the task fails: at once if the seat ends, after 0.25 s if
-//! it is silent.
+//! The viewer that has the drive lock controls the tracks, which stand still without a setpoint. A
+//! setpoint is valid for 0.3 s. The task that enforces this also sends the client's signs of life,
+//! so that the watchdog stops the robot if the task fails: at once if the client ends, after 0.25 s
+//! if it is silent.
 
 use std::time::Duration;
 
@@ -12,15 +12,16 @@ use tokio::sync::watch;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 use tracing::info;
 
-use crate::agent::SeatError;
+use crate::agent::PilotClientError;
 use crate::clock::until;
 use crate::control::Run;
 use crate::robot::{Event, Setpoint};
 
 /// How long a setpoint is valid.
 pub(super) const LIFE: Duration = Duration::from_millis(300);
-/// How often the seat sends a sign of life; the watchdog stops the tracks after 0.25 s without one.
-const BEAT: Duration = Duration::from_millis(50);
+/// How often the client sends a sign of life; the watchdog stops the tracks after 0.25 s without
+/// one.
+const HEARTBEAT_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Pause before STOP takes the tracks again.
 const AGAIN: Duration = Duration::from_millis(200);
@@ -28,8 +29,8 @@ const AGAIN: Duration = Duration::from_millis(200);
 /// A setpoint and the time it was received.
 pub(super) type TimedSetpoint = (Setpoint, Instant);
 
-/// Drives with the viewer's setpoints until the viewer leaves the wheel. Leaving the seat stops the
-/// robot, or lets the behaviour with the next lower priority drive.
+/// Drives with the viewer's setpoints until the viewer releases the drive lock. Leaving the pilot
+/// stops the robot, or lets the behaviour with the next lower priority drive.
 pub(super) async fn drive(run: Run, name: String, mut setpoints: watch::Receiver<TimedSetpoint>) {
     info!("{name} drives by hand");
     if let Err(error) = steer(&run, &name, &mut setpoints).await {
@@ -43,18 +44,18 @@ async fn steer(
     run: &Run,
     name: &str,
     setpoints: &mut watch::Receiver<TimedSetpoint>,
-) -> Result<(), SeatError> {
-    let mut seat = run.seat(name).await?;
-    seat.drive(Setpoint::STOP).await?;
-    let mut beat = interval(BEAT);
-    beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+) -> Result<(), PilotClientError> {
+    let mut client = run.pilot_client(name).await?;
+    client.drive(Setpoint::STOP).await?;
+    let mut heartbeat = interval(HEARTBEAT_INTERVAL);
+    heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut ends = None;
     loop {
         tokio::select! {
             biased;
             () = until(ends) => {
                 ends = None;
-                seat.drive(Setpoint::STOP).await?;
+                client.drive(Setpoint::STOP).await?;
             }
             changed = setpoints.changed() => {
                 if changed.is_err() {
@@ -65,32 +66,32 @@ async fn steer(
                 // Ignore a setpoint that has already expired.
                 let alive = !setpoint.is_stop() && dies > Instant::now();
                 ends = alive.then_some(dies);
-                seat.drive(if alive { setpoint } else { Setpoint::STOP }).await?;
+                client.drive(if alive { setpoint } else { Setpoint::STOP }).await?;
             }
-            _ = beat.tick() => seat.alive().await?,
-            event = seat.next_event() => drop(event?),
+            _ = heartbeat.tick() => client.alive().await?,
+            event = client.next_event() => drop(event?),
         }
     }
 }
 
-/// Holds the tracks with a separate seat while STOP is set: behaviours, which have a lower
-/// priority, do not get the tracks and are informed of that.
-pub(super) async fn hold(run: Run, mut held: watch::Receiver<bool>) {
+/// Holds the tracks with a separate client of the pilot while STOP is set: behaviours, which have a
+/// lower priority, do not get the tracks and are informed of that.
+pub(super) async fn hold_tracks(run: Run, mut held: watch::Receiver<bool>) {
     let holding = async {
-        let mut seat = run.seat("STOP").await?;
-        let mut beat = interval(BEAT);
-        beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut client = run.pilot_client("STOP").await?;
+        let mut heartbeat = interval(HEARTBEAT_INTERVAL);
+        heartbeat.set_missed_tick_behavior(MissedTickBehavior::Delay);
         // When to take the tracks (again): this fails on the station or without a link.
         let mut take = Some(Instant::now());
         loop {
             tokio::select! {
-                () = until_free(&mut held) => return Ok::<(), SeatError>(()),
+                () = until_free(&mut held) => return Ok::<(), PilotClientError>(()),
                 () = until(take) => {
                     take = None;
-                    seat.drive(Setpoint::STOP).await?;
+                    client.drive(Setpoint::STOP).await?;
                 }
-                _ = beat.tick() => seat.alive().await?,
-                event = seat.next_event() => {
+                _ = heartbeat.tick() => client.alive().await?,
+                event = client.next_event() => {
                     if let Event::MotionEnded { .. } = event? {
                         take = Some(Instant::now() + AGAIN);
                     }
@@ -103,7 +104,7 @@ pub(super) async fn hold(run: Run, mut held: watch::Receiver<bool>) {
     }
 }
 
-/// Waits until STOP is released; also returns if the hub no longer exists.
+/// Waits until STOP is released; also returns if the server has ended.
 async fn until_free(held: &mut watch::Receiver<bool>) {
     let _ = held.wait_for(|held| !held).await;
 }

@@ -10,9 +10,9 @@ use super::command::PageCommand;
 use super::log::Line;
 use super::scripts::Behaviour;
 use super::state::State;
-use super::world::{Map, Place};
+use super::world::{Map, WorldPlan};
 use crate::http::Role;
-use crate::robot::Finding;
+use crate::robot::Detection;
 
 /// From the page.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -21,7 +21,7 @@ pub(super) enum FromPage {
     /// What the page shows now. Only that is sent.
     Watch(Watch),
     /// The last frame was shown; requests the next one.
-    Taken,
+    FrameShown,
     /// Sets the name of this viewer.
     Name {
         /// At most 24 characters.
@@ -30,13 +30,13 @@ pub(super) enum FromPage {
     /// Stop the robot and hold it. Every viewer may do this.
     Stop,
     /// Release the stop.
-    LetGo,
-    /// Take the wheel, or leave it.
-    Wheel {
+    ResetStop,
+    /// Take the drive lock, or release it.
+    DriveLock {
         /// True to take it.
         take: bool,
     },
-    /// Drive with this power for at most 0.3 s; only for the viewer that has the wheel.
+    /// Drive with this power for at most 0.3 s; only for the viewer that has the drive lock.
     Drive {
         /// Percent of full power, -100..=100.
         left: f64,
@@ -44,11 +44,11 @@ pub(super) enum FromPage {
         right: f64,
     },
     /// Execute a command; answered by `answer` with the same number.
-    Order {
+    Command {
         /// A number chosen by the page.
         id: u32,
         /// The command.
-        order: PageCommand,
+        command: PageCommand,
     },
 }
 
@@ -80,7 +80,7 @@ pub(super) enum ToPage<'a> {
         points: Vec<(f32, u8, bool)>,
     },
     /// The fixed parts of the simulated world.
-    World(&'a Place),
+    World(&'a WorldPlan),
     /// The moving parts of the simulated world.
     Map(&'a Map),
     /// Lines of the log, oldest first.
@@ -113,7 +113,7 @@ pub(super) enum ToPage<'a> {
         /// The reason or result in words; may be empty.
         text: String,
     },
-    /// A message for this viewer only, such as that another viewer has the wheel.
+    /// A message for this viewer only, such as that another viewer has the drive lock.
     Notice {
         /// A key of the page's texts.
         key: &'static str,
@@ -152,8 +152,8 @@ pub(super) struct Found {
     pub text: String,
 }
 
-impl From<Finding> for Found {
-    fn from(Finding { x, y, w, h, text }: Finding) -> Found {
+impl From<Detection> for Found {
+    fn from(Detection { x, y, w, h, text }: Detection) -> Found {
         Found { x, y, w, h, text }
     }
 }
@@ -197,7 +197,7 @@ mod tests {
             "[]",
             "{\"type\":\"go\"}",
             "{\"type\":\"drive\",\"left\":1}",
-            "{\"type\":\"wheel\",\"take\":true,\"x\":1}",
+            "{\"type\":\"drive_lock\",\"take\":true,\"x\":1}",
             "{\"type\":\"drive\",\"left\":\"1\",\"right\":1}",
         ] {
             assert!(read(wrong).is_err(), "{wrong}");

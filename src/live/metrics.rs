@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicU64;
 
 use crate::control::Run;
 use crate::pilot::{LinkState, Reactions, Tally};
-use crate::robot::Occurrence;
+use crate::robot::AgentEvent;
 
 /// Label of the watchdog's actions.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
@@ -57,7 +57,7 @@ pub(super) struct Metrics {
     charging: Gauge,
     low: Gauge,
     docked: Gauge,
-    halted: Gauge,
+    emergency_stop: Gauge,
     up: Gauge,
     viewers: Gauge,
     frames: Counter,
@@ -112,7 +112,7 @@ impl Metrics {
                 "1 while the battery is low and the watchdog controls the robot",
             ),
             docked: metric(one, "docked", "1 on the station"),
-            halted: metric(one, "stopped_by_person", "1 while STOP holds"),
+            emergency_stop: metric(one, "stopped_by_person", "1 while STOP holds"),
             up: metric(one, "link_up", "1 while the robot is connected"),
             viewers: metric(one, "viewers", "Open pages"),
             frames: metric(one, "camera_frames", "Frames received"),
@@ -127,22 +127,22 @@ impl Metrics {
     }
 
     /// Counts an event.
-    pub(super) fn count(&self, what: &Occurrence) {
+    pub(super) fn count(&self, what: &AgentEvent) {
         match what {
-            Occurrence::LinkUp { .. } => drop(self.links.inc()),
-            Occurrence::LinkDown { .. } => drop(self.losses.inc()),
-            Occurrence::Started { .. } => drop(self.starts.inc()),
-            Occurrence::Ended { reason, .. } => {
+            AgentEvent::LinkUp { .. } => drop(self.links.inc()),
+            AgentEvent::LinkDown { .. } => drop(self.losses.inc()),
+            AgentEvent::Started { .. } => drop(self.starts.inc()),
+            AgentEvent::Ended { reason, .. } => {
                 self.ends
                     .get_or_create(&End {
                         reason: reason.name(),
                     })
                     .inc();
             }
-            Occurrence::Dock { end, .. } => {
+            AgentEvent::Dock { end, .. } => {
                 self.docks.get_or_create(&Dock { code: end.name() }).inc();
             }
-            Occurrence::Safety { action, .. } => {
+            AgentEvent::Safety { action, .. } => {
                 self.acts
                     .get_or_create(&Act {
                         action: action.name(),
@@ -166,7 +166,7 @@ impl Metrics {
             .set(battery.is_some_and(|battery| battery.charging).into());
         self.low.set(status.low.into());
         self.docked.set(status.docked.into());
-        self.halted.set(status.halted.into());
+        self.emergency_stop.set(status.emergency_stop.into());
         self.up.set((status.link == LinkState::Up).into());
         self.viewers.set(viewers as i64);
         self.frames

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::command::{BehaviourAction, Light};
-use super::past::{Past, Start};
+use super::history::{History, Start};
 use super::scripts::{Behaviour, Text};
 use super::state::State;
 use crate::clock::Span;
@@ -36,7 +36,7 @@ pub(super) struct Outcome {
 /// A light and its new state.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Lamp {
+pub(super) struct SetLight {
     /// The light.
     pub light: Light,
     /// On or off.
@@ -46,7 +46,7 @@ pub(super) struct Lamp {
 /// A sound.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Tune {
+pub(super) struct PlaySound {
     /// Its name, such as `laser`.
     pub sound: String,
 }
@@ -62,7 +62,7 @@ pub(super) struct Volume {
 /// A parameter of a behaviour and its new value.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Tuned {
+pub(super) struct SetParam {
     /// Its name.
     pub param: String,
     /// Its new value.
@@ -72,7 +72,6 @@ pub(super) struct Tuned {
 /// A change of a behaviour's state.
 #[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(rename = "Become")]
 pub(super) struct BehaviourChange {
     /// The change.
     pub change: BehaviourAction,
@@ -241,7 +240,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         "/api/history",
         "Battery, runs, dockings and alarms of the last day in 288 parts, or of the last week with `?days=7`, at most 366 days; and the newest events. Null without a journal.",
         Some("viewer"),
-        Gives::Json(shape!(Option<Past>)),
+        Gives::Json(shape!(Option<History>)),
     );
     get(
         "/api/schedule",
@@ -272,7 +271,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         Body::Nothing,
     );
     post(
-        "/api/let-go",
+        "/api/reset-stop",
         "Release STOP: the robot may move again.",
         "driver",
         Body::Nothing,
@@ -290,8 +289,16 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         Body::Samples,
     );
     let bodies = [
-        ("/api/led", "Switch a light.", shape_of::<Lamp>(generator)),
-        ("/api/play", "Play a sound.", shape_of::<Tune>(generator)),
+        (
+            "/api/led",
+            "Switch a light.",
+            shape_of::<SetLight>(generator),
+        ),
+        (
+            "/api/play",
+            "Play a sound.",
+            shape_of::<PlaySound>(generator),
+        ),
         (
             "/api/volume",
             "Set the volume.",
@@ -305,7 +312,7 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
         (
             "/api/behaviours/{name}/params",
             "Change a parameter that the behaviour has declared as live.",
-            shape_of::<Tuned>(generator),
+            shape_of::<SetParam>(generator),
         ),
     ];
     for (path, about, body) in bodies {

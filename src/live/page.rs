@@ -27,7 +27,7 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/log.js", JS, include_str!("page/log.js")),
     ("/login.js", JS, include_str!("page/login.js")),
     ("/map.js", JS, include_str!("page/map.js")),
-    ("/past.js", JS, include_str!("page/past.js")),
+    ("/history.js", JS, include_str!("page/history.js")),
     ("/robot.js", JS, include_str!("page/robot.js")),
     ("/script.js", JS, include_str!("page/script.js")),
     ("/simulation.js", JS, include_str!("page/simulation.js")),

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use tokio::time::Instant;
 
-use crate::agent::{Member, MemberState};
+use crate::agent::{BehaviourState, BehaviourStatus};
 use crate::clock::Clock;
 use crate::files;
 use crate::robot::{DeclaredParam, DeclaredParams};
@@ -30,16 +30,16 @@ pub struct Script {
 
 /// Further information about a run, which may change.
 #[derive(Debug, Clone, Default)]
-pub struct Known {
+pub struct RunDefinition {
     /// Its scripts.
     pub scripts: Vec<Script>,
     /// Its timetable and the clock that it uses, if it has one.
     pub timetable: Option<(Timetable, Clock)>,
 }
 
-impl From<Vec<Script>> for Known {
-    fn from(scripts: Vec<Script>) -> Known {
-        Known {
+impl From<Vec<Script>> for RunDefinition {
+    fn from(scripts: Vec<Script>) -> RunDefinition {
+        RunDefinition {
             scripts,
             timetable: None,
         }
@@ -62,9 +62,9 @@ pub(super) struct Behaviour {
     /// The given values of its parameters.
     pub params: Vec<(String, String)>,
     /// The parameters that it has declared, while it is running.
-    pub knobs: Vec<DeclaredParam>,
+    pub declared_params: Vec<DeclaredParam>,
     /// How it last ended.
-    pub ending: Option<End>,
+    pub exit: Option<End>,
 }
 
 /// How a behaviour ended.
@@ -95,21 +95,21 @@ pub(super) struct Text {
 /// Returns all behaviours that are known or running.
 pub(super) fn behaviours(
     scripts: &[Script],
-    members: &[Member],
+    statuses: &[BehaviourStatus],
     declared: &DeclaredParams,
     now: Instant,
 ) -> Vec<Behaviour> {
-    let members = members.iter();
-    let one = |member: &Member| {
-        let declared = declared.get(&member.name).map(Vec::as_slice);
+    let statuses = statuses.iter();
+    let one = |behaviour_status: &BehaviourStatus| {
+        let declared = declared.get(&behaviour_status.name).map(Vec::as_slice);
         behaviour(
-            find(scripts, &member.name),
-            member,
+            find(scripts, &behaviour_status.name),
+            behaviour_status,
             declared.unwrap_or_default(),
             now,
         )
     };
-    members.map(one).collect()
+    statuses.map(one).collect()
 }
 
 pub(super) fn find<'a>(scripts: &'a [Script], name: &str) -> Option<&'a Script> {
@@ -118,39 +118,39 @@ pub(super) fn find<'a>(scripts: &'a [Script], name: &str) -> Option<&'a Script> 
 
 fn behaviour(
     script: Option<&Script>,
-    member: &Member,
+    behaviour_status: &BehaviourStatus,
     declared: &[DeclaredParam],
     now: Instant,
 ) -> Behaviour {
-    let (state, running) = match member.state {
-        MemberState::Idle => ("idle", None),
-        MemberState::Loading => ("loading", None),
-        MemberState::Running { since, .. } => (
+    let (state, running) = match behaviour_status.state {
+        BehaviourState::Idle => ("idle", None),
+        BehaviourState::Loading => ("loading", None),
+        BehaviourState::Running { since, .. } => (
             "running",
             Some(now.saturating_duration_since(since).as_secs()),
         ),
-        MemberState::Ending => ("ending", None),
+        BehaviourState::Ending => ("ending", None),
     };
     let file = script.map(|script| script.file.display().to_string());
-    let ending = member.ending.as_ref().map(|ending| {
-        let text = ending.message.clone();
-        let text = text.unwrap_or_else(|| ending.reason.sentence().to_owned());
+    let exit = behaviour_status.exit.as_ref().map(|exit| {
+        let text = exit.message.clone();
+        let text = text.unwrap_or_else(|| exit.reason.sentence().to_owned());
         let line = file.as_deref().and_then(|file| line_of(&text, file));
         End {
-            reason: ending.reason.name(),
+            reason: exit.reason.name(),
             text,
             line,
         }
     });
     Behaviour {
-        name: member.name.clone(),
+        name: behaviour_status.name.clone(),
         file,
-        priority: member.priority.0,
+        priority: behaviour_status.priority.0,
         state,
         running,
         params: script.map_or_else(Vec::new, |script| script.params.clone()),
-        knobs: declared.to_vec(),
-        ending,
+        declared_params: declared.to_vec(),
+        exit,
     }
 }
 

@@ -13,23 +13,23 @@ use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 
-use super::hub::Hub;
+use super::broadcast::Broadcast;
 use super::log::Line;
-use super::scripts::Known;
-use super::world::Simulation;
+use super::scripts::RunDefinition;
+use super::world::SimulatedRobot;
 use super::{api, page};
 use crate::control::Run;
 use crate::http::{self, Access, AccessError, Options};
 use crate::robot::Listener;
 
 /// The run that the page shows and controls.
-pub struct Shown {
+pub struct WebContext {
     /// The run.
     pub run: Run,
     /// Its simulated robot, if it has one.
-    pub sim: Option<Simulation>,
+    pub sim: Option<SimulatedRobot>,
     /// Its scripts and its timetable; they may change.
-    pub known: watch::Receiver<Known>,
+    pub definition: watch::Receiver<RunDefinition>,
     /// Its events.
     pub bus: Listener,
     /// Its log lines, if they are copied: see [`tap`](super::tap).
@@ -70,7 +70,7 @@ impl Live {
     ///
     /// # Errors
     /// See [`LiveError`].
-    pub fn start(shown: Shown, options: &Options) -> Result<Live, LiveError> {
+    pub fn start(context: WebContext, options: &Options) -> Result<Live, LiveError> {
         let (options, stop) = (options.clone(), CancellationToken::new());
         let (started, starting) = mpsc::sync_channel(1);
         let stopped = stop.clone();
@@ -82,10 +82,10 @@ impl Live {
                     Err(error) => return drop(started.send(Err(error.into()))),
                 };
                 runtime.block_on(async {
-                    match open(&shown, &options).await {
+                    match open(&context, &options).await {
                         Ok((listener, access)) => {
                             let _ = started.send(listener.local_addr().map_err(LiveError::System));
-                            let served = serve(listener, access, shown, &options);
+                            let served = serve(listener, access, context, &options);
                             let _ = stopped.run_until_cancelled(served).await;
                         }
                         Err(error) => drop(started.send(Err(error))),
@@ -127,30 +127,33 @@ impl Drop for Live {
     }
 }
 
-async fn open(shown: &Shown, options: &Options) -> Result<(TcpListener, Arc<Access>), LiveError> {
+async fn open(
+    context: &WebContext,
+    options: &Options,
+) -> Result<(TcpListener, Arc<Access>), LiveError> {
     let address = options.address();
     // Check the access before the socket is opened.
-    Access::new(options, address, &shown.data)?;
+    Access::new(options, address, &context.data)?;
     let listener = TcpListener::bind(address).await;
     let listener = listener.map_err(|source| LiveError::Socket { address, source })?;
     // Use the actual port, which matters for the check of `Host`.
-    let access = Access::new(options, listener.local_addr()?, &shown.data)?;
+    let access = Access::new(options, listener.local_addr()?, &context.data)?;
     Ok((listener, Arc::new(access)))
 }
 
-async fn serve(listener: TcpListener, access: Arc<Access>, shown: Shown, options: &Options) {
-    let Shown {
+async fn serve(listener: TcpListener, access: Arc<Access>, context: WebContext, options: &Options) {
+    let WebContext {
         run,
         sim,
-        known,
+        definition,
         bus,
         log,
         data,
-    } = shown;
-    let hub = Hub::new(run, sim, known, data, access.clone(), options.viewers);
+    } = context;
+    let broadcast = Broadcast::new(run, sim, definition, data, access.clone(), options.viewers);
     let _following = AbortOnDropHandle::new(tokio::spawn(access.clone().follow_tokens()));
-    let _serving = AbortOnDropHandle::new(tokio::spawn(hub.clone().serve(bus)));
-    let keeper = hub.clone();
+    let _serving = AbortOnDropHandle::new(tokio::spawn(broadcast.clone().serve(bus)));
+    let keeper = broadcast.clone();
     let _keeping = log.map(|log| {
         AbortOnDropHandle::new(tokio::spawn(
             async move { keeper.log_buffer.collect(log).await },
@@ -158,7 +161,7 @@ async fn serve(listener: TcpListener, access: Arc<Access>, shown: Shown, options
     });
     let router = page::routes()
         .merge(http::routes(access.clone()))
-        .merge(api::routes(hub))
+        .merge(api::routes(broadcast))
         .layer(middleware::from_fn_with_state(access, http::guard_request));
     http::serve(listener, router).await;
 }

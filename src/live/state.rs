@@ -21,14 +21,14 @@ pub(super) struct State {
     pub link: &'static str,
     /// The state of the watchdog: `offline`, `free`, `docked`, `docking`, `going_home` or `alarm`.
     pub safety: &'static str,
-    /// The robot's place: `charging`, `contact`, `off` or `unknown`.
-    pub place: &'static str,
+    /// The robot's dock state: `charging`, `contact`, `off` or `unknown`.
+    pub dock_state: &'static str,
     /// Whether the robot is on the station, as far as is known.
     pub docked: bool,
     /// Whether the battery is low and the watchdog therefore controls the robot.
     pub low: bool,
     /// Whether a person has stopped the robot with STOP, and the stop still holds.
-    pub halted: bool,
+    pub emergency_stop: bool,
     /// The battery, if known.
     pub battery: Option<Level>,
     /// The power of the left and the right track, percent.
@@ -149,23 +149,23 @@ pub(super) fn state(
     let status = *run.status.borrow();
     let view = run.view.borrow().clone();
     let percent = |power: i8| (f32::from(power) / 0.9).round() as i8;
-    let tracks = status.shown.tracks;
+    let tracks = status.actuators.tracks;
     State {
         link: status.link.name(),
         safety: safety(status.safety),
-        place: place(status.place),
+        dock_state: dock_state(status.dock_state),
         docked: status.docked,
         low: status.low,
-        halted: status.halted,
+        emergency_stop: status.emergency_stop,
         battery: status.battery.map(|battery| Level {
             percent: battery.percent.get(),
             charging: battery.charging,
             minutes_left: battery.minutes_left.map(f32::round),
         }),
         tracks: [percent(tracks.left.get()), percent(tracks.right.get())],
-        lights: status.shown.lights,
-        sound: status.shown.sound.map(|sound| sound.name()),
-        sounds: status.shown.sounds,
+        lights: status.actuators.lights,
+        sound: status.actuators.sound.map(|sound| sound.name()),
+        sounds: status.actuators.sounds,
         fps: rate.count(status.frames, now),
         robot: robot.map(Robot::from),
         target: run.target.clone(),
@@ -194,8 +194,8 @@ fn safety(state: WatchdogState) -> &'static str {
     }
 }
 
-fn place(place: DockState) -> &'static str {
-    match place {
+fn dock_state(dock_state: DockState) -> &'static str {
+    match dock_state {
         DockState::Charging => "charging",
         DockState::ContactReported => "contact",
         DockState::Left(_) => "off",

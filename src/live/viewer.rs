@@ -1,415 +1,176 @@
-//! One open page: one task reads its messages and handles them at once; another sends it what it
-//! shows.
-//!
-//! A slow viewer gets fewer frames, since the next is sent only when an earlier one was taken; of
-//! other messages it gets the newest when there is room. If a message cannot be sent within
-//! [`SENDING`], or the page is silent for [`SILENCE`], the connection is closed.
+//! One viewer: name, role, and the drive lock if the viewer has it.
 
-use std::sync::Arc;
-use std::time::Duration;
+use std::future::Future;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
-use bytes::{BufMut as _, Bytes, BytesMut};
-use futures_util::stream::SplitSink;
-use futures_util::{SinkExt as _, StreamExt as _};
-use serde::Deserialize;
-use tokio::sync::{broadcast, mpsc, watch};
-use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
-use tokio_util::task::AbortOnDropHandle;
+use tokio::sync::watch;
+use tokio::time::Instant;
 
-use super::command::{PageCommand, perform};
-use super::hub::{Hub, text};
-use super::log::Line;
-use super::messages::{FromPage, Hello, ToPage, Watch};
-use super::state::has_camera;
-use super::ticket::{Ticket, WheelError};
-use super::world;
-use crate::http::Role;
-use crate::robot::{Frame, Setpoint};
+use super::broadcast::Broadcast;
+use super::manual_drive;
+use super::state::Person;
+use crate::http::{Role, Visitor};
+use crate::robot::Setpoint;
+use crate::simulation::TimeScale;
 
-/// Maximum length of a page's message, in bytes.
-pub(super) const MAX_MESSAGE: usize = 16 * 1024;
-/// Timeout for sending one message.
-const SENDING: Duration = Duration::from_secs(10);
-/// How long a page may be silent, without even a pong.
-const SILENCE: Duration = Duration::from_secs(20);
-/// Interval between pings.
-const PING: Duration = Duration::from_secs(5);
-/// Maximum number of a page's messages per second; an honest page sends twenty.
-const MAX_MESSAGES: u32 = 200;
-/// Maximum number of commands in progress.
-const MAX_COMMANDS: usize = 8;
-/// Capacity of the queue of messages for this viewer only.
-const MAX_WAITING: usize = 64;
-/// Maximum number of frames sent and not yet taken.
-const FRAMES: u32 = 2;
-/// Maximum number of log lines in one message.
-const MAX_LINES: usize = 100;
+/// The number of the next viewer.
+static NUMBER: AtomicU32 = AtomicU32::new(1);
 
-type Sink = SplitSink<WebSocket, Message>;
-
-/// The channels from the reader to the writer.
-struct Queues {
-    watch: watch::Sender<Watch>,
-    /// Number of frames taken.
-    taken: watch::Sender<u32>,
-    messages: mpsc::Sender<Utf8Bytes>,
+/// A viewer, until dropped. Dropping it releases the drive lock.
+pub(super) struct Viewer {
+    broadcast: Arc<Broadcast>,
+    pub(super) id: u32,
+    pub(super) visitor: Visitor,
+    name: Mutex<String>,
 }
 
-/// Serves a page until it is closed, or its token is revoked.
-pub(super) async fn serve(socket: WebSocket, ticket: Ticket) {
-    let (sink, mut stream) = socket.split();
-    let (watch, watched) = watch::channel(Watch::default());
-    let (taken, frames_taken) = watch::channel(0);
-    let (messages, outgoing) = mpsc::channel(MAX_WAITING);
-    let hub = ticket.hub().clone();
-    let hello = ToPage::Hello(Hello {
-        version: env!("CARGO_PKG_VERSION"),
-        you: ticket.id,
-        role: ticket.visitor.role,
-        world: hub.sim.is_some(),
-        camera: has_camera(&hub.run),
-    });
-    let access = hub.access.clone();
-    let visitor = ticket.visitor.clone();
-    let revoked = access.revoked(&visitor);
-    tokio::pin!(revoked);
-    let writer = Writer {
-        hub,
-        watched,
-        taken: frames_taken,
-        outgoing,
-        sent: 0,
-    };
-    let hello = text(&hello);
-    let mut writing = AbortOnDropHandle::new(tokio::spawn(writer.run(sink, hello)));
-    let mut reader = Reader {
-        ticket,
-        queues: Queues {
-            watch,
-            taken,
-            messages,
-        },
-        commands: Vec::new(),
-        wheel: None,
-        window: (Instant::now(), 0),
-    };
-    loop {
-        let message = tokio::select! {
-            biased;
-            () = &mut revoked => return,
-            message = timeout(SILENCE, stream.next()) => message,
-            _ = &mut writing => return,
+impl Drop for Viewer {
+    fn drop(&mut self) {
+        self.release_drive_lock();
+        self.broadcast.lock_viewers().count -= 1;
+    }
+}
+
+/// Why the drive lock cannot be taken.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum DriveLockError {
+    /// The role does not permit driving.
+    Viewer,
+    /// STOP holds.
+    Stopped,
+    /// The simulation's clock does not run at real time.
+    NotRealTime,
+    /// The viewer of this name has it.
+    Taken(String),
+}
+
+impl Viewer {
+    /// Admits a viewer; `None` if there are too many.
+    pub(super) fn admit(broadcast: &Arc<Broadcast>, visitor: Visitor) -> Option<Viewer> {
+        let mut viewers = broadcast.lock_viewers();
+        if viewers.count >= broadcast.most_viewers {
+            return None;
+        }
+        viewers.count += 1;
+        let id = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let name = match &visitor.key {
+            Some(key) => key.name.clone(),
+            None => format!("#{id}"),
         };
-        match message {
-            Ok(Some(Ok(Message::Text(text)))) if reader.admits() => reader.handle(&text).await,
-            Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if reader.admits() => {}
-            // Closed, broken, silent, too many messages, or binary.
-            _ => return,
-        }
-    }
-}
-
-/// The number of a command that cannot be understood.
-#[derive(Deserialize)]
-struct Numbered {
-    id: u32,
-}
-
-/// Handles the messages of a page. Dropping it leaves the wheel.
-struct Reader {
-    ticket: Ticket,
-    queues: Queues,
-    commands: Vec<AbortOnDropHandle<()>>,
-    wheel: Option<AbortOnDropHandle<()>>,
-    /// Start of the current counting period, and the number of messages in it.
-    window: (Instant, u32),
-}
-
-impl Reader {
-    /// Counts a message. Returns false if there are too many.
-    fn admits(&mut self) -> bool {
-        if self.window.0.elapsed() >= Duration::from_secs(1) {
-            self.window = (Instant::now(), 0);
-        }
-        self.window.1 += 1;
-        self.window.1 <= MAX_MESSAGES
-    }
-
-    async fn handle(&mut self, text: &str) {
-        let message = match serde_json::from_str(text) {
-            Ok(message) => message,
-            Err(error) => {
-                tracing::debug!("a page sent an invalid message: {error}");
-                return match serde_json::from_str(text) {
-                    Ok(Numbered { id }) => self.answer(id, false, error.to_string()),
-                    Err(_) => self.notice("nonsense", String::new()),
-                };
-            }
-        };
-        match message {
-            FromPage::Watch(watch) => {
-                self.queues.watch.send_replace(watch);
-            }
-            FromPage::Taken => self
-                .queues
-                .taken
-                .send_modify(|taken| *taken = taken.wrapping_add(1)),
-            FromPage::Name { name } => self.ticket.rename(&name),
-            FromPage::Stop => drop(self.ticket.hub().stop().await),
-            FromPage::LetGo if self.ticket.visitor.role == Role::Driver => {
-                let _ = self.ticket.hub().release_stop().await;
-            }
-            FromPage::LetGo => self.notice("viewer_only", String::new()),
-            FromPage::Wheel { take: true } => self.take_wheel(),
-            FromPage::Wheel { take: false } => self.leave_wheel(),
-            FromPage::Drive { left, right } => self.drive(left, right),
-            FromPage::Order { id, order } => self.execute(id, order),
-        }
-    }
-
-    fn take_wheel(&mut self) {
-        match self.ticket.take_wheel() {
-            Ok(Some(driving)) => {
-                self.wheel = Some(AbortOnDropHandle::new(tokio::spawn(driving)));
-            }
-            Ok(None) => {}
-            Err(WheelError::Viewer) => self.notice("viewer_only", String::new()),
-            Err(WheelError::NotRealTime) => self.notice("wheel_hurried", String::new()),
-            Err(WheelError::Halted) => self.notice("wheel_halted", String::new()),
-            Err(WheelError::Taken(name)) => self.notice("wheel_taken", name),
-        }
-    }
-
-    fn leave_wheel(&mut self) {
-        self.ticket.leave_wheel();
-        self.wheel = None;
-    }
-
-    /// Sets the page's setpoint. Has no effect if the page does not have the wheel; invalid numbers
-    /// mean stop.
-    fn drive(&mut self, left: f64, right: f64) {
-        let setpoint = Setpoint::from_percent(left, right).unwrap_or(Setpoint::STOP);
-        if !self.ticket.set_setpoint(setpoint) {
-            self.wheel = None;
-        }
-    }
-
-    fn execute(&mut self, id: u32, command: PageCommand) {
-        self.commands.retain(|command| !command.is_finished());
-        if self.ticket.visitor.role != Role::Driver {
-            let why = "viewers may only watch and stop the robot";
-            return self.answer(id, false, why.to_owned());
-        }
-        if self.commands.len() >= MAX_COMMANDS {
-            return self.answer(id, false, "too many commands at once".to_owned());
-        }
-        let hub = self.ticket.hub().clone();
-        let messages = self.queues.messages.clone();
-        let doing = tokio::spawn(async move {
-            let (ok, why) = perform(command, &hub.run, hub.sim.as_ref()).await;
-            let _ = messages.try_send(text(&ToPage::Answer { id, ok, text: why }));
-        });
-        self.commands.push(AbortOnDropHandle::new(doing));
-    }
-
-    /// Answers a command; dropped if the page does not read its answers.
-    fn answer(&self, id: u32, ok: bool, why: String) {
-        let answer = text(&ToPage::Answer { id, ok, text: why });
-        let _ = self.queues.messages.try_send(answer);
-    }
-
-    fn notice(&self, key: &'static str, name: String) {
-        let _ = self
-            .queues
-            .messages
-            .try_send(text(&ToPage::Notice { key, name }));
-    }
-}
-
-/// Sends a page what it shows.
-struct Writer {
-    hub: Arc<Hub>,
-    watched: watch::Receiver<Watch>,
-    taken: watch::Receiver<u32>,
-    outgoing: mpsc::Receiver<Utf8Bytes>,
-    /// Number of frames sent.
-    sent: u32,
-}
-
-/// The optional parts that the page shows.
-#[derive(Default)]
-struct Feeds {
-    map: Option<watch::Receiver<Utf8Bytes>>,
-    log: Option<broadcast::Receiver<Line>>,
-    found: Option<broadcast::Receiver<Utf8Bytes>>,
-}
-
-impl Writer {
-    /// Runs until a message cannot be sent.
-    async fn run(mut self, mut sink: Sink, hello: Utf8Bytes) {
-        if self.show(&mut sink, hello).await.is_none() {
-            let frame = CloseFrame {
-                code: close_code::POLICY,
-                reason: "too slow".into(),
-            };
-            let _ = timeout(SENDING, sink.send(Message::Close(Some(frame)))).await;
-        }
-    }
-
-    async fn show(&mut self, sink: &mut Sink, hello: Utf8Bytes) -> Option<()> {
-        send(sink, Message::Text(hello)).await?;
-        send(sink, Message::Text(self.battery())).await?;
-        let hub = self.hub.clone();
-        let (mut state, mut behaviours) = (hub.state.subscribe(), hub.behaviours.subscribe());
-        state.mark_changed();
-        behaviours.mark_changed();
-        let (mut frames, mut camera, mut feeds) = (hub.camera.frames(), None, Feeds::default());
-        let mut ping = interval(PING);
-        ping.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        loop {
-            let watch = *self.watched.borrow();
-            let ready = watch.camera && self.frames_under_way() < FRAMES;
-            tokio::select! {
-                Some(message) = self.outgoing.recv() => send(sink, Message::Text(message)).await?,
-                changed = self.watched.changed() => {
-                    changed.ok()?;
-                    let watch = *self.watched.borrow_and_update();
-                    camera = watch.camera.then(|| camera.take().unwrap_or_else(|| hub.camera.register()));
-                    self.update(watch, &mut feeds, sink).await?;
-                }
-                changed = self.taken.changed() => changed.ok()?,
-                Ok(()) = state.changed() => {
-                    let text = state.borrow_and_update().clone();
-                    send_text(sink, text).await?;
-                }
-                Ok(()) = behaviours.changed() => {
-                    let text = behaviours.borrow_and_update().clone();
-                    send_text(sink, text).await?;
-                }
-                Ok(()) = frames.changed(), if ready => {
-                    let frame = frames.borrow_and_update().clone();
-                    if let Some(frame) = frame {
-                        self.sent = self.sent.wrapping_add(1);
-                        send(sink, Message::Binary(packed(&frame, hub.now()))).await?;
-                    }
-                }
-                text = newest(&mut feeds.map) => send_text(sink, text).await?,
-                lines = lines(&mut feeds.log) => send_text(sink, lines).await?,
-                found = next_found(&mut feeds.found) => send_text(sink, found).await?,
-                _ = ping.tick() => send(sink, Message::Ping(Bytes::new())).await?,
-            }
-        }
-    }
-
-    /// Number of frames sent and not yet taken.
-    fn frames_under_way(&self) -> u32 {
-        let under_way = self.sent.wrapping_sub(*self.taken.borrow());
-        // A page that reports more frames taken than were sent gets no advantage.
-        if under_way > u32::MAX / 2 {
-            0
-        } else {
-            under_way
-        }
-    }
-
-    fn battery(&self) -> Utf8Bytes {
-        let history = self.hub.history.lock();
-        let history = history.unwrap_or_else(std::sync::PoisonError::into_inner);
-        text(&ToPage::Battery {
-            points: history.points(self.hub.now()),
+        Some(Viewer {
+            broadcast: broadcast.clone(),
+            id,
+            visitor,
+            name: Mutex::new(name),
         })
     }
 
-    async fn update(&mut self, watch: Watch, feeds: &mut Feeds, sink: &mut Sink) -> Option<()> {
-        match (&self.hub.sim, watch.map) {
-            (Some(sim), true) if feeds.map.is_none() => {
-                send_text(sink, text(&ToPage::World(&world::place(&sim.robot)))).await?;
-                feeds.map = Some(self.hub.map.subscribe());
-            }
-            (_, false) => feeds.map = None,
-            _ => {}
-        }
-        match watch.log {
-            true if feeds.log.is_none() => {
-                let (lines, news) = self.hub.log_buffer.read();
-                send_text(sink, text(&ToPage::Log { lines, missed: 0 })).await?;
-                feeds.log = Some(news);
-            }
-            true => {}
-            false => feeds.log = None,
-        }
-        match watch.found {
-            true if feeds.found.is_none() => feeds.found = Some(self.hub.found.subscribe()),
-            true => {}
-            false => feeds.found = None,
-        }
-        Some(())
+    pub(super) fn broadcast(&self) -> &Arc<Broadcast> {
+        &self.broadcast
     }
-}
 
-/// Packs a frame: number, age, and the JPEG as received.
-fn packed(frame: &Frame, now: Instant) -> Bytes {
-    let age = now.saturating_duration_since(frame.at).as_millis();
-    let mut packed = BytesMut::with_capacity(8 + frame.jpeg.len());
-    packed.put_u32(frame.seq as u32);
-    packed.put_u32(u32::try_from(age).unwrap_or(u32::MAX));
-    packed.put_slice(&frame.jpeg);
-    packed.freeze()
-}
-
-async fn newest(map: &mut Option<watch::Receiver<Utf8Bytes>>) -> Utf8Bytes {
-    if let Some(map) = map
-        && map.changed().await.is_ok()
-    {
-        return map.borrow_and_update().clone();
-    }
-    std::future::pending().await
-}
-
-async fn next_found(found: &mut Option<broadcast::Receiver<Utf8Bytes>>) -> Utf8Bytes {
-    loop {
-        match found {
-            Some(news) => match news.recv().await {
-                Ok(text) => return text,
-                Err(broadcast::error::RecvError::Lagged(_)) => {}
-                Err(broadcast::error::RecvError::Closed) => *found = None,
-            },
-            None => std::future::pending().await,
+    /// Sets the name that other viewers see.
+    pub(super) fn rename(&self, name: &str) {
+        let name = crate::sanitize::line(name)
+            .chars()
+            .take(24)
+            .collect::<String>();
+        if !name.trim().is_empty() {
+            *self.name() = name.trim().to_owned();
         }
     }
-}
 
-/// Waits for log lines and returns all waiting ones in one message.
-async fn lines(log: &mut Option<broadcast::Receiver<Line>>) -> Utf8Bytes {
-    let Some(news) = log else {
-        return std::future::pending().await;
-    };
-    let (mut lines, mut missed) = (Vec::new(), 0);
-    match news.recv().await {
-        Ok(line) => lines.push(line),
-        Err(broadcast::error::RecvError::Lagged(count)) => missed += count,
-        Err(broadcast::error::RecvError::Closed) => return std::future::pending().await,
+    fn name(&self) -> MutexGuard<'_, String> {
+        self.name.lock().unwrap_or_else(PoisonError::into_inner)
     }
-    while lines.len() < MAX_LINES {
-        match news.try_recv() {
-            Ok(line) => lines.push(line),
-            Err(broadcast::error::TryRecvError::Lagged(count)) => missed += count,
-            Err(_) => break,
+
+    fn person(&self) -> Person {
+        Person {
+            id: self.id,
+            name: self.name().clone(),
         }
     }
-    text(&ToPage::Log { lines, missed })
-}
 
-async fn send_text(sink: &mut Sink, text: Utf8Bytes) -> Option<()> {
-    if text.is_empty() {
-        Some(())
-    } else {
-        send(sink, Message::Text(text)).await
+    /// Takes the drive lock. Returns the driving task, which the caller must run; `None` if this
+    /// viewer already has the drive lock.
+    ///
+    /// # Errors
+    /// See [`DriveLockError`].
+    pub(super) fn take_drive_lock(
+        &self,
+    ) -> Result<Option<impl Future<Output = ()> + Send + use<>>, DriveLockError> {
+        if self.visitor.role != Role::Driver {
+            return Err(DriveLockError::Viewer);
+        }
+        if is_halted(&self.broadcast) {
+            return Err(DriveLockError::Stopped);
+        }
+        if differs_from_real_time(&self.broadcast) {
+            return Err(DriveLockError::NotRealTime);
+        }
+        let mut viewers = self.broadcast.lock_viewers();
+        match &viewers.driver {
+            Some((person, _)) if person.id == self.id => return Ok(None),
+            Some((person, _)) => return Err(DriveLockError::Taken(person.name.clone())),
+            None => {}
+        }
+        let person = self.person();
+        let (setpoints, received) = watch::channel((Setpoint::STOP, Instant::now()));
+        let name = person.name.clone();
+        viewers.driver = Some((person, setpoints));
+        Ok(Some(manual_drive::drive(
+            self.broadcast.run.clone(),
+            name,
+            received,
+        )))
+    }
+
+    /// Sets the setpoint, which is valid for 0.3 s. Returns whether this viewer has the drive lock.
+    pub(super) fn set_setpoint(&self, setpoint: Setpoint) -> bool {
+        let not_real_time = differs_from_real_time(&self.broadcast);
+        let mut viewers = self.broadcast.lock_viewers();
+        let id = self.id;
+        let Some((_, setpoints)) = viewers
+            .driver
+            .as_ref()
+            .filter(|(person, _)| person.id == id)
+        else {
+            return false;
+        };
+        let drives = !not_real_time && setpoints.send((setpoint, Instant::now())).is_ok();
+        if !drives {
+            // The watchdog or the run has ended the client, or the simulation no longer runs in
+            // real time.
+            viewers.driver = None;
+        }
+        drives
+    }
+
+    pub(super) fn release_drive_lock(&self) {
+        let mut viewers = self.broadcast.lock_viewers();
+        if viewers
+            .driver
+            .as_ref()
+            .is_some_and(|(person, _)| person.id == self.id)
+        {
+            viewers.driver = None;
+        }
     }
 }
 
-/// Sends a message; `None` if the page is gone or too slow.
-async fn send(sink: &mut Sink, message: Message) -> Option<()> {
-    timeout(SENDING, sink.send(message)).await.ok()?.ok()
+/// Whether the run's clock differs from real time, in which a person cannot drive by hand.
+fn differs_from_real_time(broadcast: &Broadcast) -> bool {
+    let sim_clock = broadcast
+        .sim
+        .as_ref()
+        .and_then(|sim| sim.sim_clock.as_ref());
+    sim_clock.is_some_and(|sim_clock| {
+        let mode = sim_clock.mode();
+        mode.paused || mode.factor != TimeScale::REAL
+    })
+}
+
+fn is_halted(broadcast: &Broadcast) -> bool {
+    broadcast.run.emergency_stop.is_on() || broadcast.run.status.borrow().emergency_stop
 }

@@ -4,8 +4,8 @@
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::lab::{ClockMode, Tempo};
 use crate::sim::{Handle, Paint, Point, Pose, RADIUS, TraceEventKind};
+use crate::simulation::{ClockMode, SimClock};
 
 /// Maximum number of points of the robot's path that a new viewer gets.
 const WAY: usize = 600;
@@ -13,22 +13,25 @@ const WAY: usize = 600;
 const BUMPS: usize = 30;
 
 /// A simulated robot in this program, and its world.
-pub struct Simulation {
+pub struct SimulatedRobot {
     /// The robot and its world.
     pub robot: Handle,
     /// Control of its clock, if it has its own.
-    pub tempo: Option<Tempo>,
+    pub sim_clock: Option<SimClock>,
 }
 
-impl From<Handle> for Simulation {
-    fn from(robot: Handle) -> Simulation {
-        Simulation { robot, tempo: None }
+impl From<Handle> for SimulatedRobot {
+    fn from(robot: Handle) -> SimulatedRobot {
+        SimulatedRobot {
+            robot,
+            sim_clock: None,
+        }
     }
 }
 
 /// The fixed parts of a world, and its initial state.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
-pub(super) struct Place {
+pub(super) struct WorldPlan {
     /// Its name.
     pub name: String,
     /// Width of the room.
@@ -169,7 +172,7 @@ fn rectangle(middle: Point, length: f64, width: f64, heading: f64) -> Vec<[f64; 
 }
 
 /// Returns the fixed parts of the world, with the robot's path so far.
-pub(super) fn place(sim: &Handle) -> Place {
+pub(super) fn world_plan(sim: &Handle) -> WorldPlan {
     let world = sim.world();
     let round = |name: &str, paint, at: Point, radius| Round {
         name: name.to_owned(),
@@ -210,7 +213,7 @@ pub(super) fn place(sim: &Handle) -> Place {
     let walkers = world.walkers.iter();
     let lamps = world.lamps.iter();
     let signs = world.signs.iter();
-    Place {
+    WorldPlan {
         name: world.name.clone(),
         width: world.room.width,
         depth: world.room.depth,
@@ -253,8 +256,11 @@ fn way(sim: &Handle) -> Vec<[f64; 2]> {
 }
 
 /// Returns the current state of the moving parts.
-pub(super) fn map(simulation: &Simulation) -> Map {
-    let Simulation { robot: sim, tempo } = simulation;
+pub(super) fn map(simulation: &SimulatedRobot) -> Map {
+    let SimulatedRobot {
+        robot: sim,
+        sim_clock,
+    } = simulation;
     let state = sim.state();
     let Pose { x, y, heading } = state.pose;
     let [x, y] = pair(Point::new(x, y));
@@ -274,7 +280,7 @@ pub(super) fn map(simulation: &Simulation) -> Map {
     });
     Map {
         time: (state.time.as_secs_f64() * 10.0).round() / 10.0,
-        clock: tempo.as_ref().map(|tempo| tempo.mode().into()),
+        clock: sim_clock.as_ref().map(|sim_clock| sim_clock.mode().into()),
         robot: [x, y, (heading * 1000.0).round() / 1000.0],
         blocked: state.blocked,
         searching: state.searching,

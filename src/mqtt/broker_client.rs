@@ -1,4 +1,5 @@
-//! Represents an agent at its broker: publishes its state whenever it changes, and accepts orders.
+//! Represents an agent at its broker: publishes its state whenever it changes, and accepts
+//! commands.
 
 use std::time::Duration;
 
@@ -9,26 +10,26 @@ use tokio::time::{Instant, sleep_until, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
-use super::command::{Answer, BrokerCommand, BrokerCommandError};
+use super::command::{BrokerCommand, BrokerCommandError, CommandResult};
 use super::command_tasks::{CommandTasks, FinishedCommand};
-use super::connection::{Account, Connection, ConnectionEvent, Full, Message, Will};
+use super::connection::{Account, Connection, ConnectionEvent, Message, QueueFull, Will};
 use super::discovery::{EVENTS, discovery};
 use super::limited_log::LimitedLog;
 use super::presence::Presence;
 use super::report::Report;
 use super::topics::Topics;
-use crate::agent::Member;
+use crate::agent::BehaviourStatus;
 use crate::clock::until;
 use crate::control::{Next, Run};
 use crate::link::{self, Backoff};
-use crate::robot::{BusMessage, Listener, Occurrence, RobotInfo};
+use crate::robot::{AgentEvent, BusMessage, Listener, RobotInfo};
 
 /// Changes within this time are published together.
 const COALESCE: Duration = Duration::from_millis(100);
 /// Timeout for closing the connection.
 const CLOSING: Duration = Duration::from_secs(1);
-/// How long orders in progress at the end may take.
-const ANSWERS: Duration = Duration::from_millis(500);
+/// How long commands in progress at the end may take.
+const RESULTS_TIMEOUT: Duration = Duration::from_millis(500);
 /// Maximum length of the name of a chosen behaviour, in bytes.
 const LONGEST_CHOICE: usize = 256;
 /// After a connection that lasted this long, the next pause is short again.
@@ -62,7 +63,7 @@ enum Phase {
     NoRobot,
     /// Waiting until this instant to connect again.
     Pause(Instant),
-    Dialing(Connection),
+    Connecting(Connection),
     Up(Connection, Instant),
 }
 
@@ -82,7 +83,7 @@ enum Input {
     Changed,
     Finished(FinishedCommand),
     Connection(ConnectionEvent),
-    Dial,
+    Connect,
     Publish,
 }
 
@@ -115,7 +116,7 @@ impl BrokerClient {
     /// Runs until it is stopped or the agent has ended.
     pub(super) async fn run(mut self, stop: &CancellationToken) {
         let mut status = self.run.status.clone();
-        let mut members = self.run.roster.members();
+        let mut statuses = self.run.roster.statuses();
         let mut view = self.run.view.clone();
         loop {
             let input = tokio::select! {
@@ -125,7 +126,7 @@ impl BrokerClient {
                 finished = self.commands.next() => Input::Finished(finished),
                 message = self.listener.next() => Input::Bus(message),
                 Ok(()) = status.changed() => Input::Changed,
-                Ok(()) = members.changed() => Input::Changed,
+                Ok(()) = statuses.changed() => Input::Changed,
                 Ok(()) = view.changed() => Input::Changed,
                 () = until(self.due) => Input::Publish,
             };
@@ -135,7 +136,7 @@ impl BrokerClient {
                 Input::Changed => self.schedule_publish(),
                 Input::Finished(finished) => self.answer(finished),
                 Input::Connection(event) => self.handle_connection(event),
-                Input::Dial => self.dial(),
+                Input::Connect => self.connect(),
                 Input::Publish => self.publish(),
             }
         }
@@ -144,9 +145,9 @@ impl BrokerClient {
 
     fn handle_event(&mut self, message: BusMessage) {
         match message {
-            BusMessage::Occurrence(one) => {
+            BusMessage::Event(one) => {
                 self.report.record_event(&one.what);
-                if let Occurrence::LinkUp { robot, .. } = &one.what {
+                if let AgentEvent::LinkUp { robot, .. } = &one.what {
                     self.adopt_robot(robot.clone());
                 }
                 self.announce(&one.what);
@@ -169,7 +170,7 @@ impl BrokerClient {
         self.robot = Some(robot);
     }
 
-    fn dial(&mut self) {
+    fn connect(&mut self) {
         let will = Will {
             topic: self.topics.connection(),
             payload: Presence::ConnectionBroken.word(),
@@ -178,13 +179,14 @@ impl BrokerClient {
         // publishes its will, before it accepts the new one.
         let client = format!("spykee-{}", self.topics.id);
         self.published = Published::default();
-        self.phase = Phase::Dialing(Connection::dial(&self.account, &client, Some(will)));
+        self.phase = Phase::Connecting(Connection::connect(&self.account, &client, Some(will)));
     }
 
     fn handle_connection(&mut self, event: ConnectionEvent) {
         match event {
             ConnectionEvent::Up => {
-                if let Phase::Dialing(open) = std::mem::replace(&mut self.phase, Phase::NoRobot) {
+                if let Phase::Connecting(open) = std::mem::replace(&mut self.phase, Phase::NoRobot)
+                {
                     info!("{} is connected to the broker", self.topics.id);
                     self.phase = Phase::Up(open, Instant::now());
                     self.loss_logged = false;
@@ -219,12 +221,12 @@ impl BrokerClient {
     /// Publishes what the broker does not know yet, in order; the rest later if the queue is full.
     fn publish(&mut self) {
         self.due = None;
-        if self.try_publish() == Err(Full) {
+        if self.try_publish() == Err(QueueFull) {
             self.schedule_publish();
         }
     }
 
-    fn try_publish(&mut self) -> Result<(), Full> {
+    fn try_publish(&mut self) -> Result<(), QueueFull> {
         let (Phase::Up(connection, _), Some(robot)) = (&self.phase, &self.robot) else {
             return Ok(());
         };
@@ -235,8 +237,8 @@ impl BrokerClient {
             }
             published.subscribed = true;
         }
-        let members = self.run.roster.members().borrow().clone();
-        let names: Vec<String> = members.iter().map(|one| one.name.clone()).collect();
+        let statuses = self.run.roster.statuses().borrow().clone();
+        let names: Vec<String> = statuses.iter().map(|one| one.name.clone()).collect();
         let entities = discovery(topics, robot, &names);
         if published.discovery.as_ref() != Some(&entities) {
             connection.retain(&topics.discovery(), entities.to_string().into_bytes())?;
@@ -245,7 +247,7 @@ impl BrokerClient {
         let next = Next::of(&self.run.view.borrow());
         let state = self
             .report
-            .state(&self.run.status.borrow(), &members, next.as_ref());
+            .state(&self.run.status.borrow(), &statuses, next.as_ref());
         if published.state.as_ref() != Some(&state) {
             connection.retain(&topics.state(), state.to_string().into_bytes())?;
             published.state = Some(state);
@@ -258,7 +260,7 @@ impl BrokerClient {
     }
 
     /// Publishes an event for Home Assistant's event entity and other subscribers.
-    fn announce(&mut self, what: &Occurrence) {
+    fn announce(&mut self, what: &AgentEvent) {
         let Phase::Up(connection, _) = &self.phase else {
             return;
         };
@@ -269,7 +271,7 @@ impl BrokerClient {
             return;
         };
         event["event_type"] = what.kind().into();
-        if connection.publish(&self.topics.event(), event.to_string().into()) == Err(Full) {
+        if connection.publish(&self.topics.event(), event.to_string().into()) == Err(QueueFull) {
             self.dropped += 1;
             debug!(
                 dropped = self.dropped,
@@ -293,7 +295,7 @@ impl BrokerClient {
         let read = if message.topic == self.topics.command() {
             BrokerCommand::parse(&message.payload)
         } else if message.topic == self.topics.behaviour() {
-            choice(&message.payload).map(|order| (order, None))
+            choice(&message.payload).map(|command| (command, None))
         } else {
             // A broker may send anything; we did not subscribe to this topic.
             return;
@@ -301,34 +303,34 @@ impl BrokerClient {
         if message.retained {
             let topic = &message.topic;
             return self.log.warn(&format!(
-                "a retained order is ignored, because it may be old: {topic}"
+                "a retained command is ignored, because it may be old: {topic}"
             ));
         }
-        let (order, id) = match read {
+        let (command, id) = match read {
             Ok(read) => read,
             Err(error) => {
-                let line = format!("invalid order from the broker: {error}");
+                let line = format!("invalid command from the broker: {error}");
                 return self.log.warn(&line);
             }
         };
         self.log
-            .info(&format!("a person's order from the broker: {order}"));
-        let members = self.members();
-        if let BrokerCommand::Choose(name) = &order {
-            if !self.report.choose(name, &members) {
+            .info(&format!("a person's command from the broker: {command}"));
+        let statuses = self.statuses();
+        if let BrokerCommand::Choose(name) = &command {
+            if !self.report.choose(name, &statuses) {
                 self.log.warn(&format!("no behaviour is called `{name}`"));
             }
             return self.schedule_publish();
         }
-        let chosen = self.report.chosen(&members);
-        self.commands.begin(order, id, chosen);
+        let chosen = self.report.chosen(&statuses);
+        self.commands.begin(command, id, chosen);
     }
 
     fn answer(&mut self, FinishedCommand { answer, picture }: FinishedCommand) {
-        let Answer { order, text, .. } = &answer;
+        let CommandResult { command, text, .. } = &answer;
         if !answer.done {
             let why = text.as_deref().unwrap_or_default();
-            let line = format!("the order `{order}` from the broker was not executed: {why}");
+            let line = format!("the command `{command}` from the broker was not executed: {why}");
             self.log.warn(&line);
         }
         let Phase::Up(connection, _) = &self.phase else {
@@ -337,19 +339,19 @@ impl BrokerClient {
         let text = serde_json::to_vec(&answer).unwrap_or_default();
         let sent = connection.publish(&self.topics.answer(), text);
         let shown = picture.map(|jpeg| connection.publish(&self.topics.picture(), jpeg));
-        if sent == Err(Full) || shown == Some(Err(Full)) {
+        if sent == Err(QueueFull) || shown == Some(Err(QueueFull)) {
             debug!("the broker is slow: an answer was dropped");
         }
     }
 
-    fn members(&self) -> Vec<Member> {
-        self.run.roster.members().borrow().clone()
+    fn statuses(&self) -> Vec<BehaviourStatus> {
+        self.run.roster.statuses().borrow().clone()
     }
 
     /// Publishes the last events and the offline state, then disconnects.
     async fn shut_down(mut self) {
-        // A stop order may have caused this end; its answer is still sent.
-        let deadline = Instant::now() + ANSWERS;
+        // A stop command may have caused this end; its answer is still sent.
+        let deadline = Instant::now() + RESULTS_TIMEOUT;
         self.commands.cancel_driving();
         while !self.commands.is_empty() {
             match timeout_at(deadline, self.commands.next()).await {
@@ -357,7 +359,7 @@ impl BrokerClient {
                 Err(_) => break,
             }
         }
-        while let Some(BusMessage::Occurrence(one)) = self.listener.try_next() {
+        while let Some(BusMessage::Event(one)) = self.listener.try_next() {
             self.report.record_event(&one.what);
             self.announce(&one.what);
         }
@@ -388,10 +390,10 @@ fn choice(payload: &[u8]) -> Result<BrokerCommand, BrokerCommandError> {
 /// Waits for a message of the connection, or for the time to connect. Cancel-safe.
 async fn next_input(phase: &mut Phase) -> Input {
     match phase {
-        Phase::Dialing(open) | Phase::Up(open, _) => Input::Connection(open.next().await),
+        Phase::Connecting(open) | Phase::Up(open, _) => Input::Connection(open.next().await),
         Phase::Pause(until) => {
             sleep_until(*until).await;
-            Input::Dial
+            Input::Connect
         }
         Phase::NoRobot => std::future::pending().await,
     }

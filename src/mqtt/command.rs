@@ -1,12 +1,12 @@
-//! The orders that an agent accepts from its broker, and its answers.
+//! The commands that an agent accepts from its broker, and its answers.
 
 use serde::{Deserialize, Serialize};
 
-/// Maximum length of an order, in bytes.
+/// Maximum length of a command, in bytes.
 const LONGEST: usize = 1024;
 
-/// One order. Its text is a word (`stop`, `run patrol`), or JSON with an `id` that is returned in
-/// the answer: `{"order": "run patrol", "id": "7"}`.
+/// One command. Its text is a word (`stop`, `run patrol`), or JSON with an `id` that is returned in
+/// the answer: `{"command": "run patrol", "id": "7"}`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum BrokerCommand {
     /// Start the chosen behaviour.
@@ -27,34 +27,34 @@ pub enum BrokerCommand {
     Choose(String),
 }
 
-/// Why a text is not a valid order.
+/// Why a text is not a valid command.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum BrokerCommandError {
-    /// Longer than any valid order.
-    #[error("it is longer than any valid order")]
+    /// Longer than any valid command.
+    #[error("it is longer than any valid command")]
     TooLong,
     /// Not UTF-8.
     #[error("it is not UTF-8 text")]
     NoText,
     /// Begins like JSON, but is invalid or lacks a field.
-    #[error("it is not an order in JSON ({0}), such as {{\"order\": \"stop\", \"id\": \"1\"}}")]
+    #[error("it is not a command in JSON ({0}), such as {{\"command\": \"stop\", \"id\": \"1\"}}")]
     Json(String),
-    /// No such order.
+    /// No such command.
     #[error(
-        "`{0}` is not an order; the orders are start, stop, return_to_base, dock, undock, locate, snapshot and \
+        "`{0}` is not a command; the commands are start, stop, return_to_base, dock, undock, locate, snapshot and \
          run NAME"
     )]
     Unknown(String),
 }
 
 #[derive(Debug, Serialize, Deserialize)]
-struct Written {
-    order: String,
+struct JsonCommand {
+    command: String,
     id: Option<String>,
 }
 
 impl BrokerCommand {
-    /// Parses an order, with its id if it has one.
+    /// Parses a command, with its id if it has one.
     ///
     /// # Errors
     /// See [`BrokerCommandError`].
@@ -67,9 +67,9 @@ impl BrokerCommand {
         if !text.starts_with('{') {
             return Ok((BrokerCommand::of_words(text)?, None));
         }
-        let written: Written = serde_json::from_str(text)
+        let written: JsonCommand = serde_json::from_str(text)
             .map_err(|error| BrokerCommandError::Json(error.to_string()))?;
-        Ok((BrokerCommand::of_words(written.order.trim())?, written.id))
+        Ok((BrokerCommand::of_words(written.command.trim())?, written.id))
     }
 
     fn of_words(words: &str) -> Result<BrokerCommand, BrokerCommandError> {
@@ -87,11 +87,11 @@ impl BrokerCommand {
         })
     }
 
-    /// Formats the order as JSON, with an id.
+    /// Formats the command as JSON, with an id.
     pub fn to_json(&self, id: &str) -> String {
-        let (order, id) = (self.to_string(), Some(id.to_owned()));
+        let (command, id) = (self.to_string(), Some(id.to_owned()));
         // Serialising a struct of strings cannot fail.
-        serde_json::to_string(&Written { order, id }).unwrap_or_default()
+        serde_json::to_string(&JsonCommand { command, id }).unwrap_or_default()
     }
 }
 
@@ -110,14 +110,14 @@ impl std::fmt::Display for BrokerCommand {
     }
 }
 
-/// The result of an order.
+/// The result of a command.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Answer {
-    /// The order, in words.
-    pub order: String,
-    /// The id of the order, if it had one.
+pub struct CommandResult {
+    /// The command, in words.
+    pub command: String,
+    /// The id of the command, if it had one.
     pub id: Option<String>,
-    /// Whether the order was executed.
+    /// Whether the command was executed.
     pub done: bool,
     /// How it ended, or why it was not executed.
     pub text: Option<String>,
@@ -142,8 +142,8 @@ mod tests {
     fn an_invalid_order_is_refused_with_an_explanation() {
         let refused = |bytes: &[u8]| BrokerCommand::parse(bytes).unwrap_err().to_string();
         assert!(refused(b"fly").contains("return_to_base"));
-        assert!(refused(b"run ").contains("not an order"));
-        assert!(refused(b"{\"id\": \"7\"}").contains("order"));
+        assert!(refused(b"run ").contains("not a command"));
+        assert!(refused(b"{\"id\": \"7\"}").contains("command"));
         assert!(refused(&[0xff]).contains("not UTF-8"));
         assert!(refused(&[b'a'; 2000]).contains("longer"));
     }

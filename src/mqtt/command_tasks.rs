@@ -1,36 +1,36 @@
-//! Executes orders: each in a separate task, a limited number at a time, dockings one after the
+//! Executes commands: each in a separate task, a limited number at a time, dockings one after the
 //! other.
 
 use std::time::Duration;
 
 use tokio::task::{AbortHandle, JoinSet};
 
-use super::command::{Answer, BrokerCommand};
+use super::command::{BrokerCommand, CommandResult};
 use crate::control::{self, Change, Run, RunRequest};
 use crate::robot::{DockEnd, DockPlan};
 use crate::wire::Sound;
 
-/// Maximum number of orders in progress; further ones are refused, except stops.
+/// Maximum number of commands in progress; further ones are refused, except stops.
 const MAX_TASKS: usize = 8;
-/// Maximum number of orders in progress including stops; another stop would change nothing.
+/// Maximum number of commands in progress including stops; another stop would change nothing.
 const MAX_STOPS: usize = 32;
 /// Timeout for an undocking.
 const UNDOCKING: Duration = Duration::from_secs(15);
 /// Timeout for a picture.
 const PICTURE: Duration = Duration::from_secs(5);
 
-/// A finished order.
+/// A finished command.
 pub(super) struct FinishedCommand {
-    pub(super) answer: Answer,
+    pub(super) answer: CommandResult,
     /// The picture taken, if any.
     pub(super) picture: Option<Vec<u8>>,
 }
 
-/// The orders in progress.
+/// The commands in progress.
 pub(super) struct CommandTasks {
     run: Run,
     tasks: JoinSet<FinishedCommand>,
-    /// The task of the order that drives the robot.
+    /// The task of the command that drives the robot.
     drive: Option<AbortHandle>,
 }
 
@@ -40,37 +40,37 @@ impl CommandTasks {
         CommandTasks { run, tasks, drive }
     }
 
-    /// Starts an order. `chosen` is the behaviour that `start` starts.
+    /// Starts a command. `chosen` is the behaviour that `start` starts.
     pub(super) fn begin(
         &mut self,
-        order: BrokerCommand,
+        command: BrokerCommand,
         id: Option<String>,
         chosen: Option<String>,
     ) {
-        let drives = matches!(order, BrokerCommand::Dock | BrokerCommand::Undock);
-        if drives || order == BrokerCommand::Stop {
+        let drives = matches!(command, BrokerCommand::Dock | BrokerCommand::Undock);
+        if drives || command == BrokerCommand::Stop {
             // Cancel the previous docking or undocking: the pilot then ends it.
             self.cancel_driving();
         }
         if self.tasks.len() >= MAX_STOPS {
             return;
         }
-        let full = self.tasks.len() >= MAX_TASKS && order != BrokerCommand::Stop;
+        let full = self.tasks.len() >= MAX_TASKS && command != BrokerCommand::Stop;
         let run = self.run.clone();
         let task = self.tasks.spawn(async move {
-            let words = order.to_string();
+            let words = command.to_string();
             let (done, picture) = if full {
-                (Err("too many orders at once".to_owned()), None)
+                (Err("too many commands at once".to_owned()), None)
             } else {
-                perform(&run, order, chosen).await
+                perform(&run, command, chosen).await
             };
             let (done, text) = match done {
                 Ok(text) => (true, text),
                 Err(why) => (false, Some(why)),
             };
-            let order = words;
-            let answer = Answer {
-                order,
+            let command = words;
+            let answer = CommandResult {
+                command,
                 id,
                 done,
                 text,
@@ -89,12 +89,12 @@ impl CommandTasks {
         }
     }
 
-    /// Whether no order is in progress.
+    /// Whether no command is in progress.
     pub(super) fn is_empty(&self) -> bool {
         self.tasks.is_empty()
     }
 
-    /// Waits for the next finished order; never returns if none is in progress. Cancel-safe.
+    /// Waits for the next finished command; never returns if none is in progress. Cancel-safe.
     pub(super) async fn next(&mut self) -> FinishedCommand {
         loop {
             match self.tasks.join_next().await {
@@ -111,11 +111,11 @@ type Done = Result<Option<String>, String>;
 
 async fn perform(
     run: &Run,
-    order: BrokerCommand,
+    command: BrokerCommand,
     chosen: Option<String>,
 ) -> (Done, Option<Vec<u8>>) {
     let change = Change::Start;
-    let request = match order {
+    let request = match command {
         BrokerCommand::Stop => return (outcome_of(run.stop_behaviours().await), None),
         BrokerCommand::Start => match chosen {
             Some(name) => RunRequest::Behaviour { name, change },
@@ -130,23 +130,23 @@ async fn perform(
         BrokerCommand::Snapshot => RunRequest::Picture(PICTURE),
     };
     match run.perform(request).await {
-        control::Answer::Picture(jpeg) => (Ok(None), Some(jpeg)),
+        control::RunResponse::Picture(jpeg) => (Ok(None), Some(jpeg)),
         answer => (outcome_of(answer), None),
     }
 }
 
-fn outcome_of(answer: control::Answer) -> Done {
+fn outcome_of(answer: control::RunResponse) -> Done {
     match answer {
-        control::Answer::Docked { end, .. } | control::Answer::Undocked(end) => {
+        control::RunResponse::Docked { end, .. } | control::RunResponse::Undocked(end) => {
             let words = end.name().replace('_', " ");
             match end {
                 DockEnd::Done | DockEnd::AlreadyDocked | DockEnd::NotDocked => Ok(Some(words)),
                 _ => Err(words),
             }
         }
-        control::Answer::NoPicture => Err("no picture arrived in time".to_owned()),
-        control::Answer::Offline => Err("the robot is out of reach".to_owned()),
-        control::Answer::Refused(why) => Err(why),
+        control::RunResponse::NoPicture => Err("no picture arrived in time".to_owned()),
+        control::RunResponse::Offline => Err("the robot is out of reach".to_owned()),
+        control::RunResponse::Refused(why) => Err(why),
         _ => Ok(None),
     }
 }

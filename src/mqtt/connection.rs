@@ -17,7 +17,7 @@ use crate::config;
 const MAX_WAITING: usize = 64;
 /// Capacity of the queue of received messages.
 const MAX_RECEIVED: usize = 64;
-/// Maximum length of a received message (an order, a state, a birth message), in bytes.
+/// Maximum length of a received message (a command, a state, a birth message), in bytes.
 const LONGEST_RECEIVED: usize = 64 << 10;
 /// Maximum length of a sent message (a picture), in bytes.
 pub(super) const LONGEST_SENT: usize = 1 << 20;
@@ -73,7 +73,7 @@ pub(super) struct Will {
 
 /// The queue is full: the broker is slower than we are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Full;
+pub(super) struct QueueFull;
 
 /// A connection in progress or established. Dropping it breaks it, and the broker publishes the
 /// will.
@@ -92,7 +92,7 @@ impl Drop for Connection {
 
 impl Connection {
     /// Starts to connect, with this client ID.
-    pub(super) fn dial(account: &Account, client: &str, will: Option<Will>) -> Connection {
+    pub(super) fn connect(account: &Account, client: &str, will: Option<Will>) -> Connection {
         let (host, port) = account.options.address().unwrap_or(("localhost", 1883));
         let mut options = MqttOptions::new(client, host, port);
         options.set_clean_session(true);
@@ -133,22 +133,22 @@ impl Connection {
     }
 
     /// Subscribes to a topic.
-    pub(super) fn subscribe(&self, topic: &str) -> Result<(), Full> {
+    pub(super) fn subscribe(&self, topic: &str) -> Result<(), QueueFull> {
         let asked = self.client.try_subscribe(topic, QoS::AtLeastOnce);
-        asked.map_err(|_| Full)
+        asked.map_err(|_| QueueFull)
     }
 
     /// Publishes a message to the current subscribers.
-    pub(super) fn publish(&self, topic: &str, payload: Vec<u8>) -> Result<(), Full> {
+    pub(super) fn publish(&self, topic: &str, payload: Vec<u8>) -> Result<(), QueueFull> {
         self.enqueue(topic, false, payload)
     }
 
     /// Publishes a retained message, which later subscribers receive too.
-    pub(super) fn retain(&self, topic: &str, payload: Vec<u8>) -> Result<(), Full> {
+    pub(super) fn retain(&self, topic: &str, payload: Vec<u8>) -> Result<(), QueueFull> {
         self.enqueue(topic, true, payload)
     }
 
-    fn enqueue(&self, topic: &str, retain: bool, payload: Vec<u8>) -> Result<(), Full> {
+    fn enqueue(&self, topic: &str, retain: bool, payload: Vec<u8>) -> Result<(), QueueFull> {
         // A message that exceeds the maximum packet size would break the connection.
         if payload.len() + topic.len() + 64 > LONGEST_SENT {
             tracing::warn!("a message for the broker is too long: {topic}");
@@ -157,7 +157,7 @@ impl Connection {
         let queued = self
             .client
             .try_publish(topic, QoS::AtLeastOnce, retain, payload);
-        queued.map_err(|_| Full)
+        queued.map_err(|_| QueueFull)
     }
 
     /// Disconnects after all queued messages are sent, and waits for that at most this long.
@@ -184,7 +184,7 @@ async fn pump(mut events: EventLoop, sender: mpsc::Sender<ConnectionEvent>) {
             Ok(Event::Incoming(Packet::PubAck(_))) => ConnectionEvent::Acknowledged,
             Ok(_) => continue,
             Err(error) => {
-                let _ = sender.send(ConnectionEvent::Lost(in_words(&error))).await;
+                let _ = sender.send(ConnectionEvent::Lost(to_message(&error))).await;
                 return;
             }
         };
@@ -194,7 +194,7 @@ async fn pump(mut events: EventLoop, sender: mpsc::Sender<ConnectionEvent>) {
     }
 }
 
-fn in_words(error: &ConnectionError) -> String {
+fn to_message(error: &ConnectionError) -> String {
     match error {
         ConnectionError::ConnectionRefused(
             ConnectReturnCode::BadUserNamePassword | ConnectReturnCode::NotAuthorized,

@@ -56,7 +56,7 @@ fn components(topics: &Topics, behaviours: &[String]) -> Value {
             "entity_category": "diagnostic",
         })
     };
-    let button = |order: &str, icon: &str| json!({ "command_topic": command, "payload_press": order, "icon": icon });
+    let button = |payload: &str, icon: &str| json!({ "command_topic": command, "payload_press": payload, "icon": icon });
     let mut battery = sensor("battery", "{{ value_json.battery }}");
     battery["unit_of_measurement"] = "%".into();
     battery["state_class"] = "measurement".into();
@@ -89,13 +89,13 @@ fn components(topics: &Topics, behaviours: &[String]) -> Value {
     all.add("camera", "camera", "Camera".into(), camera);
     let event = json!({ "state_topic": topics.event(), "event_types": EVENTS });
     all.add("event", "event", "Last event".into(), event);
-    for (order, name, icon) in [
+    for (payload, name, icon) in [
         ("dock", "Dock", "mdi:home-import-outline"),
         ("undock", "Undock", "mdi:home-export-outline"),
         ("stop", "Stop", "mdi:stop"),
         ("snapshot", "Take a picture", "mdi:camera"),
     ] {
-        all.add("button", order, name.into(), button(order, icon));
+        all.add("button", payload, name.into(), button(payload, icon));
     }
     if !behaviours.is_empty() {
         let select = json!({

@@ -6,15 +6,15 @@ use std::time::Duration;
 use serde_json::Value;
 use tokio::time::{Instant, timeout_at};
 
-use super::command::{Answer, BrokerCommand};
-use super::connection::{Account, Connection, ConnectionEvent, Full, Message};
+use super::command::{BrokerCommand, CommandResult};
+use super::connection::{Account, Connection, ConnectionEvent, Message, QueueFull};
 use super::presence::Presence;
 use super::topics::Topics;
 
 /// Timeout for the connection and the subscriptions.
 const OPENING: Duration = Duration::from_secs(10);
 /// A broker sends retained messages at once: after this long without a message, all have arrived.
-const SILENCE: Duration = Duration::from_millis(700);
+const SILENCE_TIMEOUT: Duration = Duration::from_millis(700);
 /// Upper limit of the time spent on retained messages, however many there are.
 const LISTENING: Duration = Duration::from_secs(5);
 /// Maximum length of a state that is read, in bytes.
@@ -63,7 +63,7 @@ impl Fleet {
     /// See [`FleetError`].
     pub async fn connect(account: Account) -> Result<Fleet, FleetError> {
         let client = format!("spykee-fleet-{:08x}", rand::random::<u32>());
-        let connection = Connection::dial(&account, &client, None);
+        let connection = Connection::connect(&account, &client, None);
         let mut fleet = Fleet {
             account,
             connection,
@@ -86,11 +86,11 @@ impl Fleet {
                 Ok(ConnectionEvent::Up) => {
                     for what in ["connection", "state", "answer"] {
                         let topic = format!("{}/+/{what}", self.account.options.prefix);
-                        self.connection.subscribe(&topic).map_err(in_words)?;
+                        self.connection.subscribe(&topic).map_err(to_message)?;
                     }
                 }
                 Ok(ConnectionEvent::Subscribed) => missing -= 1,
-                Ok(ConnectionEvent::Message(message)) => self.note(&message),
+                Ok(ConnectionEvent::Message(message)) => self.record(&message),
                 Ok(ConnectionEvent::Acknowledged) => {}
                 Ok(ConnectionEvent::Lost(why)) => return Err(why),
                 Err(_) if missing <= 0 => return Ok(()),
@@ -102,12 +102,12 @@ impl Fleet {
                 if now >= latest {
                     return Ok(());
                 }
-                until = (now + SILENCE).min(latest);
+                until = (now + SILENCE_TIMEOUT).min(latest);
             }
         }
     }
 
-    fn note(&mut self, message: &Message) {
+    fn record(&mut self, message: &Message) {
         let Some((robot, what)) = self.split_topic(&message.topic) else {
             return;
         };
@@ -140,7 +140,7 @@ impl Fleet {
         rest.strip_prefix('/')?.split_once('/')
     }
 
-    /// Sends an order to these agents and waits for their answers at most this long. The result
+    /// Sends a command to these agents and waits for their answers at most this long. The result
     /// lacks agents that did not answer in time.
     ///
     /// # Errors
@@ -148,30 +148,30 @@ impl Fleet {
     pub async fn ask(
         &mut self,
         robots: &[String],
-        order: &BrokerCommand,
+        command: &BrokerCommand,
         limit: Duration,
-    ) -> Result<BTreeMap<String, Answer>, FleetError> {
+    ) -> Result<BTreeMap<String, CommandResult>, FleetError> {
         let id = format!("{:016x}", rand::random::<u64>());
-        let asked = self.try_ask(robots, order, &id, limit).await;
+        let asked = self.try_ask(robots, command, &id, limit).await;
         asked.map_err(|why| self.broken(why))
     }
 
     async fn try_ask(
         &mut self,
         robots: &[String],
-        order: &BrokerCommand,
+        command: &BrokerCommand,
         id: &str,
         limit: Duration,
-    ) -> Result<BTreeMap<String, Answer>, String> {
+    ) -> Result<BTreeMap<String, CommandResult>, String> {
         let until = Instant::now() + limit;
         let (mut answers, mut waiting) = (BTreeMap::new(), robots.iter());
         let mut next = waiting.next();
         while answers.len() < robots.len() && Instant::now() < until {
-            // If the queue is full, the remaining orders follow when it has room.
+            // If the queue is full, the remaining commands follow when it has room.
             while let Some(robot) = next {
                 let topics = Topics::new(&self.account.options.prefix, "", robot);
-                let payload = order.to_json(id).into_bytes();
-                if self.connection.publish(&topics.command(), payload) == Err(Full) {
+                let payload = command.to_json(id).into_bytes();
+                if self.connection.publish(&topics.command(), payload) == Err(QueueFull) {
                     break;
                 }
                 next = waiting.next();
@@ -190,11 +190,11 @@ impl Fleet {
         Ok(answers)
     }
 
-    fn answer(&self, message: &Message, id: &str) -> Option<(String, Answer)> {
+    fn answer(&self, message: &Message, id: &str) -> Option<(String, CommandResult)> {
         let (robot, "answer") = self.split_topic(&message.topic)? else {
             return None;
         };
-        let answer: Answer = serde_json::from_slice(&message.payload).ok()?;
+        let answer: CommandResult = serde_json::from_slice(&message.payload).ok()?;
         (answer.id.as_deref() == Some(id)).then(|| (robot.to_owned(), answer))
     }
 
@@ -210,6 +210,6 @@ impl Fleet {
     }
 }
 
-fn in_words(_: Full) -> String {
+fn to_message(_: QueueFull) -> String {
     "its queue is full".to_owned()
 }

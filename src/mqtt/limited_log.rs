@@ -1,10 +1,10 @@
 //! Logs messages caused by clients of the broker, within a daily budget: any client can send
-//! endless orders, which must not fill the disk.
+//! endless commands, which must not fill the disk.
 
 use tokio::time::Instant;
 use tracing::{info, warn};
 
-use crate::budget::Budget;
+use crate::rate_limit::Budget;
 
 /// Bytes per day.
 const PER_DAY: u64 = 1 << 20;

@@ -1,4 +1,4 @@
-//! The robot at an MQTT broker: its state, its events, and orders from Home Assistant, `spykee
+//! The robot at an MQTT broker: its state, its events, and commands from Home Assistant, `spykee
 //! fleet` or any other client. One agent is one device, named after its robot's uid.
 //!
 //! A separate thread communicates with the broker; it only listens to the agent
@@ -9,8 +9,8 @@
 //! continues. If this thread panics, its connection closes, and the broker publishes
 //! CONNECTIONBROKEN on its behalf.
 //!
-//! An order is executed at most once: sessions are clean, so a broker keeps no orders for an agent
-//! that is offline, and retained orders are ignored.
+//! A command is executed at most once: sessions are clean, so a broker keeps no commands for an
+//! agent that is offline, and retained commands are ignored.
 
 mod broker_client;
 mod command;
@@ -25,7 +25,7 @@ mod report;
 mod thread;
 mod topics;
 
-pub use command::{Answer, BrokerCommand, BrokerCommandError};
+pub use command::{BrokerCommand, BrokerCommandError, CommandResult};
 pub use connection::Account;
 pub use fleet::{Fleet, FleetError, Found};
 pub use post::{PostError, publish};

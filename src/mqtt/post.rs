@@ -9,7 +9,7 @@ use tokio::time::timeout;
 use super::connection::{Account, Connection, ConnectionEvent, LONGEST_SENT};
 
 /// Timeout for the disconnection, and for a name lookup still in progress at the end.
-const END: Duration = Duration::from_millis(200);
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_millis(200);
 
 /// Why a message was not published.
 #[derive(Debug, thiserror::Error)]
@@ -48,14 +48,14 @@ pub fn publish(
         let sending = send(account, topic, payload);
         timeout(limit, sending).await.map_err(timed_out)?
     });
-    runtime.shutdown_timeout(END);
+    runtime.shutdown_timeout(SHUTDOWN_TIMEOUT);
     sent
 }
 
 async fn send(account: &Account, topic: &str, payload: Vec<u8>) -> Result<(), PostError> {
     // A unique client ID: a second client with the same ID would disconnect the first.
     let client = format!("spykee-post-{:016x}", rand::random::<u64>());
-    let mut connection = Connection::dial(account, &client, None);
+    let mut connection = Connection::connect(account, &client, None);
     let mut waiting = Some(payload);
     loop {
         match connection.next().await {
@@ -71,6 +71,6 @@ async fn send(account: &Account, topic: &str, payload: Vec<u8>) -> Result<(), Po
             ConnectionEvent::Message(_) | ConnectionEvent::Subscribed => {}
         }
     }
-    connection.close(END).await;
+    connection.close(SHUTDOWN_TIMEOUT).await;
     Ok(())
 }

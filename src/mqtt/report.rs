@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
-use crate::agent::{Member, MemberState};
+use crate::agent::{BehaviourState, BehaviourStatus};
 use crate::behaviour::is_failure;
 use crate::control::Next;
 use crate::pilot::{LinkState, Status};
-use crate::robot::{DockEnd, Occurrence};
+use crate::robot::{AgentEvent, DockEnd};
 use crate::safety::WatchdogState;
 
 /// Maximum number of behaviours whose failures are remembered.
@@ -29,22 +29,22 @@ pub(super) struct Report {
 
 impl Report {
     /// Records an event.
-    pub(super) fn record_event(&mut self, what: &Occurrence) {
+    pub(super) fn record_event(&mut self, what: &AgentEvent) {
         match what {
-            Occurrence::LinkUp { .. } => self.lost = None,
-            Occurrence::LinkDown { reason } => self.lost = Some(reason.clone()),
-            Occurrence::Dock { end, .. } => match end {
+            AgentEvent::LinkUp { .. } => self.lost = None,
+            AgentEvent::LinkDown { reason } => self.lost = Some(reason.clone()),
+            AgentEvent::Dock { end, .. } => match end {
                 DockEnd::Done | DockEnd::AlreadyDocked => self.dock = None,
                 DockEnd::BaseNotFound | DockEnd::Timeout | DockEnd::NotCharging => {
                     self.dock = Some(*end);
                 }
                 _ => {}
             },
-            Occurrence::Watchdog { docked: true, .. } => self.dock = None,
-            Occurrence::Started { behaviour } => {
+            AgentEvent::Watchdog { docked: true, .. } => self.dock = None,
+            AgentEvent::Started { behaviour } => {
                 self.failures.remove(behaviour);
             }
-            Occurrence::Ended {
+            AgentEvent::Ended {
                 behaviour,
                 reason,
                 message,
@@ -53,7 +53,7 @@ impl Report {
                 let words = message.as_deref().unwrap_or(reason.sentence());
                 self.failed(behaviour, words);
             }
-            Occurrence::GivenUp { behaviour, message } => {
+            AgentEvent::GivenUp { behaviour, message } => {
                 self.failed(behaviour, &format!("it is given up; {message}"));
             }
             _ => {}
@@ -68,17 +68,25 @@ impl Report {
     }
 
     /// Returns the behaviour that `start` starts: the chosen one, or else the first.
-    pub(super) fn chosen(&self, members: &[Member]) -> Option<String> {
-        let known = |name: &&String| members.iter().any(|member| member.name == **name);
+    pub(super) fn chosen(&self, statuses: &[BehaviourStatus]) -> Option<String> {
+        let known = |name: &&String| {
+            statuses
+                .iter()
+                .any(|behaviour_status| behaviour_status.name == **name)
+        };
         let chosen = self.chosen.as_ref().filter(known);
-        chosen
-            .cloned()
-            .or_else(|| members.first().map(|member| member.name.clone()))
+        chosen.cloned().or_else(|| {
+            statuses
+                .first()
+                .map(|behaviour_status| behaviour_status.name.clone())
+        })
     }
 
     /// Chooses the behaviour that `start` starts. Returns false if no behaviour has this name.
-    pub(super) fn choose(&mut self, name: &str, members: &[Member]) -> bool {
-        let known = members.iter().any(|member| member.name == name);
+    pub(super) fn choose(&mut self, name: &str, statuses: &[BehaviourStatus]) -> bool {
+        let known = statuses
+            .iter()
+            .any(|behaviour_status| behaviour_status.name == name);
         if known {
             self.chosen = Some(name.to_owned());
         }
@@ -110,11 +118,18 @@ impl Report {
     }
 
     /// Builds the payload of the topic `state`.
-    pub(super) fn state(&self, status: &Status, members: &[Member], next: Option<&Next>) -> Value {
-        let running: Vec<&str> = members
+    pub(super) fn state(
+        &self,
+        status: &Status,
+        statuses: &[BehaviourStatus],
+        next: Option<&Next>,
+    ) -> Value {
+        let running: Vec<&str> = statuses
             .iter()
-            .filter(|member| matches!(member.state, MemberState::Running { .. }))
-            .map(|member| member.name.as_str())
+            .filter(|behaviour_status| {
+                matches!(behaviour_status.state, BehaviourState::Running { .. })
+            })
+            .map(|behaviour_status| behaviour_status.name.as_str())
             .collect();
         let reason = self.reason(status);
         json!({
@@ -125,11 +140,11 @@ impl Report {
             "low": status.low,
             "link": status.link.name(),
             "watchdog": status.safety.to_string(),
-            "place": status.place.to_string(),
+            "dock_state": status.dock_state.to_string(),
             "problem": reason.is_some(),
             "reason": reason,
             "running": running,
-            "behaviour": self.chosen(members),
+            "behaviour": self.chosen(statuses),
             "next": next.map(|next| next.time().to_string()),
             "next_behaviour": next.map(|next| &next.behaviour),
         })
@@ -166,22 +181,22 @@ mod tests {
         }
     }
 
-    fn member(name: &str, runs: bool) -> Member {
+    fn behaviour_status(name: &str, runs: bool) -> BehaviourStatus {
         let (by, since) = (BehaviourId(0), Instant::now());
-        Member {
+        BehaviourStatus {
             name: name.to_owned(),
             priority: Priority(0),
             state: if runs {
-                MemberState::Running { by, since }
+                BehaviourState::Running { by, since }
             } else {
-                MemberState::Idle
+                BehaviourState::Idle
             },
-            ending: None,
+            exit: None,
         }
     }
 
-    fn ended(reason: EndReason) -> Occurrence {
-        Occurrence::Ended {
+    fn ended(reason: EndReason) -> AgentEvent {
+        AgentEvent::Ended {
             behaviour: "patrol".to_owned(),
             reason,
             message: Some("patrol.lua:3: no".to_owned()),
@@ -193,7 +208,7 @@ mod tests {
     fn the_activity_is_in_home_assistants_terms() {
         let report = Report::default();
         let activity_of = |status: Status, runs| {
-            let state = report.state(&status, &[member("patrol", runs)], None);
+            let state = report.state(&status, &[behaviour_status("patrol", runs)], None);
             state["state"].as_str().unwrap().to_owned()
         };
         assert_eq!(activity_of(Status::default(), true), "error");
@@ -224,11 +239,11 @@ mod tests {
             ..free
         };
         let reason = "no answer".to_owned();
-        report.record_event(&Occurrence::LinkDown { reason });
+        report.record_event(&AgentEvent::LinkDown { reason });
         let state = report.state(&lost, &[], None);
         assert_eq!(state["reason"], "the robot is out of reach: no answer");
         let behaviour = "patrol".to_owned();
-        report.record_event(&Occurrence::Started { behaviour });
+        report.record_event(&AgentEvent::Started { behaviour });
         assert_eq!(report.state(&free, &[], None)["reason"], Value::Null);
         report.record_event(&ended(EndReason::Cancelled));
         assert_eq!(report.state(&free, &[], None)["problem"], false);
@@ -237,12 +252,12 @@ mod tests {
     #[test]
     fn start_starts_the_chosen_behaviour_or_else_the_first() {
         let mut report = Report::default();
-        let members = [member("a", false), member("b", false)];
+        let statuses = [behaviour_status("a", false), behaviour_status("b", false)];
         assert_eq!(report.chosen(&[]), None);
-        assert_eq!(report.chosen(&members).as_deref(), Some("a"));
-        assert!(report.choose("b", &members) && !report.choose("c", &members));
-        assert_eq!(report.chosen(&members).as_deref(), Some("b"));
-        assert_eq!(report.chosen(&members[..1]).as_deref(), Some("a"));
+        assert_eq!(report.chosen(&statuses).as_deref(), Some("a"));
+        assert!(report.choose("b", &statuses) && !report.choose("c", &statuses));
+        assert_eq!(report.chosen(&statuses).as_deref(), Some("b"));
+        assert_eq!(report.chosen(&statuses[..1]).as_deref(), Some("a"));
     }
 
     #[test]

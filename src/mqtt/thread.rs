@@ -32,7 +32,7 @@ pub struct Mqtt {
 }
 
 impl Mqtt {
-    /// Publishes the bus's events from now on at this broker, and passes orders from there to the
+    /// Publishes the bus's events from now on at this broker, and passes commands from there to the
     /// run. Connects once the robot's uid is known, and reconnects whenever the connection is lost.
     /// Does not wait for the network.
     ///

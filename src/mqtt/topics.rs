@@ -43,12 +43,12 @@ impl Topics {
         format!("{}/picture", self.base)
     }
 
-    /// Results of orders, as JSON.
+    /// Results of commands, as JSON.
     pub(super) fn answer(&self) -> String {
         format!("{}/answer", self.base)
     }
 
-    /// Orders to the agent.
+    /// Commands to the agent.
     pub(super) fn command(&self) -> String {
         format!("{}/command", self.base)
     }

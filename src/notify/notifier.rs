@@ -169,7 +169,7 @@ impl Dispatcher {
     /// Handles an event. Returns false if the bus is closed.
     fn handle_event(&mut self, message: &BusMessage) -> bool {
         match message {
-            BusMessage::Occurrence(one) => {
+            BusMessage::Event(one) => {
                 let notification = self.rules.handle_event(&one.what, Instant::now());
                 self.enqueue(notification, one.at);
             }

@@ -8,7 +8,7 @@ use serde_json::Value;
 use tokio::time::Instant;
 
 use super::notice::Rule;
-use crate::robot::{Battery, DockEnd, EndReason, Occurrence, SafetyAction};
+use crate::robot::{AgentEvent, Battery, DockEnd, EndReason, SafetyAction};
 
 /// Minimum interval between two notifications of the same problem.
 const AGAIN: Duration = Duration::from_secs(600);
@@ -64,9 +64,9 @@ impl Rules {
     }
 
     /// Handles an event.
-    pub(super) fn handle_event(&mut self, what: &Occurrence, now: Instant) -> Option<Notification> {
+    pub(super) fn handle_event(&mut self, what: &AgentEvent, now: Instant) -> Option<Notification> {
         match what {
-            Occurrence::LinkUp { robot, .. } => {
+            AgentEvent::LinkUp { robot, .. } => {
                 let name = if robot.name.is_empty() {
                     &robot.uid
                 } else {
@@ -78,25 +78,25 @@ impl Rules {
                 missing
                     .then(|| notification(Rule::Unreachable, format!("{name} is in reach again")))
             }
-            Occurrence::LinkDown { reason } => {
+            AgentEvent::LinkDown { reason } => {
                 if let Link::Up = self.link {
                     self.link = Link::Down(now, Some(reason.clone()));
                 }
                 None
             }
-            Occurrence::Battery(battery) => {
+            AgentEvent::Battery(battery) => {
                 self.battery = Some(*battery);
                 None
             }
-            Occurrence::Watchdog { low, .. } => {
+            AgentEvent::Watchdog { low, .. } => {
                 let was_low = std::mem::replace(&mut self.low, *low);
                 (*low && !was_low).then(|| notification(Rule::Low, self.low_text()))
             }
-            Occurrence::Safety {
+            AgentEvent::Safety {
                 action: SafetyAction::Alarm,
                 reason,
             } => self.once(Rule::Alarm, "", format!("the alarm sounds: {reason}"), now),
-            Occurrence::Dock {
+            AgentEvent::Dock {
                 end, by, seconds, ..
             } => {
                 let why = failed_docking(*end)?;
@@ -105,7 +105,7 @@ impl Rules {
                     format!("docking failed after {seconds:.0} s: {why} (requested by {by})");
                 self.once(Rule::NotDocked, "", text, now)
             }
-            Occurrence::Ended {
+            AgentEvent::Ended {
                 behaviour,
                 reason: EndReason::Error | EndReason::Cpu | EndReason::Memory,
                 message,
@@ -115,15 +115,15 @@ impl Rules {
                 let text = format!("{behaviour} failed: {why}");
                 self.once(Rule::RunFailed, behaviour, text, now)
             }
-            Occurrence::GivenUp { behaviour, message } => {
+            AgentEvent::GivenUp { behaviour, message } => {
                 let text = format!("{behaviour} is given up, it failed too often: {message}");
                 Some(notification(Rule::RunFailed, text))
             }
-            Occurrence::StartMissed { behaviour, reason } => {
+            AgentEvent::StartMissed { behaviour, reason } => {
                 let text = format!("{behaviour} did not start: {reason}");
                 self.once(Rule::StartMissed, behaviour, text, now)
             }
-            Occurrence::Entry {
+            AgentEvent::Entry {
                 behaviour,
                 kind,
                 data,
@@ -136,7 +136,7 @@ impl Rules {
                 let text = format!("{behaviour}: {what}{}", fields(data));
                 self.once(Rule::Moved, kind, text, now)
             }
-            Occurrence::Notify { text, picture, .. } => Some(Notification {
+            AgentEvent::Notify { text, picture, .. } => Some(Notification {
                 picture: picture.clone(),
                 ..notification(Rule::Script, text.clone())
             }),

@@ -11,7 +11,7 @@ use tokio::runtime::{Builder, Handle};
 use tokio_util::sync::CancellationToken;
 
 /// How long the core may take to drop its tasks.
-const END: Duration = Duration::from_millis(500);
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_millis(500);
 /// The runtime's helper thread is never ended, so that a later use does not have to start a thread.
 const HELPER_KEPT: Duration = Duration::from_secs(366 * 86_400);
 
@@ -45,7 +45,7 @@ impl DrivingCore {
             .name("core".into())
             .spawn(move || {
                 runtime.block_on(stopped.cancelled());
-                runtime.shutdown_timeout(END / 2);
+                runtime.shutdown_timeout(SHUTDOWN_TIMEOUT / 2);
                 drop(alive);
             })?;
         Ok(DrivingCore {
@@ -65,7 +65,7 @@ impl Drop for DrivingCore {
     fn drop(&mut self) {
         self.stop.cancel();
         // Returns when the thread has dropped its end of the channel; nothing is ever sent.
-        let _ = self.ended.recv_timeout(END);
+        let _ = self.ended.recv_timeout(SHUTDOWN_TIMEOUT);
     }
 }
 

@@ -1,7 +1,7 @@
 //! What goes to the robot: executes the watchdog's acts, all commands of one batch in one write, and
 //! decides what is withheld: by a person's STOP, in quiet hours, with a nearly empty battery, and
-//! while the alarm sounds. Also keeps the last words: what the writer, the line and the guardian
-//! send to the robot if all else fails.
+//! while the alarm sounds. Also keeps the last words: what the writer, the connection and the
+//! guardian send to the robot if all else fails.
 
 use std::os::fd::{AsFd, OwnedFd};
 use std::time::Duration;
@@ -10,8 +10,8 @@ use tokio::time::Instant;
 use tracing::warn;
 
 use super::Pilot;
-use super::line::{Line, LinkLost};
-use super::pulse::Pulse;
+use super::connection::{Connection, LinkLost};
+use super::heartbeat::Heartbeat;
 use crate::link::Writer;
 use crate::robot::Event;
 use crate::robot::channel::{Quiet, Role};
@@ -27,13 +27,13 @@ const AGAIN: Duration = Duration::from_millis(200);
 /// watchdog would send a robot with a low battery home. It stays on until a person releases it,
 /// across lost links: each login repeats it. It also applies to the last words.
 #[derive(Debug, Default)]
-pub(super) struct Halt {
+pub(super) struct EmergencyStopState {
     on: bool,
     /// When it was last sent.
     last_sent: Option<Instant>,
 }
 
-impl Halt {
+impl EmergencyStopState {
     pub(super) fn is_on(&self) -> bool {
         self.on
     }
@@ -121,8 +121,8 @@ impl QuietHours {
 impl Pilot {
     /// Gives a fact to the watchdog and executes its acts. Like all functions here it fails if the
     /// link is lost.
-    pub(super) fn take(&mut self, fact: Fact) -> Result<(), LinkLost> {
-        let acts = self.watchdog.take(fact, Instant::now());
+    pub(super) fn handle(&mut self, fact: Fact) -> Result<(), LinkLost> {
+        let acts = self.watchdog.handle(fact, Instant::now());
         self.perform(acts)
     }
 
@@ -138,7 +138,7 @@ impl Pilot {
                 Act::Send(_) => {}
                 Act::Tell(by, event) => {
                     self.publish_undocking(by, &event);
-                    self.seats.tell(by, event);
+                    self.sessions.tell(by, event);
                 }
                 Act::Announce(mut event) => {
                     if let Event::BatteryLow(battery) | Event::BatteryOk(battery) = &mut event {
@@ -148,9 +148,9 @@ impl Pilot {
                         warn!(%action, "watchdog: {reason}");
                     }
                     self.publish_safety(&event);
-                    self.seats.tell_all(&event);
+                    self.sessions.tell_all(&event);
                 }
-                Act::Kill(by, reason) => self.seats.kill(by, reason),
+                Act::Kill(by, reason) => self.sessions.kill(by, reason),
                 Act::Reconnect(reason) => done = done.and(Err(LinkLost::because(reason))),
             }
         }
@@ -160,12 +160,12 @@ impl Pilot {
     /// Sends commands without blocking. Without a link they are dropped: the robot's next login
     /// begins with a stop.
     pub(super) fn send(&mut self, commands: &[Command]) -> Result<(), LinkLost> {
-        let commands = &*self.replace_while_halted(commands);
+        let commands = &*self.replace_while_stopped(commands);
         for command in commands {
             if self.simulated && self.writer.is_some() {
-                self.shown.log(command);
+                self.actuators.log(command);
             }
-            self.shown.note(command);
+            self.actuators.record(command);
         }
         if commands
             .iter()
@@ -183,57 +183,57 @@ impl Pilot {
         writer.queue(commands, Instant::now())?;
         // Before the robot receives them: the guardian may have to send the last words instead of
         // this process.
-        tell_guardian(&mut self.pulse, writer);
+        tell_guardian(&mut self.heartbeat, writer);
         writer.write_ready()?;
         // Again: a message may be partly written now.
-        tell_guardian(&mut self.pulse, writer);
+        tell_guardian(&mut self.heartbeat, writer);
         self.stopwatch.wrote(commands, Instant::now());
         Ok(())
     }
 
     /// Sets or releases it.
-    pub(super) fn halt(&mut self, on: bool) -> Result<(), LinkLost> {
-        let was = std::mem::replace(&mut self.halt.on, on);
+    pub(super) fn set_emergency_stop(&mut self, on: bool) -> Result<(), LinkLost> {
+        let was = std::mem::replace(&mut self.emergency_stop.on, on);
         match (was, on) {
             (false, true) => {
                 warn!("stopped by a person: nothing moves the robot until a person releases it");
-                self.send_halt()
+                self.send_emergency_stop()
             }
             (true, true) => {
                 let lately = |at: Instant| at.elapsed() < AGAIN;
-                if self.halt.last_sent.is_some_and(lately) {
+                if self.emergency_stop.last_sent.is_some_and(lately) {
                     return Ok(());
                 }
-                self.send_halt()
+                self.send_emergency_stop()
             }
             (true, false) => {
                 warn!("released by a person: the robot may move again");
                 // The robot's state differs from what the watchdog assumes: the watchdog starts
                 // over, with a stop.
-                self.take(Fact::Suspended)
+                self.handle(Fact::Suspended)
             }
             (false, false) => Ok(()),
         }
     }
 
     /// Sends it again if it is on: the robot may not have received it over an earlier link.
-    pub(super) fn repeat_halt(&mut self) -> Result<(), LinkLost> {
-        if self.halt.on {
-            self.send_halt()
+    pub(super) fn repeat_emergency_stop(&mut self) -> Result<(), LinkLost> {
+        if self.emergency_stop.on {
+            self.send_emergency_stop()
         } else {
             Ok(())
         }
     }
 
-    fn send_halt(&mut self) -> Result<(), LinkLost> {
-        self.halt.last_sent = Some(Instant::now());
+    fn send_emergency_stop(&mut self) -> Result<(), LinkLost> {
+        self.emergency_stop.last_sent = Some(Instant::now());
         self.send(&STOP)
     }
 
     /// The commands to send instead of these.
-    pub(super) fn replace_while_halted(&self, commands: &[Command]) -> Vec<Command> {
-        if self.halt.on {
-            commands.iter().filter_map(while_halted).collect()
+    pub(super) fn replace_while_stopped(&self, commands: &[Command]) -> Vec<Command> {
+        if self.emergency_stop.on {
+            commands.iter().filter_map(while_stopped).collect()
         } else {
             commands.to_vec()
         }
@@ -254,31 +254,31 @@ impl Pilot {
             writer.drop_audio();
         }
         if now.shed && !before.shed {
-            let off = self.shown.off(now.alarm);
+            let off = self.actuators.off(now.alarm);
             self.send(&off)?;
         }
         self.apply_streams(false)
     }
 
-    /// Stores the current last words with the writer, the line and the guardian; a released line
-    /// stops dialling.
-    pub(super) fn store_last_words(&mut self, line: &mut Line) {
+    /// Stores the current last words with the writer, the connection and the guardian; a released
+    /// connection stops connecting.
+    pub(super) fn store_last_words(&mut self, connection: &mut Connection) {
         let last_words = self.renew_last_words();
-        if line.is_logging_in()
-            && let Some(guardian) = self.pulse.as_mut().and_then(Pulse::guardian)
+        if connection.is_logging_in()
+            && let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian)
         {
-            guardian.note(&[], &bytes_of(&last_words));
+            guardian.set_last_words(&[], &bytes_of(&last_words));
         }
-        line.set_last_words(last_words);
-        line.set_released(self.released);
+        connection.set_last_words(last_words);
+        connection.set_released(self.released);
         if let Some(writer) = &self.writer {
-            tell_guardian(&mut self.pulse, writer);
+            tell_guardian(&mut self.heartbeat, writer);
         }
     }
 
     /// Returns the current last words and stores them with the writer, if there is one.
     pub(super) fn renew_last_words(&mut self) -> Vec<Command> {
-        let last_words = self.replace_while_halted(&self.watchdog.last_words().commands());
+        let last_words = self.replace_while_stopped(&self.watchdog.last_words().commands());
         if let Some(writer) = &mut self.writer {
             writer.set_last_words(last_words.clone());
         }
@@ -287,29 +287,29 @@ impl Pilot {
 
     /// Gives the guardian the socket of a link whose login the robot has accepted, and its last
     /// words; `None`: that link has ended.
-    pub(super) fn guard_login(&mut self, socket: Option<OwnedFd>) {
+    pub(super) fn watch_login(&mut self, socket: Option<OwnedFd>) {
         let last_words = bytes_of(&self.renew_last_words());
-        let Some(guardian) = self.pulse.as_mut().and_then(Pulse::guardian) else {
+        let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian) else {
             return;
         };
         match socket {
-            Some(socket) => guardian.guard_login(socket.as_fd(), last_words),
+            Some(socket) => guardian.watch_login(socket.as_fd(), last_words),
             None => guardian.release(),
         }
     }
 
     /// Gives the new link and its last words to the guardian.
-    pub(super) fn guard(&mut self) {
-        let guardian = self.pulse.as_mut().and_then(Pulse::guardian);
+    pub(super) fn watch_link(&mut self) {
+        let guardian = self.heartbeat.as_mut().and_then(Heartbeat::guardian);
         let socket = self.writer.as_ref().and_then(Writer::socket);
         if let (Some(guardian), Some(socket), Some(writer)) = (guardian, socket, &self.writer) {
-            guardian.guard(socket, writer.last_words().1);
+            guardian.watch(socket, writer.last_words().1);
         }
     }
 
     /// Tells the guardian that the link is closed and its last words were sent.
-    pub(super) fn release_guard(&mut self) {
-        if let Some(guardian) = self.pulse.as_mut().and_then(Pulse::guardian) {
+    pub(super) fn release_guardian(&mut self) {
+        if let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian) {
             guardian.release();
         }
     }
@@ -317,7 +317,7 @@ impl Pilot {
 
 /// What is sent instead of a command while the STOP is on: a stop for each MOVE, the end of a search
 /// for its begin, and nothing for an undocking.
-fn while_halted(command: &Command) -> Option<Command> {
+fn while_stopped(command: &Command) -> Option<Command> {
     match command {
         Command::Move { .. } => Some(Command::STOP),
         Command::Engine(Engage::Dock) => Some(Command::Engine(Engage::CancelDock)),
@@ -340,10 +340,10 @@ fn bytes_of(commands: &[Command]) -> Vec<u8> {
 }
 
 /// Gives the guardian the data that this writer would send last.
-pub(super) fn tell_guardian(pulse: &mut Option<Pulse>, writer: &Writer) {
-    if let Some(guardian) = pulse.as_mut().and_then(Pulse::guardian) {
+pub(super) fn tell_guardian(heartbeat: &mut Option<Heartbeat>, writer: &Writer) {
+    if let Some(guardian) = heartbeat.as_mut().and_then(Heartbeat::guardian) {
         let (partly_written, words) = writer.last_words();
-        guardian.note(partly_written, &words);
+        guardian.set_last_words(partly_written, &words);
     }
 }
 
@@ -358,7 +358,7 @@ mod tests {
     #[test]
     fn last_words_that_would_begin_a_search_end_it() {
         let sent = LastWords::StopAndDock.commands();
-        let sent: Vec<Command> = sent.iter().filter_map(while_halted).collect();
+        let sent: Vec<Command> = sent.iter().filter_map(while_stopped).collect();
         assert_eq!(sent, STOP);
     }
 

@@ -37,7 +37,7 @@ pub struct Tally {
 }
 
 impl Reactions {
-    fn note(&self, took: Duration) {
+    fn record(&self, took: Duration) {
         let micros = u64::try_from(took.as_micros()).unwrap_or(u64::MAX);
         let bucket = BOUNDS.partition_point(|bound| bound * 1000 < micros);
         self.0.buckets[bucket].fetch_add(1, Ordering::Relaxed);
@@ -89,7 +89,7 @@ impl Stopwatch {
             return;
         }
         if let Some(frame) = self.frame.take() {
-            self.reactions.note(now.saturating_duration_since(frame));
+            self.reactions.record(now.saturating_duration_since(frame));
         }
     }
 }
@@ -133,8 +133,8 @@ mod tests {
     #[test]
     fn a_very_long_reaction_is_in_the_last_bucket() {
         let reactions = Reactions::default();
-        reactions.note(Duration::from_secs(5));
-        reactions.note(Duration::from_millis(1));
+        reactions.record(Duration::from_secs(5));
+        reactions.record(Duration::from_millis(1));
         let tally = reactions.tally();
         assert_eq!((tally.buckets[0].1, tally.buckets[BOUNDS.len()].1), (1, 1));
     }

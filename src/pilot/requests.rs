@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use tracing::warn;
 
 use super::Pilot;
-use super::line::LinkLost;
+use super::connection::LinkLost;
 use super::outputs::{QuietHours, Restrictions};
 use super::throttle::{SharedLimit, Throttle};
 use crate::robot::channel::{
@@ -27,7 +27,7 @@ const STREAMS_LATER: Duration = Duration::from_millis(100);
 
 impl Pilot {
     pub(super) fn serve(&mut self, request: Request) -> Result<(), LinkLost> {
-        self.wake()?;
+        self.heartbeat()?;
         match request {
             Request::Join {
                 by,
@@ -39,13 +39,14 @@ impl Pilot {
                 let mut welcome = self.welcome();
                 // `Connected` must stay the last event.
                 welcome.insert(0, Event::Moving { on: self.moving });
-                self.seats.join(by, name, priority, role, events, &welcome);
+                self.sessions
+                    .join(by, name, priority, role, events, &welcome);
                 if role == Role::Rescuer {
                     self.defer(Fact::Rescuer(Some(by)));
                 }
                 Ok(())
             }
-            Request::Intent(by, intent) => match self.seats.priority(by) {
+            Request::Intent(by, intent) => match self.sessions.priority(by) {
                 Some(priority) => self.intent(by, priority, intent),
                 None => Ok(()),
             },
@@ -54,7 +55,7 @@ impl Pilot {
                 Ok(())
             }
             Request::Gone(by) => {
-                self.seats.leave(by);
+                self.sessions.leave(by);
                 self.defer(Fact::Gone(by));
                 self.apply_streams(false)
             }
@@ -63,15 +64,15 @@ impl Pilot {
                 self.sound_alarm()
             }
             Request::Running(reply) => {
-                let (robot, behaviours) = (self.info.clone(), self.seats.behaviours());
+                let (robot, behaviours) = (self.info.clone(), self.sessions.behaviours());
                 // The receiver may be gone.
                 let _ = reply.send(RunningBehaviours { robot, behaviours });
                 Ok(())
             }
-            Request::Halt(on) => self.halt(on),
+            Request::EmergencyStop(on) => self.set_emergency_stop(on),
             Request::Release(release) => self.release(release),
             Request::Quiet(quiet) => self.set_quiet(quiet),
-            Request::Sleep(sleep) => self.sleep(sleep),
+            Request::Suspend(suspend) => self.suspend(suspend),
         }
     }
 
@@ -91,12 +92,12 @@ impl Pilot {
                 Ok(())
             }
             Intent::Dock { call, .. } if !self.admits(by, Engage::Dock) => {
-                self.seats.tell(by, refused_docking(call));
+                self.sessions.tell(by, refused_docking(call));
                 Ok(())
             }
             Intent::Undock { call, .. } if !self.admits(by, Engage::Undock) => {
                 let end = DockEnd::Safety;
-                self.seats.tell(by, Event::UndockEnded { call, end });
+                self.sessions.tell(by, Event::UndockEnded { call, end });
                 Ok(())
             }
             Intent::Move { .. }
@@ -106,7 +107,7 @@ impl Pilot {
             | Intent::CancelDock => {
                 self.stopwatch
                     .serving(matches!(intent, Intent::Move { .. }));
-                let served = self.take(Fact::Asked {
+                let served = self.handle(Fact::Asked {
                     by,
                     priority,
                     intent,
@@ -119,16 +120,19 @@ impl Pilot {
             Intent::Play(sound) => self.signal(by, Command::Play(sound)),
             Intent::StopSound => self.signal(by, Command::StopSound),
             Intent::Volume(percent) => self.signal(by, Command::Volume(percent.get())),
-            Intent::Say(_) if self.seats.forbids(Stream::AudioOut) => Ok(()),
+            Intent::Say(_) if self.sessions.forbids(Stream::AudioOut) => Ok(()),
             Intent::Say(samples) => self.say(by, samples.into()),
         }
     }
 
     /// Switches a stream now, or a little later if the behaviour switches too often.
     fn stream(&mut self, by: BehaviourId, stream: Stream, on: bool) -> Result<(), LinkLost> {
-        self.seats.want(by, stream, on);
+        self.sessions.want(by, stream, on);
         let now = Instant::now();
-        if self.seats.admits(by, &Command::Stream { stream, on }, now) {
+        if self
+            .sessions
+            .admits(by, &Command::Stream { stream, on }, now)
+        {
             return self.apply_streams(false);
         }
         self.streams_due.get_or_insert(now + STREAMS_LATER);
@@ -138,8 +142,8 @@ impl Pilot {
     /// Sends a light or a sound if it changes anything and the behaviour is allowed to.
     fn signal(&mut self, by: BehaviourId, command: Command) -> Result<(), LinkLost> {
         if !self.allows(by, &command)
-            || !self.shown.is_news(&command)
-            || !self.seats.admits(by, &command, Instant::now())
+            || !self.actuators.is_news(&command)
+            || !self.sessions.admits(by, &command, Instant::now())
         {
             return Ok(());
         }
@@ -150,8 +154,8 @@ impl Pilot {
     /// Whether the current state allows a behaviour this light or sound.
     fn allows(&self, by: BehaviourId, command: &Command) -> bool {
         let restrictions = Restrictions::demanded_by(&self.watchdog);
-        let role = self.seats.role(by).unwrap_or_default();
-        self.quiet_hours.allows(role, command) && self.seats.allows(by, command, restrictions)
+        let role = self.sessions.role(by).unwrap_or_default();
+        self.quiet_hours.allows(role, command) && self.sessions.allows(by, command, restrictions)
     }
 
     /// Begins or ends quiet hours.
@@ -173,7 +177,7 @@ impl Pilot {
     /// Releases the link, or reconnects: see [`Request::Release`].
     fn release(&mut self, release: bool) -> Result<(), LinkLost> {
         let away = self.watchdog.low().is_some() && !self.watchdog.docked();
-        let busy = away || !self.seats.behaviours().is_empty();
+        let busy = away || !self.sessions.behaviours().is_empty();
         if release && (busy || self.writer.is_none()) {
             return Ok(());
         }
@@ -189,7 +193,7 @@ impl Pilot {
     /// written in between: a behaviour that releases the tracks may take them again at once, and
     /// one of lower priority must not drive in that instant.
     fn defer(&mut self, fact: Fact) {
-        self.watchdog.absorb(fact, Instant::now());
+        self.watchdog.apply(fact, Instant::now());
         self.has_deferred = true;
     }
 
@@ -198,7 +202,7 @@ impl Pilot {
         if !std::mem::take(&mut self.has_deferred) {
             return Ok(());
         }
-        let acts = self.watchdog.tick(Instant::now());
+        let acts = self.watchdog.poll(Instant::now());
         self.perform(acts)
     }
 
@@ -219,14 +223,14 @@ impl Pilot {
 
     fn say(&mut self, by: BehaviourId, samples: Bytes) -> Result<(), LinkLost> {
         let command = Command::Audio(samples.clone());
-        if !self.allows(by, &command) || !self.seats.admits(by, &command, Instant::now()) {
+        if !self.allows(by, &command) || !self.sessions.admits(by, &command, Instant::now()) {
             return Ok(());
         }
         self.flush_deferred()?;
         if let Some(writer) = &mut self.writer
             && !writer.say(&samples)?
         {
-            self.seats.refuse(by);
+            self.sessions.refuse(by);
             return Ok(());
         }
         self.tell_sound();
@@ -235,7 +239,7 @@ impl Pilot {
 
     /// Whether a behaviour may request one more docking or undocking.
     fn admits(&mut self, by: BehaviourId, engage: Engage) -> bool {
-        self.seats
+        self.sessions
             .admits(by, &Command::Engine(engage), Instant::now())
     }
 
@@ -251,13 +255,14 @@ impl Pilot {
     /// streams off.
     pub(super) fn apply_streams(&mut self, after_login: bool) -> Result<(), LinkLost> {
         let restrictions = Restrictions::demanded_by(&self.watchdog);
-        let commands = self.seats.stream_changes(after_login, restrictions);
+        let commands = self.sessions.stream_changes(after_login, restrictions);
         if commands.is_empty() || self.writer.is_none() {
             return Ok(());
         }
         self.flush_deferred()?;
-        let streaming = self.seats.streams(Stream::Video) || self.seats.streams(Stream::AudioIn);
-        self.take(Fact::Streaming(streaming))?;
+        let streaming =
+            self.sessions.streams(Stream::Video) || self.sessions.streams(Stream::AudioIn);
+        self.handle(Fact::Streaming(streaming))?;
         self.send(&commands)
     }
 }
@@ -273,7 +278,7 @@ fn refused_docking(call: CallId) -> Event {
 }
 
 #[derive(Debug)]
-struct Seat {
+struct Session {
     name: String,
     priority: Priority,
     role: Role,
@@ -282,7 +287,7 @@ struct Seat {
     throttle: Throttle,
 }
 
-impl Seat {
+impl Session {
     /// Logs that commands were dropped, at growing intervals.
     fn log_refusals(&self) {
         if let Some(count) = self.throttle.refusals_to_log() {
@@ -295,22 +300,22 @@ impl Seat {
     }
 }
 
-/// The seats of all behaviours that run.
+/// The sessions of all behaviours that run.
 #[derive(Debug, Default)]
-pub(super) struct Seats {
-    seats: BTreeMap<BehaviourId, Seat>,
+pub(super) struct Sessions {
+    sessions: BTreeMap<BehaviourId, Session>,
     streaming: BTreeSet<Stream>,
     usage: Streams,
     /// The limit for all behaviours together; `None` before the first command.
     shared: Option<SharedLimit>,
 }
 
-impl Seats {
+impl Sessions {
     /// Begins empty, with this use of the streams.
-    pub(super) fn new(usage: Streams) -> Seats {
-        Seats {
+    pub(super) fn new(usage: Streams) -> Sessions {
+        Sessions {
             usage,
-            ..Seats::default()
+            ..Sessions::default()
         }
     }
 
@@ -325,9 +330,9 @@ impl Seats {
         welcome: &[Event],
     ) {
         welcome.iter().for_each(|event| events.tell(event.clone()));
-        self.seats.insert(
+        self.sessions.insert(
             by,
-            Seat {
+            Session {
                 name,
                 priority,
                 role,
@@ -345,18 +350,18 @@ impl Seats {
         command: &Command,
         restrictions: Restrictions,
     ) -> bool {
-        let seat = self.seats.get(&by);
-        seat.is_some_and(|seat| restrictions.allows(seat.role, command))
+        let session = self.sessions.get(&by);
+        session.is_some_and(|session| restrictions.allows(session.role, command))
     }
 
     /// Whether a behaviour may send one more command that is not a motion.
     pub(super) fn admits(&mut self, by: BehaviourId, command: &Command, now: Instant) -> bool {
-        let Some(seat) = self.seats.get_mut(&by) else {
+        let Some(session) = self.sessions.get_mut(&by) else {
             return false;
         };
         let shared = self.shared.get_or_insert_with(|| SharedLimit::new(now));
-        if !seat.throttle.admits(command, now) {
-            seat.log_refusals();
+        if !session.throttle.admits(command, now) {
+            session.log_refusals();
             return false;
         }
         if !shared.admits(command, now) {
@@ -369,77 +374,77 @@ impl Seats {
     /// Counts a command that was within the behaviour's own share, but beyond that of all
     /// behaviours or of the link.
     pub(super) fn refuse(&mut self, by: BehaviourId) {
-        if let Some(seat) = self.seats.get_mut(&by) {
-            seat.throttle.refuse();
-            seat.log_refusals();
+        if let Some(session) = self.sessions.get_mut(&by) {
+            session.throttle.refuse();
+            session.log_refusals();
         }
     }
 
     /// Removes a behaviour that has ended.
     pub(super) fn leave(&mut self, by: BehaviourId) {
-        self.seats.remove(&by);
+        self.sessions.remove(&by);
     }
 
     /// Has a behaviour's host ended; from now on its requests are ignored.
     pub(super) fn kill(&mut self, by: BehaviourId, reason: EndReason) {
-        if let Some(seat) = self.seats.remove(&by) {
-            seat.events.kill(reason);
+        if let Some(session) = self.sessions.remove(&by) {
+            session.events.kill(reason);
         }
     }
 
-    /// A behaviour's role; `None` if it has no seat.
+    /// A behaviour's role; `None` if it has no session.
     pub(super) fn role(&self, by: BehaviourId) -> Option<Role> {
-        self.seats.get(&by).map(|seat| seat.role)
+        self.sessions.get(&by).map(|session| session.role)
     }
 
-    /// A behaviour's priority; `None` if it has no seat.
+    /// A behaviour's priority; `None` if it has no session.
     pub(super) fn priority(&self, by: BehaviourId) -> Option<Priority> {
-        self.seats.get(&by).map(|seat| seat.priority)
+        self.sessions.get(&by).map(|session| session.priority)
     }
 
-    /// A behaviour's name; `None` if it has no seat.
+    /// A behaviour's name; `None` if it has no session.
     pub(super) fn name(&self, by: BehaviourId) -> Option<&str> {
-        self.seats.get(&by).map(|seat| seat.name.as_str())
+        self.sessions.get(&by).map(|session| session.name.as_str())
     }
 
     /// The behaviours that run, without persons.
     pub(super) fn behaviours(&self) -> Vec<RunningBehaviour> {
-        let behaviours = self.seats.values();
+        let behaviours = self.sessions.values();
         behaviours
-            .filter(|seat| seat.role != Role::Person)
-            .map(|seat| RunningBehaviour {
-                name: seat.name.clone(),
-                priority: seat.priority,
+            .filter(|session| session.role != Role::Person)
+            .map(|session| RunningBehaviour {
+                name: session.name.clone(),
+                priority: session.priority,
             })
             .collect()
     }
 
     /// Sends an event to one behaviour.
     pub(super) fn tell(&mut self, by: BehaviourId, event: Event) {
-        if let Some(seat) = self.seats.get_mut(&by) {
-            seat.events.tell(event);
+        if let Some(session) = self.sessions.get_mut(&by) {
+            session.events.tell(event);
         }
     }
 
     /// Notifies every behaviour of a newer picture.
     pub(super) fn notify_frame(&self) {
-        self.seats
+        self.sessions
             .values()
-            .for_each(|seat| seat.events.notify_frame());
+            .for_each(|session| session.events.notify_frame());
     }
 
     /// Sends an event to every behaviour.
     pub(super) fn tell_all(&mut self, event: &Event) {
-        self.seats
+        self.sessions
             .values_mut()
-            .for_each(|seat| seat.events.tell(event.clone()));
+            .for_each(|session| session.events.tell(event.clone()));
     }
 
     /// Sends an event to the behaviours that want the microphone.
     pub(super) fn tell_listeners(&mut self, event: &Event) {
-        let listens = |seat: &&mut Seat| seat.streams.contains(&Stream::AudioIn);
-        let listeners = self.seats.values_mut().filter(listens);
-        listeners.for_each(|seat| seat.events.tell(event.clone()));
+        let listens = |session: &&mut Session| session.streams.contains(&Stream::AudioIn);
+        let listeners = self.sessions.values_mut().filter(listens);
+        listeners.for_each(|session| session.events.tell(event.clone()));
     }
 
     /// Sends every behaviour the state after a login.
@@ -449,13 +454,13 @@ impl Seats {
 
     /// Notes that a behaviour wants a stream, or no longer wants it.
     pub(super) fn want(&mut self, by: BehaviourId, stream: Stream, on: bool) {
-        let Some(seat) = self.seats.get_mut(&by) else {
+        let Some(session) = self.sessions.get_mut(&by) else {
             return;
         };
         if on {
-            seat.streams.insert(stream)
+            session.streams.insert(stream)
         } else {
-            seat.streams.remove(&stream)
+            session.streams.remove(&stream)
         };
     }
 
@@ -473,9 +478,9 @@ impl Seats {
     fn wanted(&self, restrictions: Restrictions) -> BTreeSet<Stream> {
         let always = self.usage.used(Use::On);
         let always = always.map(|stream| (Role::Behaviour, stream));
-        self.seats
+        self.sessions
             .values()
-            .flat_map(|seat| seat.streams.iter().map(|stream| (seat.role, *stream)))
+            .flat_map(|session| session.streams.iter().map(|stream| (session.role, *stream)))
             .chain(always)
             .filter(|(role, stream)| restrictions.allows_stream(*role, *stream))
             .map(|(_, stream)| stream)
@@ -511,7 +516,7 @@ impl Seats {
 
     /// The commands that switch every stream off, at the end.
     pub(super) fn streams_off(&mut self) -> Vec<Command> {
-        self.seats.clear();
+        self.sessions.clear();
         self.usage = Streams::default();
         self.stream_changes(false, Restrictions::default())
     }
@@ -538,9 +543,9 @@ mod tests {
 
     #[test]
     fn a_stream_is_on_while_any_behaviour_wants_it() {
-        let mut seats = Seats::default();
+        let mut sessions = Sessions::default();
         for by in [ONE, TWO] {
-            seats.join(
+            sessions.join(
                 by,
                 "one".to_owned(),
                 Priority(0),
@@ -548,29 +553,29 @@ mod tests {
                 events().0,
                 &[],
             );
-            seats.want(by, Stream::Video, true);
+            sessions.want(by, Stream::Video, true);
         }
-        assert_eq!(seats.stream_changes(false, USUAL), [video(true)]);
-        assert_eq!(seats.stream_changes(false, USUAL), []);
+        assert_eq!(sessions.stream_changes(false, USUAL), [video(true)]);
+        assert_eq!(sessions.stream_changes(false, USUAL), []);
         assert_eq!(
-            seats.stream_changes(true, USUAL),
+            sessions.stream_changes(true, USUAL),
             [video(true)],
             "a login forgets streams"
         );
-        seats.want(ONE, Stream::Video, false);
-        assert_eq!(seats.stream_changes(false, USUAL), []);
-        seats.leave(TWO);
-        assert_eq!(seats.stream_changes(false, USUAL), [video(false)]);
+        sessions.want(ONE, Stream::Video, false);
+        assert_eq!(sessions.stream_changes(false, USUAL), []);
+        sessions.leave(TWO);
+        assert_eq!(sessions.stream_changes(false, USUAL), [video(false)]);
     }
 
     #[test]
     fn a_forbidden_stream_stays_off_and_an_unconditional_one_is_on_to_the_end() {
-        let mut seats = Seats::new(Streams {
+        let mut sessions = Sessions::new(Streams {
             video: Use::On,
             audio_in: Use::Off,
             ..Streams::default()
         });
-        seats.join(
+        sessions.join(
             ONE,
             "one".to_owned(),
             Priority(0),
@@ -578,12 +583,12 @@ mod tests {
             events().0,
             &[],
         );
-        seats.want(ONE, Stream::AudioIn, true);
-        assert_eq!(seats.stream_changes(true, USUAL), [video(true)]);
-        assert!(seats.streams(Stream::Video) && !seats.streams(Stream::AudioIn));
-        seats.want(ONE, Stream::Video, false);
-        assert_eq!(seats.stream_changes(false, USUAL), []);
-        assert_eq!(seats.streams_off(), [video(false)]);
+        sessions.want(ONE, Stream::AudioIn, true);
+        assert_eq!(sessions.stream_changes(true, USUAL), [video(true)]);
+        assert!(sessions.streams(Stream::Video) && !sessions.streams(Stream::AudioIn));
+        sessions.want(ONE, Stream::Video, false);
+        assert_eq!(sessions.stream_changes(false, USUAL), []);
+        assert_eq!(sessions.streams_off(), [video(false)]);
     }
 
     #[test]
@@ -592,34 +597,34 @@ mod tests {
             shed: true,
             ..USUAL
         };
-        let mut seats = Seats::new(Streams {
+        let mut sessions = Sessions::new(Streams {
             video: Use::On,
             ..Streams::default()
         });
         for (by, role) in [(ONE, Role::Behaviour), (TWO, Role::Rescuer)] {
-            seats.join(by, "one".to_owned(), Priority(0), role, events().0, &[]);
-            seats.want(by, Stream::AudioIn, true);
+            sessions.join(by, "one".to_owned(), Priority(0), role, events().0, &[]);
+            sessions.want(by, Stream::AudioIn, true);
         }
         let audio = |on| Command::Stream {
             stream: Stream::AudioIn,
             on,
         };
         assert_eq!(
-            seats.stream_changes(true, USUAL),
+            sessions.stream_changes(true, USUAL),
             [video(true), audio(true)]
         );
         let off = [video(false), audio(false)];
-        assert_eq!(seats.stream_changes(false, empty), off);
-        seats.want(TWO, Stream::Video, true);
-        assert_eq!(seats.stream_changes(false, empty), [video(true)]);
-        assert_eq!(seats.stream_changes(false, USUAL), [audio(true)]);
+        assert_eq!(sessions.stream_changes(false, empty), off);
+        sessions.want(TWO, Stream::Video, true);
+        assert_eq!(sessions.stream_changes(false, empty), [video(true)]);
+        assert_eq!(sessions.stream_changes(false, USUAL), [audio(true)]);
     }
 
     #[tokio::test]
     async fn requests_of_a_killed_behaviour_are_ignored() {
-        let mut seats = Seats::default();
+        let mut sessions = Sessions::default();
         let (events, mut inbox) = events();
-        seats.join(
+        sessions.join(
             ONE,
             "one".to_owned(),
             Priority(3),
@@ -627,9 +632,9 @@ mod tests {
             events,
             &[],
         );
-        assert_eq!(seats.priority(ONE), Some(Priority(3)));
-        seats.kill(ONE, EndReason::Cpu);
-        assert_eq!(seats.priority(ONE), None);
+        assert_eq!(sessions.priority(ONE), Some(Priority(3)));
+        sessions.kill(ONE, EndReason::Cpu);
+        assert_eq!(sessions.priority(ONE), None);
         assert_eq!(inbox.next().await, PilotMessage::Kill(EndReason::Cpu));
     }
 }

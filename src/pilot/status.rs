@@ -58,16 +58,16 @@ pub struct Status {
     /// On the station, as far as known; without a link, the last known state.
     pub docked: bool,
     /// Where the robot is, as far as known.
-    pub place: DockState,
+    pub dock_state: DockState,
     /// The battery is nearly empty: scripts have neither lights nor sounds nor streams.
     pub shed: bool,
     /// Frames received so far, damaged ones included. A change of this count alone does not wake
     /// receivers.
     pub frames: u64,
     /// A person has stopped the robot and not released it yet.
-    pub halted: bool,
+    pub emergency_stop: bool,
     /// Last tracks, lights and sound commanded.
-    pub shown: Shown,
+    pub actuators: ActuatorState,
 }
 
 impl Default for Status {
@@ -80,11 +80,11 @@ impl Default for Status {
             low: false,
             rescue: false,
             docked: false,
-            place: DockState::Unknown,
+            dock_state: DockState::Unknown,
             shed: false,
             frames: 0,
-            halted: false,
-            shown: Shown::default(),
+            emergency_stop: false,
+            actuators: ActuatorState::default(),
         }
     }
 }
@@ -105,7 +105,7 @@ impl Status {
 /// The last commands that a person beside the robot would see and hear; also used to send only
 /// changes. Lights and volume are unknown after a login, lights also after sounds that switch them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Shown {
+pub struct ActuatorState {
     /// The power of the tracks.
     pub tracks: Setpoint,
     /// The headlight, the left and the right light.
@@ -118,7 +118,7 @@ pub struct Shown {
     pub sounds: u32,
 }
 
-impl Shown {
+impl ActuatorState {
     /// Forgets lights and volume, after a new login.
     pub(super) fn forget_lights(&mut self) {
         self.lights = [None; 3];
@@ -165,7 +165,7 @@ impl Shown {
 
     /// Notes a command that is sent. Some sounds also switch lights, so that the lights are unknown
     /// afterwards (`PROTOCOL.md`, PLAY).
-    pub(super) fn note(&mut self, command: &Command) {
+    pub(super) fn record(&mut self, command: &Command) {
         match *command {
             Command::Move { left, right } => {
                 let power = |power| TrackPower::new(power).unwrap_or_default();
@@ -190,7 +190,7 @@ impl Shown {
     }
 }
 
-/// The place of a light in [`Shown::lights`].
+/// The place of a light in [`ActuatorState::lights`].
 fn light(led: Led) -> Option<usize> {
     match led {
         Led::Flash => Some(0),
@@ -206,10 +206,10 @@ mod tests {
 
     #[test]
     fn only_changes_count_and_a_sound_makes_lights_unknown() {
-        let mut shown = Shown::default();
+        let mut actuators = ActuatorState::default();
         let mut news = |command: Command| {
-            let news = shown.is_news(&command);
-            shown.note(&command);
+            let news = actuators.is_news(&command);
+            actuators.record(&command);
             news
         };
         let flash = |on| Command::Led {
@@ -221,46 +221,46 @@ mod tests {
         assert!(news(Command::Play(Sound::Alarm)));
         assert!(news(flash(true)));
         assert!(news(Command::Volume(3)) && !news(Command::Volume(3)));
-        shown.forget_lights();
-        assert!(shown.is_news(&Command::Volume(3)));
+        actuators.forget_lights();
+        assert!(actuators.is_news(&Command::Volume(3)));
     }
 
     #[test]
     fn switching_off_covers_all_lights_and_sounds_but_those_of_the_alarm() {
         let dark = |led| Command::Led { led, on: false };
-        let mut shown = Shown::default();
-        shown.note(&dark(Led::Left));
+        let mut actuators = ActuatorState::default();
+        actuators.record(&dark(Led::Left));
         let off = [dark(Led::Right), dark(Led::Flash), Command::StopSound];
-        assert_eq!(shown.off(false), off);
-        assert_eq!(shown.off(true), off[..1]);
+        assert_eq!(actuators.off(false), off);
+        assert_eq!(actuators.off(true), off[..1]);
     }
 
     #[test]
     fn an_unsent_command_still_counts_as_a_change() {
-        let shown = Shown::default();
-        assert!(shown.is_news(&Command::Volume(3)));
-        assert!(shown.is_news(&Command::Volume(3)));
+        let actuators = ActuatorState::default();
+        assert!(actuators.is_news(&Command::Volume(3)));
+        assert!(actuators.is_news(&Command::Volume(3)));
     }
 
     #[test]
     fn sent_commands_are_shown_and_a_sound_makes_lights_unknown() {
-        let mut shown = Shown::default();
-        shown.note(&Command::Move {
+        let mut actuators = ActuatorState::default();
+        actuators.record(&Command::Move {
             left: 30,
             right: -20,
         });
-        shown.note(&Command::Led {
+        actuators.record(&Command::Led {
             led: Led::Left,
             on: true,
         });
         assert_eq!(
-            (shown.tracks.left.get(), shown.tracks.right.get()),
+            (actuators.tracks.left.get(), actuators.tracks.right.get()),
             (30, -20)
         );
-        assert_eq!(shown.lights, [None, Some(true), None]);
-        shown.note(&Command::Play(Sound::Laser));
+        assert_eq!(actuators.lights, [None, Some(true), None]);
+        actuators.record(&Command::Play(Sound::Laser));
         assert_eq!(
-            (shown.lights, shown.sound, shown.sounds),
+            (actuators.lights, actuators.sound, actuators.sounds),
             ([None; 3], Some(Sound::Laser), 1)
         );
     }

@@ -7,23 +7,23 @@ use std::sync::Arc;
 use tokio::sync::broadcast;
 use tokio::time::Instant;
 
-use super::Occurrence;
+use super::AgentEvent;
 
 /// The most events that a listener may be behind.
 const MAX_WAITING: usize = 1024;
 
-/// An occurrence and its time.
+/// An event and its time.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TimedOccurrence {
+pub struct TimedEvent {
     /// When it happened.
     pub at: Instant,
     /// What happened.
-    pub what: Occurrence,
+    pub what: AgentEvent,
 }
 
 /// The publishing end. Cheap to clone; all clones are one bus.
 #[derive(Debug, Clone)]
-pub struct Bus(broadcast::Sender<Arc<TimedOccurrence>>);
+pub struct Bus(broadcast::Sender<Arc<TimedEvent>>);
 
 impl Default for Bus {
     /// Creates a bus without listeners.
@@ -34,10 +34,10 @@ impl Default for Bus {
 
 impl Bus {
     /// Publishes something that has happened just now.
-    pub fn publish(&self, what: Occurrence) {
+    pub fn publish(&self, what: AgentEvent) {
         let at = Instant::now();
         // Fails only without listeners.
-        let _ = self.0.send(Arc::new(TimedOccurrence { at, what }));
+        let _ = self.0.send(Arc::new(TimedEvent { at, what }));
     }
 
     /// Subscribes to everything that is published from now on.
@@ -48,13 +48,13 @@ impl Bus {
 
 /// A listener's end.
 #[derive(Debug)]
-pub struct Listener(broadcast::Receiver<Arc<TimedOccurrence>>);
+pub struct Listener(broadcast::Receiver<Arc<TimedEvent>>);
 
 /// What a listener receives.
 #[derive(Debug, Clone, PartialEq)]
 pub enum BusMessage {
     /// Something has happened.
-    Occurrence(Arc<TimedOccurrence>),
+    Event(Arc<TimedEvent>),
     /// The listener was too slow: this many events are lost.
     Missed(u64),
     /// All publishers are gone.
@@ -65,7 +65,7 @@ impl Listener {
     /// Waits for the next event. Cancel-safe.
     pub async fn next(&mut self) -> BusMessage {
         match self.0.recv().await {
-            Ok(occurrence) => BusMessage::Occurrence(occurrence),
+            Ok(event) => BusMessage::Event(event),
             Err(broadcast::error::RecvError::Lagged(missed)) => BusMessage::Missed(missed),
             Err(broadcast::error::RecvError::Closed) => BusMessage::Closed,
         }
@@ -74,7 +74,7 @@ impl Listener {
     /// The next event, if there is one already; [`BusMessage::Closed`] on every call at the end.
     pub fn try_next(&mut self) -> Option<BusMessage> {
         match self.0.try_recv() {
-            Ok(occurrence) => Some(BusMessage::Occurrence(occurrence)),
+            Ok(event) => Some(BusMessage::Event(event)),
             Err(broadcast::error::TryRecvError::Lagged(missed)) => Some(BusMessage::Missed(missed)),
             Err(broadcast::error::TryRecvError::Closed) => Some(BusMessage::Closed),
             Err(broadcast::error::TryRecvError::Empty) => None,
@@ -86,9 +86,9 @@ impl Listener {
 mod tests {
     use super::*;
 
-    fn lost(reason: &str) -> Occurrence {
+    fn lost(reason: &str) -> AgentEvent {
         let reason = reason.to_owned();
-        Occurrence::LinkDown { reason }
+        AgentEvent::LinkDown { reason }
     }
 
     #[tokio::test]
@@ -97,7 +97,7 @@ mod tests {
         let mut slow = bus.subscribe();
         (0..MAX_WAITING + 3).for_each(|number| bus.publish(lost(&number.to_string())));
         assert_eq!(slow.next().await, BusMessage::Missed(3));
-        let BusMessage::Occurrence(first) = slow.next().await else {
+        let BusMessage::Event(first) = slow.next().await else {
             panic!("nothing is left");
         };
         assert_eq!(first.what, lost("3"));
@@ -117,8 +117,6 @@ mod tests {
         let mut late = bus.subscribe();
         assert_eq!(late.try_next(), None);
         bus.publish(lost("after"));
-        assert!(
-            matches!(late.next().await, BusMessage::Occurrence(one) if one.what == lost("after"))
-        );
+        assert!(matches!(late.next().await, BusMessage::Event(one) if one.what == lost("after")));
     }
 }

@@ -41,7 +41,7 @@ pub enum Request {
     /// Return the robot and the running behaviours.
     Running(oneshot::Sender<RunningBehaviours>),
     /// Forbid everything, the watchdog included, to move the robot; or allow it again.
-    Halt(bool),
+    EmergencyStop(bool),
     /// Release the link, so that another program can log in, or reconnect. The link is not released
     /// while a behaviour runs, or while the battery is low and the robot is off its station.
     Release(bool),
@@ -49,7 +49,7 @@ pub enum Request {
     Quiet(Quiet),
     /// Stop the robot, then suspend this program with the function, which returns when the program
     /// resumes.
-    Sleep(Sleep),
+    Suspend(Suspend),
 }
 
 /// What must make no sound and show no bright light.
@@ -70,8 +70,8 @@ pub enum Role {
     /// It does what its user wants.
     #[default]
     Behaviour,
-    /// It brings a robot with a low battery to its station, with the tracks that the watchdog lends
-    /// it.
+    /// It brings a robot with a low battery to its station, with the tracks that the watchdog
+    /// grants it.
     Rescuer,
     /// A person, who sends requests through a tool.
     Person,
@@ -96,11 +96,11 @@ pub struct RunningBehaviour {
 }
 
 /// Suspends this program, and returns when it resumes.
-pub struct Sleep(pub Box<dyn FnOnce() + Send>);
+pub struct Suspend(pub Box<dyn FnOnce() + Send>);
 
-impl std::fmt::Debug for Sleep {
+impl std::fmt::Debug for Suspend {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Sleep")
+        f.write_str("Suspend")
     }
 }
 

@@ -53,10 +53,10 @@ pub enum Event {
         /// Why, in words.
         reason: String,
     },
-    /// The watchdog lends the tracks of a robot with a low battery to this behaviour: its motion
+    /// The watchdog grants the tracks of a robot with a low battery to this behaviour: its motion
     /// requests are accepted for a while.
-    Loan {
-        /// The longest duration; a stop ends the loan, and so does a second without any motion.
+    DriveGrant {
+        /// The longest duration; a stop ends the grant, and so does a second without any motion.
         seconds: Duration,
         /// The limit of each track's power; more is scaled down.
         power: Percent,

@@ -28,7 +28,7 @@ pub enum Intent {
         motion: MotionId,
     },
     /// End the motions and dockings of this behaviour and of all with equal or lower priority. Of
-    /// the watchdog's own way home it ends only a loan to this behaviour.
+    /// the watchdog's own way home it ends only a grant to this behaviour.
     Stop,
     /// Switch a light.
     Led {

@@ -36,7 +36,7 @@ pub enum Fact {
     Alive(BehaviourId),
     /// A behaviour has ended, for whatever reason.
     Gone(BehaviourId),
-    /// The behaviour that the tracks may be lent to between two searches of a robot with a low
+    /// The behaviour that the tracks may be granted to between two searches of a robot with a low
     /// battery, if there is one. Its [`Fact::Gone`] also revokes this.
     Rescuer(Option<BehaviourId>),
     /// The machine or the program was suspended or hung. For how long, and what the robot has done

@@ -13,7 +13,7 @@ use crate::robot::{BehaviourId, MotionEnd, MotionId, Priority, Setpoint};
 
 /// A setpoint that has ended, to be reported to its behaviour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Ended {
+pub struct EndedMotion {
     /// The behaviour that set it.
     pub by: BehaviourId,
     /// Its number.
@@ -33,8 +33,8 @@ struct Claim {
 }
 
 impl Claim {
-    fn ended(&self, end: MotionEnd) -> Ended {
-        Ended {
+    fn ended(&self, end: MotionEnd) -> EndedMotion {
+        EndedMotion {
             by: self.by,
             motion: self.motion,
             end,
@@ -59,7 +59,7 @@ impl Arbiter {
         setpoint: Setpoint,
         duration: Option<Duration>,
         now: Instant,
-    ) -> Vec<Ended> {
+    ) -> Vec<EndedMotion> {
         let until = duration.map(|duration| now + duration);
         let claim = Claim {
             by,
@@ -87,14 +87,14 @@ impl Arbiter {
     }
 
     /// Ends all timed claims but the first: they do not stand by.
-    fn preempt_timed(&mut self) -> Vec<Ended> {
+    fn preempt_timed(&mut self) -> Vec<EndedMotion> {
         let mut first = true;
         let keep = |claim: &Claim| std::mem::take(&mut first) || claim.until.is_none();
         self.end_unless(keep, MotionEnd::Preempted)
     }
 
     /// Ends a behaviour's claim if it is still `motion`.
-    pub fn release(&mut self, by: BehaviourId, motion: MotionId) -> Vec<Ended> {
+    pub fn release(&mut self, by: BehaviourId, motion: MotionId) -> Vec<EndedMotion> {
         self.end_unless(
             |claim| claim.by != by || claim.motion != motion,
             MotionEnd::Done,
@@ -102,7 +102,7 @@ impl Arbiter {
     }
 
     /// `robot.stop()`: ends the behaviour's own claim, and every claim of equal or lower priority.
-    pub fn stop(&mut self, by: BehaviourId, priority: Priority) -> Vec<Ended> {
+    pub fn stop(&mut self, by: BehaviourId, priority: Priority) -> Vec<EndedMotion> {
         let mut ended = self.clear_of(by, MotionEnd::Cancelled);
         ended.extend(self.end_unless(|claim| claim.priority > priority, MotionEnd::Preempted));
         ended
@@ -123,17 +123,17 @@ impl Arbiter {
     }
 
     /// Ends a behaviour's claim.
-    pub fn clear_of(&mut self, by: BehaviourId, end: MotionEnd) -> Vec<Ended> {
+    pub fn clear_of(&mut self, by: BehaviourId, end: MotionEnd) -> Vec<EndedMotion> {
         self.end_unless(|claim| claim.by != by, end)
     }
 
     /// Ends every claim.
-    pub fn clear(&mut self, end: MotionEnd) -> Vec<Ended> {
+    pub fn clear(&mut self, end: MotionEnd) -> Vec<EndedMotion> {
         self.end_unless(|_| false, end)
     }
 
     /// Ends the claims whose duration is over.
-    pub fn expire(&mut self, now: Instant) -> Vec<Ended> {
+    pub fn expire(&mut self, now: Instant) -> Vec<EndedMotion> {
         self.end_unless(
             |claim| claim.until.is_none_or(|until| until > now),
             MotionEnd::Done,
@@ -169,7 +169,7 @@ impl Arbiter {
         self.claims.iter().filter_map(|claim| claim.until).min()
     }
 
-    fn end_unless(&mut self, keep: impl FnMut(&Claim) -> bool, end: MotionEnd) -> Vec<Ended> {
+    fn end_unless(&mut self, keep: impl FnMut(&Claim) -> bool, end: MotionEnd) -> Vec<EndedMotion> {
         let (kept, over): (Vec<Claim>, Vec<Claim>) = self.claims.drain(..).partition(keep);
         self.claims = kept;
         over.iter().map(|claim| claim.ended(end)).collect()
@@ -193,8 +193,8 @@ mod tests {
         Setpoint::from_percent(percent, percent).unwrap()
     }
 
-    fn ended(who: (BehaviourId, Priority), motion: u64, end: MotionEnd) -> Ended {
-        Ended {
+    fn ended(who: (BehaviourId, Priority), motion: u64, end: MotionEnd) -> EndedMotion {
+        EndedMotion {
             by: who.0,
             motion: MotionId(motion),
             end,
@@ -449,7 +449,7 @@ mod tests {
                 prop_assert_eq!(arbiter.setpoint(), model.setpoint(), "after {:?}", step);
                 prop_assert_eq!(arbiter.driver(), model.driver().map(|who| BEHAVIOURS[who].0));
                 // A behaviour that lost its setpoint is told so once, unless it has ended.
-                let holds = |held: &[Option<Held>; 5], ended: &Ended| {
+                let holds = |held: &[Option<Held>; 5], ended: &EndedMotion| {
                     held.iter().flatten().any(|held| held.motion == ended.motion)
                 };
                 for ended in &over {

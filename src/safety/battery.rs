@@ -7,7 +7,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::Limits;
-use super::streak::{FASTEST_CHARGE, Latch, Proof, Streak};
+use super::debounce::{Debounce, DebounceRule, DebouncedFlag, FASTEST_CHARGE};
 use crate::robot::Percent;
 use crate::wire::Power;
 
@@ -55,25 +55,25 @@ pub enum Charging {
 /// Remembers whether the battery is low. One report is enough to be low; release takes charging or
 /// the `ok` level, each confirmed.
 #[derive(Debug, Clone)]
-pub struct BatteryGuard {
+pub struct BatteryMonitor {
     low: Percent,
     ok: Percent,
     silence: Duration,
     level: Option<(Percent, Instant)>,
-    leapt: Streak,
+    outlier: Debounce,
     low_cause: Option<LowCause>,
-    good: Streak,
-    low_level: Latch,
+    good: Debounce,
+    low_level: DebouncedFlag,
     critical: Percent,
-    critical_level: Latch,
+    critical_level: DebouncedFlag,
     charging: Charging,
-    charged: Streak,
+    charged: Debounce,
     /// Since when charging has been reported but not believed.
     unconfirmed_since: Option<Instant>,
     reported: Option<Instant>,
 }
 
-impl BatteryGuard {
+impl BatteryMonitor {
     /// How long one unconfirmed report of charging counts.
     pub const UNCONFIRMED_TIMEOUT: Duration = Duration::from_secs(120);
 
@@ -83,20 +83,20 @@ impl BatteryGuard {
     const FASTEST_DRAIN: f64 = 0.3;
 
     /// Begins without a report; without a report the robot does not move, because there is no link.
-    pub fn new(limits: &Limits) -> BatteryGuard {
-        BatteryGuard {
+    pub fn new(limits: &Limits) -> BatteryMonitor {
+        BatteryMonitor {
             low: limits.low,
             ok: limits.ok,
             silence: limits.power_silence.get(),
             level: None,
-            leapt: Streak::new(Proof::LEVEL),
+            outlier: Debounce::new(DebounceRule::LEVEL),
             low_cause: None,
-            good: Streak::new(Proof::LEVEL),
-            low_level: Latch::new(),
+            good: Debounce::new(DebounceRule::LEVEL),
+            low_level: DebouncedFlag::new(),
             critical: limits.critical,
-            critical_level: Latch::new(),
+            critical_level: DebouncedFlag::new(),
             charging: Charging::No,
-            charged: Streak::new(Proof::CHARGING),
+            charged: Debounce::new(DebounceRule::CHARGING),
             unconfirmed_since: None,
             reported: None,
         }
@@ -147,10 +147,10 @@ impl BatteryGuard {
         self.become_low(LowCause::Level(level))
     }
 
-    /// When [`BatteryGuard::expire_unconfirmed`] has something to do.
+    /// When [`BatteryMonitor::expire_unconfirmed`] has something to do.
     pub fn unconfirmed_deadline(&self) -> Option<Instant> {
         let since = self.unconfirmed_since?;
-        Some(since + BatteryGuard::UNCONFIRMED_TIMEOUT)
+        Some(since + BatteryMonitor::UNCONFIRMED_TIMEOUT)
     }
 
     /// Checks, off the station, whether the silence counts as low.
@@ -187,7 +187,7 @@ impl BatteryGuard {
         self.low_cause
     }
 
-    /// The believed level: the last one, unless it leapt and nothing confirms it yet.
+    /// The believed level: the last one, unless it is an outlier and nothing confirms it yet.
     pub fn level(&self) -> Option<Percent> {
         self.level.map(|(level, _)| level)
     }
@@ -225,28 +225,28 @@ impl BatteryGuard {
         };
     }
 
-    /// Believes a level that leaps when it is confirmed; one that falls to low, at once.
+    /// Believes a level that is an outlier when it is confirmed; one that falls to low, at once.
     fn judge_level(&mut self, level: Percent, power: Power, now: Instant) {
-        let leaps = self
+        let is_outlier = self
             .level
-            .is_some_and(|before| self.leaps(before, level, now));
+            .is_some_and(|before| self.is_outlier(before, level, now));
         let falls = self.level().is_some_and(|before| level < before);
-        let proved = self.leapt.observe(leaps, power, now);
-        if !leaps || proved || (falls && level <= self.low) {
+        let proved = self.outlier.observe(is_outlier, power, now);
+        if !is_outlier || proved || (falls && level <= self.low) {
             self.level = Some((level, now));
-            self.leapt.forget();
+            self.outlier.forget();
         }
     }
 
-    fn leaps(&self, (before, at): (Percent, Instant), level: Percent, now: Instant) -> bool {
+    fn is_outlier(&self, (before, at): (Percent, Instant), level: Percent, now: Instant) -> bool {
         let seconds = now.saturating_duration_since(at).as_secs_f64();
         let change = f64::from(level.get()) - f64::from(before.get());
         let explained = match self.charging {
-            _ if change < 0.0 => BatteryGuard::FASTEST_DRAIN * seconds,
+            _ if change < 0.0 => BatteryMonitor::FASTEST_DRAIN * seconds,
             Charging::Confirmed => FASTEST_CHARGE * seconds,
             Charging::Unconfirmed | Charging::No => 0.0,
         };
-        change.abs() > BatteryGuard::STEP + explained
+        change.abs() > BatteryMonitor::STEP + explained
     }
 
     fn release(&mut self) -> Option<BatteryChange> {
@@ -270,16 +270,16 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
 
-    /// A guard with the default limits, and a clock.
+    /// A monitor with the default limits, and a clock.
     struct Rig {
-        guard: BatteryGuard,
+        monitor: BatteryMonitor,
         now: Instant,
     }
 
     impl Rig {
         fn new() -> Rig {
-            let (guard, now) = (BatteryGuard::new(&Limits::default()), Instant::now());
-            Rig { guard, now }
+            let (monitor, now) = (BatteryMonitor::new(&Limits::default()), Instant::now());
+            Rig { monitor, now }
         }
 
         /// After a long time at this level.
@@ -304,11 +304,11 @@ mod tests {
         ) -> Option<BatteryChange> {
             self.now += 5 * SECOND;
             let power = Power { percent, charging };
-            self.guard.report(power, contact, self.now)
+            self.monitor.report(power, contact, self.now)
         }
 
         fn level(&self) -> Option<u8> {
-            self.guard.level().map(Percent::get)
+            self.monitor.level().map(Percent::get)
         }
     }
 
@@ -356,13 +356,13 @@ mod tests {
     fn one_report_of_charging_is_not_enough_and_two_are() {
         let mut rig = Rig::at(10);
         assert_eq!(rig.report(10, true), None);
-        assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
+        assert_eq!(rig.monitor.charging(), Charging::Unconfirmed);
         assert_eq!(rig.report(10, false), None);
-        assert_eq!(rig.guard.charging(), Charging::No);
+        assert_eq!(rig.monitor.charging(), Charging::No);
         assert_eq!(rig.report(10, true), None);
         assert_eq!(rig.report(10, true), RELEASED);
-        assert_eq!(rig.guard.charging(), Charging::Confirmed);
-        assert!(rig.guard.at_or_below_low());
+        assert_eq!(rig.monitor.charging(), Charging::Confirmed);
+        assert!(rig.monitor.at_or_below_low());
         assert_eq!(rig.report(10, false), low_at(10), "and low again at one");
     }
 
@@ -370,10 +370,10 @@ mod tests {
     fn on_the_contact_one_report_of_charging_is_enough_whichever_comes_first() {
         assert_eq!(Rig::at(10).report_in(10, true, true), RELEASED);
         let mut rig = Rig::at(10);
-        assert_eq!(rig.guard.contact(), None, "contact alone is not charging");
+        assert_eq!(rig.monitor.contact(), None, "contact alone is not charging");
         rig.report(10, true);
-        assert_eq!(rig.guard.contact(), RELEASED);
-        assert_eq!(rig.guard.charging(), Charging::Confirmed);
+        assert_eq!(rig.monitor.contact(), RELEASED);
+        assert_eq!(rig.monitor.charging(), Charging::Confirmed);
     }
 
     #[test]
@@ -381,7 +381,7 @@ mod tests {
         let mut rig = Rig::at(10);
         for percent in [100, 30, 70] {
             assert_eq!(rig.report(percent, true), None);
-            assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
+            assert_eq!(rig.monitor.charging(), Charging::Unconfirmed);
         }
     }
 
@@ -389,13 +389,13 @@ mod tests {
     fn a_low_level_counts_when_an_unconfirmed_report_of_charging_expires() {
         let mut rig = Rig::at(30);
         assert_eq!(rig.report(15, true), None);
-        let due = rig.now + BatteryGuard::UNCONFIRMED_TIMEOUT;
-        assert_eq!(rig.guard.unconfirmed_deadline(), Some(due));
-        rig.guard.excuse_silence(rig.now + SECOND);
-        assert_eq!(rig.guard.expire_unconfirmed(due - SECOND), None);
-        assert_eq!(rig.guard.expire_unconfirmed(due), low_at(15));
-        assert_eq!(rig.guard.charging(), Charging::No);
-        assert_eq!(rig.guard.unconfirmed_deadline(), None);
+        let due = rig.now + BatteryMonitor::UNCONFIRMED_TIMEOUT;
+        assert_eq!(rig.monitor.unconfirmed_deadline(), Some(due));
+        rig.monitor.excuse_silence(rig.now + SECOND);
+        assert_eq!(rig.monitor.expire_unconfirmed(due - SECOND), None);
+        assert_eq!(rig.monitor.expire_unconfirmed(due), low_at(15));
+        assert_eq!(rig.monitor.charging(), Charging::No);
+        assert_eq!(rig.monitor.unconfirmed_deadline(), None);
         rig.now = due;
         assert_eq!(rig.report(15, true), RELEASED, "late, but two in a row");
     }
@@ -405,20 +405,23 @@ mod tests {
         let mut rig = Rig::at(60);
         rig.report(60, true);
         rig.report(60, true);
-        rig.guard.undocked();
-        assert_eq!(rig.guard.charging(), Charging::No);
+        rig.monitor.undocked();
+        assert_eq!(rig.monitor.charging(), Charging::No);
         rig.report(60, true);
-        assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
+        assert_eq!(rig.monitor.charging(), Charging::Unconfirmed);
     }
 
     #[test]
     fn silence_counts_as_low_until_good_reports() {
         let mut rig = Rig::at(80);
         let due = rig.now + Duration::from_secs(600);
-        assert_eq!(rig.guard.next_deadline(), Some(due));
+        assert_eq!(rig.monitor.next_deadline(), Some(due));
         let silence = LowCause::Silence(Duration::from_secs(600));
-        assert_eq!(rig.guard.poll(due), Some(BatteryChange::BecameLow(silence)));
-        assert_eq!(rig.guard.next_deadline(), None);
+        assert_eq!(
+            rig.monitor.poll(due),
+            Some(BatteryChange::BecameLow(silence))
+        );
+        assert_eq!(rig.monitor.next_deadline(), None);
         rig.now = due;
         // The same reports before the silence counted too.
         assert_eq!(rig.report(80, false), RELEASED);
@@ -427,11 +430,11 @@ mod tests {
     #[test]
     fn a_level_is_fresh_until_silence_counts() {
         let mut rig = Rig::new();
-        assert!(!rig.guard.is_fresh(rig.now), "no report yet");
+        assert!(!rig.monitor.is_fresh(rig.now), "no report yet");
         rig.report(10, false);
         let later = |ms| rig.now + Duration::from_millis(ms);
-        assert!(rig.guard.is_fresh(later(599_999)));
-        assert!(!rig.guard.is_fresh(later(600_000)));
+        assert!(rig.monitor.is_fresh(later(599_999)));
+        assert!(!rig.monitor.is_fresh(later(600_000)));
     }
 
     #[test]
@@ -439,8 +442,8 @@ mod tests {
         let mut rig = Rig::new();
         rig.report(80, true);
         let later = rig.now + Duration::from_secs(599);
-        rig.guard.excuse_silence(later);
-        assert_eq!(rig.guard.poll(rig.now + Duration::from_secs(700)), None);
+        rig.monitor.excuse_silence(later);
+        assert_eq!(rig.monitor.poll(rig.now + Duration::from_secs(700)), None);
     }
 
     #[test]
@@ -449,11 +452,11 @@ mod tests {
         rig.report(8, true);
         for percent in [9, 9, 8, 9, 60, 10, 9] {
             rig.report(percent, true);
-            assert!(rig.guard.critical(), "{percent}");
+            assert!(rig.monitor.critical(), "{percent}");
         }
         rig.report(9, true);
-        assert!(!rig.guard.critical());
-        assert!(rig.guard.at_or_below_low());
+        assert!(!rig.monitor.critical());
+        assert!(rig.monitor.at_or_below_low());
     }
 
     #[test]
@@ -513,17 +516,17 @@ mod tests {
     fn repeated_reports_do_not_extend_the_timeout_and_a_report_after_it_begins_a_new_one() {
         let mut rig = Rig::at(30);
         rig.report(30, true);
-        let due = rig.now + BatteryGuard::UNCONFIRMED_TIMEOUT;
+        let due = rig.now + BatteryMonitor::UNCONFIRMED_TIMEOUT;
         for percent in [100, 30].into_iter().cycle().take(23) {
             rig.report(percent, true);
-            assert_eq!(rig.guard.charging(), Charging::Unconfirmed);
-            assert_eq!(rig.guard.unconfirmed_deadline(), Some(due));
+            assert_eq!(rig.monitor.charging(), Charging::Unconfirmed);
+            assert_eq!(rig.monitor.unconfirmed_deadline(), Some(due));
         }
         rig.report(30, true);
         assert_eq!(rig.now, due);
         assert_eq!(
-            rig.guard.unconfirmed_deadline(),
-            Some(due + BatteryGuard::UNCONFIRMED_TIMEOUT)
+            rig.monitor.unconfirmed_deadline(),
+            Some(due + BatteryMonitor::UNCONFIRMED_TIMEOUT)
         );
     }
 
@@ -553,10 +556,10 @@ mod tests {
             for (percent, charging) in reports {
                 rig.now += Duration::from_millis(pause);
                 prop_assert_eq!(rig.report(percent, charging), None);
-                prop_assert!(rig.guard.low().is_some() && rig.guard.at_or_below_low());
-                prop_assert!(rig.guard.critical() || !critical);
+                prop_assert!(rig.monitor.low().is_some() && rig.monitor.at_or_below_low());
+                prop_assert!(rig.monitor.critical() || !critical);
                 prop_assert!(rig.level() <= Some(truth + 10), "{:?}", rig.level());
-                prop_assert!(rig.guard.charging() != Charging::Confirmed);
+                prop_assert!(rig.monitor.charging() != Charging::Confirmed);
             }
         }
 
@@ -572,11 +575,11 @@ mod tests {
             }
             // The report before may have been garbage that a true report contradicts.
             let released = (0..3).any(|_| rig.report(from, true) == RELEASED);
-            prop_assert!(released || rig.guard.low().is_none());
+            prop_assert!(released || rig.monitor.low().is_none());
             let levels = (1..8).map(|step| (from.max(9) + step * gain).min(100));
             levels.for_each(|level| { rig.report(level, true); });
-            prop_assert!(!rig.guard.critical());
-            prop_assert_eq!(rig.guard.charging(), Charging::Confirmed);
+            prop_assert!(!rig.monitor.critical());
+            prop_assert_eq!(rig.monitor.charging(), Charging::Confirmed);
         }
 
         #[test]
@@ -592,7 +595,7 @@ mod tests {
                 rig.report(level, false);
             }
             prop_assert_eq!(rig.level(), Some(level));
-            prop_assert_eq!(rig.guard.low().is_some(), level <= 20 || (level < 50 && rig.guard.low().is_some()));
+            prop_assert_eq!(rig.monitor.low().is_some(), level <= 20 || (level < 50 && rig.monitor.low().is_some()));
         }
     }
 }

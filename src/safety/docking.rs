@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::Doubt;
+use super::Contradiction;
 use crate::robot::{BehaviourId, CallId, DockEnd, DockPlan, Priority};
 use crate::wire::EngineReport;
 
@@ -37,7 +37,7 @@ pub enum DockAction {
     /// Drive backwards.
     Reverse,
     /// Stop the tracks.
-    Halt,
+    Stop,
     /// Leave the station.
     Undock,
 }
@@ -127,7 +127,7 @@ impl Docking {
                 EngineReport::Docked,
             ) => {
                 let until = now + self.approach.plan.charge_timeout;
-                let actions = self.halt_if_backing_off();
+                let actions = self.stop_if_backing_off();
                 self.phase = DockingPhase::AwaitingCharge { until };
                 actions
             }
@@ -144,7 +144,7 @@ impl Docking {
 
     /// The robot is believed to charge: only this counts as docked.
     pub fn charging(&mut self, now: Instant) -> Vec<DockAction> {
-        let actions = self.halt_if_backing_off();
+        let actions = self.stop_if_backing_off();
         self.finish(DockEnd::Done, now);
         actions
     }
@@ -152,7 +152,7 @@ impl Docking {
     /// The robot may be charging: stands still until that is known. The attempt's timeout keeps
     /// running.
     pub fn wait(&self) -> Vec<DockAction> {
-        self.halt_if_backing_off()
+        self.stop_if_backing_off()
     }
 
     /// Whether the robot searches on its own.
@@ -184,17 +184,17 @@ impl Docking {
     pub fn cancel(&mut self, end: DockEnd, now: Instant) -> Vec<DockAction> {
         let actions = match self.phase {
             DockingPhase::Searching { .. } => vec![DockAction::Cancel],
-            _ => self.halt_if_backing_off(),
+            _ => self.stop_if_backing_off(),
         };
         self.finish(end, now);
         actions
     }
 
     /// Contact is no longer believed while the docking waits for charging.
-    pub fn lost_contact(&mut self, doubt: Doubt, now: Instant) -> Vec<DockAction> {
-        match (self.phase, doubt) {
-            (DockingPhase::AwaitingCharge { .. }, Doubt::Leaving) => self.search(now),
-            (DockingPhase::AwaitingCharge { .. }, Doubt::Contact) => {
+    pub fn lost_contact(&mut self, contradiction: Contradiction, now: Instant) -> Vec<DockAction> {
+        match (self.phase, contradiction) {
+            (DockingPhase::AwaitingCharge { .. }, Contradiction::Leaving) => self.search(now),
+            (DockingPhase::AwaitingCharge { .. }, Contradiction::Contact) => {
                 self.finish(DockEnd::NotCharging, now);
                 vec![]
             }
@@ -221,9 +221,9 @@ impl Docking {
         }
     }
 
-    fn halt_if_backing_off(&self) -> Vec<DockAction> {
+    fn stop_if_backing_off(&self) -> Vec<DockAction> {
         match self.phase {
-            DockingPhase::BackingOff { .. } => vec![DockAction::Halt],
+            DockingPhase::BackingOff { .. } => vec![DockAction::Stop],
             _ => vec![],
         }
     }
@@ -245,7 +245,7 @@ impl Docking {
             }
             Retry::Reverse(_) | Retry::Never => {
                 self.finish(end, now);
-                vec![DockAction::Halt]
+                vec![DockAction::Stop]
             }
         }
     }
@@ -336,7 +336,7 @@ mod tests {
         assert_eq!(docking.poll(now + SECOND), [DockAction::Find]);
         assert_eq!(
             docking.engine(EngineReport::BaseNotFound, now + SECOND),
-            [DockAction::Halt]
+            [DockAction::Stop]
         );
         let outcome = docking.outcome().unwrap();
         assert_eq!((outcome.end, outcome.attempts), (DockEnd::BaseNotFound, 2));
@@ -346,7 +346,7 @@ mod tests {
     fn a_search_that_takes_too_long_is_cancelled_first() {
         let (mut docking, now) = started(once());
         let actions = docking.poll(now + 10 * SECOND);
-        assert_eq!(actions, [DockAction::Cancel, DockAction::Halt]);
+        assert_eq!(actions, [DockAction::Cancel, DockAction::Stop]);
         assert_eq!(docking.outcome().unwrap().end, DockEnd::Timeout);
         let (mut docking, now) = started(reversing(1));
         let actions = docking.poll(now + 10 * SECOND);
@@ -394,15 +394,15 @@ mod tests {
     fn lost_contact_leads_to_a_search_or_to_the_end() {
         let (mut docking, now) = started(once());
         assert!(docking.is_searching());
-        assert_eq!(docking.lost_contact(Doubt::Contact, now), []);
+        assert_eq!(docking.lost_contact(Contradiction::Contact, now), []);
         docking.engine(EngineReport::Docked, now);
         assert!(!docking.is_searching());
         assert_eq!(
-            docking.lost_contact(Doubt::Leaving, now),
+            docking.lost_contact(Contradiction::Leaving, now),
             [DockAction::Find]
         );
         docking.engine(EngineReport::Docked, now);
-        assert_eq!(docking.lost_contact(Doubt::Contact, now), []);
+        assert_eq!(docking.lost_contact(Contradiction::Contact, now), []);
         assert_eq!(docking.outcome().unwrap().end, DockEnd::NotCharging);
     }
 
@@ -417,7 +417,7 @@ mod tests {
 
         let (mut docking, now) = started(reversing(1));
         docking.engine(EngineReport::BaseNotFound, now);
-        assert_eq!(docking.cancel(DockEnd::Safety, now), [DockAction::Halt]);
+        assert_eq!(docking.cancel(DockEnd::Safety, now), [DockAction::Stop]);
         assert_eq!(docking.poll(now + 60 * SECOND), []);
     }
 

@@ -1,23 +1,24 @@
 //! The way home of a robot with a low battery, from the first search until the battery is good
 //! again. A failed search is followed by
 //!
-//! - a grant: a behaviour that can see drives the robot elsewhere for a few seconds ([`Loan`]);
-//! - or a short blind [`Leg`] of the watchdog's own, where nothing can be granted or the grant was
-//!   not used;
+//! - a grant: a behaviour that can see drives the robot elsewhere for a few seconds
+//!   ([`DriveGrant`]);
+//! - or a short blind [`BlindMove`] of the watchdog's own, where nothing can be granted or the
+//!   grant was not used;
 //! - or, where neither is allowed, a wait.
 //!
 //! Then the robot searches from there: a search from the same place fails again and again. When too
 //! many searches have failed, the alarm calls for a person, and the searches continue.
 //!
 //! How the real robot handles a MOVE between two searches is not known (`PROTOCOL.md`, *Not
-//! known*), so each loan and each leg ends with a stop and a new BASE_FIND.
+//! known*), so each grant and each blind move ends with a stop and a new BASE_FIND.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
 use super::docking::Caller;
-use super::{Leg, Limits, Loan};
+use super::{BlindMove, DriveGrant, Limits};
 use crate::robot::{BehaviourId, DockEnd, Setpoint};
 use crate::wire::{Command, Led, Sound};
 
@@ -27,8 +28,8 @@ pub const ALARM: [Command; 2] = [Command::Volume(100), Command::Play(Sound::Alar
 /// What [`Homing::poll`] begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum HomingStep {
-    /// A leg, with its number counted from 1; the search follows when it has ended.
-    Leg(u32),
+    /// A blind move, with its number counted from 1; the search follows when it has ended.
+    BlindMove(u32),
     /// A search.
     Search,
 }
@@ -38,10 +39,10 @@ pub enum HomingStep {
 pub enum AfterFailure {
     /// The next search.
     Search,
-    /// A loan of the tracks to this behaviour.
-    Loan(BehaviourId),
-    /// A leg, with its number counted from 1.
-    Leg(u32),
+    /// A grant of the tracks to this behaviour.
+    DriveGrant(BehaviourId),
+    /// A blind move, with its number counted from 1.
+    BlindMove(u32),
     /// The robot stands still for this long.
     Pause(Duration),
 }
@@ -50,10 +51,10 @@ pub enum AfterFailure {
 enum HomingPhase {
     /// The robot searches on its own.
     Searching,
-    /// The tracks are lent.
-    Granted(Loan),
+    /// The tracks are granted.
+    Granted(DriveGrant),
     /// The watchdog drives.
-    Driving(Leg),
+    Driving(BlindMove),
     /// Standing still until the next search.
     Waiting { until: Instant },
 }
@@ -69,7 +70,7 @@ struct Alarm {
 #[derive(Debug, Clone)]
 pub struct Homing {
     began: Instant,
-    loan_time: Duration,
+    grant_time: Duration,
     pause: Duration,
     retries: u32,
     phase: HomingPhase,
@@ -77,7 +78,7 @@ pub struct Homing {
     /// The last search failed because it found no station from where the robot stands.
     blind: bool,
     failures: u32,
-    legs: u32,
+    blind_moves: u32,
     alarm: Option<Alarm>,
     /// The calls that wait until the robot is home.
     pub(super) callers: Vec<Caller>,
@@ -95,32 +96,34 @@ impl Homing {
     pub fn new(limits: &Limits, now: Instant) -> Homing {
         Homing {
             began: now,
-            loan_time: limits.rescue_time.get(),
+            grant_time: limits.rescue_time.get(),
             pause: limits.dock_pause.get(),
             retries: limits.dock_retries,
             phase: HomingPhase::Waiting { until: now },
             searched: None,
             blind: false,
             failures: 0,
-            legs: 0,
+            blind_moves: 0,
             alarm: None,
             callers: Vec::new(),
         }
     }
 
     /// Advances the way home, off the station while no docking is under way; `may_drive` tells
-    /// whether a leg is allowed now: a leg that is no longer allowed ends.
+    /// whether a blind move is allowed now: a blind move that is no longer allowed ends.
     pub fn poll(&mut self, may_drive: bool, now: Instant) -> Option<HomingStep> {
         match self.phase {
             HomingPhase::Waiting { until } if until <= now => Some(self.search(now)),
-            HomingPhase::Granted(loan) if loan.is_over(now) => {
-                if !loan.used() && self.blind && may_drive {
-                    return Some(HomingStep::Leg(self.drive(now)));
+            HomingPhase::Granted(grant) if grant.is_over(now) => {
+                if !grant.used() && self.blind && may_drive {
+                    return Some(HomingStep::BlindMove(self.drive(now)));
                 }
                 self.wait(Duration::ZERO, now);
                 self.poll(may_drive, now)
             }
-            HomingPhase::Driving(leg) if !may_drive || leg.setpoint(now).is_none() => {
+            HomingPhase::Driving(blind_move)
+                if !may_drive || blind_move.setpoint(now).is_none() =>
+            {
                 Some(self.search(now))
             }
             // The search has ended, but no report says that it failed.
@@ -133,7 +136,7 @@ impl Homing {
     }
 
     /// Handles a failed search and begins what follows: `rescuer` is the behaviour that the tracks
-    /// may be lent to, `may_drive` tells whether a leg is allowed now.
+    /// may be granted to, `may_drive` tells whether a blind move is allowed now.
     pub fn failed(
         &mut self,
         end: DockEnd,
@@ -147,17 +150,17 @@ impl Homing {
             self.wait(Duration::ZERO, now);
             AfterFailure::Search
         } else if let Some(by) = rescuer {
-            self.phase = HomingPhase::Granted(Loan::start(by, self.loan_time, now));
-            AfterFailure::Loan(by)
+            self.phase = HomingPhase::Granted(DriveGrant::start(by, self.grant_time, now));
+            AfterFailure::DriveGrant(by)
         } else if self.blind && may_drive {
-            AfterFailure::Leg(self.drive(now))
+            AfterFailure::BlindMove(self.drive(now))
         } else {
             self.wait(self.pause, now);
             AfterFailure::Pause(self.pause)
         }
     }
 
-    /// Ends a loan or a leg; the search from here comes next.
+    /// Ends a grant or a blind move; the search from here comes next.
     pub fn end(&mut self, now: Instant) {
         if matches!(
             self.phase,
@@ -167,9 +170,9 @@ impl Homing {
         }
     }
 
-    /// The robot is out of reach, or on its station: ends a search, a loan or a leg, but not a
-    /// pause. A search from wherever the robot is then follows, no sooner than [`Homing::MOMENT`]
-    /// after what was ended: nothing is sent over a dead link.
+    /// The robot is out of reach, or on its station: ends a search, a grant or a blind move, but
+    /// not a pause. A search from wherever the robot is then follows, no sooner than
+    /// [`Homing::MOMENT`] after what was ended: nothing is sent over a dead link.
     pub fn interrupt(&mut self, now: Instant) {
         self.blind = false;
         if !matches!(self.phase, HomingPhase::Waiting { .. }) {
@@ -184,25 +187,25 @@ impl Homing {
         self.phase = HomingPhase::Waiting { until: now };
     }
 
-    /// Notes whether the borrower has a motion now.
+    /// Notes whether the grantee has a motion now.
     pub fn note_motion(&mut self, moves: bool, now: Instant) {
-        if let HomingPhase::Granted(loan) = &mut self.phase {
-            loan.note(moves, now);
+        if let HomingPhase::Granted(grant) = &mut self.phase {
+            grant.record(moves, now);
         }
     }
 
-    /// The behaviour that the tracks are lent to now.
-    pub fn borrower(&self) -> Option<BehaviourId> {
+    /// The behaviour that the tracks are granted to now.
+    pub fn grantee(&self) -> Option<BehaviourId> {
         match &self.phase {
-            HomingPhase::Granted(loan) => Some(loan.borrower()),
+            HomingPhase::Granted(grant) => Some(grant.grantee()),
             _ => None,
         }
     }
 
-    /// The setpoint of the tracks; `None` unless a leg is under way.
+    /// The setpoint of the tracks; `None` unless a blind move is under way.
     pub fn setpoint(&self, now: Instant) -> Option<Setpoint> {
         match self.phase {
-            HomingPhase::Driving(leg) => leg.setpoint(now),
+            HomingPhase::Driving(blind_move) => blind_move.setpoint(now),
             _ => None,
         }
     }
@@ -279,8 +282,8 @@ impl Homing {
     pub fn next_deadline(&self, now: Instant) -> Option<Instant> {
         match self.phase {
             HomingPhase::Waiting { until } => Some(until),
-            HomingPhase::Granted(loan) => Some(loan.next_deadline()),
-            HomingPhase::Driving(leg) => leg.next_deadline(now).or(Some(now)),
+            HomingPhase::Granted(grant) => Some(grant.next_deadline()),
+            HomingPhase::Driving(blind_move) => blind_move.next_deadline(now).or(Some(now)),
             HomingPhase::Searching => None,
         }
     }
@@ -291,11 +294,11 @@ impl Homing {
         self.phase = HomingPhase::Waiting { until };
     }
 
-    /// Begins a leg, and returns its number.
+    /// Begins a blind move, and returns its number.
     fn drive(&mut self, now: Instant) -> u32 {
-        self.phase = HomingPhase::Driving(Leg::start(self.legs, now));
-        self.legs = self.legs.saturating_add(1);
-        self.legs
+        self.phase = HomingPhase::Driving(BlindMove::start(self.blind_moves, now));
+        self.blind_moves = self.blind_moves.saturating_add(1);
+        self.blind_moves
     }
 
     fn search(&mut self, now: Instant) -> HomingStep {
@@ -325,7 +328,7 @@ mod tests {
     fn a_leg_begins_at_once_and_a_search_follows_it() {
         let (mut homing, now) = searching();
         let next = homing.failed(DockEnd::BaseNotFound, None, true, now);
-        assert_eq!(next, AfterFailure::Leg(1));
+        assert_eq!(next, AfterFailure::BlindMove(1));
         assert!(homing.setpoint(now + SECOND).is_some());
         let due = homing.next_deadline(now).unwrap();
         assert_eq!(due, now + 2 * SECOND);
@@ -334,7 +337,7 @@ mod tests {
         assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
         assert_eq!(homing.setpoint(due), None);
         let next = homing.failed(DockEnd::BaseNotFound, None, true, due);
-        assert_eq!(next, AfterFailure::Leg(2));
+        assert_eq!(next, AfterFailure::BlindMove(2));
         homing.end(due);
         assert_eq!(homing.poll(true, due + SECOND), Some(HomingStep::Search));
         let due = due + SECOND;
@@ -353,21 +356,24 @@ mod tests {
     fn a_rescuer_drives_before_a_blind_leg() {
         let (mut homing, now) = searching();
         let next = homing.failed(DockEnd::BaseNotFound, Some(WHO), true, now);
-        assert_eq!(next, AfterFailure::Loan(WHO));
-        assert_eq!(homing.borrower(), Some(WHO));
+        assert_eq!(next, AfterFailure::DriveGrant(WHO));
+        assert_eq!(homing.grantee(), Some(WHO));
         homing.note_motion(true, now + SECOND);
         let due = now + 8 * SECOND;
         assert_eq!(homing.next_deadline(now), Some(due));
         assert_eq!(homing.poll(true, due), Some(HomingStep::Search));
-        assert_eq!(homing.borrower(), None);
+        assert_eq!(homing.grantee(), None);
     }
 
     #[test]
-    fn an_unused_loan_is_followed_by_a_leg_where_one_is_allowed() {
-        for (may_drive, next) in [(true, HomingStep::Leg(1)), (false, HomingStep::Search)] {
+    fn an_unused_grant_is_followed_by_a_blind_move_where_one_is_allowed() {
+        for (may_drive, next) in [
+            (true, HomingStep::BlindMove(1)),
+            (false, HomingStep::Search),
+        ] {
             let (mut homing, now) = searching();
             homing.failed(DockEnd::BaseNotFound, Some(WHO), true, now);
-            let due = now + Loan::FIRST;
+            let due = now + DriveGrant::FIRST;
             assert_eq!(homing.poll(may_drive, due), Some(next));
         }
     }
@@ -422,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn ending_a_loan_changes_nothing_in_a_pause_or_a_search() {
+    fn ending_a_grant_changes_nothing_in_a_pause_or_a_search() {
         let (mut homing, now) = searching();
         homing.end(now);
         assert_eq!(homing.next_deadline(now), None);

@@ -27,18 +27,18 @@ pub struct Limits {
     pub dock_retries: u32,
     /// The pause after a failed search, if nothing drives the robot elsewhere then (20 s).
     pub dock_pause: Seconds,
-    /// Whether the watchdog itself drives a short leg if the station was not found and no rescue
-    /// behaviour has driven (true). It drives legs blindly: at 30 %, straight for 2 s, later for up
+    /// Whether the watchdog itself makes a short move if the station was not found and no rescue
+    /// behaviour has driven (true). It moves blindly: at 30 %, straight for 2 s, later for up
     /// to 4 s (0.27 to 0.54 m), every second one after a turn of 0.95 s, with a search after each,
     /// until the robot is released. False where the robot could fall.
-    pub recovery_legs: bool,
+    pub blind_moves: bool,
     /// The rescue behaviour, which drives a robot with a low battery elsewhere after a failed
     /// search: `builtin`, which drives over free floor; the name of a `.lua` file; or `off`.
     pub rescue: Rescue,
-    /// The longest loan of the tracks to the rescue behaviour; then the robot searches from there
+    /// The longest grant of the tracks to the rescue behaviour; then the robot searches from there
     /// (8 s).
     pub rescue_time: Seconds,
-    /// The limit of each track's power during a loan (30 %); more is scaled down on both tracks
+    /// The limit of each track's power during a grant (30 %); more is scaled down on both tracks
     /// alike.
     pub rescue_power: Percent,
     /// After this time off the station without a battery level, the battery counts as low (600 s).
@@ -66,7 +66,7 @@ impl Default for Limits {
             charge_timeout: Seconds::from_secs(30),
             dock_retries: 3,
             dock_pause: Seconds::from_secs(20),
-            recovery_legs: true,
+            blind_moves: true,
             rescue: Rescue::Builtin,
             rescue_time: Seconds::from_secs(8),
             rescue_power: percent(30),
@@ -147,7 +147,7 @@ mod tests {
         assert_eq!(limits.host_silence, Seconds::from_millis(250));
         assert_eq!(limits.host_idle_silence, Seconds::from_secs(5));
         assert_eq!(limits.dock_pause, Seconds::from_secs(20));
-        assert!(limits.recovery_legs);
+        assert!(limits.blind_moves);
         assert_eq!(limits.check(), Ok(()));
     }
 

@@ -2,38 +2,38 @@
 //! come out. Nothing here blocks, reads the clock, or knows a socket or a script's VM.
 //!
 //! [`Watchdog`] combines all parts; each part can be read alone: [`Arbiter`] (which behaviour
-//! drives), [`Tracks`] (the setpoint sent, and how often), [`BatteryGuard`] (which battery reports
-//! count, and when the level is low), [`DockTracker`] (whether the robot is docked, and on what
-//! evidence), [`Docking`] (one docking with its retries), [`Homing`] (the way home of a robot with a
-//! low battery), [`Loan`] and [`Leg`] (how it reaches another place to search from), [`Rescue`]
-//! (which behaviour may drive it), [`Leases`] (which hosts are alive), [`LastWords`] (what the robot
-//! is sent if the agent dies), [`Limits`] (every number).
+//! drives), [`Tracks`] (the setpoint sent, and how often), [`BatteryMonitor`] (which battery
+//! reports count, and when the level is low), [`DockTracker`] (whether the robot is docked, and on
+//! what evidence), [`Docking`] (one docking with its retries), [`Homing`] (the way home of a robot
+//! with a low battery), [`DriveGrant`] and [`BlindMove`] (how it reaches another place to search
+//! from), [`Rescue`] (which behaviour may drive it), [`Leases`] (which hosts are alive),
+//! [`LastWords`] (what the robot is sent if the agent dies), [`Limits`] (every number).
 
 mod act;
 mod arbiter;
 mod battery;
+mod blind_move;
+mod debounce;
+mod dock_state;
 mod docking;
+mod drive_grant;
 mod homing;
 mod leases;
-mod leg;
 mod limits;
-mod loan;
-mod place;
 mod rescue;
-mod streak;
 mod tracks;
 mod watchdog;
 
 pub use act::{Act, Fact, LastWords};
-pub use arbiter::{Arbiter, Ended};
-pub use battery::{BatteryChange, BatteryGuard, Charging, LowCause};
+pub use arbiter::{Arbiter, EndedMotion};
+pub use battery::{BatteryChange, BatteryMonitor, Charging, LowCause};
+pub use blind_move::BlindMove;
+pub use dock_state::{Contradiction, DockState, DockTracker, Source};
 pub use docking::{DockAction, DockLimits, DockOutcome, Docking, Retry};
+pub use drive_grant::{DriveGrant, capped};
 pub use homing::{ALARM, AfterFailure, Homing, HomingStep};
 pub use leases::{HostLife, Leases};
-pub use leg::Leg;
 pub use limits::{Limits, LimitsError};
-pub use loan::{Loan, capped};
-pub use place::{DockState, DockTracker, Doubt, Evidence};
 pub use rescue::{Rescue, UnknownRescue};
 pub use tracks::Tracks;
 pub use watchdog::{DockReport, Watchdog};

@@ -5,15 +5,15 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-/// The behaviour that the tracks of a robot with a low battery are lent to between two searches, a
-/// few seconds at a time. In a config: `builtin`, `off`, or the name of a `.lua` file.
+/// The behaviour that the tracks of a robot with a low battery are granted to between two searches,
+/// a few seconds at a time. In a config: `builtin`, `off`, or the name of a `.lua` file.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum Rescue {
     /// The built-in behaviour: it drives over free floor and looks for the station.
     #[default]
     Builtin,
-    /// No behaviour: the tracks are not lent.
+    /// No behaviour: the tracks are not granted.
     Off,
     /// The user's own behaviour.
     File(PathBuf),

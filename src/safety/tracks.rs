@@ -46,7 +46,7 @@ impl Tracks {
     /// Notes that the robot was stopped by other means, or that a new login has stopped it.
     pub fn note_stop(&mut self, now: Instant) {
         self.wanted = Setpoint::STOP;
-        self.note(Setpoint::STOP, now);
+        self.record(Setpoint::STOP, now);
     }
 
     /// The setpoint to send now, if one is due.
@@ -54,7 +54,7 @@ impl Tracks {
         if self.next_deadline().is_none_or(|due| due > now) {
             return None;
         }
-        self.note(self.wanted, now);
+        self.record(self.wanted, now);
         Some(self.wanted)
     }
 
@@ -78,7 +78,7 @@ impl Tracks {
         self.moving_since
     }
 
-    fn note(&mut self, setpoint: Setpoint, now: Instant) {
+    fn record(&mut self, setpoint: Setpoint, now: Instant) {
         (self.last_sent, self.sent_at) = (setpoint, now);
         self.next_free = self.next_free.max(now) + Tracks::SPACING;
         if setpoint.is_stop() {

@@ -15,8 +15,8 @@ use tokio::time::Instant;
 
 use super::docking::{ActiveDocking, Caller};
 use super::{
-    Act, AfterFailure, Arbiter, BatteryChange, BatteryGuard, Charging, DockAction, DockLimits,
-    DockOutcome, DockState, DockTracker, Docking, Ended, Fact, Homing, HomingStep, HostLife,
+    Act, AfterFailure, Arbiter, BatteryChange, BatteryMonitor, Charging, DockAction, DockLimits,
+    DockOutcome, DockState, DockTracker, Docking, EndedMotion, Fact, Homing, HomingStep, HostLife,
     LastWords, Leases, Limits, LowCause, Rescue, Retry, Tracks, capped,
 };
 use crate::robot::{
@@ -64,7 +64,7 @@ pub struct Watchdog {
     /// BASE_FIND was sent, and no report of the robot has ended the search: a stop alone may not end
     /// it, and a link may lose the BASE_FIND_CANCEL.
     may_search: bool,
-    guard: BatteryGuard,
+    battery_monitor: BatteryMonitor,
     arbiter: Arbiter,
     leases: Leases,
     tracks: Tracks,
@@ -72,12 +72,12 @@ pub struct Watchdog {
     leaving: Option<Leaving>,
     /// Present while the battery is low.
     homing: Option<Homing>,
-    /// The behaviour that the tracks may be lent to.
+    /// The behaviour that the tracks may be granted to.
     rescuer: Option<BehaviourId>,
     streaming: bool,
     /// Since when the robot has moved without sending anything, pauses in the motion included.
     silent_motion_since: Option<Instant>,
-    /// The time of the last [`Watchdog::tick`].
+    /// The time of the last [`Watchdog::poll`].
     ticked: Instant,
     acts: Vec<Act>,
     /// The last docking that has ended, until it is reported.
@@ -95,7 +95,7 @@ impl Watchdog {
     /// Begins without a link; nothing moves.
     pub fn new(limits: Limits, now: Instant) -> Watchdog {
         Watchdog {
-            guard: BatteryGuard::new(&limits),
+            battery_monitor: BatteryMonitor::new(&limits),
             leases: Leases::new(limits.host_silence.get(), limits.host_grace.get()),
             dock_tracker: DockTracker::new(limits.charge_timeout.get()),
             limits,
@@ -123,14 +123,14 @@ impl Watchdog {
     }
 
     /// Takes a fact in and returns what to do now.
-    pub fn take(&mut self, fact: Fact, now: Instant) -> Vec<Act> {
-        self.absorb(fact, now);
-        self.tick(now)
+    pub fn handle(&mut self, fact: Fact, now: Instant) -> Vec<Act> {
+        self.apply(fact, now);
+        self.poll(now)
     }
 
-    /// Takes a fact in without returning acts: they come with the next [`Watchdog::tick`] or
-    /// [`Watchdog::take`], which must follow immediately. For facts that arrive together.
-    pub fn absorb(&mut self, fact: Fact, now: Instant) {
+    /// Takes a fact in without returning acts: they come with the next [`Watchdog::poll`] or
+    /// [`Watchdog::handle`], which must follow immediately. For facts that arrive together.
+    pub fn apply(&mut self, fact: Fact, now: Instant) {
         match fact {
             Fact::LinkUp { docked, power } => self.link_up(docked, power, now),
             Fact::LinkDown => self.link_down(now),
@@ -151,13 +151,13 @@ impl Watchdog {
             Fact::Alive(by) => self.leases.renew(by, now),
             Fact::Gone(by) => self.gone(by, now),
             Fact::Rescuer(by) => self.set_rescuer(by, now),
-            Fact::Suspended => self.wake(now),
+            Fact::Suspended => self.resume(now),
             Fact::RunEnding => self.end_run(now),
         }
     }
 
     /// Advances the time and returns what to do now.
-    pub fn tick(&mut self, now: Instant) -> Vec<Act> {
+    pub fn poll(&mut self, now: Instant) -> Vec<Act> {
         self.ticked = now;
         self.check_hosts(now);
         self.check_stream(now);
@@ -172,7 +172,7 @@ impl Watchdog {
         std::mem::take(&mut self.acts)
     }
 
-    /// When [`Watchdog::tick`] has something to do, seen from its last call. A time in the past
+    /// When [`Watchdog::poll`] has something to do, seen from its last call. A time in the past
     /// means at once.
     pub fn next_deadline(&self) -> Option<Instant> {
         if !self.online {
@@ -185,7 +185,7 @@ impl Watchdog {
         let silence = if self.docked() {
             None
         } else {
-            self.guard.next_deadline()
+            self.battery_monitor.next_deadline()
         };
         [
             self.arbiter.next_deadline(),
@@ -194,12 +194,13 @@ impl Watchdog {
             self.tracks.next_deadline(),
             self.stream_deadline(),
             self.leaving.as_ref().map(|leaving| leaving.until),
-            self.dock_tracker.next_deadline(self.guard.low().is_some()),
+            self.dock_tracker
+                .next_deadline(self.battery_monitor.low().is_some()),
             self.homing.as_ref().and_then(Homing::alarm_deadline),
             self.between_searches()
                 .and_then(|homing| homing.next_deadline(self.ticked)),
             silence,
-            self.guard.unconfirmed_deadline(),
+            self.battery_monitor.unconfirmed_deadline(),
             docking,
         ]
         .into_iter()
@@ -217,7 +218,7 @@ impl Watchdog {
             WatchdogState::Alarm
         } else if self.docked() {
             WatchdogState::Docked
-        } else if self.guard.low().is_some() {
+        } else if self.battery_monitor.low().is_some() {
             WatchdogState::LowGoingHome
         } else if self.docking.is_some() {
             WatchdogState::Docking
@@ -228,12 +229,12 @@ impl Watchdog {
 
     /// Why the battery counts as low; `None` if it does not, or the robot was released.
     pub fn low(&self) -> Option<LowCause> {
-        self.guard.low()
+        self.battery_monitor.low()
     }
 
     /// Where the robot is.
-    pub fn place(&self) -> DockState {
-        self.dock_tracker.place()
+    pub fn dock_state(&self) -> DockState {
+        self.dock_tracker.dock_state()
     }
 
     /// Whether the robot is on its station, by its own report or because it charges.
@@ -245,8 +246,8 @@ impl Watchdog {
     /// first report.
     pub fn battery(&self) -> Option<Battery> {
         Some(Battery {
-            percent: self.guard.level()?,
-            charging: self.guard.charging() == Charging::Confirmed,
+            percent: self.battery_monitor.level()?,
+            charging: self.battery_monitor.charging() == Charging::Confirmed,
             minutes_left: None,
         })
     }
@@ -262,14 +263,14 @@ impl Watchdog {
         self.moving() || self.searching || self.leaving.is_some() || self.dock_tracker.is_leaving()
     }
 
-    /// Why no behaviour, except one that has borrowed the tracks, may move the robot now; `None` if
-    /// all may.
+    /// Why no behaviour, except one that the tracks are granted to, may move the robot now; `None`
+    /// if all may.
     pub fn refusal(&self) -> Option<MotionEnd> {
         if !self.online {
             Some(MotionEnd::Disconnected)
         } else if self.run_ending {
             Some(MotionEnd::Cancelled)
-        } else if self.guard.low().is_some() || self.guard.critical() {
+        } else if self.battery_monitor.low().is_some() || self.battery_monitor.critical() {
             Some(MotionEnd::Safety)
         } else if self.docked() || self.dock_tracker.is_leaving() {
             Some(MotionEnd::Docked)
@@ -285,7 +286,7 @@ impl Watchdog {
     /// - [`LastWords::Nothing`] on the station, unless the robot backs out of it, and while the
     ///   robot searches for it because its battery is low.
     /// - [`LastWords::StopAndDock`] in all other cases of a low battery: waiting for the next
-    ///   search, driven by the watchdog or a borrower, or backing out of the station.
+    ///   search, driven by the watchdog or a grantee, or backing out of the station.
     /// - [`LastWords::Stop`] otherwise: with a good battery the robot stays where it is until
     ///   somebody controls it again, also if a behaviour asked for a search.
     ///
@@ -293,7 +294,7 @@ impl Watchdog {
     /// BASE_FIND if the battery was low and the robot not known to be on its station, or else
     /// BASE_FIND_CANCEL.
     pub fn last_words(&self) -> LastWords {
-        let low = self.guard.low().is_some();
+        let low = self.battery_monitor.low().is_some();
         let stays = self.docked() && !self.dock_tracker.is_leaving();
         if self.online && (stays || (low && self.searching)) {
             LastWords::Nothing
@@ -305,16 +306,16 @@ impl Watchdog {
     }
 
     /// Whether a rescue behaviour should be running: the battery is low and the robot is not on its
-    /// station. True some time before the first loan, so that its host has time to start.
+    /// station. True some time before the first grant, so that its host has time to start.
     pub fn wants_rescue(&self) -> bool {
         let off = self.run_ending || self.limits.rescue == Rescue::Off;
-        !off && self.guard.low().is_some() && !self.docked()
+        !off && self.battery_monitor.low().is_some() && !self.docked()
     }
 
     /// Whether to switch off everything that the way home does not need: the battery is nearly
     /// empty and does not charge. The rescue behaviour's camera and the alarm are needed.
     pub fn shed(&self) -> bool {
-        self.guard.critical() && self.place() != DockState::Charging
+        self.battery_monitor.critical() && self.dock_state() != DockState::Charging
     }
 
     /// Whether the alarm controls volume, headlight and sounds. It sets the volume to 100 % each
@@ -332,7 +333,7 @@ impl Watchdog {
         }
         self.online = true;
         self.streaming = false;
-        let low = self.guard.low().is_some();
+        let low = self.battery_monitor.low().is_some();
         self.dock_tracker.login(docked, low, now);
         self.tracks.note_stop(now);
         self.cancel_earlier_search(now);
@@ -363,15 +364,15 @@ impl Watchdog {
 
     /// Handles the end of a suspension. Nothing old is repeated: all requests end as if the link
     /// had been lost, the tracks stop, and a robot with a low battery searches at once.
-    fn wake(&mut self, now: Instant) {
+    fn resume(&mut self, now: Instant) {
         if !self.online {
             return;
         }
         self.link_down(now);
         self.online = true;
         self.cancel_earlier_search(now);
-        self.halt(now);
-        self.dock_tracker.doubt_leaving();
+        self.stop_tracks(now);
+        self.dock_tracker.contradict_leaving();
         self.search_at_once(now);
     }
 
@@ -384,7 +385,7 @@ impl Watchdog {
         if !self.online {
             return;
         }
-        self.halt(now);
+        self.stop_tracks(now);
         if self.docking.is_none() {
             self.search_at_once(now);
         }
@@ -400,19 +401,19 @@ impl Watchdog {
             charging: power.charging && !self.dock_tracker.has_just_left(now),
             ..power
         };
-        let was_critical = self.guard.critical();
+        let was_critical = self.battery_monitor.critical();
         let contact = self.dock_tracker.has_contact();
-        let change = self.guard.report(power, contact, now);
+        let change = self.battery_monitor.report(power, contact, now);
         let was_docked = self.docked();
-        let charges = self.guard.charging() != Charging::No;
+        let charges = self.battery_monitor.charging() != Charging::No;
         self.dock_tracker.power(charges, now);
         if self.docked() && !was_docked {
             self.end_motion(MotionEnd::Docked);
             self.interrupt_homing(now);
         }
         self.apply_battery_change(change, now);
-        if self.guard.critical() && !was_critical {
-            if self.borrower().is_none() {
+        if self.battery_monitor.critical() && !was_critical {
+            if self.grantee().is_none() {
                 self.end_motion(MotionEnd::Safety);
             }
             let reason = format!(
@@ -455,8 +456,8 @@ impl Watchdog {
     /// The believed charging state; [`Charging::No`] once a later report or a doubt has moved the
     /// robot from [`DockState::Charging`] to another state.
     fn charging_here(&self) -> Charging {
-        match self.place() {
-            DockState::Charging => self.guard.charging(),
+        match self.dock_state() {
+            DockState::Charging => self.battery_monitor.charging(),
             _ => Charging::No,
         }
     }
@@ -482,7 +483,7 @@ impl Watchdog {
     /// under way. A behaviour's docking becomes the watchdog's own.
     fn pursue_home(&mut self, now: Instant) {
         let underway = matches!(&self.docking, Some(active) if active.forced);
-        if !self.online || self.guard.low().is_none() || underway {
+        if !self.online || self.battery_monitor.low().is_none() || underway {
             return;
         }
         if self.docked() {
@@ -547,17 +548,17 @@ impl Watchdog {
         for action in actions {
             match action {
                 DockAction::Find => {
-                    self.halt(now);
+                    self.stop_tracks(now);
                     self.send(Command::Engine(Engage::Dock));
                 }
                 DockAction::Cancel => self.cancel_search(now),
                 DockAction::Reverse => {
-                    self.halt(now);
+                    self.stop_tracks(now);
                     let back = -Watchdog::BACK_OFF_PERCENT;
                     let setpoint = Setpoint::from_percent(back, back);
                     self.tracks.want(setpoint.unwrap_or(Setpoint::STOP));
                 }
-                DockAction::Halt => self.halt(now),
+                DockAction::Stop => self.stop_tracks(now),
                 DockAction::Undock => {
                     let timeout = Docking::LEAVE_TIMEOUT;
                     self.dock_tracker.leave_station(timeout, now);
@@ -643,8 +644,8 @@ impl Watchdog {
     fn handle_failed_search(&mut self, end: DockEnd, now: Instant) {
         let may_lend = !self.run_ending && !self.docked() && self.limits.rescue != Rescue::Off;
         let rescuer = if may_lend { self.rescuer } else { None };
-        let may_drive = self.may_drive_a_leg();
-        let stuck = end == DockEnd::NotCharging && self.place() == DockState::Unknown;
+        let may_drive = self.may_move_blindly();
+        let stuck = end == DockEnd::NotCharging && self.dock_state() == DockState::Unknown;
         let Some(homing) = &mut self.homing else {
             return;
         };
@@ -666,41 +667,41 @@ impl Watchdog {
         );
     }
 
-    /// Informs a borrower of its loan, and returns a description of what follows.
+    /// Informs a grantee of its grant, and returns a description of what follows.
     fn begin(&mut self, next: AfterFailure) -> String {
         match next {
             AfterFailure::Search => "searches again".to_owned(),
-            AfterFailure::Leg(number) => {
-                format!("drives short leg {number}, and searches from there")
+            AfterFailure::BlindMove(number) => {
+                format!("makes short blind move {number}, and searches from there")
             }
             AfterFailure::Pause(pause) => format!("tries again in {:.0} s", pause.as_secs_f64()),
-            AfterFailure::Loan(by) => {
+            AfterFailure::DriveGrant(by) => {
                 let seconds = self.limits.rescue_time.get();
                 let power = self.limits.rescue_power;
                 self.acts
-                    .push(Act::Tell(by, Event::Loan { seconds, power }));
+                    .push(Act::Tell(by, Event::DriveGrant { seconds, power }));
                 let seconds = seconds.as_secs_f64();
                 format!("a rescue behaviour may drive for {seconds} s, then it searches from there")
             }
         }
     }
 
-    /// Off the station and without a docking under way: begins the next leg or search when it is
-    /// due.
+    /// Off the station and without a docking under way: begins the next blind move or search when
+    /// it is due.
     fn continue_homing(&mut self, now: Instant) {
         if self.docked() {
             return;
         }
         self.watch_borrower(now);
-        let may_drive = self.may_drive_a_leg();
+        let may_drive = self.may_move_blindly();
         let Some(homing) = &mut self.homing else {
             return;
         };
         match homing.poll(may_drive, now) {
             None => {}
-            Some(HomingStep::Leg(number)) => {
+            Some(HomingStep::BlindMove(number)) => {
                 self.end_motion(MotionEnd::Safety);
-                let next = self.begin(AfterFailure::Leg(number));
+                let next = self.begin(AfterFailure::BlindMove(number));
                 self.announce(
                     SafetyAction::Dock,
                     format!("no behaviour has driven: {next}"),
@@ -710,9 +711,9 @@ impl Watchdog {
         }
     }
 
-    /// Notes whether the borrower drives, and ends its loan if its host falls silent meanwhile.
+    /// Notes whether the grantee drives, and ends its grant if its host falls silent meanwhile.
     fn watch_borrower(&mut self, now: Instant) {
-        let Some(by) = self.borrower() else {
+        let Some(by) = self.grantee() else {
             return;
         };
         let moves = self.arbiter.claimants().any(|claimant| claimant == by);
@@ -725,9 +726,9 @@ impl Watchdog {
         }
     }
 
-    /// Whether a leg is allowed: by the config, off the station, and before the run ends.
-    fn may_drive_a_leg(&self) -> bool {
-        !self.run_ending && !self.docked() && self.limits.recovery_legs
+    /// Whether a blind move is allowed: by the config, off the station, and before the run ends.
+    fn may_move_blindly(&self) -> bool {
+        !self.run_ending && !self.docked() && self.limits.blind_moves
     }
 
     /// The way home, while the robot is in reach, off its station, and no docking is under way.
@@ -745,37 +746,35 @@ impl Watchdog {
             return Setpoint::STOP;
         };
         match homing.setpoint(now) {
-            _ if homing.borrower().is_some() => self.arbiter.setpoint(),
-            Some(setpoint) if self.may_drive_a_leg() => setpoint,
+            _ if homing.grantee().is_some() => self.arbiter.setpoint(),
+            Some(setpoint) if self.may_move_blindly() => setpoint,
             _ => Setpoint::STOP,
         }
     }
 
-    /// The behaviour that the tracks are lent to now.
-    fn borrower(&self) -> Option<BehaviourId> {
-        self.between_searches().and_then(Homing::borrower)
+    /// The behaviour that the tracks are granted to now.
+    fn grantee(&self) -> Option<BehaviourId> {
+        self.between_searches().and_then(Homing::grantee)
     }
 
-    /// Ends a loan or a leg; the search follows.
-    fn end_loan(&mut self, now: Instant) {
+    /// Ends a grant or a blind move; the search follows.
+    fn end_grant(&mut self, now: Instant) {
         if let Some(homing) = &mut self.homing {
             homing.end(now);
         }
     }
 
-    /// Sets the behaviour that the tracks may be lent to. A loan to another behaviour ends.
+    /// Sets the behaviour that the tracks may be granted to. A grant to another behaviour ends.
     fn set_rescuer(&mut self, by: Option<BehaviourId>, now: Instant) {
         self.rescuer = by;
         if let Some(homing) = &mut self.homing
-            && homing
-                .borrower()
-                .is_some_and(|borrower| by != Some(borrower))
+            && homing.grantee().is_some_and(|grantee| by != Some(grantee))
         {
             homing.end(now);
         }
     }
 
-    /// Out of reach, or on the station: ends a loan, a leg or a search.
+    /// Out of reach, or on the station: ends a grant, a blind move or a search.
     fn interrupt_homing(&mut self, now: Instant) {
         if let Some(homing) = &mut self.homing {
             homing.interrupt(now);
@@ -835,7 +834,7 @@ impl Watchdog {
             self.search_at_once(now);
         }
         let change = match news {
-            EngineReport::Docked => self.guard.contact(),
+            EngineReport::Docked => self.battery_monitor.contact(),
             _ => None,
         };
         self.apply_battery_change(change, now);
@@ -843,8 +842,8 @@ impl Watchdog {
 
     fn undocked(&mut self, now: Instant) {
         self.dock_tracker.undocked(now);
-        self.guard.undocked();
-        self.guard.excuse_silence(now);
+        self.battery_monitor.undocked();
+        self.battery_monitor.excuse_silence(now);
         if let Some(leaving) = self.leaving.take() {
             self.answer_undock(leaving.caller, DockEnd::Done);
         }
@@ -853,13 +852,13 @@ impl Watchdog {
     /// Ends the search and stops the tracks.
     fn cancel_search(&mut self, now: Instant) {
         self.send(Command::Engine(Engage::CancelDock));
-        self.halt(now);
+        self.stop_tracks(now);
     }
 
     /// Ends a search from before the link was lost or the machine slept, unless the battery is low:
     /// then another search follows.
     fn cancel_earlier_search(&mut self, now: Instant) {
-        if self.may_search && self.guard.low().is_none() {
+        if self.may_search && self.battery_monitor.low().is_none() {
             self.cancel_search(now);
         }
     }
@@ -910,13 +909,13 @@ impl Watchdog {
         if self.refusal() == Some(MotionEnd::Preempted) && self.outranks_docking(priority) {
             self.end_docking(DockEnd::Preempted, now);
         }
-        let borrows = self.borrower() == Some(by);
-        if let (Some(end), false) = (self.refusal(), borrows) {
+        let is_grantee = self.grantee() == Some(by);
+        if let (Some(end), false) = (self.refusal(), is_grantee) {
             let earlier = self.arbiter.clear_of(by, MotionEnd::Preempted);
             self.tell_ended(earlier);
-            return self.tell_ended(vec![Ended { by, motion, end }]);
+            return self.tell_ended(vec![EndedMotion { by, motion, end }]);
         }
-        let allowed = if borrows {
+        let allowed = if is_grantee {
             capped(setpoint, self.limits.rescue_power)
         } else {
             setpoint
@@ -929,10 +928,10 @@ impl Watchdog {
     }
 
     /// No behaviour can stop the way home of a robot with a low battery, except its own part of it:
-    /// a borrower's stop returns the tracks.
+    /// a grantee's stop returns the tracks.
     fn stop_asked(&mut self, by: BehaviourId, priority: Priority, now: Instant) {
-        match self.borrower() {
-            Some(borrower) if borrower == by => self.end_loan(now),
+        match self.grantee() {
+            Some(grantee) if grantee == by => self.end_grant(now),
             Some(_) => return,
             None => {}
         }
@@ -979,7 +978,7 @@ impl Watchdog {
             Some(DockEnd::Disconnected)
         } else if self.run_ending {
             Some(DockEnd::Cancelled)
-        } else if self.place() == DockState::Charging {
+        } else if self.dock_state() == DockState::Charging {
             Some(DockEnd::AlreadyDocked)
         } else if self.is_alarming() || crowded {
             Some(DockEnd::Safety)
@@ -1005,15 +1004,16 @@ impl Watchdog {
     }
 
     fn undock_refusal(&self, caller: Caller) -> Option<DockEnd> {
-        let left = matches!(self.place(), DockState::Left(_)) && !self.dock_tracker.is_leaving();
-        let low = self.guard.low().is_some() || self.guard.at_or_below_low();
+        let left =
+            matches!(self.dock_state(), DockState::Left(_)) && !self.dock_tracker.is_leaving();
+        let low = self.battery_monitor.low().is_some() || self.battery_monitor.at_or_below_low();
         if !self.online {
             Some(DockEnd::Disconnected)
         } else if self.run_ending {
             Some(DockEnd::Cancelled)
         } else if left {
             Some(DockEnd::NotDocked)
-        } else if low || self.guard.critical() {
+        } else if low || self.battery_monitor.critical() {
             Some(DockEnd::Safety)
         } else if self.is_outranked(caller.priority) || self.docks_above(caller.priority) {
             Some(DockEnd::Preempted)
@@ -1118,7 +1118,7 @@ impl Watchdog {
     /// A silent host that stands by does no harm: it is only kept from getting the tracks.
     fn hold_silent(&mut self, by: BehaviourId, now: Instant) {
         if self.arbiter.hold(by, true) && self.arbiter.driver() == Some(by) {
-            self.halt(now);
+            self.stop_tracks(now);
             let silence = self.limits.host_silence.get().as_millis();
             self.announce(
                 SafetyAction::Stop,
@@ -1129,7 +1129,7 @@ impl Watchdog {
 
     fn end_silent(&mut self, by: BehaviourId, now: Instant) {
         if self.arbiter.driver() == Some(by) {
-            self.halt(now);
+            self.stop_tracks(now);
         }
         self.arbiter.forget(by);
         self.leases.forget(by);
@@ -1154,7 +1154,7 @@ impl Watchdog {
             return;
         }
         self.silent_motion_since = None;
-        self.halt(now);
+        self.stop_tracks(now);
         self.end_motion(MotionEnd::Disconnected);
         self.interrupt_homing(now);
         let silence = self.limits.stream_silence.get().as_secs_f64();
@@ -1168,17 +1168,17 @@ impl Watchdog {
             return;
         }
         if self
-            .guard
+            .battery_monitor
             .unconfirmed_deadline()
             .is_some_and(|due| due <= now)
         {
-            let change = self.guard.expire_unconfirmed(now);
+            let change = self.battery_monitor.expire_unconfirmed(now);
             self.dock_tracker.power(false, now);
             self.apply_battery_change(change, now);
         }
         if self.docked() {
-            self.guard.excuse_silence(now);
-        } else if let Some(BatteryChange::BecameLow(cause)) = self.guard.poll(now) {
+            self.battery_monitor.excuse_silence(now);
+        } else if let Some(BatteryChange::BecameLow(cause)) = self.battery_monitor.poll(now) {
             self.became_low(cause, now);
         }
     }
@@ -1186,15 +1186,15 @@ impl Watchdog {
     /// Lets a robot with a low battery search for its station when it may no longer be on it. If
     /// the contacts did not charge, the docking ends as failed, and the alarm calls for a person.
     fn check_place(&mut self, now: Instant) {
-        let low = self.guard.low().is_some();
-        let Some(doubt) = self.dock_tracker.poll(low, now) else {
+        let low = self.battery_monitor.low().is_some();
+        let Some(contradiction) = self.dock_tracker.poll(low, now) else {
             return;
         };
         if !low {
             return;
         }
         if let Some(active) = self.docking.as_mut().filter(|active| active.forced) {
-            let actions = active.docking.lost_contact(doubt, now);
+            let actions = active.docking.lost_contact(contradiction, now);
             self.execute_dock_actions(actions, now);
         }
         self.search_at_once(now);
@@ -1229,7 +1229,7 @@ impl Watchdog {
     }
 
     /// Stops the tracks in this batch of acts, whatever was sent before.
-    fn halt(&mut self, now: Instant) {
+    fn stop_tracks(&mut self, now: Instant) {
         self.tracks.note_stop(now);
         let sent = |act: &Act| matches!(act, Act::Send(_));
         let stop = Act::Send(Command::STOP);
@@ -1243,8 +1243,8 @@ impl Watchdog {
         self.tell_ended(over);
     }
 
-    fn tell_ended(&mut self, over: Vec<Ended>) {
-        let tell = |Ended { by, motion, end }| Act::Tell(by, Event::MotionEnded { motion, end });
+    fn tell_ended(&mut self, over: Vec<EndedMotion>) {
+        let tell = |EndedMotion { by, motion, end }| Act::Tell(by, Event::MotionEnded { motion, end });
         self.acts.extend(over.into_iter().map(tell));
     }
 

@@ -6,11 +6,11 @@ use serde_json::{Value, json};
 
 use super::arguments::Arguments;
 use super::refusal::CallError;
-use super::stage::PlayStage;
+use super::running_api::RunningScenarioApi;
 use crate::clock::{self, Date};
 use crate::sim::{Fault, Point, Pose, TraceEventKind};
 
-impl PlayStage {
+impl RunningScenarioApi {
     pub(super) fn call(&self, call: &str, given: Arguments<'_>) -> Result<Value, CallError> {
         match call {
             "sim:place" => Ok(self.put_robot(given)),
@@ -37,7 +37,7 @@ impl PlayStage {
             }
             "sim:clock" => {
                 let date: Date = given.text(0).unwrap_or_default().parse()?;
-                clock::begin_virtual(Some(date.at(&self.cast.zone())));
+                clock::begin_virtual(Some(date.at(&self.behaviours.zone())));
                 Ok(Value::Null)
             }
             "sim:fault" => self.begin_fault(given),
@@ -48,7 +48,7 @@ impl PlayStage {
     fn look(&self, call: &str, given: Arguments<'_>) -> Result<Value, CallError> {
         let state = self.sim.state();
         Ok(match call {
-            "sim:seed" => self.cast.seed.into(),
+            "sim:seed" => self.behaviours.seed.into(),
             "sim:time" => self.time().as_secs_f64().into(),
             "sim:pose" => {
                 json!({"x": state.pose.x, "y": state.pose.y, "heading": state.pose.heading})
@@ -63,7 +63,7 @@ impl PlayStage {
                 json!({"flash": leds.flash, "left": leds.left, "right": leds.right})
             }
             "sim:sounds" => self.sounds(),
-            "sim:photos" => pictures(&self.cast.data).into(),
+            "sim:photos" => pictures(&self.behaviours.data).into(),
             "sim:distance" => state.distance.into(),
             "sim:collisions" => state.collisions.into(),
             "sim:ended" => self.record.ended(given.text(0)).into(),

@@ -14,7 +14,7 @@ pub struct Options {
     pub world: Option<String>,
     /// The battery's level at the start, 0..=100 percent; the world's if `None`.
     pub battery: Option<f64>,
-    /// Number of seeds: the scenario is played with the seeds from 1 to this.
+    /// Number of seeds: the scenario is run with the seeds from 1 to this.
     pub seeds: u64,
     /// Limit in virtual time.
     pub limit: Duration,

@@ -37,7 +37,7 @@ pub(super) enum CallError {
     #[error(transparent)]
     World(#[from] WorldError),
     #[error(transparent)]
-    Cast(#[from] CastError),
+    Behaviours(#[from] BehavioursError),
 }
 
 /// Errors when loading a world.
@@ -60,7 +60,7 @@ pub(super) enum WorldError {
 
 /// Errors when loading a behaviour that a scenario names.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum CastError {
+pub(super) enum BehavioursError {
     #[error("name a behaviour, such as sim:run(\"patrol.lua\")")]
     NoSubject,
     #[error(transparent)]

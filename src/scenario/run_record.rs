@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 use super::refusal::CallError;
 use crate::agent::RESCUE_NAME;
 use crate::behaviour::is_failure;
-use crate::lab::{Event, EventKind, Recorder};
 use crate::robot::EndReason;
+use crate::simulation::{Event, EventKind, Recorder};
 
 /// Maximum number of log lines of behaviours kept.
 const MAX_LINES: usize = 10_000;
@@ -18,7 +18,7 @@ const MAX_ENDINGS: usize = 1_000;
 /// Number of most recent events kept for failure reports.
 const RECENT: usize = 8;
 
-/// The record of a scenario, shared with the laboratory's recorder; cheap to clone.
+/// The record of a scenario, shared with the simulation's recorder; cheap to clone.
 #[derive(Clone, Default)]
 pub(super) struct RunRecord(Arc<Mutex<RecordState>>);
 
@@ -51,7 +51,7 @@ impl RunRecord {
     /// Returns a recorder that adds events to this record.
     pub(super) fn recorder(&self) -> Recorder {
         let record = self.clone();
-        Recorder::new(move |event| record.state().note(&event))
+        Recorder::new(move |event| record.state().record(&event))
     }
 
     fn state(&self) -> MutexGuard<'_, RecordState> {
@@ -106,7 +106,7 @@ impl RunRecord {
 }
 
 impl RecordState {
-    fn note(&mut self, event: &Event) {
+    fn record(&mut self, event: &Event) {
         let behaviour = event.field("behaviour").unwrap_or_default();
         match event.kind {
             EventKind::Log if self.lines.len() < MAX_LINES => self.lines.push(Line {
@@ -176,12 +176,12 @@ mod tests {
             fields: BTreeMap::new(),
         };
         for _ in 0..MAX_LINES {
-            record.state().note(&event);
+            record.state().record(&event);
         }
         let lines = record.lines("alarm").unwrap();
         assert_eq!(lines.as_array().unwrap().len(), MAX_LINES);
         event.text = "one more".to_owned();
-        record.state().note(&event);
+        record.state().record(&event);
         let error = record.lines("alarm").unwrap_err();
         assert!(
             matches!(error, CallError::LinesMissed(MAX_LINES)),

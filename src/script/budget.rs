@@ -92,7 +92,7 @@ struct Running {
     began: Instant,
     processor: Duration,
     limit: Duration,
-    place: Option<SourceLocation>,
+    location: Option<SourceLocation>,
 }
 
 impl Running {
@@ -101,7 +101,7 @@ impl Running {
             began: Instant::now(),
             processor: processor_time(),
             limit,
-            place: None,
+            location: None,
         }
     }
 
@@ -142,7 +142,7 @@ pub(super) struct SliceCost {
     /// Over the budget.
     pub(super) over: bool,
     /// Where the slice was when it was found over its budget.
-    pub(super) place: Option<SourceLocation>,
+    pub(super) location: Option<SourceLocation>,
 }
 
 /// Begins a slice of the script of this file on this thread.
@@ -176,7 +176,7 @@ pub(super) fn end() -> SliceCost {
     running.map_or_else(SliceCost::default, |running| SliceCost {
         wall: running.began.elapsed(),
         over: flag == OVER_BUDGET || running.is_over(),
-        place: running.place,
+        location: running.location,
     })
 }
 
@@ -243,7 +243,7 @@ fn is_over() -> bool {
 pub(super) fn record_place(file: String, line: u32) {
     RUNNING.with_borrow_mut(|running| {
         if let Some(running) = running {
-            running.place = Some(SourceLocation { file, line });
+            running.location = Some(SourceLocation { file, line });
         }
     });
 }

@@ -4,7 +4,7 @@
 use tokio::time::Instant;
 
 use super::options::Limits;
-use crate::budget::Budget;
+use crate::rate_limit::Budget;
 
 /// The longest `kind` of an entry, in bytes.
 pub(crate) const MAX_KIND: usize = 40;

@@ -13,7 +13,7 @@ use super::output::Evaluated;
 use super::sandbox;
 use super::scheduler::Outcome;
 use super::state::State;
-use super::task::{Answer, TaskKind};
+use super::task::{TaskKind, Wakeup};
 
 /// Largest number of entries shown of a table.
 const MAX_ENTRIES: usize = 16;
@@ -63,7 +63,7 @@ impl Script {
         let mut state = self.state.borrow_mut();
         match begun {
             Ok(thread) => {
-                let start = Answer::Start(LuaMultiValue::new());
+                let start = Wakeup::Start(LuaMultiValue::new());
                 state.tasks.add(thread, TaskKind::Line, start, None, now);
             }
             Err(answer) => state.output.answer(answer),
@@ -79,7 +79,7 @@ impl Script {
             if !state.is_running() {
                 return;
             }
-            state.halt();
+            state.cancel_all();
             state.output.send_stop();
         }
         self.advance_ending();

@@ -36,7 +36,7 @@ impl EventName {
             Event::Audio(_) => EventName::Audio,
             Event::SoundFinished => EventName::SoundFinished,
             Event::Safety { .. } => EventName::Safety,
-            Event::Loan { .. } => EventName::Loan,
+            Event::DriveGrant { .. } => EventName::DriveGrant,
             Event::Engine { .. } => EventName::Engine,
             Event::Moving { .. }
             | Event::Sounding

@@ -71,7 +71,7 @@ pub enum Failure {
 
 /// How a script has ended.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Ending {
+pub struct ScriptExit {
     /// The reason.
     pub reason: EndReason,
     /// For people: file, line, what happened and what to do; or the text of `script.stop`.
@@ -135,9 +135,9 @@ fn from_traceback(text: &str) -> String {
         .filter(|(file, _)| is_runtime_frame(file))
         .and_then(|(_, rest)| rest.split_once(": "));
     let message = match (inside, first_place(trace)) {
-        (Some((_, words)), Some(place)) => format!("{place}: {words}"),
+        (Some((_, words)), Some(location)) => format!("{location}: {words}"),
         (Some((_, words)), None) => words.to_owned(),
-        (None, Some(place)) if !has_place(message) => format!("{place}: {message}"),
+        (None, Some(location)) if !has_location(message) => format!("{location}: {message}"),
         (None, _) => message.to_owned(),
     };
     printable(&message, LONGEST)
@@ -147,17 +147,17 @@ fn from_traceback(text: &str) -> String {
 fn first_place(trace: &str) -> Option<&str> {
     trace.lines().map(str::trim).find_map(|line| {
         let end = line.find(' ').unwrap_or(line.len());
-        let place = line.get(..end)?.trim_end_matches(':');
-        let (file, number) = place.rsplit_once(':')?;
+        let location = line.get(..end)?.trim_end_matches(':');
+        let (file, number) = location.rsplit_once(':')?;
         let is_script_frame = !is_runtime_frame(file) && !file.starts_with('[');
-        (is_script_frame && number.parse::<u32>().is_ok()).then_some(place)
+        (is_script_frame && number.parse::<u32>().is_ok()).then_some(location)
     })
 }
 
 /// Whether a message begins with `file:line: `.
-fn has_place(message: &str) -> bool {
-    let place = message.split(": ").next().unwrap_or_default();
-    let line = place.rsplit_once(':').map(|(_, line)| line);
+fn has_location(message: &str) -> bool {
+    let location = message.split(": ").next().unwrap_or_default();
+    let line = location.rsplit_once(':').map(|(_, line)| line);
     line.is_some_and(|line| line.parse::<u32>().is_ok())
 }
 

@@ -36,12 +36,12 @@ pub(super) enum LogForm {
 impl FailureLog {
     /// Counts a failure at the place that its text begins with, and returns how to log it.
     pub(super) fn count(&mut self, text: &str) -> LogForm {
-        let place = text.split(": ").next().unwrap_or(text);
-        let known = self.counts.contains_key(place);
+        let location = text.split(": ").next().unwrap_or(text);
+        let known = self.counts.contains_key(location);
         if !known && self.counts.len() >= MAX_PLACES {
             return LogForm::Plain;
         }
-        let count = self.counts.entry(place.to_owned()).or_default();
+        let count = self.counts.entry(location.to_owned()).or_default();
         *count += 1;
         match *count {
             1 => LogForm::Explained,

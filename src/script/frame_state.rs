@@ -6,8 +6,8 @@ use std::rc::Rc;
 
 use tokio::time::Instant;
 
+use super::annotated_frame::DetectionsRecorder;
 use super::options::Options;
-use super::sighting::FindingsRecorder;
 use crate::odometry::TimedMotion;
 use crate::robot::Frame;
 use crate::vision::{Damage, FrameAnalyser, Size};
@@ -54,7 +54,7 @@ pub(super) struct FrameState {
     /// Frames that were not valid pictures.
     pub(super) damage: Damage,
     /// Set only if somebody wants to see what the script sees.
-    pub(super) recorder: Option<FindingsRecorder>,
+    pub(super) recorder: Option<DetectionsRecorder>,
 }
 
 /// How to examine a frame for the robot's own motion, with the state at the time when the frame
@@ -77,7 +77,7 @@ impl FrameState {
             motion_check: None,
             turned: None,
             damage: Damage::default(),
-            recorder: FindingsRecorder::from_options(options),
+            recorder: DetectionsRecorder::from_options(options),
         }
     }
 }

@@ -7,7 +7,7 @@ use mlua::prelude::LuaFunction;
 
 use tokio::time::Instant;
 
-use super::failure::Ending;
+use super::failure::ScriptExit;
 use crate::robot::EndReason;
 
 /// The phase of a script's life.
@@ -15,13 +15,13 @@ use crate::robot::EndReason;
 pub(super) enum Life {
     Running,
     Stopping(Stopping),
-    Ended(Ending),
+    Ended(ScriptExit),
 }
 
 /// The last half second, in which a stopping script may clean up.
 #[derive(Debug)]
 pub(super) struct Stopping {
-    pub(super) ending: Ending,
+    pub(super) exit: ScriptExit,
     pub(super) deadline: Instant,
     /// Real time that its slices took; needed since the clock of the deadline may be virtual and
     /// stand still.

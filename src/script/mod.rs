@@ -10,19 +10,20 @@
 //! process has to handle it.
 //!
 //! The parts: `sandbox` creates a restricted VM; `budget` and `interrupt` end slices that run too
-//! long; `task`, `queue` and `scheduler` decide which task runs next; `slice` runs it; `ending`
+//! long; `task`, `queue` and `scheduler` decide which task runs next; `slice` runs it; `exit`
 //! ends the script; `api/` contains the native functions of each Lua namespace; `stdlib/` contains
 //! the part of the library that is written in Lua.
 
 mod address;
+mod annotated_frame;
 mod api;
 mod arguments;
 mod budget;
 mod daily_limits;
 mod declaration;
-mod ending;
 mod eval;
 mod events;
+mod exit;
 mod failure;
 mod failure_log;
 mod frame_state;
@@ -41,11 +42,10 @@ mod picture_store;
 mod plain;
 mod queue;
 mod sandbox;
+mod scenario_api;
 mod scheduler;
-mod sighting;
 mod slice;
 mod sound;
-mod stage;
 mod state;
 pub mod stdlib;
 mod store;
@@ -65,13 +65,14 @@ use crate::robot::EndReason;
 use api::Shared;
 use life::{Life, is_kill};
 use state::State;
-use task::{Answer, TaskKind};
+use task::{TaskKind, Wakeup};
 
+pub use annotated_frame::{AnnotatedFrame, LabelledBlob};
 pub(crate) use budget::{running, set_simulated_wall_factor, stuck, when_stuck};
 pub(crate) use daily_limits::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub(crate) use declaration::{Declaration, param_values};
 pub(crate) use failure::printable;
-pub use failure::{Ending, Failure, SourceLocation};
+pub use failure::{Failure, ScriptExit, SourceLocation};
 pub use failure_log::Explain;
 pub use modules::{ModuleFile, ModuleName, NoModule};
 pub(crate) use modules::{Target, resolve};
@@ -82,8 +83,7 @@ pub use params::{GivenParam, ParamOrigin, ParamValue};
 pub(crate) use picture_store::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub use sandbox::MAX_SOURCE;
 pub(crate) use sandbox::{check_source as read_text, compile_error};
-pub use sighting::{Seen, Sighting};
-pub use stage::{Stage, StageAnswer, StageCall, StageError};
+pub use scenario_api::{ScenarioApi, ScenarioCall, ScenarioCallError, ScenarioCallResult};
 pub use state::Usage;
 pub use stdlib::RESCUE;
 
@@ -118,18 +118,18 @@ impl Script {
     /// # Errors
     ///
     /// As [`Script::load`].
-    pub fn on_stage(
+    pub fn with_scenario_api(
         source: &[u8],
         options: Options,
-        stage: Rc<dyn Stage>,
+        scenario_api: Rc<dyn ScenarioApi>,
         now: Instant,
     ) -> Result<Script, Failure> {
-        Script::load_with(source, options, api::ApiSet::Stage(stage), now)
+        Script::load_with(source, options, api::ApiSet::Scenario(scenario_api), now)
     }
 
-    /// Loads a scenario script with an empty source and a stage that refuses every call.
-    pub(crate) fn on_empty_stage(options: Options, now: Instant) -> Result<Script, Failure> {
-        Script::on_stage(b"", options, Rc::new(RefusingStage), now)
+    /// Loads a scenario script with an empty source and a scenario API that refuses every call.
+    pub(crate) fn empty_scenario(options: Options, now: Instant) -> Result<Script, Failure> {
+        Script::with_scenario_api(b"", options, Rc::new(RefusingScenarioApi), now)
     }
 
     fn load_with(
@@ -168,7 +168,7 @@ impl Script {
         sandbox::seed(&lua, seed)?;
         api::install(&lua, &state, api_set)?;
         let main = lua.create_thread(sandbox::compile(&lua, source, &chunk)?)?;
-        let start = Answer::Start(LuaMultiValue::new());
+        let start = Wakeup::Start(LuaMultiValue::new());
         state
             .borrow_mut()
             .tasks
@@ -272,10 +272,10 @@ impl Script {
     }
 
     /// Returns a frame that the script has examined and what was found in it, as soon as no ready
-    /// task can still examine that frame: at most ten frames a second with [`Options::findings`],
+    /// task can still examine that frame: at most ten frames a second with [`Options::detections`],
     /// at most two with only [`Options::annotate_dir`], and none without either.
-    pub fn take_sighting(&mut self) -> Option<Sighting> {
-        self.state.borrow_mut().take_sighting()
+    pub fn take_annotated_frame(&mut self) -> Option<AnnotatedFrame> {
+        self.state.borrow_mut().take_annotated_frame()
     }
 
     /// Ends the script. Its motion ends now. For `cpu`, `memory` and `safety` no further line of it
@@ -299,9 +299,9 @@ impl Script {
     }
 
     /// How the script ended; `None` while it is running or stopping.
-    pub fn ended(&self) -> Option<Ending> {
+    pub fn ended(&self) -> Option<ScriptExit> {
         match &self.state.borrow().life {
-            Life::Ended(ending) => Some(ending.clone()),
+            Life::Ended(exit) => Some(exit.clone()),
             _ => None,
         }
     }
@@ -320,11 +320,11 @@ impl Script {
     }
 }
 
-/// A stage that refuses every call; enough to list the names that scripts can use.
-struct RefusingStage;
+/// A scenario API that refuses every call; enough to list the names that scripts can use.
+struct RefusingScenarioApi;
 
-impl Stage for RefusingStage {
-    fn answer(&self, call: StageCall<'_>) -> StageAnswer {
+impl ScenarioApi for RefusingScenarioApi {
+    fn answer(&self, call: ScenarioCall<'_>) -> ScenarioCallResult {
         Err(format!("{} is not possible here", call.name).into())
     }
 }

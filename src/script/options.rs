@@ -46,9 +46,9 @@ pub struct Options {
     /// The folder where the host saves marked copies of the frames that the script examined; `None`
     /// to save none.
     pub annotate_dir: Option<PathBuf>,
-    /// Whether people are watching: then findings in frames are reported, at most ten times a
+    /// Whether people are watching: then detections in frames are reported, at most ten times a
     /// second.
-    pub findings: bool,
+    pub detections: bool,
 }
 
 impl Options {
@@ -69,7 +69,7 @@ impl Options {
             data_dir: None,
             interactive: false,
             annotate_dir: None,
-            findings: false,
+            detections: false,
         }
     }
 

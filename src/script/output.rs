@@ -8,7 +8,7 @@ use tokio::time::Instant;
 use super::Script;
 use super::failure::printable;
 use super::modules::ModuleName;
-use crate::robot::{DeclaredParam, Intent, Remark};
+use crate::robot::{DeclaredParam, HostReport, Intent};
 
 /// Largest number of intents in the queue.
 const MAX_INTENTS: usize = 256;
@@ -29,7 +29,7 @@ pub enum Output {
     /// A line for the log.
     Log(LogLine),
     /// Something that the script has done or wants and that does not concern the robot.
-    Remark(Remark),
+    HostReport(HostReport),
     /// The current parameters.
     Params(Vec<DeclaredParam>),
     /// The result of a line that a person typed.
@@ -162,9 +162,9 @@ impl OutputQueue {
         }
     }
 
-    /// Queues a remark; the caller bounds their number.
-    pub(super) fn remark(&mut self, remark: Remark) {
-        self.waiting.push(Output::Remark(remark));
+    /// Queues a report; the caller bounds their number.
+    pub(super) fn report(&mut self, report: HostReport) {
+        self.waiting.push(Output::HostReport(report));
     }
 
     /// Queues the parameters, in place of older ones that are still in the queue.
@@ -216,7 +216,7 @@ impl OutputQueue {
             index += 1;
             let happened = matches!(
                 output,
-                Output::Log(_) | Output::Params(_) | Output::Remark(Remark::Picture { .. })
+                Output::Log(_) | Output::Params(_) | Output::HostReport(HostReport::Picture { .. })
             );
             index <= position.0 || happened
         });

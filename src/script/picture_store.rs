@@ -10,8 +10,8 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::options::Limits;
-use crate::budget::{Budget, Repeats};
 use crate::files::{Folder, Item};
+use crate::rate_limit::{Budget, Repeats};
 
 /// The size that every file counts as at least, in bytes, so that the number of tiny files is
 /// limited too.
@@ -181,7 +181,7 @@ impl PictureStore {
     }
 
     fn refuse(&mut self, kind: MessageKind, why: &str, now: Instant) -> NotSaved {
-        let words = self.messages.note(kind, now).map(|before| match before {
+        let words = self.messages.record(kind, now).map(|before| match before {
             0 => format!("a picture was not saved: {why}"),
             before => format!("a picture was not saved, nor were {before} before it: {why}"),
         });
@@ -189,7 +189,7 @@ impl PictureStore {
     }
 
     fn removal_notice(&mut self, kind: MessageKind, deleted: u64, now: Instant) -> Option<String> {
-        let before = self.messages.note(kind, now)?;
+        let before = self.messages.record(kind, now)?;
         let quota = self.quota;
         Some(format!(
             "the pictures have reached {quota} bytes: {} of the oldest deleted since the last such \

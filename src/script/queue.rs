@@ -9,7 +9,7 @@ use tokio::time::Instant;
 
 use super::ids::{SubscriptionId, TaskId, Timer};
 use super::pace::{Pace, SHORTEST_WAIT};
-use super::task::{Answer, Cancel, Handle, Status, Task, TaskKind, TaskPhase, Wait};
+use super::task::{Cancel, Handle, Status, Task, TaskKind, TaskPhase, Wait, Wakeup};
 
 /// What a timer is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,7 +77,7 @@ impl Tasks {
         &mut self,
         thread: LuaThread,
         kind: TaskKind,
-        answer: Answer,
+        answer: Wakeup,
         start: Option<Instant>,
         now: Instant,
     ) -> Rc<Handle> {
@@ -94,7 +94,7 @@ impl Tasks {
         &mut self,
         thread: LuaThread,
         kind: TaskKind,
-        answer: Answer,
+        answer: Wakeup,
         now: Instant,
     ) -> Rc<Handle> {
         let id = TaskId(self.next_id());
@@ -126,7 +126,7 @@ impl Tasks {
         &mut self,
         thread: LuaThread,
         kind: TaskKind,
-        answer: Answer,
+        answer: Wakeup,
         now: Instant,
     ) -> TaskId {
         let handle = self.insert(thread, kind, answer, now);
@@ -152,7 +152,7 @@ impl Tasks {
     }
 
     /// Ends a task's wait and puts the task into the queue.
-    pub(super) fn wake(&mut self, id: TaskId, answer: Answer, now: Instant) {
+    pub(super) fn wake(&mut self, id: TaskId, answer: Wakeup, now: Instant) {
         let Some(task) = self.all.get_mut(&id) else {
             return;
         };

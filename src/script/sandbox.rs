@@ -194,9 +194,9 @@ fn replace(lua: &Lua, library: &str, functions: &LuaTable) -> LuaResult<()> {
 /// Closes the VM: libraries and globals become read-only, unknown globals are errors, and memory is
 /// limited from now on.
 pub(super) fn close(lua: &Lua, strict: LuaFunction, memory: usize) -> LuaResult<()> {
-    let guard = lua.create_table()?;
-    guard.raw_set("__index", strict)?;
-    lua.globals().set_metatable(Some(guard))?;
+    let strict_globals = lua.create_table()?;
+    strict_globals.raw_set("__index", strict)?;
+    lua.globals().set_metatable(Some(strict_globals))?;
     lua.sandbox(true)?;
     let own = lua.globals();
     if let Some(meta) = own.metatable() {

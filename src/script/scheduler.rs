@@ -14,7 +14,7 @@ use super::motion::Owner;
 use super::output::Level;
 use super::queue::Due;
 use super::state::State;
-use super::task::{Answer, Cancel, Status, SubscriptionId, TaskId, TaskKind, TaskPhase, Wait};
+use super::task::{Cancel, Status, SubscriptionId, TaskId, TaskKind, TaskPhase, Wait, Wakeup};
 use crate::robot::{EndReason, Intent};
 
 /// The error that the wait of a cancelled task raises.
@@ -70,16 +70,16 @@ impl State {
             return;
         };
         let answer = match *wait {
-            Wait::Time { since } => Answer::Slept(self.now.saturating_duration_since(since)),
-            Wait::Beat { missed } => Answer::Beat(missed),
-            Wait::Event(_) => Answer::NoEvent,
+            Wait::Time { since } => Wakeup::Slept(self.now.saturating_duration_since(since)),
+            Wait::Beat { missed } => Wakeup::Beat(missed),
+            Wait::Event(_) => Wakeup::NoEvent,
             Wait::Group(group) => {
                 self.end_group(group);
-                Answer::Refused("timeout")
+                Wakeup::Refused("timeout")
             }
-            Wait::Module(_) => Answer::Again,
+            Wait::Module(_) => Wakeup::Again,
             Wait::Join(_) | Wait::Motion(_) | Wait::Dock(_) | Wait::Undock(_) => {
-                Answer::Refused("timeout")
+                Wakeup::Refused("timeout")
             }
         };
         self.tasks.wake(id, answer, self.now);
@@ -99,11 +99,11 @@ impl State {
         match &mut task.phase {
             TaskPhase::Running => task.cancel = Cancel::Requested,
             TaskPhase::Ready(_) if !task.started => self.finish(id, Outcome::Cancelled),
-            TaskPhase::Ready(answer) => *answer = Answer::Cancelled,
+            TaskPhase::Ready(answer) => *answer = Wakeup::Cancelled,
             TaskPhase::Waiting(wait) => {
                 let wait = *wait;
                 self.cancel_wait(wait);
-                self.tasks.wake(id, Answer::Cancelled, self.now);
+                self.tasks.wake(id, Wakeup::Cancelled, self.now);
             }
         }
     }
@@ -130,7 +130,7 @@ impl State {
         task.handle.status.set(status);
         self.release(Owner::Task(id));
         for waiter in self.tasks.waiting_for(|wait| *wait == Wait::Join(id)) {
-            let answer = Answer::Joined(status, outcome.text());
+            let answer = Wakeup::Joined(status, outcome.text());
             self.tasks.wake(waiter, answer, self.now);
         }
         match (task.kind, outcome) {
@@ -240,9 +240,9 @@ impl State {
         };
         let parent = group.parent;
         let answer = match outcome {
-            Outcome::Done(values) => group.child_done(index, values).map(Answer::Values),
-            Outcome::Failed(text) => Some(Answer::Failed(text)),
-            Outcome::Cancelled => Some(Answer::Cancelled),
+            Outcome::Done(values) => group.child_done(index, values).map(Wakeup::Values),
+            Outcome::Failed(text) => Some(Wakeup::Failed(text)),
+            Outcome::Cancelled => Some(Wakeup::Cancelled),
         };
         if let Some(answer) = answer {
             self.end_group(id);

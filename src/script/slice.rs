@@ -7,14 +7,14 @@ use super::Script;
 use super::api::resume_values;
 use super::budget::{self, SliceCost};
 use super::declaration::no_declaration_error;
-use super::ending::SliceStart;
 use super::events::Busy;
+use super::exit::SliceStart;
 use super::failure::VmError;
 use super::life::Life;
 use super::queue::Ready;
 use super::sandbox;
 use super::scheduler::Outcome;
-use super::task::{Answer, Cancel, SubscriptionId, TaskId, TaskKind, TaskPhase, Wait};
+use super::task::{Cancel, SubscriptionId, TaskId, TaskKind, TaskPhase, Wait, Wakeup};
 use crate::robot::EndReason;
 
 /// How a slice ended.
@@ -54,7 +54,7 @@ impl Script {
             return Ok(None);
         };
         let thread = self.lua.create_thread(subscription.function.clone())?;
-        let answer = Answer::Deliver(payload);
+        let answer = Wakeup::Deliver(payload);
         let task = state
             .tasks
             .add_running(thread, TaskKind::Handler(id), answer, now);
@@ -99,7 +99,7 @@ impl Script {
         self.check_frames(before)
     }
 
-    fn take_answer(&mut self, id: TaskId) -> Option<(LuaThread, Answer)> {
+    fn take_answer(&mut self, id: TaskId) -> Option<(LuaThread, Wakeup)> {
         let mut state = self.state.borrow_mut();
         let task = state.tasks.get_mut(id)?;
         if !matches!(task.phase, TaskPhase::Ready(_)) {
@@ -212,12 +212,12 @@ impl Script {
     fn kill_over_budget(&self, cost: SliceCost, before: SliceStart) {
         let mut state = self.state.borrow_mut();
         let limit = state.options.limits.callback_budget_ms;
-        let place = match cost.place {
-            Some(place) => place.to_string(),
+        let location = match cost.location {
+            Some(location) => location.to_string(),
             None => state.options.chunk.clone(),
         };
         let text = format!(
-            "{place}: ran longer than {limit} ms without waiting; put task.wait() into long loops"
+            "{location}: ran longer than {limit} ms without waiting; put task.wait() into long loops"
         );
         state.kill(EndReason::Cpu, Some(text), before);
     }
@@ -283,7 +283,7 @@ impl Script {
         if !state.tasks.is_empty() {
             return;
         }
-        let reason = stopping.ending.reason.name();
+        let reason = stopping.exit.reason.name();
         let Some(handler) = state.exit.stop_handlers.pop_front() else {
             return state.end_stopped();
         };
@@ -292,7 +292,7 @@ impl Script {
         let reason = self.lua.create_string(reason);
         if let (Ok(thread), Ok(reason)) = (thread, reason) {
             let values = LuaMultiValue::from_iter([mlua::Value::String(reason)]);
-            let start = Answer::Start(values);
+            let start = Wakeup::Start(values);
             state
                 .tasks
                 .add(thread, TaskKind::StopHandler, start, None, now);

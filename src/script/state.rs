@@ -11,6 +11,7 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use self::robot_state::RobotState;
+use super::annotated_frame::{AnnotatedFrame, LabelledBlob};
 use super::daily_limits::DailyLimits;
 use super::declaration::Declaration;
 use super::events::{EventName, Subscriptions};
@@ -25,11 +26,10 @@ use super::output::{Level, LogLine, OutputQueue};
 use super::params::ParamValue;
 use super::picture_store::PictureStore;
 use super::queue::Tasks;
-use super::sighting::{Seen, Sighting};
-use super::stage::Stage;
+use super::scenario_api::ScenarioApi;
 use super::store::Store;
 use super::streams::WantedStreams;
-use super::task::{Answer, GroupId, TaskKind, Wait};
+use super::task::{GroupId, TaskKind, Wait, Wakeup};
 use crate::odometry::{Blockage, Driver, Odometry, TimedMotion};
 use crate::robot::{Intent, MotionEnd, MotionId};
 use crate::vision::Skyline;
@@ -83,8 +83,8 @@ pub(super) struct State {
     pub(super) store: Store,
     pub(super) daily_limits: DailyLimits,
     pub(super) modules: Modules,
-    /// The stage of a scenario script.
-    pub(super) stage: Option<Rc<dyn Stage>>,
+    /// The API of a scenario script.
+    pub(super) scenario_api: Option<Rc<dyn ScenarioApi>>,
     pub(super) params: Declared,
     pub(super) output: OutputQueue,
     pub(super) life: Life,
@@ -137,7 +137,7 @@ impl State {
             store: Store::default(),
             daily_limits,
             modules,
-            stage: None,
+            scenario_api: None,
             params: Declared::default(),
             output: OutputQueue::new(now),
             life: Life::Running,
@@ -239,26 +239,26 @@ impl State {
         self.odometry.rewind(since);
         self.motion.ended(motion);
         self.output.send(Intent::Release { motion });
-        self.answer(Wait::Motion(motion), || Answer::Motion(MotionEnd::Blocked));
+        self.answer(Wait::Motion(motion), || Wakeup::Motion(MotionEnd::Blocked));
     }
 
     /// Records what the script has found in a frame.
-    pub(super) fn record_findings(
+    pub(super) fn record_detections(
         &mut self,
         held: &HeldFrame,
-        found: impl IntoIterator<Item = Seen>,
+        found: impl IntoIterator<Item = LabelledBlob>,
     ) {
         if let Some(recorder) = &mut self.frames.recorder {
-            recorder.note(&held.frame, self.now, found);
+            recorder.record(&held.frame, self.now, found);
         }
     }
 
-    /// See [`Script::take_sighting`](super::Script::take_sighting).
-    pub(super) fn take_sighting(&mut self) -> Option<Sighting> {
+    /// See [`Script::take_annotated_frame`](super::Script::take_annotated_frame).
+    pub(super) fn take_annotated_frame(&mut self) -> Option<AnnotatedFrame> {
         let newest = self.frames.newest.as_ref().map(|held| held.frame.seq);
         let busy = !self.has_ended() && self.tasks.is_ready();
         let recorder = self.frames.recorder.as_mut()?;
-        recorder.take_if(|sighting| !busy || newest != Some(sighting.frame.seq))
+        recorder.take_if(|annotated| !busy || newest != Some(annotated.frame.seq))
     }
 
     /// Writes a message of the runtime to the script's log.
@@ -315,12 +315,12 @@ impl State {
 
     /// When the next timer is due.
     pub(super) fn next_deadline(&self) -> Option<Instant> {
-        let ending = match &self.life {
+        let exit = match &self.life {
             Life::Stopping(stopping) => Some(stopping.deadline),
             Life::Running => None,
             Life::Ended(_) => return None,
         };
-        let timers = [self.tasks.next_timer(), self.output.window_end(), ending];
+        let timers = [self.tasks.next_timer(), self.output.window_end(), exit];
         timers
             .into_iter()
             .chain([self.next_stream_end()])

@@ -93,7 +93,7 @@ pub(super) enum Wait {
 }
 
 /// What a task is resumed with.
-pub(super) enum Answer {
+pub(super) enum Wakeup {
     /// The first resumption.
     Start(LuaMultiValue),
     /// The first resumption of a handler.
@@ -123,7 +123,7 @@ pub(super) enum Answer {
 
 /// Whether a task is ready, waiting or running.
 pub(super) enum TaskPhase {
-    Ready(Answer),
+    Ready(Wakeup),
     Waiting(Wait),
     Running,
 }

@@ -13,25 +13,25 @@ use tracing::{error, info, warn};
 use super::idle::{self, IdleAction, IdleRobot};
 use super::orders::{OrderResult, Orders};
 use super::record::is_news;
-use super::{Duties, Listeners, Reload, View, words};
-use crate::agent::{Member, MemberState, Occurrence, Roster, RosterError};
+use super::{Listeners, Reload, ServicePlan, View, describe};
+use crate::agent::{AgentEvent, BehaviourState, BehaviourStatus, Roster, RosterError};
 use crate::clock::{self, Clock};
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::{Quiet, Request};
-use crate::timetable::{Act, Facts, Notice, Planner, Record};
+use crate::timetable::{Act, Notice, Planner, PlannerInputs, Record};
 
 /// Longest interval between two polls.
 const LONGEST: Duration = Duration::from_secs(15);
 
 /// See the module.
 pub(super) struct Executor {
-    members: watch::Receiver<Vec<Member>>,
+    statuses: watch::Receiver<Vec<BehaviourStatus>>,
     stops: watch::Receiver<u64>,
     requests: mpsc::Sender<Request>,
     status: watch::Receiver<Status>,
     clock: Clock,
     planner: Planner,
-    duties: Duties,
+    service_plan: ServicePlan,
     idle: IdleRobot,
     orders: Orders,
     /// The behaviours that were not idle at the last poll.
@@ -54,19 +54,19 @@ impl Executor {
         status: watch::Receiver<Status>,
         clock: Clock,
         planner: Planner,
-        duties: Duties,
+        service_plan: ServicePlan,
         listeners: Listeners,
     ) -> Executor {
         Executor {
-            members: roster.members(),
+            statuses: roster.statuses(),
             stops: roster.stops(),
             requests,
             status,
             clock,
             planner,
-            idle: IdleRobot::new(duties.idle),
-            waiting: duties.always.iter().cloned().collect(),
-            duties,
+            idle: IdleRobot::new(service_plan.idle),
+            waiting: service_plan.always.iter().cloned().collect(),
+            service_plan,
             orders: Orders::new(roster),
             running: BTreeSet::new(),
             docking_task: None,
@@ -93,7 +93,7 @@ impl Executor {
                 () = stop.cancelled() => std::future::pending().await,
                 Some(result) = self.orders.next() => self.handle_result(result),
                 Some(reload) = reloads.recv() => self.reload(reload).await,
-                Ok(()) = self.members.changed() => {}
+                Ok(()) = self.statuses.changed() => {}
                 Ok(()) = self.status.changed() => {}
                 () = sleep(pause) => {}
             }
@@ -125,7 +125,7 @@ impl Executor {
             self.stops.mark_unchanged();
             self.planner.forget_waiting();
         }
-        let acts = self.planner.poll(Facts {
+        let acts = self.planner.poll(PlannerInputs {
             now,
             at,
             ready: up,
@@ -135,14 +135,14 @@ impl Executor {
             self.act(act);
         }
         self.check_clock(now);
-        let facts = idle::Facts {
+        let inputs = idle::IdleInputs {
             now: at,
             busy: !running.is_empty() || !self.orders.is_empty() || self.planner.is_due(),
             link: status.link,
             docked: status.docked,
             low: status.low,
         };
-        if let Some(action) = self.idle.poll(facts) {
+        if let Some(action) = self.idle.poll(inputs) {
             self.execute(action);
         }
         self.save_record();
@@ -154,10 +154,12 @@ impl Executor {
 
     /// Returns the behaviours that are not idle, and informs the planner of those that have ended.
     fn update_running(&mut self) -> BTreeSet<String> {
-        let members = self.members.borrow_and_update();
-        let running = members.iter().filter(|one| one.state != MemberState::Idle);
+        let statuses = self.statuses.borrow_and_update();
+        let running = statuses
+            .iter()
+            .filter(|one| one.state != BehaviourState::Idle);
         let running: BTreeSet<String> = running.map(|one| one.name.clone()).collect();
-        drop(members);
+        drop(statuses);
         for name in self.running.difference(&running) {
             if !self.orders.has(name) {
                 self.planner.ended(name);
@@ -180,14 +182,14 @@ impl Executor {
     }
 
     fn apply_quiet_hours(&mut self, now: jiff::Timestamp) {
-        let quiet = self.duties.quiet(now);
+        let quiet = self.service_plan.quiet(now);
         if quiet == self.quiet {
             return;
         }
         // If the pilot's queue is full, the next poll tries again.
         if self.requests.try_send(Request::Quiet(quiet)).is_ok() {
             self.quiet = quiet;
-            words::log_quiet_hours(quiet);
+            describe::log_quiet_hours(quiet);
         }
     }
 
@@ -199,7 +201,7 @@ impl Executor {
                 resumed,
                 ..
             } => {
-                let planned = clock::words(&self.duties.table.zone.time(planned));
+                let planned = clock::describe(&self.service_plan.table.zone.time(planned));
                 if resumed {
                     info!(
                         behaviour = run,
@@ -222,20 +224,20 @@ impl Executor {
     }
 
     fn report_notice(&self, notice: &Notice) {
-        if let Some((run, reason)) = words::log_notice(notice, &self.duties.table.zone) {
+        if let Some((run, reason)) = describe::log_notice(notice, &self.service_plan.table.zone) {
             self.report_missed(run, reason.to_owned());
         }
     }
 
     fn report_missed(&self, run: &str, reason: String) {
-        self.listeners.bus.publish(Occurrence::StartMissed {
+        self.listeners.bus.publish(AgentEvent::StartMissed {
             behaviour: run.to_owned(),
             reason,
         });
     }
 
     fn check_clock(&mut self, now: jiff::Timestamp) {
-        let implausible = !clock::is_plausible(now) && !self.duties.table.rules.is_empty();
+        let implausible = !clock::is_plausible(now) && !self.service_plan.table.rules.is_empty();
         if implausible != self.implausible {
             self.implausible = implausible;
             if implausible {
@@ -294,8 +296,9 @@ impl Executor {
                     Ok(()) | Err(RosterError::DoesNotRun(_)) => {}
                     Err(why) => error!(behaviour = run, "{why}"),
                 }
-                let runs = |one: &Member| one.name == run && one.state != MemberState::Idle;
-                if !self.members.borrow().iter().any(runs) {
+                let runs =
+                    |one: &BehaviourStatus| one.name == run && one.state != BehaviourState::Idle;
+                if !self.statuses.borrow().iter().any(runs) {
                     self.planner.ended(&run);
                 }
             }
@@ -304,19 +307,22 @@ impl Executor {
                     return;
                 }
                 self.docking_task = None;
-                let done = words::log_homing(&ended);
+                let done = describe::log_homing(&ended);
                 self.idle.docked(done, Instant::now());
             }
         }
     }
 
-    /// Applies new duties. Behaviours that have not changed keep running.
+    /// Applies a new plan. Behaviours that have not changed keep running.
     async fn reload(&mut self, reload: Reload) {
-        let Reload { duties, changed } = reload;
-        if let Err(why) = self.orders.define(duties.blueprints.clone()).await {
+        let Reload {
+            service_plan,
+            changed,
+        } = reload;
+        if let Err(why) = self.orders.define(service_plan.specs.clone()).await {
             return error!("the new settings were not applied: {why}");
         }
-        let known: BTreeSet<&str> = duties.blueprints.iter().map(|one| one.name()).collect();
+        let known: BTreeSet<&str> = service_plan.specs.iter().map(|one| one.name()).collect();
         for run in self.running.clone() {
             let gone = !known.contains(run.as_str());
             if !gone && !changed.contains(&run) {
@@ -328,14 +334,14 @@ impl Executor {
                 self.orders.restart(run)
             }
         }
-        let before = std::mem::replace(&mut self.duties, duties);
-        let always = &self.duties.always;
+        let before = std::mem::replace(&mut self.service_plan, service_plan);
+        let always = &self.service_plan.always;
         self.waiting.retain(|name| always.contains(name));
         let new = always.iter().filter(|name| !before.always.contains(name));
         let new = new.filter(|name| !self.running.contains(*name)).cloned();
         self.waiting.extend(new);
-        self.planner.replace(self.duties.table.clone());
-        self.idle.replace(self.duties.idle);
+        self.planner.replace(self.service_plan.table.clone());
+        self.idle.replace(self.service_plan.idle);
         info!("the new settings are in effect");
     }
 
@@ -367,7 +373,7 @@ impl Executor {
             news
         });
         let running = self.running.iter().map(String::as_str);
-        let text = words::status(status, running, next, &self.duties.table.zone);
+        let text = describe::status(status, running, next, &self.service_plan.table.zone);
         if text != self.last_status {
             self.listeners.notifier.status(text.clone());
             self.last_status = text;

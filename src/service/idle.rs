@@ -14,7 +14,7 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(3600);
 
 /// The current state.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Facts {
+pub(super) struct IdleInputs {
     pub(super) now: Instant,
     /// A behaviour runs, is loading, or is due.
     pub(super) busy: bool,
@@ -85,36 +85,36 @@ impl IdleRobot {
     }
 
     /// Returns what to do now.
-    pub(super) fn poll(&mut self, facts: Facts) -> Option<IdleAction> {
-        if self.asked.is_some_and(|link| link != facts.link) {
+    pub(super) fn poll(&mut self, inputs: IdleInputs) -> Option<IdleAction> {
+        if self.asked.is_some_and(|link| link != inputs.link) {
             self.asked = None;
         }
-        if facts.busy {
+        if inputs.busy {
             self.since = None;
             (self.failures, self.next) = (0, None);
             if std::mem::take(&mut self.docking) {
                 return Some(IdleAction::CancelDocking);
             }
-            return self.request_once(facts.link, LinkState::Released, IdleAction::Connect);
+            return self.request_once(inputs.link, LinkState::Released, IdleAction::Connect);
         }
-        if facts.link == LinkState::Released && !self.policy.release {
-            return self.request_once(facts.link, LinkState::Released, IdleAction::Connect);
+        if inputs.link == LinkState::Released && !self.policy.release {
+            return self.request_once(inputs.link, LinkState::Released, IdleAction::Connect);
         }
-        if facts.link != LinkState::Up {
+        if inputs.link != LinkState::Up {
             self.since = None;
             return None;
         }
-        let since = *self.since.get_or_insert(facts.now);
-        if facts.now < since + self.policy.after || self.docking || facts.low {
+        let since = *self.since.get_or_insert(inputs.now);
+        if inputs.now < since + self.policy.after || self.docking || inputs.low {
             return None;
         }
-        if facts.docked {
+        if inputs.docked {
             let release = self.policy.release;
             return release
-                .then(|| self.request_once(facts.link, LinkState::Up, IdleAction::Release))
+                .then(|| self.request_once(inputs.link, LinkState::Up, IdleAction::Release))
                 .flatten();
         }
-        if !self.policy.dock || self.next.is_some_and(|next| facts.now < next) {
+        if !self.policy.dock || self.next.is_some_and(|next| inputs.now < next) {
             return None;
         }
         self.docking = true;
@@ -148,75 +148,75 @@ mod tests {
 
     const MINUTE: Duration = Duration::from_secs(60);
 
-    fn idle(release: bool) -> (IdleRobot, Facts) {
+    fn idle(release: bool) -> (IdleRobot, IdleInputs) {
         let policy = IdlePolicy {
             release,
             after: MINUTE,
             dock: true,
         };
-        let facts = Facts {
+        let inputs = IdleInputs {
             now: Instant::now(),
             busy: false,
             link: LinkState::Up,
             docked: false,
             low: false,
         };
-        (IdleRobot::new(policy), facts)
+        (IdleRobot::new(policy), inputs)
     }
 
     #[test]
     fn an_idle_robot_is_sent_home_after_a_while_and_released_there() {
-        let (mut idle, mut facts) = idle(true);
-        assert_eq!(idle.poll(facts), None);
-        facts.now += MINUTE;
-        assert_eq!(idle.poll(facts), Some(IdleAction::Dock));
-        assert_eq!(idle.poll(facts), None, "it is under way");
-        idle.docked(true, facts.now);
-        facts.docked = true;
-        assert_eq!(idle.poll(facts), Some(IdleAction::Release));
-        assert_eq!(idle.poll(facts), None, "requested once");
-        facts.link = LinkState::Released;
-        facts.now += 1000 * MINUTE;
-        assert_eq!(idle.poll(facts), None);
-        facts.busy = true;
-        assert_eq!(idle.poll(facts), Some(IdleAction::Connect));
-        assert_eq!(idle.poll(facts), None);
+        let (mut idle, mut inputs) = idle(true);
+        assert_eq!(idle.poll(inputs), None);
+        inputs.now += MINUTE;
+        assert_eq!(idle.poll(inputs), Some(IdleAction::Dock));
+        assert_eq!(idle.poll(inputs), None, "it is under way");
+        idle.docked(true, inputs.now);
+        inputs.docked = true;
+        assert_eq!(idle.poll(inputs), Some(IdleAction::Release));
+        assert_eq!(idle.poll(inputs), None, "requested once");
+        inputs.link = LinkState::Released;
+        inputs.now += 1000 * MINUTE;
+        assert_eq!(idle.poll(inputs), None);
+        inputs.busy = true;
+        assert_eq!(idle.poll(inputs), Some(IdleAction::Connect));
+        assert_eq!(idle.poll(inputs), None);
     }
 
     #[test]
     fn without_the_release_policy_the_link_is_kept() {
-        let (mut idle, mut facts) = idle(false);
-        facts.docked = true;
+        let (mut idle, mut inputs) = idle(false);
+        inputs.docked = true;
         for _ in 0..10 {
-            assert_eq!(idle.poll(facts), None);
-            facts.now += MINUTE;
+            assert_eq!(idle.poll(inputs), None);
+            inputs.now += MINUTE;
         }
     }
 
     #[test]
     fn a_start_cancels_the_docking_and_a_low_battery_prevents_it() {
-        let (mut idle, mut facts) = idle(false);
-        idle.poll(facts);
-        facts.now += MINUTE;
-        assert_eq!(idle.poll(facts), Some(IdleAction::Dock));
-        facts.busy = true;
-        assert_eq!(idle.poll(facts), Some(IdleAction::CancelDocking));
-        (facts.busy, facts.low) = (false, true);
-        idle.poll(facts);
-        facts.now += 10 * MINUTE;
-        assert_eq!(idle.poll(facts), None);
+        let (mut idle, mut inputs) = idle(false);
+        idle.poll(inputs);
+        inputs.now += MINUTE;
+        assert_eq!(idle.poll(inputs), Some(IdleAction::Dock));
+        inputs.busy = true;
+        assert_eq!(idle.poll(inputs), Some(IdleAction::CancelDocking));
+        (inputs.busy, inputs.low) = (false, true);
+        idle.poll(inputs);
+        inputs.now += 10 * MINUTE;
+        assert_eq!(idle.poll(inputs), None);
     }
 
     #[test]
     fn failed_dockings_are_retried_with_growing_pauses() {
-        let (mut idle, mut facts) = idle(false);
-        idle.poll(facts);
-        let (begin, mut tries) = (facts.now, Vec::new());
-        while facts.now < begin + 300 * MINUTE {
-            facts.now += MINUTE;
-            if idle.poll(facts) == Some(IdleAction::Dock) {
-                tries.push((facts.now - begin).as_secs() / 60);
-                idle.docked(false, facts.now);
+        let (mut idle, mut inputs) = idle(false);
+        idle.poll(inputs);
+        let (begin, mut tries) = (inputs.now, Vec::new());
+        while inputs.now < begin + 300 * MINUTE {
+            inputs.now += MINUTE;
+            if idle.poll(inputs) == Some(IdleAction::Dock) {
+                tries.push((inputs.now - begin).as_secs() / 60);
+                idle.docked(false, inputs.now);
             }
         }
         assert_eq!(tries, [1, 6, 16, 36, 76, 136, 196, 256]);

@@ -6,13 +6,13 @@
 //! running behaviours and their ends. systemd notices it, because the heartbeats are then no longer
 //! forwarded (see [`ManagerNotifier::pass_on`]).
 
+mod describe;
 mod executor;
 mod idle;
 mod manager_notifier;
 mod orders;
 mod record;
 mod unit;
-mod words;
 
 use std::time::Duration;
 
@@ -25,7 +25,7 @@ pub use record::RecordFile;
 pub use unit::{Unit, unit};
 
 use self::executor::Executor;
-use crate::agent::{Agent, AgentError, Blueprint, Bus, Outcome};
+use crate::agent::{Agent, AgentError, BehaviourSpec, Bus, Outcome};
 use crate::clock::{Clock, is_plausible};
 use crate::pilot::Status;
 use crate::robot::channel::Quiet;
@@ -34,9 +34,9 @@ use crate::timetable::{Planner, Record, Timetable};
 
 /// What a service does: everything that a reload may change.
 #[derive(Debug, Clone)]
-pub struct Duties {
+pub struct ServicePlan {
     /// All behaviours.
-    pub blueprints: Vec<Blueprint>,
+    pub specs: Vec<BehaviourSpec>,
     /// Names of the behaviours that are started as soon as the robot is connected.
     pub always: Vec<String>,
     /// The timetable of the other behaviours.
@@ -47,7 +47,7 @@ pub struct Duties {
     pub idle: IdlePolicy,
 }
 
-impl Duties {
+impl ServicePlan {
     /// Returns which sounds and lights are suppressed at this time.
     fn quiet(&self, now: Timestamp) -> Quiet {
         match self.table.quiet {
@@ -74,11 +74,11 @@ pub struct IdlePolicy {
     pub dock: bool,
 }
 
-/// New duties, and the behaviours affected by the change.
+/// A new plan, and the behaviours affected by the change.
 #[derive(Debug)]
 pub struct Reload {
-    /// The new duties.
-    pub duties: Duties,
+    /// The new plan.
+    pub service_plan: ServicePlan,
     /// Behaviours whose definition has changed; the running ones are restarted.
     pub changed: Vec<String>,
 }
@@ -99,8 +99,8 @@ pub struct Service {
     pub status: watch::Receiver<Status>,
     /// The time of day.
     pub clock: Clock,
-    /// The duties at the start.
-    pub duties: Duties,
+    /// The plan at the start.
+    pub service_plan: ServicePlan,
     /// What was under way when the previous service ended, and the file where this is recorded;
     /// without a file nothing is recorded.
     pub record: (Record, Option<RecordFile>),
@@ -110,7 +110,7 @@ pub struct Service {
     pub bus: Bus,
     /// Publishes the next start, for display: see [`View::channel`].
     pub view: watch::Sender<View>,
-    /// Receives new duties.
+    /// Receives new plans.
     pub reloads: mpsc::Receiver<Reload>,
     /// Cancelled if a person ends the service; the next one then resumes no run.
     pub ended_by_person: CancellationToken,
@@ -126,7 +126,7 @@ impl Service {
             agent,
             status,
             clock,
-            duties,
+            service_plan,
             record: (record, file),
             notifier,
             bus,
@@ -139,8 +139,8 @@ impl Service {
             agent.requests(),
             status,
             clock,
-            Planner::new(duties.table.clone(), record),
-            duties,
+            Planner::new(service_plan.table.clone(), record),
+            service_plan,
             Listeners {
                 file,
                 notifier: notifier.clone(),

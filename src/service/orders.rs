@@ -8,13 +8,13 @@ use std::future::Future;
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
 
-use crate::agent::{Blueprint, Docked, Roster, RosterError, Seat, SeatError};
+use crate::agent::{BehaviourSpec, Docked, PilotClient, PilotClientError, Roster, RosterError};
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, DockPlan, Priority};
 
-/// The seat from which an idle robot is sent home; its number is between those of the persons and
+/// The client with which an idle robot is sent home; its number is between those of the persons and
 /// of the rescue behaviour.
-const IDLE_SEAT: BehaviourId = BehaviourId(0xFFFD);
+const IDLE_CLIENT: BehaviourId = BehaviourId(0xFFFD);
 /// The lowest priority.
 const LOWEST: Priority = Priority(i16::MIN);
 
@@ -26,7 +26,7 @@ pub(super) enum OrderResult {
     /// A stop or a restart.
     Changed(String, Result<(), RosterError>),
     /// An idle robot was sent home.
-    Home(Result<Docked, SeatError>),
+    Home(Result<Docked, PilotClientError>),
 }
 
 /// See the module.
@@ -57,7 +57,7 @@ impl Orders {
     }
 
     pub(super) fn start(&mut self, run: String) {
-        let (roster, name) = (self.roster.patient(), run.clone());
+        let (roster, name) = (self.roster.without_timeout(), run.clone());
         self.spawn(run, async move {
             let started = roster.start(&name).await;
             OrderResult::Started(name, started)
@@ -65,7 +65,7 @@ impl Orders {
     }
 
     pub(super) fn stop(&mut self, run: String) {
-        let (roster, name) = (self.roster.patient(), run.clone());
+        let (roster, name) = (self.roster.without_timeout(), run.clone());
         self.spawn(run, async move {
             let stopped = roster.stop(&name).await;
             OrderResult::Changed(name, stopped)
@@ -73,7 +73,7 @@ impl Orders {
     }
 
     pub(super) fn restart(&mut self, run: String) {
-        let (roster, name) = (self.roster.patient(), run.clone());
+        let (roster, name) = (self.roster.without_timeout(), run.clone());
         self.spawn(run, async move {
             let restarted = roster.restart(&name).await;
             OrderResult::Changed(name, restarted)
@@ -108,13 +108,14 @@ impl Orders {
     ///
     /// # Errors
     /// See [`Roster::define`].
-    pub(super) async fn define(&self, blueprints: Vec<Blueprint>) -> Result<(), RosterError> {
-        self.roster.define(blueprints).await
+    pub(super) async fn define(&self, specs: Vec<BehaviourSpec>) -> Result<(), RosterError> {
+        self.roster.define(specs).await
     }
 }
 
 /// Docks with the lowest priority. Dropping the future cancels the docking.
-async fn send_home(requests: mpsc::Sender<Request>) -> Result<Docked, SeatError> {
-    let seat = Seat::join(requests, IDLE_SEAT, "an idle robot", LOWEST, Role::Person).await;
-    seat?.dock(DockPlan::DEFAULT).await
+async fn send_home(requests: mpsc::Sender<Request>) -> Result<Docked, PilotClientError> {
+    let client =
+        PilotClient::join(requests, IDLE_CLIENT, "an idle robot", LOWEST, Role::Person).await;
+    client?.dock(DockPlan::DEFAULT).await
 }

@@ -21,7 +21,7 @@ const WAITING: usize = 4;
 /// Time until a failed write is retried.
 const AGAIN: Duration = Duration::from_secs(10);
 /// Time limit for the last record at the end of a service.
-const END: Duration = Duration::from_secs(2);
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// See the module.
 #[derive(Debug)]
@@ -47,9 +47,9 @@ impl RecordFile {
         (record, file.ok())
     }
 
-    /// Same as [`RecordFile::open`] for a laboratory, whose time stands still while the disk works:
+    /// Same as [`RecordFile::open`] for a simulation, whose time stands still while the disk works:
     /// records are written at once, on the caller's thread.
-    pub fn open_in_lab(data: &Path) -> (Record, Option<RecordFile>) {
+    pub fn open_in_simulation(data: &Path) -> (Record, Option<RecordFile>) {
         match Disk::open(data) {
             Some((record, disk)) => (record, Some(RecordFile(Writer::Here(disk)))),
             None => (Record::default(), None),
@@ -65,7 +65,8 @@ impl RecordFile {
         }
     }
 
-    /// Writes the last record. Waits until it is on the disk, but not longer than [`END`].
+    /// Writes the last record. Waits until it is on the disk, but not longer than
+    /// [`SHUTDOWN_TIMEOUT`].
     pub(super) async fn finish(self, record: Record) {
         let writing = tokio::task::spawn_blocking(move || match self.0 {
             Writer::Thread(records, thread) => {
@@ -78,7 +79,7 @@ impl RecordFile {
                 disk.write(&record);
             }
         });
-        if timeout(END, writing).await.is_err() {
+        if timeout(SHUTDOWN_TIMEOUT, writing).await.is_err() {
             tracing::warn!(
                 "the disk is too slow: a run that a person has stopped may resume when the service \
                  starts again"
@@ -225,19 +226,19 @@ mod tests {
     #[test]
     fn in_a_laboratory_records_are_written_at_once() {
         let home = tempfile::tempdir().unwrap();
-        let (_, file) = RecordFile::open_in_lab(home.path());
+        let (_, file) = RecordFile::open_in_simulation(home.path());
         let record = Record {
             looked: Some(8),
             under_way: Vec::new(),
         };
         assert!(file.unwrap().save(record.clone()));
-        assert_eq!(RecordFile::open_in_lab(home.path()).0, record);
+        assert_eq!(RecordFile::open_in_simulation(home.path()).0, record);
     }
 
     #[test]
     fn a_failed_write_can_be_repeated() {
         let home = tempfile::tempdir().unwrap();
-        let (_, file) = RecordFile::open_in_lab(home.path());
+        let (_, file) = RecordFile::open_in_simulation(home.path());
         // A folder in the file's place takes no record.
         std::fs::create_dir(home.path().join(NAME)).unwrap();
         let file = file.unwrap();

@@ -29,7 +29,7 @@ mod world;
 mod yaml;
 
 pub use body::chassis::{FULL_POWER, FULL_SPEED, Tracks};
-pub use body::firmware::{Answer, Firmware};
+pub use body::firmware::{Firmware, FirmwareBehaviour};
 pub use body::robot::Robot;
 pub use body::state::{Leds, State, Streams};
 pub use body::trace::{Sample, Trace, TraceEvent, TraceEventKind};
@@ -42,7 +42,8 @@ pub use server::handle::Handle;
 pub use server::journal::ReceivedCommand;
 pub use server::{Options, Server};
 pub use world::document::World;
-pub use world::fittings::{Lamp, Noise, NoiseKind, Sign, Tape};
+pub use world::fixtures::{Lamp, Noise, NoiseKind, Sign, Tape};
+pub use world::objects::{Ball, Floor, Furniture, Post, Room, Rug, Wall};
 pub use world::paint::Paint;
 pub use world::route::{Route, Walker};
 pub use world::schedule::{Schedule, Seconds};
@@ -50,7 +51,6 @@ pub use world::settings::{BatterySettings, CameraSettings, TrackSettings};
 pub use world::spot::{Spot, Start};
 pub use world::station::Station;
 pub use world::station_distances::StationDistances;
-pub use world::things::{Ball, Floor, Furniture, Post, Room, Rug, Wall};
 pub use yaml::document::{DocumentError, DocumentKind};
 
 pub use crate::vision::Subsampling;

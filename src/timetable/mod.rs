@@ -19,7 +19,7 @@ mod view;
 pub use act::{Act, Notice};
 pub use error::TimetableError;
 pub use pattern::Pattern;
-pub use planner::{Facts, Planner};
+pub use planner::{Planner, PlannerInputs};
 pub use prediction::{PredictedStart, Reason, predict_starts};
 pub use quiet::Quiet;
 pub use record::{Record, UnderWay};

@@ -105,7 +105,7 @@ impl FromStr for Pattern {
             .build();
         let parsed = parser.parse(text);
         let cron = parsed.map_err(|error| {
-            if let Some(why) = wrong_part(text, &parser) {
+            if let Some(why) = describe_error(text, &parser) {
                 return wrong(&why);
             }
             // Limit the length: the parser quotes a long number several times.
@@ -132,7 +132,7 @@ impl FromStr for Pattern {
 
 /// Says what is wrong with a pattern that the parser refuses; `None` if each part is valid by
 /// itself.
-fn wrong_part(text: &str, parser: &CronParser) -> Option<String> {
+fn describe_error(text: &str, parser: &CronParser) -> Option<String> {
     if text.trim().starts_with('@') {
         return Some("valid names are @hourly, @daily, @weekly, @monthly and @yearly".to_owned());
     }

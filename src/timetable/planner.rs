@@ -24,9 +24,9 @@ const MAX_MISSED: usize = 1000;
 /// Maximum number of waiting starts in the record: the newest.
 const MAX_WAITING: usize = 100;
 
-/// The facts for a decision.
+/// The inputs of a decision.
 #[derive(Debug, Clone, Copy)]
-pub struct Facts<'a> {
+pub struct PlannerInputs<'a> {
     /// The time of day.
     pub now: Timestamp,
     /// The monotonic time.
@@ -177,44 +177,44 @@ impl Planner {
     }
 
     /// Returns what must be done now.
-    pub fn poll(&mut self, facts: Facts<'_>) -> Vec<Act> {
-        if !is_plausible(facts.now) {
+    pub fn poll(&mut self, inputs: PlannerInputs<'_>) -> Vec<Act> {
+        if !is_plausible(inputs.now) {
             return Vec::new();
         }
         let mut acts = Vec::new();
-        let moves = self.check_clock(facts, &mut acts);
+        let moves = self.check_clock(inputs, &mut acts);
         if moves {
-            self.collect_due(facts.now, &mut acts);
-            self.looked = Some(facts.now);
+            self.collect_due(inputs.now, &mut acts);
+            self.looked = Some(inputs.now);
         }
-        self.end_expired(facts.at, &mut acts);
-        self.start_due(facts, &mut acts);
+        self.end_expired(inputs.at, &mut acts);
+        self.start_due(inputs, &mut acts);
         acts
     }
 
     /// Detects changes of the clock. Returns whether it shows a time that is not handled yet.
-    fn check_clock(&mut self, facts: Facts<'_>, acts: &mut Vec<Act>) -> bool {
-        let last_poll = self.last_poll.replace((facts.now, facts.at));
+    fn check_clock(&mut self, inputs: PlannerInputs<'_>, acts: &mut Vec<Act>) -> bool {
+        let last_poll = self.last_poll.replace((inputs.now, inputs.at));
         let (Some((before, at)), Some(looked)) = (last_poll, self.looked) else {
-            self.begin(facts);
+            self.begin(inputs);
             return true;
         };
-        let passed = SignedDuration::try_from(facts.at.saturating_duration_since(at));
-        let leap = facts.now.duration_since(before) - passed.unwrap_or_default();
+        let passed = SignedDuration::try_from(inputs.at.saturating_duration_since(at));
+        let leap = inputs.now.duration_since(before) - passed.unwrap_or_default();
         if leap.abs() > CLOCK_LEAP {
             let seconds = leap.as_secs();
             acts.push(Act::Report(Notice::ClockSet { seconds }));
         }
-        if looked.duration_since(facts.now) > MAX_SETBACK {
-            self.plan_from(facts.now);
+        if looked.duration_since(inputs.now) > MAX_SETBACK {
+            self.plan_from(inputs.now);
             return true;
         }
-        facts.now >= looked
+        inputs.now >= looked
     }
 
     /// Initialises the planner at the first poll.
-    fn begin(&mut self, facts: Facts<'_>) {
-        let now = facts.now;
+    fn begin(&mut self, inputs: PlannerInputs<'_>) {
+        let now = inputs.now;
         let earliest = now
             .checked_sub(self.table.catch_up.get())
             .unwrap_or(Timestamp::MIN);
@@ -248,7 +248,7 @@ impl Planner {
                 lasts,
                 resumed: !one.waits,
                 expires: match lasts {
-                    Some(lasts) if !one.waits => Some(facts.at + lasts),
+                    Some(lasts) if !one.waits => Some(inputs.at + lasts),
                     _ => None,
                 },
             });
@@ -315,33 +315,33 @@ impl Planner {
         }
     }
 
-    fn start_due(&mut self, facts: Facts<'_>, acts: &mut Vec<Act>) {
+    fn start_due(&mut self, inputs: PlannerInputs<'_>, acts: &mut Vec<Act>) {
         for mut due in std::mem::take(&mut self.due) {
             if let Some(expires) = due.expires {
-                let left = expires.saturating_duration_since(facts.at);
+                let left = expires.saturating_duration_since(inputs.at);
                 if left.is_zero() {
                     continue;
                 }
                 due.lasts = Some(left);
             }
             let Due { run, planned, .. } = due.clone();
-            let busy = facts.running.contains(&run);
+            let busy = inputs.running.contains(&run);
             let busy = busy || self.started.iter().any(|one| one.due.run == run);
             if busy {
                 if !due.resumed {
                     acts.push(Act::Report(Notice::Overlap { run, planned }));
                 }
-            } else if !due.resumed && facts.now.duration_since(planned) > allowed(&self.table) {
+            } else if !due.resumed && inputs.now.duration_since(planned) > allowed(&self.table) {
                 acts.push(Act::Report(Notice::NoRobot { run, planned }));
-            } else if facts.ready {
-                acts.push(self.start(due, facts));
+            } else if inputs.ready {
+                acts.push(self.start(due, inputs));
             } else {
                 self.due.push(due);
             }
         }
     }
 
-    fn start(&mut self, due: Due, facts: Facts<'_>) -> Act {
+    fn start(&mut self, due: Due, inputs: PlannerInputs<'_>) -> Act {
         let Due {
             run,
             planned,
@@ -350,8 +350,8 @@ impl Planner {
             ..
         } = due.clone();
         let until = lasts.map(|lasts| {
-            let shown = facts.now.checked_add(lasts).unwrap_or(Timestamp::MAX);
-            (facts.at + lasts, shown)
+            let shown = inputs.now.checked_add(lasts).unwrap_or(Timestamp::MAX);
+            (inputs.at + lasts, shown)
         });
         self.started.push(ActiveRun {
             due,

@@ -29,7 +29,7 @@ const BOXES: [Rgb<u8>; 6] = [
 
 /// A blob and the text above its box, such as its name and id.
 #[derive(Debug, Clone, Copy)]
-pub struct Mark<'a> {
+pub struct Annotation<'a> {
     /// The blob that the box encloses.
     pub blob: &'a Blob,
     /// The text; letters, digits and `# - _ . +` can be drawn.
@@ -37,13 +37,13 @@ pub struct Mark<'a> {
 }
 
 /// Returns a copy of the picture with a box, a cross at the centroid and a text for each mark.
-pub fn annotate(image: &Image, marks: &[Mark<'_>]) -> RgbImage {
+pub fn annotate(image: &Image, marks: &[Annotation<'_>]) -> RgbImage {
     annotate_enlarged(image, marks, 1)
 }
 
 /// Like [`annotate`], on a copy enlarged `times` times (0 counts as 1). Letters hardly grow with
 /// it, so they hide less.
-pub fn annotate_enlarged(image: &Image, marks: &[Mark<'_>], times: u32) -> RgbImage {
+pub fn annotate_enlarged(image: &Image, marks: &[Annotation<'_>], times: u32) -> RgbImage {
     let (times, small) = (times.max(1), image.to_rgb());
     if small.width() == 0 || small.height() == 0 {
         return small;
@@ -104,7 +104,12 @@ fn grown(rect: Rect, by: i32) -> Rect {
 }
 
 /// Draws the mark's text where no other text is, if there is such a place.
-fn label(canvas: &mut RgbImage, Mark { blob, text }: &Mark<'_>, times: i32, taken: &mut Vec<Rect>) {
+fn label(
+    canvas: &mut RgbImage,
+    Annotation { blob, text }: &Annotation<'_>,
+    times: i32,
+    taken: &mut Vec<Rect>,
+) {
     let letters = text.chars().count().min(MAX_LETTERS) as i32;
     if letters == 0 {
         return;

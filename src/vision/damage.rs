@@ -20,7 +20,7 @@ pub struct Damage {
 impl Damage {
     /// Counts frame number `seq`, once even if it is noted repeatedly. Returns a log message if one
     /// is due.
-    pub fn note(&mut self, seq: u64, why: &str, now: Instant) -> Option<String> {
+    pub fn record(&mut self, seq: u64, why: &str, now: Instant) -> Option<String> {
         if self.newest == Some(seq) {
             return None;
         }
@@ -55,12 +55,12 @@ mod tests {
     #[test]
     fn the_first_is_reported_at_once_and_further_ones_together() {
         let (mut damage, start) = (Damage::default(), Instant::now());
-        let first = damage.note(1, "cut short", start);
+        let first = damage.record(1, "cut short", start);
         assert_eq!(first.as_deref(), Some("a damaged frame: cut short"));
         for seq in 2..=5 {
-            assert_eq!(damage.note(seq, "torn", start + PAUSE / 2), None);
+            assert_eq!(damage.record(seq, "torn", start + PAUSE / 2), None);
         }
-        let text = damage.note(6, "torn", start + PAUSE).unwrap();
+        let text = damage.record(6, "torn", start + PAUSE).unwrap();
         assert!(text.starts_with("6 damaged frames"), "{text}");
         assert_eq!(damage.rest(), None);
     }
@@ -69,7 +69,7 @@ mod tests {
     fn a_frame_is_counted_once_even_if_noted_repeatedly() {
         let (mut damage, start) = (Damage::default(), Instant::now());
         for seq in [7, 7, 7, 9, 9] {
-            damage.note(seq, "torn", start);
+            damage.record(seq, "torn", start);
         }
         assert!(damage.rest().unwrap().starts_with("2 damaged frames"));
     }

@@ -26,7 +26,7 @@ mod tracker;
 mod turn;
 mod vectors;
 
-pub use annotate::{Mark, annotate, annotate_enlarged};
+pub use annotate::{Annotation, annotate, annotate_enlarged};
 pub use blobs::{Blob, BlobFinder, BlobOptions};
 pub use camera::{Camera, Direction};
 pub use colour::learn::{LearnRefusal, Learned, learn};

@@ -47,7 +47,7 @@ const STANDS_BACKWARDS: (u32, f64) = (24, 0.82);
 const MOVES: f64 = 0.4;
 /// Sideways shifts of the picture that still count as standing still, half-size pixels; then each
 /// side of the picture must have this many witnesses and agree.
-const SWAY: i32 = 2;
+const MAX_SHIFT: i32 = 2;
 const FEWEST_ASIDE: u32 = 4;
 
 /// The movement that the tracks should produce.
@@ -204,14 +204,14 @@ pub fn compare(
     };
     let (fewest, surely) = if way < 0.0 { STANDS_BACKWARDS } else { STANDS };
     let mut most = None;
-    for sway in -SWAY..=SWAY {
-        let votes = expected.votes(before, now, sway);
+    for shift in -MAX_SHIFT..=MAX_SHIFT {
+        let votes = expected.votes(before, now, shift);
         if votes.count() < fewest {
             continue;
         }
         // When driving forward, things on the left move to the left and things on the right move to
-        // the right: for a sway, both sides must agree.
-        let share = if sway == 0 {
+        // the right: for a lateral shift, both sides must agree.
+        let share = if shift == 0 {
             votes.share()
         } else {
             votes.least_share()
@@ -229,12 +229,12 @@ pub fn compare(
 
 /// What the witnesses say, on the left and on the right.
 #[derive(Debug, Default)]
-struct Votes {
+struct Tally {
     asked: [u32; 2],
     still: [u32; 2],
 }
 
-impl Votes {
+impl Tally {
     fn count(&self) -> u32 {
         self.asked[0] + self.asked[1]
     }
@@ -254,7 +254,7 @@ impl Votes {
     }
 
     /// Asks a sample, with its values in both pictures and those expected if the camera stood still
-    /// (or swayed) and if it moved.
+    /// (or shifted sideways) and if it moved.
     fn ask(&mut self, right: bool, before: f64, now: f64, stood: f64, moved: f64) {
         let change = (moved - before).abs();
         if change < WITNESS {
@@ -282,13 +282,13 @@ struct Expected {
 }
 
 impl Expected {
-    fn votes(&self, before: &Profiles, now: &Profiles, sway: i32) -> Votes {
-        let mut votes = Votes::default();
+    fn votes(&self, before: &Profiles, now: &Profiles, shift: i32) -> Tally {
+        let mut votes = Tally::default();
         let height = now.size.1;
         let bands = before.bands.iter().zip(&now.bands);
         for ((before, now), (top, _)) in bands.zip(rows_of_bands(height)) {
             let rows = top as f64 - height as f64 / 2.0;
-            self.ask_band(before, now, rows, sway, &mut votes);
+            self.ask_band(before, now, rows, shift, &mut votes);
         }
         if self.way != 0.0 {
             let horizon = height as f64 / 2.0 - top_of_strips(height) as f64;
@@ -311,7 +311,7 @@ impl Expected {
     }
 
     /// Asks the columns of a band.
-    fn ask_band(&self, before: &[f32], now: &[f32], rows: f64, sway: i32, votes: &mut Votes) {
+    fn ask_band(&self, before: &[f32], now: &[f32], rows: f64, shift: i32, votes: &mut Tally) {
         let middle = before.len() as f64 / 2.0 - 0.5;
         let growth = [false, true].map(|plain| self.growth(rows, plain));
         for (column, value) in now.iter().enumerate() {
@@ -322,7 +322,7 @@ impl Expected {
             } else {
                 x / growth[usize::from(plain)]
             };
-            let stood = at(before, column as f64 - f64::from(sway));
+            let stood = at(before, column as f64 - f64::from(shift));
             let moved = at(before, middle + from);
             if let (Some(stood), Some(moved)) = (stood, moved)
                 && (x - from).abs() >= LEAST_SHIFT
@@ -334,7 +334,7 @@ impl Expected {
     }
 
     /// Asks the rows of a strip.
-    fn ask_strip(&self, before: &[f32], now: &[f32], horizon: f64, right: bool, votes: &mut Votes) {
+    fn ask_strip(&self, before: &[f32], now: &[f32], horizon: f64, right: bool, votes: &mut Tally) {
         for (row, value) in now.iter().enumerate() {
             let y = row as f64 + 0.5 - horizon;
             let from = y / self.growth(y, false);
@@ -414,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_that_sways_on_one_side_alone_is_not_a_standstill() {
+    fn an_edge_that_shifts_on_one_side_alone_is_not_a_standstill() {
         let before = wall(0.4, 0.0, &[0.05], 1);
         for (far, aside) in [(0.4, -0.008), (0.38, 0.0), (0.34, 0.005)] {
             let now = wall(far, aside, &[0.05], 2);

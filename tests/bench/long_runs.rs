@@ -178,7 +178,7 @@ fn firmwares(asked: Option<&Path>) -> Result<Vec<(String, Firmware)>, Box<dyn Er
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/firmware");
         let entries = std::fs::read_dir(folder)?.collect::<Result<Vec<_>, _>>()?;
         files = entries.iter().map(|entry| entry.path()).collect();
-        files.retain(|file| file.extension().is_some_and(|ending| ending == "yaml"));
+        files.retain(|file| file.extension().is_some_and(|exit| exit == "yaml"));
         files.sort_unstable();
     }
     let mut firmwares = Vec::new();
@@ -254,13 +254,13 @@ fn row(args: &RescueArgs, place: &Place, strategy: Strategy) -> Row {
 fn run_explore(args: &ExploreArgs) -> bool {
     let bare = Limits {
         rescue: Rescue::Off,
-        recovery_legs: false,
+        blind_moves: false,
         ..Limits::default()
     };
     let mut is_kept = true;
     for (name, limits) in [
         ("usual limits", Limits::default()),
-        ("no legs, no rescue", bare),
+        ("no blind moves, no rescue", bare),
     ] {
         let found = explore::explore(&limits, args.depth, args.states);
         println!(

@@ -19,10 +19,10 @@ use std::time::Duration;
 use clap::Parser;
 use spykee::agent::Behaviour;
 use spykee::behaviour::{Launch, Library};
-use spykee::lab::{self, Event, EventKind, Lab, Recorder};
 use spykee::robot::Priority;
 use spykee::script;
 use spykee::sim::{Trace, TraceEventKind, World};
+use spykee::simulation::{self, Event, EventKind, Recorder, Simulation};
 use tokio::time::sleep;
 
 use self::score::{Looks, Said, Score};
@@ -124,28 +124,28 @@ fn score(name: &str, robots: Vec<(World, u64)>, arguments: &Arguments) -> Score 
 fn play(world: World, seed: u64, time: Duration) -> Score {
     let logged = Arc::new(Mutex::new(Vec::new()));
     let recorded = logged.clone();
-    let options = lab::Options {
+    let options = simulation::Options {
         seed,
         events: Some(Recorder::new(move |event: Event| {
             if let (EventKind::Log, Some(said)) = (event.kind, Said::parse(&event.text)) {
                 recorded.lock().unwrap().push((event.at, said));
             }
         })),
-        ..lab::Options::default()
+        ..simulation::Options::default()
     };
     let people: Vec<String> = world.walkers.iter().map(|one| one.name.clone()).collect();
     let who = format!("{}, seed {seed}", world.name);
     let mut looks = Looks::default();
-    lab::run(world, options, async |lab: &Lab| {
-        let run = lab.start(vec![behaviour(seed)], None);
-        while lab.now() < time {
+    simulation::run(world, options, async |simulation: &Simulation| {
+        let run = simulation.start(vec![behaviour(seed)], None);
+        while simulation.now() < time {
             sleep(LOOK_EVERY).await;
-            let state = lab.sim().state();
-            looks.take(lab.now(), &state, || {
-                lab.sim().look_back(|trace| obstacle(trace, &people))
+            let state = simulation.sim().state();
+            looks.take(simulation.now(), &state, || {
+                simulation.sim().look_back(|trace| obstacle(trace, &people))
             });
             if state.battery < 60.0 {
-                lab.sim().set_battery(90.0);
+                simulation.sim().set_battery(90.0);
             }
         }
         run.stop();

@@ -130,12 +130,12 @@ impl Node {
             Step::Wait => {
                 let due = self.dog.next_deadline().unwrap_or(self.now);
                 self.now = due.max(self.now + Duration::from_millis(20));
-                let acts = self.dog.tick(self.now);
+                let acts = self.dog.poll(self.now);
                 return self.judge(&acts, limits);
             }
             step => fact(step),
         };
-        let acts = self.dog.take(facts, self.now);
+        let acts = self.dog.handle(facts, self.now);
         self.judge(&acts, limits)
     }
 
@@ -144,8 +144,8 @@ impl Node {
         let low = self.dog.low().is_some();
         for act in acts {
             match act {
-                Act::Tell(by, Event::Loan { .. }) if *by != RESCUER => {
-                    return Some("the tracks were lent to a script".to_owned());
+                Act::Tell(by, Event::DriveGrant { .. }) if *by != RESCUER => {
+                    return Some("the tracks were granted to a script".to_owned());
                 }
                 Act::Send(Command::Move { left, right }) => {
                     let most = (f64::from(limits.rescue_power.get()) * 0.9).round() as i8;
@@ -165,17 +165,17 @@ impl Node {
     }
 
     /// Low, online and off the station: whatever was before, and if nothing more is heard of anybody,
-    /// BASE_FIND or a leg or loan follows within the time that the limits allow.
+    /// BASE_FIND or a blind move or grant follows within the time that the limits allow.
     fn comes_home(&self, limits: &Limits) -> Option<String> {
         let (mut dog, mut now) = (self.dog.clone(), self.now);
-        let away = dog.low().is_some() && dog.place() != DockState::Charging;
+        let away = dog.low().is_some() && dog.dock_state() != DockState::Charging;
         if !away || dog.state() == WatchdogState::Offline {
             return None;
         }
         let until = now + liveness(limits);
         while now < until {
             now = dog.next_deadline()?.max(now + Duration::from_millis(10));
-            let acts = dog.tick(now);
+            let acts = dog.poll(now);
             if acts.iter().any(goes_home) {
                 return None;
             }

@@ -166,11 +166,11 @@ scenario("16 hears that the battery is low, and when it is charged", options({ b
 	expect(not sim:docked())
 end)
 
-scenario("17 waits for a loan", FIVE, function(sim)
+scenario("17 waits for a grant", FIVE, function(sim)
 	sim:run("guide_17.lua")
 	sim:wait(10)
 	expect(not sim:ended(), "it lives on")
-	expect(sim:distance() < 0.01, "nothing is lent to it")
+	expect(sim:distance() < 0.01, "nothing is granted to it")
 end)
 
 scenario("18 drives as many legs as it was told", FIVE, function(sim)

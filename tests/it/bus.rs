@@ -2,43 +2,47 @@
 
 use std::time::Duration;
 
-use spykee::agent::{Bus, BusMessage, Listener, Occurrence};
-use spykee::lab::{self, Lab};
+use spykee::agent::{AgentEvent, Bus, BusMessage, Listener};
 use spykee::robot::{DockEnd, EndReason, WatchdogState};
 use spykee::script;
 use spykee::sim::World;
+use spykee::simulation::{self, Simulation};
 
 use crate::long_runs::behaviour;
 
 /// All events that have arrived so far.
-fn all(listener: &mut Listener) -> Vec<Occurrence> {
+fn all(listener: &mut Listener) -> Vec<AgentEvent> {
     std::iter::from_fn(|| match listener.try_next()? {
-        BusMessage::Occurrence(one) => Some(one.what.clone()),
+        BusMessage::Event(one) => Some(one.what.clone()),
         BusMessage::Missed(missed) => panic!("{missed} missed"),
         BusMessage::Closed => None,
     })
     .collect()
 }
 
-fn play(source: &str, work: impl AsyncFnOnce(&Lab) + Send) -> Vec<Occurrence> {
+fn play(source: &str, work: impl AsyncFnOnce(&Simulation) + Send) -> Vec<AgentEvent> {
     let bus = Bus::default();
     let mut listener = bus.subscribe();
-    let options = lab::Options {
+    let options = simulation::Options {
         bus,
-        ..lab::Options::default()
+        ..simulation::Options::default()
     };
     let one = script::Options::new("one", "one.lua");
     let behaviours = vec![behaviour(source, one)];
-    lab::run(World::default_world(), options, async |lab: &Lab| {
-        let run = lab.start(behaviours, Some(Duration::from_secs(600)));
-        work(lab).await;
-        run.outcome().await.unwrap();
-    })
+    simulation::run(
+        World::default_world(),
+        options,
+        async |simulation: &Simulation| {
+            let run = simulation.start(behaviours, Some(Duration::from_secs(600)));
+            work(simulation).await;
+            run.outcome().await.unwrap();
+        },
+    )
     .unwrap();
     all(&mut listener)
 }
 
-fn at(said: &[Occurrence], is: impl Fn(&Occurrence) -> bool) -> usize {
+fn at(said: &[AgentEvent], is: impl Fn(&AgentEvent) -> bool) -> usize {
     let found = said.iter().position(is);
     found.unwrap_or_else(|| panic!("no such event: {said:#?}"))
 }
@@ -49,23 +53,23 @@ fn the_events_of_a_run_arrive_in_order_with_endings_and_places() {
     let said = play(source, async |_| {});
     let up = at(
         &said,
-        |one| matches!(one, Occurrence::LinkUp { robot, .. } if robot.simulated),
+        |one| matches!(one, AgentEvent::LinkUp { robot, .. } if robot.simulated),
     );
-    let battery = at(&said, |one| matches!(one, Occurrence::Battery(_)));
+    let battery = at(&said, |one| matches!(one, AgentEvent::Battery(_)));
     let started = at(
         &said,
-        |one| matches!(one, Occurrence::Started { behaviour } if behaviour == "one"),
+        |one| matches!(one, AgentEvent::Started { behaviour } if behaviour == "one"),
     );
     let entry = at(
         &said,
-        |one| matches!(one, Occurrence::Entry { kind, data, .. } if kind == "moved" && data["energy"] == 2.0),
+        |one| matches!(one, AgentEvent::Entry { kind, data, .. } if kind == "moved" && data["energy"] == 2.0),
     );
     let notice = at(
         &said,
-        |one| matches!(one, Occurrence::Notify { text, .. } if text == "hello"),
+        |one| matches!(one, AgentEvent::Notify { text, .. } if text == "hello"),
     );
     let ended = at(&said, |one| match one {
-        Occurrence::Ended {
+        AgentEvent::Ended {
             reason, message, ..
         } => {
             let message = message.as_deref().unwrap_or_default();
@@ -79,23 +83,25 @@ fn the_events_of_a_run_arrive_in_order_with_endings_and_places() {
 
 #[test]
 fn a_low_battery_and_the_way_home_are_reported() {
-    let said = play("while true do task.wait(1) end", async |lab| {
+    let said = play("while true do task.wait(1) end", async |simulation| {
         tokio::time::sleep(Duration::from_secs(5)).await;
-        lab.sim().set_battery(10.0);
-        let home = lab.sim().wait_state(|state| state.docked && state.charging);
+        simulation.sim().set_battery(10.0);
+        let home = simulation
+            .sim()
+            .wait_state(|state| state.docked && state.charging);
         tokio::time::timeout(Duration::from_secs(400), home)
             .await
             .unwrap();
         tokio::time::sleep(Duration::from_secs(30)).await;
     });
     let low = at(&said, |one| {
-        let Occurrence::Watchdog { state, low, .. } = one else {
+        let AgentEvent::Watchdog { state, low, .. } = one else {
             return false;
         };
         *low && *state == WatchdogState::LowGoingHome
     });
     let docked = at(&said, |one| {
-        let Occurrence::Dock {
+        let AgentEvent::Dock {
             by,
             end,
             attempts,
@@ -107,7 +113,7 @@ fn a_low_battery_and_the_way_home_are_reported() {
         by.is_none() && *end == DockEnd::Done && *attempts == 1 && *seconds > 1.0
     });
     let on_station = at(&said, |one| {
-        matches!(one, Occurrence::Watchdog { docked: true, .. })
+        matches!(one, AgentEvent::Watchdog { docked: true, .. })
     });
     assert!(
         low < on_station && on_station <= docked + 1,
@@ -115,6 +121,6 @@ fn a_low_battery_and_the_way_home_are_reported() {
     );
     let levels = said
         .iter()
-        .filter(|one| matches!(one, Occurrence::Battery(_)));
+        .filter(|one| matches!(one, AgentEvent::Battery(_)));
     assert!(levels.count() >= 2);
 }

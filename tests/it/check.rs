@@ -41,11 +41,11 @@ fn ready_made_behaviours_and_the_scripts_of_the_readme_are_clean() {
 fn findings_are_printed_as_json_too_and_unreadable_files_end_with_2() {
     let output = spykee(&["check", "--json", "tests/broken/typo_in_a_call.lua"]);
     assert_eq!(output.code, Some(4));
-    let findings: serde_json::Value = output.json();
-    let finding = &findings[0];
-    assert_eq!(finding["line"], 3);
-    assert_eq!(finding["column"], 7);
-    assert_eq!(finding["severity"], "error");
+    let diagnostics: serde_json::Value = output.json();
+    let diagnostic = &diagnostics[0];
+    assert_eq!(diagnostic["line"], 3);
+    assert_eq!(diagnostic["column"], 7);
+    assert_eq!(diagnostic["severity"], "error");
     let output = spykee(&["check", "no/such/file.lua"]);
     assert_eq!(output.code, Some(2));
     let output = spykee(&["check", "tests/hostile"]);

@@ -195,24 +195,24 @@ impl Drop for Agent {
 }
 
 /// A robot, a script that drives it and uses the camera, and the network between them.
-struct Stage {
+struct DeliveryRig {
     net: Net,
     sim: Handle,
     folder: tempfile::TempDir,
 }
 
-const LOOKS: &str = "robot.stream('video', true) robot.move(40, -40) task.wait(600)";
+const STREAMING_SCRIPT: &str = "robot.stream('video', true) robot.move(40, -40) task.wait(600)";
 /// Queues speech for a minute beside the commands.
 const TALKS: &str = "robot.stream('video', true) robot.stream('audio_out', true)
 robot.move(40, -40)
 local tone = buffer.create(32000)
 while true do robot.say(tone) task.wait(0.5) end";
 
-impl Stage {
-    fn new() -> Option<Stage> {
+impl DeliveryRig {
+    fn new() -> Option<DeliveryRig> {
         let net = Net::new()?;
         let (sim, folder) = (net.robot(), tempfile::tempdir().unwrap());
-        Some(Stage { net, sim, folder })
+        Some(DeliveryRig { net, sim, folder })
     }
 
     /// Starts a run and waits until it drives and receives frames; also returns the index of its
@@ -276,10 +276,12 @@ const OUTAGES: [Duration; 2] = [Duration::from_millis(150), Duration::from_milli
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_last_stop_arrives_through_an_outage_with_the_camera_on() {
-    let Some(stage) = Stage::new() else { return };
-    for script in [LOOKS, TALKS] {
+    let Some(rig) = DeliveryRig::new() else {
+        return;
+    };
+    for script in [STREAMING_SCRIPT, TALKS] {
         for outage in OUTAGES {
-            let (arrived, said) = stage.stop_arrives(script, outage).await;
+            let (arrived, said) = rig.stop_arrives(script, outage).await;
             assert!(
                 arrived,
                 "outage of {outage:?}: no stop was received\n{said}"
@@ -291,24 +293,28 @@ async fn the_last_stop_arrives_through_an_outage_with_the_camera_on() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_low_robot_is_still_sent_home_at_the_end() {
-    let Some(stage) = Stage::new() else { return };
-    stage.sim.hide_station(true);
-    let (mut agent, moving) = stage.driving(LOOKS).await;
+    let Some(rig) = DeliveryRig::new() else {
+        return;
+    };
+    rig.sim.hide_station(true);
+    let (mut agent, moving) = rig.driving(STREAMING_SCRIPT).await;
     let percent = 10;
     let charging = false;
-    stage.sim.inject(Report::Power(Power { percent, charging }));
+    rig.sim.inject(Report::Power(Power { percent, charging }));
     let dock = |command: &Command| *command == Command::Engine(Engage::Dock);
-    let first = timeout(WAIT_LIMIT, stage.sim.wait_heard(moving, dock)).await;
-    stage.interrupt(&mut agent, OUTAGES[1]).await;
+    let first = timeout(WAIT_LIMIT, rig.sim.wait_heard(moving, dock)).await;
+    rig.interrupt(&mut agent, OUTAGES[1]).await;
     let again = first.expect("no BASE_FIND") + 1;
-    assert!(stage.receives(again, Command::Engine(Engage::Dock)).await);
+    assert!(rig.receives(again, Command::Engine(Engage::Dock)).await);
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stop_that_does_not_arrive_is_reported_as_lost_in_time() {
-    let Some(stage) = Stage::new() else { return };
-    let (mut agent, _) = stage.driving(LOOKS).await;
-    assert!(stage.net.shell(DROP).status.success());
+    let Some(rig) = DeliveryRig::new() else {
+        return;
+    };
+    let (mut agent, _) = rig.driving(STREAMING_SCRIPT).await;
+    assert!(rig.net.shell(DROP).status.success());
     agent.interrupt();
     let began = Instant::now();
     let said = agent.ended().await;
@@ -337,11 +343,13 @@ async fn robot_stop_reports_that_its_stop_has_not_arrived() {
 #[tokio::test(flavor = "multi_thread")]
 #[ignore = "takes minutes"]
 async fn fifty_of_fifty_stops_arrive() {
-    let Some(stage) = Stage::new() else { return };
+    let Some(rig) = DeliveryRig::new() else {
+        return;
+    };
     for outage in OUTAGES {
         let mut arrived = 0;
         for _ in 0..50 {
-            arrived += u32::from(stage.stop_arrives(LOOKS, outage).await.0);
+            arrived += u32::from(rig.stop_arrives(STREAMING_SCRIPT, outage).await.0);
         }
         println!("outage of {outage:?}: {arrived} of 50 stops heard");
         assert!(arrived == 50 || std::env::var_os("SPYKEE_TEST_BINARY").is_some());

@@ -8,8 +8,8 @@ async fn doctor(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
 }
 
 fn verdict(text: &str, check: &str) -> String {
-    let findings: serde_json::Value = serde_json::from_str(text).unwrap();
-    let found = findings
+    let results: serde_json::Value = serde_json::from_str(text).unwrap();
+    let found = results
         .as_array()
         .unwrap()
         .iter()

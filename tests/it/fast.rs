@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use rustix::process::Signal;
 use spykee::agent::Behaviour;
-use spykee::lab::{self, Event, EventKind, Lab, Recorder};
 use spykee::robot::{EndReason, Priority};
 use spykee::script;
 use spykee::sim::World;
+use spykee::simulation::{self, Event, EventKind, Recorder, Simulation};
 use tokio::time::timeout;
 
 use crate::long_runs;
@@ -47,12 +47,12 @@ pub fn quiet_world() -> World {
     World::from_yaml(QUIET_WORLD, "test world").unwrap()
 }
 
-fn options(seed: u64) -> (lab::Options, impl FnOnce() -> Vec<Event>) {
+fn options(seed: u64) -> (simulation::Options, impl FnOnce() -> Vec<Event>) {
     let (recorder, events) = Recorder::keeping();
-    let options = lab::Options {
+    let options = simulation::Options {
         seed,
         events: Some(recorder),
-        ..lab::Options::default()
+        ..simulation::Options::default()
     };
     (options, move || events.lock().unwrap().clone())
 }
@@ -67,9 +67,13 @@ fn log(seed: u64) -> Vec<String> {
         behaviour("follows too", FOLLOWS, 0, seed + 1),
         behaviour("wanders", WANDERS, 0, seed + 2),
     ];
-    lab::run(World::default_world(), options, async |lab: &Lab| {
-        lab.start(behaviours, limit).outcome().await.unwrap();
-    })
+    simulation::run(
+        World::default_world(),
+        options,
+        async |simulation: &Simulation| {
+            simulation.start(behaviours, limit).outcome().await.unwrap();
+        },
+    )
     .unwrap();
     let lines = events().into_iter();
     lines
@@ -112,14 +116,15 @@ fn every_build_writes_the_same_events_for_the_same_seed() {
 fn a_stuck_script_is_ended_with_reason_cpu_and_the_tracks_stop() {
     let (options, events) = options(1);
     let stuck = "robot.move(50, 50) task.wait(1) while true do end";
-    let (outcome, state) = lab::run(quiet_world(), options, async |lab: &Lab| {
-        let run = lab.start(vec![behaviour("stuck", stuck, 0, 1)], None);
-        let outcome = run.outcome().await.unwrap();
-        let rests = lab.sim().wait_state(|state| !state.moving());
-        (outcome, timeout(Duration::from_secs(5), rests).await)
-    })
-    .unwrap();
-    assert_eq!(outcome.endings[0].1.reason, EndReason::Cpu);
+    let (outcome, state) =
+        simulation::run(quiet_world(), options, async |simulation: &Simulation| {
+            let run = simulation.start(vec![behaviour("stuck", stuck, 0, 1)], None);
+            let outcome = run.outcome().await.unwrap();
+            let rests = simulation.sim().wait_state(|state| !state.moving());
+            (outcome, timeout(Duration::from_secs(5), rests).await)
+        })
+        .unwrap();
+    assert_eq!(outcome.exits[0].1.reason, EndReason::Cpu);
     assert_eq!(state.unwrap().speeds.left, 0.0);
     let events = events();
     let ended = events
@@ -138,16 +143,18 @@ fn a_stuck_script_is_ended_with_reason_cpu_and_the_tracks_stop() {
 fn a_robot_with_a_low_battery_goes_home_in_virtual_time() {
     let (options, _) = options(2);
     let began = Instant::now();
-    let (home, now) = lab::run(quiet_world(), options, async |lab: &Lab| {
+    let (home, now) = simulation::run(quiet_world(), options, async |simulation: &Simulation| {
         let drives = "while true do robot.forward(0.5) robot.turn(math.pi) end";
-        let run = lab.start(vec![behaviour("drives", drives, 0, 2)], None);
+        let run = simulation.start(vec![behaviour("drives", drives, 0, 2)], None);
         tokio::time::sleep(Duration::from_secs(600)).await;
-        lab.sim().set_battery(15.0);
-        let home = lab.sim().wait_state(|state| state.docked && state.charging);
+        simulation.sim().set_battery(15.0);
+        let home = simulation
+            .sim()
+            .wait_state(|state| state.docked && state.charging);
         let home = timeout(Duration::from_secs(300), home).await;
         run.stop();
         run.outcome().await.unwrap();
-        (home, lab.now())
+        (home, simulation.now())
     })
     .unwrap();
     assert!(home.is_ok(), "it did not dock");
@@ -158,13 +165,13 @@ fn a_robot_with_a_low_battery_goes_home_in_virtual_time() {
 #[test]
 fn one_robot_serves_several_runs_in_turn() {
     let (options, _) = options(3);
-    lab::run(quiet_world(), options, async |lab: &Lab| {
+    simulation::run(quiet_world(), options, async |simulation: &Simulation| {
         for expected in [0.5, 1.0] {
             let drives = "robot.forward(0.5)";
-            let run = lab.start(vec![behaviour("drives", drives, 0, 3)], None);
+            let run = simulation.start(vec![behaviour("drives", drives, 0, 3)], None);
             let outcome = run.outcome().await.unwrap();
-            assert_eq!(outcome.endings[0].1.reason, EndReason::Done);
-            let driven = lab.sim().state().pose.y - 4.0;
+            assert_eq!(outcome.exits[0].1.reason, EndReason::Done);
+            let driven = simulation.sim().state().pose.y - 4.0;
             assert!((driven - expected).abs() < 0.15, "{driven}");
         }
     })

@@ -1,11 +1,11 @@
-//! Broken networks and robots: named scenarios, each with a promise, played by the real binary with
+//! Broken networks and robots: named scenarios, each with a promise, run by the real binary with
 //! a simulated robot that has faults. The README shows their table; a test run prints it with the
 //! results.
 
+mod fault_run;
 mod file;
 mod network;
 mod robot;
-mod stage;
 mod table;
 
 use std::io::Write;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 
-use self::stage::Stage;
+use self::fault_run::FaultRun;
 use self::table::{SCENARIOS, Scenario};
 
 /// Scenarios that run in parallel; each is three processes that mostly wait.
@@ -97,8 +97,8 @@ fn at_least_25_scenarios_have_different_names() {
 }
 
 async fn play(scenario: &'static Scenario) {
-    let stage = Stage::set(scenario).await;
-    (scenario.act)(stage).await;
+    let fault_run = FaultRun::set(scenario).await;
+    (scenario.act)(fault_run).await;
 }
 
 fn row(scenario: &Scenario) -> String {

@@ -158,7 +158,7 @@ async fn a_low_robot_between_two_searches_is_sent_home_by_the_guardian() {
     let rig = Rig::new(QUIET_WORLD, firmware).await;
     let config = rig.file(
         "spykee.yaml",
-        "watchdog: { recovery_legs: false, rescue: off, dock_pause: 60 }\n",
+        "watchdog: { blind_moves: false, rescue: off, dock_pause: 60 }\n",
     );
     let script = rig.file("script.lua", DRIVE);
     let (config, script) = (config.to_str().unwrap(), script.to_str().unwrap());

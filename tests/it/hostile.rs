@@ -50,7 +50,7 @@ fn at_most(usual: Duration) -> Duration {
 }
 
 /// Beats until the robot reports that a sound has ended.
-const WITNESS: &str = "
+const BYSTANDER: &str = "
     local on = false
     local beat = task.every(0.05, function()
         on = not on
@@ -143,7 +143,7 @@ struct Round {
 impl Round {
     async fn start(attacks: &[Attack]) -> Round {
         let rig = Rig::quiet().await;
-        let mut files = vec![rig.file("witness.lua", WITNESS)];
+        let mut files = vec![rig.file("bystander.lua", BYSTANDER)];
         for (turn, attack) in (0..).zip(attacks) {
             files.push(rig.file(&format!("{}.lua", attack.name), &attack.armed(turn)));
         }
@@ -267,13 +267,13 @@ impl Round {
             .iter()
             .any(|bad| self.reasons.contains(*bad));
         let code = i32::from(failed);
-        let witness = host_of(&self.run, "witness");
+        let bystander = host_of(&self.run, "bystander");
         self.rig.sim.inject(Report::SoundFinished);
         let ended = self.run.code().await;
         self.promise(ended == Some(code), || {
             format!("exit code {ended:?} and not {code}")
         });
-        let gone = gone(witness).await;
+        let gone = gone(bystander).await;
         self.promise(gone, || "a host outlived its agent".to_owned());
         assert!(
             self.broken.is_empty(),

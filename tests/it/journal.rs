@@ -203,7 +203,7 @@ async fn history_shows_docks_and_alarms_with_their_reasons() {
         "one.lua",
         "print(robot.dock({ retries = 0 })) print('tried') task.wait(600)",
     );
-    let watchdog = "watchdog: { dock_retries: 0, recovery_legs: false, rescue: off }\n";
+    let watchdog = "watchdog: { dock_retries: 0, blind_moves: false, rescue: off }\n";
     let mut run = rig.run_config(&format!("{CONFIG}{watchdog}"));
     run.says("tried").await;
     rig.sim.set_battery(15.0);

@@ -311,7 +311,7 @@ fn a_script_that_names_another_lesson_is_checked_with_a_remark() {
 }
 
 #[test]
-fn a_mistake_in_the_script_is_reported_once_and_nothing_is_played() {
+fn a_mistake_in_the_script_is_reported_once_and_nothing_is_run() {
     let learner = Learner::with("-- spykee lesson 9\nrobot.undock()\nrobot.moev(40, 40, 2)\n");
     let said = learner.checks(&["--gradescope", "results.json"]);
     assert_eq!(

@@ -8,7 +8,7 @@ use std::time::Duration;
 use proptest::prelude::*;
 use rustix::process::Signal;
 use serde_json::{Value, json};
-use spykee::sim::{Answer, Firmware};
+use spykee::sim::{Firmware, FirmwareBehaviour};
 use spykee::wire::{Command, Engage, Led};
 use tokio::time::{sleep, timeout};
 
@@ -48,11 +48,12 @@ async fn post(address: &str, path: &str, headers: &str, body: Value) -> (u16, St
     ask(address, &format!("POST {path}"), headers, &body.to_string()).await
 }
 
-/// Takes the wheel and drives until the robot moves; returns the index of that motion in the
+/// Takes control and drives until the robot moves; returns the index of that motion in the
 /// journal.
 async fn drive_by_hand(rig: &Rig, page: &mut Page) -> usize {
     let from = rig.sim.heard_count();
-    page.send_text("{\"type\":\"wheel\",\"take\":true}").await;
+    page.send_text("{\"type\":\"drive_lock\",\"take\":true}")
+        .await;
     page.until("state", |state| !state["driver"].is_null())
         .await;
     page.send_text("{\"type\":\"drive\",\"left\":40,\"right\":40}")
@@ -167,9 +168,13 @@ async fn each_token_has_the_rights_of_its_role() {
     let from = rig.sim.heard_count();
     assert_eq!(post(&at, "/api/stop", &viewer, json!({})).await.0, 200);
     rig.heard_stop(from).await;
-    assert_eq!(post(&at, "/api/let-go", &viewer, json!({})).await.0, 403);
+    assert_eq!(
+        post(&at, "/api/reset-stop", &viewer, json!({})).await.0,
+        403
+    );
     let mut page = Page::open(&at, &viewer).await.unwrap();
-    page.send_text("{\"type\":\"wheel\",\"take\":true}").await;
+    page.send_text("{\"type\":\"drive_lock\",\"take\":true}")
+        .await;
     page.until("notice", |notice| notice["key"] == "viewer_only")
         .await;
 }
@@ -310,9 +315,10 @@ async fn a_setpoint_that_is_not_renewed_expires_and_the_next_one_drives_again() 
         sleep(Duration::from_millis(50)).await;
     }
     let again = rig.heard_motion(stopped).await;
-    page.send_text("{\"type\":\"wheel\",\"take\":false}").await;
+    page.send_text("{\"type\":\"drive_lock\",\"take\":false}")
+        .await;
     rig.heard_stop(again).await;
-    // Without the wheel, a page moves nothing.
+    // Without the drive lock, a page moves nothing.
     let from = rig.sim.heard_count();
     page.send_text("{\"type\":\"drive\",\"left\":40,\"right\":40}")
         .await;
@@ -324,7 +330,8 @@ async fn invalid_numbers_move_nothing() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;
     let mut page = open(&at).await;
-    page.send_text("{\"type\":\"wheel\",\"take\":true}").await;
+    page.send_text("{\"type\":\"drive_lock\",\"take\":true}")
+        .await;
     page.until("state", |state| !state["driver"].is_null())
         .await;
     let from = rig.sim.heard_count();
@@ -362,9 +369,10 @@ async fn one_page_drives_and_the_others_see_who() {
     drive_by_hand(&rig, &mut anna).await;
     ben.until("state", |state| state["driver"]["name"] == "Anna")
         .await;
-    ben.send_text("{\"type\":\"wheel\",\"take\":true}").await;
+    ben.send_text("{\"type\":\"drive_lock\",\"take\":true}")
+        .await;
     let notice = ben
-        .until("notice", |notice| notice["key"] == "wheel_taken")
+        .until("notice", |notice| notice["key"] == "drive_taken")
         .await;
     assert_eq!(notice["name"], "Anna");
     drop(anna);
@@ -380,17 +388,19 @@ async fn stop_blocks_all_motion_until_it_is_released() {
     rig.heard_motion(0).await;
     let from = rig.sim.heard_count();
     page.send_text("{\"type\":\"stop\"}").await;
-    page.until("state", |state| state["halted"] == true).await;
+    page.until("state", |state| state["emergency_stop"] == true)
+        .await;
     let stopped = rig.heard_stop(from).await;
     stays_still(&rig, stopped).await;
-    page.send_text("{\"type\":\"wheel\",\"take\":true}").await;
-    page.until("notice", |notice| notice["key"] == "wheel_halted")
+    page.send_text("{\"type\":\"drive_lock\",\"take\":true}")
+        .await;
+    page.until("notice", |notice| notice["key"] == "drive_stopped")
         .await;
     // It also holds while no page is open.
     drop(page);
     let from = rig.sim.heard_count();
     stays_still(&rig, from).await;
-    assert_eq!(post(&at, "/api/let-go", "", json!({})).await.0, 200);
+    assert_eq!(post(&at, "/api/reset-stop", "", json!({})).await.0, 200);
     rig.heard_motion(from).await;
 }
 
@@ -412,7 +422,7 @@ async fn stop_overrides_the_watchdog_that_sends_a_low_robot_home_even_at_the_end
     sleep(Duration::from_secs(2)).await;
     assert_eq!(searches(stopped), None);
     rig.stands_still().await;
-    assert_eq!(post(&at, "/api/let-go", "", json!({})).await.0, 200);
+    assert_eq!(post(&at, "/api/reset-stop", "", json!({})).await.0, 200);
     let home = rig.heard_dock(stopped).await;
     assert_eq!(post(&at, "/api/stop", "", json!({})).await.0, 200);
     let stopped = rig.heard(home, cancel).await;
@@ -424,7 +434,7 @@ async fn stop_overrides_the_watchdog_that_sends_a_low_robot_home_even_at_the_end
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stop_while_the_link_is_down_ends_the_search_at_the_next_login() {
     let firmware = Firmware {
-        move_while_searching: Answer::Ignored,
+        move_while_searching: FirmwareBehaviour::Ignored,
         search_limit: WAIT_LIMIT * 10,
         ..Firmware::default()
     };
@@ -439,7 +449,8 @@ async fn a_stop_while_the_link_is_down_ends_the_search_at_the_next_login() {
     rig.sim.disconnect_all();
     page.until("state", |state| state["link"] == "lost").await;
     assert_eq!(post(&at, "/api/stop", "", json!({})).await.0, 200);
-    page.until("state", |state| state["halted"] == true).await;
+    page.until("state", |state| state["emergency_stop"] == true)
+        .await;
     assert!(rig.sim.state().searching);
     rig.sim.mute(false);
     rig.heard_cancel(asked).await;
@@ -453,7 +464,7 @@ async fn behaviours_are_ended_and_started_and_their_scripts_are_shown() {
     let mut page = open(&at).await;
     let state = |wanted: &'static str| move |said: &Value| said["list"][0]["state"] == wanted;
     page.until("behaviours", state("running")).await;
-    page.send_text("{\"type\":\"order\",\"id\":7,\"order\":{\"do\":\"behaviour\",\"name\":\"script\",\"change\":\"stop\"}}").await;
+    page.send_text("{\"type\":\"command\",\"id\":7,\"command\":{\"do\":\"behaviour\",\"name\":\"script\",\"change\":\"stop\"}}").await;
     let answer = page.until("answer", |answer| answer["id"] == 7).await;
     assert_eq!(answer["ok"], true, "{answer}");
     page.until("behaviours", state("idle")).await;
@@ -484,7 +495,7 @@ async fn a_live_parameter_changes_within_its_bounds_while_the_script_drives() {
     let (_run, at) = live(&rig, script, &[]).await;
     let mut page = open(&at).await;
     page.until("behaviours", |said| {
-        said["list"][0]["knobs"][1]["value"] == 30.0
+        said["list"][0]["declared_params"][1]["value"] == 30.0
     })
     .await;
     let turn = |param: &'static str, value: Value| {
@@ -508,7 +519,7 @@ async fn a_live_parameter_changes_within_its_bounds_while_the_script_drives() {
     let faster = |command: &Command| matches!(command, Command::Move { left, .. } if *left > 45);
     rig.heard(from, faster).await;
     page.until("behaviours", |said| {
-        said["list"][0]["knobs"][1]["value"] == 55.0
+        said["list"][0]["declared_params"][1]["value"] == 55.0
     })
     .await;
 }
@@ -630,7 +641,7 @@ async fn frames_findings_and_log_reach_the_page() {
         while frames < 5 {
             if let Received::Frame(frame) = page.receive().await {
                 spykee::vision::validate_markers(&frame[8..]).unwrap();
-                page.send_text("{\"type\":\"taken\"}").await;
+                page.send_text("{\"type\":\"frame_shown\"}").await;
                 frames += 1;
             }
         }
@@ -660,7 +671,7 @@ async fn the_number_of_viewers_is_limited_and_one_that_never_reads_is_disconnect
             match good.receive().await {
                 Received::Frame(_) => {
                     frames += 1;
-                    good.send_text("{\"type\":\"taken\"}").await;
+                    good.send_text("{\"type\":\"frame_shown\"}").await;
                 }
                 Received::Text(state) if state["viewers"] == 1 => return,
                 Received::Text(_) => {}
@@ -696,7 +707,7 @@ async fn invalid_messages_end_only_their_own_connection() {
     }
     let mut flood = Page::open(&at, "").await.unwrap();
     for _ in 0..1000 {
-        flood.send_text("{\"type\":\"taken\"}").await;
+        flood.send_text("{\"type\":\"frame_shown\"}").await;
     }
     flood.closed().await;
     let mut odd = Page::open(&at, "").await.unwrap();

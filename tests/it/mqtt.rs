@@ -110,7 +110,7 @@ async fn retained_orders_are_ignored_and_no_order_runs_twice_when_the_broker_res
         .wait_for_text(0, "spykee/SPYKEE0001/command", "return_to_base")
         .await;
     let run = start(&rig, &broker, IDLE);
-    run.says("a retained order is ignored").await;
+    run.says("a retained command is ignored").await;
     subscriber
         .publish("spykee/SPYKEE0001/command", "locate", false)
         .await;
@@ -125,14 +125,14 @@ async fn retained_orders_are_ignored_and_no_order_runs_twice_when_the_broker_res
     subscriber
         .wait_for(from, "spykee/SPYKEE0001/state", |_| true)
         .await;
-    // When the agent receives this order, it has processed all messages before it.
+    // When the agent receives this command, it has processed all messages before it.
     let ordered = async {
         loop {
             subscriber
                 .publish("spykee/SPYKEE0001/command", "stop", false)
                 .await;
             tokio::time::sleep(Duration::from_millis(300)).await;
-            if run.text().contains("order from the broker: stop") {
+            if run.text().contains("command from the broker: stop") {
                 return;
             }
         }

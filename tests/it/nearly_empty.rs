@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use spykee::lab::{self, Lab};
 use spykee::safety::{Limits, Rescue};
 use spykee::sim::State;
+use spykee::simulation::{self, Simulation};
 use spykee::wire::{Command, Led, Stream};
 use tokio::time::{sleep, timeout};
 
@@ -27,31 +27,31 @@ while true do
 end
 ";
 
-fn options(rescue: Rescue) -> lab::Options {
+fn options(rescue: Rescue) -> simulation::Options {
     let limits = Limits {
         rescue,
         ..Limits::default()
     };
-    lab::Options {
+    simulation::Options {
         limits,
-        ..lab::Options::default()
+        ..simulation::Options::default()
     }
 }
 
-async fn becomes(lab: &Lab, what: &str, wanted: impl Fn(&State) -> bool) -> State {
-    let state = timeout(SECOND * 300, lab.sim().wait_state(wanted)).await;
-    state.unwrap_or_else(|_| panic!("never {what}: {:?}", lab.sim().state()))
+async fn becomes(simulation: &Simulation, what: &str, wanted: impl Fn(&State) -> bool) -> State {
+    let state = timeout(SECOND * 300, simulation.sim().wait_state(wanted)).await;
+    state.unwrap_or_else(|_| panic!("never {what}: {:?}", simulation.sim().state()))
 }
 
 /// Starts a busy run, then makes the battery nearly empty and the station unreachable.
-async fn nearly_empty(lab: &Lab) -> lab::Running {
-    let run = lab.start(vec![behaviour("uses all", USES_ALL, 0, 1)], None);
-    becomes(lab, "all on", |state| {
+async fn nearly_empty(simulation: &Simulation) -> simulation::Running {
+    let run = simulation.start(vec![behaviour("uses all", USES_ALL, 0, 1)], None);
+    becomes(simulation, "all on", |state| {
         state.streams.video && state.streams.audio_in && state.streams.audio_out
     })
     .await;
-    lab.sim().hide_station(true);
-    lab.sim().set_battery(5.0);
+    simulation.sim().hide_station(true);
+    simulation.sim().set_battery(5.0);
     run
 }
 
@@ -67,40 +67,44 @@ fn is_luxury(command: &Command) -> bool {
 
 #[test]
 fn a_nearly_empty_battery_switches_off_camera_lights_and_speech() {
-    lab::run(quiet_world(), options(Rescue::Off), async |lab: &Lab| {
-        let _run = nearly_empty(lab).await;
-        let off = |state: &State| {
-            !(state.streams.video || state.streams.audio_in || state.streams.audio_out)
-        };
-        becomes(lab, "all off", off).await;
-        let since = lab.sim().heard_count();
-        sleep(SECOND * 60).await;
-        let heard = lab.sim().heard_since(since);
-        let luxury = heard.iter().find(|heard| is_luxury(&heard.command));
-        assert_eq!(luxury, None);
-        assert!(off(&lab.sim().state()));
-    })
+    simulation::run(
+        quiet_world(),
+        options(Rescue::Off),
+        async |simulation: &Simulation| {
+            let _run = nearly_empty(simulation).await;
+            let off = |state: &State| {
+                !(state.streams.video || state.streams.audio_in || state.streams.audio_out)
+            };
+            becomes(simulation, "all off", off).await;
+            let since = simulation.sim().heard_count();
+            sleep(SECOND * 60).await;
+            let heard = simulation.sim().heard_since(since);
+            let luxury = heard.iter().find(|heard| is_luxury(&heard.command));
+            assert_eq!(luxury, None);
+            assert!(off(&simulation.sim().state()));
+        },
+    )
     .unwrap();
 }
 
 #[test]
 fn with_a_nearly_empty_battery_only_the_rescue_behaviour_has_the_camera() {
-    lab::run(
+    simulation::run(
         quiet_world(),
         options(Rescue::Builtin),
-        async |lab: &Lab| {
-            let _run = nearly_empty(lab).await;
-            becomes(lab, "silent in both directions", |state| {
+        async |simulation: &Simulation| {
+            let _run = nearly_empty(simulation).await;
+            becomes(simulation, "silent in both directions", |state| {
                 !(state.streams.audio_in || state.streams.audio_out)
             })
             .await;
-            let since = lab.sim().heard_count();
-            let driven = timeout(SECOND * 300, lab.sim().wait_heard(since, moves)).await;
+            let since = simulation.sim().heard_count();
+            let driven = timeout(SECOND * 300, simulation.sim().wait_heard(since, moves)).await;
             assert!(driven.is_ok(), "the rescue behaviour does not drive");
-            let state = lab.sim().state();
+            let state = simulation.sim().state();
             assert!(state.streams.video, "the rescue behaviour has no camera");
             sleep(SECOND * 60).await;
-            let heard = lab.sim().heard_since(since);
+            let heard = simulation.sim().heard_since(since);
             let camera = Command::Stream {
                 stream: Stream::Video,
                 on: true,
@@ -115,18 +119,22 @@ fn with_a_nearly_empty_battery_only_the_rescue_behaviour_has_the_camera() {
 
 #[test]
 fn streams_and_lights_return_when_the_battery_is_good() {
-    lab::run(quiet_world(), options(Rescue::Off), async |lab: &Lab| {
-        let _run = nearly_empty(lab).await;
-        becomes(lab, "blind", |state| !state.streams.video).await;
-        lab.sim().set_battery(80.0);
-        becomes(lab, "all on", |state| {
-            state.streams.video && state.streams.audio_in && state.streams.audio_out
-        })
-        .await;
-        let since = lab.sim().heard_count();
-        let lights = |command: &Command| matches!(command, Command::Led { on: true, .. });
-        let lit = timeout(SECOND * 5, lab.sim().wait_heard(since, lights)).await;
-        assert!(lit.is_ok(), "the lights do not return");
-    })
+    simulation::run(
+        quiet_world(),
+        options(Rescue::Off),
+        async |simulation: &Simulation| {
+            let _run = nearly_empty(simulation).await;
+            becomes(simulation, "blind", |state| !state.streams.video).await;
+            simulation.sim().set_battery(80.0);
+            becomes(simulation, "all on", |state| {
+                state.streams.video && state.streams.audio_in && state.streams.audio_out
+            })
+            .await;
+            let since = simulation.sim().heard_count();
+            let lights = |command: &Command| matches!(command, Command::Led { on: true, .. });
+            let lit = timeout(SECOND * 5, simulation.sim().wait_heard(since, lights)).await;
+            assert!(lit.is_ok(), "the lights do not return");
+        },
+    )
     .unwrap();
 }

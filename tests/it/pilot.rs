@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use spykee::link;
-use spykee::pilot::{Dial, Ending, Pilot, Settings, Status};
+use spykee::pilot::{Connector, Pilot, Settings, Shutdown, Status};
 use spykee::robot::channel::{EventReceiver, MAX_REQUESTS, PilotMessage, Request, events};
 use spykee::robot::{BehaviourId, Event, Intent, MotionEnd, MotionId, Percent, Priority, Setpoint};
 use spykee::safety::Limits;
@@ -23,11 +23,11 @@ struct TestPilot {
     requests: mpsc::Sender<Request>,
     inbox: EventReceiver,
     status: watch::Receiver<Status>,
-    ending: Ending,
+    shutdown: Shutdown,
     task: JoinHandle<()>,
 }
 
-fn dial(address: String) -> Dial {
+fn connector(address: String) -> Connector {
     Box::new(move |words| {
         let target = address.parse().unwrap();
         Box::pin(async move {
@@ -54,8 +54,13 @@ impl TestPilot {
         };
         let (pilot, _, status) = Pilot::new(&settings);
         let (requests, received) = mpsc::channel(MAX_REQUESTS);
-        let ending = Ending::default();
-        let run = pilot.run(dial(address.to_owned()), settings, received, ending.clone());
+        let shutdown = Shutdown::default();
+        let run = pilot.run(
+            connector(address.to_owned()),
+            settings,
+            received,
+            shutdown.clone(),
+        );
         let task = tokio::spawn(async move {
             let (ended, ()) = tokio::join!(run, beside);
             ended.unwrap();
@@ -73,7 +78,7 @@ impl TestPilot {
             requests,
             inbox,
             status,
-            ending,
+            shutdown,
             task,
         }
     }
@@ -238,7 +243,7 @@ async fn at_the_end_a_stop_is_written_and_streams_are_switched_off() {
     test_pilot.want(Stream::Video).await;
     test_pilot.drive(50.0, Some(WAIT_LIMIT)).await;
     let moving = rig.heard_motion(0).await;
-    test_pilot.ending.stop_motion.cancel();
+    test_pilot.shutdown.stop_motion.cancel();
     let end = test_pilot
         .wait_for(|event| matches!(event, Event::MotionEnded { .. }))
         .await;
@@ -249,7 +254,7 @@ async fn at_the_end_a_stop_is_written_and_streams_are_switched_off() {
             end: MotionEnd::Cancelled
         }
     );
-    test_pilot.ending.close_link.cancel();
+    test_pilot.shutdown.close_link.cancel();
     timeout(WAIT_LIMIT, &mut test_pilot.task)
         .await
         .unwrap()
@@ -319,9 +324,16 @@ async fn the_last_words_of_a_login_in_progress_follow_a_persons_stop() {
         read(&mut link, &Command::Engine(Engage::Dock)).await;
         drop(link);
         let mut link = accepted(&robot).await;
-        test_pilot.requests.send(Request::Halt(true)).await.unwrap();
-        let halted = test_pilot.status.wait_for(|status| status.halted).await;
-        drop(halted.unwrap());
+        test_pilot
+            .requests
+            .send(Request::EmergencyStop(true))
+            .await
+            .unwrap();
+        let emergency_stop = test_pilot
+            .status
+            .wait_for(|status| status.emergency_stop)
+            .await;
+        drop(emergency_stop.unwrap());
         link.shutdown().await.unwrap();
         let mut told = Vec::new();
         link.read_to_end(&mut told).await.unwrap();

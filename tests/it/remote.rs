@@ -178,7 +178,7 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
     // STOP stays in force, and the service continues.
     let (code, text) = run_spykee(&elsewhere, &[&["robot", "stop"], &right[..]].concat()).await;
     assert_eq!(code, Some(0), "{text}");
-    assert_contains(&text, &["let-go"]);
+    assert_contains(&text, &["reset-stop"]);
     assert!(run.lives());
     // The config can name the service, too.
     elsewhere.file(

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use rustix::process::Signal;
-use spykee::sim::{Answer, Firmware};
+use spykee::sim::{Firmware, FirmwareBehaviour};
 use spykee::wire::{Command, Engage, EngineReport, Led, Packet, Power, Report, Sound, kind};
 use tokio::time::{Instant, timeout};
 
@@ -158,7 +158,7 @@ async fn a_low_robot_that_cannot_get_home_stands_still_sounds_the_alarm_and_sear
     rig.sim.hide_station(true);
     let config = rig.file(
         "spykee.yaml",
-        "watchdog: { dock_pause: 0.1, alarm_every: 1, recovery_legs: false, rescue: off }\n",
+        "watchdog: { dock_pause: 0.1, alarm_every: 1, blind_moves: false, rescue: off }\n",
     );
     let script = rig.file(
         "script.lua",
@@ -201,7 +201,7 @@ async fn scripts_cannot_silence_the_alarm() {
     rig.sim.hide_station(true);
     let config = rig.file(
         "spykee.yaml",
-        "watchdog: { dock_pause: 0.1, alarm_every: 2, recovery_legs: false, rescue: off }\n",
+        "watchdog: { dock_pause: 0.1, alarm_every: 2, blind_moves: false, rescue: off }\n",
     );
     let script = rig.file(
         "script.lua",
@@ -384,7 +384,7 @@ async fn after_a_lost_link_the_first_command_is_a_stop() {
 #[tokio::test(flavor = "multi_thread")]
 async fn the_end_of_a_docking_that_the_link_lost_reaches_the_robot_after_the_reconnect() {
     let firmware = Firmware {
-        move_while_searching: Answer::Ignored,
+        move_while_searching: FirmwareBehaviour::Ignored,
         search_limit: WAIT_LIMIT * 10,
         ..Firmware::default()
     };

@@ -6,7 +6,7 @@ use std::time::Duration;
 use quick_xml::events::Event;
 use rustix::process::Signal;
 use serde_json::Value;
-use spykee::scenario::{Book, Cause, Setting};
+use spykee::scenario::{Cause, RunSettings, ScenarioFile};
 use tempfile::TempDir;
 
 use crate::rig::{Rig, assert_contains, run_in};
@@ -173,7 +173,7 @@ scenario("all of it", { world = "playpen", battery = 70, limit = 600, seeds = 1 
     sim:place({ x = 1, y = 1, heading = 0 })
     sim:run("home.lua")
     expect(sim:wait_until(function() return #sim:log("base_not_found") == 1 end, 300), "hide_station")
-    print("all of it was played")
+    print("all of it was run")
 end)
 "#;
     let ears = r#"
@@ -205,7 +205,7 @@ robot.stop()
     let output = run_in(folder.path(), &["test", "--json"]);
     let result = &output.json()["runs"][0];
     assert_eq!(result["passed"], true, "{result:#}");
-    assert_eq!(result["lines"][0], "all of it was played");
+    assert_eq!(result["lines"][0], "all of it was run");
 }
 
 #[test]
@@ -283,7 +283,7 @@ fn invalid_calls_and_misbehaving_scripts_fail_their_scenario_with_a_message() {
         ),
         ("local t = {} while true do t = { t, t } end", "memory"),
         ("error({})", "it failed with a table"),
-        ("script.stop()", "its script ended before it was played"),
+        ("script.stop()", "its script ended before it ran"),
     ] {
         let source =
             format!("scenario('x', {{ world = 'playpen', limit = 30 }}, function(sim) {body} end)");
@@ -398,7 +398,7 @@ fn what_cannot_be_played_ends_with_2_and_an_unwritable_report_with_1() {
 }
 
 #[tokio::test]
-async fn an_interruption_ends_everything_that_is_played() {
+async fn an_interruption_ends_everything_that_runs() {
     let rig = Rig::quiet().await;
     let source = "scenario('for ever', { limit = 2592000 }, function(sim)\n\
                       while true do sim:wait(0.1) end\n\
@@ -438,23 +438,27 @@ fn the_behaviour_beside_a_file_is_found_from_any_folder() {
 #[test]
 fn rust_tests_play_scenarios_too() {
     let folder = folder(&[("wander.lua", WANDERS), ("wander_test.lua", LOOKS_ON)]);
-    let book = Book::read(&folder.path().join("wander_test.lua")).unwrap();
-    let [wanders, endless] = book.scenarios() else {
+    let scenario_file = ScenarioFile::read(&folder.path().join("wander_test.lua")).unwrap();
+    let [wanders, endless] = scenario_file.scenarios() else {
         panic!("two scenarios");
     };
-    let setting = Setting::default();
-    let played = book.play(wanders, 1, &setting).unwrap();
-    assert!(played.failure.is_none());
-    let failure = book.play(endless, 1, &setting).unwrap().failure.unwrap();
-    assert_eq!(failure.scene.unwrap().at, Duration::from_secs(15));
+    let settings = RunSettings::default();
+    let result = scenario_file.run(wanders, 1, &settings).unwrap();
+    assert!(result.failure.is_none());
+    let failure = scenario_file
+        .run(endless, 1, &settings)
+        .unwrap()
+        .failure
+        .unwrap();
+    assert_eq!(failure.snapshot.unwrap().at, Duration::from_secs(15));
     assert_eq!(failure.cause, Cause::Scenario);
-    let unmet = Book::of_text(
+    let unmet = ScenarioFile::of_text(
         "unmet",
         "scenario('x', {}, function(sim) expect(sim:docked()) end)",
     );
     let unmet = unmet.unwrap();
-    let played = unmet.play(&unmet.scenarios()[0], 1, &setting).unwrap();
-    let failure = played.failure.unwrap();
+    let result = unmet.run(&unmet.scenarios()[0], 1, &settings).unwrap();
+    let failure = result.failure.unwrap();
     assert_eq!(failure.cause, Cause::Expectation);
     assert_eq!(failure.message, "this is not true");
 }
@@ -474,7 +478,7 @@ fn an_expectation_that_is_caught_still_fails_its_scenario() {
 
 #[test]
 fn a_scenario_and_its_scripts_cannot_read_other_folders() {
-    if !spykee::walls::Restrictions::supported().files {
+    if !spykee::sandbox::Restrictions::supported().files {
         eprintln!("this kernel has no landlock: nothing keeps them from it");
         return;
     }
@@ -514,7 +518,7 @@ fn a_scenario_below_the_working_folder_may_run_a_script_above_itself() {
 }
 
 #[test]
-fn a_run_that_exceeds_the_real_time_limit_is_ended_and_the_others_are_played() {
+fn a_run_that_exceeds_the_real_time_limit_is_ended_and_the_others_are_run() {
     let source = "scenario('for ever', { limit = 2000000, battery = 90 }, function(sim)
                       sim:run('wander.lua') sim:wait(1900000)
                   end)
@@ -534,17 +538,17 @@ fn a_run_that_exceeds_the_real_time_limit_is_ended_and_the_others_are_played() {
     assert_contains(&output.text(), &["--timeout sets a longer limit"]);
 }
 
-/// The processes that play scenarios.
-async fn trials(run: &crate::rig::Run) -> Vec<rustix::process::Pid> {
+/// The processes that run scenarios.
+async fn scenario_processes(run: &crate::rig::Run) -> Vec<rustix::process::Pid> {
     let begun = std::time::Instant::now();
     loop {
-        let mut trials = crate::rig::children_of(run.pid());
-        trials.retain(|pid| {
+        let mut scenario_processes = crate::rig::children_of(run.pid());
+        scenario_processes.retain(|pid| {
             let line = std::fs::read(format!("/proc/{}/cmdline", pid.as_raw_nonzero()));
             line.is_ok_and(|line| String::from_utf8_lossy(&line).contains("__worker\x00scenario"))
         });
-        if !trials.is_empty() {
-            return trials;
+        if !scenario_processes.is_empty() {
+            return scenario_processes;
         }
         assert!(begun.elapsed() < crate::rig::WAIT_LIMIT, "{}", run.text());
         tokio::time::sleep(Duration::from_millis(5)).await;
@@ -562,24 +566,24 @@ async fn a_run_whose_process_dies_has_failed_and_one_that_hangs_can_be_interrupt
     rig.file("endless_test.lua", ENDLESS);
     let mut run = rig.spykee(&["test"]);
     // The first process only reads the file.
-    run_until_played(&run).await;
-    let trial = trials(&run).await[0];
-    rustix::process::kill_process(trial, Signal::KILL).unwrap();
+    wait_until_running(&run).await;
+    let process = scenario_processes(&run).await[0];
+    rustix::process::kill_process(process, Signal::KILL).unwrap();
     assert_eq!(run.code().await, Some(4), "{}", run.text());
     assert_contains(&run.text(), &["its process ended unexpectedly"]);
     let mut run = rig.spykee(&["test"]);
-    run_until_played(&run).await;
-    rustix::process::kill_process(trials(&run).await[0], Signal::STOP).unwrap();
+    wait_until_running(&run).await;
+    rustix::process::kill_process(scenario_processes(&run).await[0], Signal::STOP).unwrap();
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
 }
 
-/// Waits until a scenario is played, no longer only read: its process may then compute for longer.
-async fn run_until_played(run: &crate::rig::Run) {
+/// Waits until a scenario runs and is no longer only read: its process may then compute for longer.
+async fn wait_until_running(run: &crate::rig::Run) {
     let begun = std::time::Instant::now();
     loop {
-        let trial = trials(run).await[0];
-        let line = std::fs::read(format!("/proc/{}/cmdline", trial.as_raw_nonzero()));
+        let process = scenario_processes(run).await[0];
+        let line = std::fs::read(format!("/proc/{}/cmdline", process.as_raw_nonzero()));
         if line.is_ok_and(|line| String::from_utf8_lossy(&line).contains("\x00601\x00")) {
             return;
         }

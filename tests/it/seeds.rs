@@ -30,14 +30,14 @@ impl StepEvent {
 
     fn apply(&self, dog: &mut Watchdog, now: &mut Instant) -> Vec<Act> {
         match self {
-            StepEvent::NotFound => dog.take(Fact::Engine(EngineReport::BaseNotFound), *now),
+            StepEvent::NotFound => dog.handle(Fact::Engine(EngineReport::BaseNotFound), *now),
             StepEvent::Percent(percent) => {
                 let (percent, charging) = (*percent, false);
-                dog.take(Fact::Power(Power { percent, charging }), *now)
+                dog.handle(Fact::Power(Power { percent, charging }), *now)
             }
             StepEvent::Passes(millis) => {
                 *now += Duration::from_millis((*millis).into());
-                dog.tick(*now)
+                dog.poll(*now)
             }
         }
     }
@@ -91,7 +91,7 @@ fn in_the_seed_of_a_low_robots_leg_the_watchdog_drives_one() {
     let (percent, charging) = (80, false);
     let power = Power { percent, charging };
     let docked = false;
-    dog.take(Fact::LinkUp { docked, power }, now);
+    dog.handle(Fact::LinkUp { docked, power }, now);
     let mut commands = Vec::new();
     for (_, happens) in leg_of_a_low_robot() {
         let acts = happens.apply(&mut dog, &mut now);

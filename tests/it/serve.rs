@@ -71,7 +71,7 @@ async fn the_service_waits_for_a_robot_that_is_not_there_yet() {
     config(&home, "", "behaviours:\n- file: drive.lua\n");
     let (robot, config) = (address.to_string(), "spykee.yaml");
     let mut run = home.spykee(&["serve", "--config", config, "--robot", &robot]);
-    run.says("dialling until it answers").await;
+    run.says("trying until it answers").await;
     let (code, text) = run_spykee(&home, &["behaviour", "start", "drive"]).await;
     let refused = text.contains("the robot is not connected");
     assert_eq!((code, refused), (Some(1), true), "{text}");
@@ -347,7 +347,7 @@ async fn the_alarm_is_heard(settings: &str) -> bool {
     let rig = Rig::new(QUIET_WORLD, firmware).await;
     rig.sim.hide_station(true);
     let watchdog =
-        "watchdog: { dock_retries: 0, dock_pause: 1, recovery_legs: false, rescue: off }\n";
+        "watchdog: { dock_retries: 0, dock_pause: 1, blind_moves: false, rescue: off }\n";
     quiet_now(&rig, &format!("{settings}{watchdog}"));
     let mut run = serve(&rig);
     run.says("quiet hours").await;

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use spykee::lab::{self, Lab, Recorder};
 use spykee::pilot::LinkState;
 use spykee::sim::{self, Direction, Fault, FaultKind, ReceivedCommand};
+use spykee::simulation::{self, Recorder, Simulation};
 use spykee::wire::{Command, Engage, Power, Report};
 use tokio::time::sleep;
 
@@ -34,15 +34,15 @@ end
 ";
 
 /// A robot whose network may have faults.
-fn with_faults() -> lab::Options {
+fn with_faults() -> simulation::Options {
     let sim = sim::Options {
         faults: Some(vec![]),
         ..sim::Options::default()
     };
-    lab::Options {
+    simulation::Options {
         sim,
         events: Some(Recorder::keeping().0),
-        ..lab::Options::default()
+        ..simulation::Options::default()
     }
 }
 
@@ -68,22 +68,26 @@ fn heard_of(
     rate: Option<u32>,
     talk: Duration,
 ) -> (Vec<ReceivedCommand>, Duration) {
-    lab::run(quiet_world(), with_faults(), async |lab: &Lab| {
-        if let Some(rate) = rate {
-            lab.sim().begin(slow(rate));
-        }
-        let behaviours = scripts.iter().enumerate();
-        let behaviours = behaviours
-            .map(|(number, source)| behaviour(&format!("talks{number}"), source, 0, 1))
-            .collect();
-        let run = lab.start(behaviours, None);
-        sleep(talk).await;
-        let low_at = lab.now();
-        lab.sim().inject(low());
-        sleep(SECOND).await;
-        drop(run);
-        (lab.sim().heard(), low_at)
-    })
+    simulation::run(
+        quiet_world(),
+        with_faults(),
+        async |simulation: &Simulation| {
+            if let Some(rate) = rate {
+                simulation.sim().begin(slow(rate));
+            }
+            let behaviours = scripts.iter().enumerate();
+            let behaviours = behaviours
+                .map(|(number, source)| behaviour(&format!("talks{number}"), source, 0, 1))
+                .collect();
+            let run = simulation.start(behaviours, None);
+            sleep(talk).await;
+            let low_at = simulation.now();
+            simulation.sim().inject(low());
+            sleep(SECOND).await;
+            drop(run);
+            (simulation.sim().heard(), low_at)
+        },
+    )
     .unwrap()
 }
 
@@ -153,12 +157,16 @@ fn speech_plays_without_a_gap() {
 
 #[test]
 fn a_script_that_requests_dockings_endlessly_does_not_flood_the_link() {
-    let heard = lab::run(quiet_world(), with_faults(), async |lab: &Lab| {
-        let run = lab.start(vec![behaviour("dithers", CHANGES_ITS_MIND, 0, 1)], None);
-        sleep(SECOND * 10).await;
-        drop(run);
-        lab.sim().heard()
-    })
+    let heard = simulation::run(
+        quiet_world(),
+        with_faults(),
+        async |simulation: &Simulation| {
+            let run = simulation.start(vec![behaviour("dithers", CHANGES_ITS_MIND, 0, 1)], None);
+            sleep(SECOND * 10).await;
+            drop(run);
+            simulation.sim().heard()
+        },
+    )
     .unwrap();
     let engine = |heard: &&ReceivedCommand| matches!(heard.command, Command::Engine(_));
     assert!(heard.iter().filter(engine).count() > 50, "it was not asked");
@@ -171,19 +179,23 @@ fn a_script_that_requests_dockings_endlessly_does_not_flood_the_link() {
 
 #[test]
 fn a_robot_that_acknowledges_but_sends_nothing_is_reconnected() {
-    lab::run(quiet_world(), with_faults(), async |lab: &Lab| {
-        let run = lab.start(vec![behaviour("idles", "task.wait(10000)", 0, 1)], None);
-        sleep(SECOND * 60).await;
-        let mut status = run.status();
-        assert_eq!(status.borrow().link, LinkState::Up);
-        lab.sim().mute(true);
-        let lost = status.wait_for(|status| status.link != LinkState::Up);
-        let lost = tokio::time::timeout(SECOND * 100, lost).await.is_ok();
-        assert!(lost, "the silent robot is not detected");
-        lab.sim().mute(false);
-        let up = status.wait_for(|status| status.link == LinkState::Up);
-        let up = tokio::time::timeout(SECOND * 100, up).await.is_ok();
-        assert!(up, "not connected again");
-    })
+    simulation::run(
+        quiet_world(),
+        with_faults(),
+        async |simulation: &Simulation| {
+            let run = simulation.start(vec![behaviour("idles", "task.wait(10000)", 0, 1)], None);
+            sleep(SECOND * 60).await;
+            let mut status = run.status();
+            assert_eq!(status.borrow().link, LinkState::Up);
+            simulation.sim().mute(true);
+            let lost = status.wait_for(|status| status.link != LinkState::Up);
+            let lost = tokio::time::timeout(SECOND * 100, lost).await.is_ok();
+            assert!(lost, "the silent robot is not detected");
+            simulation.sim().mute(false);
+            let up = status.wait_for(|status| status.link == LinkState::Up);
+            let up = tokio::time::timeout(SECOND * 100, up).await.is_ok();
+            assert!(up, "not connected again");
+        },
+    )
     .unwrap();
 }

@@ -4,10 +4,10 @@ use std::f64::consts::PI;
 use std::path::Path;
 use std::time::Duration;
 
-use spykee::lab::{self, Lab, Recorder};
 use spykee::safety::{Limits, Rescue};
 use spykee::script;
 use spykee::sim::{Firmware, Point, Pose};
+use spykee::simulation::{self, Recorder, Simulation};
 use tokio::time::timeout;
 
 use crate::long_runs::explore::explore;
@@ -45,17 +45,17 @@ const BLIND: [(f64, f64, f64); 2] = [(0.35, 4.0, -1.15), (0.4, 0.9, 0.5)];
 /// ten minutes, and how often the watchdog did `does`.
 fn comes_home_from((x, y, heading): (f64, f64, f64), limits: &Limits, does: &str) -> (bool, usize) {
     let (recorder, events) = Recorder::keeping();
-    let options = lab::Options {
+    let options = simulation::Options {
         events: Some(recorder),
         limits: limits.clone(),
-        ..lab::Options::default()
+        ..simulation::Options::default()
     };
     let idle = behaviour("task.wait(3600)", script::Options::new("idle", "idle.lua"));
-    let home = lab::run(two_rooms(), options, async |lab: &Lab| {
-        lab.sim().place(Pose { x, y, heading });
-        lab.sim().set_battery(19.0);
-        let run = lab.start(vec![idle], None);
-        let home = lab.sim().wait_state(|state| state.charging);
+    let home = simulation::run(two_rooms(), options, async |simulation: &Simulation| {
+        simulation.sim().place(Pose { x, y, heading });
+        simulation.sim().set_battery(19.0);
+        let run = simulation.start(vec![idle], None);
+        let home = simulation.sim().wait_state(|state| state.charging);
         let home = timeout(Duration::from_secs(600), home).await.is_ok();
         run.stop();
         home && run.outcome().await.is_ok()
@@ -73,7 +73,7 @@ fn a_low_robot_beside_its_station_comes_home_although_it_cannot_find_it_from_the
     };
     for place in BLIND {
         for (limits, does) in [
-            (&blind, "drives short leg"),
+            (&blind, "makes short blind move"),
             (&Limits::default(), "a rescue behaviour may drive"),
         ] {
             let (home, times) = comes_home_from(place, limits, does);
@@ -137,7 +137,7 @@ fn expect_home(place: &Place, starts: &[Start], least: usize) {
 fn a_low_robot_is_sent_home_after_any_sequence_of_events() {
     let bare = Limits {
         rescue: Rescue::Off,
-        recovery_legs: false,
+        blind_moves: false,
         ..Limits::default()
     };
     for limits in [Limits::default(), bare] {

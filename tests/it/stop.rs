@@ -77,7 +77,7 @@ async fn a_service_that_was_killed_holds_a_low_robot_still_when_it_starts_again(
     assert_contains(&body, &["stopped by a person"]);
     let (_, text) = run_spykee(&rig, &["status"]).await;
     assert_contains(&text, &["stopped by a person"]);
-    let (code, text) = run_spykee(&rig, &["robot", "let-go"]).await;
+    let (code, text) = run_spykee(&rig, &["robot", "reset-stop"]).await;
     let released = text.contains("the robot may move again");
     assert_eq!((code, released), (Some(0), true), "{text}");
     rig.heard_dock(from).await;
@@ -93,7 +93,7 @@ async fn a_stop_that_was_left_behind_holds_for_every_program_but_simulations() {
     for args in [&["robot", "undock"][..], &["robot", "dock"], &["repl"]] {
         let robot = ["--robot", &rig.address];
         let (code, text) = run_spykee(&rig, &[args, &robot[..]].concat()).await;
-        let helped = text.contains("spykee robot let-go");
+        let helped = text.contains("spykee robot reset-stop");
         assert_eq!((code, helped), (Some(5), true), "{args:?}: {text}");
     }
     let from = rig.sim.heard_count();
@@ -102,7 +102,7 @@ async fn a_stop_that_was_left_behind_holds_for_every_program_but_simulations() {
     // The battery is good and nothing was searched for: only the login's repeated STOP sends this.
     rig.heard_cancel(from).await;
     tries_in_vain(&rig, from).await;
-    let (code, text) = run_spykee(&rig, &["robot", "let-go"]).await;
+    let (code, text) = run_spykee(&rig, &["robot", "reset-stop"]).await;
     assert_eq!(code, Some(0), "{text}");
     rig.heard_motion(from).await;
     kept(&rig, false).await;
@@ -114,7 +114,7 @@ async fn a_stop_that_was_left_behind_holds_for_every_program_but_simulations() {
     assert!(!text.contains("STOP"), "{text}");
     kept(&rig, true).await;
     for words in ["released", "nothing to release"] {
-        let (code, text) = run_spykee(&rig, &["robot", "let-go"]).await;
+        let (code, text) = run_spykee(&rig, &["robot", "reset-stop"]).await;
         assert_eq!(code, Some(0), "{text}");
         assert_contains(&text, &[words]);
     }

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 use std::time::Duration;
 
-use spykee::lab::{self, Event, EventKind, Lab, Recorder};
 use spykee::sim::{Point, Pose, World};
+use spykee::simulation::{self, Event, EventKind, Recorder, Simulation};
 use tokio::time::timeout;
 
 use crate::fast::behaviour;
@@ -12,21 +12,21 @@ use crate::fast::behaviour;
 /// Runs a script from this pose until it ends; returns its log and the robot's final pose.
 fn play(world: &str, pose: Pose, source: &str, seed: u64) -> (Vec<String>, Pose) {
     let (recorder, events) = Recorder::keeping();
-    let options = lab::Options {
+    let options = simulation::Options {
         seed,
         events: Some(recorder),
-        ..lab::Options::default()
+        ..simulation::Options::default()
     };
     let world = World::builtin(world).unwrap_or_else(|| World::from_yaml(world, "test").unwrap());
-    let end = lab::run(world, options, async |lab: &Lab| {
-        lab.sim().place(pose);
-        lab.sim().set_battery(90.0);
-        let run = lab.start(vec![behaviour("drives", source, 0, seed)], None);
+    let end = simulation::run(world, options, async |simulation: &Simulation| {
+        simulation.sim().place(pose);
+        simulation.sim().set_battery(90.0);
+        let run = simulation.start(vec![behaviour("drives", source, 0, seed)], None);
         timeout(Duration::from_secs(120), run.outcome())
             .await
             .unwrap()
             .unwrap();
-        lab.sim().state().pose
+        simulation.sim().state().pose
     });
     let is_line = |event: &&Event| event.kind == EventKind::Log;
     let events = events.lock().unwrap();

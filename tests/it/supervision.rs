@@ -22,7 +22,7 @@ use tokio::time::{Instant, sleep, timeout};
 use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, hosts_of};
 
 /// Beats until the robot reports that a sound has ended.
-const WITNESS: &str = "
+const BYSTANDER: &str = "
     local on = false
     local beat = task.every(0.05, function() on = not on robot.led('right', on) end)
     robot.wait_for('sound_finished')
@@ -63,13 +63,13 @@ async fn a_behaviour_that_fails_repeatedly_is_given_up_with_an_alarm_and_disturb
         "crash.lua",
         "robot.move(50, 50) task.wait(0.2) error('boom')",
     );
-    rig.file("witness.lua", WITNESS);
+    rig.file("bystander.lua", BYSTANDER);
     rig.file(
         "spykee.yaml",
         "behaviours:\n\
          - file: crash.lua\n  \
            restart: { policy: on-failure, first_pause: 0.1, max_restarts: 2, within: 60 }\n\
-         - file: witness.lua\n",
+         - file: bystander.lua\n",
     );
     let mut run = rig.spykee(&["run", "--config", "spykee.yaml", "--robot", &rig.address]);
     let alarm = |command: &Command| *command == Command::Play(Sound::Alarm);
@@ -249,8 +249,8 @@ async fn a_stop_before_the_supervisor_begins_ends_the_behaviour() {
     let handle = Handle::default();
     handle.stop(EndReason::Cancelled);
     let ended = timeout(WAIT_LIMIT, supervisor.run(handle, &core)).await;
-    let ending = ended.expect("the stop was lost");
-    assert_eq!(ending.reason, EndReason::Cancelled, "{ending:?}");
+    let exit = ended.expect("the stop was lost");
+    assert_eq!(exit.reason, EndReason::Cancelled, "{exit:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -314,7 +314,7 @@ fn agent_that_is_told_to_reload() {
         };
         let plan = Plan {
             behaviours: vec![behaviour],
-            blueprints: Vec::new(),
+            specs: Vec::new(),
             stays: false,
             settings: Settings {
                 limits: spykee::safety::Limits::default(),
@@ -323,13 +323,13 @@ fn agent_that_is_told_to_reload() {
                 link,
                 streams: Default::default(),
             },
-            dial: Box::new(move |words| {
+            connector: Box::new(move |words| {
                 let (target, login, times) = (target.clone(), login.clone(), times.clone());
                 Box::pin(async move { link::connect(&target, &login, words, &times).await })
             }),
             launcher: Launcher::new(env!("CARGO_BIN_EXE_spykee").into()),
             core: tokio::runtime::Handle::current(),
-            pulse: None,
+            heartbeat: None,
             rescue: None,
             limit: None,
             bus: Default::default(),

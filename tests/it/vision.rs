@@ -6,9 +6,9 @@ use image::{ExtendedColorType, Rgb, RgbImage};
 use imageproc::drawing::draw_filled_circle_mut;
 use proptest::prelude::*;
 use spykee::vision::{
-    BlobOptions, Camera, Colour, Decoder, FrameAnalyser, FrameError, Image, Mark, MotionDetector,
-    MotionOptions, Tracker, TrackerOptions, annotate, brightness, find_qrcodes, sharpness,
-    validate_markers,
+    Annotation, BlobOptions, Camera, Colour, Decoder, FrameAnalyser, FrameError, Image,
+    MotionDetector, MotionOptions, Tracker, TrackerOptions, annotate, brightness, find_qrcodes,
+    sharpness, validate_markers,
 };
 use std::time::Duration;
 
@@ -227,9 +227,9 @@ fn marks_are_drawn_on_a_copy() {
         .unwrap()
         .to_vec();
     let image = analyser.decode(1, &bytes).unwrap();
-    let marks: Vec<Mark<'_>> = blobs
+    let marks: Vec<Annotation<'_>> = blobs
         .iter()
-        .map(|blob| Mark {
+        .map(|blob| Annotation {
             blob,
             text: "red #1",
         })

@@ -27,7 +27,7 @@ fn run(home: &Rig, address: SocketAddr, flags: &[&str]) -> Run {
 async fn a_run_that_waits_starts_when_the_robot_answers() {
     let (home, address) = (Rig::quiet().await, free_address());
     let mut run = run(&home, address, &["--wait"]);
-    run.says("dialling until it answers").await;
+    run.says("trying until it answers").await;
     let options = Options {
         listen: address,
         ..Options::default()
@@ -44,10 +44,10 @@ async fn a_run_that_waits_starts_when_the_robot_answers() {
 async fn ctrl_c_ends_the_wait() {
     let (home, address) = (Rig::quiet().await, free_address());
     let mut run = run(&home, address, &["--wait"]);
-    run.says("dialling until it answers").await;
+    run.says("trying until it answers").await;
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
-    let said = run.text().matches("dialling until it answers").count();
+    let said = run.text().matches("trying until it answers").count();
     assert_eq!(said, 1, "each reason must be logged once: {}", run.text());
 }
 

@@ -115,7 +115,7 @@ async function until(is, what, context = () => "", patience = WAIT_LIMIT) {
 }
 
 /** A second pair of eyes: what the simulated world says, beside the page. */
-class Witness {
+class StateObserver {
   constructor(url) {
     this.socket = new WebSocket(`${url.replace("http", "ws")}live`);
     this.socket.onopen = () => this.socket.send(JSON.stringify({ type: "watch", map: true }));
@@ -170,10 +170,10 @@ async function freePort() {
   return port;
 }
 
-/** Takes the wheel, and leaves the keyboard to the page. */
-async function takeWheel(page) {
-  await button(page, "Take the wheel").click();
-  await button(page, "Leave the wheel").waitFor();
+/** Takes control, and leaves the keyboard to the page. */
+async function takeControl(page) {
+  await button(page, "Take control").click();
+  await button(page, "Release control").waitFor();
   await page.evaluate(() => document.activeElement.blur());
 }
 
@@ -185,9 +185,9 @@ const PHONE = { viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, has
 async function open(browser, run, options = DESK) {
   const context = await browser.newContext({ locale: "en-GB", ...options });
   const page = await context.newPage();
-  page.mistakes = [];
-  page.on("pageerror", (error) => page.mistakes.push(error.message));
-  page.on("console", (message) => message.type() === "error" && page.mistakes.push(message.text()));
+  page.errors = [];
+  page.on("pageerror", (error) => page.errors.push(error.message));
+  page.on("console", (message) => message.type() === "error" && page.errors.push(message.text()));
   await page.goto(run.url);
   return page;
 }
@@ -197,115 +197,115 @@ async function ready(page) {
 }
 
 function clean(page) {
-  if (page.mistakes.length > 0) {
-    throw new Error(`the page complains: ${page.mistakes.join("; ")}`);
+  if (page.errors.length > 0) {
+    throw new Error(`the page complains: ${page.errors.join("; ")}`);
   }
 }
 
 const promises = {
   async "keys drive, letting go stops, and so does every loss"(browser) {
     const run = await Run.start({ "idle.lua": IDLE }, ["idle.lua", "--sim"]);
-    const witness = new Witness(run.url);
+    const observer = new StateObserver(run.url);
     let page = await open(browser, run);
     await ready(page);
-    await takeWheel(page);
+    await takeControl(page);
     await page.keyboard.down("KeyD");
-    await witness.moves(true);
+    await observer.moves(true);
     await page.keyboard.up("KeyD");
-    await witness.rests();
+    await observer.rests();
     await page.keyboard.down("ArrowUp");
-    await witness.goes();
+    await observer.goes();
     await page.keyboard.up("ArrowUp");
-    await witness.rests();
+    await observer.rests();
     // The arrows of the page, held by the mouse.
     await button(page, "Right").hover();
     await page.mouse.down();
-    await witness.moves(true);
+    await observer.moves(true);
     await page.mouse.up();
-    await witness.rests();
+    await observer.rests();
     // The pad.
     const pad = await page.getByRole("img", { name: /Drive pad/ }).boundingBox();
     await page.mouse.move(pad.x + pad.width / 2, pad.y + pad.height / 2);
     await page.mouse.down();
     await page.mouse.move(pad.x + pad.width / 2 + 50, pad.y + pad.height / 2);
-    await witness.moves(true);
+    await observer.moves(true);
     await page.mouse.up();
-    await witness.rests();
+    await observer.rests();
     // Escape is STOP, wherever the keyboard is.
     await page.keyboard.down("KeyA");
-    await witness.moves(true);
+    await observer.moves(true);
     await page.getByLabel("Your name").focus();
     await page.keyboard.press("Escape");
-    await witness.rests();
+    await observer.rests();
     await page.keyboard.up("KeyA");
     await page.getByRole("alert").getByText(/Stopped/).waitFor();
     await button(page, "Let it move again").click();
-    await until(() => !witness.state.halted, "a robot that may move");
+    await until(() => !observer.state.emergency_stop, "a robot that may move");
     // A hidden page.
-    await takeWheel(page);
+    await takeControl(page);
     await page.keyboard.down("KeyA");
-    await witness.moves(true);
+    await observer.moves(true);
     await page.evaluate(() => {
       Object.defineProperty(document, "hidden", { value: true, configurable: true });
       document.dispatchEvent(new Event("visibilitychange"));
     });
-    await witness.rests();
-    await until(() => witness.state.driver === null, "nobody at the wheel");
+    await observer.rests();
+    await until(() => observer.state.driver === null, "nobody in control");
     clean(page);
     await page.close();
     // A closed page.
     page = await open(browser, run);
     await ready(page);
-    await takeWheel(page);
+    await takeControl(page);
     await page.keyboard.down("KeyA");
-    await witness.moves(true);
+    await observer.moves(true);
     await page.close();
-    await witness.rests();
-    witness.close();
+    await observer.rests();
+    observer.close();
     await run.end();
   },
 
   async "STOP holds a behaviour that drives, and every control does what it says"(browser) {
     const drive = "while true do robot.move(30, -30, 0.4) log.info('round') end\n";
     const run = await Run.start({ "spin.lua": drive }, ["spin.lua", "--sim"]);
-    const witness = new Witness(run.url);
+    const observer = new StateObserver(run.url);
     const page = await open(browser, run);
     await ready(page);
-    await witness.moves(true);
+    await observer.moves(true);
     await button(page, "STOP").click();
-    await witness.rests();
+    await observer.rests();
     await button(page, "Let it move again").click();
-    await witness.moves(true);
+    await observer.moves(true);
     await button(page, "End spin").click();
-    await witness.rests();
+    await observer.rests();
     await button(page, "Start spin").click();
-    await witness.moves(true);
+    await observer.moves(true);
     await button(page, "End spin").click();
-    await witness.rests();
+    await observer.rests();
     for (const light of ["Headlight", "Left light", "Right light"]) {
       await button(page, light).click();
     }
-    await until(() => witness.state.lights.every((on) => on), "three lights");
+    await until(() => observer.state.lights.every((on) => on), "three lights");
     await page.getByLabel("Sound", { exact: true }).selectOption("laser");
     await button(page, "Play").click();
-    await until(() => witness.state.sound === "laser", "a sound");
+    await until(() => observer.state.sound === "laser", "a sound");
     await page.getByRole("slider", { name: "Battery level" }).fill("64");
-    await until(() => witness.map.battery < 66 && witness.map.battery > 60, "another battery level");
+    await until(() => observer.map.battery < 66 && observer.map.battery > 60, "another battery level");
     await page.getByLabel("x, metres").fill("2");
     await page.getByLabel("y, metres").fill("1.5");
     await button(page, "Put there").click();
-    await until(() => Math.hypot(witness.map.robot[0] - 2, witness.map.robot[1] - 1.5) < 0.05, "a robot that was carried");
+    await until(() => Math.hypot(observer.map.robot[0] - 2, observer.map.robot[1] - 1.5) < 0.05, "a robot that was carried");
     // By dragging, too.
     const map = page.getByRole("img", { name: /^Map of/ });
     await map.evaluate((element) => element.scrollIntoView({ block: "center" }));
     const box = await map.boundingBox();
-    const scale = box.width / (witness.world.width + 0.5);
-    const at = (x, y) => [box.x + (x + 0.25) * scale, box.y + (witness.world.depth - y + 0.25) * scale];
+    const scale = box.width / (observer.world.width + 0.5);
+    const at = (x, y) => [box.x + (x + 0.25) * scale, box.y + (observer.world.depth - y + 0.25) * scale];
     await page.mouse.move(...at(2, 1.5));
     await page.mouse.down();
     await page.mouse.move(...at(2.5, 2), { steps: 4 });
     await page.mouse.up();
-    await until(() => Math.hypot(witness.map.robot[0] - 2.5, witness.map.robot[1] - 2) < 0.15, "a robot that was dragged");
+    await until(() => Math.hypot(observer.map.robot[0] - 2.5, observer.map.robot[1] - 2) < 0.15, "a robot that was dragged");
     await page.getByLabel("Fault").selectOption("drop");
     await button(page, "Begin").click();
     await until(async () => {
@@ -323,13 +323,13 @@ const promises = {
     await page.getByLabel("y, metres").fill("2.5");
     await button(page, "Put there").click();
     await button(page, "Go to the station").click();
-    await until(() => witness.state.docked, "a docked robot", () => page.locator(".notice").textContent(), 4 * WAIT_LIMIT);
+    await until(() => observer.state.docked, "a docked robot", () => page.locator(".notice").textContent(), 4 * WAIT_LIMIT);
     await page.getByText("It is on its station").waitFor();
     await button(page, "Leave the station").click();
-    await until(() => !witness.state.docked, "a robot that has left");
+    await until(() => !observer.state.docked, "a robot that has left");
     clean(page);
     await page.context().close();
-    witness.close();
+    observer.close();
     await run.end();
   },
 
@@ -345,8 +345,8 @@ const promises = {
     await button(page, "Log in").click();
     await ready(page);
     await page.getByText("You may look").waitFor();
-    if (await button(page, "Take the wheel").isVisible()) {
-      throw new Error("a viewer sees the wheel");
+    if (await button(page, "Take control").isVisible()) {
+      throw new Error("a viewer sees the controls");
     }
     await button(page, "STOP").click();
     await page.getByText(/The robot stays still/).waitFor();
@@ -370,7 +370,7 @@ const promises = {
     const run = await Run.start({ "idle.lua": IDLE, "spykee.yaml": "live: { hosts: [robot.test] }\n" },
       ["idle.lua", "--sim", "--config", "spykee.yaml"]);
     const line = await Line.to(Number(new URL(run.url).port));
-    const witness = new Witness(run.url);
+    const observer = new StateObserver(run.url);
     const context = await browser.newContext({ locale: "en-GB", ...DESK });
     await context.addInitScript(() => {
       window.stick = { connected: true, axes: [0, 0] };
@@ -379,21 +379,21 @@ const promises = {
     const page = await context.newPage();
     await page.goto(`http://robot.test:${line.port}/`);
     await ready(page);
-    await takeWheel(page);
+    await takeControl(page);
     // Not quite at rest, as sticks are.
     await page.evaluate(() => { window.stick.axes = [0.05, -0.1]; });
-    await witness.rests();
+    await observer.rests();
     await page.evaluate(() => { window.stick.axes = [0, -1]; });
-    await witness.goes();
+    await observer.goes();
     await page.evaluate(() => { window.stick.axes = [0, 0]; });
-    await witness.rests();
+    await observer.rests();
     await page.evaluate(() => { window.stick.axes = [1, 0]; });
-    await witness.moves(true);
+    await observer.moves(true);
     line.freeze();
-    await witness.rests();
+    await observer.rests();
     await context.close();
     line.end();
-    witness.close();
+    observer.close();
     await run.end();
   },
 
@@ -403,12 +403,12 @@ const promises = {
     await Promise.all([ready(anna), ready(ben)]);
     await anna.getByLabel("Your name").fill("Anna <b>");
     await anna.getByLabel("Your name").blur();
-    await takeWheel(anna);
+    await takeControl(anna);
     await ben.getByText("Anna <b> is driving").first().waitFor();
-    await button(ben, "Take the wheel").click();
-    await ben.getByText("Anna <b> has the wheel").waitFor();
-    await button(anna, "Leave the wheel").click();
-    await takeWheel(ben);
+    await button(ben, "Take control").click();
+    await ben.getByText("Anna <b> is in control").waitFor();
+    await button(anna, "Release control").click();
+    await takeControl(ben);
     await anna.getByText(/^#\d+ is driving$/).first().waitFor();
     [anna, ben].forEach(clean);
     await anna.context().close();
@@ -419,50 +419,50 @@ const promises = {
   async "the clock of a fast simulation is paused, stepped and hurried"(browser) {
     const drive = "while true do robot.move(30, -30, 0.4) end\n";
     const run = await Run.start({ "spin.lua": drive }, ["spin.lua", "--sim", "--fast"]);
-    const witness = new Witness(run.url);
+    const observer = new StateObserver(run.url);
     const page = await open(browser, run);
     await ready(page);
-    await until(() => witness.map, "the map");
+    await until(() => observer.map, "the map");
     const wait = (time) => new Promise((resolve) => setTimeout(resolve, time));
     await button(page, "Pause").click();
-    await until(() => witness.map.clock.paused, "a pause");
+    await until(() => observer.map.clock.paused, "a pause");
     await wait(300);
-    const stood = witness.map.time;
+    const stood = observer.map.time;
     await wait(700);
-    if (witness.map.time !== stood) {
-      throw new Error(`time goes on in a pause: ${stood} ${witness.map.time}`);
+    if (observer.map.time !== stood) {
+      throw new Error(`time goes on in a pause: ${stood} ${observer.map.time}`);
     }
     await button(page, "One step").click();
-    await until(() => witness.map.time > stood, "a step");
+    await until(() => observer.map.time > stood, "a step");
     await wait(500);
-    if (witness.map.time > stood + 0.35) {
-      throw new Error(`more than a step: ${stood} ${witness.map.time}`);
+    if (observer.map.time > stood + 0.35) {
+      throw new Error(`more than a step: ${stood} ${observer.map.time}`);
     }
     // STOP is heard while the clock stands.
     await button(page, "STOP").click();
-    await until(() => witness.state.halted, "a robot that is held");
+    await until(() => observer.state.emergency_stop, "a robot that is held");
     await button(page, "Let it move again").click();
-    await until(() => !witness.state.halted, "a robot that may move");
-    await button(page, "Take the wheel").click();
+    await until(() => !observer.state.emergency_stop, "a robot that may move");
+    await button(page, "Take control").click();
     await page.getByText(/drive by hand only at speed 1x/).waitFor();
     await page.getByLabel("Speed", { exact: true }).selectOption("20");
     await button(page, "Resume").click();
-    const [began, from] = [Date.now(), witness.map.time];
-    await until(() => witness.map.time > from + 30, "30 simulated seconds");
+    const [began, from] = [Date.now(), observer.map.time];
+    await until(() => observer.map.time > from + 30, "30 simulated seconds");
     if (Date.now() - began > 15_000) {
       throw new Error("20x is no faster than the wall's clock");
     }
     await page.getByLabel("Speed", { exact: true }).selectOption("1");
-    await until(() => witness.map.clock.factor === 1, "speed 1x");
+    await until(() => observer.map.clock.factor === 1, "speed 1x");
     await button(page, "End spin").click();
-    await takeWheel(page);
+    await takeControl(page);
     await page.keyboard.down("ArrowUp");
-    await witness.goes();
+    await observer.goes();
     await page.keyboard.up("ArrowUp");
-    await witness.rests();
+    await observer.rests();
     clean(page);
     await page.context().close();
-    witness.close();
+    observer.close();
     await run.end();
   },
 
@@ -470,19 +470,19 @@ const promises = {
     const script = "local p = params.declare{ speed = {default = 30, min = 10, max = 60, unit = '%', live = true, doc = 'how <i>fast</i>'},\n"
       + "  mode = {default = 'calm'} }\nwhile true do robot.move(p.speed, -p.speed, 0.3) end\n";
     const run = await Run.start({ "spin.lua": script }, ["spin.lua", "--sim"]);
-    const witness = new Witness(run.url);
+    const observer = new StateObserver(run.url);
     const page = await open(browser, run);
     await ready(page);
-    await until(() => witness.state.tracks[0] === 30, "30 %");
+    await until(() => observer.state.tracks[0] === 30, "30 %");
     await page.getByRole("slider", { name: "speed" }).fill("50");
-    await until(() => witness.state.tracks[0] === 50, "50 %");
-    await until(() => witness.behaviours.list[0].knobs.find(({ name }) => name === "speed").value === 50, "the new value");
+    await until(() => observer.state.tracks[0] === 50, "50 %");
+    await until(() => observer.behaviours.list[0].declared_params.find(({ name }) => name === "speed").value === 50, "the new value");
     if (await page.getByLabel("mode", { exact: true }).count() > 0) {
       throw new Error("a parameter that is not live can be changed");
     }
     clean(page);
     await page.context().close();
-    witness.close();
+    observer.close();
     await run.end();
   },
 
@@ -538,8 +538,8 @@ const promises = {
           throw new Error(`${name}: ${wide} pixels too wide`);
         }
         if (pictures) {
-          await page.locator(".past").evaluate((element) => element.scrollIntoView());
-          await page.locator(".past").screenshot({ path: path.join(pictures, `history-${name}-${colorScheme}.png`) });
+          await page.locator(".history").evaluate((element) => element.scrollIntoView());
+          await page.locator(".history").screenshot({ path: path.join(pictures, `history-${name}-${colorScheme}.png`) });
         }
         clean(page);
         await page.context().close();
@@ -567,7 +567,7 @@ const promises = {
     const page = await context.newPage();
     await page.goto(`https://robot.test:${port}/#token=${driver}`);
     await ready(page);
-    await takeWheel(page);
+    await takeControl(page);
     const moving = () => page.getByRole("img", { name: /tracks [1-9]/ }).first().waitFor();
     await page.keyboard.down("ArrowUp");
     await moving();
@@ -600,9 +600,9 @@ const promises = {
     await page.getByText("<i>gone</i>").first().waitFor();
     await button(page, "Show line 5 of <b>bad<b>").first().click();
     await page.locator("dialog .marked").getByText("<i>gone</i>").waitFor();
-    const strangers = await page.locator("b, i, u, s, body script, img[src=x]").count();
-    if (strangers > 0) {
-      throw new Error(`${strangers} elements that a script has made`);
+    const injected = await page.locator("b, i, u, s, body script, img[src=x]").count();
+    if (injected > 0) {
+      throw new Error(`${injected} elements that a script has made`);
     }
     if (/[\u0080-\u009f\u202a-\u202e]/.test(await page.evaluate(() => document.body.innerText + document.title))) {
       throw new Error("a character hides that turns text around");

@@ -4,11 +4,11 @@ use std::path::Path;
 use std::time::Duration;
 
 use spykee::agent::RESCUE_NAME;
-use spykee::journal::{History, Kinds, Record, Span};
+use spykee::journal::{JournalReader, Kinds, Record, Span};
 
 use super::super::soak::Ledger;
 use super::calendar::{CATCH_UP, PATROL, Wall, rome};
-use super::witness::{Witness, at, held, was, within};
+use super::ground_truth::{GroundTruth, at, held, was, within};
 
 /// What is done at once is done within this.
 const SOON: Duration = Duration::from_secs(15);
@@ -28,9 +28,10 @@ pub const DOCKED: &str = "a docking that the history calls done is one of the ro
 pub const ALARMS: &str = "every alarm of the robot is in the history";
 pub const ALARMED: &str = "an alarm of the history was heard unless it was a quiet hour";
 pub const LEVELS: &str = "every level of the battery in the history is the robot's";
-pub const TOLD: &str = "every level of the battery that the robot tells is in the history";
+pub const BATTERY_RECORDED: &str =
+    "every level of the battery that the robot tells is in the history";
 pub const MINUTES: &str = "while the robot is there the history has its battery each minute";
-pub const LOOKS: &str = "what scripts add is in the history";
+pub const SCRIPT_ROWS_RECORDED: &str = "what scripts add is in the history";
 
 /// Rows with their moments.
 type Rows = Vec<(Duration, Record)>;
@@ -45,7 +46,7 @@ struct Run {
 
 /// What is compared with what.
 pub struct Comparison<'a> {
-    pub witness: &'a Witness,
+    pub truth: &'a GroundTruth,
     pub wall: &'a Wall,
     pub ledger: &'a mut Ledger,
     /// The end of all.
@@ -56,7 +57,7 @@ pub struct Comparison<'a> {
 
 impl Comparison<'_> {
     pub fn make(mut self, data: &Path) {
-        let history = History::open(data).unwrap().unwrap();
+        let history = JournalReader::open(data).unwrap().unwrap();
         let all = Span::default();
         let events = self.rows(history.records(&Kinds::All, &all).unwrap());
         let battery = self.rows(history.battery(&all).unwrap());
@@ -80,16 +81,16 @@ impl Comparison<'_> {
 
     /// The service was cut off within the second after this moment.
     fn cut(&self, moment: Duration) -> bool {
-        was(&self.witness.alive, moment, moment + LOST, false)
+        was(&self.truth.alive, moment, moment + LOST, false)
     }
 
     fn runs(&mut self, runs: &[Run]) {
-        let (witness, since) = (self.witness, self.since);
+        let (truth, since) = (self.truth, self.since);
         let patrols = || runs.iter().filter(|run| run.behaviour == "patrol");
-        for &(moment, on) in witness.lights.iter().filter(|(moment, _)| *moment >= since) {
+        for &(moment, on) in truth.lights.iter().filter(|(moment, _)| *moment >= since) {
             let of_a_run = patrols().any(|run| {
                 let end = run.ended.as_ref().map(|(end, _)| *end);
-                let end = end.or(witness.end_of_life(run.began)).unwrap_or(self.until);
+                let end = end.or(truth.end_of_life(run.began)).unwrap_or(self.until);
                 run.began <= moment + LOST && moment <= end + LOST
             });
             let kept = of_a_run || self.cut(moment);
@@ -98,19 +99,19 @@ impl Comparison<'_> {
         }
         for run in patrols().filter(|run| run.began > since) {
             let light = |from: Duration, on: bool| {
-                let mut lights = witness.lights.iter();
+                let mut lights = truth.lights.iter();
                 lights.any(|(moment, is)| {
                     *is == on && from <= *moment + LOST && *moment <= from + SOON
                 })
             };
-            let (began, calm) = (run.began, witness.is_calm(run.began, run.began + SOON));
+            let (began, calm) = (run.began, truth.is_calm(run.began, run.began + SOON));
             if calm {
                 self.note(NO_OTHERS, light(began, true), || {
                     format!("begun at {began:.0?}")
                 });
             }
             if let Some((ended, _)) = &run.ended
-                && witness.is_calm(*ended, *ended + SOON)
+                && truth.is_calm(*ended, *ended + SOON)
             {
                 // Its last words are said before its end is told.
                 let kept = light(*ended - LOST, false);
@@ -128,7 +129,7 @@ impl Comparison<'_> {
     }
 
     fn timetable(&mut self, runs: &[Run], events: &Rows) {
-        let (witness, since) = (self.witness, self.since);
+        let (truth, since) = (self.truth, self.since);
         let planned = self.wall.planned(self.until - CATCH_UP - BACK);
         let missed = |run: &str, from: Duration, until: Duration| {
             let mut rows = events
@@ -144,7 +145,7 @@ impl Comparison<'_> {
                 run.behaviour == name && moment <= run.began + LOST && run.began <= late
             });
             // A computer that is dark says so when it is back.
-            let told = witness.alive_after(moment).max(late) + BACK;
+            let told = truth.alive_after(moment).max(late) + BACK;
             let kept = started || missed(name, moment, told);
             self.note(STARTS, kept, || format!("{name} of {moment:.0?}"));
         }
@@ -164,7 +165,7 @@ impl Comparison<'_> {
             let in_time = planned_for.is_some_and(|(moment, _)| began <= *moment + CATCH_UP + BACK);
             let resumed = planned_for.is_some_and(|(moment, _)| {
                 began <= *moment + CATCH_UP + lasts + BACK
-                    && was(&witness.alive, *moment, began, false)
+                    && was(&truth.alive, *moment, began, false)
             });
             let end = self.until < began + lasts;
             self.note(NO_REASON, in_time || resumed || end, || {
@@ -179,19 +180,19 @@ impl Comparison<'_> {
     }
 
     fn docks(&mut self, events: &Rows) {
-        let (witness, since) = (self.witness, self.since);
+        let (truth, since) = (self.truth, self.since);
         let docked = |record: &Record| match record.kind() {
             "dock" => matches!(record.text("end"), "done" | "already_docked"),
             // Of a robot that came home while it was alone.
             "link_up" | "watchdog" => record.is("docked"),
             _ => false,
         };
-        for pair in witness.docked.windows(2).filter(|pair| pair[1].1) {
+        for pair in truth.docked.windows(2).filter(|pair| pair[1].1) {
             let moment = pair[1].0;
             // One that has slid off at once, or that nobody could see.
-            let seen = held(&witness.alive, moment, moment + SOON, true)
-                && held(&witness.users, moment, moment + SOON, true)
-                && held(&witness.docked, moment, moment + SOON, true);
+            let seen = held(&truth.alive, moment, moment + SOON, true)
+                && held(&truth.users, moment, moment + SOON, true)
+                && held(&truth.docked, moment, moment + SOON, true);
             if moment < since || !seen {
                 continue;
             }
@@ -205,7 +206,7 @@ impl Comparison<'_> {
         });
         for (moment, _) in done {
             let kept = was(
-                &witness.docked,
+                &truth.docked,
                 moment.saturating_sub(SOON),
                 *moment + LOST,
                 true,
@@ -215,7 +216,7 @@ impl Comparison<'_> {
     }
 
     fn alarms(&mut self, events: &Rows) {
-        let (witness, since) = (self.witness, self.since);
+        let (truth, since) = (self.truth, self.since);
         let alarms: Vec<Duration> = events
             .iter()
             .filter(|(_, record)| record.kind() == "safety" && record.text("action") == "alarm")
@@ -223,7 +224,7 @@ impl Comparison<'_> {
             .collect();
         // It sounds again and again; the history has its beginning.
         let mut last = None;
-        for &moment in witness.alarms.iter().filter(|moment| **moment >= since) {
+        for &moment in truth.alarms.iter().filter(|moment| **moment >= since) {
             let first = last.is_none_or(|last| moment > last + 4 * SOON);
             last = Some(moment);
             if first && !self.cut(moment) {
@@ -236,8 +237,8 @@ impl Comparison<'_> {
         for moment in alarms.into_iter().filter(|moment| *moment > since) {
             let shown = self.wall.at(moment);
             let hour = shown.to_zoned(rome()).hour();
-            if (7..22).contains(&hour) && witness.is_calm(moment, moment + SOON) {
-                let mut heard = witness.alarms.iter();
+            if (7..22).contains(&hour) && truth.is_calm(moment, moment + SOON) {
+                let mut heard = truth.alarms.iter();
                 let heard =
                     heard.any(|heard| moment <= *heard + LOST && *heard <= moment + 2 * SOON);
                 self.note(ALARMED, heard, || format!("at {moment:.0?}"));
@@ -246,22 +247,22 @@ impl Comparison<'_> {
     }
 
     fn battery(&mut self, battery: &Rows) {
-        let (witness, since) = (self.witness, self.since);
+        let (truth, since) = (self.truth, self.since);
         for (moment, row) in battery {
             let level = told(row);
             let kept = was(
-                &witness.levels,
+                &truth.levels,
                 moment.saturating_sub(SOON),
                 *moment + LOST,
                 level,
             );
-            let near = at(&witness.levels, *moment);
+            let near = at(&truth.levels, *moment);
             self.note(LEVELS, kept, || {
                 format!("{level:?} at {moment:.0?}, it was {near:?}")
             });
         }
-        for &(moment, level) in witness.levels.iter().filter(|(at, _)| *at >= since) {
-            if !witness.is_calm(moment, moment + SOON) {
+        for &(moment, level) in truth.levels.iter().filter(|(at, _)| *at >= since) {
+            if !truth.is_calm(moment, moment + SOON) {
                 continue;
             }
             let first = battery.partition_point(|(row, _)| *row + LOST < moment);
@@ -269,13 +270,15 @@ impl Comparison<'_> {
             let kept = rows
                 .take_while(|(row, _)| *row <= moment + SOON)
                 .any(|(_, row)| told(row) == level);
-            self.note(TOLD, kept, || format!("{level:?} at {moment:.0?}"));
+            self.note(BATTERY_RECORDED, kept, || {
+                format!("{level:?} at {moment:.0?}")
+            });
         }
         let minute = Duration::from_secs(62);
         for pair in battery.windows(2) {
             let (from, until) = (pair[0].0, pair[1].0);
             // Who has taken the robot over is a user too.
-            if witness.is_calm(from, until) && from >= since {
+            if truth.is_calm(from, until) && from >= since {
                 self.note(MINUTES, until <= from + minute, || {
                     format!("from {from:.0?} to {until:.0?}")
                 });
@@ -289,18 +292,18 @@ impl Comparison<'_> {
             .filter(|(_, record)| record.kind() == "entry")
             .map(|(moment, _)| *moment)
             .collect();
-        for &moment in &self.witness.looks {
+        for &moment in &self.truth.looks {
             let soon = moment + 2 * SOON;
-            if moment < self.since || !self.witness.is_calm(moment, soon) {
+            if moment < self.since || !self.truth.is_calm(moment, soon) {
                 continue;
             }
             let kept = entries.iter().any(|row| moment <= *row && *row <= soon);
-            self.note(LOOKS, kept, || format!("of {moment:.0?}"));
+            self.note(SCRIPT_ROWS_RECORDED, kept, || format!("of {moment:.0?}"));
         }
     }
 }
 
-impl Witness {
+impl GroundTruth {
     /// When the service that was there at this moment ended, if it did.
     fn end_of_life(&self, moment: Duration) -> Option<Duration> {
         let rest = within(&self.alive, moment, Duration::MAX);

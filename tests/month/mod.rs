@@ -4,23 +4,23 @@
 
 mod calendar;
 mod compare;
-mod house;
-mod witness;
+mod ground_truth;
+mod service_fixture;
 
 use std::path::Path;
 use std::time::Duration;
 
 use spykee::clock;
-use spykee::lab::{self, Lab};
 use spykee::sim::World;
+use spykee::simulation::{self, Simulation};
 use tokio::time::sleep;
 
 use super::soak::{Ledger, Size};
 use super::{begin_fault, observed};
 use calendar::{Trouble, Wall, begins};
 use compare::Comparison;
-use house::{House, KEEPS};
-use witness::{LOOK_EVERY, Witness, note};
+use ground_truth::{GroundTruth, LOOK_EVERY, note};
+use service_fixture::{KEEPS, ServiceFixture};
 
 /// A month without one of these put to the test proves nothing.
 pub const CORE: [&str; 14] = [
@@ -34,14 +34,14 @@ pub const CORE: [&str; 14] = [
     compare::ALARMS,
     compare::ALARMED,
     compare::LEVELS,
-    compare::TOLD,
+    compare::BATTERY_RECORDED,
     compare::MINUTES,
-    compare::LOOKS,
+    compare::SCRIPT_ROWS_RECORDED,
     RESUMES,
 ];
 const RESUMES: &str = "after a power cut the patrol goes on with the leg that it had not finished";
 const LIVES: &str = "the service ends only when it is told to";
-const SMALL: &str = "the journal stays within its size, and forgets what is too old";
+const JOURNAL_BOUNDED: &str = "the journal stays within its size, and forgets what is too old";
 const FILES: &str = "files do not pile up in the data folder, pictures aside, which have a budget";
 const BACK: &str = "no error but those of robots that are gone";
 
@@ -58,11 +58,11 @@ pub type Progress<'a> = &'a mut (dyn FnMut(u64, &Size, u64) + Send);
 
 /// The service, and what surrounds it.
 struct Month<'a> {
-    lab: &'a Lab,
+    simulation: &'a Simulation,
     data: &'a Path,
     seed: u64,
-    house: Option<House>,
-    witness: Witness,
+    service_fixture: Option<ServiceFixture>,
+    truth: GroundTruth,
     wall: Wall,
     ledger: Ledger,
 }
@@ -76,21 +76,21 @@ pub fn serve(days: u64, seed: u64, data: &Path, progress: Progress<'_>) -> Ledge
     };
     let (options, events) = observed(seed, sim);
     let begins = begins();
-    let options = lab::Options {
+    let options = simulation::Options {
         date: Some(begins),
         ..options
     };
-    lab::run(world, options, async |lab: &Lab| {
+    simulation::run(world, options, async |simulation: &Simulation| {
         let mut month = Month {
-            lab,
+            simulation,
             data,
             seed,
-            house: Some(House::open(lab, data, seed)),
-            witness: Witness::new(events),
+            service_fixture: Some(ServiceFixture::open(simulation, data, seed)),
+            truth: GroundTruth::new(events),
             wall: Wall::new(begins),
             ledger: Ledger::default(),
         };
-        note(&mut month.witness.alive, Duration::ZERO, true);
+        note(&mut month.truth.alive, Duration::ZERO, true);
         month.live(days, progress).await;
         month.judge(days).await
     })
@@ -101,8 +101,8 @@ impl Month<'_> {
     async fn live(&mut self, days: u64, progress: Progress<'_>) {
         let mut troubles = calendar::troubles(days, self.seed).into_iter().peekable();
         let (mut day, mut first) = (0, None);
-        while self.lab.now() < DAY * u32::try_from(days).unwrap() {
-            let now = self.lab.now();
+        while self.simulation.now() < DAY * u32::try_from(days).unwrap() {
+            let now = self.simulation.now();
             while let Some((_, trouble)) = troubles.next_if(|(at, _)| *at <= now) {
                 self.happen(trouble).await;
             }
@@ -122,36 +122,40 @@ impl Month<'_> {
 
     /// Time passes, and the robot is looked at.
     async fn pass(&mut self, time: Duration) {
-        let until = self.lab.now() + time;
-        while self.lab.now() < until {
+        let until = self.simulation.now() + time;
+        while self.simulation.now() < until {
             sleep(LOOK_EVERY).await;
-            self.witness.look(self.lab);
+            self.truth.look(self.simulation);
         }
-        let over = self.house.as_ref().is_some_and(House::is_over);
-        let now = self.lab.now();
+        let over = self
+            .service_fixture
+            .as_ref()
+            .is_some_and(ServiceFixture::is_over);
+        let now = self.simulation.now();
         self.ledger
             .note(LIVES, over.then(|| format!("it had ended at {now:.0?}")));
         if over {
-            self.house = Some(House::open(self.lab, self.data, self.seed));
+            self.service_fixture =
+                Some(ServiceFixture::open(self.simulation, self.data, self.seed));
         }
     }
 
     async fn happen(&mut self, trouble: Trouble) {
-        let (sim, now) = (self.lab.sim(), self.lab.now());
+        let (sim, now) = (self.simulation.sim(), self.simulation.now());
         match trouble {
             Trouble::Fault(fault, lasts) => {
                 begin_fault(sim, fault, lasts);
-                self.witness.trouble(now, lasts);
+                self.truth.trouble(now, lasts);
             }
             Trouble::StationUnseen(lasts) => begin_fault(sim, UNSEEN, lasts),
             Trouble::Battery(percent) => sim.set_battery(percent.min(sim.state().battery)),
             Trouble::PowerCut(dark) => {
                 begin_fault(sim, SILENT, Duration::from_secs(20));
-                self.witness.trouble(now, dark);
+                self.truth.trouble(now, dark);
                 self.cut(dark).await;
             }
             Trouble::Killed => {
-                self.witness.trouble(now, Duration::ZERO);
+                self.truth.trouble(now, Duration::ZERO);
                 self.cut(Duration::from_secs(2)).await;
             }
             Trouble::ClockBack => {
@@ -163,25 +167,27 @@ impl Month<'_> {
 
     /// The service ends without a word, and is there again after so long.
     async fn cut(&mut self, dark: Duration) {
-        let before = self.witness.legs.last().map(|(_, leg)| leg.clone());
-        let patrols = self.witness.lights.last().is_some_and(|(_, on)| *on);
-        if let Some(house) = self.house.take() {
-            house.cut();
+        let before = self.truth.legs.last().map(|(_, leg)| leg.clone());
+        let patrols = self.truth.lights.last().is_some_and(|(_, on)| *on);
+        if let Some(service_fixture) = self.service_fixture.take() {
+            service_fixture.cut();
         }
-        note(&mut self.witness.alive, self.lab.now(), false);
+        note(&mut self.truth.alive, self.simulation.now(), false);
         self.pass(dark).await;
-        let now = self.lab.now();
-        note(&mut self.witness.alive, now, true);
-        self.house = Some(House::open(self.lab, self.data, self.seed));
+        let now = self.simulation.now();
+        note(&mut self.truth.alive, now, true);
+        self.service_fixture = Some(ServiceFixture::open(self.simulation, self.data, self.seed));
         if !patrols || dark > Duration::from_secs(600) {
             return;
         }
         // It may have been at home, where it charges first.
         let until = now + Duration::from_secs(1200);
-        while self.lab.now() < until && self.witness.legs.last().is_none_or(|(at, _)| *at < now) {
+        while self.simulation.now() < until
+            && self.truth.legs.last().is_none_or(|(at, _)| *at < now)
+        {
             self.pass(LOOK_EVERY).await;
         }
-        let after = self.witness.legs.last().filter(|(at, _)| *at >= now);
+        let after = self.truth.legs.last().filter(|(at, _)| *at >= now);
         if let (Some(before), Some((_, after))) = (before, after) {
             let kept = *after == before || *after == next(&before);
             self.ledger.note(
@@ -192,26 +198,26 @@ impl Month<'_> {
     }
 
     async fn judge(mut self, days: u64) -> Ledger {
-        self.lab.sim().clear_faults();
+        self.simulation.sim().clear_faults();
         self.pass(Duration::from_secs(300)).await;
-        let until = self.lab.now();
-        let house = self.house.take().unwrap();
-        note(&mut self.witness.alive, until, false);
-        let ended = house.close().await;
+        let until = self.simulation.now();
+        let service_fixture = self.service_fixture.take().unwrap();
+        note(&mut self.truth.alive, until, false);
+        let ended = service_fixture.close().await;
         self.ledger
             .note(LIVES, (!ended).then(|| "it did not end well".to_owned()));
         let kept = Duration::from_secs(KEEPS.keep_days * 86_400);
         // What was set back is a day younger, and is looked over each hour.
         let since = until.saturating_sub(kept.saturating_sub(DAY + DAY / 12));
         Comparison {
-            witness: &self.witness,
+            truth: &self.truth,
             wall: &self.wall,
             ledger: &mut self.ledger,
             until,
             since,
         }
         .make(self.data);
-        let errors = self.witness.errors.iter();
+        let errors = self.truth.errors.iter();
         let broken = errors.filter(|text| text.contains("internal") || text.contains("panic"));
         let broken: Vec<&String> = broken.collect();
         self.ledger
@@ -225,7 +231,7 @@ impl Month<'_> {
         let bytes = folder_bytes(&journal);
         let most = KEEPS.max_mib * (1 << 20);
         self.ledger.note(
-            SMALL,
+            JOURNAL_BOUNDED,
             (bytes > most).then(|| format!("{bytes} bytes after {days} days")),
         );
         let mut files = files(self.data);

@@ -5,7 +5,6 @@
 pub mod link {
     mod send_queue;
     mod speech;
-    mod unsent;
 }
 pub mod pilot {
     mod silence;

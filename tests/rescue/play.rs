@@ -6,9 +6,9 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use spykee::agent::Behaviour;
-use spykee::lab::{self, Event, EventKind, Lab, Recorder};
 use spykee::script;
 use spykee::sim::{Pose, State};
+use spykee::simulation::{self, Event, EventKind, Recorder, Simulation};
 use tokio::time::{sleep, timeout};
 
 use super::super::{behaviour, in_parallel};
@@ -43,8 +43,8 @@ pub enum End {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Efforts {
     pub searches: usize,
-    pub legs: usize,
-    pub loans: usize,
+    pub blind_moves: usize,
+    pub grants: usize,
 }
 
 /// One start and its outcome.
@@ -64,36 +64,40 @@ pub struct Played {
 fn play(place: &Place, strategy: Strategy, mut start: Start) -> Played {
     let efforts = Arc::new(Mutex::new(Efforts::default()));
     let count = efforts.clone();
-    let options = lab::Options {
+    let options = simulation::Options {
         seed: start.seed,
         limits: strategy.limits(),
         events: Some(Recorder::new(move |event| {
             count.lock().unwrap().count(&event)
         })),
-        ..lab::Options::default()
+        ..simulation::Options::default()
     };
-    let (state, took) = lab::run(place.world.clone(), options, async |lab: &Lab| {
-        lab.sim().place(start.pose);
-        let run = match start.drives {
-            None => lab.start(vec![script("idle", "task.wait(1e6)", 0)], None),
-            Some(least) => {
-                lab.sim().set_battery(90.0);
-                let run = lab.start(vec![script("wander", WANDER, start.seed)], None);
-                match drive_away(place, lab, least).await {
-                    Some((pose, way)) => (start.pose, start.way) = (pose, way),
-                    None => return (lab.sim().state(), None),
+    let (state, took) = simulation::run(
+        place.world.clone(),
+        options,
+        async |simulation: &Simulation| {
+            simulation.sim().place(start.pose);
+            let run = match start.drives {
+                None => simulation.start(vec![script("idle", "task.wait(1e6)", 0)], None),
+                Some(least) => {
+                    simulation.sim().set_battery(90.0);
+                    let run = simulation.start(vec![script("wander", WANDER, start.seed)], None);
+                    match drive_away(place, simulation, least).await {
+                        Some((pose, way)) => (start.pose, start.way) = (pose, way),
+                        None => return (simulation.sim().state(), None),
+                    }
+                    run
                 }
-                run
-            }
-        };
-        lab.sim().set_battery(start.battery);
-        let began = lab.now();
-        let over = |state: &State| is_home(state) || state.battery <= 0.0;
-        // Whether it came or not: the state says how it is.
-        let _ = timeout(LIMIT, lab.sim().wait_state(over)).await;
-        drop(run);
-        (lab.sim().state(), Some(lab.now() - began))
-    })
+            };
+            simulation.sim().set_battery(start.battery);
+            let began = simulation.now();
+            let over = |state: &State| is_home(state) || state.battery <= 0.0;
+            // Whether it came or not: the state says how it is.
+            let _ = timeout(LIMIT, simulation.sim().wait_state(over)).await;
+            drop(run);
+            (simulation.sim().state(), Some(simulation.now() - began))
+        },
+    )
     .unwrap();
     let efforts = *efforts.lock().unwrap();
     Played {
@@ -108,14 +112,18 @@ fn play(place: &Place, strategy: Strategy, mut start: Start) -> Played {
 
 /// Lets the robot wander for so long at least, until it is far from home and has been there for a while:
 /// where it is then, and its way.
-async fn drive_away(place: &Place, lab: &Lab, least: Duration) -> Option<(Pose, f64)> {
+async fn drive_away(
+    place: &Place,
+    simulation: &Simulation,
+    least: Duration,
+) -> Option<(Pose, f64)> {
     let far = |state: &State| !state.docked && place.far_from_home(state.pose.point()).is_some();
     let wander = async {
         sleep(least).await;
         loop {
-            lab.sim().wait_state(far).await;
+            simulation.sim().wait_state(far).await;
             sleep(STAY).await;
-            let state = lab.sim().state();
+            let state = simulation.sim().state();
             if let Some(way) = place.far_from_home(state.pose.point()) {
                 return (state.pose, way);
             }
@@ -167,8 +175,8 @@ impl Efforts {
         match event.kind {
             EventKind::Heard => self.searches += usize::from(event.text == "Engine(Dock)"),
             EventKind::Safety => {
-                self.legs += usize::from(event.text.contains("drives short leg"));
-                self.loans += usize::from(event.text.contains("a rescue behaviour may drive"));
+                self.blind_moves += usize::from(event.text.contains("makes short blind move"));
+                self.grants += usize::from(event.text.contains("a rescue behaviour may drive"));
             }
             _ => {}
         }
@@ -194,7 +202,7 @@ impl fmt::Display for Played {
         write!(
             f,
             "{} {:>5.1} % {:>4.1} m to go  {end:<16} {:>5.0} s {:>5.1} %  {}  \
-             {:>3} searches {:>3} legs {:>3} loans",
+             {:>3} searches {:>3} blind moves {:>3} grants",
             Spot(start.pose),
             start.battery,
             start.way,
@@ -202,8 +210,8 @@ impl fmt::Display for Played {
             self.battery,
             Spot(self.pose),
             efforts.searches,
-            efforts.legs,
-            efforts.loans,
+            efforts.blind_moves,
+            efforts.grants,
         )
     }
 }

@@ -7,22 +7,22 @@ use spykee::safety::{Limits, Rescue};
 pub enum Strategy {
     /// It stands and searches.
     None,
-    /// It drives short legs blindly between its searches.
-    Legs,
+    /// It makes short blind moves between its searches.
+    BlindMoves,
     /// What every robot gets that is not told otherwise.
     Builtin,
 }
 
 impl Strategy {
     /// For robots that were put where they are: nobody knows how they came there.
-    pub const PUT: [Strategy; 3] = [Strategy::None, Strategy::Legs, Strategy::Builtin];
+    pub const PUT: [Strategy; 3] = [Strategy::None, Strategy::BlindMoves, Strategy::Builtin];
     /// For robots that have driven there.
-    pub const DRIVEN: [Strategy; 2] = [Strategy::Legs, Strategy::Builtin];
+    pub const DRIVEN: [Strategy; 2] = [Strategy::BlindMoves, Strategy::Builtin];
 
     pub fn text(self) -> &'static str {
         match self {
             Strategy::None => "none",
-            Strategy::Legs => "legs",
+            Strategy::BlindMoves => "blind moves",
             Strategy::Builtin => "builtin",
         }
     }
@@ -31,11 +31,11 @@ impl Strategy {
     pub fn limits(self) -> Limits {
         match self {
             Strategy::None => Limits {
-                recovery_legs: false,
+                blind_moves: false,
                 rescue: Rescue::Off,
                 ..Limits::default()
             },
-            Strategy::Legs => Limits {
+            Strategy::BlindMoves => Limits {
                 rescue: Rescue::Off,
                 ..Limits::default()
             },

@@ -18,8 +18,8 @@ pub fn heading() -> String {
         "p90",
         "battery",
         "searches",
-        "legs",
-        "loans"
+        "moves",
+        "grants"
     )
 }
 
@@ -49,8 +49,8 @@ impl Row {
         let mut efforts = Efforts::default();
         for one in &played {
             efforts.searches += one.efforts.searches;
-            efforts.legs += one.efforts.legs;
-            efforts.loans += one.efforts.loans;
+            efforts.blind_moves += one.efforts.blind_moves;
+            efforts.grants += one.efforts.grants;
         }
         Row {
             world,
@@ -78,13 +78,13 @@ impl fmt::Display for Row {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Efforts {
             searches,
-            legs,
-            loans,
+            blind_moves,
+            grants,
         } = self.efforts;
         write!(
             f,
-            "{:<12} {:<9} {:>3} of {:>3} {:>5.1} % {:>7} s {:>5} s {:>6} % {searches:>9} {legs:>6} \
-             {loans:>6}",
+            "{:<12} {:<9} {:>3} of {:>3} {:>5.1} % {:>7} s {:>5} s {:>6} % {searches:>9} {blind_moves:>6} \
+             {grants:>6}",
             self.world.text(),
             self.strategy.text(),
             self.home,

@@ -3,19 +3,19 @@
 //! a second and keeps a ledger of promises.
 
 mod fault_feed;
+mod homing_episode;
 mod ledger;
 mod observer;
 mod process;
-mod spell;
 
 use std::path::Path;
 use std::time::Duration;
 
 use spykee::agent::Behaviour;
-use spykee::lab::{self, Lab};
 use spykee::robot::Priority;
 use spykee::script;
 use spykee::sim::Firmware;
+use spykee::simulation::{self, Simulation};
 use tokio::time::{Instant, sleep, timeout};
 
 use super::{behaviour, observed, two_rooms};
@@ -36,7 +36,7 @@ pub const CORE: [&str; 4] = [
 pub type Progress<'a> = &'a mut (dyn FnMut(u64, &Size) + Send);
 
 /// How long a run may take to end, in virtual time: two seconds, as the README says, and a look.
-const END: Duration = Duration::from_millis(2300);
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_millis(2300);
 /// Before this the process is still growing into its buffers.
 const WARM: Duration = Duration::from_secs(20 * 60);
 
@@ -56,18 +56,18 @@ pub fn soak(
     };
     let (options, events) = observed(seed, sim);
     let behaviours = behaviours(seed, folder);
-    lab::run(two_rooms(), options, async |lab: &Lab| {
-        let run = lab.start(behaviours, None);
-        let mut observer = Observer::new(lab, events, firmware.power_late);
+    simulation::run(two_rooms(), options, async |simulation: &Simulation| {
+        let run = simulation.start(behaviours, None);
+        let mut observer = Observer::new(simulation, events, firmware.power_late);
         let mut faults = FaultFeed::new(seed);
         let began = Instant::now();
         let (mut first, mut hour) = (None, 0);
         while began.elapsed() < Duration::from_secs(hours * 3600) {
             sleep(LOOK_EVERY).await;
-            if let Some(what) = faults.blow(lab.sim(), began.elapsed()) {
-                observer.trouble(lab.now(), &what);
+            if let Some(what) = faults.blow(simulation.sim(), began.elapsed()) {
+                observer.trouble(simulation.now(), &what);
             }
-            observer.look(lab, &faults);
+            observer.look(simulation, &faults);
             if first.is_none() && began.elapsed() >= WARM {
                 first = Some(Size::now());
             }
@@ -79,22 +79,22 @@ pub fn soak(
         if let Some(first) = first {
             first.compare(&Size::now(), observer.ledger());
         }
-        faults.clear(lab.sim());
+        faults.clear(simulation.sim());
         // Whatever is wrong with the link just now: it comes back.
-        let up = lab.sim().wait_state(|state| state.user.is_some());
+        let up = simulation.sim().wait_state(|state| state.user.is_some());
         let up = timeout(Duration::from_secs(120), up).await.is_ok();
         observer.ledger().note(
             "once nothing is wrong any more, the agent is back within 2 minutes",
             (!up).then(|| "it is not".to_owned()),
         );
         run.stop();
-        let ended = timeout(END, run.outcome()).await.is_ok();
+        let ended = timeout(SHUTDOWN_TIMEOUT, run.outcome()).await.is_ok();
         observer.ledger().note(
             "told to end, it has ended within 2 s",
             (!ended).then(|| "it had not".to_owned()),
         );
         sleep(Duration::from_secs(1)).await;
-        let state = lab.sim().state();
+        let state = simulation.sim().state();
         let still = !state.moving() || state.searching;
         observer.ledger().note(
             "at the end the robot stands still, or drives home by itself",

@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use spykee::lab::{EventKind, Lab};
 use spykee::sim::{State, Tracks};
+use spykee::simulation::{EventKind, Simulation};
 use spykee::wire::{Command, Engage};
 
 use super::super::Events;
 use super::Ledger;
 use super::fault_feed::FaultFeed;
+use super::homing_episode::{Account, HomingEpisode, Look};
 use super::ledger::HOME;
-use super::spell::{Account, Look, Spell};
 
 /// How often it looks, in virtual time.
 pub const LOOK_EVERY: Duration = Duration::from_millis(200);
@@ -24,10 +24,10 @@ const TO_ACT: Duration = Duration::from_secs(2);
 const FOUND_AFTER: Duration = Duration::from_secs(600);
 /// The user that our agent is.
 const OURS: &str = "admin";
-/// The longest of the watchdog's own legs, a look included.
+/// The longest of the watchdog's own blind moves, a look included.
 const LEG: Duration = Duration::from_millis(4950 + 200);
-/// The longest loan of the tracks to the rescue behaviour, a look included.
-const LOAN: Duration = Duration::from_millis(8000 + 200);
+/// The longest grant of the tracks to the rescue behaviour, a look included.
+const DRIVE_GRANT: Duration = Duration::from_millis(8000 + 200);
 /// The most power of both, on the wire.
 const LEG_POWER: u8 = 27;
 /// Setpoints a second; a look's grain of room on top.
@@ -47,29 +47,29 @@ pub struct Observer {
     low_since: Option<Duration>,
     /// Times of setpoints within the last second.
     moves: Vec<Duration>,
-    /// Until when a leg or loan may last that the watchdog has announced.
+    /// Until when a blind move or grant may last that the watchdog has announced.
     homeward: Option<Duration>,
     account: Account,
     /// Low and not charging.
-    spell: Option<Spell>,
+    episode: Option<HomingEpisode>,
     /// Since when it is flat off its station.
     flat_since: Option<Duration>,
 }
 
 impl Observer {
     /// The robot tells its battery so late.
-    pub fn new(lab: &Lab, events: Events, power_late: Duration) -> Observer {
+    pub fn new(simulation: &Simulation, events: Events, power_late: Duration) -> Observer {
         Observer {
             to_act: TO_ACT + power_late,
             ledger: Ledger::default(),
             events,
-            heard: lab.sim().heard_count(),
+            heard: simulation.sim().heard_count(),
             clients: BTreeMap::new(),
             low_since: None,
             moves: Vec::new(),
             homeward: None,
-            account: Account::new(lab.sim().world()),
-            spell: None,
+            account: Account::new(simulation.sim().world()),
+            episode: None,
             flat_since: None,
         }
     }
@@ -83,11 +83,11 @@ impl Observer {
     }
 
     /// One look.
-    pub fn look(&mut self, lab: &Lab, faults: &FaultFeed) {
-        let (state, now) = (lab.sim().state(), lab.now());
+    pub fn look(&mut self, simulation: &Simulation, faults: &FaultFeed) {
+        let (state, now) = (simulation.sim().state(), simulation.now());
         let calm = faults.is_calm(now);
         self.read_events();
-        self.listen(lab, calm);
+        self.listen(simulation, calm);
         self.watch_battery(&state, now, calm && !faults.has_carried());
         self.watch_spell(&Look {
             state: &state,
@@ -96,20 +96,20 @@ impl Observer {
             online: state.user.as_deref() == Some(OURS),
             disturbed: faults.is_bad(now),
         });
-        if let Some(spell) = &mut self.spell
+        if let Some(episode) = &mut self.episode
             && faults.has_carried()
         {
-            spell.carried();
+            episode.carried();
         }
-        self.help_up(lab, &state, now);
+        self.help_up(simulation, &state, now);
     }
 
     /// Something goes wrong now, by the fault feed.
     pub fn trouble(&mut self, now: Duration, what: &str) {
         let at = now.as_secs_f64();
         self.ledger.happened(format!("{at:.2} s {what}"));
-        if let Some(spell) = &mut self.spell {
-            spell.trouble(now, what);
+        if let Some(episode) = &mut self.episode {
+            episode.trouble(now, what);
         }
     }
 
@@ -118,29 +118,29 @@ impl Observer {
         let state = look.state;
         let low = state.power.percent <= LOW && !state.charging && self.flat_since.is_none();
         if !low {
-            self.spell = None;
+            self.episode = None;
             return;
         }
         let flat = state.battery <= 0.0 && !state.docked;
         let account = &self.account;
-        let spell = match self.spell.take() {
-            None => Spell::begin(account, look),
-            Some(mut spell) => {
-                spell.go_on(account, look);
-                spell
+        let episode = match self.episode.take() {
+            None => HomingEpisode::begin(account, look),
+            Some(mut episode) => {
+                episode.go_on(account, look);
+                episode
             }
         };
         if !flat {
             self.ledger.note(HOME, None);
-            self.spell = Some(spell);
+            self.episode = Some(episode);
             return;
         }
         self.flat_since = Some(look.now);
-        self.ledger.lose(spell.lost(account, look));
+        self.ledger.lose(episode.lost(account, look));
     }
 
     /// A flat robot does nothing more by itself.
-    fn help_up(&mut self, lab: &Lab, state: &State, now: Duration) {
+    fn help_up(&mut self, simulation: &Simulation, state: &State, now: Duration) {
         if state.docked {
             self.flat_since = None;
         }
@@ -148,13 +148,15 @@ impl Observer {
             .flat_since
             .is_some_and(|since| now >= since + FOUND_AFTER)
         {
-            lab.sim().place(lab.sim().world().station.dock_pose());
+            simulation
+                .sim()
+                .place(simulation.sim().world().station.dock_pose());
         }
     }
 
     /// What the robot has heard since the last look.
-    fn listen(&mut self, lab: &Lab, calm: bool) {
-        for heard in lab.sim().heard_since(self.heard) {
+    fn listen(&mut self, simulation: &Simulation, calm: bool) {
+        for heard in simulation.sim().heard_since(self.heard) {
             self.heard = heard.index + 1;
             let stops = matches!(heard.command, Command::Move { left: 0, right: 0 });
             match heard.command {
@@ -168,9 +170,10 @@ impl Observer {
                 }
                 _ => {}
             }
-            if let (Command::Engine(Engage::Dock), Some(spell)) = (&heard.command, &mut self.spell)
+            if let (Command::Engine(Engage::Dock), Some(episode)) =
+                (&heard.command, &mut self.episode)
             {
-                spell.searched();
+                episode.searched();
             }
             if let Command::Move { left, right } = heard.command {
                 self.setpoint(heard.at, (left, right), calm);
@@ -222,7 +225,7 @@ impl Observer {
         if own {
             let slow = left.unsigned_abs() <= LEG_POWER && right.unsigned_abs() <= LEG_POWER;
             self.ledger.note(
-                "legs and lent tracks are slow",
+                "blind moves and granted tracks are slow",
                 (!slow).then(|| format!("{left} {right} at {now:.1?}")),
             );
         }
@@ -238,14 +241,14 @@ impl Observer {
             );
             self.ledger.happened(line.replace('\n', " / "));
             if event.kind == EventKind::Safety {
-                if event.text.contains("drives short leg") {
+                if event.text.contains("makes short blind move") {
                     self.homeward = Some(event.at + LEG);
                 }
                 if event.text.contains("a rescue behaviour may drive") {
-                    self.homeward = Some(event.at + LOAN);
+                    self.homeward = Some(event.at + DRIVE_GRANT);
                 }
-                if let Some(spell) = &mut self.spell {
-                    spell.acted(&event.text);
+                if let Some(episode) = &mut self.episode {
+                    episode.acted(&event.text);
                 }
             }
             if event.kind == EventKind::Ended {

@@ -6,9 +6,9 @@ impl Roster {
     /// A roster without behaviours: for each start and stop the test gets its text and the channel
     /// for its outcome.
     pub(crate) fn fake(
-        members: watch::Receiver<Vec<Member>>,
+        statuses: watch::Receiver<Vec<BehaviourStatus>>,
     ) -> (Roster, mpsc::UnboundedReceiver<(String, Reply)>) {
-        let (roster, mut commands) = Roster::new(members, ViewerChannel::default());
+        let (roster, mut commands) = Roster::new(statuses, ViewerChannel::default());
         let (shown, taken) = mpsc::unbounded_channel();
         tokio::spawn(async move {
             while let Some(command) = commands.recv().await {
@@ -36,7 +36,7 @@ async fn a_patient_command_waits_for_its_outcome_longer_than_a_person_does() {
             let _ = reply.send(Ok(()));
         }
     };
-    let patient = roster.patient();
+    let patient = roster.without_timeout();
     let (hasty, patient, ()) = tokio::join!(roster.start("go"), patient.start("go"), slow);
     assert_eq!((hasty, patient), (Err(RosterError::Busy), Ok(())));
 }

@@ -101,11 +101,11 @@ fn a_store_over_its_daily_budget_is_written_once_a_minute() {
     let mut writer = StoreWriter::new(root.path().to_owned(), &limits);
     let now = Instant::now();
     writer.offer(Some(b"12".to_vec()), now);
-    assert!(writer.is_due(now + PACE) && writer.trouble().is_none());
+    assert!(writer.is_due(now + PACE) && writer.take_error().is_none());
     writer.offer(Some(b"34".to_vec()), now + PACE);
     assert!(!writer.is_due(now + PACE + PACE) && writer.is_due(now + PACE + SLOW_PACE));
-    assert!(writer.trouble().unwrap().contains("once per minute"));
-    assert!(writer.trouble().is_none());
+    assert!(writer.take_error().unwrap().contains("once per minute"));
+    assert!(writer.take_error().is_none());
     assert_eq!(writer.finish(Some(b"56".to_vec())), None);
     assert_eq!(writer.read().unwrap().unwrap(), b"56");
 }
@@ -130,10 +130,10 @@ fn a_thread_that_cannot_be_started_is_reported_and_tried_again() {
     writer.start = |_, _| Err(io::Error::other("no more threads"));
     let now = Instant::now();
     writer.offer(Some(b"1".to_vec()), now);
-    let trouble = writer.trouble().unwrap();
+    let trouble = writer.take_error().unwrap();
     assert!(trouble.contains("no more threads"), "{trouble}");
     writer.offer(None, now + PACE);
-    assert_eq!((writer.is_behind(), writer.trouble()), (true, None));
+    assert_eq!((writer.is_behind(), writer.take_error()), (true, None));
     writer.start = Writer::start;
     assert_eq!(writer.finish(None), None);
     assert_eq!(writer.read().unwrap().unwrap(), b"1");
@@ -167,14 +167,14 @@ fn content_whose_write_failed_is_written_as_soon_as_that_is_possible() {
     let (mut writer, obstacle) = obstructed(root.path());
     let now = Instant::now();
     writer.offer(Some(b"1".to_vec()), now);
-    wait_until(|| writer.trouble().is_some());
+    wait_until(|| writer.take_error().is_some());
     assert!(writer.is_behind());
     fs::remove_dir(obstacle).unwrap();
     writer.offer(None, now + PACE);
     assert!(!writer.is_behind());
     wait_until(|| writer.read().unwrap().is_some());
     assert_eq!(writer.read().unwrap().unwrap(), b"1");
-    assert_eq!((writer.trouble(), writer.finish(None)), (None, None));
+    assert_eq!((writer.take_error(), writer.finish(None)), (None, None));
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn content_whose_write_failed_is_written_at_the_end() {
     let root = tempfile::tempdir().unwrap();
     let (mut writer, obstacle) = obstructed(root.path());
     writer.offer(Some(b"1".to_vec()), Instant::now());
-    wait_until(|| writer.trouble().is_some());
+    wait_until(|| writer.take_error().is_some());
     fs::remove_dir(obstacle).unwrap();
     assert_eq!(writer.finish(None), None);
     assert_eq!(writer.read().unwrap().unwrap(), b"1");
@@ -195,7 +195,7 @@ fn content_whose_write_failed_never_replaces_newer_content() {
     let now = Instant::now();
     writer.offer(Some(b"1".to_vec()), now);
     writer.offer(Some(b"2".to_vec()), now + PACE);
-    wait_until(|| writer.trouble().is_some());
+    wait_until(|| writer.take_error().is_some());
     fs::remove_dir(obstacle).unwrap();
     assert_eq!(writer.finish(None), None);
     assert_eq!(writer.read().unwrap().unwrap(), b"2");

@@ -4,11 +4,11 @@ use super::super::kinds::ValueKind;
 use super::super::passing;
 use super::super::tree::{Expr, ExprKind, StatementKind};
 use super::reasons::a;
-use super::{Diagnosis, ErrorSite};
+use super::{ErrorSite, Explanation};
 use crate::api::{self, Function, Value};
 
 impl<'a> ErrorSite<'a> {
-    pub(super) fn index(&self, what: &str, key: &str) -> Option<Diagnosis> {
+    pub(super) fn index(&self, what: &str, key: &str) -> Option<Explanation> {
         let read = |expr: &&'a Expr| match &expr.kind {
             ExprKind::Field(object, name, _) | ExprKind::Method(object, name, ..)
                 if name == key =>
@@ -44,17 +44,17 @@ impl<'a> ErrorSite<'a> {
             ),
         };
         let help = self.why(object, what);
-        Some(Diagnosis {
+        Some(Explanation {
             at: object.span,
             message,
             help,
         })
     }
 
-    pub(super) fn missing_method(&self, name: &str) -> Option<Diagnosis> {
+    pub(super) fn missing_method(&self, name: &str) -> Option<Explanation> {
         let mut exprs = self.exprs.iter();
         exprs.find_map(|expr| match &expr.kind {
-            ExprKind::Method(object, method, at, _) if method == name => Some(Diagnosis {
+            ExprKind::Method(object, method, at, _) if method == name => Some(Explanation {
                 at: *at,
                 message: format!("`{}` has no function `{name}`", self.text(object)),
                 help: "check its spelling".to_owned(),
@@ -63,7 +63,7 @@ impl<'a> ErrorSite<'a> {
         })
     }
 
-    pub(super) fn call(&self, what: &str) -> Option<Diagnosis> {
+    pub(super) fn call(&self, what: &str) -> Option<Explanation> {
         let mut exprs = self.exprs.iter();
         let callee = exprs.find_map(|expr| match &expr.kind {
             ExprKind::Call(callee, _) => self.may_be(callee, what).then_some(&**callee),
@@ -75,14 +75,14 @@ impl<'a> ErrorSite<'a> {
             _ => "only functions can be called".to_owned(),
         };
         let message = format!("{}, so it cannot be called", self.is(callee, what));
-        Some(Diagnosis {
+        Some(Explanation {
             at: callee.span,
             message,
             help,
         })
     }
 
-    pub(super) fn arithmetic(&self, operation: &str, types: &str) -> Option<Diagnosis> {
+    pub(super) fn arithmetic(&self, operation: &str, types: &str) -> Option<Explanation> {
         let operator = match operation {
             "add" => "+",
             "sub" | "unm" => "-",
@@ -95,14 +95,14 @@ impl<'a> ErrorSite<'a> {
         };
         let (left, right) = types.split_once(" and ").unwrap_or((types, types));
         let (side, what) = self.sides(operator, left, right, |what| what != "number")?;
-        let mut diagnosis = self.operand(side, what, "so it cannot be used in arithmetic");
+        let mut explanation = self.operand(side, what, "so it cannot be used in arithmetic");
         if operator == "+" && what == "string" {
-            diagnosis.help = "to join strings, write .. instead of +".to_owned();
+            explanation.help = "to join strings, write .. instead of +".to_owned();
         }
-        Some(diagnosis)
+        Some(explanation)
     }
 
-    pub(super) fn compare(&self, words: &str) -> Option<Diagnosis> {
+    pub(super) fn compare(&self, words: &str) -> Option<Explanation> {
         let mut parts = words.split(' ');
         let (left, operator, right) = (parts.next()?, parts.next()?, parts.next()?);
         let turned = if operator == "<" { ">" } else { ">=" };
@@ -119,8 +119,8 @@ impl<'a> ErrorSite<'a> {
         Some(self.operand(side, what, "so it cannot be compared with < or >"))
     }
 
-    pub(super) fn operand(&self, side: &Expr, what: &str, so: &str) -> Diagnosis {
-        Diagnosis {
+    pub(super) fn operand(&self, side: &Expr, what: &str, so: &str) -> Explanation {
+        Explanation {
             at: side.span,
             message: format!("{}, {so}", self.is(side, what)),
             help: self.why(side, what),
@@ -156,7 +156,7 @@ impl<'a> ErrorSite<'a> {
         })
     }
 
-    pub(super) fn join(&self, left: &str, right: &str) -> Option<Diagnosis> {
+    pub(super) fn join(&self, left: &str, right: &str) -> Option<Explanation> {
         let joins = |what: &str| matches!(what, "string" | "number");
         let what = if joins(left) { right } else { left };
         let mut leaves = Vec::new();
@@ -193,7 +193,7 @@ impl<'a> ErrorSite<'a> {
                 .iter()
                 .map(|leaf| format!("`{}`", self.text(leaf)))
                 .collect();
-            return Some(Diagnosis {
+            return Some(Explanation {
                 at: side.span,
                 message: format!(
                     "one of {} is nil, so it cannot be joined to a string",
@@ -202,14 +202,14 @@ impl<'a> ErrorSite<'a> {
                 help: "tostring(value) converts any value to a string".to_owned(),
             });
         }
-        let mut diagnosis = self.operand(side, what, "so it cannot be joined to a string");
+        let mut explanation = self.operand(side, what, "so it cannot be joined to a string");
         if what != "nil" {
-            diagnosis.help = format!("tostring({}) converts it to a string", self.text(side));
+            explanation.help = format!("tostring({}) converts it to a string", self.text(side));
         }
-        Some(diagnosis)
+        Some(explanation)
     }
 
-    pub(super) fn length(&self, what: &str) -> Option<Diagnosis> {
+    pub(super) fn length(&self, what: &str) -> Option<Explanation> {
         let side = self.exprs.iter().find_map(|expr| match &expr.kind {
             ExprKind::Unary(operator, operand) if operator == "#" && self.may_be(operand, what) => {
                 Some(&**operand)
@@ -219,7 +219,7 @@ impl<'a> ErrorSite<'a> {
         Some(self.operand(side, what, "so it has no length"))
     }
 
-    pub(super) fn iterate(&self, what: &str) -> Option<Diagnosis> {
+    pub(super) fn iterate(&self, what: &str) -> Option<Explanation> {
         let list = self
             .statements
             .iter()
@@ -227,15 +227,15 @@ impl<'a> ErrorSite<'a> {
                 StatementKind::Each(_, values, _) => values.first(),
                 _ => None,
             })?;
-        let mut diagnosis = self.operand(list, what, "so a loop cannot go through it");
+        let mut explanation = self.operand(list, what, "so a loop cannot go through it");
         if what == "number" {
-            diagnosis.help = format!("to count, write for i = 1, {} do", self.text(list));
+            explanation.help = format!("to count, write for i = 1, {} do", self.text(list));
         }
-        Some(diagnosis)
+        Some(explanation)
     }
 
     /// `initial value must be a number`, in the VM's words.
-    pub(super) fn count(&self, words: &str) -> Option<Diagnosis> {
+    pub(super) fn count(&self, words: &str) -> Option<Explanation> {
         let values = self
             .statements
             .iter()
@@ -254,16 +254,16 @@ impl<'a> ErrorSite<'a> {
             .nth(1)
             .unwrap_or("nil")
             .trim_end_matches(')');
-        let mut diagnosis = self.operand(value, what, "");
-        diagnosis.message = format!(
+        let mut explanation = self.operand(value, what, "");
+        explanation.message = format!(
             "a `for` {which} with a number, but {}",
             self.is(value, what)
         );
-        Some(diagnosis)
+        Some(explanation)
     }
 
     /// `invalid argument #1 to 'floor' (number expected, got nil)`.
-    pub(super) fn library_argument(&self, words: &str) -> Option<Diagnosis> {
+    pub(super) fn library_argument(&self, words: &str) -> Option<Explanation> {
         let (_, rest) = words.split_once('#')?;
         let (number, rest) = rest.split_once(" to '")?;
         let (name, rest) = rest.split_once('\'')?;
@@ -295,7 +295,7 @@ impl<'a> ErrorSite<'a> {
         let help = argument
             .map(|argument| self.why(argument, got))
             .unwrap_or_default();
-        Some(Diagnosis {
+        Some(Explanation {
             at: argument.map_or(callee, |argument| argument.span),
             message,
             help,
@@ -303,7 +303,7 @@ impl<'a> ErrorSite<'a> {
     }
 
     /// `robot.move: left must be ...`: the caret goes below the argument.
-    pub(super) fn api(&self, words: &str) -> Option<Diagnosis> {
+    pub(super) fn api(&self, words: &str) -> Option<Explanation> {
         let (path, rest) = words.split_once(": ")?;
         let function = api::function(path)?;
         let key = function.key();
@@ -339,7 +339,7 @@ impl<'a> ErrorSite<'a> {
             _ if rest.contains("is missing") => format!("it is called as {}", function.call()),
             _ => String::new(),
         });
-        Some(Diagnosis {
+        Some(Explanation {
             at: argument.map_or(whole.span, |argument| argument.span),
             message: words.to_owned(),
             help,

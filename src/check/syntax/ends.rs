@@ -1,11 +1,11 @@
 //! Rules for blocks that are not closed: which block, and where its `end` is missing.
 
 use super::super::lexer::{Token, TokenKind};
-use super::{Diagnosis, ErrorSite};
+use super::{ErrorSite, Explanation};
 
 impl ErrorSite<'_> {
     /// `Expected 'end' (to close 'function' at line 3), got <eof>`; the same with `'until'`.
-    pub(super) fn missing_end(&self) -> Option<Diagnosis> {
+    pub(super) fn missing_end(&self) -> Option<Explanation> {
         let (_, rest) = self.words.split_once("Expected '")?;
         let (wanted, rest) = rest.split_once("' (to close '")?;
         if !matches!(wanted, "end" | "until") {
@@ -37,7 +37,7 @@ impl ErrorSite<'_> {
 
     /// An `elseif` or `else` after the `else` of its `if`, which is this token. One that is indented
     /// less belongs to an outer `if`.
-    fn branch_after_else(&self, opened: &Token) -> Option<Diagnosis> {
+    fn branch_after_else(&self, opened: &Token) -> Option<Explanation> {
         if self.text(opened) != "else" || !self.words.contains("got 'else") {
             return None;
         }
@@ -47,7 +47,7 @@ impl ErrorSite<'_> {
                 && matches!(self.text(token), "elseif" | "else")
         })?;
         let is_own = self.indent_of(late) >= self.indent_of(self.head(opened));
-        is_own.then(|| Diagnosis {
+        is_own.then(|| Explanation {
             at: late.span,
             message: format!(
                 "this `{}` comes after the `else` on line {}",
@@ -58,9 +58,9 @@ impl ErrorSite<'_> {
         })
     }
 
-    /// The diagnosis of a block without `end`, or without `until`, that begins with this token; the
-    /// error was noticed on the line `noticed`.
-    pub(super) fn without_end(&self, opened: &Token, noticed: usize) -> Diagnosis {
+    /// The explanation of a block without `end`, or without `until`, that begins with this token;
+    /// the error was noticed on the line `noticed`.
+    pub(super) fn without_end(&self, opened: &Token, noticed: usize) -> Explanation {
         let head = self.head(opened);
         let taken = self.taken_branch(head);
         let head = taken.map_or(head, |(_, inner)| inner);
@@ -83,7 +83,7 @@ impl ErrorSite<'_> {
             _ => "each function, if, for, while and do is closed by its own end".to_owned(),
         };
         let closing = if keyword == "repeat" { "until" } else { "end" };
-        Diagnosis {
+        Explanation {
             at: head.span,
             message: format!(
                 "the `{keyword}` that begins here has no `{closing}`: it is missing {place}"

@@ -2,11 +2,11 @@
 
 use super::super::lexer::{KEYWORDS, Span, Token, TokenKind};
 use super::super::parser;
-use super::{Diagnosis, ErrorSite, closing, word};
+use super::{ErrorSite, Explanation, closing, word};
 
 impl ErrorSite<'_> {
     /// Blocks written as in other languages, with `{` or `:`, or without `then` or `do`.
-    pub(super) fn blocks(&self) -> Option<Diagnosis> {
+    pub(super) fn blocks(&self) -> Option<Explanation> {
         let tokens = self.around();
         let (at, begins) = tokens.iter().enumerate().rfind(|(_, token)| {
             matches!(
@@ -39,7 +39,7 @@ impl ErrorSite<'_> {
                 }
                 word => format!("write `{word}` here, and `end` where the block ends"),
             };
-            return Some(Diagnosis {
+            return Some(Explanation {
                 at: last.span,
                 message: format!("'{}' does not begin a block", self.text(last)),
                 help,
@@ -47,7 +47,7 @@ impl ErrorSite<'_> {
         }
         let complains = !word.is_empty() && self.words.contains(&format!("'{word}'"));
         let missing = complains && !behind.iter().any(|token| self.text(token) == word);
-        missing.then(|| Diagnosis {
+        missing.then(|| Explanation {
             at: Span {
                 start: last.span.end,
                 end: last.span.end,
@@ -57,7 +57,7 @@ impl ErrorSite<'_> {
         })
     }
 
-    pub(super) fn extra_end(&self) -> Option<Diagnosis> {
+    pub(super) fn extra_end(&self) -> Option<Explanation> {
         if !self.words.contains("<eof>, got 'end'") && !self.words.contains("got 'end'") {
             return None;
         }
@@ -85,7 +85,7 @@ impl ErrorSite<'_> {
             return None;
         }
         Some(match head {
-            Some((_, token)) => Diagnosis {
+            Some((_, token)) => Explanation {
                 at: token.span,
                 message: format!(
                     "the word `function` is missing before `{}`",
@@ -93,7 +93,7 @@ impl ErrorSite<'_> {
                 ),
                 help: format!("write function {}(...)", self.text(token)),
             },
-            None => Diagnosis {
+            None => Explanation {
                 at: end.span,
                 message: "this `end` closes nothing: there is one too many".to_owned(),
                 help: "each function, if, for, while and do has exactly one end".to_owned(),
@@ -110,7 +110,7 @@ impl ErrorSite<'_> {
     }
 
     /// `Expected ')' (to close '(' at line 3), got ...`
-    pub(super) fn brackets(&self) -> Option<Diagnosis> {
+    pub(super) fn brackets(&self) -> Option<Explanation> {
         let mut open: Vec<&Token> = Vec::new();
         for token in &self.tokens {
             if self.line_of(token) > self.line {
@@ -123,7 +123,7 @@ impl ErrorSite<'_> {
                         .pop()
                         .is_some_and(|open| closing(self.text(open)) == self.text(token));
                     if !fits {
-                        return Some(Diagnosis {
+                        return Some(Explanation {
                             at: token.span,
                             message: format!("this '{}' closes nothing", self.text(token)),
                             help: "each bracket is opened once and closed once".to_owned(),
@@ -141,7 +141,7 @@ impl ErrorSite<'_> {
         }
         let token = open.last()?;
         let close = closing(self.text(token));
-        Some(Diagnosis {
+        Some(Explanation {
             at: token.span,
             message: format!("this '{}' is never closed", self.text(token)),
             help: format!("a '{close}' or a comma is missing"),
@@ -149,7 +149,7 @@ impl ErrorSite<'_> {
     }
 
     /// `Incomplete statement: expected assignment or a function call`.
-    pub(super) fn lone_name(&self) -> Option<Diagnosis> {
+    pub(super) fn lone_name(&self) -> Option<Explanation> {
         if !self.words.contains("Incomplete statement") {
             return None;
         }
@@ -176,7 +176,7 @@ impl ErrorSite<'_> {
             }
             Some(_) => String::new(),
         };
-        Some(Diagnosis {
+        Some(Explanation {
             at: span,
             message: format!("`{}` alone does nothing", span.of(self.source)),
             help,
@@ -184,7 +184,7 @@ impl ErrorSite<'_> {
     }
 
     /// `Expected identifier when parsing expression, got ...`
-    pub(super) fn missing_value(&self) -> Option<Diagnosis> {
+    pub(super) fn missing_value(&self) -> Option<Explanation> {
         if !self.words.contains("when parsing expression") {
             return None;
         }
@@ -218,7 +218,7 @@ impl ErrorSite<'_> {
                 "",
             ),
         };
-        Some(Diagnosis {
+        Some(Explanation {
             at: before.span,
             message,
             help: help.to_owned(),
@@ -226,7 +226,7 @@ impl ErrorSite<'_> {
     }
 
     /// `Expected '(', '{' or <string> when parsing function call, got ...`
-    pub(super) fn method_without_brackets(&self) -> Option<Diagnosis> {
+    pub(super) fn method_without_brackets(&self) -> Option<Explanation> {
         if !self.words.contains("when parsing function call") {
             return None;
         }
@@ -247,7 +247,7 @@ impl ErrorSite<'_> {
             _ => "...",
         };
         let name_text = self.text(name);
-        Some(Diagnosis {
+        Some(Explanation {
             at: name.span,
             message: format!("`{name_text}` needs brackets after it"),
             help: format!("to call it, write {object}:{name_text}()"),
@@ -255,7 +255,7 @@ impl ErrorSite<'_> {
     }
 
     /// `Expected 'X' when parsing Y, got 'Z'`.
-    pub(super) fn missing_word(&self) -> Option<Diagnosis> {
+    pub(super) fn missing_word(&self) -> Option<Explanation> {
         let (_, rest) = self.words.split_once("Expected ")?;
         let (expected, rest) = rest.split_once(", got ")?;
         let expected = expected
@@ -276,8 +276,8 @@ impl ErrorSite<'_> {
             (expected, "<eof>") => format!("{} is missing at the end", word(expected)),
             (expected, got) => format!("expected {} here, found {}", word(expected), word(got)),
         };
-        Some(Diagnosis {
-            at: self.place(),
+        Some(Explanation {
+            at: self.location(),
             message,
             help: String::new(),
         })

@@ -1,21 +1,21 @@
 //! Rules for habits from other languages: quotes, comments and keywords.
 
 use super::super::lexer::{Token, TokenKind};
-use super::{Diagnosis, ErrorSite};
+use super::{ErrorSite, Explanation};
 
 impl ErrorSite<'_> {
-    pub(super) fn quotes(&self) -> Option<Diagnosis> {
+    pub(super) fn quotes(&self) -> Option<Explanation> {
         let typographic = ['“', '”', '„', '‘', '’', '«', '»'];
         let is_one = |token: &&Token| self.text(token).starts_with(typographic);
         let token = self.around().into_iter().find(|token| is_one(&token))?;
-        Some(Diagnosis {
+        Some(Explanation {
             at: token.span,
             message: "these are typographic quotes".to_owned(),
             help: "a string is written in straight quotes: \"text\"".to_owned(),
         })
     }
 
-    pub(super) fn unfinished(&self) -> Option<Diagnosis> {
+    pub(super) fn unfinished(&self) -> Option<Explanation> {
         let token = self
             .tokens
             .iter()
@@ -42,7 +42,7 @@ impl ErrorSite<'_> {
                 "it ends with \", in the same line",
             ),
         };
-        Some(Diagnosis {
+        Some(Explanation {
             at: token.span,
             message: message.to_owned(),
             help: help.to_owned(),
@@ -50,7 +50,7 @@ impl ErrorSite<'_> {
     }
 
     /// Symbols that this language does not have.
-    pub(super) fn unknown_symbols(&self) -> Option<Diagnosis> {
+    pub(super) fn unknown_symbols(&self) -> Option<Explanation> {
         let tokens = self.around();
         for (at, token) in tokens.iter().enumerate() {
             let next = tokens.get(at + 1).map_or("", |next| self.text(next));
@@ -67,7 +67,7 @@ impl ErrorSite<'_> {
                 _ => token.span,
             };
             let whole = token.span.to(end);
-            return Some(Diagnosis {
+            return Some(Explanation {
                 at: whole,
                 message: format!("'{}' is not known here", whole.of(self.source)),
                 help: help.to_owned(),
@@ -76,7 +76,7 @@ impl ErrorSite<'_> {
         None
     }
 
-    pub(super) fn comments(&self) -> Option<Diagnosis> {
+    pub(super) fn comments(&self) -> Option<Explanation> {
         let tokens = self.on_line();
         let first = tokens.first()?;
         let second = tokens.get(1).map_or("", |token| self.text(token));
@@ -96,7 +96,7 @@ impl ErrorSite<'_> {
                 == 2
         });
         let token = if comment { first } else { behind? };
-        Some(Diagnosis {
+        Some(Explanation {
             at: token.span,
             message: "this is not a comment here".to_owned(),
             help: "a comment begins with --".to_owned(),
@@ -104,13 +104,13 @@ impl ErrorSite<'_> {
     }
 
     /// `x++`, and `x--`, where `--` begins a comment.
-    pub(super) fn increments(&self) -> Option<Diagnosis> {
+    pub(super) fn increments(&self) -> Option<Explanation> {
         for tokens in [self.last_line_before(), self.on_line()] {
             for pair in tokens.windows(3) {
                 let [name, one, two] = pair else { continue };
                 if name.kind == TokenKind::Name && self.text(one) == "+" && self.text(two) == "+" {
                     let text = self.text(name);
-                    return Some(Diagnosis {
+                    return Some(Explanation {
                         at: one.span.to(two.span),
                         message: "there is no ++".to_owned(),
                         help: format!("write {text} += 1"),
@@ -126,7 +126,7 @@ impl ErrorSite<'_> {
             .lines()
             .next()
             .unwrap_or_default();
-        (name.kind == TokenKind::Name && behind.starts_with("--")).then(|| Diagnosis {
+        (name.kind == TokenKind::Name && behind.starts_with("--")).then(|| Explanation {
             at: name.span,
             message: "there is no operator --: it begins a comment".to_owned(),
             help: format!("write {} -= 1", self.text(name)),
@@ -134,7 +134,7 @@ impl ErrorSite<'_> {
     }
 
     /// A line that begins with a keyword of another language.
-    pub(super) fn other_languages(&self) -> Option<Diagnosis> {
+    pub(super) fn other_languages(&self) -> Option<Explanation> {
         for tokens in [self.on_line(), self.last_line_before()] {
             let Some(first) = tokens
                 .iter()
@@ -171,7 +171,7 @@ impl ErrorSite<'_> {
                 "foreach" => "write for _, thing in list do ... end",
                 _ => continue,
             };
-            return Some(Diagnosis {
+            return Some(Explanation {
                 at: first.span,
                 message: format!("'{}' is not a word of this language", self.text(first)),
                 help: help.to_owned(),
@@ -180,7 +180,7 @@ impl ErrorSite<'_> {
         None
     }
 
-    pub(super) fn single_equals(&self) -> Option<Diagnosis> {
+    pub(super) fn single_equals(&self) -> Option<Explanation> {
         let tokens = self.on_line();
         let begins = tokens
             .iter()
@@ -188,7 +188,7 @@ impl ErrorSite<'_> {
         let equals = tokens[begins..]
             .iter()
             .find(|token| matches!(self.text(token), "=" | "then" | "do"))?;
-        (self.text(equals) == "=").then(|| Diagnosis {
+        (self.text(equals) == "=").then(|| Explanation {
             at: equals.span,
             message: "a single = sets a variable".to_owned(),
             help: "to compare, write ==".to_owned(),
@@ -196,7 +196,7 @@ impl ErrorSite<'_> {
     }
 
     /// `else if` opens a second `if`, which needs its own `end`.
-    pub(super) fn else_if(&self) -> Option<Diagnosis> {
+    pub(super) fn else_if(&self) -> Option<Explanation> {
         if !self.words.contains("'end'") {
             return None;
         }
@@ -205,7 +205,7 @@ impl ErrorSite<'_> {
                 && self.text(&pair[1]) == "if"
                 && self.line_of(&pair[0]) == self.line_of(&pair[1])
         })?;
-        Some(Diagnosis {
+        Some(Explanation {
             at: pair[0].span.to(pair[1].span),
             message: "`else if` begins a second if, which needs its own end".to_owned(),
             help: "write elseif, in one word".to_owned(),
@@ -214,7 +214,7 @@ impl ErrorSite<'_> {
 
     /// A block in braces. The compiler notices it only at its end, because `f() {` is a call of `f`
     /// with a table.
-    pub(super) fn braces(&self) -> Option<Diagnosis> {
+    pub(super) fn braces(&self) -> Option<Explanation> {
         let lines = self
             .tokens
             .chunk_by(|a, b| self.line_of(a) == self.line_of(b));
@@ -236,7 +236,7 @@ impl ErrorSite<'_> {
             "else" => "",
             _ => "`do` here, and ",
         };
-        Some(Diagnosis {
+        Some(Explanation {
             at: brace.span,
             message: "'{' does not begin a block".to_owned(),
             help: format!("write {begin}`end` where the block ends"),

@@ -11,15 +11,15 @@ use crate::wire::Stream;
 
 /// The call that is checked.
 #[derive(Clone, Copy)]
-pub(super) struct Site<'a> {
+pub(super) struct CallSite<'a> {
     pub(super) function: &'static Function,
     pub(super) arguments: &'a [Expr],
     pub(super) span: Span,
 }
 
 impl<'a> Walk<'a> {
-    pub(super) fn call(&mut self, site: Site<'a>) {
-        let Site {
+    pub(super) fn call(&mut self, site: CallSite<'a>) {
+        let CallSite {
             function,
             arguments,
             span,
@@ -60,7 +60,7 @@ impl<'a> Walk<'a> {
 
     /// Warns of the use of a stream that the config keeps off. Only a warning: the script may
     /// handle that case.
-    fn stream(&mut self, site: Site<'a>) {
+    fn stream(&mut self, site: CallSite<'a>) {
         let text = |index: usize| match site.arguments.get(index).map(|one| self.kinds.kind_of(one))
         {
             Some(ValueKind::Text(text)) => text,

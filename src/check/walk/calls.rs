@@ -5,7 +5,7 @@ use super::super::lexer::Span;
 use super::super::parameters;
 use super::super::tree::{Expr, ExprKind};
 use super::Walk;
-use super::arguments::Site;
+use super::arguments::CallSite;
 use crate::api::{self, Function, Type};
 use crate::script::{PICTURE_NAMES, picture_name};
 
@@ -24,7 +24,7 @@ impl<'a> Walk<'a> {
         self.exprs(arguments);
         match kind {
             ValueKind::Native(function) => {
-                self.call(Site {
+                self.call(CallSite {
                     function,
                     arguments,
                     span: call.span,
@@ -176,7 +176,7 @@ impl<'a> Walk<'a> {
             }
             ValueKind::Object(of) => match of.method(name) {
                 Some(function) => {
-                    self.call(Site {
+                    self.call(CallSite {
                         function,
                         arguments,
                         span: call.span,

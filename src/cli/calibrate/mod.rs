@@ -8,7 +8,7 @@ use serde_json::json;
 
 use self::measure::Plan;
 use super::driver::{Driver, drive};
-use super::robot::AimArgs;
+use super::robot::TargetArgs;
 use super::{Exit, Failure, block_on, print};
 use crate::pilot::Status;
 use crate::robot::MotionEnd;
@@ -35,7 +35,7 @@ pub(super) struct CalibrateArgs {
     seed: Option<u64>,
 
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) target: TargetArgs,
 }
 
 /// Measures and prints the result.
@@ -44,9 +44,12 @@ pub(super) struct CalibrateArgs {
 /// A robot that cannot be reached or may not drive, implausible measurements.
 pub(super) fn run(args: &CalibrateArgs) -> Result<Exit, Failure> {
     let seed = args.seed.unwrap_or_else(rand::random);
-    let aim = args.aim.aim(seed)?;
-    let parts = aim.driver_parts(seed)?;
-    let simulator = aim.sim.as_ref().map(super::embedded::EmbeddedSim::handle);
+    let target = args.target.resolve(seed)?;
+    let parts = target.driver_parts(seed)?;
+    let simulator = target
+        .sim
+        .as_ref()
+        .map(super::embedded::EmbeddedSim::handle);
     let mut measured = None;
     let measuring = drive(parts, async |driver| {
         let round = match &simulator {

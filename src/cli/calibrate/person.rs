@@ -4,9 +4,9 @@ use std::io::{BufRead, Read, Write};
 
 use super::measure::{Measured, Plan};
 use super::{ready, step};
-use crate::clean;
 use crate::cli::driver::Driver;
 use crate::cli::{Failure, print};
+use crate::sanitize;
 
 /// Milliseconds of the three steps.
 const SHORT: u64 = 1000;
@@ -80,7 +80,7 @@ fn say(json: bool, text: &str) -> Result<(), Failure> {
         return print(text);
     }
     let mut err = std::io::stderr().lock();
-    err.write_all(clean::text(text, false).as_bytes())
+    err.write_all(sanitize::text(text, false).as_bytes())
         .map_err(|error| Failure::io("write to stderr", error))
 }
 

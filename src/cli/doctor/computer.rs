@@ -5,9 +5,9 @@ use std::path::Path;
 
 use jiff::Timestamp;
 
-use super::Finding;
+use super::CheckResult;
 use crate::clock::{Clock, is_plausible};
-use crate::walls::{Landlock, Restrictions};
+use crate::sandbox::{Landlock, Restrictions};
 
 /// Seconds from 1970 to the beginning of 2100.
 const LATEST_PLAUSIBLE: i64 = 4_102_444_800;
@@ -16,15 +16,15 @@ const LATEST_PLAUSIBLE: i64 = 4_102_444_800;
 const LOW_SPACE_MIB: u64 = 200;
 const MIN_SPACE_MIB: u64 = 10;
 
-pub(super) fn clock() -> Finding {
-    clock_finding(Clock::default().now())
+pub(super) fn clock() -> CheckResult {
+    clock_result(Clock::default().now())
 }
 
-fn clock_finding(now: Timestamp) -> Finding {
+fn clock_result(now: Timestamp) -> CheckResult {
     if is_plausible(now) && now.as_second() < LATEST_PLAUSIBLE {
-        return Finding::ok("clock", "the date is plausible");
+        return CheckResult::ok("clock", "the date is plausible");
     }
-    Finding::warn(
+    CheckResult::warn(
         "clock",
         format!("the date is not plausible: {now:.0}"),
         "set the date, or the times in logs and file names will be wrong",
@@ -32,11 +32,11 @@ fn clock_finding(now: Timestamp) -> Finding {
 }
 
 /// Creates and removes an empty file in the data folder, or where the data folder would be created.
-pub(super) fn disk(data: &Path) -> Finding {
+pub(super) fn disk(data: &Path) -> CheckResult {
     let shown = data.display();
     let absolute = std::path::absolute(data).unwrap_or_else(|_| data.to_owned());
     let Some(there) = absolute.ancestors().find(|folder| folder.exists()) else {
-        return Finding::fail(
+        return CheckResult::fail(
             "disk",
             format!("{shown}: no such folder"),
             "choose another `data` in the config",
@@ -44,11 +44,13 @@ pub(super) fn disk(data: &Path) -> Finding {
     };
     if let Err(error) = try_to_write(there) {
         let found = format!("cannot write into {}: {error}", there.display());
-        return Finding::fail("disk", found, "choose another `data` in the config");
+        return CheckResult::fail("disk", found, "choose another `data` in the config");
     }
     match rustix::fs::statvfs(there) {
-        Ok(space) => space_finding(&shown.to_string(), (space.f_bavail * space.f_frsize) >> 20),
-        Err(error) => Finding::warn("disk", format!("{shown}: {error}"), "is the disk mounted?"),
+        Ok(space) => space_result(&shown.to_string(), (space.f_bavail * space.f_frsize) >> 20),
+        Err(error) => {
+            CheckResult::warn("disk", format!("{shown}: {error}"), "is the disk mounted?")
+        }
     }
 }
 
@@ -60,24 +62,24 @@ fn try_to_write(folder: &Path) -> std::io::Result<()> {
     std::fs::remove_file(path)
 }
 
-fn space_finding(folder: &str, mebibytes: u64) -> Finding {
+fn space_result(folder: &str, mebibytes: u64) -> CheckResult {
     let found = format!("{folder} is writable, {mebibytes} MiB free");
     match mebibytes {
-        ..MIN_SPACE_MIB => Finding::fail("disk", found, "free some space"),
+        ..MIN_SPACE_MIB => CheckResult::fail("disk", found, "free some space"),
         MIN_SPACE_MIB..LOW_SPACE_MIB => {
-            Finding::warn("disk", found, "free some space: pictures need it")
+            CheckResult::warn("disk", found, "free some space: pictures need it")
         }
-        _ => Finding::ok("disk", found),
+        _ => CheckResult::ok("disk", found),
     }
 }
 
 /// Checks the kernel's support for Landlock.
-pub(super) fn landlock() -> Finding {
+pub(super) fn landlock() -> CheckResult {
     let release = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
-    landlock_finding(Landlock::of_this_kernel(), release.trim())
+    landlock_result(Landlock::of_this_kernel(), release.trim())
 }
 
-fn landlock_finding(landlock: Landlock, release: &str) -> Finding {
+fn landlock_result(landlock: Landlock, release: &str) -> CheckResult {
     let without = "code that escapes a script's sandbox could open your files: run only scripts \
                    that you trust, or enable landlock (kernel 5.13 or newer, `lsm=landlock,...`)";
     match landlock {
@@ -87,31 +89,31 @@ fn landlock_finding(landlock: Landlock, release: &str) -> Finding {
                 _ => "",
             };
             let on = "a script's host can open only files in its own folder";
-            Finding::ok("landlock", format!("version {version}: {on}{network}"))
+            CheckResult::ok("landlock", format!("version {version}: {on}{network}"))
         }
         Landlock::Off => {
             let found = format!("switched off in kernel {release}");
-            Finding::warn("landlock", found, without)
+            CheckResult::warn("landlock", found, without)
         }
         Landlock::Missing => {
             let found = format!("not in kernel {release}");
-            Finding::warn("landlock", found, without)
+            CheckResult::warn("landlock", found, without)
         }
     }
 }
 
-pub(super) fn seccomp() -> Finding {
-    seccomp_finding(Restrictions::supported().calls)
+pub(super) fn seccomp() -> CheckResult {
+    seccomp_result(Restrictions::supported().calls)
 }
 
-fn seccomp_finding(offered: bool) -> Finding {
+fn seccomp_result(offered: bool) -> CheckResult {
     if offered {
-        Finding::ok(
+        CheckResult::ok(
             "seccomp",
             "on: a script's host may make only a few system calls",
         )
     } else {
-        Finding::warn(
+        CheckResult::warn(
             "seccomp",
             "this kernel or processor type does not support system call filters",
             "code that escapes a script's sandbox could open sockets: run only scripts that you \
@@ -120,7 +122,7 @@ fn seccomp_finding(offered: bool) -> Finding {
     }
 }
 
-pub(super) fn terminal() -> Finding {
+pub(super) fn terminal() -> CheckResult {
     let on = |yes: bool| if yes { "a terminal" } else { "a file or pipe" };
     let (out, err) = (std::io::stdout(), std::io::stderr());
     let columns = rustix::termios::tcgetwinsize(&err).map_or(0, |size| size.ws_col);
@@ -135,9 +137,11 @@ pub(super) fn terminal() -> Finding {
     );
     let dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
     match (err.is_terminal(), dumb, columns) {
-        (true, true, _) => Finding::warn("terminal", found, "TERM=dumb: no status line"),
-        (true, _, 1..60) => Finding::warn("terminal", found, "make it wider for the status line"),
-        _ => Finding::ok("terminal", found),
+        (true, true, _) => CheckResult::warn("terminal", found, "TERM=dumb: no status line"),
+        (true, _, 1..60) => {
+            CheckResult::warn("terminal", found, "make it wider for the status line")
+        }
+        _ => CheckResult::ok("terminal", found),
     }
 }
 
@@ -148,7 +152,7 @@ mod tests {
 
     #[test]
     fn a_clock_that_was_never_set_gets_a_warning() {
-        let verdict = |now| clock_finding(Timestamp::from_second(now).unwrap()).verdict;
+        let verdict = |now| clock_result(Timestamp::from_second(now).unwrap()).verdict;
         assert_eq!(verdict(1000), Verdict::Warn);
         assert_eq!(verdict(1_800_000_000), Verdict::Ok);
         assert_eq!(verdict(LATEST_PLAUSIBLE), Verdict::Warn);
@@ -156,7 +160,7 @@ mod tests {
 
     #[test]
     fn a_full_disk_fails_and_a_nearly_full_one_warns() {
-        let verdict = |mebibytes| space_finding("x", mebibytes).verdict;
+        let verdict = |mebibytes| space_result("x", mebibytes).verdict;
         assert_eq!(
             (verdict(0), verdict(50), verdict(5000)),
             (Verdict::Fail, Verdict::Warn, Verdict::Ok)
@@ -178,14 +182,14 @@ mod tests {
 
     #[test]
     fn kernel_features_decide_the_verdict() {
-        let landlock = |found| landlock_finding(found, "6.1");
+        let landlock = |found| landlock_result(found, "6.1");
         let version = landlock(Landlock::Version(3));
         assert_eq!(version.verdict, Verdict::Ok);
         assert!(version.found.contains("version 3") && version.found.contains("network"));
         assert!(!landlock(Landlock::Version(4)).found.contains("network"));
         assert_eq!(landlock(Landlock::Off).verdict, Verdict::Warn);
         assert_eq!(landlock(Landlock::Missing).verdict, Verdict::Warn);
-        assert_eq!(seccomp_finding(true).verdict, Verdict::Ok);
-        assert_eq!(seccomp_finding(false).verdict, Verdict::Warn);
+        assert_eq!(seccomp_result(true).verdict, Verdict::Ok);
+        assert_eq!(seccomp_result(false).verdict, Verdict::Warn);
     }
 }

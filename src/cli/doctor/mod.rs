@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Exit, Failure, RobotChoice, block_on, print};
-use crate::clean;
 use crate::config::Effective;
+use crate::sanitize;
 
 /// Check network, robot, clock, disk, config, kernel and terminal
 ///
@@ -40,9 +40,9 @@ enum Verdict {
     Fail,
 }
 
-/// One line of the diagnosis.
+/// One line of the report.
 #[derive(Debug, Clone, Serialize)]
-struct Finding {
+struct CheckResult {
     check: &'static str,
     verdict: Verdict,
     found: String,
@@ -50,10 +50,10 @@ struct Finding {
     help: Option<String>,
 }
 
-impl Finding {
-    fn ok(check: &'static str, found: impl Into<String>) -> Finding {
+impl CheckResult {
+    fn ok(check: &'static str, found: impl Into<String>) -> CheckResult {
         let (verdict, found, help) = (Verdict::Ok, found.into(), None);
-        Finding {
+        CheckResult {
             check,
             verdict,
             found,
@@ -61,20 +61,20 @@ impl Finding {
         }
     }
 
-    fn warn(check: &'static str, found: impl Into<String>, help: &str) -> Finding {
+    fn warn(check: &'static str, found: impl Into<String>, help: &str) -> CheckResult {
         let (verdict, help) = (Verdict::Warn, Some(help.to_owned()));
-        Finding {
+        CheckResult {
             verdict,
             help,
-            ..Finding::ok(check, found)
+            ..CheckResult::ok(check, found)
         }
     }
 
-    fn fail(check: &'static str, found: impl Into<String>, help: &str) -> Finding {
+    fn fail(check: &'static str, found: impl Into<String>, help: &str) -> CheckResult {
         let verdict = Verdict::Fail;
-        Finding {
+        CheckResult {
             verdict,
-            ..Finding::warn(check, found, help)
+            ..CheckResult::warn(check, found, help)
         }
     }
 
@@ -86,7 +86,7 @@ impl Finding {
         };
         let help = self.help.as_ref();
         let help = help.map_or_else(String::new, |help| format!("\n{:18}-> {help}", ""));
-        let found = clean::text(&self.found, false).replace('\n', " ");
+        let found = sanitize::text(&self.found, false).replace('\n', " ");
         format!("{verdict}  {:10}  {found}{help}\n", self.check)
     }
 }
@@ -97,67 +97,69 @@ impl Finding {
 /// No runtime, a login or world that cannot be used, an interruption, or a stdout that cannot be
 /// written to. A failed check is not an error but sets the exit code.
 pub(super) fn run(args: &DoctorArgs) -> Result<Exit, Failure> {
-    let mut diagnosis = Diagnosis {
+    let mut report = DoctorReport {
         json: args.json,
-        findings: Vec::new(),
+        results: Vec::new(),
     };
-    let settings = settings(args, &mut diagnosis)?;
+    let settings = settings(args, &mut report)?;
     let config = &settings.config;
-    for finding in [
+    for result in [
         computer::clock(),
         computer::disk(config.data_folder()),
         computer::landlock(),
         computer::seccomp(),
         computer::terminal(),
     ] {
-        diagnosis.add(finding)?;
+        report.add(result)?;
     }
-    let place = args.connection.place();
-    let place = place.or_else(|| config.robot.clone().map(RobotChoice::Robot));
+    let choice = args.connection.robot();
+    let choice = choice.or_else(|| config.robot.clone().map(RobotChoice::Robot));
     block_on(network::examine(
-        place,
+        choice,
         &args.connection,
         &settings,
-        &mut diagnosis,
+        &mut report,
     ))??;
-    diagnosis.end()
+    report.end()
 }
 
 /// Loads the settings. Reports an invalid config and falls back to the defaults.
-fn settings(args: &DoctorArgs, diagnosis: &mut Diagnosis) -> Result<Effective, Failure> {
+fn settings(args: &DoctorArgs, report: &mut DoctorReport) -> Result<Effective, Failure> {
     let config = args.settings.load();
-    diagnosis.add(match (&config, args.settings.file()) {
-        (Ok(_), Some(path)) => Finding::ok("config", format!("{} is valid", path.display())),
-        (Ok(_), None) => Finding::ok("config", "no config named, no spykee.yaml here: defaults"),
+    report.add(match (&config, args.settings.file()) {
+        (Ok(_), Some(path)) => CheckResult::ok("config", format!("{} is valid", path.display())),
+        (Ok(_), None) => {
+            CheckResult::ok("config", "no config named, no spykee.yaml here: defaults")
+        }
         (Err(error), _) => {
             let help = "correct the file; the README lists the keys";
-            Finding::fail("config", error.to_string(), help)
+            CheckResult::fail("config", error.to_string(), help)
         }
     })?;
     Ok(config.cloned().unwrap_or_default())
 }
 
-/// The findings so far. Prints each line as soon as its finding is known.
-struct Diagnosis {
+/// The results so far. Prints each line as soon as its result is known.
+struct DoctorReport {
     json: bool,
-    findings: Vec<Finding>,
+    results: Vec<CheckResult>,
 }
 
-impl Diagnosis {
-    fn add(&mut self, finding: Finding) -> Result<(), Failure> {
+impl DoctorReport {
+    fn add(&mut self, result: CheckResult) -> Result<(), Failure> {
         if !self.json {
-            print(&finding.line())?;
+            print(&result.line())?;
         }
-        self.findings.push(finding);
+        self.results.push(result);
         Ok(())
     }
 
     fn end(self) -> Result<Exit, Failure> {
         if self.json {
-            print(&format!("{}\n", serde_json::json!(self.findings)))?;
+            print(&format!("{}\n", serde_json::json!(self.results)))?;
         }
-        let failed = |finding: &Finding| finding.verdict == Verdict::Fail;
-        Ok(if self.findings.iter().any(failed) {
+        let failed = |result: &CheckResult| result.verdict == Verdict::Fail;
+        Ok(if self.results.iter().any(failed) {
             Exit::Unreachable
         } else {
             Exit::Done

@@ -5,10 +5,10 @@ use std::time::Duration;
 use tokio::net::TcpStream;
 use tokio::time::{Instant, timeout, timeout_at};
 
-use super::{Diagnosis, Finding};
+use super::{CheckResult, DoctorReport};
 use crate::cli::interrupt::interruption;
-use crate::cli::reach::reach;
 use crate::cli::robot::send_home_if_low;
+use crate::cli::robot_target::resolve_or_simulate;
 use crate::cli::startup::is_stopped;
 use crate::cli::{ConnectionArgs, Exit, Failure, RobotChoice};
 use crate::config::{Config, Effective};
@@ -33,19 +33,23 @@ pub(super) async fn examine(
     place: Option<RobotChoice>,
     connection: &ConnectionArgs,
     settings: &Effective,
-    diagnosis: &mut Diagnosis,
+    report: &mut DoctorReport,
 ) -> Result<(), Failure> {
     let interrupted = interruption()?;
     let checks = async {
-        diagnosis.add(interfaces())?;
-        diagnosis.add(discovery().await)?;
+        report.add(interfaces())?;
+        report.add(discovery().await)?;
         match place {
             None => {
                 let help = "name a robot with --robot HOST[:PORT] or in the config; --sim checks a \
                             simulated one";
-                diagnosis.add(Finding::warn("robot", "no robot named: not checked", help))
+                report.add(CheckResult::warn(
+                    "robot",
+                    "no robot named: not checked",
+                    help,
+                ))
             }
-            Some(place) => robot(place, connection, settings, diagnosis).await,
+            Some(place) => robot(place, connection, settings, report).await,
         }
     };
     tokio::select! {
@@ -55,7 +59,7 @@ pub(super) async fn examine(
     }
 }
 
-fn interfaces() -> Finding {
+fn interfaces() -> CheckResult {
     let all = if_addrs::get_if_addrs().unwrap_or_default();
     let shown: Vec<String> = all
         .iter()
@@ -64,19 +68,19 @@ fn interfaces() -> Finding {
         .collect();
     if shown.is_empty() {
         let help = "join the robot's Wi-Fi (SPYKEE...), or the network that it is in";
-        return Finding::warn("network", "no interface has an IPv4 address", help);
+        return CheckResult::warn("network", "no interface has an IPv4 address", help);
     }
-    Finding::ok("network", shown.join(", "))
+    CheckResult::ok("network", shown.join(", "))
 }
 
-async fn discovery() -> Finding {
+async fn discovery() -> CheckResult {
     match discover::discover(DISCOVERY_PERIOD, &[]).await {
-        Err(error) => Finding::fail(
+        Err(error) => CheckResult::fail(
             "discovery",
             format!("cannot broadcast: {error}"),
             "may this user open UDP sockets?",
         ),
-        Ok(found) if found.is_empty() => Finding::warn(
+        Ok(found) if found.is_empty() => CheckResult::warn(
             "discovery",
             "searched every network; no robot answered",
             "is the robot on, and is this computer in its Wi-Fi (SPYKEE...)? A firewall must let \
@@ -89,7 +93,7 @@ async fn discovery() -> Finding {
                 format!("{} at {}{user}", robot.uid, robot.addr)
             };
             let robots: Vec<String> = found.iter().map(robot).collect();
-            Finding::ok("discovery", robots.join(", "))
+            CheckResult::ok("discovery", robots.join(", "))
         }
     }
 }
@@ -98,14 +102,14 @@ async fn robot(
     place: RobotChoice,
     connection: &ConnectionArgs,
     settings: &Effective,
-    diagnosis: &mut Diagnosis,
+    report: &mut DoctorReport,
 ) -> Result<(), Failure> {
     let config = &settings.config;
     let login = connection.login.login(settings)?;
-    let (target, sim) = reach(place, &login, 0)?;
+    let (target, sim) = resolve_or_simulate(place, &login, 0)?;
     let reachable = check_reachable(&target, config.link.connect_timeout).await;
     let open = reachable.verdict != super::Verdict::Fail;
-    diagnosis.add(reachable)?;
+    report.add(reachable)?;
     if !open {
         return Ok(());
     }
@@ -113,7 +117,7 @@ async fn robot(
     {
         Ok(session) => session,
         Err(error) => {
-            return diagnosis.add(Finding::fail("login", error.to_string(), error.help()));
+            return report.add(CheckResult::fail("login", error.to_string(), error.help()));
         }
     };
     let who = &session.accepted;
@@ -122,13 +126,13 @@ async fn robot(
         "{} accepted the login, firmware {}, {docked} its station",
         who.uid, who.firmware
     );
-    diagnosis.add(Finding::ok("login", found))?;
-    diagnosis.add(battery(&session, config))?;
+    report.add(CheckResult::ok("login", found))?;
+    report.add(battery(&session, config))?;
     let stopped = is_stopped(config, sim.is_some());
-    match check_link(&mut session, config, stopped, diagnosis).await {
+    match check_link(&mut session, config, stopped, report).await {
         Ok(result) => result?,
         Err(error) => {
-            return diagnosis.add(Finding::fail("link", error.to_string(), error.help()));
+            return report.add(CheckResult::fail("link", error.to_string(), error.help()));
         }
     }
     link::close_gracefully(session.reader, session.writer, DELIVERY).await;
@@ -140,21 +144,21 @@ async fn check_link(
     session: &mut Session,
     config: &Config,
     stopped: bool,
-    diagnosis: &mut Diagnosis,
+    report: &mut DoctorReport,
 ) -> Result<Result<(), Failure>, LinkError> {
     if !stopped {
         send_home_if_low(session, config).await?;
     }
     let latency = latency(session).await?;
-    if let Err(failure) = diagnosis.add(latency) {
+    if let Err(failure) = report.add(latency) {
         return Ok(Err(failure));
     }
     let video = video(session).await?;
-    Ok(diagnosis.add(video))
+    Ok(report.add(video))
 }
 
 /// Opens one TCP connection and closes it at once: this takes one round trip.
-async fn check_reachable(target: &Target, limit: Duration) -> Finding {
+async fn check_reachable(target: &Target, limit: Duration) -> CheckResult {
     let began = Instant::now();
     let help = "is the robot on, and is this computer in its Wi-Fi? `spykee discover` lists robots";
     match timeout(
@@ -165,36 +169,38 @@ async fn check_reachable(target: &Target, limit: Duration) -> Finding {
     {
         Ok(Ok(_)) => {
             let took = began.elapsed().as_secs_f64() * 1000.0;
-            Finding::ok("robot", format!("{target} can be reached, in {took:.1} ms"))
+            CheckResult::ok("robot", format!("{target} can be reached, in {took:.1} ms"))
         }
-        Ok(Err(error)) => Finding::fail("robot", format!("cannot reach {target}: {error}"), help),
+        Ok(Err(error)) => {
+            CheckResult::fail("robot", format!("cannot reach {target}: {error}"), help)
+        }
         Err(_) => {
             let found = format!("{target} did not answer within {} s", limit.as_secs());
-            Finding::fail("robot", found, help)
+            CheckResult::fail("robot", found, help)
         }
     }
 }
 
-fn battery(session: &Session, config: &Config) -> Finding {
+fn battery(session: &Session, config: &Config) -> CheckResult {
     let power = session.power;
     let charging = if power.charging { ", charging" } else { "" };
     let found = format!("{} %{charging}", power.percent);
     if power.charging || power.percent > config.watchdog.low.get() {
-        return Finding::ok("battery", found);
+        return CheckResult::ok("battery", found);
     }
     let help = "too low to drive: put the robot on its station";
-    Finding::warn("battery", found, help)
+    CheckResult::warn("battery", found, help)
 }
 
 /// Measures the time from a request to its reply, including the robot's processing time.
-async fn latency(session: &mut Session) -> Result<Finding, LinkError> {
+async fn latency(session: &mut Session) -> Result<CheckResult, LinkError> {
     let began = Instant::now();
     session.writer.write(&[Command::PowerQuery]).await?;
     loop {
         let Ok(report) = timeout_at(began + REPLY_TIMEOUT, session.reader.next()).await else {
             let found = "the robot did not reply to a battery request";
             let help = "some robots may not reply; check whether frames arrive";
-            return Ok(Finding::warn("latency", found, help));
+            return Ok(CheckResult::warn("latency", found, help));
         };
         if let Report::Power(_) = report? {
             break;
@@ -206,13 +212,13 @@ async fn latency(session: &mut Session) -> Result<Finding, LinkError> {
         took.as_secs_f64() * 1000.0
     );
     Ok(if took > SLOW {
-        Finding::warn("latency", found, "bring robot and computer closer together")
+        CheckResult::warn("latency", found, "bring robot and computer closer together")
     } else {
-        Finding::ok("latency", found)
+        CheckResult::ok("latency", found)
     })
 }
 
-async fn video(session: &mut Session) -> Result<Finding, LinkError> {
+async fn video(session: &mut Session) -> Result<CheckResult, LinkError> {
     let stream = |on| Command::Stream {
         stream: Stream::Video,
         on,
@@ -231,24 +237,24 @@ async fn video(session: &mut Session) -> Result<Finding, LinkError> {
     let seconds = first
         .map_or(VIDEO_PERIOD, |first| first.elapsed())
         .as_secs_f64();
-    Ok(video_finding(
+    Ok(video_result(
         frames,
         damaged,
         f64::from(frames) / seconds.max(0.1),
     ))
 }
 
-fn video_finding(frames: u32, damaged: u32, rate: f64) -> Finding {
+fn video_result(frames: u32, damaged: u32, rate: f64) -> CheckResult {
     let found = format!("{rate:.0} frames per second, {damaged} of {frames} damaged");
     if frames == 0 {
         let help =
             "scripts that use the camera will get no pictures: switch the robot off and on again";
-        return Finding::fail("video", "no frame arrived within 3 s", help);
+        return CheckResult::fail("video", "no frame arrived within 3 s", help);
     }
     if rate < FEW_FRAMES || damaged * 10 > frames {
-        return Finding::warn("video", found, "bring robot and computer closer together");
+        return CheckResult::warn("video", found, "bring robot and computer closer together");
     }
-    Finding::ok("video", found)
+    CheckResult::ok("video", found)
 }
 
 #[cfg(test)]
@@ -258,7 +264,7 @@ mod tests {
 
     #[test]
     fn few_or_damaged_frames_get_a_warning() {
-        let verdict = |frames, damaged, rate| video_finding(frames, damaged, rate).verdict;
+        let verdict = |frames, damaged, rate| video_result(frames, damaged, rate).verdict;
         assert_eq!(verdict(45, 0, 15.0), Verdict::Ok);
         assert_eq!(verdict(45, 9, 15.0), Verdict::Warn);
         assert_eq!(verdict(6, 0, 2.0), Verdict::Warn);

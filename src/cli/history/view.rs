@@ -72,7 +72,12 @@ pub(super) fn all(records: &[Record], zone: &TimeZone) -> View {
     ];
     let rows = records.iter().map(|one| {
         let robot = one.robot.clone().unwrap_or_default();
-        vec![time(one.at, zone), robot, one.kind().to_owned(), words(one)]
+        vec![
+            time(one.at, zone),
+            robot,
+            one.kind().to_owned(),
+            describe(one),
+        ]
     });
     View::new(&head, rows)
 }
@@ -110,7 +115,7 @@ pub(super) fn link(records: &[Record], zone: &TimeZone) -> View {
             "down"
         };
         let robot = one.robot.clone().unwrap_or_default();
-        vec![time(one.at, zone), robot, state.to_owned(), words(one)]
+        vec![time(one.at, zone), robot, state.to_owned(), describe(one)]
     });
     View::new(&head, rows)
 }
@@ -218,7 +223,7 @@ pub(super) fn messages(records: &[Record], zone: &TimeZone) -> View {
 }
 
 /// Describes a record in one line, for people.
-fn words(one: &Record) -> String {
+fn describe(one: &Record) -> String {
     let text = |key| one.text(key);
     let whole = |key| one.number(key).unwrap_or(0.0);
     match one.kind() {

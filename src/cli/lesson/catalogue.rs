@@ -142,7 +142,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::scenario::Book;
+    use crate::scenario::ScenarioFile;
     use crate::sim::World;
 
     #[test]
@@ -186,8 +186,11 @@ mod tests {
     #[test]
     fn every_lesson_has_ten_points() {
         for lesson in Lesson::all() {
-            let book = Book::of_text(lesson.folder, lesson.check).unwrap();
-            let points = book.scenarios().iter().map(|one| one.options.points);
+            let scenario_file = ScenarioFile::of_text(lesson.folder, lesson.check).unwrap();
+            let points = scenario_file
+                .scenarios()
+                .iter()
+                .map(|one| one.options.points);
             assert_eq!(points.sum::<u32>(), 10, "{}", lesson.folder);
         }
     }

@@ -10,11 +10,11 @@ use super::marks::Marks;
 use super::{Console, Exit, Failure, LessonParser, print};
 use crate::cli::check::{has_errors, of_source};
 use crate::cli::number;
-use crate::cli::test::job_pool::{Job, JobPool, JobResult, parse_timeout, trials};
+use crate::cli::test::job_pool::{Job, JobPool, JobResult, parse_timeout, scenario_process};
 use crate::cli::world::{parse_png, save};
 use crate::config::Config;
 use crate::files;
-use crate::scenario::{Book, Setting};
+use crate::scenario::{RunSettings, ScenarioFile};
 use crate::script::MAX_SOURCE;
 
 #[derive(Debug, Clone, clap::Args)]
@@ -98,22 +98,22 @@ pub(super) fn marks_of(
     timeout: Duration,
     console: &Console,
 ) -> Result<Option<Marks>, Failure> {
-    let trials = trials(timeout)?;
-    let book = trials
+    let scenario_process = scenario_process(timeout)?;
+    let scenario_file = scenario_process
         .of_text(lesson.folder, lesson.check)
         .map_err(Failure::internal)?;
-    let setting = Setting {
+    let settings = RunSettings {
         subject: Some(file.to_owned()),
-        ..Setting::default()
+        ..RunSettings::default()
     };
     let options = Config::default().script("check", file.display().to_string(), 0);
-    let findings = of_source(source, &options)?;
-    let cannot_run = has_errors(&findings);
-    let mut marks = Marks::new(book.scenarios(), findings, cannot_run);
-    let stop = setting.stop.clone();
+    let diagnostics = of_source(source, &options)?;
+    let cannot_run = has_errors(&diagnostics);
+    let mut marks = Marks::new(scenario_file.scenarios(), diagnostics, cannot_run);
+    let stop = settings.stop.clone();
     if !cannot_run {
-        let pool = JobPool::new(jobs, setting, trials);
-        run_scenarios(&book, pool, &mut marks, console)?;
+        let pool = JobPool::new(jobs, settings, scenario_process);
+        run_scenarios(&scenario_file, pool, &mut marks, console)?;
     }
     if stop.is_cancelled() {
         return Ok(None);
@@ -162,23 +162,23 @@ fn lesson_of(source: &[u8]) -> Result<&'static Lesson, Failure> {
 }
 
 fn run_scenarios(
-    book: &Book,
+    scenario_file: &ScenarioFile,
     pool: JobPool,
     marks: &mut Marks,
     console: &Console,
 ) -> Result<(), Failure> {
-    let jobs: Vec<Job<'_>> = book
+    let jobs: Vec<Job<'_>> = scenario_file
         .scenarios()
         .iter()
         .flat_map(|scenario| scenario.seeds().map(move |seed| (scenario, seed)))
         .map(|(scenario, seed)| Job {
-            book: 0,
+            scenario_file: 0,
             scenario,
             seed,
         })
         .collect();
-    pool.run(&[book], &jobs, |done: JobResult<'_>| {
-        marks.take(done.job.scenario, done.job.seed, done.played.failure);
+    pool.run(&[scenario_file], &jobs, |done: JobResult<'_>| {
+        marks.take(done.job.scenario, done.job.seed, done.result.failure);
         console.status(marks.progress());
     })?;
     console.status("");
@@ -191,9 +191,9 @@ fn report(args: &CheckArgs, feedback: &Feedback<'_>) -> Result<(), Failure> {
         std::fs::write(path, text).map_err(|error| Failure::unwritable(path, error))?;
     }
     let failed = feedback.marks.first_failure();
-    let scene = failed.and_then(|failure| failure.scene.as_ref());
-    if let (Some(path), Some(scene)) = (&args.picture, scene) {
-        save(&scene.picture, path)?;
+    let snapshot = failed.and_then(|failure| failure.snapshot.as_ref());
+    if let (Some(path), Some(snapshot)) = (&args.picture, snapshot) {
+        save(&snapshot.picture, path)?;
     }
     print(&if args.json {
         format!("{:#}\n", feedback.json())

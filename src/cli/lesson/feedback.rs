@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::catalogue::Lesson;
 use super::marks::{Mark, Marks};
-use crate::clean;
+use crate::sanitize;
 use crate::scenario::{Cause, Failure};
 
 /// Maximum number of lines shown of an error.
@@ -30,7 +30,7 @@ impl Feedback<'_> {
     /// The feedback as text, for a terminal.
     pub(super) fn text(&self) -> String {
         let (lesson, marks) = (self.lesson, self.marks);
-        let file = clean::text(&self.file.display().to_string(), false).replace('\n', " ");
+        let file = sanitize::text(&self.file.display().to_string(), false).replace('\n', " ");
         let mut text = format!("Lesson {}, {}: {file}\n\n", lesson.number, lesson.title());
         if let Some(other) = &self.other_lesson {
             text += &format!("{other} Is it the right script?\n\n");
@@ -58,8 +58,8 @@ impl Feedback<'_> {
         if let Some(words) = marks.script_error() {
             text += &format!("The script stopped with an error:\n\n{}\n", quoted(words));
         }
-        if !marks.findings.is_empty() {
-            let found: Vec<String> = marks.findings.iter().map(ToString::to_string).collect();
+        if !marks.diagnostics.is_empty() {
+            let found: Vec<String> = marks.diagnostics.iter().map(ToString::to_string).collect();
             text += if marks.cannot_run {
                 "The script cannot run yet:\n\n"
             } else {
@@ -106,7 +106,7 @@ impl Feedback<'_> {
             "lesson": lesson.number, "title": lesson.title(), "other_lesson": self.other_lesson,
             "file": self.file.display().to_string(),
             "points": marks.points(), "max_points": marks.max_points(), "passed": marks.is_full(),
-            "mistakes": marks.findings, "error": marks.script_error(),
+            "mistakes": marks.diagnostics, "error": marks.script_error(),
             "scenarios": marks.marks.iter().map(scenario).collect::<Vec<Value>>(),
         })
     }
@@ -152,7 +152,7 @@ pub(super) fn sentence(failure: &Failure) -> String {
     match &failure.cause {
         Cause::Behaviour(_) => "The script stopped with an error.".to_owned(),
         Cause::Expectation | Cause::Scenario => {
-            clean::text(&failure.message, false).replace('\n', " ")
+            sanitize::text(&failure.message, false).replace('\n', " ")
         }
     }
 }
@@ -167,7 +167,7 @@ fn tries(mark: &Mark) -> String {
 
 /// Quotes text: marks each line, so that it cannot pass for our own output.
 fn quoted(words: &str) -> String {
-    let words = clean::text(words.trim_end(), false);
+    let words = sanitize::text(words.trim_end(), false);
     let mut lines = words.lines();
     let shown = lines.by_ref().take(MAX_LINES);
     let mut text: String = shown.map(|line| format!("  | {line}\n")).collect();

@@ -10,13 +10,13 @@ use super::catalogue::Lesson;
 use super::check::{marks_of, read};
 use super::class::{Learner, learners};
 use super::feedback::sentence;
-use super::likeness::{Pair, pairs};
 use super::marks::Marks;
+use super::similarity::{Pair, pairs};
 use super::{Console, Exit, Failure, LessonParser, Side, aligned, print};
-use crate::clean;
 use crate::cli::number;
 use crate::cli::table::csv_cell;
 use crate::cli::test::job_pool::parse_timeout;
+use crate::sanitize;
 
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct GradeArgs {
@@ -167,7 +167,7 @@ fn missing(marks: &Marks) -> Vec<String> {
     let mut sentences: Vec<String> = Vec::new();
     if marks.cannot_run {
         let first = marks
-            .findings
+            .diagnostics
             .iter()
             .map(|found| found.message.clone())
             .next();
@@ -217,21 +217,21 @@ impl Class {
         }
         for pair in &self.alike {
             let (one, other) = self.names(pair);
-            let percent = (100.0 * pair.likeness).round();
+            let percent = (100.0 * pair.similarity).round();
             text += &format!("\nNearly the same text ({percent} %): {one} and {other}\n");
         }
-        clean::text(&text, false)
+        sanitize::text(&text, false)
     }
 
     fn names(&self, pair: &Pair) -> (&str, &str) {
-        let name = |place: usize| self.learners[place].name.as_str();
+        let name = |location: usize| self.learners[location].name.as_str();
         (name(pair.places.0), name(pair.places.1))
     }
 
     /// The results as CSV, for a spreadsheet.
     fn csv(&self) -> String {
         let mut text = "name,points,max_points,missing,file,same_text_as\n".to_owned();
-        for (place, one) in self.learners.iter().enumerate() {
+        for (location, one) in self.learners.iter().enumerate() {
             let file = one.file.as_ref().map(|file| file.display().to_string());
             let cells = [
                 one.name.clone(),
@@ -239,7 +239,7 @@ impl Class {
                 self.max_points.to_string(),
                 one.missing.join(" "),
                 file.unwrap_or_default(),
-                self.alike_with(place).join(", "),
+                self.alike_with(location).join(", "),
             ];
             text += &cells.map(|cell| csv_cell(&cell)).join(",");
             text.push('\n');
@@ -248,15 +248,15 @@ impl Class {
     }
 
     /// The names of the learners with nearly the same text.
-    fn alike_with(&self, place: usize) -> Vec<&str> {
+    fn alike_with(&self, location: usize) -> Vec<&str> {
         let other = |pair: &Pair| match pair.places {
-            (one, other) if one == place => Some(other),
-            (other, one) if one == place => Some(other),
+            (one, other) if one == location => Some(other),
+            (other, one) if one == location => Some(other),
             _ => None,
         };
         let places = self.alike.iter().filter_map(other);
         places
-            .map(|place| self.learners[place].name.as_str())
+            .map(|location| self.learners[location].name.as_str())
             .collect()
     }
 
@@ -271,7 +271,7 @@ impl Class {
         };
         let pair = |pair: &Pair| {
             let (one, other) = self.names(pair);
-            json!({ "names": [one, other], "likeness": (pair.likeness * 100.0).round() / 100.0 })
+            json!({ "names": [one, other], "similarity": (pair.similarity * 100.0).round() / 100.0 })
         };
         json!({
             "lesson": self.lesson.number, "title": self.lesson.title(), "max_points": self.max_points,

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::check::Finding;
+use crate::check::Diagnostic;
 use crate::scenario::{Cause, Failure, Scenario};
 
 /// The results of a check.
@@ -10,8 +10,8 @@ pub(super) struct Marks {
     /// One for each scenario of the lesson.
     pub(super) marks: Vec<Mark>,
     /// Mistakes found in the script.
-    pub(super) findings: Vec<Finding>,
-    /// Whether a finding is an error; then no scenario was run.
+    pub(super) diagnostics: Vec<Diagnostic>,
+    /// Whether a diagnostic is an error; then no scenario was run.
     pub(super) cannot_run: bool,
 }
 
@@ -26,7 +26,11 @@ pub(super) struct Mark {
 
 impl Marks {
     /// Creates marks without any tries.
-    pub(super) fn new(scenarios: &[Scenario], findings: Vec<Finding>, cannot_run: bool) -> Marks {
+    pub(super) fn new(
+        scenarios: &[Scenario],
+        diagnostics: Vec<Diagnostic>,
+        cannot_run: bool,
+    ) -> Marks {
         let mark = |scenario: &Scenario| Mark {
             name: scenario.name.clone(),
             max_points: scenario.options.points,
@@ -35,7 +39,7 @@ impl Marks {
         };
         Marks {
             marks: scenarios.iter().map(mark).collect(),
-            findings,
+            diagnostics,
             cannot_run,
         }
     }

@@ -13,7 +13,7 @@ use tokio::sync::mpsc;
 use super::super::Console;
 use super::names::Names;
 use crate::api;
-use crate::clean;
+use crate::sanitize;
 use crate::script::MAX_SOURCE;
 
 /// The prompts for a new input and for a continued one.
@@ -274,7 +274,7 @@ fn bounded_line(from: &mut impl BufRead, most: usize) -> rustyline::Result<Strin
 /// Prints text. Ignores errors: a closed terminal cannot be reported.
 fn show(text: &str) {
     let mut out = io::stdout().lock();
-    let _ = writeln!(out, "{}", clean::text(text.trim_end(), false));
+    let _ = writeln!(out, "{}", sanitize::text(text.trim_end(), false));
     let _ = out.flush();
 }
 

@@ -2,11 +2,11 @@
 
 use clap::builder::PossibleValuesParser;
 
-use super::SharedAimArgs;
+use super::SharedTargetArgs;
 use super::session::with_session;
 use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
 use crate::cli::{Exit, Failure, number};
-use crate::control::{Answer, RunRequest};
+use crate::control::{RunRequest, RunResponse};
 use crate::robot::Percent;
 use crate::wire::{Command, Led, Sound};
 
@@ -21,7 +21,7 @@ pub(super) struct LedArgs {
     #[arg(value_name = "on|off", value_parser = ["on", "off"])]
     state: String,
     #[command(flatten)]
-    pub(super) aim: SharedAimArgs,
+    pub(super) target: SharedTargetArgs,
 }
 
 /// Play a sound, or stop the music
@@ -40,7 +40,7 @@ pub(super) struct PlayArgs {
     #[arg(long, conflicts_with = "sound")]
     stop: bool,
     #[command(flatten)]
-    pub(super) aim: SharedAimArgs,
+    pub(super) target: SharedTargetArgs,
 }
 
 /// Set the volume of the speaker
@@ -52,7 +52,7 @@ pub(super) struct VolumeArgs {
     #[arg(value_parser = number::whole::<u8>(0..=100))]
     percent: u8,
     #[command(flatten)]
-    pub(super) aim: SharedAimArgs,
+    pub(super) target: SharedTargetArgs,
 }
 
 pub(super) fn led(args: &LedArgs) -> Result<Exit, Failure> {
@@ -60,7 +60,7 @@ pub(super) fn led(args: &LedArgs) -> Result<Exit, Failure> {
         .ok_or_else(|| Failure::usage(format_args!("no such light: {}", args.led)))?;
     let on = args.state == "on";
     send_command(
-        &args.aim,
+        &args.target,
         Command::Led { led, on },
         RunRequest::Led { led, on },
     )
@@ -68,33 +68,33 @@ pub(super) fn led(args: &LedArgs) -> Result<Exit, Failure> {
 
 pub(super) fn play(args: &PlayArgs) -> Result<Exit, Failure> {
     let Some(name) = &args.sound else {
-        return send_command(&args.aim, Command::StopSound, RunRequest::StopSound);
+        return send_command(&args.target, Command::StopSound, RunRequest::StopSound);
     };
     let sound = Sound::from_name(name)
         .ok_or_else(|| Failure::usage(format_args!("no such sound: {name}")))?;
-    send_command(&args.aim, Command::Play(sound), RunRequest::Play(sound))
+    send_command(&args.target, Command::Play(sound), RunRequest::Play(sound))
 }
 
 pub(super) fn volume(args: &VolumeArgs) -> Result<Exit, Failure> {
     let percent = Percent::saturating(args.percent);
     let command = Command::Volume(percent.get());
-    send_command(&args.aim, command, RunRequest::Volume(percent))
+    send_command(&args.target, command, RunRequest::Volume(percent))
 }
 
 /// Sends a command, directly or through the run that uses the robot.
 fn send_command(
-    aim: &SharedAimArgs,
+    target: &SharedTargetArgs,
     command: Command,
     request: RunRequest,
 ) -> Result<Exit, Failure> {
-    if let Some(run) = aim.find_run()? {
+    if let Some(run) = target.find_run()? {
         return match ask(&run, &request, REPLY_TIMEOUT)? {
             None => Ok(Exit::Interrupted),
-            Some(Answer::Done) => Ok(Exit::Done),
+            Some(RunResponse::Done) => Ok(Exit::Done),
             Some(_) => Err(unexpected_reply()),
         };
     }
-    with_session(aim, async |session| {
+    with_session(target, async |session| {
         session.send_confirmed(command).await?;
         Ok(Exit::Done)
     })

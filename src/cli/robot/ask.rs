@@ -3,12 +3,12 @@
 use serde_json::json;
 
 use super::session::{with_exclusive_session, with_session};
-use super::{AimArgs, SharedAimArgs};
-use crate::clean;
-use crate::cli::runs::words;
+use super::{SharedTargetArgs, TargetArgs};
+use crate::cli::runs::describe;
 use crate::cli::{Exit, Failure, print};
 use crate::control::Overview;
 use crate::robot::Battery;
+use crate::sanitize;
 use crate::wire::{Command, Report, latin1};
 
 /// Print the robot's id, names, firmware, battery and station
@@ -19,7 +19,7 @@ pub(super) struct InfoArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: SharedAimArgs,
+    pub(super) target: SharedTargetArgs,
 }
 
 /// Print the battery level and whether it charges
@@ -30,7 +30,7 @@ pub(super) struct BatteryArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: SharedAimArgs,
+    pub(super) target: SharedTargetArgs,
 }
 
 /// Print the robot's own log
@@ -42,7 +42,7 @@ pub(super) struct LogArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) target: TargetArgs,
 }
 
 /// The facts about a robot, from a run or from the robot itself.
@@ -59,7 +59,7 @@ struct Facts {
 }
 
 pub(super) fn info(args: &InfoArgs) -> Result<Exit, Failure> {
-    if let Some(run) = args.aim.find_run()? {
+    if let Some(run) = args.target.find_run()? {
         let Overview {
             robot,
             docked,
@@ -83,7 +83,7 @@ pub(super) fn info(args: &InfoArgs) -> Result<Exit, Failure> {
             },
         );
     }
-    with_session(&args.aim, async |session| {
+    with_session(&args.target, async |session| {
         let robot = &session.link.accepted;
         let facts = Facts {
             uid: robot.uid.clone(),
@@ -120,21 +120,21 @@ fn show_info(as_json: bool, facts: &Facts) -> Result<Exit, Failure> {
             facts.name,
             facts.firmware,
             facts.address,
-            facts.battery.map_or_else(|| "-".to_owned(), words),
+            facts.battery.map_or_else(|| "-".to_owned(), describe),
             if facts.docked { "yes" } else { "no" },
         );
-        clean::text(&lines, false)
+        sanitize::text(&lines, false)
     };
     print(&text)?;
     Ok(Exit::Done)
 }
 
 pub(super) fn battery(args: &BatteryArgs) -> Result<Exit, Failure> {
-    if let Some(run) = args.aim.find_run()? {
+    if let Some(run) = args.target.find_run()? {
         let battery = run.overview.battery.ok_or_else(never_connected)?;
         return show_battery(args.json, battery);
     }
-    with_session(&args.aim, async |session| {
+    with_session(&args.target, async |session| {
         show_battery(args.json, Battery::reported(session.link.power))
     })
 }
@@ -147,7 +147,7 @@ fn show_battery(as_json: bool, battery: Battery) -> Result<Exit, Failure> {
         });
         print(&format!("{object}\n"))?;
     } else {
-        print(&format!("{}\n", words(battery)))?;
+        print(&format!("{}\n", describe(battery)))?;
     }
     Ok(Exit::Done)
 }
@@ -158,7 +158,7 @@ fn never_connected() -> Failure {
 }
 
 pub(super) fn log(args: &LogArgs) -> Result<Exit, Failure> {
-    with_exclusive_session(&args.aim, async |session| {
+    with_exclusive_session(&args.target, async |session| {
         let pick = |report| match report {
             Report::Log(text) => Some(text),
             _ => None,
@@ -170,7 +170,7 @@ pub(super) fn log(args: &LogArgs) -> Result<Exit, Failure> {
             let lines: Vec<&str> = text.lines().collect();
             print(&format!("{}\n", json!({ "lines": lines })))?;
         } else if !text.is_empty() {
-            print(&format!("{}\n", clean::text(text, false)))?;
+            print(&format!("{}\n", sanitize::text(text, false)))?;
         }
         Ok(Exit::Done)
     })

@@ -20,8 +20,8 @@ use clap::Subcommand;
 
 use super::driver::DriverParts;
 use super::embedded::EmbeddedSim;
-use super::reach::{dial, place, reach};
 use super::remote::RemoteArgs;
+use super::robot_target::{connector, resolve_or_simulate, robot_choice};
 use super::running::find_run;
 use super::settings::SettingsArgs;
 use super::startup::{refuse_if_stopped, rescue};
@@ -35,9 +35,9 @@ use crate::wire::{self, Login};
 ///
 /// The watchdog handles a low battery, the station and a dead link as in a run. The robot serves
 /// one user at a time. If that is a `spykee run` of the same data folder, then battery, info,
-/// snapshot, dock, undock, stop, let-go, led, play, volume and say go through it; without --robot
-/// they address the only active run. With --url they go through a service on another computer. If any
-/// other program uses the robot, end it first.
+/// snapshot, dock, undock, stop, reset-stop, led, play, volume and say go through it; without
+/// --robot they address the only active run. With --url they go through a service on another
+/// computer. If any other program uses the robot, end it first.
 #[derive(Debug, Clone, clap::Args)]
 #[command(
     subcommand_required = true,
@@ -56,7 +56,7 @@ enum RobotCommand {
     Dock(station::DockArgs),
     Undock(station::UndockArgs),
     Stop(stop::StopArgs),
-    LetGo(stop::LetGoArgs),
+    ResetStop(stop::ResetStopArgs),
     Led(act::LedArgs),
     Play(act::PlayArgs),
     Volume(act::VolumeArgs),
@@ -72,24 +72,24 @@ impl RobotArgs {
     /// The settings of the chosen subcommand.
     pub(super) fn settings(&self) -> &SettingsArgs {
         use RobotCommand as C;
-        let aim: &AimArgs = match &self.command {
-            C::Info(args) => &args.aim,
-            C::Battery(args) => &args.aim,
-            C::Dock(args) => &args.aim,
-            C::Undock(args) => &args.aim,
-            C::Stop(args) => &args.aim,
-            C::LetGo(args) => &args.aim,
-            C::Led(args) => &args.aim,
-            C::Play(args) => &args.aim,
-            C::Volume(args) => &args.aim,
-            C::Say(args) => &args.aim,
-            C::Snapshot(args) => &args.aim,
-            C::Log(args) => &args.aim,
-            C::Config(args) => &args.change.aim,
-            C::Wifi(args) => &args.change.aim,
-            C::UploadSound(args) => &args.aim,
+        let target: &TargetArgs = match &self.command {
+            C::Info(args) => &args.target,
+            C::Battery(args) => &args.target,
+            C::Dock(args) => &args.target,
+            C::Undock(args) => &args.target,
+            C::Stop(args) => &args.target,
+            C::ResetStop(args) => &args.target,
+            C::Led(args) => &args.target,
+            C::Play(args) => &args.target,
+            C::Volume(args) => &args.target,
+            C::Say(args) => &args.target,
+            C::Snapshot(args) => &args.target,
+            C::Log(args) => &args.target,
+            C::Config(args) => &args.change.target,
+            C::Wifi(args) => &args.change.target,
+            C::UploadSound(args) => &args.target,
         };
-        &aim.settings
+        &target.settings
     }
 }
 
@@ -104,7 +104,7 @@ pub(super) fn run(args: &RobotArgs, console: &Console) -> Result<Exit, Failure> 
         RobotCommand::Dock(args) => station::dock(args),
         RobotCommand::Undock(args) => station::undock(args),
         RobotCommand::Stop(args) => stop::stop(args),
-        RobotCommand::LetGo(args) => stop::let_go(args),
+        RobotCommand::ResetStop(args) => stop::reset_stop(args),
         RobotCommand::Led(args) => act::led(args),
         RobotCommand::Play(args) => act::play(args),
         RobotCommand::Volume(args) => act::volume(args),
@@ -119,7 +119,7 @@ pub(super) fn run(args: &RobotArgs, console: &Console) -> Result<Exit, Failure> 
 
 /// Selects the robot, the login and the settings.
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct AimArgs {
+pub(super) struct TargetArgs {
     #[command(flatten)]
     pub(in crate::cli) settings: SettingsArgs,
 
@@ -129,31 +129,31 @@ pub(super) struct AimArgs {
 
 /// The same, for commands that can also go through a run or service that uses the robot.
 #[derive(Debug, Clone, clap::Args)]
-pub(super) struct SharedAimArgs {
+pub(super) struct SharedTargetArgs {
     #[command(flatten)]
-    alone: AimArgs,
+    alone: TargetArgs,
 
     #[command(flatten)]
     remote: RemoteArgs,
 }
 
-impl Deref for SharedAimArgs {
-    type Target = AimArgs;
+impl Deref for SharedTargetArgs {
+    type Target = TargetArgs;
 
-    fn deref(&self) -> &AimArgs {
+    fn deref(&self) -> &TargetArgs {
         &self.alone
     }
 }
 
 /// A robot to connect to. A simulator ends when this is dropped.
-pub(super) struct Aim {
-    pub(super) target: Target,
+pub(super) struct RobotTarget {
+    pub(super) address: Target,
     pub(super) login: Login,
     pub(super) config: Config,
     pub(super) sim: Option<EmbeddedSim>,
 }
 
-impl SharedAimArgs {
+impl SharedTargetArgs {
     /// The active run or the service that uses the chosen robot, if any.
     ///
     /// # Errors
@@ -163,18 +163,18 @@ impl SharedAimArgs {
     }
 }
 
-impl AimArgs {
+impl TargetArgs {
     /// Resolves flags and config, and starts the simulator if requested.
     ///
     /// # Errors
     /// A config, login or world that cannot be used; no robot named.
-    pub(super) fn aim(&self, seed: u64) -> Result<Aim, Failure> {
+    pub(super) fn resolve(&self, seed: u64) -> Result<RobotTarget, Failure> {
         let config = self.settings.config()?.clone();
-        let place = place(&self.connection, &config)?;
+        let choice = robot_choice(&self.connection, &config)?;
         let login = self.connection.login.login(self.settings.load()?)?;
-        let (target, sim) = reach(place, &login, seed)?;
-        Ok(Aim {
-            target,
+        let (address, sim) = resolve_or_simulate(choice, &login, seed)?;
+        Ok(RobotTarget {
+            address,
             login,
             config,
             sim,
@@ -182,14 +182,14 @@ impl AimArgs {
     }
 }
 
-impl Aim {
+impl RobotTarget {
     /// Logs in once.
     ///
     /// # Errors
     /// Every kind of [`link::LinkError`].
     pub(super) async fn connect(&self) -> Result<link::Session, link::LinkError> {
         link::connect(
-            &self.target,
+            &self.address,
             &self.login,
             vec![wire::Command::STOP],
             &self.config.link,
@@ -205,7 +205,7 @@ impl Aim {
         refuse_if_stopped(&self.config, self.sim.is_some())?;
         let link = self.config.link.clone();
         Ok(DriverParts {
-            dial: dial(self.target.clone(), self.login.clone(), link),
+            connector: connector(self.address.clone(), self.login.clone(), link),
             settings: self.config.pilot(self.sim.is_some(), seed),
             rescue: rescue(&self.config, seed)?,
         })

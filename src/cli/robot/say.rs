@@ -4,12 +4,12 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::SharedAimArgs;
+use super::SharedTargetArgs;
 use super::wav;
 use crate::cli::driver::drive;
 use crate::cli::running::{ask, unexpected_reply};
 use crate::cli::{Exit, Failure, block_on};
-use crate::control::{Answer, MAX_SPEECH, RunRequest};
+use crate::control::{MAX_SPEECH, RunRequest, RunResponse};
 use crate::robot::Use;
 
 /// Maximum size of a file: the samples, and room for the chunks before them.
@@ -30,7 +30,7 @@ pub(super) struct SayArgs {
     #[arg(value_name = "FILE.wav")]
     file: PathBuf,
     #[command(flatten)]
-    pub(super) aim: SharedAimArgs,
+    pub(super) target: SharedTargetArgs,
 }
 
 pub(super) fn say(args: &SayArgs) -> Result<Exit, Failure> {
@@ -44,21 +44,21 @@ pub(super) fn say(args: &SayArgs) -> Result<Exit, Failure> {
     if samples.len() > MAX_SPEECH {
         return Err(refused(&"it is longer than 30 s"));
     }
-    if let Some(run) = args.aim.find_run()? {
+    if let Some(run) = args.target.find_run()? {
         let length = Duration::from_secs_f64(samples.len() as f64 / RATE);
         return match ask(&run, &RunRequest::Say(samples.to_vec()), length + SLACK)? {
             None => Ok(Exit::Interrupted),
-            Some(Answer::Done) => Ok(Exit::Done),
+            Some(RunResponse::Done) => Ok(Exit::Done),
             Some(_) => Err(unexpected_reply()),
         };
     }
     let seed = rand::random();
-    let aim = args.aim.aim(seed)?;
-    if aim.config.streams.audio_out == Use::Off {
+    let target = args.target.resolve(seed)?;
+    if target.config.streams.audio_out == Use::Off {
         let failure = Failure::usage("the config keeps the speaker off");
         return Err(failure.help("it has streams: { audio_out: off }"));
     }
-    block_on(drive(aim.driver_parts(seed)?, async |driver| {
+    block_on(drive(target.driver_parts(seed)?, async |driver| {
         driver.say(samples).await?;
         Ok(Exit::Done)
     }))?

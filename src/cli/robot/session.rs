@@ -5,7 +5,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use tokio::time::{Instant, timeout_at};
 
-use super::{Aim, AimArgs};
+use super::{RobotTarget, TargetArgs};
 use crate::cli::interrupt::interruption;
 use crate::cli::remote::RemoteArgs;
 use crate::cli::running::{find_run, robot_in_use};
@@ -44,16 +44,16 @@ pub(super) struct RobotSession {
 /// The robot cannot be reached, the job fails, or commands are not acknowledged of which one was
 /// sent with [`RobotSession::send_confirmed`].
 pub(super) fn with_session(
-    args: &AimArgs,
+    args: &TargetArgs,
     job: impl AsyncFnOnce(&mut RobotSession) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
-    let aim = args.aim(rand::random())?;
+    let target = args.resolve(rand::random())?;
     block_on(async {
         let mut interrupted = std::pin::pin!(interruption()?);
         let mut session = tokio::select! {
             biased;
             () = &mut interrupted => return Ok(Exit::Interrupted),
-            session = RobotSession::begin(&aim) => session?,
+            session = RobotSession::begin(&target) => session?,
         };
         let done = tokio::select! {
             biased;
@@ -71,7 +71,7 @@ pub(super) fn with_session(
 /// # Errors
 /// As for [`with_session`], or a run uses the robot.
 pub(super) fn with_exclusive_session(
-    args: &AimArgs,
+    args: &TargetArgs,
     job: impl AsyncFnOnce(&mut RobotSession) -> Result<Exit, Failure>,
 ) -> Result<Exit, Failure> {
     match find_run(&args.settings, &args.connection, &RemoteArgs::default())? {
@@ -93,7 +93,7 @@ pub(in crate::cli) async fn send_home_if_low(
     let now = Instant::now();
     let mut watchdog = Watchdog::new(config.watchdog.clone(), now);
     let (docked, power) = (session.accepted.docked, session.power);
-    let acts = watchdog.take(Fact::LinkUp { docked, power }, now);
+    let acts = watchdog.handle(Fact::LinkUp { docked, power }, now);
     let commands: Vec<Command> = acts.iter().filter_map(Act::command).collect();
     session
         .writer
@@ -110,15 +110,15 @@ pub(in crate::cli) async fn send_home_if_low(
 }
 
 impl RobotSession {
-    async fn begin(aim: &Aim) -> Result<RobotSession, LinkError> {
-        let mut link = aim.connect().await?;
-        if !is_stopped(&aim.config, aim.sim.is_some()) {
-            send_home_if_low(&mut link, &aim.config).await?;
+    async fn begin(target: &RobotTarget) -> Result<RobotSession, LinkError> {
+        let mut link = target.connect().await?;
+        if !is_stopped(&target.config, target.sim.is_some()) {
+            send_home_if_low(&mut link, &target.config).await?;
         }
         Ok(RobotSession {
             link,
-            simulated: aim.sim.is_some(),
-            streams: aim.config.streams,
+            simulated: target.sim.is_some(),
+            streams: target.config.streams,
             must_confirm: false,
         })
     }

@@ -6,11 +6,11 @@ use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::AimArgs;
+use super::TargetArgs;
 use super::session::{RobotSession, with_exclusive_session};
-use crate::clean;
 use crate::cli::table::{Side, aligned};
 use crate::cli::{Exit, Failure, print};
+use crate::sanitize;
 use crate::wire::{
     Command, Network, Report, Setting, join_settings, parse_networks, parse_settings,
 };
@@ -63,13 +63,13 @@ pub(super) struct ChangeArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) target: TargetArgs,
 }
 
 pub(super) fn config(args: &ConfigArgs) -> Result<Exit, Failure> {
     let args = &args.change;
     let wanted = wanted(args)?;
-    with_exclusive_session(&args.aim, async |session| {
+    with_exclusive_session(&args.target, async |session| {
         let mut settings = settings(session).await?;
         if !wanted.is_empty() {
             settings = change(session, args, &settings, &wanted).await?;
@@ -92,7 +92,7 @@ pub(super) fn wifi(args: &WifiArgs) -> Result<Exit, Failure> {
             Failure::usage(what).help("change other settings with `spykee robot config --set`")
         );
     }
-    with_exclusive_session(&args.aim, async |session| {
+    with_exclusive_session(&args.target, async |session| {
         let mut own = settings(session).await?;
         own.retain(|setting| concerns_network(&setting.key));
         if !wanted.is_empty() {
@@ -160,7 +160,7 @@ async fn change(
     {
         let keys: Vec<&str> = listed.iter().map(|setting| setting.key.as_str()).collect();
         let what = format!("the robot has no such setting: {}", unknown.key);
-        let help = clean::text(&format!("it has {}", keys.join(", ")), false);
+        let help = sanitize::text(&format!("it has {}", keys.join(", ")), false);
         return Err(Failure::usage(what).help(help));
     }
     confirm(&session.link.accepted.uid, args, wanted)?;
@@ -196,7 +196,7 @@ fn confirm(uid: &str, args: &ChangeArgs, wanted: &[Setting]) -> Result<(), Failu
         }
         None => {
             let changes = table(wanted);
-            print(&clean::text(
+            print(&sanitize::text(
                 &format!(
                     "This changes the robot {uid}:\n{changes}A wrong setting may leave it \
                      unreachable. Type its id to continue: "

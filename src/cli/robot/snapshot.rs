@@ -7,11 +7,11 @@ use bytes::Bytes;
 use serde_json::json;
 use tokio::time::Instant;
 
-use super::SharedAimArgs;
+use super::SharedTargetArgs;
 use super::session::{RobotSession, with_session};
 use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
 use crate::cli::{Exit, Failure, number, print};
-use crate::control::{Answer, Client, RunRequest};
+use crate::control::{Client, RunRequest, RunResponse};
 use crate::robot::Use;
 use crate::vision::{Decoder, Size};
 use crate::wire::{Command, Report, Stream};
@@ -33,7 +33,7 @@ pub(super) struct SnapshotArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: SharedAimArgs,
+    pub(super) target: SharedTargetArgs,
 }
 
 /// An intact frame, and the number of damaged ones before it.
@@ -44,13 +44,13 @@ struct Shot {
 }
 
 pub(super) fn snapshot(args: &SnapshotArgs) -> Result<Exit, Failure> {
-    if let Some(run) = args.aim.find_run()? {
+    if let Some(run) = args.target.find_run()? {
         return match request_picture(&run, Duration::from_secs(args.timeout))? {
             Some(shot) => save_and_report(args, &shot),
             None => Ok(Exit::Interrupted),
         };
     }
-    with_session(&args.aim, async |session| {
+    with_session(&args.target, async |session| {
         if session.streams.video == Use::Off {
             let failure = Failure::usage("the config keeps video off");
             return Err(failure.help("it has streams: { video: off }"));
@@ -84,8 +84,8 @@ fn request_picture(run: &Client, limit: Duration) -> Result<Option<Shot>, Failur
         let left = until.saturating_duration_since(std::time::Instant::now());
         let jpeg = match ask(run, &RunRequest::Picture(left), left + REPLY_TIMEOUT)? {
             None => return Ok(None),
-            Some(Answer::Picture(jpeg)) => Bytes::from(jpeg),
-            Some(Answer::NoPicture) => return Err(no_picture_in_time(limit, damaged)),
+            Some(RunResponse::Picture(jpeg)) => Bytes::from(jpeg),
+            Some(RunResponse::NoPicture) => return Err(no_picture_in_time(limit, damaged)),
             Some(_) => return Err(unexpected_reply()),
         };
         match decoder.decode(&jpeg).map(|image| image.size()) {

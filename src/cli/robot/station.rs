@@ -4,12 +4,12 @@ use std::time::Duration;
 
 use serde_json::json;
 
-use super::SharedAimArgs;
+use super::SharedTargetArgs;
 use crate::agent::Docked;
 use crate::cli::driver::drive;
 use crate::cli::running::{ask, unexpected_reply};
 use crate::cli::{Exit, Failure, block_on, number, print};
-use crate::control::{Answer, RunRequest};
+use crate::control::{RunRequest, RunResponse};
 use crate::robot::{DockEnd, DockPlan};
 
 /// Timeout for a run's reply, beyond the planned time.
@@ -33,7 +33,7 @@ pub(super) struct DockArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: SharedAimArgs,
+    pub(super) target: SharedTargetArgs,
 }
 
 /// Leave the charging station; refused while the battery is low
@@ -48,7 +48,7 @@ pub(super) struct UndockArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: SharedAimArgs,
+    pub(super) target: SharedTargetArgs,
 }
 
 pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
@@ -56,11 +56,11 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
         timeout: Duration::from_secs(args.timeout),
         ..DockPlan::default()
     };
-    if let Some(run) = args.aim.find_run()? {
+    if let Some(run) = args.target.find_run()? {
         let limit = (plan.timeout + plan.charge_timeout) * (plan.retries + 1) + SLACK;
         return match ask(&run, &RunRequest::Dock(plan), limit)? {
             None => Ok(Exit::Interrupted),
-            Some(Answer::Docked {
+            Some(RunResponse::Docked {
                 end,
                 attempts,
                 took,
@@ -77,8 +77,8 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
         };
     }
     let seed = rand::random();
-    let aim = args.aim.aim(seed)?;
-    let docking = drive(aim.driver_parts(seed)?, async |driver| {
+    let target = args.target.resolve(seed)?;
+    let docking = drive(target.driver_parts(seed)?, async |driver| {
         let docked = driver.dock(plan).await?;
         show_docked(args.json, docked)?;
         exit_of(docked.end, driver.status().low)
@@ -102,10 +102,10 @@ fn show_docked(as_json: bool, docked: Docked) -> Result<(), Failure> {
 
 pub(super) fn undock(args: &UndockArgs) -> Result<Exit, Failure> {
     let limit = Duration::from_secs(args.timeout);
-    if let Some(run) = args.aim.find_run()? {
+    if let Some(run) = args.target.find_run()? {
         return match ask(&run, &RunRequest::Undock(limit), limit + SLACK)? {
             None => Ok(Exit::Interrupted),
-            Some(Answer::Undocked(end)) => {
+            Some(RunResponse::Undocked(end)) => {
                 show_undocked(args.json, end)?;
                 exit_of(end, run.overview.low)
             }
@@ -113,8 +113,8 @@ pub(super) fn undock(args: &UndockArgs) -> Result<Exit, Failure> {
         };
     }
     let seed = rand::random();
-    let aim = args.aim.aim(seed)?;
-    let undocking = drive(aim.driver_parts(seed)?, async |driver| {
+    let target = args.target.resolve(seed)?;
+    let undocking = drive(target.driver_parts(seed)?, async |driver| {
         let end = driver.undock(limit).await?;
         show_undocked(args.json, end)?;
         exit_of(end, driver.status().low)

@@ -1,15 +1,15 @@
-//! `spykee robot stop` and `let-go`: stops the tracks, with retries, and releases a STOP.
+//! `spykee robot stop` and `reset-stop`: stops the tracks, with retries, and releases a STOP.
 
 use std::time::Duration;
 
 use tokio::time::{Instant, sleep};
 use tokio_util::sync::CancellationToken;
 
-use super::{Aim, AimArgs, SharedAimArgs};
+use super::{RobotTarget, SharedTargetArgs, TargetArgs};
 use crate::cli::interrupt::interruption;
 use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
 use crate::cli::{Exit, Failure, block_on, number, print};
-use crate::control::{Answer, Client, RunRequest, StopLatch};
+use crate::control::{Client, EmergencyStop, RunRequest, RunResponse};
 use crate::link::{LinkError, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
 use crate::safety::{Fact, Watchdog};
@@ -29,7 +29,7 @@ const PAUSE: Duration = Duration::from_millis(200);
 /// If a `spykee run` uses the robot, it stops the robot at once, whatever drives it, and ends.
 /// While any other program is connected, the robot refuses further logins: that program must stop
 /// it. With --url the service continues, and the robot stays stopped until a person releases it, at
-/// the page or with `spykee robot let-go`.
+/// the page or with `spykee robot reset-stop`.
 ///
 /// Settings that cannot be used do not prevent a stop: those of the config file alone are used, or
 /// else the defaults. Then name the robot with --robot, unless a run uses it.
@@ -41,17 +41,17 @@ pub(super) struct StopArgs {
           value_parser = number::whole::<u64>(1..=600))]
     timeout: u64,
     #[command(flatten)]
-    pub(super) aim: SharedAimArgs,
+    pub(super) target: SharedTargetArgs,
 }
 
 pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
     let mut args = args.clone();
-    args.aim.alone.settings = args.aim.settings.or_defaults();
-    let running = args.aim.find_run()?;
+    args.target.alone.settings = args.target.settings.or_defaults();
+    let running = args.target.find_run()?;
     if let Some(run) = running.as_ref().filter(|run| run.is_remote()) {
         return stop_through_service(run);
     }
-    let mut aim = AimArgs::clone(&args.aim);
+    let mut target = TargetArgs::clone(&args.target);
     if let Some(run) = &running {
         tracing::info!(
             "ending the run that uses the robot (process {})",
@@ -70,9 +70,9 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
             tracing::warn!("{failure}");
         }
         // Without --robot, the run was found without an address: use that of its robot.
-        aim.connection.robot = run.overview.target.parse().ok();
+        target.connection.robot = run.overview.target.parse().ok();
     }
-    let aim = aim.aim(rand::random())?;
+    let target = target.resolve(rand::random())?;
     let limit = Duration::from_secs(args.timeout);
     block_on(async {
         let (interrupted, ended) = (interruption()?, CancellationToken::new());
@@ -81,7 +81,7 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
             interrupted.await;
             ending.cancel();
         });
-        match stop_with_retries(&aim, limit, &ended).await? {
+        match stop_with_retries(&target, limit, &ended).await? {
             Some(Delivery::Acknowledged) => {
                 print("stopped: the robot's side has acknowledged it\n")?;
                 Ok(Exit::Done)
@@ -103,7 +103,7 @@ fn stop_through_service(run: &Client) -> Result<Exit, Failure> {
     }
     print(
         "stopped: the robot does not move until it is released, at the page or with `spykee robot \
-         let-go`\n",
+         reset-stop`\n",
     )?;
     Ok(Exit::Done)
 }
@@ -111,13 +111,13 @@ fn stop_through_service(run: &Client) -> Result<Exit, Failure> {
 /// Retries until a stop is acknowledged or the time is up. Returns the outcome of the last try that
 /// connected; `None` if interrupted before one did.
 async fn stop_with_retries(
-    aim: &Aim,
+    target: &RobotTarget,
     limit: Duration,
     ended: &CancellationToken,
 ) -> Result<Option<Delivery>, LinkError> {
     let until = Instant::now() + limit;
     loop {
-        let tried = try_stop(aim, ended).await;
+        let tried = try_stop(target, ended).await;
         let again = Instant::now() + PAUSE < until && !ended.is_cancelled();
         match tried {
             Ok(Some(delivery)) if delivery != Delivery::Acknowledged && again => {
@@ -134,17 +134,20 @@ async fn stop_with_retries(
 
 /// Tries once. The login already sends MOVE 0 0; the second stop ends any motion left by the
 /// cancelled search.
-async fn try_stop(aim: &Aim, ended: &CancellationToken) -> Result<Option<Delivery>, LinkError> {
+async fn try_stop(
+    target: &RobotTarget,
+    ended: &CancellationToken,
+) -> Result<Option<Delivery>, LinkError> {
     let mut session = tokio::select! {
         biased;
         () = ended.cancelled() => return Ok(None),
-        session = aim.connect() => session?,
+        session = target.connect() => session?,
     };
     let commands = [Command::Engine(Engage::CancelDock), Command::STOP];
     session.writer.write(&commands).await?;
-    let mut watchdog = Watchdog::new(aim.config.watchdog.clone(), Instant::now());
+    let mut watchdog = Watchdog::new(target.config.watchdog.clone(), Instant::now());
     let (docked, power) = (session.accepted.docked, session.power);
-    watchdog.take(Fact::LinkUp { docked, power }, Instant::now());
+    watchdog.handle(Fact::LinkUp { docked, power }, Instant::now());
     if watchdog.low().is_some() && !watchdog.docked() {
         let percent = power.percent;
         tracing::warn!(
@@ -162,30 +165,30 @@ async fn try_stop(aim: &Aim, ended: &CancellationToken) -> Result<Option<Deliver
 /// the same data folder. If a run or service uses the robot, this releases it there, as the button
 /// on the page does; otherwise it releases what an earlier one has left behind in the data folder.
 #[derive(Debug, Clone, clap::Args)]
-#[command(after_help = "Example: spykee robot let-go")]
-pub(super) struct LetGoArgs {
+#[command(after_help = "Example: spykee robot reset-stop")]
+pub(super) struct ResetStopArgs {
     #[command(flatten)]
-    pub(super) aim: SharedAimArgs,
+    pub(super) target: SharedTargetArgs,
 }
 
-pub(super) fn let_go(args: &LetGoArgs) -> Result<Exit, Failure> {
-    if args.aim.connection.sim.is_some() {
+pub(super) fn reset_stop(args: &ResetStopArgs) -> Result<Exit, Failure> {
+    if args.target.connection.sim.is_some() {
         return Err(Failure::usage(
             "--sim starts a new simulated robot, which nobody has stopped",
         ));
     }
-    if let Some(run) = args.aim.find_run()? {
-        return match ask(&run, &RunRequest::LetGo, REPLY_TIMEOUT)? {
+    if let Some(run) = args.target.find_run()? {
+        return match ask(&run, &RunRequest::ResetStop, REPLY_TIMEOUT)? {
             None => Ok(Exit::Interrupted),
-            Some(Answer::Done) => {
+            Some(RunResponse::Done) => {
                 print("released: the robot may move again\n")?;
                 Ok(Exit::Done)
             }
             Some(_) => Err(unexpected_reply()),
         };
     }
-    let data = args.aim.settings.config()?.data_folder();
-    match StopLatch::remove(data) {
+    let data = args.target.settings.config()?.data_folder();
+    match EmergencyStop::remove(data) {
         Ok(true) => print("released: the next program may move the robot again\n")?,
         Ok(false) => print("nothing to release: no STOP holds in this data folder\n")?,
         Err(error) => {

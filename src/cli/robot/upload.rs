@@ -6,7 +6,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use serde_json::json;
 
-use super::AimArgs;
+use super::TargetArgs;
 use super::session::{RobotSession, with_exclusive_session};
 use crate::cli::{Console, Exit, Failure, print};
 use crate::files;
@@ -39,13 +39,13 @@ pub(super) struct UploadArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
-    pub(super) aim: AimArgs,
+    pub(super) target: TargetArgs,
 }
 
 pub(super) fn upload(args: &UploadArgs, console: &Console) -> Result<Exit, Failure> {
     let content = load(&args.file)?;
     let chunks = chunks(&args.slot, &content)?;
-    with_exclusive_session(&args.aim, async |session| {
+    with_exclusive_session(&args.target, async |session| {
         send(session, &chunks, console).await?;
         confirm(session).await?;
         report(args, content.len())?;

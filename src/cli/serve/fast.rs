@@ -1,17 +1,17 @@
-//! `serve --sim --fast`: runs days and weeks of a service in a laboratory, in virtual time.
+//! `serve --sim --fast`: runs days and weeks of a service in a simulation, in virtual time.
 
-use super::duties::LoadedDuties;
+use super::service_plan::LoadedPlan;
 use super::{ServeArgs, exit};
-use crate::agent::{Agent, Tries, until_answered};
+use crate::agent::{Agent, ConnectAttempts, retry_until_connected};
 use crate::cli::embedded;
-use crate::cli::fast::{EventFile, LabJournalOptions, exit_when_stuck, no_lab};
+use crate::cli::fast::{EventFile, SimulationJournalOptions, exit_when_stuck, no_simulation};
 use crate::cli::interrupt::TerminatingSignals;
 use crate::cli::{Console, Exit, Failure, RobotChoice, startup};
 use crate::clock::{Clock, Span, Zone};
 use crate::config::Config;
-use crate::lab::{self, Lab};
 use crate::service::{ManagerNotifier, Service, View};
 use crate::sim;
+use crate::simulation::{self, Simulation};
 use crate::timetable::Record;
 use crate::wire::Login;
 
@@ -24,7 +24,7 @@ pub(super) fn serve(
     place: RobotChoice,
     login: Login,
     config: &Config,
-    loaded: LoadedDuties,
+    loaded: LoadedPlan,
     seed: u64,
     console: &Console,
 ) -> Result<Exit, Failure> {
@@ -34,7 +34,7 @@ pub(super) fn serve(
     };
     let zone = config.time_zone.clone().unwrap_or_else(Zone::utc);
     let events = args.events.as_deref().map(EventFile::create).transpose()?;
-    let options = lab::Options {
+    let options = simulation::Options {
         seed,
         sim: sim::Options {
             login,
@@ -45,19 +45,27 @@ pub(super) fn serve(
         streams: config.streams,
         events: events.as_ref().map(EventFile::recorder),
         date: args.date.map(|date| date.at(&zone)),
-        ..lab::Options::default()
+        ..simulation::Options::default()
     };
     let stop = options.stop.clone();
     let world = embedded::load(world.as_deref())?;
     end_at_a_signal(stop.clone())?;
     let limit = args.limit.map(Span::get);
-    let (journal_options, link) = (LabJournalOptions::from_config(config), config.link.clone());
+    let (journal_options, link) = (
+        SimulationJournalOptions::from_config(config),
+        config.link.clone(),
+    );
     exit_when_stuck(console);
-    let outcome = lab::run(world, options, async |lab: &Lab| {
-        let mut plan = lab.plan(Vec::new());
+    let outcome = simulation::run(world, options, async |simulation: &Simulation| {
+        let mut plan = simulation.plan(Vec::new());
         (plan.stays, plan.limit) = (true, limit);
-        plan.blueprints = loaded.duties.blueprints.clone();
-        plan.dial = until_answered(plan.dial, link, lab.seed(), Tries::default());
+        plan.specs = loaded.service_plan.specs.clone();
+        plan.connector = retry_until_connected(
+            plan.connector,
+            link,
+            simulation.seed(),
+            ConnectAttempts::default(),
+        );
         let bus = plan.bus.clone();
         let journal = journal_options.map(|options| options.start(&bus));
         let (agent, status) = Agent::new(plan);
@@ -66,7 +74,7 @@ pub(super) fn serve(
             agent,
             status,
             clock: Clock::default(),
-            duties: loaded.duties,
+            service_plan: loaded.service_plan,
             record: (Record::default(), None),
             notifier: ManagerNotifier::default(),
             bus,
@@ -80,7 +88,7 @@ pub(super) fn serve(
         }
         outcome
     });
-    let outcome = outcome.map_err(no_lab)?;
+    let outcome = outcome.map_err(no_simulation)?;
     events.map_or(Ok(()), EventFile::finish)?;
     exit(outcome)
 }

@@ -10,13 +10,13 @@ use tokio::sync::mpsc;
 use super::super::Failure;
 use super::super::interrupt::interruption;
 use crate::cli::argument::ArgumentError;
-use crate::scenario::{Book, Played, Scenario, Setting, Trials};
+use crate::scenario::{RunSettings, Scenario, ScenarioFile, ScenarioProcess, ScenarioResult};
 
 /// One scenario with one seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in super::super) struct Job<'a> {
-    /// Index of its book.
-    pub(in super::super) book: usize,
+    /// Index of its file.
+    pub(in super::super) scenario_file: usize,
     pub(in super::super) scenario: &'a Scenario,
     pub(in super::super) seed: u64,
 }
@@ -24,7 +24,7 @@ pub(in super::super) struct Job<'a> {
 /// A job and its result.
 pub(in super::super) struct JobResult<'a> {
     pub(in super::super) job: Job<'a>,
-    pub(in super::super) played: Played,
+    pub(in super::super) result: ScenarioResult,
     /// Duration in real time.
     pub(in super::super) took: Duration,
 }
@@ -32,18 +32,22 @@ pub(in super::super) struct JobResult<'a> {
 /// A pool of threads with their common settings.
 pub(in super::super) struct JobPool {
     threads: usize,
-    setting: Setting,
-    trials: Trials,
+    settings: RunSettings,
+    scenario_process: ScenarioProcess,
 }
 
 impl JobPool {
     /// Creates a pool with this many threads [default: one per processor].
-    pub(in super::super) fn new(threads: Option<u16>, setting: Setting, trials: Trials) -> JobPool {
+    pub(in super::super) fn new(
+        threads: Option<u16>,
+        settings: RunSettings,
+        scenario_process: ScenarioProcess,
+    ) -> JobPool {
         let processors = || thread::available_parallelism().map_or(1, NonZeroUsize::get);
         JobPool {
             threads: threads.map_or_else(processors, usize::from),
-            setting,
-            trials,
+            settings,
+            scenario_process,
         }
     }
 
@@ -53,7 +57,7 @@ impl JobPool {
     /// Threads, processes or signal handlers that cannot be started.
     pub(in super::super) fn run<'a>(
         &self,
-        books: &[&Book],
+        scenario_files: &[&ScenarioFile],
         jobs: &[Job<'a>],
         mut take: impl FnMut(JobResult<'a>),
     ) -> Result<(), Failure> {
@@ -68,21 +72,21 @@ impl JobPool {
                 let (done, next) = (done.clone(), &next);
                 thread::Builder::new()
                     .name("scenarios".into())
-                    .spawn_scoped(scope, move || self.work(books, jobs, next, &done))
-                    .map_err(no_lab)?;
+                    .spawn_scoped(scope, move || self.work(scenario_files, jobs, next, &done))
+                    .map_err(no_simulation)?;
             }
             drop(done);
             runtime.block_on(async {
                 let interrupted = interruption()?;
                 tokio::pin!(interrupted);
-                let stop = &self.setting.stop;
+                let stop = &self.settings.stop;
                 loop {
                     tokio::select! {
                         result = finished.recv() => match result {
                             None => return Ok(()),
                             Some(Err(error)) => {
                                 stop.cancel();
-                                return Err(no_lab(error));
+                                return Err(no_simulation(error));
                             }
                             Some(Ok(result)) if !stop.is_cancelled() => take(result),
                             Some(Ok(_)) => {}
@@ -96,29 +100,29 @@ impl JobPool {
 
     fn work<'a>(
         &self,
-        books: &[&Book],
+        scenario_files: &[&ScenarioFile],
         jobs: &[Job<'a>],
         next: &AtomicUsize,
         done: &mpsc::Sender<std::io::Result<JobResult<'a>>>,
     ) {
         while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            if self.setting.stop.is_cancelled() {
+            if self.settings.stop.is_cancelled() {
                 return;
             }
             let began = Instant::now();
-            let book = books[job.book];
-            let played = self
-                .trials
-                .play(book, job.scenario, job.seed, &self.setting);
-            let Some(played) = played.transpose() else {
+            let scenario_file = scenario_files[job.scenario_file];
+            let result =
+                self.scenario_process
+                    .run(scenario_file, job.scenario, job.seed, &self.settings);
+            let Some(result) = result.transpose() else {
                 return;
             };
-            let result = played.map(|played| JobResult {
+            let finished = result.map(|result| JobResult {
                 job: *job,
-                played,
+                result,
                 took: began.elapsed(),
             });
-            if done.blocking_send(result).is_err() {
+            if done.blocking_send(finished).is_err() {
                 return;
             }
         }
@@ -126,8 +130,9 @@ impl JobPool {
 }
 
 /// The launcher of the processes that run scenarios.
-pub(in super::super) fn trials(timeout: Duration) -> Result<Trials, Failure> {
-    Trials::new(timeout).map_err(|error| Failure::io("find this program's own file", error))
+pub(in super::super) fn scenario_process(timeout: Duration) -> Result<ScenarioProcess, Failure> {
+    ScenarioProcess::new(timeout)
+        .map_err(|error| Failure::io("find this program's own file", error))
 }
 
 /// Parses `--timeout`: seconds of real time.
@@ -138,6 +143,6 @@ pub(in super::super) fn parse_timeout(text: &str) -> Result<Duration, ArgumentEr
     timeout.ok_or(ArgumentError::Timeout)
 }
 
-fn no_lab(error: std::io::Error) -> Failure {
+fn no_simulation(error: std::io::Error) -> Failure {
     Failure::io("run the scenario", error)
 }

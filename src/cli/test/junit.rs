@@ -7,7 +7,7 @@ use quick_xml::events::{BytesDecl, BytesText, Event};
 
 use super::super::Failure;
 use super::report::{Report, Run};
-use crate::clean;
+use crate::sanitize;
 
 /// The report as a JUnit document.
 ///
@@ -43,7 +43,7 @@ fn write_file(
     let tests = (runs.len() + usize::from(broken.is_some())).to_string();
     let seconds: f64 = runs.iter().map(|run| run.took().as_secs_f64()).sum();
     xml.create_element("testsuite")
-        .with_attribute(("name", clean::xml(file).as_str()))
+        .with_attribute(("name", sanitize::xml(file).as_str()))
         .with_attribute(("tests", tests.as_str()))
         .with_attribute(("failures", failed.to_string().as_str()))
         .with_attribute(("errors", usize::from(broken.is_some()).to_string().as_str()))
@@ -53,7 +53,7 @@ fn write_file(
                 write_case(xml, file, "the file", 0.0, Some(("error", broken, broken)))?;
             }
             for run in runs {
-                let words = run.words();
+                let words = run.describe();
                 let failure = run.failure();
                 let failure = failure.map(|one| ("failure", one.message.as_str(), words.as_str()));
                 let name = format!("{} (seed {})", run.scenario, run.seed);
@@ -75,15 +75,15 @@ fn write_case(
     let time = format!("{seconds:.3}");
     let case = xml
         .create_element("testcase")
-        .with_attribute(("classname", clean::xml(file).as_str()))
-        .with_attribute(("name", clean::xml(name).as_str()))
+        .with_attribute(("classname", sanitize::xml(file).as_str()))
+        .with_attribute(("name", sanitize::xml(name).as_str()))
         .with_attribute(("time", time.as_str()));
     match wrong {
         None => case.write_empty()?,
         Some((element, message, story)) => case.write_inner_content(|xml| {
             xml.create_element(element)
-                .with_attribute(("message", clean::xml(message).as_str()))
-                .write_text_content(BytesText::new(&clean::xml(story)))?;
+                .with_attribute(("message", sanitize::xml(message).as_str()))
+                .write_text_content(BytesText::new(&sanitize::xml(story)))?;
             Ok(())
         })?,
     };

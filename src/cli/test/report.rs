@@ -8,13 +8,13 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use super::ScenarioFile;
+use super::TestFile;
 use super::job_pool::{Job, JobResult};
-use crate::clean;
 use crate::cli::plural;
 use crate::clock::hours;
 use crate::files::Folder;
-use crate::scenario::{Failure, Scene};
+use crate::sanitize;
+use crate::scenario::{Failure, Snapshot};
 
 /// All runs of a file.
 struct FileReport {
@@ -58,28 +58,26 @@ pub(super) struct Report {
 
 impl Report {
     /// Creates a report for the jobs to run.
-    pub(super) fn new(
-        scenario_files: &[ScenarioFile],
-        jobs: &[Job<'_>],
-        pictures: PathBuf,
-    ) -> Report {
-        let mut books = 0;
-        let file_report = |file: &ScenarioFile| {
+    pub(super) fn new(test_files: &[TestFile], jobs: &[Job<'_>], pictures: PathBuf) -> Report {
+        let mut scenario_files = 0;
+        let file_report = |file: &TestFile| {
             let mut report = FileReport {
                 file: file.file.display().to_string(),
-                broken: file.book.as_ref().err().map(ToString::to_string),
+                broken: file.scenario_file.as_ref().err().map(ToString::to_string),
                 runs: Vec::new(),
                 printed: false,
             };
-            if file.book.is_ok() {
-                let own = jobs.iter().filter(|job| job.book == books);
+            if file.scenario_file.is_ok() {
+                let own = jobs
+                    .iter()
+                    .filter(|job| job.scenario_file == scenario_files);
                 report.runs = own.map(Run::new).collect();
-                books += 1;
+                scenario_files += 1;
             }
             report
         };
         Report {
-            files: scenario_files.iter().map(file_report).collect(),
+            files: test_files.iter().map(file_report).collect(),
             pictures,
         }
     }
@@ -87,8 +85,8 @@ impl Report {
     /// Stores a result, and saves its picture if it failed.
     pub(super) fn take(&mut self, done: JobResult<'_>) {
         let pictures = self.pictures.clone();
-        let playable = self.files.iter_mut().filter(|file| file.broken.is_none());
-        let Some(file) = playable.into_iter().nth(done.job.book) else {
+        let valid = self.files.iter_mut().filter(|file| file.broken.is_none());
+        let Some(file) = valid.into_iter().nth(done.job.scenario_file) else {
             return;
         };
         let is_meant =
@@ -96,16 +94,18 @@ impl Report {
         let Some(run) = file.runs.iter_mut().find(is_meant) else {
             return;
         };
-        let failure = done.played.failure;
-        let scene = failure.as_ref().and_then(|failure| failure.scene.as_ref());
-        let picture = scene.map(|scene| {
+        let failure = done.result.failure;
+        let snapshot = failure
+            .as_ref()
+            .and_then(|failure| failure.snapshot.as_ref());
+        let picture = snapshot.map(|snapshot| {
             let path = pictures.join(run.picture_name(&file.file));
-            save(scene, &pictures, &path).map(|()| path)
+            save(snapshot, &pictures, &path).map(|()| path)
         });
         run.outcome = Some(Outcome {
-            simulated: done.played.simulated,
+            simulated: done.result.simulated,
             took: done.took,
-            lines: done.played.lines,
+            lines: done.result.lines,
             failure,
             picture,
         });
@@ -187,8 +187,12 @@ impl Report {
     /// For each file: its name, why it cannot be run if it cannot, and its finished runs.
     pub(super) fn files(&self) -> impl Iterator<Item = (&str, Option<&str>, Vec<&Run>)> {
         self.files.iter().map(|file| {
-            let played = file.runs.iter().filter(|run| run.outcome.is_some());
-            (file.file.as_str(), file.broken.as_deref(), played.collect())
+            let finished = file.runs.iter().filter(|run| run.outcome.is_some());
+            (
+                file.file.as_str(),
+                file.broken.as_deref(),
+                finished.collect(),
+            )
         })
     }
 
@@ -210,7 +214,7 @@ impl Report {
 impl FileReport {
     fn write(&self, text: &mut String) {
         // Writing into a string does not fail.
-        let _ = writeln!(text, "{}", clean::line(&self.file));
+        let _ = writeln!(text, "{}", sanitize::line(&self.file));
         if let Some(broken) = &self.broken {
             let _ = writeln!(text, "  FAIL  {}\n", indented(broken, 8));
             return;
@@ -236,7 +240,7 @@ impl FileReport {
             count if passed == count => format!("{count} seeds"),
             count => format!("{passed} of {count} seeds"),
         };
-        let name = clean::line(name);
+        let name = sanitize::line(name);
         let _ = writeln!(text, "  {word}  {name} ({seeds}, {})", hours(simulated));
         let mut failed = runs.iter().filter(|run| run.failure().is_some());
         if let Some(first) = failed.next() {
@@ -277,7 +281,7 @@ impl Run {
     }
 
     /// The failure as text.
-    pub(super) fn words(&self) -> String {
+    pub(super) fn describe(&self) -> String {
         let mut text = String::new();
         self.write_failure(&mut text);
         text
@@ -287,18 +291,21 @@ impl Run {
         let (Some(outcome), Some(failure)) = (&self.outcome, self.failure()) else {
             return;
         };
-        let place = failure.place.as_ref().map(|place| format!("{place}: "));
-        let (place, message) = (place.unwrap_or_default(), indented(&failure.message, 8));
-        let _ = writeln!(text, "        {place}{message}");
-        if let (Some(place), Some(line)) = (&failure.place, &failure.line) {
-            let number = place.line.to_string();
+        let location = failure
+            .location
+            .as_ref()
+            .map(|location| format!("{location}: "));
+        let (location, message) = (location.unwrap_or_default(), indented(&failure.message, 8));
+        let _ = writeln!(text, "        {location}{message}");
+        if let (Some(location), Some(line)) = (&failure.location, &failure.line) {
+            let number = location.line.to_string();
             let _ = writeln!(text, "        {number} | {}", line.trim_end());
             if let Some(help) = &failure.help {
                 let _ = writeln!(text, "        {:1$} = help: {help}", "", number.len());
             }
         }
-        let _ = match &failure.scene {
-            Some(Scene {
+        let _ = match &failure.snapshot {
+            Some(Snapshot {
                 at, pose, battery, ..
             }) => writeln!(
                 text,
@@ -357,15 +364,15 @@ impl Run {
         let outcome = self.outcome.as_ref()?;
         let failure = outcome.failure.as_ref().map(|failure| {
             let picture = outcome.picture.as_ref().and_then(|kept| kept.as_ref().ok());
-            let scene = failure.scene.as_ref();
+            let snapshot = failure.snapshot.as_ref();
             json!({
                 "message": failure.message,
-                "file": failure.place.as_ref().map(|place| &place.file),
-                "line": failure.place.as_ref().map(|place| place.line),
+                "file": failure.location.as_ref().map(|location| &location.file),
+                "line": failure.location.as_ref().map(|location| location.line),
                 "source": failure.line, "help": failure.help,
-                "at": scene.map(|scene| scene.at.as_secs_f64()),
-                "pose": scene.map(|scene| scene.pose),
-                "battery": scene.map(|scene| scene.battery),
+                "at": snapshot.map(|snapshot| snapshot.at.as_secs_f64()),
+                "pose": snapshot.map(|snapshot| snapshot.pose),
+                "battery": snapshot.map(|snapshot| snapshot.battery),
                 "recent": failure.recent,
                 "picture": picture.map(|path| path.display().to_string()),
             })
@@ -380,13 +387,13 @@ impl Run {
 }
 
 /// Saves a picture, readable only by the user, like all data of the program.
-fn save(scene: &Scene, folder: &Path, path: &Path) -> Result<(), NotDrawn> {
+fn save(snapshot: &Snapshot, folder: &Path, path: &Path) -> Result<(), NotDrawn> {
     let cannot = |source: io::Error| NotDrawn {
         path: path.to_owned(),
         source,
     };
     let mut png = std::io::Cursor::new(Vec::new());
-    let drawn = scene.picture.write_to(&mut png, image::ImageFormat::Png);
+    let drawn = snapshot.picture.write_to(&mut png, image::ImageFormat::Png);
     drawn.map_err(|error| cannot(io::Error::other(error)))?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     Folder::make(folder)

@@ -9,7 +9,7 @@ import { drive } from "./drive.js";
 import { log } from "./log.js";
 import { askForToken, logInByLink, logOut, me } from "./login.js";
 import { map } from "./map.js";
-import { past, schedule } from "./past.js";
+import { historyCard, schedule } from "./history.js";
 import { robot } from "./robot.js";
 import { simulation } from "./simulation.js";
 import { language, languages, t } from "./texts.js";
@@ -36,7 +36,7 @@ function build(app, visitor) {
   const banner = h("p", { class: "banner", role: "alert", hidden: true });
   const notice = h("p", { class: "notice", role: "status" });
   let fading = null;
-  let halted = false;
+  let emergencyStop = false;
   let you = null;
 
   function note(text) {
@@ -46,21 +46,21 @@ function build(app, visitor) {
     fading = setTimeout(() => notice.classList.remove("on"), NOTICE);
   }
 
-  async function order(what) {
-    const answer = await connection.order(what);
+  async function command(what) {
+    const answer = await connection.command(what);
     if (!answer.ok) {
       note(t("failed", { text: answer.text }));
     }
     return answer;
   }
 
-  const halt = () => connection.send({ type: "stop" });
-  const stop = h("button", { type: "button", class: "stop", title: t("stop_help"), onclick: halt }, t("stop"));
-  const letGo = h("button", {
-    type: "button", class: "let-go driver-only", hidden: true, onclick: () => connection.send({ type: "let_go" }),
-  }, t("let_go"));
+  const engageStop = () => connection.send({ type: "stop" });
+  const stop = h("button", { type: "button", class: "stop", title: t("stop_help"), onclick: engageStop }, t("stop"));
+  const resetStop = h("button", {
+    type: "button", class: "reset-stop driver-only", hidden: true, onclick: () => connection.send({ type: "reset_stop" }),
+  }, t("reset_stop"));
   // In the capture phase, before any other listener and wherever the focus is.
-  window.addEventListener("keydown", (event) => event.key === "Escape" && halt(), true);
+  window.addEventListener("keydown", (event) => event.key === "Escape" && engageStop(), true);
 
   const name = h("input", {
     id: "name", maxlength: 24, autocomplete: "nickname", value: remembered("name", ""),
@@ -71,19 +71,19 @@ function build(app, visitor) {
   });
 
   const parts = {
-    camera: camera(connection), drive: drive(connection, order, note), map: map(connection, order),
-    battery: battery(connection), robot: robot(connection, order), behaviours: behaviours(connection, order),
-    simulation: simulation(connection, order), log: log(connection), past: past(connection), schedule: schedule(connection),
+    camera: camera(connection), drive: drive(connection, command, note), map: map(connection, command),
+    battery: battery(connection), robot: robot(connection, command), behaviours: behaviours(connection, command),
+    simulation: simulation(connection, command), log: log(connection), history: historyCard(connection), schedule: schedule(connection),
   };
   app.replaceChildren(
     h("header", { class: "top" },
       h("img", { src: "/icon.svg", alt: "", width: 36, height: 36 }),
       h("div", { class: "who" }, title, detail),
       h("div", { class: "how" }, state),
-      h("div", { class: "halt" }, letGo, stop)),
+      h("div", { class: "emergency-stop" }, resetStop, stop)),
     banner,
     h("main", { class: "grid" },
-      h("div", { class: "column" }, parts.camera, parts.log, parts.past),
+      h("div", { class: "column" }, parts.camera, parts.log, parts.history),
       h("div", { class: "column" }, parts.map, parts.behaviours, parts.schedule, parts.simulation),
       h("div", { class: "column" }, parts.drive, parts.battery, parts.robot)),
     notice,
@@ -116,22 +116,22 @@ function build(app, visitor) {
     say(title, now.robot?.name ?? "spykee");
     document.title = `${visible(now.robot?.name ?? "spykee")} · ${now.battery ? `${now.battery.percent} %` : ""}`;
     say(state, words(now));
-    state.className = `state ${now.halted ? "bad" : kind(now)}`;
+    state.className = `state ${now.emergency_stop ? "bad" : kind(now)}`;
     const facts = [
-      now.link === "up" ? t(`place_${now.place}`) : null,
+      now.link === "up" ? t(`dock_state_${now.dock_state}`) : null,
       now.simulated ? t("simulated") : now.target,
       t("running", { time: clock(now.running) }),
       now.viewers > 1 ? t("viewers", { count: now.viewers }) : null,
       visitor.role === "viewer" ? t("role_viewer") : null,
     ];
     say(detail, facts.filter((one) => one).join(" · "));
-    if (halted !== now.halted || now.halted) {
-      banner.hidden = !now.halted;
-      say(banner, now.halted ? `${t("halted")}${now.low ? ` ${t("halted_low")}` : ""}` : "");
-      letGo.hidden = !now.halted;
-      document.body.classList.toggle("halted", now.halted);
+    if (emergencyStop !== now.emergency_stop || now.emergency_stop) {
+      banner.hidden = !now.emergency_stop;
+      say(banner, now.emergency_stop ? `${t("emergency_stop")}${now.low ? ` ${t("emergency_stop_low")}` : ""}` : "");
+      resetStop.hidden = !now.emergency_stop;
+      document.body.classList.toggle("stopped", now.emergency_stop);
     }
-    halted = now.halted;
+    emergencyStop = now.emergency_stop;
   });
   connection.on("notice", ({ key, name: other }) => note(t(key, { name: other })));
   connection.on("lost", async () => {
@@ -145,7 +145,7 @@ function build(app, visitor) {
   });
 
   function words(now) {
-    if (now.halted) {
+    if (now.emergency_stop) {
       return t("stop");
     }
     if (now.link !== "up") {
@@ -157,7 +157,7 @@ function build(app, visitor) {
     return t(now.safety);
   }
 
-  connection.dial();
+  connection.connect();
 }
 
 function kind(now) {

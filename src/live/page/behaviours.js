@@ -5,12 +5,12 @@ import { showScript } from "./script.js";
 import { t } from "./texts.js";
 
 /** A parameter: an input if it is live, otherwise its value. Not updated while the user edits it. */
-function knob(behaviour, { name, value, live, min, max, unit, choices, doc }, order) {
+function paramControl(behaviour, { name, value, live, min, max, unit, choices, doc }, command) {
   const words = (now) => `${now}${unit ? ` ${unit}` : ""}`;
-  const id = `knob-${behaviour}-${name}`;
+  const id = `param-${behaviour}-${name}`;
   const label = h("label", { for: id, title: doc || null }, name);
   const shown = h("output", { for: id });
-  const set = (next) => order({ do: "param", name: behaviour, param: name, value: next });
+  const set = (next) => command({ do: "param", name: behaviour, param: name, value: next });
   let input = null;
   if (live && typeof value === "boolean") {
     input = h("input", { id, type: "checkbox", onchange: () => set(input.checked) });
@@ -37,16 +37,16 @@ function knob(behaviour, { name, value, live, min, max, unit, choices, doc }, or
   }
   update(value);
   const hand = input === null ? null : h("span", { class: "driver-only hand" }, input);
-  return { element: h("div", { class: "knob-row" }, label, hand, shown), update };
+  return { element: h("div", { class: "param-row" }, label, hand, shown), update };
 }
 
 /** One behaviour; created once and then updated, so that the keyboard focus is kept. */
-function entry(name, order) {
+function entry(name, command) {
   const dot = h("span", { class: "dot", "aria-hidden": "true" });
   const state = h("span", { class: "quiet" });
   const button = (key, change) => h("button", {
     type: "button", "aria-label": t("of", { action: t(key), name }),
-    onclick: () => order({ do: "behaviour", name, change }),
+    onclick: () => command({ do: "behaviour", name, change }),
   }, t(key));
   const buttons = { start: button("start", "start"), stop: button("end", "stop"), restart: button("restart", "restart") };
   const script = h("button", {
@@ -54,7 +54,7 @@ function entry(name, order) {
     onclick: () => showScript(name, null),
   }, t("show_script"));
   const params = h("p", { class: "quiet params" });
-  const knobs = h("div", { class: "knobs" });
+  const paramList = h("div", { class: "param-list" });
   const turns = new Map();
   let declared = "";
   const trouble = h("p", { class: "trouble" });
@@ -62,7 +62,7 @@ function entry(name, order) {
 
   const element = h("li", {},
     h("div", { class: "head" }, dot, h("strong", {}, name), state),
-    params, knobs, trouble,
+    params, paramList, trouble,
     h("div", { class: "row" },
       h("span", { class: "row driver-only" }, buttons.start, buttons.stop, buttons.restart), script));
 
@@ -76,12 +76,12 @@ function entry(name, order) {
     buttons.stop.hidden = !running;
     buttons.restart.hidden = !running;
     script.hidden = one.file === null;
-    tune(one.knobs);
-    say(params, one.knobs.length > 0 ? "" : one.params.map(([key, value]) => `${key} = ${value}`).join(", "));
-    const key = JSON.stringify(one.ending);
+    tune(one.declared_params);
+    say(params, one.declared_params.length > 0 ? "" : one.params.map(([key, value]) => `${key} = ${value}`).join(", "));
+    const key = JSON.stringify(one.exit);
     if (key !== told) {
       told = key;
-      explain(one.ending);
+      explain(one.exit);
     }
   }
 
@@ -91,29 +91,29 @@ function entry(name, order) {
     if (shape !== declared) {
       declared = shape;
       turns.clear();
-      list.forEach((one) => turns.set(one.name, knob(name, one, order)));
-      knobs.replaceChildren(...[...turns.values()].map(({ element }) => element));
+      list.forEach((one) => turns.set(one.name, paramControl(name, one, command)));
+      paramList.replaceChildren(...[...turns.values()].map(({ element }) => element));
     }
     list.forEach((one) => turns.get(one.name).update(one.value));
   }
 
-  function explain(ending) {
-    if (!ending) {
+  function explain(exit) {
+    if (!exit) {
       return trouble.replaceChildren();
     }
-    const bad = !["done", "cancelled", "reload", "shutdown"].includes(ending.reason);
+    const bad = !["done", "cancelled", "reload", "shutdown"].includes(exit.reason);
     trouble.className = bad ? "trouble" : "quiet";
-    const text = bad ? ending.text : t("ended", { reason: ending.reason });
-    const line = ending.line && bad ? h("button", {
-      type: "button", class: "link", onclick: () => showScript(name, ending.line),
-    }, t("show_line", { line: ending.line, name })) : null;
+    const text = bad ? exit.text : t("ended", { reason: exit.reason });
+    const line = exit.line && bad ? h("button", {
+      type: "button", class: "link", onclick: () => showScript(name, exit.line),
+    }, t("show_line", { line: exit.line, name })) : null;
     trouble.replaceChildren(visible(text), ...(line ? [" ", line] : []));
   }
 
   return { element, update };
 }
 
-export function behaviours(connection, order) {
+export function behaviours(connection, command) {
   const list = h("ul", { class: "behaviours" });
   const empty = h("p", { class: "quiet" }, t("no_behaviours"));
   const entries = new Map();
@@ -121,7 +121,7 @@ export function behaviours(connection, order) {
     empty.hidden = all.length > 0;
     for (const one of all) {
       if (!entries.has(one.name)) {
-        entries.set(one.name, entry(one.name, order));
+        entries.set(one.name, entry(one.name, command));
         list.append(entries.get(one.name).element);
       }
       entries.get(one.name).update(one);

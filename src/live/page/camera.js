@@ -81,9 +81,9 @@ export function camera(connection) {
     image.hidden = false;
     note.hidden = true;
     draw();
-    connection.send({ type: "taken" });
+    connection.send({ type: "frame_shown" });
   });
-  image.addEventListener("error", () => connection.send({ type: "taken" }));
+  image.addEventListener("error", () => connection.send({ type: "frame_shown" }));
   connection.on("frame", ({ jpeg }) => {
     const url = URL.createObjectURL(new Blob([jpeg], { type: "image/jpeg" }));
     const old = shown;

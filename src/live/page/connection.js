@@ -22,7 +22,7 @@ export class Connection {
     }
   }
 
-  dial() {
+  connect() {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = new WebSocket(`${scheme}://${location.host}/live`);
     socket.binaryType = "arraybuffer";
@@ -39,7 +39,7 @@ export class Connection {
       }
       this.#answers.clear();
       this.#tell("lost");
-      setTimeout(() => this.dial(), this.#pause);
+      setTimeout(() => this.connect(), this.#pause);
       this.#pause = Math.min(LONGEST_PAUSE, this.#pause * 2);
     };
     this.#socket = socket;
@@ -75,12 +75,12 @@ export class Connection {
   }
 
   /** Sends a command. Resolves to its answer with `ok` and `text`. */
-  order(order) {
+  command(command) {
     this.#number += 1;
     const id = this.#number;
     return new Promise((resolve) => {
       this.#answers.set(id, resolve);
-      if (!this.send({ type: "order", id, order })) {
+      if (!this.send({ type: "command", id, command })) {
         this.#answers.delete(id);
         resolve({ ok: false, text: "" });
       }

@@ -13,7 +13,7 @@ const KEYS = {
 /** An untouched gamepad stick does not read exactly zero. */
 const DEAD_ZONE = 0.15;
 
-export function drive(connection, order, notice) {
+export function drive(connection, command, notice) {
   const pressed = new Map();
   let stick = null;
   let mine = false;
@@ -24,7 +24,7 @@ export function drive(connection, order, notice) {
     id: "power", type: "range", min: 10, max: 100, step: 5, value: remembered("power", "50"),
     oninput: () => remember("power", power.value),
   });
-  const wheel = h("button", { type: "button", class: "primary wheel", onclick: turn }, t("wheel_take"));
+  const lock = h("button", { type: "button", class: "primary drive-lock", onclick: turn }, t("drive_take"));
   const knob = h("span", { class: "knob" });
   const pad = h("div", { class: "pad", role: "img", "aria-label": t("pad") }, knob);
   const hold = (key, where) => h("button", {
@@ -39,7 +39,7 @@ export function drive(connection, order, notice) {
   }, { forward: "▲", backward: "▼", left: "◀", right: "▶" }[where]);
   const arrows = h("div", { class: "arrows" },
     hold("ArrowUp", "forward"), hold("ArrowLeft", "left"), hold("ArrowRight", "right"), hold("ArrowDown", "backward"));
-  const who = h("p", { class: "quiet", role: "status" }, t("wheel_hint"));
+  const who = h("p", { class: "quiet", role: "status" }, t("drive_hint"));
 
   function press(name, direction) {
     pressed.set(name, direction);
@@ -61,14 +61,14 @@ export function drive(connection, order, notice) {
   }
 
   function turn() {
-    connection.send({ type: "wheel", take: !mine });
+    connection.send({ type: "drive_lock", take: !mine });
   }
 
   function leave() {
     rest();
     if (mine) {
       connection.send({ type: "drive", left: 0, right: 0 });
-      connection.send({ type: "wheel", take: false });
+      connection.send({ type: "drive_lock", take: false });
     }
   }
 
@@ -149,8 +149,8 @@ export function drive(connection, order, notice) {
     const had = mine;
     mine = driver !== null && driver.id === you;
     card.classList.toggle("mine", mine);
-    say(wheel, t(mine ? "wheel_leave" : "wheel_take"));
-    say(who, driver && !mine ? t("driving", { name: driver.name }) : t("wheel_hint"));
+    say(lock, t(mine ? "drive_release" : "drive_take"));
+    say(who, driver && !mine ? t("driving", { name: driver.name }) : t("drive_hint"));
     if (had && !mine) {
       rest();
       resting = true;
@@ -162,7 +162,7 @@ export function drive(connection, order, notice) {
   });
 
   const dock = (what) => async () => {
-    const { ok, text } = await order({ do: what });
+    const { ok, text } = await command({ do: what });
     if (ok) {
       notice(t(`${what}_done`));
     }
@@ -171,7 +171,7 @@ export function drive(connection, order, notice) {
   const card = h("section", { class: "card drive driver-only", "aria-labelledby": "drive-title" },
     h("h2", { id: "drive-title" }, t("drive")),
     h("div", { class: "controls" }, pad, arrows),
-    h("div", { class: "row" }, wheel),
+    h("div", { class: "row" }, lock),
     h("div", { class: "row" }, h("label", { for: "power" }, t("power")), power),
     who,
     h("div", { class: "row" },

@@ -6,7 +6,7 @@ import { t } from "./texts.js";
 const MARGIN = 0.25;
 const LONGEST_WAY = 4000;
 
-export function map(connection, order) {
+export function map(connection, command) {
   const canvas = h("canvas", { class: "map", role: "img" });
   const time = h("span", { class: "quiet" });
   const ink = canvas.getContext("2d");
@@ -125,7 +125,7 @@ export function map(connection, order) {
     world.lines.forEach(tape);
   }
 
-  function things() {
+  function objects() {
     for (const item of world.furniture) {
       ink.globalAlpha = 0.85;
       shape(item.corners, item.colour, colours.quiet);
@@ -152,7 +152,7 @@ export function map(connection, order) {
     }
   }
 
-  function movers() {
+  function movingObjects() {
     ink.lineWidth = Math.max(1.5, 0.02 * scale);
     ink.strokeStyle = colours.accent;
     ink.globalAlpha = 0.55;
@@ -216,8 +216,8 @@ export function map(connection, order) {
     }
     ink.clearRect(0, 0, canvas.width, canvas.height);
     ground();
-    things();
-    movers();
+    objects();
+    movingObjects();
     robot(dragged?.robot ? [...dragged.at, now.robot[2]] : now.robot);
     if (dragged && !dragged.robot) {
       round(dragged.at, world.balls[dragged.ball].radius, world.balls[dragged.ball].colour, colours.accent);
@@ -282,7 +282,7 @@ export function map(connection, order) {
     const [px, py] = dragged.at;
     const change = dragged.robot ? { sim: "place", x: px, y: py } : { sim: "place_ball", number: dragged.ball + 1, x: px, y: py };
     dragged = null;
-    order({ do: "sim", change });
+    command({ do: "sim", change });
   });
   canvas.addEventListener("pointercancel", () => { dragged = null; });
 

@@ -9,7 +9,7 @@ const LIGHTS = ["flash", "left", "right"];
 /** How long a sound or a log line is shown, in milliseconds. */
 const SHOWN = 4000;
 
-export function robot(connection, order) {
+export function robot(connection, command) {
   const bar = (x) => s("rect", { class: "power", x, y: 70, width: 10, height: 0, rx: 5 });
   const bars = [bar(21), bar(109)];
   const lamp = (x, y, radius) => s("circle", { class: "lamp", cx: x, cy: y, r: radius });
@@ -36,7 +36,7 @@ export function robot(connection, order) {
   const switches = LIGHTS.map((light) => h("button", {
     type: "button", class: "switch", "aria-pressed": "false",
     onclick: ({ currentTarget }) => {
-      order({ do: "led", light, on: currentTarget.getAttribute("aria-pressed") !== "true" });
+      command({ do: "led", light, on: currentTarget.getAttribute("aria-pressed") !== "true" });
     },
   }, t(`light_${light}`)));
 
@@ -70,7 +70,7 @@ export function robot(connection, order) {
   const sound = h("select", { id: "sound" }, ...SOUNDS.map((name) => h("option", {}, name)));
   const volume = h("input", {
     id: "volume", type: "range", min: 0, max: 100, value: 50, step: 5,
-    onchange: () => order({ do: "volume", percent: Number(volume.value) }),
+    onchange: () => command({ do: "volume", percent: Number(volume.value) }),
   });
   return h("section", { class: "card robot", "aria-labelledby": "robot-title" },
     h("h2", { id: "robot-title" }, t("robot")),
@@ -82,6 +82,6 @@ export function robot(connection, order) {
     h("div", { class: "row lights driver-only" }, ...switches),
     h("div", { class: "row driver-only" },
       h("label", { for: "sound" }, t("sound")), sound,
-      h("button", { type: "button", onclick: () => order({ do: "play", sound: sound.value }) }, t("play"))),
+      h("button", { type: "button", onclick: () => command({ do: "play", sound: sound.value }) }, t("play"))),
     h("div", { class: "row driver-only" }, h("label", { for: "volume" }, t("volume")), volume));
 }

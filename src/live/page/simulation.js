@@ -35,8 +35,8 @@ function clock(connection, change) {
   return [row, none];
 }
 
-export function simulation(connection, order) {
-  const change = (what) => order({ do: "sim", change: what });
+export function simulation(connection, command) {
+  const change = (what) => command({ do: "sim", change: what });
   const battery = h("input", {
     id: "sim-battery", type: "range", min: 0, max: 100, step: 1, value: 100,
     onchange: () => change({ sim: "battery", percent: Number(battery.value) }),

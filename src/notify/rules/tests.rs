@@ -3,8 +3,8 @@ use crate::robot::{RobotInfo, WatchdogState};
 
 const LONG: Duration = Duration::from_secs(600);
 
-fn up() -> Occurrence {
-    Occurrence::LinkUp {
+fn up() -> AgentEvent {
+    AgentEvent::LinkUp {
         robot: RobotInfo {
             uid: "SPYKEE7".to_owned(),
             name: "Rover".to_owned(),
@@ -16,13 +16,13 @@ fn up() -> Occurrence {
     }
 }
 
-fn down() -> Occurrence {
+fn down() -> AgentEvent {
     let reason = "closed".to_owned();
-    Occurrence::LinkDown { reason }
+    AgentEvent::LinkDown { reason }
 }
 
-fn failed(behaviour: &str) -> Occurrence {
-    Occurrence::Ended {
+fn failed(behaviour: &str) -> AgentEvent {
+    AgentEvent::Ended {
         behaviour: behaviour.to_owned(),
         reason: EndReason::Error,
         message: Some("a.lua:3: no".to_owned()),
@@ -30,8 +30,8 @@ fn failed(behaviour: &str) -> Occurrence {
     }
 }
 
-fn low(low: bool) -> Occurrence {
-    Occurrence::Watchdog {
+fn low(low: bool) -> AgentEvent {
+    AgentEvent::Watchdog {
         state: WatchdogState::Free,
         low,
         docked: false,
@@ -111,24 +111,24 @@ fn a_low_battery_is_reported_on_change_and_each_failure_at_intervals() {
 #[test]
 fn each_rule_of_the_config_has_its_event_and_its_text() {
     let behaviour = || "patrol".to_owned();
-    let entry = |kind: &str| Occurrence::Entry {
+    let entry = |kind: &str| AgentEvent::Entry {
         behaviour: behaviour(),
         kind: kind.to_owned(),
         data: serde_json::json!({ "energy": 3.5, "where": "door" }),
     };
-    let alarm = Occurrence::Safety {
+    let alarm = AgentEvent::Safety {
         action: SafetyAction::Alarm,
         reason: "no station".to_owned(),
     };
-    let given_up = Occurrence::GivenUp {
+    let given_up = AgentEvent::GivenUp {
         behaviour: behaviour(),
         message: "no".to_owned(),
     };
-    let missed = Occurrence::StartMissed {
+    let missed = AgentEvent::StartMissed {
         behaviour: behaviour(),
         reason: "no robot was connected".to_owned(),
     };
-    let sent = Occurrence::Notify {
+    let sent = AgentEvent::Notify {
         behaviour: behaviour(),
         text: "look".to_owned(),
         picture: Some("a.jpg".into()),
@@ -171,7 +171,7 @@ fn each_rule_of_the_config_has_its_event_and_its_text() {
 #[test]
 fn only_failed_dockings_are_reported() {
     let now = Instant::now();
-    let dock = |end| Occurrence::Dock {
+    let dock = |end| AgentEvent::Dock {
         by: None,
         end,
         attempts: 1,

@@ -2,12 +2,12 @@
 //! histories.
 
 mod battery;
+mod dock_state;
 mod docking;
 mod handover;
 mod histories;
 mod hosts;
 mod link;
-mod place;
 mod priorities;
 mod recovery;
 mod rescue;

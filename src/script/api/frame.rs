@@ -13,7 +13,7 @@ use super::super::frame_state::HeldFrame;
 use super::super::output::Level;
 use super::super::picture_store::{self, NotSaved};
 use super::{Builder, Call, NativeResult, Natives, events};
-use crate::robot::Remark;
+use crate::robot::HostReport;
 
 pub(super) const CALLS: &Natives = &[("robot.frame", newest), ("robot.wait_frame", wait_frame)];
 
@@ -95,7 +95,7 @@ fn save(call: &mut Call<'_>) -> NativeResult {
             if let Some(notice) = saved.notice {
                 call.state.log(Level::Info, &notice);
             }
-            call.state.output.remark(Remark::Picture { name });
+            call.state.output.report(HostReport::Picture { name });
             call.reply(saved.path.to_string_lossy().into_owned())
         }
         Err(NotSaved::Quota(words)) => {

@@ -3,7 +3,7 @@
 use mlua::prelude::LuaValue;
 
 use super::super::output::{Level, LogLine};
-use super::{Call, NativeResult, Natives, convert, place};
+use super::{Call, NativeResult, Natives, convert, location};
 
 pub(super) const CALLS: &Natives = &[
     ("log.debug", |call| write(call, Level::Debug)),
@@ -35,7 +35,7 @@ fn write(call: &mut Call<'_>, level: Level) -> NativeResult {
                 .misuse("the fields must be a table, such as {speed = 40}"));
         }
     };
-    line.line = place(call.lua).map(|place| place.line);
+    line.line = location(call.lua).map(|location| location.line);
     let now = call.state.now;
     call.state.output.log(line, now);
     call.reply(())

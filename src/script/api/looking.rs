@@ -7,9 +7,9 @@
 
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
+use super::super::annotated_frame::LabelledBlob;
 use super::super::arguments::{Argument, Given, Refusal};
 use super::super::frame_state::HeldFrame;
-use super::super::sighting::Seen;
 use super::super::state::State;
 use super::colours::Colours;
 use super::frame::receiver;
@@ -94,7 +94,7 @@ fn blobs(call: &mut Call<'_>) -> NativeResult {
     let options = blob_options(call)?;
     let blobs = call.state.find_blobs(&held, &colours, &options);
     let marks = blobs.iter().map(|blob| mark(blob, colours.name_of(blob)));
-    call.state.record_findings(&held, marks);
+    call.state.record_detections(&held, marks);
     let list = call.lua.create_table_with_capacity(blobs.len(), 0)?;
     for blob in &blobs {
         let table = blob_table(call.lua, blob, &colours.names)?;
@@ -104,8 +104,8 @@ fn blobs(call: &mut Call<'_>) -> NativeResult {
 }
 
 /// The mark of a blob, for people who see the frame.
-pub(super) fn mark(blob: &Blob, text: &str) -> Seen {
-    Seen {
+pub(super) fn mark(blob: &Blob, text: &str) -> LabelledBlob {
+    LabelledBlob {
         blob: *blob,
         text: text.to_owned(),
     }
@@ -200,7 +200,7 @@ fn line(call: &mut Call<'_>) -> NativeResult {
     if let Some(whole) = size {
         let part = part.unwrap_or(whole.into()).within(whole);
         call.state
-            .record_findings(&held, line.zip(part).map(line_mark));
+            .record_detections(&held, line.zip(part).map(line_mark));
     }
     let Some(line) = line else {
         return call.reply(LuaValue::Nil);
@@ -214,7 +214,7 @@ fn line(call: &mut Call<'_>) -> NativeResult {
 
 /// The mark of a line, for people who see the frame: a narrow box around the column given by
 /// `offset`, as high as the examined part.
-fn line_mark((line, part): (Line, Roi)) -> Seen {
+fn line_mark((line, part): (Line, Roi)) -> LabelledBlob {
     let column = f64::from(part.x) + (line.offset + 1.0) / 2.0 * f64::from(part.w) - 0.5;
     let blob = Blob {
         x: (column - LINE_MARGIN).max(0.0).round() as u32,

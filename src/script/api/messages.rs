@@ -8,7 +8,7 @@ use super::super::daily_limits::{MAX_ENTRY, MAX_KIND};
 use super::super::picture_store;
 use super::super::plain;
 use super::{Call, NativeResult, Natives};
-use crate::robot::Remark;
+use crate::robot::HostReport;
 
 pub(super) const JOURNAL: &Natives = &[("journal.add", add)];
 
@@ -37,7 +37,7 @@ fn add(call: &mut Call<'_>) -> NativeResult {
         .daily_limits
         .take_entry(kind.len() + json.len(), now);
     if kept {
-        call.state.output.remark(Remark::Entry { kind, json });
+        call.state.output.report(HostReport::Entry { kind, json });
     }
     call.reply(kept)
 }
@@ -56,7 +56,9 @@ fn send(call: &mut Call<'_>) -> NativeResult {
     let now = call.state.now;
     let sent = call.state.daily_limits.take_notice(now);
     if sent {
-        call.state.output.remark(Remark::Notify { text, picture });
+        call.state
+            .output
+            .report(HostReport::Notify { text, picture });
     }
     call.reply(sent)
 }

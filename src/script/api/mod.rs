@@ -5,7 +5,6 @@
 //! A native function gets a [`Call`] and returns a [`Reply`] or a [`Refusal`]; it never raises a
 //! Lua error. A wait is registered with the scheduler and answered later ([`answer`]).
 
-mod answer;
 mod builder;
 mod clock;
 mod colours;
@@ -21,10 +20,11 @@ mod modules;
 mod motion;
 mod params;
 mod payload;
+mod wakeup;
 pub(super) use params::set_live as set_live_param;
 mod robot;
+mod scenario;
 mod script;
-mod stage;
 mod store;
 mod tasks;
 mod vision;
@@ -42,7 +42,7 @@ use super::arguments::{Args, Refusal, describe};
 use super::budget;
 use super::failure::{SourceLocation, is_runtime_frame};
 use super::sandbox::{self, Prelude};
-use super::stage::Stage;
+use super::scenario_api::ScenarioApi;
 use super::state::State;
 use super::streams::Demand;
 use super::task::{Cancel, SHORTEST_WAIT, Wait};
@@ -50,9 +50,9 @@ use super::task::{Cancel, SHORTEST_WAIT, Wait};
 use crate::wire::Stream;
 use builder::Builder;
 
-pub(super) use answer::resume_values;
 pub(super) use builder::every_path;
 use builder::of_row;
+pub(super) use wakeup::resume_values;
 
 /// The state that native functions and the scheduler share. It is borrowed only while no line of
 /// the script runs.
@@ -178,13 +178,13 @@ impl Call<'_> {
 pub(super) enum ApiSet {
     /// The API of behaviours, with a robot to drive.
     Robot,
-    /// The API of scenario scripts, with a stage.
-    Stage(Rc<dyn Stage>),
+    /// The API of scenario scripts.
+    Scenario(Rc<dyn ScenarioApi>),
 }
 
 /// Builds the API of one VM and closes it.
 pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<()> {
-    let prelude = Prelude::run(lua, place_function(lua)?)?;
+    let prelude = Prelude::run(lua, location_function(lua)?)?;
     let builder = Builder {
         lua,
         shared,
@@ -214,9 +214,9 @@ pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<
     for (name, table) in tables {
         builder.close(name, table)?;
     }
-    if let ApiSet::Stage(stage) = api_set {
-        shared.borrow_mut().stage = Some(stage);
-        stage::install(&builder)?;
+    if let ApiSet::Scenario(scenario_api) = api_set {
+        shared.borrow_mut().scenario_api = Some(scenario_api);
+        scenario::install(&builder)?;
     }
     globals(&builder)?;
     let memory = shared.borrow().options.limits.memory_bytes;
@@ -245,7 +245,7 @@ fn globals(builder: &Builder<'_>) -> LuaResult<()> {
 }
 
 /// The innermost line of the script itself.
-fn place(lua: &Lua) -> Option<SourceLocation> {
+fn location(lua: &Lua) -> Option<SourceLocation> {
     (0..64)
         .map_while(|level| {
             lua.inspect_stack(level, |frame| {
@@ -258,7 +258,9 @@ fn place(lua: &Lua) -> Option<SourceLocation> {
         .next()
 }
 
-/// Creates the prelude's function `place()`, which returns `file:line: ` or an empty text.
-fn place_function(lua: &Lua) -> LuaResult<LuaFunction> {
-    lua.create_function(|lua, ()| Ok(place(lua).map_or_else(String::new, |at| format!("{at}: "))))
+/// Creates the prelude's function `location()`, which returns `file:line: ` or an empty text.
+fn location_function(lua: &Lua) -> LuaResult<LuaFunction> {
+    lua.create_function(
+        |lua, ()| Ok(location(lua).map_or_else(String::new, |at| format!("{at}: "))),
+    )
 }

@@ -11,7 +11,7 @@ use super::super::failure::{VmError, is_runtime_frame, printable};
 use super::super::ids::ModuleId;
 use super::super::modules::{ModuleFile, ModuleName, NoModule, Progress, Target, resolve};
 use super::super::sandbox;
-use super::super::task::{Answer, Cancel, MAX_TASKS, TaskId, Wait};
+use super::super::task::{Cancel, MAX_TASKS, TaskId, Wait, Wakeup};
 use super::{Builder, Call, NativeResult, Natives};
 use crate::api::{self, Function, Namespace};
 
@@ -39,9 +39,9 @@ pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
     for event in EventName::ALL {
         events.raw_set(event.name(), true)?;
     }
-    let place = builder
+    let location = builder
         .lua
-        .create_function(|_, function| Ok(place(&function)))?;
+        .create_function(|_, function| Ok(location(&function)))?;
     let shared = Rc::clone(builder.shared);
     let tasks = builder
         .lua
@@ -49,7 +49,7 @@ pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
     let require: LuaFunction = builder
         .prelude
         .function("requirer")?
-        .call((open, done, nearest, mismatch, events, place, tasks))?;
+        .call((open, done, nearest, mismatch, events, location, tasks))?;
     globals.raw_set("require", require)
 }
 
@@ -82,7 +82,7 @@ fn mismatch(owner: &str, names: &[String]) -> LuaResult<Option<String>> {
 }
 
 /// The name of a function, if it has one, and the line in which it begins.
-fn place(function: &LuaFunction) -> (Option<String>, Option<usize>) {
+fn location(function: &LuaFunction) -> (Option<String>, Option<usize>) {
     let about = function.info();
     let name = about.name.filter(|name| !name.is_empty());
     (name.map(|name| printable(&name, 40)), about.line_defined)
@@ -241,7 +241,7 @@ fn done(call: &mut Call<'_>) -> NativeResult {
 }
 
 fn wake(state: &mut super::super::state::State, id: ModuleId) {
-    state.answer(Wait::Module(id), || Answer::Again);
+    state.answer(Wait::Module(id), || Wakeup::Again);
 }
 
 /// Creates a module's own globals, with the shared ones behind them.

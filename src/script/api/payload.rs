@@ -47,7 +47,7 @@ fn event_table(lua: &Lua, event: &Event) -> LuaResult<LuaTable> {
             table.raw_set("reason", reason.as_str())?;
         }
         Event::Engine { code } => table.raw_set("code", *code)?,
-        Event::Loan { seconds, power } => {
+        Event::DriveGrant { seconds, power } => {
             table.raw_set("seconds", seconds.as_secs_f64())?;
             table.raw_set("power", power.get())?;
         }

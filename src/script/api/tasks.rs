@@ -11,7 +11,7 @@ use super::super::arguments::{Refusal, describe};
 use super::super::group::{Group, Rule};
 
 use super::super::task::{
-    Answer, GroupId, Handle, MAX_TASKS, SHORTEST_WAIT, Status, TaskKind, Wait,
+    GroupId, Handle, MAX_TASKS, SHORTEST_WAIT, Status, TaskKind, Wait, Wakeup,
 };
 use super::{Builder, Call, NativeResult, Natives};
 use crate::api;
@@ -150,7 +150,7 @@ fn add(
     Ok(call
         .state
         .tasks
-        .add(thread, kind, Answer::Start(values), start, now))
+        .add(thread, kind, Wakeup::Start(values), start, now))
 }
 
 /// `task.all(fn, ...)` and `task.race(fn, ...)`

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
+use super::super::annotated_frame::LabelledBlob;
 use super::super::arguments::Refusal;
 use super::super::frame_state::HeldFrame;
-use super::super::sighting::Seen;
 use super::colours::{self, ColourObject, Colours};
 use super::frame;
 use super::looking::{blob_table, mark};
@@ -126,7 +126,7 @@ fn track(call: &mut Call<'_>) -> NativeResult {
         let marks = tracks
             .iter()
             .map(|track| track_mark(track, &object.colours));
-        call.state.record_findings(&held, marks);
+        call.state.record_detections(&held, marks);
         let list = call.lua.create_table_with_capacity(tracks.len(), 0)?;
         for track in tracks {
             list.raw_push(track_table(call.lua, track, &object.colours)?)?;
@@ -137,7 +137,7 @@ fn track(call: &mut Call<'_>) -> NativeResult {
 
 /// The mark of a track, for people who see the frame: its id, and its assumed place while it is
 /// lost.
-fn track_mark(track: &Track, colours: &Colours) -> Seen {
+fn track_mark(track: &Track, colours: &Colours) -> LabelledBlob {
     let (name, id) = (colours.name_of(&track.blob), track.id);
     let lost = if track.lost > 0 { " lost" } else { "" };
     mark(&track.blob, &format!("{name} #{id}{lost}"))
@@ -205,7 +205,7 @@ fn detect(call: &mut Call<'_>) -> NativeResult {
     };
     let motion = object.detector.update(image);
     let marks = motion.blobs.iter().map(|blob| mark(blob, "motion"));
-    call.state.record_findings(&held, marks);
+    call.state.record_detections(&held, marks);
     let table = motion_table(lua, motion.score, motion.pixels, motion.blobs)?;
     call.reply(table)
 }

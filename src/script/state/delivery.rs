@@ -14,7 +14,7 @@ use crate::script::events::{EventName, Payload};
 use crate::script::frame_state::HeldFrame;
 use crate::script::output::Level;
 use crate::script::sound::Loudness;
-use crate::script::task::{Answer, SubscriptionId, Wait};
+use crate::script::task::{SubscriptionId, Wait, Wakeup};
 use crate::vision::{FrameError, validate_markers};
 use crate::wire::Stream;
 
@@ -72,7 +72,7 @@ impl Script {
 impl State {
     /// Records an event and passes it on.
     fn deliver(&mut self, event: Event) {
-        self.robot.note(&event, self.now);
+        self.robot.record(&event, self.now);
         if shows_motion(&event) {
             self.last_moved = Some(self.now);
         }
@@ -82,20 +82,20 @@ impl State {
         match event {
             Event::MotionEnded { motion, end } => {
                 self.motion.ended(motion);
-                self.answer(Wait::Motion(motion), || Answer::Motion(end));
+                self.answer(Wait::Motion(motion), || Wakeup::Motion(end));
             }
             Event::DockEnded {
                 call,
                 end,
                 attempts,
                 took,
-            } => self.answer(Wait::Dock(call), || Answer::Dock {
+            } => self.answer(Wait::Dock(call), || Wakeup::Dock {
                 end,
                 attempts,
                 took,
             }),
             Event::UndockEnded { call, end } => {
-                self.answer(Wait::Undock(call), || Answer::Undock(end));
+                self.answer(Wait::Undock(call), || Wakeup::Undock(end));
             }
             Event::Audio(ref samples) => {
                 self.detect_noise(samples);
@@ -130,7 +130,7 @@ impl State {
 
     /// Counts a frame that is not a valid picture; this is logged now and then.
     pub(in crate::script) fn note_damage(&mut self, seq: u64, error: &FrameError) {
-        if let Some(text) = self.frames.damage.note(seq, &error.to_string(), self.now) {
+        if let Some(text) = self.frames.damage.record(seq, &error.to_string(), self.now) {
             self.log(Level::Warn, &text);
         }
     }
@@ -170,14 +170,14 @@ impl State {
     }
 
     /// Wakes the tasks that wait for exactly this.
-    pub(in crate::script) fn answer(&mut self, awaited: Wait, answer: impl Fn() -> Answer) {
+    pub(in crate::script) fn answer(&mut self, awaited: Wait, answer: impl Fn() -> Wakeup) {
         for id in self.tasks.waiting_for(|wait| *wait == awaited) {
             self.tasks.wake(id, answer(), self.now);
         }
     }
 
     pub(super) fn publish(&mut self, name: EventName, payload: Payload) {
-        self.answer(Wait::Event(name), || Answer::Event(payload.clone()));
+        self.answer(Wait::Event(name), || Wakeup::Event(payload.clone()));
         let listeners: Vec<SubscriptionId> = self
             .subscriptions
             .iter()

@@ -16,7 +16,7 @@ pub(in crate::script) struct RobotState {
 }
 
 impl RobotState {
-    pub(in crate::script) fn note(&mut self, event: &Event, now: Instant) {
+    pub(in crate::script) fn record(&mut self, event: &Event, now: Instant) {
         match event {
             Event::Connected { info, docked } => {
                 self.info = Some(info.clone());

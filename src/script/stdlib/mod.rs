@@ -17,8 +17,8 @@ pub fn modules() -> &'static [(&'static str, &'static str)] {
     ]
 }
 
-/// The built-in rescue behaviour, a whole script. The watchdog lends it the tracks when a robot with
-/// a low battery does not find its station.
+/// The built-in rescue behaviour, a whole script. The watchdog grants it the tracks when a robot
+/// with a low battery does not find its station.
 pub const RESCUE: &str = include_str!("rescue.luau");
 
 /// Runs the module behind `scenario`, `expect` and `sim`.

@@ -285,9 +285,10 @@ fn at_most_64_subscriptions() {
 }
 
 #[test]
-fn a_loan_has_its_time_and_its_power() {
-    let mut rig = Rig::new("robot.on('loan', function(loan) print(loan.seconds, loan.power) end)");
-    rig.deliver(Event::Loan {
+fn a_grant_has_its_time_and_its_power() {
+    let mut rig =
+        Rig::new("robot.on('drive_grant', function(grant) print(grant.seconds, grant.power) end)");
+    rig.deliver(Event::DriveGrant {
         seconds: Duration::from_secs(8),
         power: Percent::saturating(30),
     });

@@ -13,9 +13,9 @@ fn runs(path: &str, source: &str) {
     rig.deliver(connected(false));
     show(&mut rig, 1, &picture(&[((140, 100, 40, 40), RED)]));
     rig.pass(2.0);
-    if let Some(ending) = rig.script.ended() {
-        let message = ending.message.unwrap_or_default();
-        assert_eq!(ending.reason, EndReason::Done, "{path}: {message}");
+    if let Some(exit) = rig.script.ended() {
+        let message = exit.message.unwrap_or_default();
+        assert_eq!(exit.reason, EndReason::Done, "{path}: {message}");
     }
     let complaints = rig.logged(Level::Error);
     assert!(

@@ -31,7 +31,7 @@ fn ends(source: &str) -> Rig {
 #[track_caller]
 fn ends_with(reason: EndReason, source: &str) -> Rig {
     let rig = ends(source);
-    assert_eq!(rig.ending().reason, reason, "{source}: {:?}", rig.ending());
+    assert_eq!(rig.exit().reason, reason, "{source}: {:?}", rig.exit());
     rig
 }
 
@@ -42,7 +42,7 @@ fn a_loop_that_never_waits_is_ended_with_its_line() {
         "robot.move(50, 50)\nlocal x = 0\nwhile true do\n x += 1\nend",
     );
     rig.assert_ended(EndReason::Cpu, "ran longer than 100 ms without waiting");
-    let message = rig.ending().message.unwrap();
+    let message = rig.exit().message.unwrap();
     assert!(
         message.starts_with("test.lua:3") || message.starts_with("test.lua:4"),
         "{message}"
@@ -163,7 +163,7 @@ fn sorting_is_interrupted() {
     ] {
         let rig = ends(source);
         assert!(matches!(
-            rig.ending().reason,
+            rig.exit().reason,
             EndReason::Cpu | EndReason::Error
         ));
     }
@@ -199,7 +199,7 @@ fn hash_flooding_is_interrupted_or_runs_out_of_memory() {
          while true do local all = table.concat(parts, ','):split(',') end",
     );
     assert!(matches!(
-        rig.ending().reason,
+        rig.exit().reason,
         EndReason::Cpu | EndReason::Memory
     ));
 }
@@ -230,7 +230,7 @@ fn a_swallowed_memory_error_stays_within_the_limit() {
         "local keep = {} while true do pcall(function() while true do keep[#keep + 1] = ('x'):rep(100000) .. #keep end end) end",
     );
     assert!(matches!(
-        rig.ending().reason,
+        rig.exit().reason,
         EndReason::Cpu | EndReason::Memory
     ));
     assert!(rig.script.usage().memory_bytes < 10 * 1024 * 1024);
@@ -249,11 +249,11 @@ fn deep_recursion_is_an_error_not_a_crash() {
         let rig = ends(source);
         assert!(
             matches!(
-                rig.ending().reason,
+                rig.exit().reason,
                 EndReason::Error | EndReason::Memory | EndReason::Cpu
             ),
             "{source}: {:?}",
-            rig.ending()
+            rig.exit()
         );
     }
 }
@@ -268,7 +268,7 @@ fn failing_calls_do_not_grow_memory_outside_the_vm() {
          end",
     );
     assert!(matches!(
-        rig.ending().reason,
+        rig.exit().reason,
         EndReason::Cpu | EndReason::Memory
     ));
 }
@@ -292,7 +292,7 @@ fn table_move_has_its_timeout_fix() {
 #[test]
 fn log_output_is_bounded() {
     let rig = ends("while true do print(('x'):rep(1000)) end");
-    assert_eq!(rig.ending().reason, EndReason::Cpu);
+    assert_eq!(rig.exit().reason, EndReason::Cpu);
     assert!(rig.log.len() < 110);
 }
 

@@ -9,11 +9,11 @@ fn entries_and_messages_are_sent_unchanged() {
          print(notify.send('hello'), notify.send('look', {picture = 'a.jpg'}))",
     );
     assert_eq!(rig.texts(), ["true true", "true true"]);
-    let entry = |kind: &str, json: &str| Remark::Entry {
+    let entry = |kind: &str, json: &str| HostReport::Entry {
         kind: kind.to_owned(),
         json: json.to_owned(),
     };
-    let notice = |text: &str, picture: Option<&str>| Remark::Notify {
+    let notice = |text: &str, picture: Option<&str>| HostReport::Notify {
         text: text.to_owned(),
         picture: picture.map(str::to_owned),
     };
@@ -23,7 +23,7 @@ fn entries_and_messages_are_sent_unchanged() {
         notice("hello", None),
         notice("look", Some("a.jpg")),
     ];
-    assert_eq!(rig.remarks, expected);
+    assert_eq!(rig.reports, expected);
 }
 
 #[test]
@@ -58,7 +58,7 @@ fn invalid_entries_and_messages_are_refused_with_a_message() {
             text.starts_with("false") && text.contains(words),
             "{call}: {text}"
         );
-        assert_eq!(rig.remarks, []);
+        assert_eq!(rig.reports, []);
     }
 }
 

@@ -14,8 +14,8 @@ mod motion;
 mod noises;
 mod params;
 mod properties;
+mod scenario_api;
 mod sounds_and_lights;
-mod stage;
 mod stdlib;
 mod store;
 mod streams;
@@ -28,10 +28,10 @@ use std::time::Duration;
 use tokio::time::Instant;
 
 use super::{
-    Ending, Evaluated, Explain, Level, LogLine, ModuleFile, ModuleName, NoModule, Options, Output,
-    Script,
+    Evaluated, Explain, Level, LogLine, ModuleFile, ModuleName, NoModule, Options, Output, Script,
+    ScriptExit,
 };
-use crate::robot::{DeclaredParam, EndReason, Event, Intent, MotionEnd, Remark, RobotInfo};
+use crate::robot::{DeclaredParam, EndReason, Event, HostReport, Intent, MotionEnd, RobotInfo};
 
 /// A script and its output.
 struct Rig {
@@ -44,7 +44,7 @@ struct Rig {
     /// The results of typed lines.
     answers: Vec<Evaluated>,
     /// Remarks: output that does not concern the robot.
-    remarks: Vec<Remark>,
+    reports: Vec<HostReport>,
     /// The parameters as last sent.
     params: Vec<DeclaredParam>,
 }
@@ -75,7 +75,7 @@ impl Rig {
             log: Vec::new(),
             modules: Vec::new(),
             answers: Vec::new(),
-            remarks: Vec::new(),
+            reports: Vec::new(),
             params: Vec::new(),
         }
     }
@@ -98,7 +98,7 @@ impl Rig {
                 Output::Log(line) => self.log.push(line),
                 Output::Module(name) => self.modules.push(name),
                 Output::Evaluated(answer) => self.answers.push(answer),
-                Output::Remark(remark) => self.remarks.push(remark),
+                Output::HostReport(report) => self.reports.push(report),
                 Output::Params(params) => self.params = params,
             }
         }
@@ -154,15 +154,15 @@ impl Rig {
         std::mem::take(&mut self.intents)
     }
 
-    fn ending(&self) -> Ending {
+    fn exit(&self) -> ScriptExit {
         self.script.ended().expect("the script has ended")
     }
 
     #[track_caller]
     fn assert_ended(&self, reason: EndReason, words: &str) {
-        let ending = self.ending();
-        let message = ending.message.clone().unwrap_or_default();
-        assert_eq!(ending.reason, reason, "{message}");
+        let exit = self.exit();
+        let message = exit.message.clone().unwrap_or_default();
+        assert_eq!(exit.reason, reason, "{message}");
         assert!(message.contains(words), "{message:?} lacks {words:?}");
     }
 }
@@ -170,16 +170,16 @@ impl Rig {
 /// Runs a script to its end; returns what it printed.
 fn printed(source: &str) -> String {
     let rig = Rig::new(source);
-    assert_eq!(rig.ending().message, None);
+    assert_eq!(rig.exit().message, None);
     rig.texts().join("\n")
 }
 
 /// The message with which a script fails.
 #[track_caller]
 fn failure(source: &str) -> String {
-    let ending = Rig::new(source).ending();
-    assert_eq!(ending.reason, EndReason::Error, "{ending:?}");
-    ending.message.unwrap_or_default()
+    let exit = Rig::new(source).exit();
+    assert_eq!(exit.reason, EndReason::Error, "{exit:?}");
+    exit.message.unwrap_or_default()
 }
 
 /// The explained message with which a script fails on a robot whose camera sees a plain picture.
@@ -192,7 +192,7 @@ pub(crate) fn failure_with(source: &str, explain: Explain) -> String {
     rig.deliver(connected(false));
     vision::show(&mut rig, 1, &vision::picture(&[]));
     rig.pass(2.0);
-    rig.ending().message.unwrap_or_default()
+    rig.exit().message.unwrap_or_default()
 }
 
 fn connected(docked: bool) -> Event {

@@ -45,8 +45,8 @@ fn a_module_has_its_own_globals_and_cannot_change_shared_ones() {
         texts[1].starts_with("false a.lua:1: robot.x cannot be set"),
         "{texts:?}"
     );
-    let ending = rig.ending();
-    assert!(ending.message.unwrap().contains("unknown name 'y'"));
+    let exit = rig.exit();
+    assert!(exit.message.unwrap().contains("unknown name 'y'"));
 }
 
 #[test]

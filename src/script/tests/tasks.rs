@@ -276,7 +276,7 @@ fn waiting_where_nothing_can_wait_is_an_error_with_its_place() {
         let rig = Rig::new(source);
         rig.assert_ended(EndReason::Error, "nothing can wait here");
         assert!(rig.intents.is_empty());
-        assert!(rig.ending().message.unwrap().starts_with("test.lua:1: "));
+        assert!(rig.exit().message.unwrap().starts_with("test.lua:1: "));
     }
 }
 

@@ -17,17 +17,17 @@ type Reply = oneshot::Sender<Result<(), RosterError>>;
 const LIMIT: Duration = Duration::from_secs(300);
 
 /// What surrounds the executor: the robot, the roster, and those who hear of missed starts.
-struct House {
+struct ServiceFixture {
     roster: Roster,
     status: watch::Sender<Status>,
-    members: watch::Sender<Vec<Member>>,
+    statuses: watch::Sender<Vec<BehaviourStatus>>,
     orders: mpsc::UnboundedReceiver<(String, Reply)>,
     heard: Listener,
 }
 
-impl House {
+impl ServiceFixture {
     /// The executor of a timetable that starts `go` now, for 20 s.
-    fn new() -> (House, impl Future<Output = Infallible>) {
+    fn new() -> (ServiceFixture, impl Future<Output = Infallible>) {
         clock::begin_virtual(Some("2026-05-04T09:00:00Z".parse().unwrap()));
         let table = Timetable {
             rules: vec![Rule {
@@ -44,23 +44,23 @@ impl House {
             after: Duration::from_secs(60),
             dock: false,
         };
-        let duties = Duties {
-            blueprints: Vec::new(),
+        let service_plan = ServicePlan {
+            specs: Vec::new(),
             always: Vec::new(),
             table: table.clone(),
             quiet_alarm: true,
             idle,
         };
         let bus = Bus::default();
-        let members = watch::Sender::new(Vec::new());
-        let (roster, orders) = Roster::fake(members.subscribe());
-        let house = House {
+        let statuses = watch::Sender::new(Vec::new());
+        let (roster, orders) = Roster::fake(statuses.subscribe());
+        let fixture = ServiceFixture {
             roster: roster.clone(),
             status: watch::Sender::new(Status {
                 link: LinkState::Up,
                 ..Status::default()
             }),
-            members,
+            statuses,
             orders,
             heard: bus.subscribe(),
         };
@@ -73,10 +73,10 @@ impl House {
         let mut executor = Executor::new(
             roster,
             mpsc::channel(8).0,
-            house.status.subscribe(),
+            fixture.status.subscribe(),
             Clock::default(),
             Planner::new(table, Record::default()),
-            duties,
+            service_plan,
             listeners,
         );
         // Nobody reloads.
@@ -85,7 +85,7 @@ impl House {
                 .work(mpsc::channel(1).1, CancellationToken::new())
                 .await
         };
-        (house, work)
+        (fixture, work)
     }
 
     fn link(&self, link: LinkState) {
@@ -93,19 +93,19 @@ impl House {
     }
 
     /// The roster shows `go` in this state.
-    fn shows(&self, state: MemberState) {
-        self.members.send_replace(vec![Member {
+    fn shows(&self, state: BehaviourState) {
+        self.statuses.send_replace(vec![BehaviourStatus {
             name: "go".to_owned(),
             priority: Priority::default(),
             state,
-            ending: None,
+            exit: None,
         }]);
     }
 
     /// The roster has started `go`.
     fn runs(&self, started: Reply) {
         let (by, since) = (BehaviourId(1), Instant::now());
-        self.shows(MemberState::Running { by, since });
+        self.shows(BehaviourState::Running { by, since });
         let _ = started.send(Ok(()));
     }
 
@@ -120,8 +120,8 @@ impl House {
     fn has_missed(&mut self) -> bool {
         let heard = std::iter::from_fn(|| self.heard.try_next());
         let missed = |one: BusMessage| {
-            matches!(one, BusMessage::Occurrence(one)
-                if matches!(one.what, Occurrence::StartMissed { .. }))
+            matches!(one, BusMessage::Event(one)
+                if matches!(one.what, AgentEvent::StartMissed { .. }))
         };
         heard.take(100).any(missed)
     }
@@ -137,51 +137,51 @@ async fn beside<T>(work: impl Future<Output = Infallible>, story: impl Future<Ou
 
 #[tokio::test(start_paused = true)]
 async fn a_run_that_loads_slowly_is_ended_on_time() {
-    let (mut house, work) = House::new();
+    let (mut fixture, work) = ServiceFixture::new();
     let begun = Instant::now();
     let story = async {
-        let started = house.order("Start(\"go\"").await;
-        house.shows(MemberState::Loading);
+        let started = fixture.order("Start(\"go\"").await;
+        fixture.shows(BehaviourState::Loading);
         sleep(Duration::from_secs(11)).await;
-        house.runs(started);
-        house.order("Stop(\"go\"").await
+        fixture.runs(started);
+        fixture.order("Stop(\"go\"").await
     };
     let _stopped = beside(work, story).await;
     assert_eq!(begun.elapsed().as_secs(), 20);
-    assert!(!house.has_missed());
+    assert!(!fixture.has_missed());
 }
 
 #[tokio::test(start_paused = true)]
 async fn a_start_that_does_not_reach_the_robot_is_repeated_when_it_is_back() {
-    let (mut house, work) = House::new();
+    let (mut fixture, work) = ServiceFixture::new();
     let story = async {
-        let started = house.order("Start(\"go\"").await;
-        house.link(LinkState::Lost);
+        let started = fixture.order("Start(\"go\"").await;
+        fixture.link(LinkState::Lost);
         let _ = started.send(Err(RosterError::Offline));
         sleep(Duration::from_secs(60)).await;
-        assert!(house.orders.is_empty(), "there is no robot");
-        house.link(LinkState::Up);
-        let started = house.order("Start(\"go\"").await;
-        house.runs(started);
-        house.order("Stop(\"go\"").await
+        assert!(fixture.orders.is_empty(), "there is no robot");
+        fixture.link(LinkState::Up);
+        let started = fixture.order("Start(\"go\"").await;
+        fixture.runs(started);
+        fixture.order("Stop(\"go\"").await
     };
     let _stopped = beside(work, story).await;
-    assert!(!house.has_missed());
+    assert!(!fixture.has_missed());
 }
 
 #[tokio::test(start_paused = true)]
 async fn a_start_that_waits_for_the_robot_is_cancelled_when_a_person_stops_everything() {
-    let (mut house, work) = House::new();
+    let (mut fixture, work) = ServiceFixture::new();
     let story = async {
-        let started = house.order("Start(\"go\"").await;
-        house.link(LinkState::Lost);
+        let started = fixture.order("Start(\"go\"").await;
+        fixture.link(LinkState::Lost);
         let _ = started.send(Err(RosterError::Offline));
         sleep(Duration::from_secs(60)).await;
         // The roster of this test executes no such command.
-        let _ = house.roster.stop_all().await;
-        house.link(LinkState::Up);
+        let _ = fixture.roster.stop_all().await;
+        fixture.link(LinkState::Up);
         sleep(Duration::from_secs(60)).await;
     };
     beside(work, story).await;
-    assert!(house.orders.is_empty(), "it was started");
+    assert!(fixture.orders.is_empty(), "it was started");
 }

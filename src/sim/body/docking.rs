@@ -27,7 +27,7 @@ const RECEIVER_VIEW: f64 = 0.6;
 const MARGIN: f64 = 0.03;
 
 /// The inputs of a manoeuvre from the world.
-pub(crate) struct Senses<'a> {
+pub(crate) struct DockingInputs<'a> {
     pub(crate) pose: Pose,
     pub(crate) station: &'a Station,
     pub(crate) obstacles: &'a Obstacles,
@@ -35,7 +35,7 @@ pub(crate) struct Senses<'a> {
     pub(crate) beacon: bool,
 }
 
-impl Senses<'_> {
+impl DockingInputs<'_> {
     fn in_light(&self) -> bool {
         self.beacon
             && self
@@ -126,25 +126,25 @@ impl Docking {
     }
 
     /// Advances by `dt` and returns what the tracks must do.
-    pub(crate) fn step(&mut self, dt: Duration, senses: &Senses<'_>) -> DockingStep {
-        if self.searching() && self.given_up(dt, senses) {
+    pub(crate) fn step(&mut self, dt: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
+        if self.searching() && self.given_up(dt, inputs) {
             self.stop();
             return DockingStep::NotFound;
         }
         match self.phase {
             DockingPhase::Idle => DockingStep::Free,
-            DockingPhase::Searching => self.search(senses),
-            DockingPhase::Approaching => self.approach(senses),
-            DockingPhase::Aligning => self.align(senses),
-            DockingPhase::Entering { since } => self.enter(since + dt, senses),
-            DockingPhase::Leaving { since } => self.back_out(since + dt, senses),
+            DockingPhase::Searching => self.search(inputs),
+            DockingPhase::Approaching => self.approach(inputs),
+            DockingPhase::Aligning => self.align(inputs),
+            DockingPhase::Entering { since } => self.enter(since + dt, inputs),
+            DockingPhase::Leaving { since } => self.back_out(since + dt, inputs),
         }
     }
 
-    fn given_up(&mut self, dt: Duration, senses: &Senses<'_>) -> bool {
+    fn given_up(&mut self, dt: Duration, inputs: &DockingInputs<'_>) -> bool {
         let seen = match self.phase {
-            DockingPhase::Searching => senses.sees_beacon(),
-            _ => senses.in_light(),
+            DockingPhase::Searching => inputs.sees_beacon(),
+            _ => inputs.in_light(),
         };
         self.elapsed += dt;
         self.unseen = if seen {
@@ -155,25 +155,25 @@ impl Docking {
         self.unseen > self.search_limit || self.elapsed > DOCKING_LIMIT
     }
 
-    fn search(&mut self, senses: &Senses<'_>) -> DockingStep {
+    fn search(&mut self, inputs: &DockingInputs<'_>) -> DockingStep {
         const TURNING: f64 = 0.8;
-        if senses.sees_beacon() {
+        if inputs.sees_beacon() {
             self.phase = DockingPhase::Approaching;
         }
         DockingStep::Drive(twist(0.0, TURNING))
     }
 
     /// Drives to the staging pose, from which the station can be entered in a straight line.
-    fn approach(&mut self, senses: &Senses<'_>) -> DockingStep {
+    fn approach(&mut self, inputs: &DockingInputs<'_>) -> DockingStep {
         const ARRIVED: f64 = 0.04;
-        let target = senses.station.staging_pose().point();
-        let distance = senses.pose.point().distance(target);
+        let target = inputs.station.staging_pose().point();
+        let distance = inputs.pose.point().distance(target);
         if self.unseen > LOST_AFTER {
             self.phase = DockingPhase::Searching;
         } else if distance < ARRIVED {
             self.phase = DockingPhase::Aligning;
         }
-        let off = wrap(free_direction(senses, target) - senses.pose.heading);
+        let off = wrap(free_direction(inputs, target) - inputs.pose.heading);
         let speed = if off.abs() < 0.5 {
             (0.04 + 0.8 * distance).min(0.25)
         } else {
@@ -182,8 +182,8 @@ impl Docking {
         DockingStep::Drive(twist(speed, (2.5 * off).clamp(-1.2, 1.2)))
     }
 
-    fn align(&mut self, senses: &Senses<'_>) -> DockingStep {
-        let off = wrap(senses.station.dock_pose().heading - senses.pose.heading);
+    fn align(&mut self, inputs: &DockingInputs<'_>) -> DockingStep {
+        let off = wrap(inputs.station.dock_pose().heading - inputs.pose.heading);
         if off.abs() < 0.03 {
             self.phase = DockingPhase::Entering {
                 since: Duration::ZERO,
@@ -193,10 +193,10 @@ impl Docking {
     }
 
     /// Drives slowly along the station's axis. `Robot` ends the manoeuvre when the contacts touch.
-    fn enter(&mut self, since: Duration, senses: &Senses<'_>) -> DockingStep {
-        let (ahead, aside) = senses.station.offset(senses.pose);
-        let heading = senses.station.dock_pose().heading + (3.0 * aside).clamp(-0.4, 0.4);
-        let off = wrap(heading - senses.pose.heading);
+    fn enter(&mut self, since: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
+        let (ahead, aside) = inputs.station.offset(inputs.pose);
+        let heading = inputs.station.dock_pose().heading + (3.0 * aside).clamp(-0.4, 0.4);
+        let off = wrap(heading - inputs.pose.heading);
         self.phase = if since > ENTER_LIMIT {
             DockingPhase::Approaching
         } else {
@@ -208,8 +208,8 @@ impl Docking {
         ))
     }
 
-    fn back_out(&mut self, since: Duration, senses: &Senses<'_>) -> DockingStep {
-        let (ahead, _) = senses.station.offset(senses.pose);
+    fn back_out(&mut self, since: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
+        let (ahead, _) = inputs.station.offset(inputs.pose);
         if ahead >= LEFT_AT || since > LEAVE_LIMIT {
             self.stop();
             return DockingStep::Left;
@@ -228,15 +228,15 @@ fn twist(speed: f64, turning: f64) -> Tracks<f64> {
 /// Returns the best direction towards `target` that is free of obstacles over the look-ahead
 /// distance. Deviation from the current heading adds to the cost, so that the robot does not
 /// oscillate between two equally good directions.
-fn free_direction(senses: &Senses<'_>, target: Point) -> f64 {
+fn free_direction(inputs: &DockingInputs<'_>, target: Point) -> f64 {
     const LOOK_AHEAD: f64 = 0.5;
-    let here = senses.pose.point();
+    let here = inputs.pose.point();
     let direct = here.direction_of(target);
     let look = here.distance(target).min(LOOK_AHEAD);
     let cost =
-        |angle: f64| wrap(angle - direct).abs() + 0.3 * wrap(angle - senses.pose.heading).abs();
+        |angle: f64| wrap(angle - direct).abs() + 0.3 * wrap(angle - inputs.pose.heading).abs();
     let free = |angle: &f64| {
-        senses
+        inputs
             .obstacles
             .is_path_free(here, here.ahead(*angle, look), RADIUS + MARGIN)
     };
@@ -262,13 +262,13 @@ mod tests {
         docking.find_base();
         for step in 0.. {
             let station = &world.station;
-            let senses = Senses {
+            let inputs = DockingInputs {
                 pose: body.pose,
                 station,
                 obstacles: &obstacles,
                 beacon,
             };
-            match docking.step(TICK, &senses) {
+            match docking.step(TICK, &inputs) {
                 DockingStep::Drive(speeds) => body.set_target(speeds),
                 DockingStep::NotFound => return (f64::from(step) / 50.0, false),
                 other => panic!("{other:?}"),
@@ -327,13 +327,13 @@ mod tests {
         let mut docking = Docking::new(Duration::ZERO);
         docking.leave();
         for _ in 0..1000 {
-            let senses = Senses {
+            let inputs = DockingInputs {
                 pose: body.pose,
                 station,
                 obstacles: &obstacles,
                 beacon: true,
             };
-            match docking.step(TICK, &senses) {
+            match docking.step(TICK, &inputs) {
                 DockingStep::Drive(speeds) => body.set_target(speeds),
                 end => {
                     assert_eq!(end, DockingStep::Left);

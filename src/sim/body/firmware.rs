@@ -20,9 +20,9 @@ pub struct Firmware {
     #[serde(serialize_with = "some_seconds", deserialize_with = "some_span")]
     pub stops_without_repeat: Option<Duration>,
     /// What a MOVE does while the robot searches for its station.
-    pub move_while_searching: Answer,
+    pub move_while_searching: FirmwareBehaviour,
     /// What a MOVE does while the robot backs out of its station.
-    pub move_while_undocking: Answer,
+    pub move_while_undocking: FirmwareBehaviour,
     /// ENGINE 1 sent to the robot undocks it, as CHARGE_STOP does. Default: it does nothing.
     pub activate_undocks: bool,
     /// The robot sends POWER on every change, and at least this often. Default 5 s.
@@ -47,7 +47,7 @@ pub struct Firmware {
 /// What a MOVE does while the robot executes one of its own manoeuvres.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Answer {
+pub enum FirmwareBehaviour {
     /// The MOVE ends the manoeuvre, and the tracks follow it; MOVE 0 0 ends the manoeuvre too.
     #[default]
     Ends,
@@ -62,8 +62,8 @@ impl Default for Firmware {
         Firmware {
             stops_on_disconnect: false,
             stops_without_repeat: None,
-            move_while_searching: Answer::Ends,
-            move_while_undocking: Answer::Ends,
+            move_while_searching: FirmwareBehaviour::Ends,
+            move_while_undocking: FirmwareBehaviour::Ends,
             activate_undocks: false,
             power_period: Duration::from_secs(5),
             power_after_login: Duration::ZERO,
@@ -130,8 +130,8 @@ mod tests {
         let expected = Firmware {
             stops_on_disconnect: true,
             stops_without_repeat: Some(Duration::from_millis(500)),
-            move_while_searching: Answer::Ignored,
-            move_while_undocking: Answer::Obeyed,
+            move_while_searching: FirmwareBehaviour::Ignored,
+            move_while_undocking: FirmwareBehaviour::Obeyed,
             activate_undocks: true,
             power_late: Duration::from_secs(3),
             ..Firmware::default()

@@ -12,7 +12,7 @@ use rand::{RngExt, SeedableRng};
 use super::speaker::Speaker;
 use crate::sim::geometry::Point;
 use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::world::fittings::{Noise, NoiseKind};
+use crate::sim::world::fixtures::{Noise, NoiseKind};
 
 /// Samples per second.
 pub(crate) const RATE: u32 = 16_000;

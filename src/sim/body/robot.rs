@@ -11,17 +11,17 @@ use crate::wire::{EngineReport, Report, Sound};
 use super::battery::Battery;
 use super::chassis::{Chassis, Tracks};
 use super::contacts::Contacts;
-use super::docking::{Docking, DockingStep, Senses};
+use super::docking::{Docking, DockingInputs, DockingStep};
+use super::environment::Environment;
 use super::firmware::Firmware;
-use super::grip::Grip;
 use super::log::RobotLog;
 use super::memory::Memory;
 use super::microphone::Microphone;
 use super::power::PowerReports;
 use super::speaker::Speaker;
 use super::state::{Leds, State, Streams};
-use super::surroundings::Surroundings;
-use super::trace::{Movers, Trace, TraceEventKind};
+use super::trace::{ObjectPositions, Trace, TraceEventKind};
+use super::track_slip::TrackSlip;
 use super::video::Video;
 use crate::sim::camera::Shot;
 use crate::sim::geometry::{Point, Pose, RADIUS};
@@ -31,12 +31,12 @@ use crate::sim::world::document::World;
 pub struct Robot {
     firmware: Firmware,
     time: Duration,
-    surroundings: Surroundings,
+    environment: Environment,
     // Driving.
     commanded: Tracks<i8>,
     since_move: Duration,
     docking: Docking,
-    grip: Grip,
+    track_slip: TrackSlip,
     chassis: Chassis,
     // The station and power.
     contacts: Contacts,
@@ -57,7 +57,7 @@ pub struct Robot {
 
 impl Robot {
     /// Creates a robot at the world's start pose. `seed` determines the noise of camera and
-    /// microphone, and the grip of the tracks.
+    /// microphone, and the slip of the tracks.
     pub fn new(world: World, firmware: Firmware, seed: u64) -> Robot {
         let pose = world.start_pose();
         let touching = world.station.touched(pose, true);
@@ -68,7 +68,7 @@ impl Robot {
             commanded: Tracks::default(),
             since_move: Duration::ZERO,
             docking: Docking::new(firmware.search_limit),
-            grip: Grip::new(world.tracks, seed),
+            track_slip: TrackSlip::new(world.tracks, seed),
             chassis: Chassis::new(pose),
             contacts: Contacts::new(touching),
             battery,
@@ -82,7 +82,7 @@ impl Robot {
             log: RobotLog::default(),
             trace: Arc::new(Mutex::new(Trace::from(pose))),
             reports: Vec::new(),
-            surroundings: Surroundings::new(world),
+            environment: Environment::new(world),
             firmware,
         }
     }
@@ -104,12 +104,12 @@ impl Robot {
 
     /// Returns the world, in its initial state.
     pub fn world(&self) -> &World {
-        &self.surroundings.world
+        &self.environment.world
     }
 
     /// Puts a ball at a place, at rest; `index` is its index in the world's list.
     pub fn put_ball(&mut self, index: usize, place: Point) {
-        self.surroundings.put_ball(index, place);
+        self.environment.put_ball(index, place);
     }
 
     /// Whether the robot is on its station; AUTH_REPLY reports this too.
@@ -154,10 +154,14 @@ impl Robot {
         self.drive(dt);
         self.update_contacts();
         let (places, balls) = (
-            self.surroundings.places(),
-            self.surroundings.world.balls.len(),
+            self.environment.places(),
+            self.environment.world.balls.len(),
         );
-        lock(&self.trace).add_sample(self.time, self.chassis.pose, Movers { places, balls });
+        lock(&self.trace).add_sample(
+            self.time,
+            self.chassis.pose,
+            ObjectPositions { places, balls },
+        );
         self.battery.step(dt, self.chassis.effort());
         if self.battery.take_full() {
             self.report_engine(EngineReport::Charged);
@@ -251,13 +255,13 @@ impl Robot {
         {
             self.commanded = Tracks::default();
         }
-        let senses = Senses {
+        let inputs = DockingInputs {
             pose: self.chassis.pose,
-            station: &self.surroundings.world.station,
-            obstacles: &self.surroundings.obstacles,
+            station: &self.environment.world.station,
+            obstacles: &self.environment.obstacles,
             beacon: self.contacts.beacon,
         };
-        let wanted = match self.docking.step(dt, &senses) {
+        let wanted = match self.docking.step(dt, &inputs) {
             DockingStep::Free => self.commanded.speeds(),
             DockingStep::Drive(speeds) if self.commanded == Tracks::default() => speeds,
             DockingStep::Drive(_) => self.commanded.speeds(),
@@ -270,22 +274,22 @@ impl Robot {
         self.chassis.set_target(if self.battery.empty() {
             Tracks::default()
         } else {
-            self.grip.step(wanted, dt)
+            self.track_slip.step(wanted, dt)
         });
         self.step_motion(dt);
     }
 
     /// Moves the robot and everything else that moves, for `dt`.
     fn step_motion(&mut self, dt: Duration) {
-        self.surroundings.step(dt.as_secs_f64(), &self.chassis);
+        self.environment.step(dt.as_secs_f64(), &self.chassis);
         let speed = self.chassis.forward_speed();
         let before = self.chassis.collisions();
-        self.chassis.step(dt, &self.surroundings.obstacles);
+        self.chassis.step(dt, &self.environment.obstacles);
         if self.chassis.collisions() != before {
             let reach = if speed < 0.0 { -RADIUS } else { RADIUS };
             let Pose { heading, .. } = self.chassis.pose;
             let bumper = self.chassis.pose.point().ahead(heading, reach);
-            let name = self.surroundings.name_at(bumper);
+            let name = self.environment.name_at(bumper);
             self.note(&format!("ran into: {name}"));
             self.mark(TraceEventKind::Collision(name));
         }
@@ -293,7 +297,7 @@ impl Robot {
 
     /// Updates the contacts with the station, and reports changes.
     fn update_contacts(&mut self) {
-        let station = &self.surroundings.world.station;
+        let station = &self.environment.world.station;
         self.contacts.update(station, self.chassis.pose);
         self.battery.set_charging(self.contacts.charging());
         if self.contacts.touching() && self.docking.searching() {
@@ -315,7 +319,7 @@ impl Robot {
         }
         let here = self.chassis.pose.point();
         self.microphone
-            .update_sources(self.time, here, &self.surroundings.obstacles);
+            .update_sources(self.time, here, &self.environment.obstacles);
         let chunk = self
             .microphone
             .record(dt, self.chassis.effort(), &mut self.speaker);
@@ -333,9 +337,9 @@ impl Robot {
             turning: self.chassis.turning_speed(),
             time: self.time,
         };
-        let surroundings = &self.surroundings;
+        let environment = &self.environment;
         self.video.step(dt, |camera| {
-            camera.move_rounds(surroundings.places());
+            camera.move_rounds(environment.places());
             shot
         });
         while let Some(jpeg) = self.video.take(self.time) {

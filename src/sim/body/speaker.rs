@@ -7,7 +7,7 @@ use crate::wire::Sound;
 
 /// A synthetic sound that replaces one of the robot's recordings, with a similar length and
 /// distinct from the others.
-struct Voice {
+struct Tone {
     millis: u64,
     hertz: f64,
     /// Change of the frequency from start to end, hertz; positive is up.
@@ -16,7 +16,7 @@ struct Voice {
     beeps: u32,
 }
 
-fn voice(sound: Sound) -> Option<Voice> {
+fn tone(sound: Sound) -> Option<Tone> {
     let (millis, hertz, sweep, beeps) = match sound {
         Sound::Alarm => (2500, 900.0, 500.0, 5),
         Sound::Bomb => (2800, 220.0, -180.0, 1),
@@ -33,7 +33,7 @@ fn voice(sound: Sound) -> Option<Voice> {
         Sound::Music => (0, 392.0, 130.0, 24),
         Sound::Unknown(_) => return None,
     };
-    Some(Voice {
+    Some(Tone {
         millis,
         hertz,
         sweep,
@@ -85,15 +85,15 @@ impl Speaker {
 
     /// Plays a sound, replacing the current one. Unknown sounds are silent.
     pub(crate) fn play(&mut self, sound: Sound) {
-        let length = |voice: Voice| match sound {
+        let length = |tone: Tone| match sound {
             Sound::Music => self.music,
-            _ => Duration::from_millis(voice.millis),
+            _ => Duration::from_millis(tone.millis),
         };
         let played = Duration::ZERO;
-        self.playing = voice(sound).map(|voice| Playing {
+        self.playing = tone(sound).map(|tone| Playing {
             sound,
             played,
-            length: length(voice),
+            length: length(tone),
         });
     }
 
@@ -117,14 +117,14 @@ impl Speaker {
         let Some(playing) = &self.playing else {
             return 0.0;
         };
-        let Some(voice) = voice(playing.sound) else {
+        let Some(tone) = tone(playing.sound) else {
             return 0.0;
         };
         let share = playing.played.as_secs_f64() / playing.length.as_secs_f64().max(1e-3);
-        let beep = (share * f64::from(voice.beeps)).fract();
-        let hertz = voice.hertz + voice.sweep * if voice.beeps > 1 { beep } else { share };
+        let beep = (share * f64::from(tone.beeps)).fract();
+        let hertz = tone.hertz + tone.sweep * if tone.beeps > 1 { beep } else { share };
         self.phase = (self.phase + TAU * hertz * seconds) % TAU;
-        let pause = voice.beeps > 1 && beep > 0.6;
+        let pause = tone.beeps > 1 && beep > 0.6;
         let loudness = if pause {
             0.0
         } else {

@@ -68,7 +68,7 @@ pub enum TraceEventKind {
 }
 
 /// The places of everything that moves besides the robot: first `balls` balls, then people.
-pub(crate) struct Movers<I> {
+pub(crate) struct ObjectPositions<I> {
     pub(crate) places: I,
     pub(crate) balls: usize,
 }
@@ -118,14 +118,14 @@ impl Trace {
         &mut self,
         at: Duration,
         pose: Pose,
-        movers: Movers<impl Iterator<Item = Point>>,
+        positions: ObjectPositions<impl Iterator<Item = Point>>,
     ) {
         let placed = pose.point().distance(self.now.pose.point()) > MAX_STEP;
         if !placed {
             self.distance += pose.point().distance(self.now.pose.point());
         }
         self.now = Sample { at, pose, placed };
-        let Movers { places, balls } = movers;
+        let ObjectPositions { places, balls } = positions;
         self.balls.clear();
         self.walkers.clear();
         for (index, place) in places.enumerate() {
@@ -219,8 +219,8 @@ impl Trace {
 mod tests {
     use super::*;
 
-    fn nothing() -> Movers<std::iter::Empty<Point>> {
-        Movers {
+    fn nothing() -> ObjectPositions<std::iter::Empty<Point>> {
+        ObjectPositions {
             places: std::iter::empty(),
             balls: 0,
         }

@@ -9,8 +9,8 @@ use super::texture::Texture;
 use crate::sim::geometry::Point;
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::world::document::World;
-use crate::sim::world::fittings::Tape;
-use crate::sim::world::things::{Floor, Rug};
+use crate::sim::world::fixtures::Tape;
+use crate::sim::world::objects::{Floor, Rug};
 
 /// Side of a cell of the shadow map, metres.
 const CELL: f32 = 0.05;

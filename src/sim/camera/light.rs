@@ -3,7 +3,7 @@
 use crate::sim::geometry::Point;
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::world::document::World;
-use crate::sim::world::fittings::Lamp;
+use crate::sim::world::fixtures::Lamp;
 
 /// Maximum number of points of the light map along the longer side of a room.
 const MAX_POINTS: usize = 96;

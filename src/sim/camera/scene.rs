@@ -9,7 +9,7 @@ use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Segment};
 use crate::sim::world::code::Code;
 use crate::sim::world::document::World;
-use crate::sim::world::fittings::Sign;
+use crate::sim::world::fixtures::Sign;
 use crate::sim::world::paint::Paint;
 use crate::sim::world::station;
 

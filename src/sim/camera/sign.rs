@@ -2,7 +2,7 @@
 
 use super::texture::Texture;
 use crate::sim::world::code::Code;
-use crate::sim::world::fittings::Sign;
+use crate::sim::world::fixtures::Sign;
 
 /// Width of the quiet zone around a code, in modules; readers need four.
 const MARGIN: usize = 4;

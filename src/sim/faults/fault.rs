@@ -1,6 +1,6 @@
 //! Faults of the connection between a client and the robot, and of the robot itself, with their
-//! times. Only describes them: `lane` and `outlet` apply them to the bytes, `server::site` to the
-//! robot. `list` and `entry` read them from YAML.
+//! times. Only describes them: `proxy_direction` and `throttled_writer` apply them to the bytes,
+//! `server::robot_server` to the robot. `list` and `entry` read them from YAML.
 
 use std::time::Duration;
 

@@ -1,11 +1,11 @@
 //! Faults of the connection between a client and the robot, and of the robot itself.
 
+mod corrupt;
 mod entry;
 pub(crate) mod fault;
-mod lane;
 pub(crate) mod list;
-mod mangle;
-mod outlet;
 pub(crate) mod proxy;
+mod proxy_direction;
 pub(crate) mod scheduler;
+mod throttled_writer;
 pub(crate) mod timing;

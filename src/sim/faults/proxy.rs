@@ -8,9 +8,9 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::timeout;
 
 use super::fault::Direction;
-use super::lane::Lane;
-use super::outlet::End;
+use super::proxy_direction::ProxyDirection;
 use super::scheduler::FaultFeed;
+use super::throttled_writer::End;
 
 /// When one end has closed, the other one gets this long to close too.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
@@ -42,11 +42,12 @@ pub(crate) async fn forward(
         seed,
         unacknowledged,
     } = feed;
-    let lane =
-        |towards, beginnings, seed| Lane::new(towards, active_faults.clone(), beginnings, seed);
-    let mut to_robot = lane(Direction::Robot, beginnings.resubscribe(), seed);
+    let direction = |towards, beginnings, seed| {
+        ProxyDirection::new(towards, active_faults.clone(), beginnings, seed)
+    };
+    let mut to_robot = direction(Direction::Robot, beginnings.resubscribe(), seed);
     to_robot.unacknowledged = unacknowledged;
-    let to_client = lane(Direction::Client, beginnings, seed.wrapping_add(1));
+    let to_client = direction(Direction::Client, beginnings, seed.wrapping_add(1));
     let mut to_robot = Box::pin(to_robot.run(client_reader, robot_writer));
     let mut to_client = Box::pin(to_client.run(robot_reader, client_writer));
     let end = tokio::select! {
@@ -232,7 +233,7 @@ mod tests {
                 Direction::Client,
                 None,
             );
-            // Gives the lane time to receive the momentary faults before the connection ends.
+            // Gives this direction time to receive the momentary faults before the connection ends.
             sleep(SECOND).await;
             line.robot.write_all(POWER_80).await.unwrap();
             drop(line.robot);

@@ -67,7 +67,7 @@ pub(crate) fn draw_onto(world: &World, canvas: &mut MapCanvas) {
     station(world, canvas);
     walls(world, canvas);
     lamps_and_sounds(world, canvas);
-    movers(world, canvas);
+    moving_objects(world, canvas);
     frame(world, canvas);
     names(world, canvas);
 }
@@ -179,7 +179,7 @@ fn lamps_and_sounds(world: &World, canvas: &mut MapCanvas) {
     }
 }
 
-fn movers(world: &World, canvas: &mut MapCanvas) {
+fn moving_objects(world: &World, canvas: &mut MapCanvas) {
     for ball in &world.balls {
         draw_route(
             canvas,

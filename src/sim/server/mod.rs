@@ -7,7 +7,7 @@ pub(crate) mod handle;
 pub(crate) mod journal;
 mod options;
 mod report_queue;
-mod site;
+mod robot_server;
 mod sockets;
 
 use std::io;
@@ -23,7 +23,7 @@ use crate::sim::world::document::World;
 use self::connection::Event;
 use self::handle::{Handle, Request};
 pub use self::options::Options;
-use self::site::{STEP, Site};
+use self::robot_server::{RobotServer, STEP};
 use self::sockets::Sockets;
 
 /// Capacity of the queue of connection events; when it is full, the connections wait.
@@ -32,7 +32,7 @@ const MAX_EVENTS: usize = 64;
 /// A simulated robot that serves clients while [`Server::run`] runs.
 pub struct Server {
     sockets: Sockets,
-    site: Site,
+    robot_server: RobotServer,
     faults: Vec<Fault>,
     events: mpsc::Receiver<Event>,
     requests: mpsc::Receiver<Request>,
@@ -59,11 +59,11 @@ impl Server {
         let robot = Robot::new(world, options.firmware.clone(), options.seed);
         let (handle, requests, ends) = handle::open(&robot);
         let (events, events_end) = mpsc::channel(MAX_EVENTS);
-        let site = Site::new(robot, &options, ends, events);
+        let robot_server = RobotServer::new(robot, &options, ends, events);
         let faults = options.faults.unwrap_or_default();
         Server {
             sockets,
-            site,
+            robot_server,
             faults,
             events: events_end,
             requests,
@@ -88,7 +88,7 @@ impl Server {
     pub async fn run(self) -> io::Result<()> {
         let Server {
             mut sockets,
-            mut site,
+            mut robot_server,
             faults,
             mut events,
             mut requests,
@@ -96,23 +96,23 @@ impl Server {
         } = self;
         let mut ticks = interval(STEP);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        site.begin(faults);
+        robot_server.begin(faults);
         let mut datagram = [0; 64];
         loop {
             // The clock has priority: a flood of commands must not stop the simulated time.
             tokio::select! {
                 biased;
                 _ = ticks.tick() => {
-                    site.advance();
-                    sockets.set_visible(!site.is_rebooting()).await;
+                    robot_server.advance();
+                    sockets.set_visible(!robot_server.is_rebooting()).await;
                 }
-                Some(request) = requests.recv() => site.handle_request(request),
-                Some(event) = events.recv() => site.handle_event(event),
-                (stream, breaker) = sockets.accept() => site.admit(stream, breaker),
+                Some(request) = requests.recv() => robot_server.handle_request(request),
+                Some(event) = events.recv() => robot_server.handle_event(event),
+                (stream, breaker) = sockets.accept() => robot_server.admit(stream, breaker),
                 Some((length, from)) = sockets.receive(&mut datagram) => {
-                    sockets.answer(&site.discovery_reply(), &datagram[..length], from).await;
+                    sockets.answer(&robot_server.discovery_reply(), &datagram[..length], from).await;
                 }
-                () = site.reap() => {}
+                () = robot_server.reap() => {}
             }
         }
     }

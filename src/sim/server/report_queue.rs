@@ -18,7 +18,7 @@ const MAX_AUDIO: usize = 8;
 /// Progress of the messages that must be sent before a client may drive (`PROTOCOL.md`, *Order
 /// after login*).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
-enum Opening {
+enum Handshake {
     Waiting,
     Accepted,
     Done,
@@ -26,12 +26,12 @@ enum Opening {
 
 #[derive(Debug)]
 struct Queue {
-    messages: VecDeque<(Opening, Bytes)>,
+    messages: VecDeque<(Handshake, Bytes)>,
     length: usize,
     audio: VecDeque<Bytes>,
     frame: Option<Bytes>,
     dropped: u64,
-    opening: Opening,
+    handshake: Handshake,
     closing: bool,
 }
 
@@ -55,7 +55,7 @@ impl ReportQueue {
             audio: VecDeque::new(),
             frame: None,
             dropped: 0,
-            opening: Opening::Waiting,
+            handshake: Handshake::Waiting,
             closing: false,
         };
         ReportQueue {
@@ -70,9 +70,9 @@ impl ReportQueue {
         match report {
             Report::Video(_) => queue.put_frame(report.to_bytes()),
             Report::Audio(_) => queue.put_audio(report.to_bytes()),
-            Report::Accepted(_) => queue.put_message(Opening::Accepted, report.to_bytes()),
-            Report::Power(_) => queue.put_message(Opening::Done, report.to_bytes()),
-            _ => queue.put_message(Opening::Waiting, report.to_bytes()),
+            Report::Accepted(_) => queue.put_message(Handshake::Accepted, report.to_bytes()),
+            Report::Power(_) => queue.put_message(Handshake::Done, report.to_bytes()),
+            _ => queue.put_message(Handshake::Waiting, report.to_bytes()),
         }
         self.changed.notify_one();
         if queue.length > MAX_QUEUED_BYTES {
@@ -90,7 +90,7 @@ impl ReportQueue {
 
     /// Whether AUTH_REPLY and the first POWER after it have been taken from the queue.
     pub(crate) fn opened(&self) -> bool {
-        self.lock().opening == Opening::Done
+        self.lock().handshake == Handshake::Done
     }
 
     /// Returns the number of frames and audio chunks dropped so far.
@@ -130,9 +130,9 @@ impl Queue {
         self.audio.push_back(bytes);
     }
 
-    fn put_message(&mut self, opening: Opening, bytes: Bytes) {
+    fn put_message(&mut self, handshake: Handshake, bytes: Bytes) {
         self.length += bytes.len();
-        self.messages.push_back((opening, bytes));
+        self.messages.push_back((handshake, bytes));
     }
 
     /// Takes the next message, audio and frames last; also returns whether the queue is closing.
@@ -141,13 +141,13 @@ impl Queue {
             let sound = queue.audio.pop_front();
             sound.or_else(|| queue.frame.take())
         };
-        let Some((opening, bytes)) = self.messages.pop_front() else {
+        let Some((handshake, bytes)) = self.messages.pop_front() else {
             return (stream(self), self.closing);
         };
         self.length -= bytes.len();
-        self.opening = match (self.opening, opening) {
-            (Opening::Waiting, Opening::Accepted) => Opening::Accepted,
-            (Opening::Accepted, Opening::Done) => Opening::Done,
+        self.handshake = match (self.handshake, handshake) {
+            (Handshake::Waiting, Handshake::Accepted) => Handshake::Accepted,
+            (Handshake::Accepted, Handshake::Done) => Handshake::Done,
             (before, _) => before,
         };
         (Some(bytes), self.closing)

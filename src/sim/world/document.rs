@@ -4,12 +4,12 @@
 
 use serde::Deserialize;
 
-use super::fittings::{Lamp, Noise, Sign, Tape};
+use super::fixtures::{Lamp, Noise, Sign, Tape};
+use super::objects::{Ball, Furniture, Post, Room, Rug, Wall};
 use super::route::{Route, Walker};
 use super::settings::{BatterySettings, CameraSettings, TrackSettings};
 use super::spot::Start;
 use super::station::Station;
-use super::things::{Ball, Furniture, Post, Room, Rug, Wall};
 use crate::sim::geometry::obstacles::{Circle, Obstacle, Obstacles, Shapes};
 use crate::sim::geometry::{Point, Pose};
 use crate::sim::yaml::number;

@@ -4,9 +4,9 @@
 pub(crate) mod builtin;
 pub(crate) mod code;
 pub(crate) mod document;
-pub(crate) mod fittings;
-mod mistakes;
-pub(crate) mod movers;
+pub(crate) mod dynamics;
+pub(crate) mod fixtures;
+pub(crate) mod objects;
 pub(crate) mod paint;
 pub(crate) mod reader;
 pub(crate) mod route;
@@ -15,4 +15,4 @@ pub(crate) mod settings;
 pub(crate) mod spot;
 pub(crate) mod station;
 pub(crate) mod station_distances;
-pub(crate) mod things;
+mod validate;

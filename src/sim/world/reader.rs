@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::document::World;
-use super::mistakes;
+use super::validate;
 use crate::sim::yaml::document::{self, DocumentError, DocumentKind};
 use crate::sim::yaml::locate;
 
@@ -23,8 +23,8 @@ impl World {
     /// range, things outside the room, a blocked station or start.
     pub fn from_yaml(text: &str, name: &str) -> Result<World, DocumentError> {
         let world: World = locate::read(text, name)?;
-        mistakes::check(&world).map_err(|mistake| {
-            DocumentError::invalid(name, locate::find(text, &mistake.path), mistake.message)
+        validate::check(&world).map_err(|error| {
+            DocumentError::invalid(name, locate::find(text, &error.path), error.message)
         })?;
         Ok(world)
     }
@@ -41,8 +41,8 @@ impl World {
 #[cfg(test)]
 mod tests {
     use super::super::code;
-    use super::super::mistakes::{MAX_LAMPS, MAX_THINGS};
     use super::super::settings::BatterySettings;
+    use super::super::validate::{MAX_LAMPS, MAX_OBJECTS};
     use super::*;
 
     const ROOM: &str = "room: {width: 6, depth: 4}\n";
@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn too_many_things_are_rejected() {
         let ball = "  - {at: [1, 1], colour: red}\n";
-        let text = fault(&format!("balls:\n{}", ball.repeat(MAX_THINGS + 1)));
+        let text = fault(&format!("balls:\n{}", ball.repeat(MAX_OBJECTS + 1)));
         assert!(text.contains("201 balls are too many"), "{text}");
     }
 

@@ -48,13 +48,13 @@ impl World {
     }
 
     fn poll(&mut self) {
-        let facts = Facts {
+        let inputs = PlannerInputs {
             now: self.now,
             at: self.at,
             ready: self.ready,
             running: &self.running,
         };
-        for act in self.planner.poll(facts) {
+        for act in self.planner.poll(inputs) {
             match &act {
                 Act::Start { run, .. } => self.running.push(run.clone()),
                 Act::End { run } => {

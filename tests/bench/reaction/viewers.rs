@@ -102,7 +102,7 @@ fn view(address: SocketAddr, sent: &Sent, ages: &Ages) {
                 if let Some(at) = at {
                     ages.lock().unwrap().push(at.elapsed());
                 }
-                send(&mut stream, 0x81, b"{\"type\":\"taken\"}");
+                send(&mut stream, 0x81, b"{\"type\":\"frame_shown\"}");
             }
             9 => send(&mut stream, 0x8a, &payload),
             _ => {}

@@ -14,7 +14,7 @@ use spykee::vision::{
 /// they count as padding.
 const OPTION_BYTES: usize = 8;
 /// Pictures of up to this many pixels are decoded a second time, by a fresh decoder.
-const SMALL: u32 = 160 * 120;
+const MAX_EXACT_PIXELS: u32 = 160 * 120;
 
 /// A `FrameAnalyser` that has processed all earlier frames, as in a behaviour.
 struct State {
@@ -107,7 +107,7 @@ fn check_refusal(error: FrameError, validated: Result<Size, FrameError>) {
 
 /// Checks that no earlier frame affects the result, by comparison with a fresh decoder.
 fn compare_with_fresh_decoder(state: &mut State, jpeg: &[u8], size: Size) {
-    if size.width * size.height > SMALL {
+    if size.width * size.height > MAX_EXACT_PIXELS {
         return;
     }
     let mut decoder = Decoder::default();

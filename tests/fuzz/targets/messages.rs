@@ -51,13 +51,13 @@ impl Rig {
             charging: false,
         };
         let docked = false;
-        dog.take(Fact::LinkUp { docked, power }, now);
+        dog.handle(Fact::LinkUp { docked, power }, now);
         Rig { dog, now }
     }
 
     fn ask(&mut self, intent: Intent) {
         let low = self.dog.low().is_some();
-        let acts = self.take(Fact::Asked {
+        let acts = self.handle(Fact::Asked {
             by: WHO,
             priority: Priority(0),
             intent,
@@ -69,22 +69,22 @@ impl Rig {
     fn happen(&mut self, happens: u8) {
         let (what, how) = (happens & 7, happens >> 3);
         match what {
-            0 => drop(self.take(Fact::Engine(EngineReport::from(how)))),
-            1 | 2 => drop(self.take(Fact::Power(Power {
+            0 => drop(self.handle(Fact::Engine(EngineReport::from(how)))),
+            1 | 2 => drop(self.handle(Fact::Power(Power {
                 percent: how * 4,
                 charging: what == 2,
             }))),
-            3 => drop(self.take(Fact::Alive(WHO))),
+            3 => drop(self.handle(Fact::Alive(WHO))),
             _ => {
                 self.now += Duration::from_millis(1 << how.min(20));
-                let acts = self.dog.tick(self.now);
+                let acts = self.dog.poll(self.now);
                 self.check(&acts);
             }
         }
     }
 
-    fn take(&mut self, fact: Fact) -> Vec<Act> {
-        let acts = self.dog.take(fact, self.now);
+    fn handle(&mut self, fact: Fact) -> Vec<Act> {
+        let acts = self.dog.handle(fact, self.now);
         self.check(&acts);
         acts
     }

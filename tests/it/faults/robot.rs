@@ -4,157 +4,161 @@
 use spykee::sim::State;
 use spykee::wire::{Command, Sound};
 
-use super::stage::Stage;
+use super::fault_run::FaultRun;
 use crate::rig::moves;
 
 /// Below the watchdog's low level, above the critical one.
 const LOW: f64 = 14.0;
 
-pub async fn starts_afresh(stage: Stage) {
-    let before = stage.newest_client();
-    stage.begin_faults();
+pub async fn starts_afresh(fault_run: FaultRun) {
+    let before = fault_run.newest_client();
+    fault_run.begin_faults();
     let gone = |state: &State| state.user.is_none();
-    let state = stage.until("gone", gone).await;
+    let state = fault_run.until("gone", gone).await;
     assert!(
         state.commanded.left == 0 && !state.streams.video,
         "{state:?}"
     );
-    stage.comes_back(before).await;
-    stage.says_more("frame", 3).await;
-    stage.dropped_old_requests();
-    stage.ends_well();
+    fault_run.comes_back(before).await;
+    fault_run.says_more("frame", 3).await;
+    fault_run.dropped_old_requests();
+    fault_run.ends_well();
 }
 
-pub async fn stops_one_that_drove_on(stage: Stage) {
-    let before = stage.newest_client();
-    stage.begin_faults();
-    stage.run.says("hears disconnected").await;
-    let state = stage.until("gone", |state| state.user.is_none()).await;
+pub async fn stops_one_that_drove_on(fault_run: FaultRun) {
+    let before = fault_run.newest_client();
+    fault_run.begin_faults();
+    fault_run.run.says("hears disconnected").await;
+    let state = fault_run.until("gone", |state| state.user.is_none()).await;
     assert!(state.commanded.left != 0, "{state:?}");
-    let gone = stage.rig.sim.heard_count();
-    let stop = stage.rig.heard_stop(gone).await;
-    assert!(stage.rig.sim.heard_since(stop)[0].client > before);
-    assert!(!stage.rig.commands(gone)[..stop - gone].iter().any(moves));
-    stage.comes_back(before).await;
-    stage.dropped_old_requests();
-    stage.ends_well();
+    let gone = fault_run.rig.sim.heard_count();
+    let stop = fault_run.rig.heard_stop(gone).await;
+    assert!(fault_run.rig.sim.heard_since(stop)[0].client > before);
+    assert!(
+        !fault_run.rig.commands(gone)[..stop - gone]
+            .iter()
+            .any(moves)
+    );
+    fault_run.comes_back(before).await;
+    fault_run.dropped_old_requests();
+    fault_run.ends_well();
 }
 
-pub async fn is_let_in_again(stage: Stage) {
-    let before = stage.newest_client();
-    stage.begin_faults();
-    stage.run.says("still not connected").await;
-    stage.says_more("moved false disconnected", 2).await;
-    stage.comes_back(before).await;
-    stage.drives_on().await;
-    stage.dropped_old_requests();
-    stage.ends_well();
+pub async fn is_let_in_again(fault_run: FaultRun) {
+    let before = fault_run.newest_client();
+    fault_run.begin_faults();
+    fault_run.run.says("still not connected").await;
+    fault_run.says_more("moved false disconnected", 2).await;
+    fault_run.comes_back(before).await;
+    fault_run.drives_on().await;
+    fault_run.dropped_old_requests();
+    fault_run.ends_well();
 }
 
-pub async fn waits_for_the_other(stage: Stage) {
-    let before = stage.newest_client();
-    stage.begin_faults();
-    stage.run.says("in use").await;
-    let user = stage.rig.sim.state().user;
+pub async fn waits_for_the_other(fault_run: FaultRun) {
+    let before = fault_run.newest_client();
+    fault_run.begin_faults();
+    fault_run.run.says("in use").await;
+    let user = fault_run.rig.sim.state().user;
     assert_eq!(user.as_deref(), Some("second-user"));
-    stage.run.says("in use by `second-user`").await;
-    stage.comes_back(before).await;
-    stage.drives_on().await;
-    stage.dropped_old_requests();
-    stage.ends_well();
+    fault_run.run.says("in use by `second-user`").await;
+    fault_run.comes_back(before).await;
+    fault_run.drives_on().await;
+    fault_run.dropped_old_requests();
+    fault_run.ends_well();
 }
 
-pub async fn silence_counts_as_low(stage: Stage) {
-    let from = stage.begin_faults();
-    stage.goes_home(from).await;
-    stage.run.says("no battery level for").await;
-    stage.ends_well();
+pub async fn silence_counts_as_low(fault_run: FaultRun) {
+    let from = fault_run.begin_faults();
+    fault_run.goes_home(from).await;
+    fault_run.run.says("no battery level for").await;
+    fault_run.ends_well();
 }
 
-pub async fn waits_for_a_level(stage: Stage) {
-    let from = stage.begin_faults();
-    stage.run.says("sent no battery level within").await;
-    let heard = stage.rig.sim.heard_since(from);
+pub async fn waits_for_a_level(fault_run: FaultRun) {
+    let from = fault_run.begin_faults();
+    fault_run.run.says("sent no battery level within").await;
+    let heard = fault_run.rig.sim.heard_since(from);
     let old = heard.first().map_or(0, |heard| heard.client);
     let mut anew = heard.iter().filter(|heard| heard.client > old);
     assert!(
         anew.all(|heard| matches!(heard.command, Command::Login(_))),
         "{heard:?}"
     );
-    stage.comes_back(old).await;
-    stage.drives_on().await;
-    stage.ends_well();
+    fault_run.comes_back(old).await;
+    fault_run.drives_on().await;
+    fault_run.ends_well();
 }
 
-pub async fn goes_home_in_one_write(stage: Stage) {
-    let from = stage.begin_faults();
-    let stop = stage.goes_home(from).await;
+pub async fn goes_home_in_one_write(fault_run: FaultRun) {
+    let from = fault_run.begin_faults();
+    let stop = fault_run.goes_home(from).await;
     assert_eq!(
-        stage.rig.at(stop).1,
-        stage.rig.at(stop + 1).1,
+        fault_run.rig.at(stop).1,
+        fault_run.rig.at(stop + 1).1,
         "in one write"
     );
-    stage.run.says("hears battery_low 5").await;
-    stage.no_motion_since(stop);
-    stage.drives_on().await;
-    stage.ends_well();
+    fault_run.run.says("hears battery_low 5").await;
+    fault_run.no_motion_since(stop);
+    fault_run.drives_on().await;
+    fault_run.ends_well();
 }
 
-pub async fn gets_home_through_garbage(stage: Stage) {
-    let from = stage.begin_faults();
-    stage.rig.sim.set_battery(LOW);
-    let stop = stage.goes_home(from).await;
-    stage
+pub async fn gets_home_through_garbage(fault_run: FaultRun) {
+    let from = fault_run.begin_faults();
+    fault_run.rig.sim.set_battery(LOW);
+    let stop = fault_run.goes_home(from).await;
+    fault_run
         .until("home", |state| state.docked && state.charging)
         .await;
-    stage.no_motion_since(stop);
-    stage.ends_well();
+    fault_run.no_motion_since(stop);
+    fault_run.ends_well();
 }
 
-pub async fn goes_home_though(stage: Stage) {
-    let from = stage.begin_faults();
-    stage.drives_on().await;
-    stage.rig.sim.set_battery(LOW);
-    let stop = stage.goes_home(from).await;
-    stage.run.says("hears battery_low 14").await;
-    stage
+pub async fn goes_home_though(fault_run: FaultRun) {
+    let from = fault_run.begin_faults();
+    fault_run.drives_on().await;
+    fault_run.rig.sim.set_battery(LOW);
+    let stop = fault_run.goes_home(from).await;
+    fault_run.run.says("hears battery_low 14").await;
+    fault_run
         .until("home", |state| state.docked && state.charging)
         .await;
-    stage.no_motion_since(stop);
-    stage.ends_well();
+    fault_run.no_motion_since(stop);
+    fault_run.ends_well();
 }
 
-pub async fn goes_home_after_the_reconnect(stage: Stage) {
-    stage.begin_faults();
-    stage.run.says("hears disconnected").await;
-    let gone = stage.rig.sim.heard_count();
-    stage.rig.sim.set_battery(LOW);
-    stage.goes_home(gone).await;
-    stage.run.says("hears battery_low 14").await;
-    stage.says_more("moved false safety", 1).await;
-    stage.no_motion_since(gone);
-    stage.dropped_old_requests();
-    stage.ends_well();
+pub async fn goes_home_after_the_reconnect(fault_run: FaultRun) {
+    fault_run.begin_faults();
+    fault_run.run.says("hears disconnected").await;
+    let gone = fault_run.rig.sim.heard_count();
+    fault_run.rig.sim.set_battery(LOW);
+    fault_run.goes_home(gone).await;
+    fault_run.run.says("hears battery_low 14").await;
+    fault_run.says_more("moved false safety", 1).await;
+    fault_run.no_motion_since(gone);
+    fault_run.dropped_old_requests();
+    fault_run.ends_well();
 }
 
-pub async fn alarms_and_searches_on(stage: Stage) {
-    let from = stage.begin_faults();
-    stage.rig.sim.set_battery(LOW);
-    let stop = stage.goes_home(from).await;
-    hears_the_alarm_twice(&stage, stop).await;
+pub async fn alarms_and_searches_on(fault_run: FaultRun) {
+    let from = fault_run.begin_faults();
+    fault_run.rig.sim.set_battery(LOW);
+    let stop = fault_run.goes_home(from).await;
+    hears_the_alarm_twice(&fault_run, stop).await;
     let mut search = stop;
     for _ in 0..3 {
-        search = stage.rig.heard_dock(search + 1).await;
-        assert_eq!(stage.rig.commands(search - 1)[0], Command::STOP);
+        search = fault_run.rig.heard_dock(search + 1).await;
+        assert_eq!(fault_run.rig.commands(search - 1)[0], Command::STOP);
     }
-    let heard = stage.rig.commands(stop);
+    let heard = fault_run.rig.commands(stop);
     let mut tracks: Vec<(i8, i8)> = heard.iter().filter_map(setpoint).collect();
     tracks.dedup();
     let (still, ahead, left) = ((0, 0), (27, 27), (-27, 27));
     assert_eq!(tracks[..6], [still, ahead, still, left, ahead, still]);
-    stage.run.says("drives short leg 2").await;
-    stage.says_more("moved false safety", 1).await;
-    stage.ends_well();
+    fault_run.run.says("makes short blind move 2").await;
+    fault_run.says_more("moved false safety", 1).await;
+    fault_run.ends_well();
 }
 
 fn setpoint(command: &Command) -> Option<(i8, i8)> {
@@ -164,37 +168,39 @@ fn setpoint(command: &Command) -> Option<(i8, i8)> {
     }
 }
 
-pub async fn stays_on_the_dead_station(stage: Stage) {
-    let from = stage.begin_faults();
-    stage.rig.sim.set_battery(LOW);
-    let stop = stage.goes_home(from).await;
-    hears_the_alarm_twice(&stage, stop).await;
-    let state = stage.until("on the station", |state| state.docked).await;
+pub async fn stays_on_the_dead_station(fault_run: FaultRun) {
+    let from = fault_run.begin_faults();
+    fault_run.rig.sim.set_battery(LOW);
+    let stop = fault_run.goes_home(from).await;
+    hears_the_alarm_twice(&fault_run, stop).await;
+    let state = fault_run
+        .until("on the station", |state| state.docked)
+        .await;
     assert!(!state.charging, "{state:?}");
-    stage.no_motion_since(stop);
-    stage.ends_well();
+    fault_run.no_motion_since(stop);
+    fault_run.ends_well();
 }
 
-pub async fn goes_home_again(stage: Stage) {
-    let from = stage.begin_faults();
-    stage.rig.sim.set_battery(LOW);
-    let first = stage.goes_home(from).await;
-    stage
+pub async fn goes_home_again(fault_run: FaultRun) {
+    let from = fault_run.begin_faults();
+    fault_run.rig.sim.set_battery(LOW);
+    let first = fault_run.goes_home(from).await;
+    fault_run
         .until("home", |state| state.docked && state.charging)
         .await;
-    stage.until("lost", |state| !state.docked).await;
-    stage.end_faults();
-    let again = stage.goes_home(first + 2).await;
-    stage
+    fault_run.until("lost", |state| !state.docked).await;
+    fault_run.end_faults();
+    let again = fault_run.goes_home(first + 2).await;
+    fault_run
         .until("home again", |state| state.docked && state.charging)
         .await;
-    stage.no_motion_since(again);
-    stage.ends_well();
+    fault_run.no_motion_since(again);
+    fault_run.ends_well();
 }
 
-async fn hears_the_alarm_twice(stage: &Stage, from: usize) {
+async fn hears_the_alarm_twice(fault_run: &FaultRun, from: usize) {
     let alarm = |command: &Command| *command == Command::Play(Sound::Alarm);
-    let first = stage.rig.heard(from, alarm).await;
-    stage.rig.heard(first + 1, alarm).await;
-    stage.run.says("ALARM").await;
+    let first = fault_run.rig.heard(from, alarm).await;
+    fault_run.rig.heard(first + 1, alarm).await;
+    fault_run.run.says("ALARM").await;
 }

@@ -3,7 +3,7 @@
 use std::future::Future;
 use std::pin::Pin;
 
-use super::stage::Stage;
+use super::fault_run::FaultRun;
 use super::{network, robot};
 
 /// What the behaviour does during the fault.
@@ -24,7 +24,7 @@ pub struct Scenario {
     pub fault: &'static str,
     pub promise: &'static str,
     pub script: Script,
-    pub act: fn(Stage) -> Pin<Box<dyn Future<Output = ()> + Send>>,
+    pub act: fn(FaultRun) -> Pin<Box<dyn Future<Output = ()> + Send>>,
 }
 
 macro_rules! scenarios {
@@ -34,7 +34,7 @@ macro_rules! scenarios {
             fault: $fault,
             promise: $promise,
             script: Script::$script,
-            act: |stage| Box::pin($module::$act(stage)),
+            act: |fault_run| Box::pin($module::$act(fault_run)),
         },)+]
     };
 }
@@ -103,7 +103,7 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
     "low while the link is down", "{fault: reboot, state: kept, for: 1}",
         "after the reconnect: a stop, BASE_FIND, and no motion", robot::goes_home_after_the_reconnect, Drives;
     "the station is never found", "{fault: base_not_found}",
-        "a short, slow leg before each further search, again and again; later also the alarm", robot::alarms_and_searches_on, Drives;
+        "a short, slow, blind move before each further search, again and again; later also the alarm", robot::alarms_and_searches_on, Drives;
     "a station without current", "{fault: no_charge}",
         "docked without charging is not home: the robot stays there and sounds the alarm", robot::stays_on_the_dead_station, Drives;
     "docking lost again", "{fault: dock_lost, seconds: 0.5}",

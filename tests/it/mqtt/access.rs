@@ -69,9 +69,9 @@ async fn a_user_of_one_robot_can_neither_drive_nor_see_nor_impersonate_another()
     bruno
         .wait_for_text(0, "spykee/SPYKEE0002/connection", "ONLINE")
         .await;
-    for order in ["return_to_base", "stop"] {
+    for command in ["return_to_base", "stop"] {
         bruno
-            .publish("spykee/SPYKEE0001/command", order, false)
+            .publish("spykee/SPYKEE0001/command", command, false)
             .await;
     }
     bruno
@@ -79,7 +79,7 @@ async fn a_user_of_one_robot_can_neither_drive_nor_see_nor_impersonate_another()
         .await;
     let laser = |one: &Command| *one == Command::Play(Sound::Laser);
     second.heard(0, laser).await;
-    // The broker received bruno's orders before this one.
+    // The broker received bruno's commands before this one.
     anna.publish("spykee/SPYKEE0001/command", "locate", false)
         .await;
     first.heard(0, laser).await;

@@ -144,7 +144,7 @@ async fn among_many_agents_dead_and_hung_ones_are_reported_and_all_others_stop()
     let said = |what| text.matches(what).count();
     let broken = ": not asked, it is CONNECTIONBROKEN";
     assert_eq!((said(": done"), said(broken)), (count - 2, 2), "{text}");
-    // Agents that could not receive the order: their guardians have stopped the robots.
+    // Agents that could not receive the command: their guardians have stopped the robots.
     for (rig, place) in rigs.iter().zip(places) {
         rig.heard_stop(place).await;
     }

@@ -98,7 +98,7 @@ async fn after_a_long_outage_all_states_are_published_again_and_no_old_order_run
         .await;
     assert!(
         !rig.commands(gone).iter().any(laser),
-        "the old order ran again"
+        "the old command ran again"
     );
     let back = rig.sim.heard_count();
     subscriber

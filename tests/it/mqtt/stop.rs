@@ -1,4 +1,4 @@
-//! The order `stop` ends all behaviours, also those that an earlier order starts or restarts.
+//! The command `stop` ends all behaviours, also those that an earlier command starts or restarts.
 
 use serde_json::{Value, json};
 use spykee::wire::Command;
@@ -10,16 +10,16 @@ use crate::rig::{Rig, run_spykee};
 /// Says with a volume that it ends, and takes its time for that.
 const DRIVES: &str = "script.on_stop(function() robot.volume(41) task.wait(0.4) end)
     while true do robot.move(30, 30, 0.5) end";
-/// How often an order to start is followed by a stop: each time one of two threads is faster.
+/// How often a command to start is followed by a stop: each time one of two threads is faster.
 const ROUNDS: usize = 12;
 
-async fn order(subscriber: &Subscriber, order: &str, id: &str) {
-    let order = json!({ "order": order, "id": id }).to_string();
+async fn command(subscriber: &Subscriber, command: &str, id: &str) {
+    let command = json!({ "command": command, "id": id }).to_string();
     let topic = format!("spykee/{A}/command");
-    subscriber.publish(&topic, &order, false).await;
+    subscriber.publish(&topic, &command, false).await;
 }
 
-/// Waits for the answer to the order with this id.
+/// Waits for the answer to the command with this id.
 async fn answer(subscriber: &Subscriber, id: &str) -> Value {
     let read = |payload: &[u8]| serde_json::from_slice::<Value>(payload).unwrap();
     let topic = format!("spykee/{A}/answer");
@@ -56,20 +56,20 @@ async fn a_stop_reaches_behaviours_that_restart_or_were_just_ordered() {
     subscriber
         .wait_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
         .await;
-    order(&subscriber, "run drive", "first").await;
+    command(&subscriber, "run drive", "first").await;
     rig.heard_motion(0).await;
     let mut restart = rig.spykee(&["behaviour", "restart", "drive"]);
     rig.heard(0, |command| *command == Command::Volume(41))
         .await;
-    order(&subscriber, "stop", "restarting").await;
+    command(&subscriber, "stop", "restarting").await;
     let answered = answer(&subscriber, "restarting").await;
     restart.code().await;
     assert_eq!(answered["done"], true, "{answered}");
     assert_eq!(state(&rig).await, "idle", "{}", run.text());
     for round in 0..ROUNDS {
         let (started, stopped) = (format!("run {round}"), format!("stop {round}"));
-        order(&subscriber, "run drive", &started).await;
-        order(&subscriber, "stop", &stopped).await;
+        command(&subscriber, "run drive", &started).await;
+        command(&subscriber, "stop", &stopped).await;
         answer(&subscriber, &started).await;
         let answered = answer(&subscriber, &stopped).await;
         assert_eq!(answered["done"], true, "{answered}");

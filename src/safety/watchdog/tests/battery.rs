@@ -11,7 +11,7 @@ fn a_low_report_stops_and_sends_home_in_one_batch() {
     let mut rig = Rig::online(60);
     assert_eq!(sent(&rig.drive(1, None)), [FORWARD]);
     assert!(rig.dog.moving());
-    let acts = rig.take(Fact::Power(power(20)));
+    let acts = rig.handle(Fact::Power(power(20)));
     assert!(!rig.dog.moving());
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
     assert_eq!(events(&acts), [ended(1, MotionEnd::Safety)]);
@@ -22,7 +22,7 @@ fn a_low_report_stops_and_sends_home_in_one_batch() {
 fn a_low_report_at_rest_still_sends_stop_before_base_find() {
     let mut rig = Rig::online(60);
     assert_eq!(
-        sent(&rig.take(Fact::Power(power(10)))),
+        sent(&rig.handle(Fact::Power(power(10)))),
         [Command::STOP, FIND]
     );
 }
@@ -30,7 +30,7 @@ fn a_low_report_at_rest_still_sends_stop_before_base_find() {
 #[test]
 fn a_low_level_at_login_is_enough() {
     let mut rig = Rig::with(Limits::default());
-    let acts = rig.take(Fact::LinkUp {
+    let acts = rig.handle(Fact::LinkUp {
         docked: false,
         power: power(15),
     });
@@ -40,13 +40,13 @@ fn a_low_level_at_login_is_enough() {
 #[test]
 fn low_motion_is_refused_until_the_ok_level() {
     let mut rig = Rig::online(60);
-    rig.take(Fact::Power(power(20)));
+    rig.handle(Fact::Power(power(20)));
     let acts = rig.drive(1, Some(SECOND));
     assert_eq!(
         (sent(&acts), events(&acts)),
         (vec![], vec![ended(1, MotionEnd::Safety)])
     );
-    rig.take(Fact::Power(power(49)));
+    rig.handle(Fact::Power(power(49)));
     for _ in 0..2 {
         assert_eq!(sent(&rig.drive(2, None)), []);
         assert_eq!(sent(&rig.report(power(50))), []);
@@ -76,7 +76,7 @@ fn one_garbage_report_neither_frees_a_low_robot_nor_disturbs_its_search() {
 fn an_unconfirmed_report_of_charging_delays_searches_and_legs() {
     let (mut rig, _) = lost(20, standing());
     rig.report(charging(15));
-    let acts = rig.pass(BatteryGuard::UNCONFIRMED_TIMEOUT - SECOND, false);
+    let acts = rig.pass(BatteryMonitor::UNCONFIRMED_TIMEOUT - SECOND, false);
     assert_eq!((count(&acts, &FIND), tracks(&acts)), (0, vec![]));
     assert_eq!(
         count(&rig.pass(2 * SECOND, false), &FIND),
@@ -85,7 +85,7 @@ fn an_unconfirmed_report_of_charging_delays_searches_and_legs() {
     );
 
     let mut rig = Rig::online(20);
-    rig.take(Fact::Engine(EngineReport::BaseNotFound));
+    rig.handle(Fact::Engine(EngineReport::BaseNotFound));
     rig.report(charging(20));
     assert_eq!(
         sent(&rig.pass(100 * SECOND, false)),
@@ -107,9 +107,9 @@ fn contact_confirms_charging_before_and_after_the_report() {
             facts.reverse();
         }
         let [first, second] = facts;
-        rig.take(first);
+        rig.handle(first);
         assert!(rig.dog.low().is_some());
-        assert_eq!(sent(&rig.take(second)), []);
+        assert_eq!(sent(&rig.handle(second)), []);
         assert_eq!(rig.dog.low(), None);
         assert!(rig.dog.docked() && rig.dog.battery().unwrap().charging);
     }
@@ -122,10 +122,10 @@ fn an_unconfirmed_report_of_charging_halts_a_docking_that_backs_off() {
         call: CallId(7),
         plan: DockPlan::default(),
     });
-    rig.take(Fact::Engine(EngineReport::BaseNotFound));
+    rig.handle(Fact::Engine(EngineReport::BaseNotFound));
     rig.pass(500 * MS, false);
     assert!(rig.dog.moving());
-    let acts = rig.take(Fact::Power(charging(60)));
+    let acts = rig.handle(Fact::Power(charging(60)));
     assert_eq!(sent(&acts), [Command::STOP]);
     assert_eq!(dock_ended(&acts), None);
     assert_eq!(
@@ -138,16 +138,16 @@ fn an_unconfirmed_report_of_charging_halts_a_docking_that_backs_off() {
         call: CallId(7),
         plan: DockPlan::default(),
     });
-    rig.take(Fact::Power(charging(60)));
-    let acts = rig.take(Fact::Engine(EngineReport::BaseNotFound));
+    rig.handle(Fact::Power(charging(60)));
+    let acts = rig.handle(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(tracks(&acts), [(0, 0)], "it does not back off either");
 }
 
 #[test]
 fn charging_releases_but_motion_on_the_station_is_refused() {
     let mut rig = Rig::online(20);
-    rig.take(Fact::Engine(EngineReport::Docked));
-    rig.take(Fact::Power(charging(20)));
+    rig.handle(Fact::Engine(EngineReport::Docked));
+    rig.handle(Fact::Power(charging(20)));
     assert_eq!(rig.dog.low(), None);
     assert_eq!(events(&rig.drive(1, None)), [ended(1, MotionEnd::Docked)]);
 }
@@ -159,7 +159,7 @@ fn the_end_of_an_alarm_switches_its_light_off() {
         led: Led::Flash,
         on: false,
     };
-    assert_eq!(sent(&rig.take(Fact::Power(charging(21)))), []);
+    assert_eq!(sent(&rig.handle(Fact::Power(charging(21)))), []);
     assert_eq!(sent(&rig.report(charging(21))), [off]);
 }
 
@@ -174,7 +174,7 @@ fn a_search_without_end_is_cancelled_after_180_seconds() {
 #[test]
 fn critical_refuses_motion_and_undocking_even_while_charging() {
     let mut rig = Rig::with(Limits::default());
-    rig.take(Fact::LinkUp {
+    rig.handle(Fact::LinkUp {
         docked: true,
         power: charging(8),
     });
@@ -196,7 +196,7 @@ fn critical_refuses_motion_and_undocking_even_while_charging() {
 #[test]
 fn a_robot_that_is_low_stays_on_its_station_though_it_charges() {
     let mut rig = Rig::with(Limits::default());
-    rig.take(Fact::LinkUp {
+    rig.handle(Fact::LinkUp {
         docked: true,
         power: charging(20),
     });
@@ -214,7 +214,7 @@ fn a_robot_that_is_low_stays_on_its_station_though_it_charges() {
 fn a_good_level_does_not_interrupt_motion() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
-    assert_eq!(rig.take(Fact::Power(power(59))), []);
+    assert_eq!(rig.handle(Fact::Power(power(59))), []);
     assert!(rig.dog.moving());
 }
 
@@ -228,9 +228,9 @@ fn a_critical_level_is_announced_once() {
         });
         reasons.any(|reason| reason.contains("motion is refused except on the way home"))
     };
-    assert!(!announced(rig.take(Fact::Power(power(9)))));
-    assert!(announced(rig.take(Fact::Power(power(8)))));
-    assert!(!announced(rig.take(Fact::Power(power(7)))));
+    assert!(!announced(rig.handle(Fact::Power(power(9)))));
+    assert!(announced(rig.handle(Fact::Power(power(8)))));
+    assert!(!announced(rig.handle(Fact::Power(power(7)))));
 }
 
 #[test]
@@ -243,7 +243,7 @@ fn ten_minutes_without_a_level_off_the_station_count_as_low() {
 #[test]
 fn on_the_station_missing_levels_do_not_count_as_low() {
     let mut rig = Rig::with(Limits::default());
-    rig.take(Fact::LinkUp {
+    rig.handle(Fact::LinkUp {
         docked: true,
         power: charging(80),
     });
@@ -255,7 +255,7 @@ fn each_situation_has_its_state() {
     use WatchdogState::{Alarm, Docked, Docking, Free, LowGoingHome, Offline};
     let mut rig = Rig::with(Limits::default());
     assert_eq!(rig.dog.state(), Offline);
-    rig.take(Fact::LinkUp {
+    rig.handle(Fact::LinkUp {
         docked: false,
         power: power(60),
     });
@@ -265,13 +265,13 @@ fn each_situation_has_its_state() {
         plan: DockPlan::default(),
     });
     assert_eq!(rig.dog.state(), Docking);
-    rig.take(Fact::Power(power(10)));
+    rig.handle(Fact::Power(power(10)));
     assert_eq!(rig.dog.state(), LowGoingHome);
-    rig.take(Fact::Engine(EngineReport::Docked));
+    rig.handle(Fact::Engine(EngineReport::Docked));
     assert_eq!(rig.dog.state(), Docked);
     rig.pass(40 * SECOND, false);
     assert_eq!(rig.dog.state(), Alarm);
-    rig.take(Fact::LinkDown);
+    rig.handle(Fact::LinkDown);
     assert_eq!(rig.dog.state(), Offline);
     let words =
         [Offline, Free, Docked, Docking, LowGoingHome, Alarm].map(|state| state.to_string());

@@ -13,9 +13,9 @@ fn a_behaviour_docks_and_docked_means_charging() {
         plan: DockPlan::default(),
     });
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
-    assert_eq!(rig.take(Fact::Engine(EngineReport::Docked)), []);
+    assert_eq!(rig.handle(Fact::Engine(EngineReport::Docked)), []);
     assert_eq!(
-        dock_ended(&rig.take(Fact::Power(charging(60)))),
+        dock_ended(&rig.handle(Fact::Power(charging(60)))),
         Some((DockEnd::Done, 1))
     );
     let again = rig.ask(Intent::Dock {
@@ -42,12 +42,12 @@ fn between_a_behaviours_tries_the_robot_backs_off() {
         left: -27,
         right: -27,
     };
-    let acts = rig.take(Fact::Engine(EngineReport::BaseNotFound));
+    let acts = rig.handle(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(sent(&acts)[0], Command::STOP);
     let acts = [acts, rig.pass(2 * SECOND, false)].concat();
     assert!(sent(&acts).contains(&back));
     assert_eq!(sent(&acts)[sent(&acts).len() - 2..], [Command::STOP, FIND]);
-    let over = rig.take(Fact::Engine(EngineReport::BaseNotFound));
+    let over = rig.handle(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(dock_ended(&over), Some((DockEnd::BaseNotFound, 2)));
 }
 
@@ -59,12 +59,12 @@ fn a_low_battery_takes_over_a_docking_and_its_caller_is_answered() {
         plan: DockPlan::default(),
     });
     assert_eq!(
-        sent(&rig.take(Fact::Power(power(20)))),
+        sent(&rig.handle(Fact::Power(power(20)))),
         [Command::STOP, FIND]
     );
-    rig.take(Fact::Engine(EngineReport::Docked));
+    rig.handle(Fact::Engine(EngineReport::Docked));
     assert_eq!(
-        dock_ended(&rig.take(Fact::Power(charging(20)))),
+        dock_ended(&rig.handle(Fact::Power(charging(20)))),
         Some((DockEnd::Done, 1))
     );
 }
@@ -76,7 +76,7 @@ fn a_docking_that_was_taken_over_is_returned_at_the_ok_level() {
         call: CallId(7),
         plan: DockPlan::default(),
     });
-    rig.take(Fact::Power(power(20)));
+    rig.handle(Fact::Power(power(20)));
     for _ in 0..3 {
         assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
         assert_eq!(sent(&rig.report(power(50))), []);
@@ -90,7 +90,7 @@ fn no_behaviour_can_end_the_watchdogs_own_docking() {
     let mut rig = Rig::online(20);
     assert_eq!(sent(&rig.ask(Intent::CancelDock)), []);
     assert_eq!(sent(&rig.ask(Intent::Stop)), []);
-    assert_eq!(sent(&rig.take(Fact::Gone(WHO))), []);
+    assert_eq!(sent(&rig.handle(Fact::Gone(WHO))), []);
     assert_eq!(rig.dog.state(), WatchdogState::LowGoingHome);
 }
 
@@ -109,7 +109,7 @@ fn cancelling_a_docking_answers_its_caller() {
 #[test]
 fn undocking_waits_for_the_robots_confirmation() {
     let mut rig = Rig::with(Limits::default());
-    rig.take(Fact::LinkUp {
+    rig.handle(Fact::LinkUp {
         docked: true,
         power: charging(80),
     });
@@ -119,7 +119,7 @@ fn undocking_waits_for_the_robots_confirmation() {
         timeout: 20 * SECOND,
     });
     assert_eq!(sent(&acts), [Command::Engine(Engage::Undock)]);
-    let acts = rig.take(Fact::Engine(EngineReport::Undocked));
+    let acts = rig.handle(Fact::Engine(EngineReport::Undocked));
     assert_eq!(
         events(&acts),
         [Event::UndockEnded {
@@ -137,9 +137,9 @@ fn a_docking_ends_only_with_its_own_caller() {
         call: CallId(7),
         plan: DockPlan::default(),
     });
-    assert_eq!(rig.take(Fact::Gone(BehaviourId(1))), []);
+    assert_eq!(rig.handle(Fact::Gone(BehaviourId(1))), []);
     assert_eq!(rig.dog.state(), WatchdogState::Docking);
-    assert_eq!(sent(&rig.take(Fact::Gone(WHO))), [CANCEL, Command::STOP]);
+    assert_eq!(sent(&rig.handle(Fact::Gone(WHO))), [CANCEL, Command::STOP]);
     assert_eq!(rig.dog.state(), WatchdogState::Free);
 }
 
@@ -147,7 +147,7 @@ fn a_docking_ends_only_with_its_own_caller() {
 fn only_its_caller_is_told_how_an_undocking_ends() {
     for (gone, told_at_the_end) in [(BehaviourId(1), 1), (WHO, 0)] {
         let mut rig = Rig::with(Limits::default());
-        rig.take(Fact::LinkUp {
+        rig.handle(Fact::LinkUp {
             docked: true,
             power: charging(80),
         });
@@ -155,8 +155,8 @@ fn only_its_caller_is_told_how_an_undocking_ends() {
             call: CallId(1),
             timeout: 20 * SECOND,
         });
-        rig.take(Fact::Gone(gone));
-        let acts = rig.take(Fact::Engine(EngineReport::Undocked));
+        rig.handle(Fact::Gone(gone));
+        let acts = rig.handle(Fact::Engine(EngineReport::Undocked));
         assert_eq!(events(&acts).len(), told_at_the_end);
     }
 }
@@ -174,10 +174,10 @@ fn the_remaining_caller_of_a_low_robots_docking_is_answered() {
             plan: DockPlan::default(),
         },
     );
-    rig.take(Fact::Power(power(20)));
-    rig.take(Fact::Gone(WHO));
-    rig.take(Fact::Engine(EngineReport::Docked));
-    let acts = rig.take(Fact::Power(charging(20)));
+    rig.handle(Fact::Power(power(20)));
+    rig.handle(Fact::Gone(WHO));
+    rig.handle(Fact::Engine(EngineReport::Docked));
+    let acts = rig.handle(Fact::Power(charging(20)));
     let ended = acts.iter().filter_map(|act| match act {
         Act::Tell(who, Event::DockEnded { call, .. }) => Some((*who, *call)),
         _ => None,
@@ -190,8 +190,8 @@ fn the_end_of_a_docking_is_reported_once_with_its_caller() {
     let mut rig = Rig::online(60);
     rig.dock(7);
     assert_eq!(rig.dog.take_dock_report(), None);
-    rig.take(Fact::Engine(EngineReport::Docked));
-    rig.take(Fact::Power(charging(60)));
+    rig.handle(Fact::Engine(EngineReport::Docked));
+    rig.handle(Fact::Power(charging(60)));
     let report = rig.dog.take_dock_report().unwrap();
     assert_eq!((report.by, report.outcome.attempts), (Some(WHO), 1));
     assert_eq!(report.outcome.end, DockEnd::Done);

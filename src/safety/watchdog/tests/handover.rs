@@ -34,7 +34,7 @@ impl Rig {
             percent: 90,
             charging: false,
         };
-        dog.take(
+        dog.handle(
             Fact::LinkUp {
                 docked: false,
                 power,
@@ -64,13 +64,13 @@ impl Rig {
         self.fact(by, intent)
     }
 
-    fn take(&mut self, fact: Fact) -> Vec<Act> {
-        self.dog.take(fact, self.now)
+    fn handle(&mut self, fact: Fact) -> Vec<Act> {
+        self.dog.handle(fact, self.now)
     }
 
     fn drive(&mut self, by: BehaviourId, percent: f64) -> Vec<Act> {
         let claim = self.claim(by, percent, None);
-        self.take(claim)
+        self.handle(claim)
     }
 
     /// Lets time pass as the pilot does; these hosts show life.
@@ -80,9 +80,9 @@ impl Rig {
             let due = self.dog.next_deadline().unwrap_or(end).max(self.now);
             self.now = due.min(self.now + 50 * MS).min(end);
             for &by in alive {
-                self.dog.absorb(Fact::Alive(by), self.now);
+                self.dog.apply(Fact::Alive(by), self.now);
             }
-            acts.extend(self.dog.tick(self.now));
+            acts.extend(self.dog.poll(self.now));
             if due == self.now {
                 self.now += MS;
             }
@@ -116,9 +116,9 @@ fn releasing_and_retaking_the_tracks_at_once_never_lets_the_lower_drive() {
             motion: MotionId(2),
         },
     );
-    rig.dog.absorb(release, rig.now);
+    rig.dog.apply(release, rig.now);
     let again = rig.claim(AVOID, -20.0, None);
-    let acts = rig.take(again);
+    let acts = rig.handle(again);
     assert_eq!(moves(&acts), [-18]);
     assert_eq!(moves(&rig.pass(150 * MS, &[PATROL, AVOID])), [] as [i8; 0]);
 }
@@ -158,7 +158,7 @@ fn a_silent_host_that_stands_by_does_not_get_the_tracks() {
             motion: MotionId(2),
         },
     );
-    assert_eq!(moves(&rig.take(release)), [0]);
+    assert_eq!(moves(&rig.handle(release)), [0]);
     assert_eq!(moves(&rig.drive(PATROL, 30.0)), [] as [i8; 0], "too soon");
     assert_eq!(moves(&rig.pass(50 * MS, &[PATROL])), [27], "alive again");
 }
@@ -169,7 +169,7 @@ fn a_handover_to_the_same_setpoint_sends_nothing() {
     rig.drive(PATROL, 40.0);
     rig.now += 100 * MS;
     assert_eq!(rig.drive(AVOID, 40.0), []);
-    assert_eq!(rig.take(Fact::Gone(AVOID)), []);
+    assert_eq!(rig.handle(Fact::Gone(AVOID)), []);
 }
 
 /// What may happen to three behaviours.
@@ -203,19 +203,19 @@ proptest! {
                 Step::Claim(by, power, ms) => {
                     let duration = ms.map(Duration::from_millis);
                     let claim = rig.claim(BehaviourId(by), f64::from(power) * 25.0, duration);
-                    rig.take(claim)
+                    rig.handle(claim)
                 }
                 Step::Release(by, motion) => {
                     let release = rig.fact(BehaviourId(by), Intent::Release { motion: MotionId(motion) });
-                    rig.take(release)
+                    rig.handle(release)
                 }
-                Step::Gone(by) => rig.take(Fact::Gone(BehaviourId(by))),
+                Step::Gone(by) => rig.handle(Fact::Gone(BehaviourId(by))),
                 Step::Pass(ms) => {
                     let end = rig.now + Duration::from_millis(ms);
                     while rig.now < end {
                         rig.now += MS * 10;
-                        behaviours.iter().for_each(|&by| rig.dog.absorb(Fact::Alive(by), rig.now));
-                        let acts = rig.dog.tick(rig.now);
+                        behaviours.iter().for_each(|&by| rig.dog.apply(Fact::Alive(by), rig.now));
+                        let acts = rig.dog.poll(rig.now);
                         let wanted = rig.dog.arbiter.setpoint().left.get();
                         prop_assert!(moves(&acts).iter().all(|&sent| sent == wanted), "{:?}", acts);
                     }

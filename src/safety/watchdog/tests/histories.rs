@@ -24,7 +24,7 @@ use self::promises::{LongestWait, WayHome};
 use super::rig::{CANCEL, FIND, LEAVE, SECOND, events, sent};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
-use crate::safety::{LastWords, Leg, Rescue};
+use crate::safety::{BlindMove, LastWords, Rescue};
 use crate::wire::Sound;
 
 fn histories() -> Config {
@@ -57,7 +57,7 @@ proptest! {
     #![proptest_config(histories())]
 
     #[test]
-    fn after_low_until_released_nothing_moves_but_short_slow_legs_and_loans_that_end(
+    fn after_low_until_released_nothing_moves_but_short_slow_blind_moves_and_grants_that_end(
         limits in any_limits(),
         history in any_history(),
     ) {
@@ -123,11 +123,11 @@ proptest! {
         let (was_moving, online) = (play.dog.moving(), play.known.online);
         let asked = matches!(stop, Stop::Asked);
         if asked && play.known.low {
-            // A script may not stop a leg of the watchdog.
+            // A script may not stop a blind move of the watchdog.
             return Ok(());
         }
         let asked_home = play.dog.docking.as_ref().is_some_and(|active| !active.forced);
-        play.take(&stop.fact(), &mut |moment| {
+        play.handle(&stop.fact(), &mut |moment| {
             let must = was_moving || (online && matches!(stop, Stop::RunEnding));
             let drives = |command: &Command| matches!(command, Command::Move { .. });
             let last = sent(&moment.acts).into_iter().rfind(drives);
@@ -138,8 +138,8 @@ proptest! {
         })?;
         play.pass(60 * SECOND, &mut |moment| {
             let Play { known, limits, now, .. } = moment.play;
-            let leg = known.allows_the_way_home(limits, *now);
-            prop_assert!(leg || !moment.moves(), "moves after the stop: {:?}", moment.acts);
+            let blind_move = known.allows_the_way_home(limits, *now);
+            prop_assert!(blind_move || !moment.moves(), "moves after the stop: {:?}", moment.acts);
             Ok(())
         })?;
         if let Stop::RunEnding = stop {

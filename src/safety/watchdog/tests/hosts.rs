@@ -34,7 +34,7 @@ fn a_host_that_was_briefly_silent_stops_and_resumes() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
     assert_eq!(sent(&rig.pass(300 * MS, false)), [FORWARD, Command::STOP]);
-    assert_eq!(sent(&rig.take(Fact::Alive(WHO))), [FORWARD]);
+    assert_eq!(sent(&rig.handle(Fact::Alive(WHO))), [FORWARD]);
     assert!(
         !rig.pass(SECOND, true)
             .iter()
@@ -55,7 +55,7 @@ fn the_setpoint_of_a_host_that_shows_life_is_repeated_at_5_hz() {
 fn a_behaviour_that_has_ended_stops_at_once() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
-    assert_eq!(sent(&rig.take(Fact::Gone(WHO))), [Command::STOP]);
+    assert_eq!(sent(&rig.handle(Fact::Gone(WHO))), [Command::STOP]);
 }
 
 #[test]
@@ -72,7 +72,7 @@ fn no_duration_from_a_host_overflows_the_clock() {
             call: CallId(1),
             plan,
         });
-        rig.take(Fact::Engine(EngineReport::Docked));
+        rig.handle(Fact::Engine(EngineReport::Docked));
         rig.ask(Intent::Undock {
             call: CallId(2),
             timeout: time,

@@ -10,7 +10,7 @@ fn a_leg_over_a_silent_stream_stops_and_nothing_is_sent_after_it() {
         ..Limits::default()
     };
     let (mut rig, _) = lost(20, limits);
-    rig.take(Fact::Streaming(true));
+    rig.handle(Fact::Streaming(true));
     let acts = rig.pass(1500 * MS, false);
     assert!(reconnects(&acts));
     assert_eq!(tracks(&acts).last(), Some(&(0, 0)));
@@ -20,7 +20,7 @@ fn a_leg_over_a_silent_stream_stops_and_nothing_is_sent_after_it() {
 #[test]
 fn a_silent_stream_while_moving_stops_and_reconnects() {
     let mut rig = Rig::online(60);
-    rig.take(Fact::Streaming(true));
+    rig.handle(Fact::Streaming(true));
     rig.drive(1, None);
     assert!(
         !rig.pass(2900 * MS, true)
@@ -45,9 +45,9 @@ fn a_late_stream_gets_the_full_timeout_once() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
     rig.pass(10 * SECOND, true);
-    rig.take(Fact::Streaming(true));
+    rig.handle(Fact::Streaming(true));
     assert!(!reconnects(&rig.pass(2900 * MS, true)));
-    rig.take(Fact::Streaming(true));
+    rig.handle(Fact::Streaming(true));
     assert!(
         reconnects(&rig.pass(200 * MS, true)),
         "reported twice, no data"
@@ -57,12 +57,12 @@ fn a_late_stream_gets_the_full_timeout_once() {
 #[test]
 fn a_robot_that_sends_data_keeps_driving() {
     let mut rig = Rig::online(60);
-    rig.take(Fact::Streaming(true));
+    rig.handle(Fact::Streaming(true));
     rig.drive(1, None);
     for _ in 0..10 {
         let acts = rig.pass(SECOND, true);
         assert!(!reconnects(&acts) && !sent(&acts).contains(&Command::STOP));
-        rig.take(Fact::BytesReceived);
+        rig.handle(Fact::BytesReceived);
     }
 }
 
@@ -81,12 +81,12 @@ fn a_silent_robot_without_a_stream_is_normal() {
 fn a_search_interrupted_by_a_lost_link_is_ended_after_the_reconnect() {
     let mut rig = Rig::online(60);
     rig.dock(1);
-    rig.take(Fact::LinkDown);
+    rig.handle(Fact::LinkDown);
     let up = Fact::LinkUp {
         docked: false,
         power: power(60),
     };
-    assert_eq!(sent(&rig.take(up)), [CANCEL, Command::STOP]);
+    assert_eq!(sent(&rig.handle(up)), [CANCEL, Command::STOP]);
 }
 
 #[test]
@@ -99,11 +99,11 @@ fn a_cancellation_that_the_link_may_have_lost_is_repeated() {
     rig.dock(1);
     assert_eq!(sent(&rig.ask(Intent::CancelDock)), [CANCEL, Command::STOP]);
     for _ in 0..2 {
-        rig.take(Fact::LinkDown);
+        rig.handle(Fact::LinkDown);
         rig.now += 600 * SECOND;
-        assert_eq!(sent(&rig.take(up.clone())), [CANCEL, Command::STOP]);
+        assert_eq!(sent(&rig.handle(up.clone())), [CANCEL, Command::STOP]);
     }
-    assert_eq!(sent(&rig.take(Fact::Suspended)), [CANCEL, Command::STOP]);
+    assert_eq!(sent(&rig.handle(Fact::Suspended)), [CANCEL, Command::STOP]);
 }
 
 #[test]
@@ -112,9 +112,9 @@ fn a_report_that_the_search_has_ended_needs_no_cancellation() {
         let mut rig = Rig::online(60);
         rig.dock(1);
         rig.ask(Intent::CancelDock);
-        rig.take(Fact::Engine(news));
-        rig.take(Fact::LinkDown);
-        let acts = rig.take(Fact::LinkUp {
+        rig.handle(Fact::Engine(news));
+        rig.handle(Fact::LinkDown);
+        let acts = rig.handle(Fact::LinkUp {
             docked: news == EngineReport::Docked,
             power: power(60),
         });
@@ -126,7 +126,7 @@ fn a_report_that_the_search_has_ended_needs_no_cancellation() {
 fn without_a_link_nothing_is_sent() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
-    let acts = rig.take(Fact::LinkDown);
+    let acts = rig.handle(Fact::LinkDown);
     assert_eq!(
         (sent(&acts), events(&acts)),
         (vec![], vec![ended(1, MotionEnd::Disconnected)])
@@ -141,8 +141,8 @@ fn without_a_link_nothing_is_sent() {
 #[test]
 fn after_a_reconnect_a_low_robot_is_sent_home_again() {
     let mut rig = Rig::online(20);
-    rig.take(Fact::LinkDown);
-    let acts = rig.take(Fact::LinkUp {
+    rig.handle(Fact::LinkDown);
+    let acts = rig.handle(Fact::LinkUp {
         docked: false,
         power: power(19),
     });

@@ -107,7 +107,7 @@ fn of_two_callers_the_higher_keeps_the_docking() {
     assert_eq!(sent(&acts), []);
     assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 0)));
     assert_eq!(rig.dog.state(), WatchdogState::Docking);
-    let acts = rig.take(Fact::Gone(HIGH));
+    let acts = rig.handle(Fact::Gone(HIGH));
     assert_eq!(sent(&acts), [CANCEL, Command::STOP]);
 }
 

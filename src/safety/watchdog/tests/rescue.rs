@@ -1,4 +1,4 @@
-//! Loans of the tracks to a rescue behaviour between two searches.
+//! Grants of the tracks to a rescue behaviour between two searches.
 
 use super::rig::*;
 use super::*;
@@ -13,11 +13,11 @@ const CAPPED: Command = Command::Move {
 };
 
 /// A search has failed, and a rescue behaviour is running.
-fn lent(limits: Limits) -> (Rig, Vec<Act>) {
+fn granted(limits: Limits) -> (Rig, Vec<Act>) {
     let mut rig = searching(20, limits);
     assert!(rig.dog.wants_rescue());
-    rig.take(Fact::Rescuer(Some(RESCUER)));
-    let acts = rig.take(NOT_FOUND);
+    rig.handle(Fact::Rescuer(Some(RESCUER)));
+    let acts = rig.handle(NOT_FOUND);
     (rig, acts)
 }
 
@@ -36,19 +36,19 @@ fn alive(rig: &mut Rig, ms: u32) -> Vec<Act> {
     let (end, mut acts) = (rig.now + ms * MS, Vec::new());
     while rig.now < end {
         rig.now = (rig.now + 20 * MS).min(end);
-        acts.extend(rig.take(Fact::Alive(RESCUER)));
+        acts.extend(rig.handle(Fact::Alive(RESCUER)));
     }
     acts
 }
 
 #[test]
-fn a_loan_is_announced_and_lasts_eight_seconds_at_thirty_percent() {
-    let (mut rig, acts) = lent(Limits::default());
-    let loan = Event::Loan {
+fn a_grant_is_announced_and_lasts_eight_seconds_at_thirty_percent() {
+    let (mut rig, acts) = granted(Limits::default());
+    let grant = Event::DriveGrant {
         seconds: 8 * SECOND,
         power: Percent::saturating(30),
     };
-    assert!(acts.contains(&Act::Tell(RESCUER, loan)));
+    assert!(acts.contains(&Act::Tell(RESCUER, grant)));
     assert_eq!(sent(&acts), [Command::STOP]);
     assert_eq!(sent(&drive(&mut rig, 1)), [CAPPED]);
     assert_eq!(rig.dog.last_words(), LastWords::StopAndDock);
@@ -64,8 +64,8 @@ fn a_loan_is_announced_and_lasts_eight_seconds_at_thirty_percent() {
 }
 
 #[test]
-fn during_a_loan_motion_and_stops_of_others_are_refused() {
-    let (mut rig, _) = lent(Limits::default());
+fn during_a_grant_motion_and_stops_of_others_are_refused() {
+    let (mut rig, _) = granted(Limits::default());
     drive(&mut rig, 1);
     assert_eq!(events(&rig.drive(2, None)), [ended(2, MotionEnd::Safety)]);
     assert_eq!(rig.ask_as(WHO, i16::MAX, Intent::Stop), []);
@@ -74,7 +74,7 @@ fn during_a_loan_motion_and_stops_of_others_are_refused() {
 }
 
 #[test]
-fn every_end_of_a_loan_is_followed_by_a_stop_and_a_search() {
+fn every_end_of_a_grant_is_followed_by_a_stop_and_a_search() {
     let stop = |by| Fact::Asked {
         by,
         priority: Priority(0),
@@ -93,11 +93,11 @@ fn every_end_of_a_loan_is_followed_by_a_stop_and_a_search() {
         (Fact::Power(charging(20)), vec![Command::STOP]),
     ];
     for (end, expected) in ends {
-        let (mut rig, _) = lent(Limits::default());
+        let (mut rig, _) = granted(Limits::default());
         drive(&mut rig, 1);
         alive(&mut rig, 1000);
         assert!(rig.dog.moving());
-        assert_eq!(sent(&rig.take(end.clone())), expected, "{end:?}");
+        assert_eq!(sent(&rig.handle(end.clone())), expected, "{end:?}");
         assert!(!rig.dog.moving(), "{end:?}");
         assert_eq!(sent(&drive(&mut rig, 2)), [], "{end:?}");
     }
@@ -105,7 +105,7 @@ fn every_end_of_a_loan_is_followed_by_a_stop_and_a_search() {
 
 #[test]
 fn a_rescuer_that_falls_silent_is_stopped_and_the_search_follows() {
-    let (mut rig, _) = lent(Limits::default());
+    let (mut rig, _) = granted(Limits::default());
     drive(&mut rig, 1);
     alive(&mut rig, 1000);
     let acts = rig.pass(300 * MS, false);
@@ -115,8 +115,8 @@ fn a_rescuer_that_falls_silent_is_stopped_and_the_search_follows() {
 }
 
 #[test]
-fn a_second_without_a_motion_ends_a_loan() {
-    let (mut rig, _) = lent(Limits::default());
+fn a_second_without_a_motion_ends_a_grant() {
+    let (mut rig, _) = granted(Limits::default());
     drive(&mut rig, 1);
     alive(&mut rig, 1000);
     let acts = rig.ask_as(
@@ -132,35 +132,35 @@ fn a_second_without_a_motion_ends_a_loan() {
 }
 
 #[test]
-fn an_unused_loan_is_followed_by_a_blind_leg_where_one_is_allowed() {
-    let (mut rig, _) = lent(Limits::default());
+fn an_unused_grant_is_followed_by_a_blind_move_where_one_is_allowed() {
+    let (mut rig, _) = granted(Limits::default());
     assert_eq!(tracks(&rig.pass(1490 * MS, false)), []);
     assert_eq!(tracks(&rig.pass(20 * MS, false)), [(27, 27)]);
-    let (mut rig, _) = lent(standing());
+    let (mut rig, _) = granted(standing());
     assert_eq!(sent(&rig.pass(1500 * MS, false)), [Command::STOP, FIND]);
 }
 
 #[test]
 fn loans_are_made_at_the_critical_level_too() {
-    let (mut rig, _) = lent(Limits::default());
+    let (mut rig, _) = granted(Limits::default());
     drive(&mut rig, 1);
-    rig.take(Fact::Power(power(3)));
+    rig.handle(Fact::Power(power(3)));
     assert!(rig.dog.moving());
     alive(&mut rig, 9000);
-    let acts = rig.take(NOT_FOUND);
+    let acts = rig.handle(NOT_FOUND);
     assert!(
         events(&acts)
             .iter()
-            .any(|event| matches!(event, Event::Loan { .. }))
+            .any(|event| matches!(event, Event::DriveGrant { .. }))
     );
 }
 
 #[test]
-fn a_release_of_the_robot_ends_a_loan() {
-    let (mut rig, _) = lent(Limits::default());
+fn a_release_of_the_robot_ends_a_grant() {
+    let (mut rig, _) = granted(Limits::default());
     drive(&mut rig, 1);
     rig.report(power(60));
-    rig.take(Fact::Alive(RESCUER));
+    rig.handle(Fact::Alive(RESCUER));
     while rig.dog.low().is_some() {
         rig.report(power(60));
     }
@@ -168,40 +168,40 @@ fn a_release_of_the_robot_ends_a_loan() {
 }
 
 #[test]
-fn only_a_rescuer_gets_a_loan_and_off_disables_loans() {
+fn only_a_rescuer_gets_a_grant_and_off_disables_grants() {
     let off = Limits {
         rescue: Rescue::Off,
         ..Limits::default()
     };
     let mut rig = searching(20, off);
     assert!(!rig.dog.wants_rescue());
-    rig.take(Fact::Rescuer(Some(RESCUER)));
-    rig.take(NOT_FOUND);
-    assert_eq!(rig.dog.borrower(), None);
+    rig.handle(Fact::Rescuer(Some(RESCUER)));
+    rig.handle(NOT_FOUND);
+    assert_eq!(rig.dog.grantee(), None);
 }
 
 #[test]
 fn a_rescuer_is_wanted_while_a_low_robot_is_off_its_station() {
     let mut rig = Rig::online(60);
     assert!(!rig.dog.wants_rescue());
-    rig.take(Fact::Power(power(20)));
+    rig.handle(Fact::Power(power(20)));
     assert!(rig.dog.wants_rescue());
-    rig.take(Fact::Engine(EngineReport::Docked));
+    rig.handle(Fact::Engine(EngineReport::Docked));
     assert!(!rig.dog.wants_rescue());
-    rig.take(Fact::Engine(EngineReport::Undocked));
+    rig.handle(Fact::Engine(EngineReport::Undocked));
     assert!(rig.dog.wants_rescue());
-    rig.take(Fact::RunEnding);
+    rig.handle(Fact::RunEnding);
     assert!(!rig.dog.wants_rescue());
 }
 
 #[test]
-fn time_and_power_of_a_loan_are_settings() {
+fn time_and_power_of_a_grant_are_settings() {
     let limits = Limits {
         rescue_time: Seconds::from_secs(2),
         rescue_power: Percent::saturating(100),
         ..Limits::default()
     };
-    let (mut rig, _) = lent(limits);
+    let (mut rig, _) = granted(limits);
     let full = Command::Move {
         left: 90,
         right: 45,

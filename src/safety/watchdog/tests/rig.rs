@@ -21,7 +21,7 @@ impl Rig {
     /// Logged in off the station, with this level.
     pub(super) fn online(percent: u8) -> Rig {
         let mut rig = Rig::with(Limits::default());
-        rig.take(Fact::LinkUp {
+        rig.handle(Fact::LinkUp {
             docked: false,
             power: power(percent),
         });
@@ -37,20 +37,20 @@ impl Rig {
         }
     }
 
-    pub(super) fn take(&mut self, fact: Fact) -> Vec<Act> {
-        self.dog.take(fact, self.now)
+    pub(super) fn handle(&mut self, fact: Fact) -> Vec<Act> {
+        self.dog.handle(fact, self.now)
     }
 
     /// A report, one second later.
     pub(super) fn report(&mut self, power: Power) -> Vec<Act> {
         self.now += SECOND;
-        self.take(Fact::Power(power))
+        self.handle(Fact::Power(power))
     }
 
     /// Logged in on the station, with this level.
     pub(super) fn docked(power: Power) -> Rig {
         let mut rig = Rig::with(Limits::default());
-        rig.take(Fact::LinkUp {
+        rig.handle(Fact::LinkUp {
             docked: true,
             power,
         });
@@ -64,7 +64,7 @@ impl Rig {
 
     pub(super) fn ask_as(&mut self, by: BehaviourId, priority: i16, intent: Intent) -> Vec<Act> {
         let priority = Priority(priority);
-        self.take(Fact::Asked {
+        self.handle(Fact::Asked {
             by,
             priority,
             intent,
@@ -106,9 +106,9 @@ impl Rig {
                 .min(end);
             self.now = if alive { next.min(beat).min(end) } else { next };
             if alive {
-                acts.extend(self.take(Fact::Alive(WHO)));
+                acts.extend(self.handle(Fact::Alive(WHO)));
             }
-            acts.extend(self.dog.tick(self.now));
+            acts.extend(self.dog.poll(self.now));
             let due = self.dog.next_deadline();
             assert!(due.is_none_or(|due| due > self.now), "would tick forever");
             if self.now >= end {
@@ -176,17 +176,17 @@ pub(super) const LEAVE: Command = Command::Engine(Engage::Undock);
 /// A low battery, and the station was not found in the first four searches: the alarm.
 pub(super) fn lost(percent: u8, limits: Limits) -> (Rig, Vec<Act>) {
     let mut rig = Rig::with(limits);
-    rig.take(Fact::LinkUp {
+    rig.handle(Fact::LinkUp {
         docked: false,
         power: power(percent),
     });
     for _ in 0..3 {
         rig.pass(SECOND, false);
-        rig.take(Fact::Engine(EngineReport::BaseNotFound));
+        rig.handle(Fact::Engine(EngineReport::BaseNotFound));
         rig.pass(30 * SECOND, false);
         assert_ne!(rig.dog.state(), WatchdogState::Alarm);
     }
-    let acts = rig.take(Fact::Engine(EngineReport::BaseNotFound));
+    let acts = rig.handle(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(rig.dog.state(), WatchdogState::Alarm);
     (rig, acts)
 }
@@ -194,7 +194,7 @@ pub(super) fn lost(percent: u8, limits: Limits) -> (Rig, Vec<Act>) {
 /// A robot that has just begun to search, with a low battery and without a rescue behaviour.
 pub(super) fn searching(percent: u8, limits: Limits) -> Rig {
     let mut rig = Rig::with(limits);
-    rig.take(Fact::LinkUp {
+    rig.handle(Fact::LinkUp {
         docked: false,
         power: power(percent),
     });
@@ -204,7 +204,7 @@ pub(super) fn searching(percent: u8, limits: Limits) -> Rig {
 
 pub(super) fn standing() -> Limits {
     Limits {
-        recovery_legs: false,
+        blind_moves: false,
         ..Limits::default()
     }
 }

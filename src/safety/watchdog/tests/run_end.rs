@@ -10,7 +10,7 @@ use crate::safety::LastWords;
 fn before_a_login_and_with_a_good_battery_the_last_words_are_a_stop() {
     let mut rig = Rig::with(Limits::default());
     assert_eq!(rig.dog.last_words(), LastWords::Stop);
-    rig.take(Fact::LinkUp {
+    rig.handle(Fact::LinkUp {
         docked: false,
         power: power(60),
     });
@@ -23,7 +23,7 @@ fn before_a_login_and_with_a_good_battery_the_last_words_are_a_stop() {
 fn a_low_robot_that_searches_is_left_alone_and_any_other_is_sent_home() {
     let mut rig = Rig::online(20);
     assert_eq!(rig.dog.last_words(), LastWords::Nothing);
-    rig.take(Fact::Engine(EngineReport::BaseNotFound));
+    rig.handle(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(rig.dog.last_words(), LastWords::StopAndDock);
     rig.pass(5 * SECOND, false);
     assert_eq!(rig.dog.last_words(), LastWords::Nothing);
@@ -41,7 +41,7 @@ fn on_the_station_there_are_no_last_words_unless_the_robot_backs_out() {
     assert_eq!(rig.dog.last_words(), LastWords::Stop);
     let mut rig = Rig::docked(power(21));
     rig.undock(1);
-    rig.take(Fact::Power(power(20)));
+    rig.handle(Fact::Power(power(20)));
     assert_eq!(rig.dog.last_words(), LastWords::StopAndDock);
 }
 
@@ -50,7 +50,7 @@ fn with_a_good_battery_a_behaviours_search_is_ended() {
     let mut rig = Rig::online(60);
     rig.dock(1);
     assert_eq!(rig.dog.last_words(), LastWords::Stop);
-    rig.take(Fact::Engine(EngineReport::BaseNotFound));
+    rig.handle(Fact::Engine(EngineReport::BaseNotFound));
     assert_eq!(rig.dog.last_words(), LastWords::Stop);
 }
 
@@ -63,7 +63,7 @@ fn without_a_link_the_last_words_send_a_low_robot_home() {
         (Rig::docked(power(10)), LastWords::Stop),
     ] {
         let mut rig = rig;
-        rig.take(Fact::LinkDown);
+        rig.handle(Fact::LinkDown);
         assert_eq!(rig.dog.last_words(), expected);
     }
 }
@@ -71,7 +71,7 @@ fn without_a_link_the_last_words_send_a_low_robot_home() {
 #[test]
 fn at_the_end_of_a_run_a_low_robot_is_sent_home() {
     let mut rig = Rig::online(20);
-    rig.take(Fact::RunEnding);
+    rig.handle(Fact::RunEnding);
     assert_eq!(rig.dog.last_words(), LastWords::Nothing);
 }
 
@@ -80,9 +80,9 @@ fn a_reconnect_under_alarm_searches_at_once() {
     for limits in [standing(), Limits::default()] {
         let (mut rig, _) = lost(20, limits);
         rig.pass(SECOND, false);
-        rig.take(Fact::LinkDown);
+        rig.handle(Fact::LinkDown);
         rig.now += SECOND;
-        let acts = rig.take(Fact::LinkUp {
+        let acts = rig.handle(Fact::LinkUp {
             docked: false,
             power: power(19),
         });
@@ -94,7 +94,7 @@ fn a_reconnect_under_alarm_searches_at_once() {
 fn after_a_sleep_nothing_old_is_repeated() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
-    let acts = rig.take(Fact::Suspended);
+    let acts = rig.handle(Fact::Suspended);
     assert_eq!(sent(&acts), [Command::STOP]);
     assert_eq!(events(&acts), [ended(1, MotionEnd::Disconnected)]);
     assert_eq!(sent(&rig.pass(SECOND, true)), []);
@@ -105,37 +105,37 @@ fn after_a_sleep_nothing_old_is_repeated() {
 fn after_a_sleep_a_behaviours_docking_is_over() {
     let mut rig = Rig::online(60);
     rig.dock(1);
-    let acts = rig.take(Fact::Suspended);
+    let acts = rig.handle(Fact::Suspended);
     assert_eq!(sent(&acts), [CANCEL, Command::STOP]);
     assert_eq!(dock_ended(&acts), Some((DockEnd::Disconnected, 1)));
     let mut rig = Rig::docked(charging(80));
     rig.undock(1);
-    let acts = rig.take(Fact::Suspended);
+    let acts = rig.handle(Fact::Suspended);
     assert_eq!(undock_ended(&acts), Some(DockEnd::Disconnected));
-    assert_eq!(rig.dog.place(), DockState::Unknown);
+    assert_eq!(rig.dog.dock_state(), DockState::Unknown);
 }
 
 #[test]
 fn after_a_sleep_a_low_robot_searches_at_once() {
     let mut rig = Rig::online(20);
-    assert_eq!(sent(&rig.take(Fact::Suspended)), [Command::STOP, FIND]);
+    assert_eq!(sent(&rig.handle(Fact::Suspended)), [Command::STOP, FIND]);
     let (mut rig, _) = lost(20, standing());
     rig.pass(2 * SECOND, false);
-    assert_eq!(sent(&rig.take(Fact::Suspended)), [Command::STOP, FIND]);
+    assert_eq!(sent(&rig.handle(Fact::Suspended)), [Command::STOP, FIND]);
 }
 
 #[test]
 fn a_sleep_without_a_link_sends_nothing() {
     let mut rig = Rig::online(20);
-    rig.take(Fact::LinkDown);
-    assert_eq!(rig.take(Fact::Suspended), []);
+    rig.handle(Fact::LinkDown);
+    assert_eq!(rig.handle(Fact::Suspended), []);
 }
 
 #[test]
 fn at_the_end_of_a_run_all_motion_stops_and_is_refused() {
     let mut rig = Rig::online(60);
     rig.drive(1, None);
-    let acts = rig.take(Fact::RunEnding);
+    let acts = rig.handle(Fact::RunEnding);
     assert_eq!(sent(&acts), [Command::STOP]);
     assert_eq!(events(&acts), [ended(1, MotionEnd::Cancelled)]);
     assert_eq!(
@@ -147,14 +147,14 @@ fn at_the_end_of_a_run_all_motion_stops_and_is_refused() {
 #[test]
 fn at_the_end_of_a_run_docking_and_undocking_are_refused() {
     let mut rig = Rig::online(60);
-    rig.take(Fact::RunEnding);
+    rig.handle(Fact::RunEnding);
     let acts = rig.ask(Intent::Dock {
         call: CallId(7),
         plan: DockPlan::default(),
     });
     assert_eq!(sent(&acts), []);
     assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 0)));
-    rig.take(Fact::Engine(EngineReport::Docked));
+    rig.handle(Fact::Engine(EngineReport::Docked));
     let acts = rig.ask(Intent::Undock {
         call: CallId(8),
         timeout: SECOND,
@@ -177,7 +177,7 @@ fn at_the_end_of_a_run_a_behaviours_docking_ends_and_the_watchdogs_goes_on() {
         call: CallId(7),
         plan: DockPlan::default(),
     });
-    assert_eq!(sent(&rig.take(Fact::RunEnding)), [CANCEL, Command::STOP]);
+    assert_eq!(sent(&rig.handle(Fact::RunEnding)), [CANCEL, Command::STOP]);
     let mut rig = Rig::online(20);
-    assert_eq!(sent(&rig.take(Fact::RunEnding)), [Command::STOP, FIND]);
+    assert_eq!(sent(&rig.handle(Fact::RunEnding)), [Command::STOP, FIND]);
 }

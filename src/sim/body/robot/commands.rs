@@ -5,7 +5,7 @@ use std::time::Duration;
 use bytes::Bytes;
 
 use super::super::chassis::Tracks;
-use super::super::firmware::Answer;
+use super::super::firmware::FirmwareBehaviour;
 use super::super::log::describe;
 use super::super::trace::TraceEventKind;
 use super::Robot;
@@ -64,12 +64,12 @@ impl Robot {
         let answer = match () {
             () if self.docking.searching() => self.firmware.move_while_searching,
             () if self.docking.leaving() => self.firmware.move_while_undocking,
-            () => Answer::Ends,
+            () => FirmwareBehaviour::Ends,
         };
         match answer {
-            Answer::Ends => self.docking.stop(),
-            Answer::Ignored => return,
-            Answer::Obeyed => {}
+            FirmwareBehaviour::Ends => self.docking.stop(),
+            FirmwareBehaviour::Ignored => return,
+            FirmwareBehaviour::Obeyed => {}
         }
         self.commanded = Tracks::new(left, right);
         self.since_move = Duration::ZERO;

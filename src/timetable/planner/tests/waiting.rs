@@ -73,14 +73,14 @@ fn a_start_that_does_not_reach_the_robot_waits_for_it() {
 #[test]
 fn a_start_that_does_not_reach_the_robot_in_its_time_is_over() {
     let mut planner = Planner::new(patrol(), Record::default());
-    let mut facts = Facts {
+    let mut inputs = PlannerInputs {
         now: when("2026-05-04 09:00"),
         at: Instant::now(),
         ready: true,
         running: &[],
     };
-    assert_eq!(planner.poll(facts).len(), 1);
-    (facts.now, facts.at) = (facts.now + 30 * MINUTE, facts.at + 30 * MINUTE);
-    assert!(matches!(planner.poll(facts)[..], [Act::End { .. }]));
+    assert_eq!(planner.poll(inputs).len(), 1);
+    (inputs.now, inputs.at) = (inputs.now + 30 * MINUTE, inputs.at + 30 * MINUTE);
+    assert!(matches!(planner.poll(inputs)[..], [Act::End { .. }]));
     assert!(!planner.postpone("patrol") && !planner.is_due());
 }

@@ -107,7 +107,7 @@ pub(super) fn any_limits() -> impl Strategy<Value = Limits> {
     let count = || prop_oneof![0..3u32, Just(u32::MAX)];
     let odd = (levels, times, count(), any::<bool>());
     let odd = odd.prop_map(
-        |((critical, low, ok), times, dock_retries, recovery_legs)| Limits {
+        |((critical, low, ok), times, dock_retries, blind_moves)| Limits {
             low,
             ok,
             critical,
@@ -121,7 +121,7 @@ pub(super) fn any_limits() -> impl Strategy<Value = Limits> {
             host_idle_silence: Limits::default().host_idle_silence,
             stream_silence: times.6,
             alarm_every: times.7,
-            recovery_legs,
+            blind_moves,
             rescue_time: times.2,
             rescue_power: ok,
             rescue: if dock_retries == 1 {

@@ -57,7 +57,7 @@ impl Known {
         self.low && self.contact.is_some_and(due)
     }
 
-    pub(super) fn note(&mut self, fact: &Fact, limits: &Limits, now: Instant) {
+    pub(super) fn record(&mut self, fact: &Fact, limits: &Limits, now: Instant) {
         self.idle |= self.is_idle(limits, now);
         match fact {
             Fact::LinkUp { docked, power } => {
@@ -132,7 +132,7 @@ impl Known {
 
     /// Adopts what the watchdog believes, after checking that it may believe it.
     pub(super) fn agree(&mut self, dog: &Watchdog, limits: &Limits) -> Kept {
-        let charging = dog.guard.charging();
+        let charging = dog.battery_monitor.charging();
         prop_assert_eq!(self.charging, charging != Charging::No);
         let enough = self.touched || self.charges >= 2;
         prop_assert!(
@@ -146,13 +146,16 @@ impl Known {
         self.unconfirmed = charging == Charging::Unconfirmed;
         let released = charging == Charging::Confirmed || self.good >= 3;
         prop_assert!(dog.low().is_some() || !self.low || released, "{:?}", self);
-        let low = dog.guard.level().is_some_and(|level| level <= limits.low);
+        let low = dog
+            .battery_monitor
+            .level()
+            .is_some_and(|level| level <= limits.low);
         let late = self.charges > 0 && !self.charging && low;
         prop_assert!(dog.low().is_none() || self.low || late, "{:?}", self);
         self.low = dog.low().is_some();
-        prop_assert!(dog.guard.critical() || !self.critical || self.uncritical >= 3);
-        prop_assert!(!dog.guard.critical() || self.critical);
-        self.critical = dog.guard.critical();
+        prop_assert!(dog.battery_monitor.critical() || !self.critical || self.uncritical >= 3);
+        prop_assert!(!dog.battery_monitor.critical() || self.critical);
+        self.critical = dog.battery_monitor.critical();
         Ok(())
     }
 
@@ -160,7 +163,9 @@ impl Known {
     pub(super) fn still_searches(&self, moment: &Moment<'_>, before: bool) -> bool {
         use EngineReport::{BaseNotFound, Docked};
         let over = match moment.fact {
-            Some(Fact::Power(_)) => moment.play.dog.guard.charging() == Charging::Confirmed,
+            Some(Fact::Power(_)) => {
+                moment.play.dog.battery_monitor.charging() == Charging::Confirmed
+            }
             Some(Fact::Engine(news)) => matches!(news, Docked | BaseNotFound),
             Some(Fact::LinkDown | Fact::LinkUp { .. }) => true,
             _ => false,
@@ -176,14 +181,14 @@ impl Known {
         self.online && last.unwrap_or(before && !over)
     }
 
-    /// Whether a leg or a loan may move a robot with a low battery.
+    /// Whether a blind move or a grant may move a robot with a low battery.
     pub(super) fn allows_the_way_home(&self, limits: &Limits, now: Instant) -> bool {
         let lost = self.low && !self.surely_docked(limits, now);
         self.online && lost && !self.run_ended
     }
 
     pub(super) fn expire_unconfirmed(&mut self, now: Instant) {
-        let over = |since: Instant| now >= since + BatteryGuard::UNCONFIRMED_TIMEOUT;
+        let over = |since: Instant| now >= since + BatteryMonitor::UNCONFIRMED_TIMEOUT;
         if self.unconfirmed && self.charging_since.is_some_and(over) {
             (self.charging, self.unconfirmed) = (false, false);
             self.charges_here = false;

@@ -79,20 +79,20 @@ impl Play {
         see: &mut impl FnMut(Moment<'_>) -> Kept,
     ) -> Kept {
         steps.iter().try_for_each(|step| match step {
-            Step::Fact(fact) => self.take(fact, see),
-            Step::Still => self.tick(see),
+            Step::Fact(fact) => self.handle(fact, see),
+            Step::Still => self.poll(see),
             Step::Jump(span) => {
                 self.now += *span;
                 self.slept = Some(self.now);
-                self.tick(see)
+                self.poll(see)
             }
             Step::Pass(span) => self.pass(*span, see),
         })
     }
 
-    pub(super) fn take(&mut self, fact: &Fact, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
-        self.known.note(fact, &self.limits, self.now);
-        let acts = self.dog.take(fact.clone(), self.now);
+    pub(super) fn handle(&mut self, fact: &Fact, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
+        self.known.record(fact, &self.limits, self.now);
+        let acts = self.dog.handle(fact.clone(), self.now);
         self.show(Some(fact), acts, see)
     }
 
@@ -109,8 +109,8 @@ impl Play {
         see(Moment { play, fact, acts })
     }
 
-    pub(super) fn tick(&mut self, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
-        let acts = self.dog.tick(self.now);
+    pub(super) fn poll(&mut self, see: &mut impl FnMut(Moment<'_>) -> Kept) -> Kept {
+        let acts = self.dog.poll(self.now);
         self.show(None, acts, see)
     }
 
@@ -128,10 +128,10 @@ impl Play {
             };
             prop_assert!(due > self.now, "a deadline that has passed");
             self.now = due;
-            self.tick(see)?;
+            self.poll(see)?;
         }
         self.now = end;
         self.slept = Some(end);
-        self.tick(see)
+        self.poll(see)
     }
 }

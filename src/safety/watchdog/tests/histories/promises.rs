@@ -2,22 +2,22 @@
 
 use super::*;
 
-/// What moves a robot with a low battery: legs of the watchdog, and loans.
+/// What moves a robot with a low battery: blind moves of the watchdog, and grants.
 #[derive(Debug, Default)]
 pub(super) struct WayHome {
     /// Since when it moves.
     moves: Option<Instant>,
-    /// Since when the tracks are lent, and to which behaviour.
-    lent: Option<(Instant, BehaviourId)>,
+    /// Since when the tracks are granted, and to which behaviour.
+    granted: Option<(Instant, BehaviourId)>,
 }
 
 impl WayHome {
-    const LONGEST_LEG: Duration = Leg::TURN.saturating_add(Leg::LONGEST);
+    const LONGEST_BLIND_MOVE: Duration = BlindMove::TURN.saturating_add(BlindMove::LONGEST);
 
-    /// While low: any motion is an allowed leg, slow and short, or an allowed loan.
+    /// While low: any motion is an allowed blind move, slow and short, or an allowed grant.
     pub(super) fn see(&mut self, moment: &Moment<'_>) -> Kept {
         let Play { dog, known, .. } = moment.play;
-        self.see_loan(moment)?;
+        self.see_grant(moment)?;
         for command in &sent(&moment.acts) {
             if !known.low {
                 break;
@@ -28,8 +28,12 @@ impl WayHome {
             let (left, right) = (left.unsigned_abs(), right.unsigned_abs());
             let cap = f64::from(moment.play.limits.rescue_power.get()) * 0.9;
             let slow = f64::from(left.max(right)) <= cap;
-            let is_leg = left == right && [0, 27].contains(&left);
-            prop_assert!(is_leg || (self.lent.is_some() && slow), "{:?}", command);
+            let is_blind_move = left == right && [0, 27].contains(&left);
+            prop_assert!(
+                is_blind_move || (self.granted.is_some() && slow),
+                "{:?}",
+                command
+            );
         }
         if known.low && dog.moving() {
             self.see_motion(moment)
@@ -44,17 +48,17 @@ impl WayHome {
             known, limits, now, ..
         } = moment.play;
         let began = *self.moves.get_or_insert(*now);
-        let ends = match self.lent {
+        let ends = match self.granted {
             Some((since, _)) => since + limits.rescue_time.get(),
-            None => began + WayHome::LONGEST_LEG,
+            None => began + WayHome::LONGEST_BLIND_MOVE,
         };
         moment.drives_until(ends)?;
-        let leg = limits.recovery_legs && known.not_found;
-        prop_assert!(self.lent.is_some() || leg, "{:?}", known);
+        let blind_move = limits.blind_moves && known.not_found;
+        prop_assert!(self.granted.is_some() || blind_move, "{:?}", known);
         Ok(())
     }
 
-    fn see_loan(&mut self, moment: &Moment<'_>) -> Kept {
+    fn see_grant(&mut self, moment: &Moment<'_>) -> Kept {
         let Play {
             dog,
             known,
@@ -62,13 +66,13 @@ impl WayHome {
             now,
             ..
         } = moment.play;
-        let Some(by) = dog.borrower() else {
-            self.lent = None;
+        let Some(by) = dog.grantee() else {
+            self.granted = None;
             return Ok(());
         };
         prop_assert_eq!(known.rescuer, Some(by));
         prop_assert!(limits.rescue != Rescue::Off);
-        let (since, whose) = *self.lent.get_or_insert((*now, by));
+        let (since, whose) = *self.granted.get_or_insert((*now, by));
         prop_assert_eq!(whose, by);
         moment.drives_until(since + limits.rescue_time.get())
     }
@@ -84,7 +88,7 @@ impl LongestWait {
         let moment = Duration::from_secs(1);
         let pause = limits.dock_pause.get().max(moment);
         let on_contact = limits.charge_timeout.get() * 2 + DockTracker::LONGEST_LEAVING;
-        let driven = limits.rescue_time.get() + WayHome::LONGEST_LEG;
+        let driven = limits.rescue_time.get() + WayHome::LONGEST_BLIND_MOVE;
         limits.dock_timeout.get() + on_contact + pause + driven + moment
     }
 
@@ -96,7 +100,7 @@ impl LongestWait {
             now,
             slept,
         } = moment.play;
-        let waits = known.online && known.low && dog.place() != DockState::Charging;
+        let waits = known.online && known.low && dog.dock_state() != DockState::Charging;
         if !waits || moment.sends(&FIND) {
             self.0 = waits.then_some(*now);
             return Ok(());

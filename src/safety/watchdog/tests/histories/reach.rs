@@ -25,8 +25,8 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
         matches!(dog.low(), Some(LowCause::Silence(_))),
     );
     note("low on the station", dog.low().is_some() && known.docked());
-    note("critical", dog.guard.critical());
-    let unconfirmed = dog.guard.charging() == Charging::Unconfirmed;
+    note("critical", dog.battery_monitor.critical());
+    let unconfirmed = dog.battery_monitor.charging() == Charging::Unconfirmed;
     note(
         "low with unconfirmed charging",
         unconfirmed && dog.low().is_some(),
@@ -39,23 +39,23 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
     note("backs off", docking.is_some() && dog.moving());
     let alarm = dog.state() == WatchdogState::Alarm;
     let low_moves = known.low && dog.moving();
-    let lent = dog.borrower().is_some();
-    note("drives a leg", low_moves && !lent);
-    note("lends the tracks", lent);
-    note("drives in a loan", low_moves && lent);
+    let granted = dog.grantee().is_some();
+    note("makes a blind move", low_moves && !granted);
+    note("grants the tracks", granted);
+    note("drives in a grant", low_moves && granted);
     note(
         "drives at the critical level",
-        low_moves && dog.guard.critical(),
+        low_moves && dog.battery_monitor.critical(),
     );
-    let loan = |event: &Event| matches!(event, Event::Loan { .. });
-    note("announces a loan", events(&moment.acts).iter().any(loan));
+    let grant = |event: &Event| matches!(event, Event::DriveGrant { .. });
+    note("announces a grant", events(&moment.acts).iter().any(grant));
     note("searches under alarm", alarm && moment.sends(&FIND));
     note(
         "stands still under alarm, off the station",
         alarm && !known.docked() && docking.is_none() && !dog.moving(),
     );
     note(
-        "asked to stop in a leg",
+        "asked to stop in a blind move",
         alarm
             && dog.moving()
             && matches!(
@@ -85,10 +85,10 @@ fn seen(moment: &Moment<'_>) -> Vec<String> {
                 .is_some_and(|homing| !homing.callers.is_empty()),
     );
     note("the run ends while low", dog.run_ending && forced);
-    note("place unknown", dog.place() == DockState::Unknown);
+    note("dock state unknown", dog.dock_state() == DockState::Unknown);
     note(
-        "place unknown while low",
-        known.low && dog.place() == DockState::Unknown,
+        "dock state unknown while low",
+        known.low && dog.dock_state() == DockState::Unknown,
     );
     note("backs out", dog.dock_tracker.is_leaving());
     note(&format!("last words {:?}", dog.last_words()), true);
@@ -154,12 +154,12 @@ fn all_there_is() -> Vec<String> {
         "searches",
         "cancels the search",
         "backs off",
-        "drives a leg",
-        "lends the tracks",
-        "drives in a loan",
+        "makes a blind move",
+        "grants the tracks",
+        "drives in a grant",
         "drives at the critical level",
-        "announces a loan",
-        "asked to stop in a leg",
+        "announces a grant",
+        "asked to stop in a blind move",
         "searches under alarm",
         "stands still under alarm, off the station",
         "low by level",
@@ -174,8 +174,8 @@ fn all_there_is() -> Vec<String> {
         "a behaviour waits for the watchdog's docking",
         "the run ends while low",
         "an unknown engine code",
-        "place unknown",
-        "place unknown while low",
+        "dock state unknown",
+        "dock state unknown while low",
         "backs out",
         "last words Stop",
         "last words StopAndDock",

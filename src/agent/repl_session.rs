@@ -1,0 +1,172 @@
+//! An interactive session with a person: one behaviour runs the lines it is given, on one robot. A
+//! behaviour that ends is replaced; the link, the pilot and the watchdog are kept.
+
+use std::pin::pin;
+use std::time::Duration;
+
+use tokio::runtime;
+use tokio::sync::{mpsc, watch};
+use tokio::time::timeout;
+use tokio_util::sync::CancellationToken;
+use tracing::warn;
+
+use super::{AgentError, PilotSetup, RunningPilot, SCRIPTS_END};
+use crate::behaviour::{
+    Handle, Launch, Launcher, Prepared, PromptCommand, PromptMessage, ReplChannel, Supervisor,
+};
+use crate::robot::channel::{Request, Role};
+use crate::robot::{BehaviourId, EndReason, Intent, Pictures, Priority};
+use crate::script::ScriptExit;
+
+/// Everything that a session needs.
+pub struct ReplSession {
+    /// The behaviour, from which each replacement is made; `interactive` in its options.
+    pub launch: Launch,
+    /// How to start hosts.
+    pub launcher: Launcher,
+    /// Connects to the robot and drives it.
+    pub setup: PilotSetup,
+    /// The rescue behaviour, if any: see [`rescue`](super::rescue).
+    pub rescue: Option<Launch>,
+}
+
+/// Why a session was aborted.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplError {
+    /// An error of the robot's link, or an internal error.
+    #[error(transparent)]
+    Agent(#[from] AgentError),
+    /// No behaviour can be started.
+    #[error("{}", .0.message.as_deref().unwrap_or(.0.reason.sentence()))]
+    Host(ScriptExit),
+}
+
+/// A running session.
+struct RunningSession {
+    launch: Launch,
+    launcher: Launcher,
+    core: runtime::Handle,
+    pilot: RunningPilot,
+    requests: mpsc::Sender<Request>,
+    frames: watch::Receiver<Pictures>,
+    /// The longest silence of a host that does not drive.
+    longest_silence: Duration,
+    last: u16,
+}
+
+impl ReplSession {
+    /// Runs until `stop` is cancelled, or until the command sender is dropped and a robot with a
+    /// low battery is home. In either case the robot is stopped. Returns whether the watchdog
+    /// controlled the robot at the end.
+    ///
+    /// # Errors
+    /// See [`ReplError`].
+    pub async fn run(
+        mut self,
+        mut commands: mpsc::Receiver<PromptCommand>,
+        sink: mpsc::Sender<PromptMessage>,
+        stop: CancellationToken,
+    ) -> Result<bool, ReplError> {
+        if let Some(launch) = self.rescue {
+            self.setup.stand_by(self.launcher.clone(), launch);
+        }
+        let mut session = RunningSession {
+            launch: self.launch,
+            launcher: self.launcher,
+            core: self.setup.core().clone(),
+            requests: self.setup.requests(),
+            frames: self.setup.frames(),
+            longest_silence: self.setup.longest_silence(),
+            pilot: self.setup.launch(&stop),
+            last: 0,
+        };
+        let stayed = session.live(&mut commands, &sink, &stop).await;
+        let safety = session.pilot.is_away();
+        session.pilot.end().await;
+        stayed.map(|stayed| stayed || safety)
+    }
+}
+
+impl RunningSession {
+    /// Returns whether the session had to wait for a robot with a low battery.
+    async fn live(
+        &mut self,
+        commands: &mut mpsc::Receiver<PromptCommand>,
+        sink: &mpsc::Sender<PromptMessage>,
+        stop: &CancellationToken,
+    ) -> Result<bool, ReplError> {
+        tokio::select! {
+            biased;
+            () = stop.cancelled() => return Ok(false),
+            up = self.pilot.connected() => up?,
+        }
+        while let Some(exit) = self.run_behaviour(commands, sink, stop).await? {
+            let _ = sink.send(PromptMessage::Ended(exit)).await;
+        }
+        tokio::select! {
+            biased;
+            () = stop.cancelled() => Ok(false),
+            stayed = self.pilot.wait_until_home() => Ok(stayed),
+        }
+    }
+
+    /// Runs one behaviour and returns its ending; `None` if the session ends.
+    async fn run_behaviour(
+        &mut self,
+        commands: &mut mpsc::Receiver<PromptCommand>,
+        sink: &mpsc::Sender<PromptMessage>,
+        stop: &CancellationToken,
+    ) -> Result<Option<ScriptExit>, ReplError> {
+        let (lines, mut messages, repl_channel) = ReplChannel::new();
+        let supervisor = self
+            .start_behaviour()
+            .await?
+            .with_repl_channel(repl_channel);
+        let handle = Handle::default();
+        let core = self.core.clone();
+        let mut running = pin!(supervisor.run(handle.clone(), &core));
+        let _ = sink.send(PromptMessage::Ready).await;
+        loop {
+            tokio::select! {
+                biased;
+                () = stop.cancelled() => break,
+                error = self.pilot.failure() => return Err(error.into()),
+                next = commands.recv() => match next {
+                    // A behaviour that does not read its lines is ended.
+                    Some(next) => if lines.try_send(next).is_err() { handle.stop(EndReason::Cancelled) },
+                    None => break,
+                },
+                Some(message) = messages.recv() => { let _ = sink.send(message).await; }
+                exit = &mut running => {
+                    while let Ok(message) = messages.try_recv() {
+                        let _ = sink.send(message).await;
+                    }
+                    return Ok(Some(exit));
+                }
+            }
+        }
+        // Stop without the end of the run: if the battery is low, the robot is brought home first.
+        let rest = Request::Intent(BehaviourId(self.last), Intent::Stop);
+        let _ = self.requests.try_send(rest);
+        handle.stop(EndReason::Shutdown);
+        if timeout(SCRIPTS_END, running).await.is_err() {
+            warn!("a typed script's on_stop took too long and was abandoned");
+        }
+        Ok(None)
+    }
+
+    async fn start_behaviour(&mut self) -> Result<Supervisor, ReplError> {
+        self.last = self.last.wrapping_add(1);
+        let (by, launch) = (BehaviourId(self.last), self.launch.clone());
+        let prepared = Prepared::start(&self.launcher, &self.core, by, Priority(0), launch).await;
+        let prepared = prepared.map_err(ReplError::Host)?;
+        Ok(Supervisor::register(
+            prepared,
+            Role::Behaviour,
+            self.requests.clone(),
+            self.frames.clone(),
+        )
+        .await
+        .with_longest_silence(self.longest_silence))
+    }
+}

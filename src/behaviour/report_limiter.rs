@@ -1,0 +1,205 @@
+//! Limits which of a host's reports reach the bus: a daily budget, short texts, and only files in
+//! its own data folder. An honest host limits its script's entries, messages and pictures itself;
+//! this limit also holds for a compromised host.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use serde_json::Value;
+use tokio::time::Instant;
+
+use crate::rate_limit::{Budget, Repeats};
+use crate::robot::{AgentEvent, HostReport};
+use crate::sanitize;
+use crate::script::{self, Limits, MAX_ENTRY, MAX_KIND, MAX_NOTICE};
+
+/// Minimum interval between two warnings about dropped reports.
+const REPORT_INTERVAL: Duration = Duration::from_secs(60);
+/// Bytes counted for each entry besides its text.
+const OVERHEAD: usize = 100;
+
+/// See the module.
+#[derive(Debug)]
+pub(super) struct ReportLimiter {
+    behaviour: String,
+    folder: Option<PathBuf>,
+    bytes: Budget,
+    notices: Budget,
+    reports: Repeats<()>,
+}
+
+/// The outcome for a report.
+#[derive(Debug, PartialEq)]
+pub(super) enum Admission {
+    /// It is passed on to the bus.
+    Passed(AgentEvent),
+    /// It is dropped, and this must be reported, with the number of reports dropped since the last
+    /// report.
+    Dropped(u64),
+    /// It is dropped; a recent report already said so.
+    DroppedSilently,
+}
+
+impl ReportLimiter {
+    /// Creates the limiter of a behaviour whose pictures are in this folder.
+    pub(super) fn new(
+        behaviour: String,
+        folder: Option<PathBuf>,
+        limits: &Limits,
+    ) -> ReportLimiter {
+        ReportLimiter {
+            behaviour,
+            folder,
+            bytes: Budget::new(limits.journal_bytes_a_day),
+            notices: Budget::new(limits.notices_a_day),
+            reports: Repeats::new(REPORT_INTERVAL),
+        }
+    }
+
+    pub(super) fn admit(&mut self, report: HostReport, now: Instant) -> Admission {
+        match self.event(report, now) {
+            Some(what) => Admission::Passed(what),
+            None => self
+                .reports
+                .record((), now)
+                .map_or(Admission::DroppedSilently, Admission::Dropped),
+        }
+    }
+
+    /// Converts a report. `None` if no honest host would send it, or if today's budget is used up.
+    fn event(&mut self, report: HostReport, now: Instant) -> Option<AgentEvent> {
+        let behaviour = self.behaviour.clone();
+        match report {
+            HostReport::Picture { name } => {
+                let path = self.file(&name)?;
+                let has_room = self.bytes.take((OVERHEAD + name.len()) as u64, now);
+                has_room.then_some(AgentEvent::Picture { behaviour, path })
+            }
+            HostReport::Entry { kind, json } => {
+                let length = kind.len() + json.len();
+                if kind.len() > MAX_KIND || json.len() > MAX_ENTRY {
+                    return None;
+                }
+                let data = serde_json::from_str(&json).ok().filter(Value::is_object)?;
+                let has_room = self.bytes.take((OVERHEAD + length) as u64, now);
+                let kind = sanitize::line(&kind);
+                has_room.then_some(AgentEvent::Entry {
+                    behaviour,
+                    kind,
+                    data,
+                })
+            }
+            HostReport::Notify { text, picture } => {
+                let picture = match picture {
+                    Some(name) => Some(self.file(&name)?),
+                    None => None,
+                };
+                let has_room = text.len() <= MAX_NOTICE && self.notices.take(1, now);
+                let text = sanitize::text(&text, false);
+                has_room.then_some(AgentEvent::Notify {
+                    behaviour,
+                    text,
+                    picture,
+                })
+            }
+        }
+    }
+
+    /// Returns the path of a picture in the behaviour's own folder; `None` if `name` is not a valid
+    /// picture name.
+    fn file(&self, name: &str) -> Option<PathBuf> {
+        let folder = self.folder.as_ref()?;
+        (script::picture_name(name).as_deref() == Some(name)).then(|| folder.join(name))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn limiter() -> ReportLimiter {
+        let limits = Limits {
+            journal_bytes_a_day: 24 * 1000,
+            notices_a_day: 48,
+            ..Limits::default()
+        };
+        ReportLimiter::new("one".to_owned(), Some("data/one".into()), &limits)
+    }
+
+    fn picture(name: &str) -> HostReport {
+        let name = name.to_owned();
+        HostReport::Picture { name }
+    }
+
+    fn entry(kind: &str, json: &str) -> HostReport {
+        let (kind, json) = (kind.to_owned(), json.to_owned());
+        HostReport::Entry { kind, json }
+    }
+
+    fn notice(picture: Option<&str>) -> HostReport {
+        let (text, picture) = ("hello".to_owned(), picture.map(str::to_owned));
+        HostReport::Notify { text, picture }
+    }
+
+    #[test]
+    fn a_compromised_host_cannot_name_files_of_others() {
+        let now = Instant::now();
+        let mut limiter = limiter();
+        let passed = |admission| matches!(admission, Admission::Passed(_));
+        for name in [
+            "../two/1.jpg",
+            "/etc/passwd",
+            "a/b.jpg",
+            "",
+            ".x.jpg",
+            "passwd",
+        ] {
+            assert!(!passed(limiter.admit(picture(name), now)), "{name}");
+            assert!(!passed(limiter.admit(notice(Some(name)), now)), "{name}");
+        }
+        let Admission::Passed(AgentEvent::Picture { path, .. }) =
+            limiter.admit(picture("1.jpg"), now)
+        else {
+            panic!("dropped");
+        };
+        assert_eq!(path, PathBuf::from("data/one/1.jpg"));
+    }
+
+    #[test]
+    fn entries_that_are_too_long_or_not_objects_are_dropped() {
+        let now = Instant::now();
+        let long = format!("{{\"a\":\"{}\"}}", "x".repeat(MAX_ENTRY));
+        for json in ["", "1", "[1]", "{\"a\":", long.as_str()] {
+            let admission = limiter().admit(entry("moved", json), now);
+            assert!(matches!(admission, Admission::Dropped(0)), "{admission:?}");
+        }
+        let kind = "k".repeat(MAX_KIND + 1);
+        assert!(matches!(
+            limiter().admit(entry(&kind, "{}"), now),
+            Admission::Dropped(_)
+        ));
+    }
+
+    #[test]
+    fn a_flood_is_limited_to_the_daily_budget_and_reported_once_a_minute() {
+        let (mut limiter, now) = (limiter(), Instant::now());
+        let admissions: Vec<_> = (0..1000)
+            .map(|_| limiter.admit(notice(None), now))
+            .collect();
+        let passed = admissions
+            .iter()
+            .filter(|admission| matches!(admission, Admission::Passed(_)));
+        assert_eq!(passed.count(), 2);
+        let reported = admissions
+            .iter()
+            .filter(|admission| matches!(admission, Admission::Dropped(_)));
+        assert_eq!(reported.count(), 1);
+        let entries = (0..1000).map(|_| limiter.admit(entry("moved", "{}"), now));
+        assert!(
+            entries
+                .filter(|admission| matches!(admission, Admission::Passed(_)))
+                .count()
+                < 10
+        );
+    }
+}

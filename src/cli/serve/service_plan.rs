@@ -1,0 +1,216 @@
+//! Builds the plan of a service from its config, at the start and again at each SIGHUP.
+
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+
+use tokio::signal::unix::Signal;
+use tokio::sync::{mpsc, watch};
+
+use crate::agent::Behaviour;
+use crate::cli::behaviour_loader::{BehaviourLoader, LoadedBehaviours};
+use crate::cli::schedule::unknown_behaviour;
+use crate::cli::settings::SettingsArgs;
+use crate::cli::{Console, Failure, check, live};
+use crate::clock::{Clock, Zone};
+use crate::config::{Config, Entry, Idle, Service, Start};
+use crate::live::RunDefinition;
+use crate::service::{IdlePolicy, Reload, ServicePlan};
+use crate::timetable::Timetable;
+
+/// The plan, with fingerprints to detect changes.
+#[derive(Clone)]
+pub(super) struct LoadedPlan {
+    pub(super) service_plan: ServicePlan,
+    /// Fingerprints of the behaviours, by name: see [`fingerprint`].
+    fingerprints: BTreeMap<String, u64>,
+    /// Information for the page.
+    pub(super) definition: RunDefinition,
+}
+
+/// Builds the plan from the config, at the start and at each reload.
+#[derive(Clone)]
+pub(super) struct PlanLoader {
+    pub(super) settings: SettingsArgs,
+    /// Whether to check scripts first.
+    pub(super) checked: bool,
+    pub(super) seed: u64,
+    pub(super) console: Console,
+    pub(super) clock: Clock,
+    /// The time zone to use if the config sets none.
+    pub(super) zone: Zone,
+}
+
+impl PlanLoader {
+    /// Builds the plan.
+    ///
+    /// # Errors
+    /// A script that cannot be read or has a mistake, a timetable that names an unknown behaviour.
+    pub(super) fn load(&self, config: &Config) -> Result<LoadedPlan, Failure> {
+        let loader = BehaviourLoader {
+            config,
+            file: self.settings.file(),
+            params: &[],
+            annotate: None,
+            restart: None,
+            checked: self.checked,
+            watch: false,
+            seed: self.seed,
+            clock: self.clock,
+            zone: self.zone(config),
+        };
+        let LoadedBehaviours {
+            behaviours, specs, ..
+        } = loader.load(&config.behaviours)?;
+        if self.checked {
+            check::before_run(&behaviours, &self.console)?;
+        }
+        let names: Vec<String> = specs.iter().map(|one| one.name().to_owned()).collect();
+        let table = Timetable {
+            zone: self.zone(config),
+            ..config.timetable()
+        };
+        if let Some((what, known)) = unknown_behaviour(&table, &names) {
+            return Err(Failure::usage(what).help(known));
+        }
+        let scheduled = |name: &String| table.rules.iter().any(|rule| rule.run == *name);
+        let always = |(entry, name): &(&Entry, &String)| match entry.start {
+            Some(start) => start == Start::Always,
+            None => !scheduled(name),
+        };
+        let always = config.behaviours.iter().zip(&names).filter(always);
+        let always = always.map(|(_, name)| name.clone()).collect();
+        let fingerprints = names
+            .iter()
+            .cloned()
+            .zip(behaviours.iter().map(fingerprint));
+        let fingerprints = fingerprints.collect();
+        let definition = RunDefinition {
+            scripts: behaviours.iter().map(live::script).collect(),
+            timetable: (!table.rules.is_empty()).then(|| (table.clone(), self.clock)),
+        };
+        Ok(LoadedPlan {
+            service_plan: ServicePlan {
+                specs,
+                always,
+                table,
+                quiet_alarm: config.quiet_alarm,
+                idle: IdlePolicy {
+                    release: config.service.idle == Idle::Release,
+                    after: config.service.idle_after.get(),
+                    dock: config.service.dock,
+                },
+            },
+            fingerprints,
+            definition,
+        })
+    }
+
+    /// Reloads the config at each SIGHUP; a config with an error changes nothing. Never returns.
+    pub(super) async fn reload_on_hangup(
+        self,
+        mut hangup: Signal,
+        reload: mpsc::Sender<Reload>,
+        shown: watch::Sender<RunDefinition>,
+        mut now: (Config, LoadedPlan),
+    ) -> Infallible {
+        while hangup.recv().await.is_some() {
+            tracing::info!("SIGHUP: reloading the settings");
+            let loader = self.clone();
+            let read = tokio::task::spawn_blocking(move || loader.reload()).await;
+            match read {
+                Ok(Ok(new)) => {
+                    warn_restart_needed(&now.0, &new.0);
+                    let before = std::mem::replace(&mut now, new);
+                    let fingerprints = &now.1.fingerprints;
+                    let changed = fingerprints.iter().filter(|(name, fingerprint)| {
+                        before.1.fingerprints.get(*name) != Some(*fingerprint)
+                    });
+                    let changed = changed.map(|(name, _)| name.clone()).collect();
+                    shown.send_replace(now.1.definition.clone());
+                    let service_plan = now.1.service_plan.clone();
+                    let _ = reload
+                        .send(Reload {
+                            service_plan,
+                            changed,
+                        })
+                        .await;
+                }
+                Ok(Err(failure)) => tracing::error!(
+                    "the new settings are invalid, the old ones stay in effect: {}",
+                    failure.what
+                ),
+                Err(error) => tracing::error!("the new settings could not be read: {error}"),
+            }
+        }
+        std::future::pending().await
+    }
+
+    fn zone(&self, config: &Config) -> Zone {
+        config
+            .time_zone
+            .clone()
+            .unwrap_or_else(|| self.zone.clone())
+    }
+
+    fn reload(&self) -> Result<(Config, LoadedPlan), Failure> {
+        let loader = PlanLoader {
+            settings: self.settings.reloaded(),
+            ..self.clone()
+        };
+        let config = loader.settings.config()?.clone();
+        let loaded = loader.load(&config)?;
+        Ok((config, loaded))
+    }
+}
+
+/// The fingerprint of a behaviour: equal if script, options, priority and restart policy are equal.
+fn fingerprint(behaviour: &Behaviour) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    behaviour.launch.source.hash(&mut hasher);
+    let rest = (
+        &behaviour.launch.options,
+        behaviour.priority,
+        behaviour.restart,
+    );
+    format!("{rest:?}").hash(&mut hasher);
+    hasher.finish()
+}
+
+/// Logs the changed settings that only take effect after a restart of the service.
+fn warn_restart_needed(old: &Config, new: &Config) {
+    const RESTART_KEYS: [&str; 13] = [
+        "robot",
+        "user",
+        "password_file",
+        "watchdog",
+        "link",
+        "streams",
+        "data",
+        "logging",
+        "journal",
+        "notify",
+        "live",
+        "mqtt",
+        "service",
+    ];
+    let tree = |config: &Config| {
+        let mut config = config.clone();
+        config.service = Service {
+            user: config.service.user,
+            ..Default::default()
+        };
+        serde_yaml::to_value(config).unwrap_or_default()
+    };
+    let (old, new) = (tree(old), tree(new));
+    let needs_restart = RESTART_KEYS
+        .into_iter()
+        .filter(|key| old.get(*key) != new.get(*key));
+    let needs_restart: Vec<&str> = needs_restart.collect();
+    if !needs_restart.is_empty() {
+        tracing::warn!(
+            "takes effect when the service is restarted: {}",
+            needs_restart.join(", ")
+        );
+    }
+}

@@ -1,0 +1,419 @@
+//! One open page: one task reads its messages and handles them at once; another sends it what it
+//! shows.
+//!
+//! A slow viewer gets fewer frames, since the next is sent only when an earlier one was taken; of
+//! other messages it gets the newest when there is room. If a message cannot be sent within
+//! [`SEND_TIMEOUT`], or the page is silent for [`SILENCE_TIMEOUT`], the connection is closed.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::extract::ws::{CloseFrame, Message, Utf8Bytes, WebSocket, close_code};
+use bytes::{BufMut as _, Bytes, BytesMut};
+use futures_util::stream::SplitSink;
+use futures_util::{SinkExt as _, StreamExt as _};
+use serde::Deserialize;
+use tokio::sync::{broadcast, mpsc, watch};
+use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
+use tokio_util::task::AbortOnDropHandle;
+
+use super::broadcast::{Broadcast, text};
+use super::command::{PageCommand, perform};
+use super::log::Line;
+use super::messages::{FromPage, Hello, ToPage, Watch};
+use super::state::has_camera;
+use super::viewer::{DriveLockError, Viewer};
+use super::world;
+use crate::http::Role;
+use crate::robot::{Frame, Setpoint};
+
+/// Maximum length of a page's message, in bytes.
+pub(super) const MAX_MESSAGE: usize = 16 * 1024;
+/// Timeout for sending one message.
+const SEND_TIMEOUT: Duration = Duration::from_secs(10);
+/// How long a page may be silent, without even a pong.
+const SILENCE_TIMEOUT: Duration = Duration::from_secs(20);
+/// Interval between pings.
+const PING: Duration = Duration::from_secs(5);
+/// Maximum number of a page's messages per second; an honest page sends twenty.
+const MAX_MESSAGES: u32 = 200;
+/// Maximum number of commands in progress.
+const MAX_COMMANDS: usize = 8;
+/// Capacity of the queue of messages for this viewer only.
+const MAX_WAITING: usize = 64;
+/// Maximum number of frames sent and not yet taken.
+const FRAMES: u32 = 2;
+/// Maximum number of log lines in one message.
+const MAX_LINES: usize = 100;
+
+type Sink = SplitSink<WebSocket, Message>;
+
+/// The channels from the reader to the writer.
+struct Queues {
+    watch: watch::Sender<Watch>,
+    /// Number of frames taken.
+    taken: watch::Sender<u32>,
+    messages: mpsc::Sender<Utf8Bytes>,
+}
+
+/// Serves a page until it is closed, or its token is revoked.
+pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
+    let (sink, mut stream) = socket.split();
+    let (watch, watched) = watch::channel(Watch::default());
+    let (taken, frames_taken) = watch::channel(0);
+    let (messages, outgoing) = mpsc::channel(MAX_WAITING);
+    let broadcast = viewer.broadcast().clone();
+    let hello = ToPage::Hello(Hello {
+        version: env!("CARGO_PKG_VERSION"),
+        you: viewer.id,
+        role: viewer.visitor.role,
+        world: broadcast.sim.is_some(),
+        camera: has_camera(&broadcast.run),
+    });
+    let access = broadcast.access.clone();
+    let visitor = viewer.visitor.clone();
+    let revoked = access.revoked(&visitor);
+    tokio::pin!(revoked);
+    let writer = Writer {
+        broadcast,
+        watched,
+        taken: frames_taken,
+        outgoing,
+        sent: 0,
+    };
+    let hello = text(&hello);
+    let mut writing = AbortOnDropHandle::new(tokio::spawn(writer.run(sink, hello)));
+    let mut reader = Reader {
+        viewer,
+        queues: Queues {
+            watch,
+            taken,
+            messages,
+        },
+        commands: Vec::new(),
+        driving: None,
+        window: (Instant::now(), 0),
+    };
+    loop {
+        let message = tokio::select! {
+            biased;
+            () = &mut revoked => return,
+            message = timeout(SILENCE_TIMEOUT, stream.next()) => message,
+            _ = &mut writing => return,
+        };
+        match message {
+            Ok(Some(Ok(Message::Text(text)))) if reader.admits() => reader.handle(&text).await,
+            Ok(Some(Ok(Message::Ping(_) | Message::Pong(_)))) if reader.admits() => {}
+            // Closed, broken, silent, too many messages, or binary.
+            _ => return,
+        }
+    }
+}
+
+/// The number of a command that cannot be understood.
+#[derive(Deserialize)]
+struct Numbered {
+    id: u32,
+}
+
+/// Handles the messages of a page. Dropping it releases the drive lock.
+struct Reader {
+    viewer: Viewer,
+    queues: Queues,
+    commands: Vec<AbortOnDropHandle<()>>,
+    driving: Option<AbortOnDropHandle<()>>,
+    /// Start of the current counting period, and the number of messages in it.
+    window: (Instant, u32),
+}
+
+impl Reader {
+    /// Counts a message. Returns false if there are too many.
+    fn admits(&mut self) -> bool {
+        if self.window.0.elapsed() >= Duration::from_secs(1) {
+            self.window = (Instant::now(), 0);
+        }
+        self.window.1 += 1;
+        self.window.1 <= MAX_MESSAGES
+    }
+
+    async fn handle(&mut self, text: &str) {
+        let message = match serde_json::from_str(text) {
+            Ok(message) => message,
+            Err(error) => {
+                tracing::debug!("a page sent an invalid message: {error}");
+                return match serde_json::from_str(text) {
+                    Ok(Numbered { id }) => self.answer(id, false, error.to_string()),
+                    Err(_) => self.notice("nonsense", String::new()),
+                };
+            }
+        };
+        match message {
+            FromPage::Watch(watch) => {
+                self.queues.watch.send_replace(watch);
+            }
+            FromPage::FrameShown => self
+                .queues
+                .taken
+                .send_modify(|taken| *taken = taken.wrapping_add(1)),
+            FromPage::Name { name } => self.viewer.rename(&name),
+            FromPage::Stop => drop(self.viewer.broadcast().stop().await),
+            FromPage::ResetStop if self.viewer.visitor.role == Role::Driver => {
+                let _ = self.viewer.broadcast().release_stop().await;
+            }
+            FromPage::ResetStop => self.notice("viewer_only", String::new()),
+            FromPage::DriveLock { take: true } => self.take_drive_lock(),
+            FromPage::DriveLock { take: false } => self.release_drive_lock(),
+            FromPage::Drive { left, right } => self.drive(left, right),
+            FromPage::Command { id, command } => self.execute(id, command),
+        }
+    }
+
+    fn take_drive_lock(&mut self) {
+        match self.viewer.take_drive_lock() {
+            Ok(Some(driving)) => {
+                self.driving = Some(AbortOnDropHandle::new(tokio::spawn(driving)));
+            }
+            Ok(None) => {}
+            Err(DriveLockError::Viewer) => self.notice("viewer_only", String::new()),
+            Err(DriveLockError::NotRealTime) => self.notice("drive_not_real_time", String::new()),
+            Err(DriveLockError::Stopped) => self.notice("drive_stopped", String::new()),
+            Err(DriveLockError::Taken(name)) => self.notice("drive_taken", name),
+        }
+    }
+
+    fn release_drive_lock(&mut self) {
+        self.viewer.release_drive_lock();
+        self.driving = None;
+    }
+
+    /// Sets the page's setpoint. Has no effect if the page does not have the drive lock; invalid
+    /// numbers mean stop.
+    fn drive(&mut self, left: f64, right: f64) {
+        let setpoint = Setpoint::from_percent(left, right).unwrap_or(Setpoint::STOP);
+        if !self.viewer.set_setpoint(setpoint) {
+            self.driving = None;
+        }
+    }
+
+    fn execute(&mut self, id: u32, command: PageCommand) {
+        self.commands.retain(|command| !command.is_finished());
+        if self.viewer.visitor.role != Role::Driver {
+            let why = "viewers may only watch and stop the robot";
+            return self.answer(id, false, why.to_owned());
+        }
+        if self.commands.len() >= MAX_COMMANDS {
+            return self.answer(id, false, "too many commands at once".to_owned());
+        }
+        let broadcast = self.viewer.broadcast().clone();
+        let messages = self.queues.messages.clone();
+        let doing = tokio::spawn(async move {
+            let (ok, why) = perform(command, &broadcast.run, broadcast.sim.as_ref()).await;
+            let _ = messages.try_send(text(&ToPage::Answer { id, ok, text: why }));
+        });
+        self.commands.push(AbortOnDropHandle::new(doing));
+    }
+
+    /// Answers a command; dropped if the page does not read its answers.
+    fn answer(&self, id: u32, ok: bool, why: String) {
+        let answer = text(&ToPage::Answer { id, ok, text: why });
+        let _ = self.queues.messages.try_send(answer);
+    }
+
+    fn notice(&self, key: &'static str, name: String) {
+        let _ = self
+            .queues
+            .messages
+            .try_send(text(&ToPage::Notice { key, name }));
+    }
+}
+
+/// Sends a page what it shows.
+struct Writer {
+    broadcast: Arc<Broadcast>,
+    watched: watch::Receiver<Watch>,
+    taken: watch::Receiver<u32>,
+    outgoing: mpsc::Receiver<Utf8Bytes>,
+    /// Number of frames sent.
+    sent: u32,
+}
+
+/// The optional parts that the page shows.
+#[derive(Default)]
+struct Feeds {
+    map: Option<watch::Receiver<Utf8Bytes>>,
+    log: Option<broadcast::Receiver<Line>>,
+    found: Option<broadcast::Receiver<Utf8Bytes>>,
+}
+
+impl Writer {
+    /// Runs until a message cannot be sent.
+    async fn run(mut self, mut sink: Sink, hello: Utf8Bytes) {
+        if self.show(&mut sink, hello).await.is_none() {
+            let frame = CloseFrame {
+                code: close_code::POLICY,
+                reason: "too slow".into(),
+            };
+            let _ = timeout(SEND_TIMEOUT, sink.send(Message::Close(Some(frame)))).await;
+        }
+    }
+
+    async fn show(&mut self, sink: &mut Sink, hello: Utf8Bytes) -> Option<()> {
+        send(sink, Message::Text(hello)).await?;
+        send(sink, Message::Text(self.battery())).await?;
+        let broadcast = self.broadcast.clone();
+        let (mut state, mut behaviours) = (
+            broadcast.state.subscribe(),
+            broadcast.behaviours.subscribe(),
+        );
+        state.mark_changed();
+        behaviours.mark_changed();
+        let (mut frames, mut camera, mut feeds) =
+            (broadcast.camera.frames(), None, Feeds::default());
+        let mut ping = interval(PING);
+        ping.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            let watch = *self.watched.borrow();
+            let ready = watch.camera && self.frames_under_way() < FRAMES;
+            tokio::select! {
+                Some(message) = self.outgoing.recv() => send(sink, Message::Text(message)).await?,
+                changed = self.watched.changed() => {
+                    changed.ok()?;
+                    let watch = *self.watched.borrow_and_update();
+                    camera = watch.camera.then(|| camera.take().unwrap_or_else(|| broadcast.camera.register()));
+                    self.update(watch, &mut feeds, sink).await?;
+                }
+                changed = self.taken.changed() => changed.ok()?,
+                Ok(()) = state.changed() => {
+                    let text = state.borrow_and_update().clone();
+                    send_text(sink, text).await?;
+                }
+                Ok(()) = behaviours.changed() => {
+                    let text = behaviours.borrow_and_update().clone();
+                    send_text(sink, text).await?;
+                }
+                Ok(()) = frames.changed(), if ready => {
+                    let frame = frames.borrow_and_update().clone();
+                    if let Some(frame) = frame {
+                        self.sent = self.sent.wrapping_add(1);
+                        send(sink, Message::Binary(packed(&frame, broadcast.now()))).await?;
+                    }
+                }
+                text = newest(&mut feeds.map) => send_text(sink, text).await?,
+                lines = lines(&mut feeds.log) => send_text(sink, lines).await?,
+                found = next_found(&mut feeds.found) => send_text(sink, found).await?,
+                _ = ping.tick() => send(sink, Message::Ping(Bytes::new())).await?,
+            }
+        }
+    }
+
+    /// Number of frames sent and not yet taken.
+    fn frames_under_way(&self) -> u32 {
+        let under_way = self.sent.wrapping_sub(*self.taken.borrow());
+        // A page that reports more frames taken than were sent gets no advantage.
+        if under_way > u32::MAX / 2 {
+            0
+        } else {
+            under_way
+        }
+    }
+
+    fn battery(&self) -> Utf8Bytes {
+        let history = self.broadcast.history.lock();
+        let history = history.unwrap_or_else(std::sync::PoisonError::into_inner);
+        text(&ToPage::Battery {
+            points: history.points(self.broadcast.now()),
+        })
+    }
+
+    async fn update(&mut self, watch: Watch, feeds: &mut Feeds, sink: &mut Sink) -> Option<()> {
+        match (&self.broadcast.sim, watch.map) {
+            (Some(sim), true) if feeds.map.is_none() => {
+                send_text(sink, text(&ToPage::World(&world::world_plan(&sim.robot)))).await?;
+                feeds.map = Some(self.broadcast.map.subscribe());
+            }
+            (_, false) => feeds.map = None,
+            _ => {}
+        }
+        match watch.log {
+            true if feeds.log.is_none() => {
+                let (lines, news) = self.broadcast.log_buffer.read();
+                send_text(sink, text(&ToPage::Log { lines, missed: 0 })).await?;
+                feeds.log = Some(news);
+            }
+            true => {}
+            false => feeds.log = None,
+        }
+        match watch.found {
+            true if feeds.found.is_none() => feeds.found = Some(self.broadcast.found.subscribe()),
+            true => {}
+            false => feeds.found = None,
+        }
+        Some(())
+    }
+}
+
+/// Packs a frame: number, age, and the JPEG as received.
+fn packed(frame: &Frame, now: Instant) -> Bytes {
+    let age = now.saturating_duration_since(frame.at).as_millis();
+    let mut packed = BytesMut::with_capacity(8 + frame.jpeg.len());
+    packed.put_u32(frame.seq as u32);
+    packed.put_u32(u32::try_from(age).unwrap_or(u32::MAX));
+    packed.put_slice(&frame.jpeg);
+    packed.freeze()
+}
+
+async fn newest(map: &mut Option<watch::Receiver<Utf8Bytes>>) -> Utf8Bytes {
+    if let Some(map) = map
+        && map.changed().await.is_ok()
+    {
+        return map.borrow_and_update().clone();
+    }
+    std::future::pending().await
+}
+
+async fn next_found(found: &mut Option<broadcast::Receiver<Utf8Bytes>>) -> Utf8Bytes {
+    loop {
+        match found {
+            Some(news) => match news.recv().await {
+                Ok(text) => return text,
+                Err(broadcast::error::RecvError::Lagged(_)) => {}
+                Err(broadcast::error::RecvError::Closed) => *found = None,
+            },
+            None => std::future::pending().await,
+        }
+    }
+}
+
+/// Waits for log lines and returns all waiting ones in one message.
+async fn lines(log: &mut Option<broadcast::Receiver<Line>>) -> Utf8Bytes {
+    let Some(news) = log else {
+        return std::future::pending().await;
+    };
+    let (mut lines, mut missed) = (Vec::new(), 0);
+    match news.recv().await {
+        Ok(line) => lines.push(line),
+        Err(broadcast::error::RecvError::Lagged(count)) => missed += count,
+        Err(broadcast::error::RecvError::Closed) => return std::future::pending().await,
+    }
+    while lines.len() < MAX_LINES {
+        match news.try_recv() {
+            Ok(line) => lines.push(line),
+            Err(broadcast::error::TryRecvError::Lagged(count)) => missed += count,
+            Err(_) => break,
+        }
+    }
+    text(&ToPage::Log { lines, missed })
+}
+
+async fn send_text(sink: &mut Sink, text: Utf8Bytes) -> Option<()> {
+    if text.is_empty() {
+        Some(())
+    } else {
+        send(sink, Message::Text(text)).await
+    }
+}
+
+/// Sends a message; `None` if the page is gone or too slow.
+async fn send(sink: &mut Sink, message: Message) -> Option<()> {
+    timeout(SEND_TIMEOUT, sink.send(message)).await.ok()?.ok()
+}

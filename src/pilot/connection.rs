@@ -1,0 +1,346 @@
+//! The read half of the link in all its states: connecting, connected, ending, pausing.
+
+use std::future::Future;
+use std::net::SocketAddr;
+use std::os::fd::OwnedFd;
+use std::pin::Pin;
+use std::time::Duration;
+
+use rand::SeedableRng;
+use rand::rngs::StdRng;
+use tokio::sync::watch;
+use tokio::time::{Sleep, sleep};
+
+use crate::link::{
+    self, Backoff, Delivery, Incoming, LinkError, Options, Reader, Session, Supervision, Writer,
+};
+use crate::wire::{Accepted, Command, Power, Report};
+
+type Connecting = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
+
+/// How long the last words of an ended link may take to be acknowledged.
+const DELIVERY_TIMEOUT: Duration = Duration::from_millis(500);
+
+type LastDelivery = Pin<Box<dyn Future<Output = Delivery> + Send>>;
+
+/// Makes one attempt to connect and log in, over any transport, under this supervision (see
+/// [`connect`](crate::link::connect)).
+pub type Connector = Box<dyn FnMut(Supervision) -> Connecting + Send>;
+
+/// A session without its reader, which stays with the connection.
+pub(super) struct NewSession {
+    pub(super) accepted: Accepted,
+    pub(super) power: Power,
+    pub(super) peer: SocketAddr,
+    pub(super) early: Vec<Report>,
+    pub(super) writer: Writer,
+}
+
+/// An event of the connection.
+pub(super) enum ConnectionEvent {
+    /// Connected and logged in.
+    Up(Box<NewSession>),
+    /// Something from the robot.
+    Incoming(Incoming),
+    /// The robot has accepted the login of an attempt, whose socket this is; `None`: that link has
+    /// ended.
+    Accepted(Option<OwnedFd>),
+    /// An open link is lost.
+    Lost(LinkError),
+    /// The last words of a lost link are delivered, or the time for that is over.
+    Ended(Delivery),
+    /// An attempt has failed; another will be made.
+    Failed(LinkError),
+}
+
+enum State {
+    /// The last words are being delivered.
+    Delivering(LastDelivery),
+    Pausing(Pin<Box<Sleep>>),
+    Connecting(Attempt),
+    Up(Reader),
+}
+
+/// An attempt to connect and log in.
+struct Attempt {
+    connecting: Connecting,
+    /// The socket, once the robot has accepted the login.
+    accepted: watch::Receiver<Option<OwnedFd>>,
+}
+
+/// The link is unusable: close it and reconnect.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{reason}")]
+pub(super) struct LinkLost {
+    reason: String,
+}
+
+impl LinkLost {
+    /// For a reason that is not a [`LinkError`].
+    pub(super) fn because(reason: impl Into<String>) -> LinkLost {
+        let reason = reason.into();
+        LinkLost { reason }
+    }
+}
+
+impl From<LinkError> for LinkLost {
+    fn from(error: LinkError) -> LinkLost {
+        LinkLost::because(error.to_string())
+    }
+}
+
+/// The error of a link event, by what it ends.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum ConnectionEventError {
+    /// The link.
+    #[error(transparent)]
+    Lost(#[from] LinkLost),
+    /// The run: the very first connection has failed, and a person can read the error.
+    #[error(transparent)]
+    First(LinkError),
+}
+
+/// The connection; see the module.
+pub(super) struct Connection {
+    connector: Connector,
+    state: State,
+    backoff: Backoff,
+    rng: StdRng,
+    last_words: watch::Sender<Vec<Command>>,
+    released: bool,
+}
+
+impl Connection {
+    /// Begins to connect at once.
+    pub(super) fn new(
+        mut connector: Connector,
+        options: &Options,
+        seed: u64,
+        last_words: Vec<Command>,
+    ) -> Connection {
+        let last_words = watch::Sender::new(last_words);
+        let state = begin_attempt(&mut connector, &last_words);
+        Connection {
+            connector,
+            state,
+            backoff: Backoff::new(options),
+            rng: StdRng::seed_from_u64(seed),
+            last_words,
+            released: false,
+        }
+    }
+
+    /// Stops attempts to connect while the link is released, or resumes them; an open link stays
+    /// open.
+    pub(super) fn set_released(&mut self, released: bool) {
+        if released == self.released {
+            return;
+        }
+        self.released = released;
+        if matches!(self.state, State::Connecting(_) | State::Pausing(_)) {
+            self.backoff.reset();
+            self.state = State::Pausing(Box::pin(sleep(Duration::ZERO)));
+        }
+    }
+
+    /// Sets the last words of attempts to connect, also of one in progress.
+    pub(super) fn set_last_words(&mut self, last_words: Vec<Command>) {
+        self.last_words.send_replace(last_words);
+    }
+
+    /// Whether the robot has accepted the login of an attempt in progress.
+    pub(super) fn is_logging_in(&self) -> bool {
+        matches!(&self.state, State::Connecting(attempt) if attempt.accepted.borrow().is_some())
+    }
+
+    /// Whether the end of the run is to wait: for last words, or for a login that the robot has
+    /// accepted.
+    pub(super) fn is_unsettled(&self) -> bool {
+        matches!(self.state, State::Delivering(_)) || self.is_logging_in()
+    }
+
+    /// Leaves a login in progress to the guardian: dropped, it would send its last words before the
+    /// robot's first POWER; the robot would disconnect, and might drive on.
+    pub(super) fn abandon_login(&mut self) {
+        if self.is_logging_in() {
+            let none = State::Pausing(Box::pin(sleep(Duration::ZERO)));
+            std::mem::forget(std::mem::replace(&mut self.state, none));
+        }
+    }
+
+    /// The next event. Cancel-safe.
+    pub(super) async fn next(&mut self) -> ConnectionEvent {
+        loop {
+            match &mut self.state {
+                State::Delivering(delivery) => {
+                    let delivery = delivery.await;
+                    self.schedule_reconnect();
+                    return ConnectionEvent::Ended(delivery);
+                }
+                State::Pausing(_) if self.released => std::future::pending().await,
+                State::Pausing(pause) => pause.await,
+                State::Connecting(attempt) => {
+                    let result = tokio::select! {
+                        biased;
+                        result = &mut attempt.connecting => result,
+                        Ok(()) = attempt.accepted.changed() => {
+                            return ConnectionEvent::Accepted(attempt.socket());
+                        }
+                    };
+                    return self.attempt_ended(result);
+                }
+                State::Up(reader) => {
+                    return match reader.receive().await {
+                        Ok(received) => ConnectionEvent::Incoming(received),
+                        Err(error) => ConnectionEvent::Lost(error),
+                    };
+                }
+            }
+            self.state = begin_attempt(&mut self.connector, &self.last_words);
+        }
+    }
+
+    fn attempt_ended(&mut self, result: Result<Session, LinkError>) -> ConnectionEvent {
+        match result {
+            Ok(session) => self.up(session),
+            Err(error) => {
+                self.schedule_reconnect();
+                ConnectionEvent::Failed(error)
+            }
+        }
+    }
+
+    /// Ends an open link whose last words are with its writer, and reconnects after a pause.
+    pub(super) fn disconnect(&mut self, writer: Option<Writer>) {
+        let none: LastDelivery = Box::pin(std::future::ready(Delivery::Offline));
+        match (
+            std::mem::replace(&mut self.state, State::Delivering(none)),
+            writer,
+        ) {
+            (State::Up(reader), Some(writer)) => {
+                let delivery = link::close_gracefully(reader, writer, DELIVERY_TIMEOUT);
+                self.state = State::Delivering(Box::pin(delivery));
+            }
+            (State::Up(_), None) => self.schedule_reconnect(),
+            (other, _) => self.state = other,
+        }
+    }
+
+    /// The reader of an open link.
+    pub(super) fn into_reader(self) -> Option<Reader> {
+        match self.state {
+            State::Up(reader) => Some(reader),
+            _ => None,
+        }
+    }
+
+    fn up(&mut self, session: Session) -> ConnectionEvent {
+        let Session {
+            accepted,
+            power,
+            peer,
+            early,
+            reader,
+            writer,
+        } = session;
+        self.state = State::Up(reader);
+        self.backoff.reset();
+        ConnectionEvent::Up(Box::new(NewSession {
+            accepted,
+            power,
+            peer,
+            early,
+            writer,
+        }))
+    }
+
+    fn schedule_reconnect(&mut self) {
+        let pause = self.backoff.next(&mut self.rng);
+        self.state = State::Pausing(Box::pin(sleep(pause)));
+    }
+}
+
+impl Attempt {
+    fn socket(&self) -> Option<OwnedFd> {
+        let socket = self.accepted.borrow();
+        socket.as_ref().and_then(|socket| socket.try_clone().ok())
+    }
+}
+
+/// Begins an attempt to connect.
+fn begin_attempt(connector: &mut Connector, last_words: &watch::Sender<Vec<Command>>) -> State {
+    let supervision = Supervision::new(last_words.subscribe());
+    let accepted = supervision.accepted();
+    let connecting = connector(supervision);
+    State::Connecting(Attempt {
+        connecting,
+        accepted,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::{AsyncWriteExt, DuplexStream};
+    use tokio::sync::mpsc;
+
+    use super::*;
+    use crate::wire::Login;
+
+    /// A connection to robots that accept each login, and the robots' ends of its links.
+    fn connection() -> (Connection, mpsc::UnboundedReceiver<DuplexStream>) {
+        let (connect, robots) = mpsc::unbounded_channel();
+        let connector: Connector = Box::new(move |supervision| {
+            let (ours, mut robot) = tokio::io::duplex(1 << 16);
+            let connect = connect.clone();
+            Box::pin(async move {
+                for answer in [accepted(), Report::Power(POWER)] {
+                    robot.write_all(&answer.to_bytes()).await.unwrap();
+                }
+                connect.send(robot).unwrap();
+                let (reader, writer) = tokio::io::split(ours);
+                let peer = SocketAddr::from(([127, 0, 0, 1], 9000));
+                let (login, options) = (Login::new("admin", "admin"), Options::default());
+                link::open(reader, writer, peer, &login, supervision, &options).await
+            })
+        });
+        let connection = Connection::new(connector, &Options::default(), 1, vec![Command::STOP]);
+        (connection, robots)
+    }
+
+    const POWER: Power = Power {
+        percent: 80,
+        charging: false,
+    };
+
+    fn accepted() -> Report {
+        Report::Accepted(Accepted {
+            uid: "SPYKEE0001".to_owned(),
+            name: "test".to_owned(),
+            place: "test".to_owned(),
+            firmware: "1.0.22".to_owned(),
+            docked: false,
+            tail: bytes::Bytes::new(),
+        })
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn the_end_of_a_delivery_is_reported_before_the_next_attempt() {
+        let (mut connection, mut robots) = connection();
+        let ConnectionEvent::Up(session) = connection.next().await else {
+            panic!("not connected");
+        };
+        let _robot = robots.recv().await.unwrap();
+        let mut writer = session.writer;
+        writer.send_last_words();
+        connection.disconnect(Some(writer));
+        assert!(connection.is_unsettled());
+        let ended = connection.next().await;
+        assert!(matches!(
+            ended,
+            ConnectionEvent::Ended(Delivery::Acknowledged)
+        ));
+        assert!(!connection.is_unsettled());
+        assert!(robots.try_recv().is_err(), "an attempt has begun");
+        assert!(matches!(connection.next().await, ConnectionEvent::Up(_)));
+    }
+}

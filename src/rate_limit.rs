@@ -1,0 +1,137 @@
+//! Limits that protect the disk and the readers of the log: bytes per day, and messages that are
+//! logged once and then counted. Pure: the time is an argument.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+const DAY: Duration = Duration::from_secs(86_400);
+/// This part of the daily budget may be spent at once; the rest accrues evenly. So a flood in one
+/// minute does not use up the rest of the day, and no period of 24 hours exceeds the daily budget.
+const AT_ONCE: f64 = 1.0 / 24.0;
+
+/// A daily budget, in bytes or other units.
+#[derive(Debug, Clone)]
+pub struct Budget {
+    per_day: u64,
+    left: f64,
+    at: Option<Instant>,
+}
+
+impl Budget {
+    /// Creates a budget of this many bytes in any 24 hours.
+    pub fn new(per_day: u64) -> Budget {
+        Budget {
+            per_day,
+            left: per_day as f64 * AT_ONCE,
+            at: None,
+        }
+    }
+
+    /// Spends bytes. Returns false, and spends nothing, if not enough are left.
+    pub fn take(&mut self, bytes: u64, now: Instant) -> bool {
+        let most = self.per_day as f64 * AT_ONCE;
+        let since = self
+            .at
+            .map_or(Duration::ZERO, |at| now.saturating_duration_since(at));
+        let rate = (self.per_day as f64 - most) / DAY.as_secs_f64();
+        self.left = (self.left + rate * since.as_secs_f64()).min(most);
+        self.at = Some(now);
+        let enough = self.left >= bytes as f64;
+        if enough {
+            self.left -= bytes as f64;
+        }
+        enough
+    }
+
+    /// Returns the daily budget.
+    pub fn per_day(&self) -> u64 {
+        self.per_day
+    }
+}
+
+/// Limits repeated messages: one of each kind per interval is reported, the others are counted. The
+/// number of kinds must be small.
+#[derive(Debug, Clone)]
+pub struct Repeats<K> {
+    every: Duration,
+    reported: Vec<(K, Instant, u64)>,
+}
+
+impl<K: PartialEq> Repeats<K> {
+    /// Allows one message of each kind per interval.
+    pub fn new(every: Duration) -> Repeats<K> {
+        Repeats {
+            every,
+            reported: Vec::new(),
+        }
+    }
+
+    /// Returns `Some` if this message should be reported, with the number of suppressed messages of
+    /// its kind since the last report.
+    pub fn record(&mut self, kind: K, now: Instant) -> Option<u64> {
+        let Some((_, at, suppressed)) = self.reported.iter_mut().find(|(known, ..)| *known == kind)
+        else {
+            self.reported.push((kind, now, 0));
+            return Some(0);
+        };
+        if now.saturating_duration_since(*at) < self.every {
+            *suppressed += 1;
+            return None;
+        }
+        *at = now;
+        Some(std::mem::take(suppressed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn an_hours_share_may_be_spent_at_once_and_the_rest_accrues_evenly() {
+        let mut now = Instant::now();
+        let mut budget = Budget::new(2400);
+        assert!(budget.take(100, now));
+        assert!(!budget.take(1, now));
+        now += Duration::from_secs(3600);
+        assert!(budget.take(95, now) && !budget.take(10, now));
+        assert_eq!(budget.per_day(), 2400);
+        assert!(!Budget::new(0).take(1, now));
+    }
+
+    #[test]
+    fn one_of_a_kind_is_reported_per_minute_and_the_others_are_counted() {
+        let minute = Duration::from_secs(60);
+        let (mut repeats, mut now) = (Repeats::new(minute), Instant::now());
+        assert_eq!(repeats.record(7, now), Some(0));
+        for _ in 0..100_000 {
+            assert_eq!(repeats.record(7, now), None);
+        }
+        assert_eq!(repeats.record(8, now), Some(0));
+        now += minute;
+        assert_eq!(repeats.record(7, now), Some(100_000));
+        assert_eq!(repeats.record(7, now), None);
+    }
+
+    proptest! {
+        #[test]
+        fn no_day_exceeds_its_budget(asks in proptest::collection::vec((0u64..90_000, 0u64..400), 1..300)) {
+            let start = Instant::now();
+            let (mut now, mut spent) = (start, Vec::new());
+            let mut budget = Budget::new(10_000);
+            for (pause, bytes) in asks {
+                now += Duration::from_secs(pause % 4000);
+                if budget.take(bytes, now) {
+                    spent.push((now, bytes));
+                }
+            }
+            for (from, _) in &spent {
+                let within = spent.iter().filter(|(at, _)| at >= from && *at < *from + DAY);
+                let sum: u64 = within.map(|(_, bytes)| bytes).sum();
+                prop_assert!(sum <= 10_000, "{sum}");
+            }
+        }
+    }
+}

@@ -1,0 +1,300 @@
+//! Everything that can happen in an agent, as published to listeners. In JSON each event is a
+//! flat object whose `event` names its kind: `{"event":"link_down","reason":"..."}`.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{Battery, DockEnd, EndReason, RobotInfo, SafetyAction};
+
+/// The state of the watchdog.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WatchdogState {
+    /// No link.
+    Offline,
+    /// Free to move.
+    Free,
+    /// On the station.
+    Docked,
+    /// A behaviour sends the robot home.
+    Docking,
+    /// Low battery: on its way home, or waiting for the next attempt.
+    LowGoingHome,
+    /// Low battery and docking has failed: sounds the alarm, and tries again.
+    Alarm,
+}
+
+impl std::fmt::Display for WatchdogState {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            WatchdogState::Offline => "offline",
+            WatchdogState::Free => "free",
+            WatchdogState::Docked => "docked",
+            WatchdogState::Docking => "docking",
+            WatchdogState::LowGoingHome => "battery low, going home",
+            WatchdogState::Alarm => "battery low, ALARM",
+        })
+    }
+}
+
+/// Something that has happened.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum AgentEvent {
+    /// Logged in to the robot.
+    LinkUp {
+        /// The robot's identity, as it reports it.
+        #[serde(flatten)]
+        robot: RobotInfo,
+        /// Whether it is on its station.
+        docked: bool,
+    },
+    /// The link is lost.
+    LinkDown {
+        /// The reason, in words.
+        reason: String,
+    },
+    /// The believed level or charging state has changed; also sent once after each login.
+    Battery(Battery),
+    /// The watchdog's state has changed, or what it believes of the battery or the station.
+    Watchdog {
+        /// Its state.
+        state: WatchdogState,
+        /// The battery is low, and the watchdog controls the robot.
+        low: bool,
+        /// On the station, as far as known.
+        docked: bool,
+    },
+    /// The watchdog acted.
+    Safety {
+        /// What it did.
+        action: SafetyAction,
+        /// Why, in words.
+        reason: String,
+    },
+    /// A docking has ended; each attempt of a robot with a low battery counts as one.
+    Dock {
+        /// The behaviour that asked for it; `None`: the watchdog.
+        by: Option<String>,
+        /// How it ended.
+        end: DockEnd,
+        /// Attempts made.
+        attempts: u32,
+        /// Time from its start, in seconds.
+        seconds: f64,
+    },
+    /// The robot has left its station for a behaviour, or not in time.
+    Undock {
+        /// The behaviour that asked for it.
+        by: String,
+        /// How it ended.
+        end: DockEnd,
+    },
+    /// A behaviour has started with its first line.
+    Started {
+        /// Its name.
+        behaviour: String,
+    },
+    /// A behaviour has ended, or could not begin.
+    Ended {
+        /// Its name.
+        behaviour: String,
+        /// How it ended.
+        reason: EndReason,
+        /// For people: with file and line if it failed.
+        message: Option<String>,
+        /// How long it ran.
+        seconds: f64,
+    },
+    /// A behaviour has failed too often and is not started again.
+    GivenUp {
+        /// Its name.
+        behaviour: String,
+        /// How it failed last.
+        message: String,
+    },
+    /// A start in the timetable did not take place.
+    StartMissed {
+        /// The behaviour.
+        behaviour: String,
+        /// Why.
+        reason: String,
+    },
+    /// A behaviour has saved a picture.
+    Picture {
+        /// Its name.
+        behaviour: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A behaviour adds an entry to the journal.
+    Entry {
+        /// Its name.
+        behaviour: String,
+        /// The kind, a word that the behaviour chooses.
+        kind: String,
+        /// The entry's data; an object.
+        data: Value,
+    },
+    /// A behaviour sends a notification.
+    Notify {
+        /// Its name.
+        behaviour: String,
+        /// The text.
+        text: String,
+        /// A picture that it saved.
+        picture: Option<PathBuf>,
+    },
+}
+
+impl AgentEvent {
+    /// The value of `event` in JSON.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            AgentEvent::LinkUp { .. } => "link_up",
+            AgentEvent::LinkDown { .. } => "link_down",
+            AgentEvent::Battery(_) => "battery",
+            AgentEvent::Watchdog { .. } => "watchdog",
+            AgentEvent::Safety { .. } => "safety",
+            AgentEvent::Dock { .. } => "dock",
+            AgentEvent::Undock { .. } => "undock",
+            AgentEvent::Started { .. } => "started",
+            AgentEvent::Ended { .. } => "ended",
+            AgentEvent::GivenUp { .. } => "given_up",
+            AgentEvent::StartMissed { .. } => "start_missed",
+            AgentEvent::Picture { .. } => "picture",
+            AgentEvent::Entry { .. } => "entry",
+            AgentEvent::Notify { .. } => "notify",
+        }
+    }
+}
+
+/// A message of a host about its behaviour that is not for the robot. Texts come from scripts: they
+/// are limited and checked where they arrive.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum HostReport {
+    /// It has saved a picture in its data folder.
+    Picture {
+        /// The file's name.
+        name: String,
+    },
+    /// An entry for the journal.
+    Entry {
+        /// The kind, a word that the script chooses.
+        kind: String,
+        /// A JSON object.
+        json: String,
+    },
+    /// A notification.
+    Notify {
+        /// The text.
+        text: String,
+        /// The name of a file in its data folder.
+        picture: Option<String>,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Percent;
+
+    fn all() -> Vec<AgentEvent> {
+        let behaviour = "patrol".to_owned();
+        let text = || "words".to_owned();
+        vec![
+            AgentEvent::LinkUp {
+                robot: RobotInfo {
+                    uid: "SPYKEE0001".to_owned(),
+                    name: "Rover".to_owned(),
+                    firmware: "1.0.22".to_owned(),
+                    address: "10.0.0.2:9000".to_owned(),
+                    simulated: true,
+                },
+                docked: true,
+            },
+            AgentEvent::LinkDown { reason: text() },
+            AgentEvent::Battery(Battery {
+                percent: Percent::saturating(71),
+                charging: false,
+                minutes_left: Some(12.5),
+            }),
+            AgentEvent::Watchdog {
+                state: WatchdogState::LowGoingHome,
+                low: true,
+                docked: false,
+            },
+            AgentEvent::Safety {
+                action: SafetyAction::Alarm,
+                reason: text(),
+            },
+            AgentEvent::Dock {
+                by: None,
+                end: DockEnd::BaseNotFound,
+                attempts: 1,
+                seconds: 180.5,
+            },
+            AgentEvent::Undock {
+                by: behaviour.clone(),
+                end: DockEnd::Done,
+            },
+            AgentEvent::Started {
+                behaviour: behaviour.clone(),
+            },
+            AgentEvent::Ended {
+                behaviour: behaviour.clone(),
+                reason: EndReason::Error,
+                message: Some("patrol.lua:3: no".to_owned()),
+                seconds: 1.5,
+            },
+            AgentEvent::GivenUp {
+                behaviour: behaviour.clone(),
+                message: text(),
+            },
+            AgentEvent::StartMissed {
+                behaviour: behaviour.clone(),
+                reason: text(),
+            },
+            AgentEvent::Picture {
+                behaviour: behaviour.clone(),
+                path: "data/patrol/1.jpg".into(),
+            },
+            AgentEvent::Entry {
+                behaviour: behaviour.clone(),
+                kind: "moved".to_owned(),
+                data: serde_json::json!({ "energy": 3.5 }),
+            },
+            AgentEvent::Notify {
+                behaviour,
+                text: text(),
+                picture: None,
+            },
+        ]
+    }
+
+    #[test]
+    fn each_is_a_flat_json_object_named_by_its_kind_and_round_trips() {
+        for one in all() {
+            let json = serde_json::to_value(&one).unwrap();
+            assert_eq!(json["event"], one.kind());
+            assert_eq!(serde_json::from_value::<AgentEvent>(json).unwrap(), one);
+        }
+    }
+
+    #[test]
+    fn json_uses_the_names_of_scripts() {
+        let json = all()
+            .into_iter()
+            .map(|one| serde_json::to_string(&one).unwrap());
+        let json: String = json.collect();
+        for word in [
+            r#""end":"base_not_found""#,
+            r#""action":"alarm""#,
+            r#""percent":71"#,
+        ] {
+            assert!(json.contains(word), "{word}: {json}");
+        }
+    }
+}

@@ -1,0 +1,456 @@
+//! Where the robot is: what it has reported about that, and how long each report is believed.
+//!
+//! | dock state | evidence | a script's motion | `undock` | `dock` | low battery |
+//! | --- | --- | --- | --- | --- | --- |
+//! | [`DockState::Charging`] | a POWER that reports charging, unless it comes within 10 s after an ENGINE 1 that followed CHARGE_STOP | refused, `docked` | CHARGE_STOP | `already_docked` | stays |
+//! | [`DockState::ContactReported`] | ENGINE 2, or the answer to the login | refused, `docked` | CHARGE_STOP | waits for charging | waits for charging, at most `charge_timeout`; then [`DockState::Unknown`] |
+//! | [`DockState::Left`] | ENGINE 1, the answer to the login, or, after CHARGE_STOP, a POWER that no longer reports charging | allowed | `not_docked` | BASE_FIND | BASE_FIND |
+//! | [`DockState::Unknown`] | a CHARGE_STOP that is not confirmed in time; contact without charging while low; charging that ends though contact was never reported | allowed | CHARGE_STOP | BASE_FIND | BASE_FIND |
+//!
+//! From CHARGE_STOP until the robot has confirmed it, or its timeout is over, motion is refused as
+//! on the station: the robot backs out on its own. A low battery may still refuse what this table
+//! allows.
+
+use std::fmt;
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+/// Where the robot is. The module's table lists what each state allows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DockState {
+    /// On the station and charging.
+    Charging,
+    /// On the station, by its own report, and not charging.
+    ContactReported,
+    /// Off the station.
+    Left(Source),
+    /// On the station or off it.
+    Unknown,
+}
+
+impl fmt::Display for DockState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            DockState::Charging => "on its station, charging",
+            DockState::ContactReported => "on its station, not charging",
+            DockState::Left(_) => "off its station",
+            DockState::Unknown => "unknown",
+        })
+    }
+}
+
+/// The evidence that the robot is off its station.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Source {
+    /// ENGINE 1.
+    Engine,
+    /// The answer to the login.
+    Login,
+    /// A POWER that reports no charging, after CHARGE_STOP.
+    Power,
+}
+
+/// Why the robot is no longer believed to be on its station.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Contradiction {
+    /// A CHARGE_STOP was not confirmed in time.
+    Leaving,
+    /// Charging has not begun in time after contact.
+    Contact,
+}
+
+/// Tracks where the robot is, from its reports.
+#[derive(Debug, Clone)]
+pub struct DockTracker {
+    dock_state: DockState,
+    charge_timeout: Duration,
+    /// The robot has reported contact, and nothing since contradicts it.
+    contact: bool,
+    /// While the battery is low, contact is believed until then.
+    charge_due: Option<Instant>,
+    /// CHARGE_STOP was sent; the robot's confirmation is awaited until then.
+    leaving: Option<Instant>,
+    /// CHARGE_STOP was sent since the robot's last report of its place.
+    charge_stop_sent: bool,
+    /// When the robot reported that it has left after a CHARGE_STOP.
+    left_at: Option<Instant>,
+}
+
+impl DockTracker {
+    /// The longest wait for the robot's confirmation after CHARGE_STOP.
+    pub const LONGEST_LEAVING: Duration = Duration::from_secs(60);
+
+    /// A POWER that reports charging within this time after ENGINE 1 is taken for older than ENGINE
+    /// 1.
+    const JUST_LEFT: Duration = Duration::from_secs(10);
+
+    /// Begins with [`DockState::Unknown`].
+    pub fn new(charge_timeout: Duration) -> DockTracker {
+        DockTracker {
+            dock_state: DockState::Unknown,
+            charge_timeout,
+            contact: false,
+            charge_due: None,
+            leaving: None,
+            charge_stop_sent: false,
+            left_at: None,
+        }
+    }
+
+    /// Where the robot is.
+    pub fn dock_state(&self) -> DockState {
+        self.dock_state
+    }
+
+    /// Whether the robot is on its station, by its own report or because it charges.
+    pub fn on_station(&self) -> bool {
+        matches!(
+            self.dock_state,
+            DockState::Charging | DockState::ContactReported
+        )
+    }
+
+    /// Whether the robot has reported that it is on its station, and nothing since contradicts it.
+    pub fn has_contact(&self) -> bool {
+        self.contact
+    }
+
+    /// Whether a CHARGE_STOP was sent and is neither confirmed nor given up.
+    pub fn is_leaving(&self) -> bool {
+        self.leaving.is_some()
+    }
+
+    /// Whether the robot has just confirmed a CHARGE_STOP: a POWER that reports charging then is
+    /// taken for older than that.
+    pub fn has_just_left(&self, now: Instant) -> bool {
+        self.left_at
+            .is_some_and(|left| now < left + DockTracker::JUST_LEFT)
+    }
+
+    /// Handles the login's answer whether the robot is docked. While the battery is low, it does
+    /// not extend the time for charging to begin: a link that drops repeatedly does not keep the
+    /// robot from searching.
+    pub fn login(&mut self, docked: bool, low: bool, now: Instant) {
+        self.settle_charge_stop();
+        let tried = low && self.charge_due.is_some_and(|due| due <= now);
+        if !docked {
+            return self.set_left(Source::Login);
+        }
+        self.contact = true;
+        if tried {
+            self.contradict(Contradiction::Contact);
+        } else {
+            self.dock_state = DockState::ContactReported;
+            self.charge_due.get_or_insert(now + self.charge_timeout);
+        }
+    }
+
+    /// ENGINE 2: on the station. If that is known already, it does not extend `charge_due` before
+    /// that is over.
+    pub fn docked(&mut self, now: Instant) {
+        self.settle_charge_stop();
+        self.contact = true;
+        let late = self.charge_due.is_some_and(|due| due <= now);
+        if late || !self.on_station() {
+            self.dock_state = DockState::ContactReported;
+            self.charge_due = Some(now + self.charge_timeout);
+        }
+    }
+
+    /// ENGINE 1: off the station.
+    pub fn undocked(&mut self, now: Instant) {
+        let left = self.charge_stop_sent.then_some(now);
+        self.settle_charge_stop();
+        self.set_left(Source::Engine);
+        self.left_at = left;
+    }
+
+    /// Handles a battery report.
+    pub fn power(&mut self, charging: bool, now: Instant) {
+        if charging {
+            (self.dock_state, self.charge_due) = (DockState::Charging, None);
+        } else if self.dock_state == DockState::Charging {
+            self.charging_ended(now);
+        }
+    }
+
+    /// CHARGE_STOP was sent; waits for the robot's confirmation for `timeout`, at most
+    /// [`DockTracker::LONGEST_LEAVING`].
+    pub fn leave_station(&mut self, timeout: Duration, now: Instant) {
+        self.charge_stop_sent = true;
+        self.leaving = Some(now + timeout.min(DockTracker::LONGEST_LEAVING));
+    }
+
+    /// Gives up waiting for the confirmation of a CHARGE_STOP.
+    pub fn contradict_leaving(&mut self) -> Option<Contradiction> {
+        self.leaving.take()?;
+        self.on_station()
+            .then(|| self.contradict(Contradiction::Leaving))
+    }
+
+    /// The battery has become low: from now on contact must become charging within the timeout.
+    pub fn expect_charge(&mut self, now: Instant) {
+        if self.dock_state == DockState::ContactReported {
+            self.charge_due = Some(now + self.charge_timeout);
+        }
+    }
+
+    /// Handles timeouts. Returns why the robot is no longer believed to be on its station.
+    pub fn poll(&mut self, low: bool, now: Instant) -> Option<Contradiction> {
+        if self.leaving.is_some_and(|until| until <= now) {
+            return self.contradict_leaving();
+        }
+        self.charge_due.filter(|due| *due <= now)?;
+        if !low {
+            self.charge_due = None;
+        }
+        let waits = low && self.dock_state == DockState::ContactReported;
+        waits.then(|| self.contradict(Contradiction::Contact))
+    }
+
+    /// When [`DockTracker::poll`] has something to do.
+    pub fn next_deadline(&self, low: bool) -> Option<Instant> {
+        let waits = low && self.dock_state == DockState::ContactReported;
+        let charge_due = if waits { self.charge_due } else { None };
+        [self.leaving, charge_due].into_iter().flatten().min()
+    }
+
+    /// With [`Contradiction::Contact`] the report of contact stays: it was right if the robot
+    /// charges after all.
+    fn contradict(&mut self, why: Contradiction) -> Contradiction {
+        self.dock_state = DockState::Unknown;
+        self.contact &= why == Contradiction::Contact;
+        why
+    }
+
+    /// The robot has reported its place: an earlier CHARGE_STOP is settled.
+    fn settle_charge_stop(&mut self) {
+        (self.leaving, self.charge_stop_sent, self.left_at) = (None, false, None);
+    }
+
+    fn set_left(&mut self, source: Source) {
+        (self.dock_state, self.contact, self.charge_due) = (DockState::Left(source), false, None);
+    }
+
+    fn charging_ended(&mut self, now: Instant) {
+        if self.is_leaving() {
+            self.set_left(Source::Power);
+        } else if self.contact {
+            self.dock_state = DockState::ContactReported;
+            self.charge_due = Some(now + self.charge_timeout);
+        } else {
+            self.dock_state = DockState::Unknown;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    #[test]
+    fn each_place_has_a_description() {
+        let texts = [
+            DockState::Charging,
+            DockState::ContactReported,
+            DockState::Left(Source::Login),
+            DockState::Unknown,
+        ];
+        let texts = texts.map(|dock_state| dock_state.to_string());
+        assert_eq!(texts[0], "on its station, charging");
+        assert_eq!(texts[2], "off its station");
+        assert!(texts.iter().all(|text| !text.is_empty()));
+    }
+
+    fn nowhere() -> (DockTracker, Instant) {
+        (DockTracker::new(30 * SECOND), Instant::now())
+    }
+
+    fn on_contact() -> (DockTracker, Instant) {
+        let (mut dock_state, now) = nowhere();
+        dock_state.login(true, false, now);
+        (dock_state, now)
+    }
+
+    #[test]
+    fn each_report_sets_its_place() {
+        let (mut dock_state, now) = nowhere();
+        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        dock_state.login(false, false, now);
+        assert_eq!(dock_state.dock_state(), DockState::Left(Source::Login));
+        dock_state.docked(now);
+        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
+        dock_state.power(true, now);
+        assert_eq!(dock_state.dock_state(), DockState::Charging);
+        dock_state.docked(now);
+        assert_eq!(
+            dock_state.dock_state(),
+            DockState::Charging,
+            "a late report"
+        );
+        dock_state.power(false, now);
+        assert_eq!(
+            dock_state.dock_state(),
+            DockState::ContactReported,
+            "full, or no current"
+        );
+        dock_state.undocked(now);
+        assert_eq!(dock_state.dock_state(), DockState::Left(Source::Engine));
+    }
+
+    #[test]
+    fn charging_that_ends_without_reported_contact_leaves_the_place_unknown() {
+        let (mut dock_state, now) = nowhere();
+        dock_state.login(false, false, now);
+        dock_state.power(true, now);
+        dock_state.power(false, now);
+        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+    }
+
+    #[test]
+    fn an_unconfirmed_undocking_leaves_the_place_unknown() {
+        let (mut dock_state, now) = on_contact();
+        dock_state.power(true, now);
+        dock_state.leave_station(20 * SECOND, now);
+        assert_eq!(dock_state.next_deadline(false), Some(now + 20 * SECOND));
+        dock_state.poll(false, now + 19 * SECOND);
+        assert!(dock_state.on_station() && dock_state.is_leaving());
+        assert_eq!(
+            dock_state.poll(false, now + 20 * SECOND),
+            Some(Contradiction::Leaving)
+        );
+        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        assert!(!dock_state.is_leaving());
+        assert_eq!(dock_state.next_deadline(false), None);
+    }
+
+    #[test]
+    fn a_confirmation_is_awaited_for_a_minute_at_most() {
+        let (mut dock_state, now) = on_contact();
+        dock_state.leave_station(Duration::MAX, now);
+        dock_state.poll(false, now + 60 * SECOND);
+        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+    }
+
+    #[test]
+    fn charging_that_ends_after_charge_stop_is_evidence_and_the_robot_still_backs_out() {
+        let (mut dock_state, now) = on_contact();
+        dock_state.power(true, now);
+        dock_state.leave_station(20 * SECOND, now);
+        dock_state.power(false, now + SECOND);
+        assert_eq!(dock_state.dock_state(), DockState::Left(Source::Power));
+        assert!(dock_state.is_leaving());
+        dock_state.poll(false, now + 20 * SECOND);
+        assert_eq!(dock_state.dock_state(), DockState::Left(Source::Power));
+        assert!(!dock_state.is_leaving());
+    }
+
+    #[test]
+    fn a_report_ends_the_wait_for_a_confirmation() {
+        for docked in [true, false] {
+            let (mut dock_state, now) = on_contact();
+            dock_state.leave_station(20 * SECOND, now);
+            if docked {
+                dock_state.docked(now);
+            } else {
+                dock_state.undocked(now);
+            }
+            assert!(!dock_state.is_leaving());
+            dock_state.poll(false, now + 60 * SECOND);
+            assert_eq!(dock_state.on_station(), docked);
+        }
+    }
+
+    #[test]
+    fn contact_without_charging_expires_only_while_low() {
+        let (mut dock_state, now) = on_contact();
+        dock_state.poll(false, now + 3600 * SECOND);
+        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
+        let low = now + 7200 * SECOND;
+        dock_state.expect_charge(low);
+        assert_eq!(dock_state.next_deadline(true), Some(low + 30 * SECOND));
+        assert_eq!(dock_state.next_deadline(false), None);
+        dock_state.poll(true, low + 29 * SECOND);
+        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
+        assert_eq!(
+            dock_state.poll(true, low + 30 * SECOND),
+            Some(Contradiction::Contact)
+        );
+        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+    }
+
+    #[test]
+    fn a_new_login_does_not_extend_contact_while_low() {
+        let (mut dock_state, now) = on_contact();
+        for second in 1..30 {
+            dock_state.login(true, true, now + second * SECOND);
+            assert_eq!(dock_state.next_deadline(true), Some(now + 30 * SECOND));
+        }
+        dock_state.login(true, true, now + 30 * SECOND);
+        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+        dock_state.docked(now + 40 * SECOND);
+        assert_eq!(dock_state.next_deadline(true), Some(now + 70 * SECOND));
+    }
+
+    #[test]
+    fn a_new_login_renews_contact_once_the_battery_was_good() {
+        let (mut dock_state, now) = on_contact();
+        dock_state.expect_charge(now);
+        dock_state.poll(true, now + 30 * SECOND);
+        dock_state.poll(false, now + 31 * SECOND);
+        dock_state.login(true, true, now + 40 * SECOND);
+        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
+    }
+
+    #[test]
+    fn expired_contact_is_not_believed_at_the_next_login_while_low() {
+        let (mut dock_state, now) = on_contact();
+        assert_eq!(
+            dock_state.poll(true, now + 30 * SECOND),
+            Some(Contradiction::Contact)
+        );
+        assert!(dock_state.has_contact());
+        dock_state.login(true, true, now + 31 * SECOND);
+        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+    }
+
+    #[test]
+    fn contact_reported_after_its_expiry_has_new_time() {
+        let (mut dock_state, now) = on_contact();
+        dock_state.docked(now + 10 * SECOND);
+        assert_eq!(dock_state.next_deadline(true), Some(now + 30 * SECOND));
+        dock_state.docked(now + 30 * SECOND);
+        assert_eq!(dock_state.next_deadline(true), Some(now + 60 * SECOND));
+    }
+
+    #[test]
+    fn charging_that_ends_on_the_contacts_may_resume_in_time() {
+        let (mut dock_state, now) = on_contact();
+        dock_state.power(true, now);
+        assert_eq!(dock_state.next_deadline(true), None);
+        dock_state.power(false, now + 100 * SECOND);
+        assert_eq!(dock_state.next_deadline(true), Some(now + 130 * SECOND));
+    }
+
+    #[test]
+    fn an_unconfirmed_undocking_clears_contact() {
+        let (mut dock_state, now) = on_contact();
+        dock_state.leave_station(20 * SECOND, now);
+        assert!(dock_state.has_contact());
+        dock_state.poll(false, now + 20 * SECOND);
+        assert!(!dock_state.has_contact());
+    }
+
+    #[test]
+    fn after_a_suspension_an_undocking_is_in_doubt() {
+        let (mut dock_state, now) = on_contact();
+        dock_state.contradict_leaving();
+        assert_eq!(dock_state.dock_state(), DockState::ContactReported);
+        dock_state.leave_station(20 * SECOND, now);
+        dock_state.contradict_leaving();
+        assert_eq!(dock_state.dock_state(), DockState::Unknown);
+    }
+}

@@ -1,0 +1,316 @@
+//! A file of scenarios: its declarations, before any scenario runs.
+
+use std::cell::RefCell;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+
+use serde::{Deserialize, Serialize};
+use tokio::time::Instant;
+
+use super::arguments::Arguments;
+use super::options::Options;
+use super::refusal::{CallError, WorldError};
+use crate::behaviour::{Library, read_source};
+use crate::check;
+use crate::robot::EndReason;
+use crate::script::{
+    self, NoModule, Output, ScenarioApi, ScenarioCall, ScenarioCallResult, Script, ScriptExit,
+    suggestion,
+};
+use crate::sim::World;
+
+/// Maximum number of scenarios in one file.
+const MAX_SCENARIOS: usize = 1000;
+/// CPU budget of a scenario's own script between waits. It can be long, because this script does
+/// not control a robot.
+const BUDGET_MS: u64 = 2000;
+
+/// A file of scenarios.
+#[derive(Debug, Clone)]
+pub struct ScenarioFile {
+    file: PathBuf,
+    /// Folder for relative file names; `None` for a text.
+    folder: Option<PathBuf>,
+    source: Vec<u8>,
+    scenarios: Vec<Scenario>,
+}
+
+/// The declaration of one scenario.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Scenario {
+    /// Unique in its file.
+    pub name: String,
+    /// Its options.
+    pub options: Options,
+    /// The line of its declaration, from 1.
+    pub line: u32,
+    /// Its index in the file, from 0.
+    pub(super) index: usize,
+}
+
+impl Scenario {
+    /// Returns the seeds with which to run it.
+    pub fn seeds(&self) -> RangeInclusive<u64> {
+        1..=self.options.seeds
+    }
+}
+
+/// Errors when reading the scenarios of a file.
+#[derive(Debug, thiserror::Error)]
+pub enum ScenarioFileError {
+    /// The file cannot be read.
+    #[error("cannot read the scenarios {path}: {source}")]
+    Read {
+        /// The file.
+        path: String,
+        /// The system's error.
+        source: std::io::Error,
+    },
+    /// The script does not load, it fails, or its declarations are wrong; names file, line and
+    /// remedy.
+    #[error("{0}")]
+    Invalid(String),
+}
+
+impl ScenarioFile {
+    /// Reads a file and its declarations.
+    ///
+    /// # Errors
+    /// See [`ScenarioFileError`].
+    pub fn read(file: &Path) -> Result<ScenarioFile, ScenarioFileError> {
+        let source = read_source(file).map_err(|source| ScenarioFileError::Read {
+            path: file.display().to_string(),
+            source,
+        })?;
+        let folder = file.parent().unwrap_or(Path::new(""));
+        ScenarioFile::new(file, Some(folder.to_owned()), source)
+    }
+
+    /// Creates a scenario file from a text that is not in a file, for example one built into the
+    /// program. It can use no other files: no modules, and only built-in worlds.
+    ///
+    /// # Errors
+    /// [`ScenarioFileError::Invalid`].
+    pub fn of_text(name: &str, text: &str) -> Result<ScenarioFile, ScenarioFileError> {
+        ScenarioFile::new(Path::new(name), None, text.into())
+    }
+
+    fn new(
+        file: &Path,
+        folder: Option<PathBuf>,
+        source: Vec<u8>,
+    ) -> Result<ScenarioFile, ScenarioFileError> {
+        let scenario_file = ScenarioFile::undeclared(file, folder, source);
+        let scenarios = scenario_file.read_declarations()?;
+        Ok(scenario_file.with_scenarios(scenarios))
+    }
+
+    /// Creates a scenario file without reading its declarations.
+    pub(super) fn undeclared(
+        file: &Path,
+        folder: Option<PathBuf>,
+        source: Vec<u8>,
+    ) -> ScenarioFile {
+        ScenarioFile {
+            file: file.to_owned(),
+            folder,
+            source,
+            scenarios: Vec::new(),
+        }
+    }
+
+    /// Sets the declarations.
+    pub(super) fn with_scenarios(self, scenarios: Vec<Scenario>) -> ScenarioFile {
+        ScenarioFile { scenarios, ..self }
+    }
+
+    pub(super) fn source(&self) -> &[u8] {
+        &self.source
+    }
+
+    /// Returns the scenarios in the order of the file.
+    pub fn scenarios(&self) -> &[Scenario] {
+        &self.scenarios
+    }
+
+    /// Returns the file's path, or the name of the text.
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
+    pub(super) fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref()
+    }
+
+    /// Returns the behaviour in the same folder with the file's name without `_test`.
+    pub(super) fn subject(&self) -> Option<PathBuf> {
+        let stem = self.file.file_stem()?.to_str()?;
+        let name = format!("{}.lua", stem.strip_suffix("_test")?);
+        let file = self.folder()?.join(name);
+        file.is_file().then_some(file)
+    }
+
+    /// Returns a line of the source, counted from 1.
+    pub(super) fn line(&self, number: u32) -> Option<String> {
+        let text = String::from_utf8_lossy(&self.source);
+        let line = text.lines().nth(number.checked_sub(1)? as usize)?;
+        Some(line.to_owned())
+    }
+
+    /// Explains an error of the file's script on this line in plain words; `None` if it needs no
+    /// explanation.
+    pub(super) fn explanation(&self, line: u32, words: &str) -> Option<check::Diagnostic> {
+        let (file, source) = (self.file.display(), String::from_utf8_lossy(&self.source));
+        let text = format!("{file}:{line}: {words}");
+        check::explanation(&text, &file.to_string(), &source)
+    }
+
+    pub(super) fn script(
+        &self,
+        seed: u64,
+        api: Rc<dyn ScenarioApi>,
+    ) -> Result<Script, script::Failure> {
+        let mut options = script::Options {
+            seed,
+            ..script::Options::new("scenario", self.file.display().to_string())
+        };
+        options.limits.callback_budget_ms = BUDGET_MS;
+        let mut script = Script::with_scenario_api(&self.source, options, api, Instant::now())?;
+        script.explain_with(check::explain);
+        Ok(script)
+    }
+
+    /// Handles the output of a script of this file; passes log lines to `line`.
+    pub(super) fn serve(&self, script: &mut Script, mut line: impl FnMut(String)) {
+        for output in script.take_output() {
+            match output {
+                Output::Log(written) => line(written.text),
+                Output::Module(name) => {
+                    let folder = self.folder.clone();
+                    let file = folder
+                        .map_or_else(Library::default, Library::new)
+                        .fetch(&name)
+                        .map_err(|error| NoModule(error.to_string()));
+                    script.deliver_module(&name, file, Instant::now());
+                }
+                Output::Intent(_)
+                | Output::Evaluated(_)
+                | Output::Params(_)
+                | Output::HostReport(_) => {}
+            }
+        }
+    }
+
+    /// Runs the file once to collect its declarations.
+    pub(super) fn read_declarations(&self) -> Result<Vec<Scenario>, ScenarioFileError> {
+        let invalid = |text: String| Err(ScenarioFileError::Invalid(text));
+        let shown = self.file.display();
+        let api = Rc::new(DeclarationApi {
+            folder: self.folder().map(Path::to_owned),
+            found: RefCell::default(),
+        });
+        let mut script = match self.script(0, api.clone()) {
+            Ok(script) => script,
+            Err(failure) => return invalid(failure.to_string()),
+        };
+        while script.is_ready() {
+            script.run_ready(Instant::now());
+            self.serve(&mut script, |_| {});
+        }
+        match script.ended() {
+            Some(ScriptExit {
+                reason: EndReason::Done,
+                ..
+            }) => {}
+            Some(exit) => {
+                return invalid(
+                    exit.message
+                        .unwrap_or_else(|| format!("{shown}: it failed")),
+                );
+            }
+            None => {
+                return invalid(format!(
+                    "{shown}: it waits before its scenarios are declared; wait only inside scenarios"
+                ));
+            }
+        }
+        let found = api.found.take();
+        if found.is_empty() {
+            invalid(format!(
+                "{shown}: it declares no scenario, such as\n\
+                 scenario(\"hits nothing\", {{ limit = 60 }}, function(sim) ... end)"
+            ))
+        } else {
+            Ok(found)
+        }
+    }
+}
+
+/// Records declarations and runs nothing.
+struct DeclarationApi {
+    folder: Option<PathBuf>,
+    found: RefCell<Vec<Scenario>>,
+}
+
+impl ScenarioApi for DeclarationApi {
+    fn answer(&self, call: ScenarioCall<'_>) -> ScenarioCallResult {
+        if call.name != "scenario" {
+            return Err(CallError::Outside.into());
+        }
+        let given = Arguments(call.arguments);
+        let name = given.text(0).unwrap_or_default();
+        if name.trim().is_empty() {
+            return Err(CallError::NoName.into());
+        }
+        let options = Options::parse(given.value(1));
+        load_world(options.world.as_deref(), self.folder.as_deref())?;
+        let mut found = self.found.borrow_mut();
+        if let Some(twin) = found.iter().find(|other| other.name == name) {
+            let (name, line) = (name.to_owned(), twin.line);
+            return Err(CallError::DuplicateName { name, line }.into());
+        }
+        if found.len() == MAX_SCENARIOS {
+            return Err(CallError::TooMany(MAX_SCENARIOS).into());
+        }
+        let index = found.len();
+        found.push(Scenario {
+            name: name.to_owned(),
+            options,
+            line: call.location.map_or(1, |location| location.line),
+            index,
+        });
+        Ok(false.into())
+    }
+}
+
+/// Loads the built-in world with this name, or a world file in this folder.
+pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<World, WorldError> {
+    let Some(name) = name else {
+        return Ok(World::default_world());
+    };
+    if let Some(world) = World::builtin(name) {
+        return Ok(world);
+    }
+    let is_world = |path: &Path| {
+        path.extension()
+            .is_some_and(|end| end == "yaml" || end == "yml")
+    };
+    if let Some(folder) = folder
+        && is_world(Path::new(name))
+    {
+        let path = folder.join(name);
+        // Error messages quote the content, so only world files may be read, also through links.
+        if path.canonicalize().is_ok_and(|path| !is_world(&path)) {
+            return Err(WorldError::Elsewhere(name.to_owned()));
+        }
+        return Ok(World::load(&path)?);
+    }
+    let near = suggestion(name, World::builtin_names());
+    let known = World::builtin_names().collect::<Vec<_>>().join(", ");
+    Err(WorldError::Unknown {
+        name: name.to_owned(),
+        near,
+        known,
+    })
+}

@@ -1,0 +1,371 @@
+//! The robot with its clients: decides which client may command it, advances the simulated time and
+//! sends the robot's reports to the user. Independent of sockets.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+use std::time::Duration;
+
+use bytes::Bytes;
+use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+use tokio::time::Instant;
+
+use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
+
+use super::clients::Clients;
+use super::connection::{self, Channels, Event, Transport};
+use super::handle::{self, Ends, Request};
+use super::options::Options;
+use crate::sim::body::log::describe;
+use crate::sim::body::robot::Robot;
+use crate::sim::faults::fault::{Fault, FaultKind};
+use crate::sim::faults::proxy::{self, Breaker};
+use crate::sim::faults::scheduler::FaultScheduler;
+use crate::sim::faults::timing::Transition;
+use crate::sim::geometry::Pose;
+
+/// The physics time step.
+pub(crate) const STEP: Duration = Duration::from_millis(20);
+/// Maximum number of steps to catch up at once after a delay; time beyond that is lost.
+const MAX_CATCH_UP: u32 = 10;
+/// Buffer size between the proxy and the robot, bytes.
+const PIPE_LEN: usize = 16 * 1024;
+/// The name in discovery replies of a second user who has taken over.
+const SECOND_USER: &str = "second-user";
+/// How far the robot slides when it loses its station, metres.
+const SLIDE: f64 = 0.12;
+
+/// The robot with its clients.
+pub(crate) struct RobotServer {
+    robot: Robot,
+    clients: Clients,
+    login: Login,
+    uid: String,
+    version: String,
+    ends: Ends,
+    events: mpsc::Sender<Event>,
+    writes: Arc<AtomicU64>,
+    connections: JoinSet<()>,
+    started: Instant,
+    stepped: Instant,
+    /// `None` if faults are disabled; clients are then served without the proxy.
+    scheduler: Option<FaultScheduler>,
+    rebooting: bool,
+    refusing: Option<Refusal>,
+    slides_after: Option<Duration>,
+    docked_for: Duration,
+    /// The last logged MOVE; clients repeat it many times a second.
+    last_move: Option<Command>,
+}
+
+impl RobotServer {
+    /// Creates a server without clients. Connections send their events to `events`.
+    pub(crate) fn new(
+        robot: Robot,
+        options: &Options,
+        ends: Ends,
+        events: mpsc::Sender<Event>,
+    ) -> RobotServer {
+        let now = Instant::now();
+        RobotServer {
+            robot,
+            clients: Clients::default(),
+            login: options.login.clone(),
+            uid: options.uid.clone(),
+            version: options.firmware.version.clone(),
+            ends,
+            events,
+            writes: Arc::default(),
+            connections: JoinSet::new(),
+            started: now,
+            stepped: now,
+            scheduler: (options.faults.as_ref())
+                .map(|_| FaultScheduler::new(options.seed, options.unacknowledged)),
+            rebooting: false,
+            refusing: None,
+            slides_after: None,
+            docked_for: Duration::ZERO,
+            last_move: None,
+        }
+    }
+
+    /// Starts the simulated time, and that of these faults.
+    pub(crate) fn begin(&mut self, faults: impl IntoIterator<Item = Fault>) {
+        (self.started, self.stepped) = (Instant::now(), Instant::now());
+        faults.into_iter().for_each(|fault| self.begin_fault(fault));
+    }
+
+    /// Whether the robot is rebooting and cannot be reached.
+    pub(crate) fn is_rebooting(&self) -> bool {
+        self.rebooting
+    }
+
+    /// Frees the task of an ended connection; pending while there are no connections.
+    pub(crate) async fn reap(&mut self) {
+        if self.connections.join_next().await.is_none() {
+            std::future::pending().await
+        }
+    }
+
+    /// Returns the discovery reply.
+    pub(crate) fn discovery_reply(&self) -> discovery::Reply {
+        let connected_user = self.clients.user().map(str::to_owned);
+        discovery::Reply {
+            uid: self.uid.clone(),
+            connected_user,
+        }
+    }
+
+    /// Advances the simulation to the current time.
+    pub(crate) fn advance(&mut self) {
+        let now = Instant::now();
+        for _ in 0..MAX_CATCH_UP {
+            if now.duration_since(self.stepped) < STEP {
+                break;
+            }
+            self.stepped += STEP;
+            self.robot.step(STEP);
+            self.slide();
+            self.deliver();
+        }
+        if now.duration_since(self.stepped) >= STEP {
+            self.stepped = now;
+        }
+        self.clients
+            .overdue(now)
+            .into_iter()
+            .for_each(|id| self.disconnect(id));
+        let transitions = self.scheduler.as_mut().map(|scheduler| scheduler.poll(now));
+        self.apply_transitions(transitions.unwrap_or_default());
+        self.publish();
+    }
+
+    /// Handles a request from a handle.
+    pub(super) fn handle_request(&mut self, request: Request) {
+        match request {
+            Request::Battery(percent) => self.robot.set_battery(percent),
+            Request::ChargerWorks(works) => self.robot.set_charger_works(works),
+            Request::Place(pose) => self.robot.place(pose),
+            Request::Beacon(on) => self.robot.set_beacon(on),
+            Request::Inject(report) => self.send_report(&report),
+            Request::DisconnectAll => self.disconnect_all(),
+            Request::Begin(fault) => self.begin_fault(fault),
+            Request::ClearFaults => {
+                let transitions = self.scheduler.as_mut().map(FaultScheduler::clear);
+                self.apply_transitions(transitions.unwrap_or_default());
+            }
+            Request::Connect(transport) => self.admit(transport, None),
+            Request::Alter(alter) => alter(&mut self.robot),
+        }
+        self.deliver();
+        self.publish();
+    }
+
+    /// Handles an event from a connection.
+    pub(crate) fn handle_event(&mut self, event: Event) {
+        match event {
+            Event::Gone { client } => self.disconnect(client),
+            Event::Commands {
+                client,
+                write,
+                opened,
+                commands,
+            } => {
+                for command in commands {
+                    self.receive(client, write, opened, command);
+                }
+            }
+        }
+        self.publish();
+    }
+
+    /// Serves a new connection, unless there are too many or the robot is rebooting.
+    pub(crate) fn admit(&mut self, transport: impl Transport, breaker: Option<Breaker>) {
+        if self.rebooting {
+            return;
+        }
+        let Some((client, reports, cut)) = self.clients.admit(Instant::now()) else {
+            tracing::warn!(target: "spykee::sim", "too many connections: one is turned away");
+            return;
+        };
+        let channels = Channels {
+            client,
+            reports,
+            events: self.events.clone(),
+            muted: self.ends.muted.clone(),
+            writes: self.writes.clone(),
+            cut,
+        };
+        let Some(scheduler) = &mut self.scheduler else {
+            self.connections
+                .spawn(connection::serve(transport, channels));
+            return;
+        };
+        let (near, far) = tokio::io::duplex(PIPE_LEN);
+        let forwarding = proxy::forward(transport, breaker, far, scheduler.feed());
+        self.connections.spawn(forwarding);
+        self.connections.spawn(connection::serve(near, channels));
+    }
+
+    fn begin_fault(&mut self, fault: Fault) {
+        let Some(scheduler) = &mut self.scheduler else {
+            tracing::warn!(target: "spykee::sim", "this simulator was started without faults");
+            return;
+        };
+        let now = Instant::now();
+        scheduler.begin(fault, now);
+        let transitions = scheduler.poll(now);
+        self.apply_transitions(transitions);
+    }
+
+    /// Applies beginnings and ends of faults to the robot; the proxy handles faults of the byte
+    /// stream.
+    fn apply_transitions(&mut self, transitions: Vec<(FaultKind, Transition)>) {
+        for (kind, transition) in transitions {
+            tracing::info!(target: "spykee::sim", trouble = ?kind, turn = ?transition, "a fault");
+            let begins = transition == Transition::Begins;
+            match kind {
+                FaultKind::Drop if begins => self.disconnect_all(),
+                FaultKind::Reboot { forgets } => {
+                    self.rebooting = begins;
+                    self.disconnect_all();
+                    if forgets && begins {
+                        self.robot.reboot();
+                    }
+                }
+                FaultKind::TakeOver => self.hand_over(begins),
+                FaultKind::RefuseLogin(refusal) => self.refusing = begins.then_some(refusal),
+                FaultKind::BaseNotFound => self.robot.set_beacon(!begins),
+                FaultKind::NoCharge => self.robot.set_charger_works(!begins),
+                FaultKind::DockLost { after } => self.slides_after = begins.then_some(after),
+                _ => {}
+            }
+        }
+        self.deliver();
+    }
+
+    /// Gives the robot to a user without a connection here, or ends that user's session.
+    fn hand_over(&mut self, taken: bool) {
+        if !taken {
+            self.clients.give_back();
+        } else if self.clients.take_over(SECOND_USER) {
+            self.robot.end_session();
+        }
+    }
+
+    /// Applies `DockLost`: slides the robot off its station some time after each docking.
+    fn slide(&mut self) {
+        self.docked_for = if self.robot.docked() {
+            self.docked_for + STEP
+        } else {
+            Duration::ZERO
+        };
+        if self
+            .slides_after
+            .is_some_and(|after| self.docked_for > after)
+        {
+            let Pose { x, y, heading } = self.robot.state().pose;
+            let back = (x - SLIDE * heading.cos(), y - SLIDE * heading.sin());
+            self.robot.place(Pose::new(back.0, back.1, heading));
+        }
+    }
+
+    /// Handles a command from a client: records it in the journal, and executes it if the client is
+    /// allowed to command the robot.
+    fn receive(&mut self, client: u64, write: u64, opened: bool, command: Command) {
+        if !self.clients.contains(client) {
+            return;
+        }
+        let at = self.started.elapsed();
+        handle::lock(&self.ends.journal).write(at, write, client, command.clone());
+        self.log_command(client, &command);
+        match command {
+            Command::Login(login) => self.log_in(client, &login),
+            Command::Move { .. } if !self.clients.is_user(client) || !opened => {
+                tracing::info!(target: "spykee::sim", client, "MOVE before login and POWER");
+                self.disconnect(client);
+            }
+            _ if !self.clients.is_user(client) => {}
+            command => self.robot.execute(&command),
+        }
+        self.deliver();
+    }
+
+    /// Logs a command, except a repeated MOVE.
+    fn log_command(&mut self, client: u64, command: &Command) {
+        if let Command::Move { .. } = command {
+            if self.last_move.as_ref() == Some(command) {
+                return;
+            }
+            self.last_move = Some(command.clone());
+        }
+        tracing::debug!(target: "spykee::sim::heard", client, "{}", describe(command));
+    }
+
+    fn log_in(&mut self, client: u64, login: &Login) {
+        let refused = match self.refusing {
+            Some(refusal) => Err(refusal),
+            None => self.clients.log_in(client, login, &self.login),
+        };
+        if let Err(refusal) = refused {
+            tracing::info!(target: "spykee::sim", client, ?refusal, "login refused");
+            self.clients.refuse(client, refusal);
+            return;
+        }
+        let accepted = Accepted {
+            uid: self.uid.clone(),
+            name: "Spykee".into(),
+            place: "home".into(),
+            firmware: self.version.clone(),
+            docked: self.robot.docked(),
+            tail: Bytes::from_static(Accepted::RECORDED_TAIL),
+        };
+        self.robot.take_reports();
+        self.send_report(&Report::Accepted(accepted));
+        self.robot.begin_session();
+    }
+
+    fn disconnect_all(&mut self) {
+        self.clients
+            .ids()
+            .into_iter()
+            .for_each(|id| self.disconnect(id));
+    }
+
+    fn disconnect(&mut self, client: u64) {
+        if self.clients.disconnect(client) {
+            self.robot.end_session();
+        }
+    }
+
+    /// Sends the robot's reports to the user, if there is one.
+    fn deliver(&mut self) {
+        for report in self.robot.take_reports() {
+            self.send_report(&report);
+        }
+    }
+
+    fn send_report(&mut self, report: &Report) {
+        if !matches!(report, Report::Video(_) | Report::Audio(_)) {
+            tracing::debug!(target: "spykee::sim::said", "{report:?}");
+        }
+        if !self.clients.send_report(report) {
+            tracing::info!(target: "spykee::sim", "the client sends requests but never reads: disconnected");
+            self.clients
+                .user_id()
+                .into_iter()
+                .for_each(|id| self.disconnect(id));
+        }
+    }
+
+    fn publish(&mut self) {
+        let mut state = self.robot.state();
+        state.user = self.clients.user().map(str::to_owned);
+        state.dropped = self.clients.dropped();
+        self.ends.state.send_replace(state);
+        let count = handle::lock(&self.ends.journal).count();
+        self.ends
+            .heard
+            .send_if_modified(|heard| std::mem::replace(heard, count) != count);
+    }
+}

@@ -1,0 +1,166 @@
+//! A simulation: a complete run in virtual time. Agent, behaviour hosts, watchdog and simulated
+//! robot share one thread and one runtime, whose clock jumps ahead when all tasks wait, and
+//! communicate over in-memory pipes. Codec, pilot, messages and script code are the same as in a
+//! run with a robot. The same world, behaviours, options and seed give the same run, event by
+//! event, in every build.
+//!
+//! ```no_run
+//! # fn main() -> std::io::Result<()> {
+//! use spykee::sim::World;
+//! use spykee::simulation::{self, Simulation};
+//! # let behaviours = vec![];
+//! let options = simulation::Options { seed: 7, ..simulation::Options::default() };
+//! let docked = simulation::run(World::default_world(), options, async |simulation: &Simulation| {
+//!     let run = simulation.start(behaviours, None);
+//!     simulation.sim().set_battery(15.0);
+//!     let home = simulation.sim().wait_state(|state| state.docked && state.charging);
+//!     let home = tokio::time::timeout(std::time::Duration::from_secs(300), home).await;
+//!     run.stop();
+//!     let outcome = run.outcome().await; // how each behaviour ended
+//!     home.is_ok()
+//! })?;
+//! # Ok(()) }
+//! ```
+//!
+//! [`run`] works on any thread, also several times in parallel. It starts a separate thread,
+//! because the VMs need a larger stack, and returns when the closure has returned. Within the
+//! closure `tokio::time` is virtual: use sleeps, timeouts and intervals as usual, and always set
+//! timeouts, because unlimited virtual time can pass in almost no real time. Never wait for
+//! anything outside the simulation: virtual time would not stop meanwhile.
+//!
+//! A script's CPU budget is in real time, so that a script that never waits is ended as on a robot,
+//! while virtual time stands still. A host's confinement by the kernel is absent: only the VM
+//! confines scripts, without landlock, seccomp and resource limits. Run only scripts that you trust
+//! with that.
+
+mod event;
+mod options;
+mod recorder;
+mod running;
+mod sim_clock;
+
+use std::io;
+use std::panic::resume_unwind;
+use std::time::Duration;
+
+use tokio::runtime::{Builder, LocalOptions};
+use tokio::time::Instant;
+
+use crate::agent::{Behaviour, Plan};
+use crate::behaviour::STACK;
+use crate::clock;
+use crate::script;
+use crate::sim::{self, World};
+
+pub use event::{Event, EventKind};
+pub use options::Options;
+pub use recorder::{Recorder, now};
+pub use running::Running;
+pub use sim_clock::{ClockMode, SimClock, TimeScale};
+
+/// A running simulation.
+pub struct Simulation {
+    sim: sim::Handle,
+    began: Instant,
+    options: Options,
+}
+
+/// Sets up A simulation in this world and runs `work` in it, in virtual time.
+///
+/// # Errors
+/// If the system cannot create a thread or a runtime.
+pub fn run<T: Send>(
+    world: World,
+    options: Options,
+    work: impl AsyncFnOnce(&Simulation) -> T + Send,
+) -> io::Result<T> {
+    std::thread::scope(|scope| {
+        let thread = std::thread::Builder::new()
+            .name("simulation".into())
+            .stack_size(STACK)
+            .spawn_scoped(scope, {
+                let parent = tracing::dispatcher::get_default(Clone::clone);
+                let events = options.events.clone();
+                move || recorder::with_recorder(parent, events, || run_here(world, options, work))
+            })?;
+        thread.join().unwrap_or_else(|panic| resume_unwind(panic))
+    })
+}
+
+/// Runs the simulation on this thread. The runtime has no I/O driver: nothing here waits for
+/// external I/O, and virtual time jumps faster without one.
+fn run_here<T>(
+    world: World,
+    options: Options,
+    work: impl AsyncFnOnce(&Simulation) -> T,
+) -> io::Result<T> {
+    script::set_simulated_wall_factor();
+    let runtime = Builder::new_current_thread()
+        .enable_time()
+        .start_paused(true)
+        .build_local(LocalOptions::default())?;
+    runtime.block_on(async {
+        let began = recorder::begin();
+        clock::begin_virtual(options.date);
+        let sim_options = sim::Options {
+            seed: options.seed,
+            unacknowledged: Some(options.link.dead_after),
+            ..options.sim.clone()
+        };
+        let server = sim::Server::detached(world, sim_options);
+        let simulation = Simulation {
+            sim: server.handle(),
+            began,
+            options,
+        };
+        if let Some(sim_clock) = simulation.options.sim_clock.clone() {
+            tokio::spawn(sim_clock.run(began, simulation.options.stop.clone()));
+        }
+        let server = tokio::spawn(server.run());
+        let result = work(&simulation).await;
+        simulation.record_end();
+        server.abort();
+        Ok(result)
+    })
+}
+
+impl Simulation {
+    /// Returns the handle of the simulated robot: its state, the commands that it received, and
+    /// fault injection.
+    pub fn sim(&self) -> &sim::Handle {
+        &self.sim
+    }
+
+    /// Returns the virtual time since the simulation was set up.
+    pub fn now(&self) -> Duration {
+        self.began.elapsed()
+    }
+
+    /// Returns the simulation's seed.
+    pub fn seed(&self) -> u64 {
+        self.options.seed
+    }
+
+    /// Starts an agent with these behaviours. It ends when they have ended, after `limit`, or by
+    /// [`Running::stop`] or [`Options::stop`]. It does nothing before the caller's next wait.
+    /// Agents may run one after another; each finds the robot in the state in which the previous
+    /// one left it.
+    pub fn start(&self, behaviours: Vec<Behaviour>, limit: Option<Duration>) -> Running {
+        Running::start(self.sim.clone(), &self.options, behaviours, limit)
+    }
+
+    /// Returns the plan of an agent for this simulation's robot, for callers that create the agent
+    /// themselves, such as a service. Run that agent within the simulation.
+    pub fn plan(&self, behaviours: Vec<Behaviour>) -> Plan {
+        running::plan(self.sim.clone(), &self.options, behaviours)
+    }
+
+    fn record_end(&self) {
+        let state = self.sim.state();
+        let (pose, battery) = (state.pose, state.power.percent);
+        tracing::debug!(
+            target: "spykee::simulation::end", x = pose.x, y = pose.y, heading = pose.heading, battery,
+            docked = state.docked, distance = state.distance, collisions = state.collisions, "the end"
+        );
+    }
+}

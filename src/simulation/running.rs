@@ -1,0 +1,168 @@
+//! A running agent in a simulation.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::time::Duration;
+
+use tokio::runtime;
+use tokio::sync::{mpsc, watch};
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+use super::options::Options;
+use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME, Roster};
+use crate::behaviour::{Launch, Launcher};
+use crate::link;
+use crate::pilot::{Connector, Reactions, Settings, Status};
+use crate::robot::Pictures;
+use crate::robot::channel::Request;
+use crate::script;
+use crate::sim::Handle;
+use crate::wire::Login;
+
+/// The nominal address of simulated robots.
+const ADDRESS: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 9000);
+/// Buffer size between robot and agent in each direction, bytes.
+const LINK_LEN: usize = 64 * 1024;
+
+/// A running agent. Dropping it ends the agent immediately: its hosts end, and its link sends a
+/// stop as its last words.
+pub struct Running {
+    stop: CancellationToken,
+    status: watch::Receiver<Status>,
+    requests: mpsc::Sender<Request>,
+    roster: Roster,
+    pictures: watch::Receiver<Pictures>,
+    reactions: Reactions,
+    agent: JoinHandle<Result<Outcome, AgentError>>,
+}
+
+impl Running {
+    pub(super) fn start(
+        sim: Handle,
+        options: &Options,
+        behaviours: Vec<Behaviour>,
+        limit: Option<Duration>,
+    ) -> Running {
+        let plan = Plan {
+            limit,
+            stays: options.sim_clock.is_some(),
+            ..plan(sim, options, behaviours)
+        };
+        let stop = options.stop.child_token();
+        let (agent, status) = Agent::new(plan);
+        let (requests, roster, pictures) = (agent.requests(), agent.roster(), agent.pictures());
+        let reactions = agent.reactions();
+        let agent = tokio::task::spawn_local(agent.run(stop.clone()));
+        Running {
+            stop,
+            status,
+            requests,
+            roster,
+            pictures,
+            reactions,
+            agent,
+        }
+    }
+
+    /// Requests an orderly end: scripts run their last words, then the link is closed.
+    pub fn stop(&self) {
+        self.stop.cancel();
+    }
+
+    /// Returns a token that has the same effect as [`Running::stop`] when cancelled.
+    pub fn stopper(&self) -> CancellationToken {
+        self.stop.clone()
+    }
+
+    /// Returns a receiver of the latest status of robot and watchdog, as shown on the status line.
+    pub fn status(&self) -> watch::Receiver<Status> {
+        self.status.clone()
+    }
+
+    /// Returns a sender of requests to the pilot.
+    pub fn requests(&self) -> mpsc::Sender<Request> {
+        self.requests.clone()
+    }
+
+    /// Returns the roster, through which behaviours are started and stopped.
+    pub fn roster(&self) -> Roster {
+        self.roster.clone()
+    }
+
+    /// Returns a receiver of the camera's pictures.
+    pub fn pictures(&self) -> watch::Receiver<Pictures> {
+        self.pictures.clone()
+    }
+
+    /// Returns the measured reaction times, from a frame to a track command.
+    pub fn reactions(&self) -> Reactions {
+        self.reactions.clone()
+    }
+
+    /// Waits until the agent has ended. Without a limit, a call to [`Running::stop`] or behaviours
+    /// that end, this never returns.
+    ///
+    /// # Errors
+    /// The errors of [`Agent::run`].
+    pub async fn outcome(mut self) -> Result<Outcome, AgentError> {
+        match (&mut self.agent).await {
+            Ok(outcome) => outcome,
+            Err(_) => Err(AgentError::Broken("the agent")),
+        }
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.agent.abort();
+    }
+}
+
+/// Creates the plan of an agent for this robot.
+pub(super) fn plan(sim: Handle, options: &Options, behaviours: Vec<Behaviour>) -> Plan {
+    Plan {
+        behaviours,
+        specs: Vec::new(),
+        stays: false,
+        settings: Settings {
+            limits: options.limits.clone(),
+            simulated: true,
+            seed: options.seed,
+            link: options.link.clone(),
+            streams: options.streams,
+        },
+        connector: connector(sim, options.sim.login.clone(), options.link.clone()),
+        launcher: Launcher::in_this_thread(),
+        core: runtime::Handle::current(),
+        heartbeat: None,
+        rescue: rescue(options),
+        limit: None,
+        bus: options.bus.clone(),
+    }
+}
+
+/// Loads the rescue behaviour; logs an error and returns `None` if its file cannot be read.
+fn rescue(options: &Options) -> Option<Launch> {
+    let choice = &options.limits.rescue;
+    let script = script::Options {
+        seed: options.seed,
+        ..script::Options::new(RESCUE_NAME, choice.to_string())
+    };
+    agent::rescue(choice, script).unwrap_or_else(|error| {
+        tracing::error!("cannot read the rescue behaviour {choice}: {error}");
+        None
+    })
+}
+
+/// Creates a dialler that opens a new pipe to the simulator for each connection attempt.
+fn connector(sim: Handle, login: Login, options: link::Options) -> Connector {
+    Box::new(move |supervision| {
+        let (sim, login, options) = (sim.clone(), login.clone(), options.clone());
+        Box::pin(async move {
+            let (ours, theirs) = tokio::io::duplex(LINK_LEN);
+            sim.connect(theirs);
+            let (reader, writer) = tokio::io::split(ours);
+            link::open(reader, writer, ADDRESS, &login, supervision, &options).await
+        })
+    })
+}
