@@ -124,7 +124,8 @@ impl Canvas {
 
     /// Returns the finished image.
     pub fn finish(self) -> RgbImage {
-        let (width, height) = (self.pixels.width(), self.pixels.height());
+        let width = self.pixels.width();
+        let height = self.pixels.height();
         let pixels = self.pixels.pixels().iter();
         let bytes = pixels.flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]);
         // The canvas is opaque, so premultiplied and plain colours are the same; the buffer always
@@ -133,19 +134,23 @@ impl Canvas {
     }
 
     fn blend(&mut self, (x, y): (i32, i32), ink: Ink, shade: u8) {
-        let (width, height) = (self.pixels.width() as i32, self.pixels.height() as i32);
+        let width = self.pixels.width() as i32;
+        let height = self.pixels.height() as i32;
         if shade == 0 || !(0..width).contains(&x) || !(0..height).contains(&y) {
             return;
         }
         let index = (y * width + x) as usize * 4;
         for (channel, ink) in self.pixels.data_mut()[index..index + 3].iter_mut().zip(ink) {
-            let (old, new, share) = (u32::from(*channel), u32::from(ink), u32::from(shade));
+            let old = u32::from(*channel);
+            let new = u32::from(ink);
+            let share = u32::from(shade);
             *channel = ((old * (255 - share) + new * share) / 255) as u8;
         }
     }
 
     fn fill_path(&mut self, path: &Path, ink: Ink) {
-        let (rule, still) = (FillRule::Winding, Transform::identity());
+        let rule = FillRule::Winding;
+        let still = Transform::identity();
         self.pixels.fill_path(path, &paint(ink), rule, still, None);
     }
 

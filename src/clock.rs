@@ -106,7 +106,8 @@ pub fn describe(time: &Zoned) -> String {
 /// Formats a duration for people, in hours, minutes and whole seconds: `1:02:05`.
 pub fn hours(time: Duration) -> String {
     let seconds = time.as_secs();
-    let (hours, minutes) = (seconds / 3600, seconds / 60 % 60);
+    let hours = seconds / 3600;
+    let minutes = seconds / 60 % 60;
     format!("{hours}:{minutes:02}:{:02}", seconds % 60)
 }
 

@@ -420,7 +420,8 @@ mod tests {
     #[test]
     fn a_private_file_is_accessible_to_its_owner_only_and_not_a_link() {
         let root = tempfile::tempdir().unwrap();
-        let (file, link) = (root.path().join("secret"), root.path().join("link"));
+        let file = root.path().join("secret");
+        let link = root.path().join("link");
         fs::write(&file, "x").unwrap();
         symlink(&file, &link).unwrap();
         let allow = |mode| fs::set_permissions(&file, fs::Permissions::from_mode(mode)).unwrap();
@@ -438,7 +439,8 @@ mod tests {
     #[test]
     fn a_link_is_followed_only_where_that_is_asked_for() {
         let root = tempfile::tempdir().unwrap();
-        let (file, link) = (root.path().join("file"), root.path().join("link"));
+        let file = root.path().join("file");
+        let link = root.path().join("link");
         fs::write(&file, "12345").unwrap();
         symlink(&file, &link).unwrap();
         assert_eq!(read_beginning(&link, 3).unwrap(), b"123");

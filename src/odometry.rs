@@ -131,7 +131,8 @@ impl Odometry {
         let end = self.at.max(now);
         let seconds = (end - self.at).as_secs_f64();
         self.at = end;
-        let (mut turn, mut way) = (0.0, 0.0);
+        let mut turn = 0.0;
+        let mut way = 0.0;
         match driver {
             Driver::None => {}
             Driver::Script(drive) => {

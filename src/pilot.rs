@@ -522,7 +522,8 @@ impl Pilot {
 
     /// Puts a frame into the slot of the newest one without decoding it: its readers validate it.
     fn frame(&mut self, jpeg: Bytes) {
-        let (at, mut seq) = (Instant::now(), 0);
+        let at = Instant::now();
+        let mut seq = 0;
         self.status.send_if_modified(|status| {
             seq = status.count_frame();
             false
@@ -703,7 +704,8 @@ impl Pilot {
 
     fn publish_safety(&self, event: &Event) {
         if let Event::Safety { action, reason } = event {
-            let (action, reason) = (*action, reason.clone());
+            let action = *action;
+            let reason = reason.clone();
             self.bus.publish(AgentEvent::Safety { action, reason });
         }
     }
@@ -715,7 +717,8 @@ impl Pilot {
             return;
         };
         if let (DockEnd::Done | DockEnd::Timeout, Some(by)) = (*end, self.sessions.name(by)) {
-            let (by, end) = (by.to_owned(), *end);
+            let by = by.to_owned();
+            let end = *end;
             self.bus.publish(AgentEvent::Undock { by, end });
         }
     }

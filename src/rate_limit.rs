@@ -104,7 +104,8 @@ mod tests {
     #[test]
     fn one_of_a_kind_is_reported_per_minute_and_the_others_are_counted() {
         let minute = Duration::from_secs(60);
-        let (mut repeats, mut now) = (Repeats::new(minute), Instant::now());
+        let mut repeats = Repeats::new(minute);
+        let mut now = Instant::now();
         assert_eq!(repeats.record(7, now), Some(0));
         for _ in 0..100_000 {
             assert_eq!(repeats.record(7, now), None);
@@ -116,22 +117,23 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn no_day_exceeds_its_budget(asks in proptest::collection::vec((0u64..90_000, 0u64..400), 1..300)) {
-            let start = Instant::now();
-            let (mut now, mut spent) = (start, Vec::new());
-            let mut budget = Budget::new(10_000);
-            for (pause, bytes) in asks {
-                now += Duration::from_secs(pause % 4000);
-                if budget.take(bytes, now) {
-                    spent.push((now, bytes));
+            #[test]
+            fn no_day_exceeds_its_budget(asks in proptest::collection::vec((0u64..90_000, 0u64..400), 1..300)) {
+                let start = Instant::now();
+                let mut now = start;
+    let mut spent = Vec::new();
+                let mut budget = Budget::new(10_000);
+                for (pause, bytes) in asks {
+                    now += Duration::from_secs(pause % 4000);
+                    if budget.take(bytes, now) {
+                        spent.push((now, bytes));
+                    }
+                }
+                for (from, _) in &spent {
+                    let within = spent.iter().filter(|(at, _)| at >= from && *at < *from + DAY);
+                    let sum: u64 = within.map(|(_, bytes)| bytes).sum();
+                    prop_assert!(sum <= 10_000, "{sum}");
                 }
             }
-            for (from, _) in &spent {
-                let within = spent.iter().filter(|(at, _)| at >= from && *at < *from + DAY);
-                let sum: u64 = within.map(|(_, bytes)| bytes).sum();
-                prop_assert!(sum <= 10_000, "{sum}");
-            }
         }
-    }
 }

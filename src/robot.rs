@@ -65,10 +65,8 @@ impl Setpoint {
 
     /// From percent of full power, each -100..=100; `None` outside of that range.
     pub fn from_percent(left: f64, right: f64) -> Option<Setpoint> {
-        let (left, right) = (
-            TrackPower::from_percent(left)?,
-            TrackPower::from_percent(right)?,
-        );
+        let left = TrackPower::from_percent(left)?;
+        let right = TrackPower::from_percent(right)?;
         Some(Setpoint { left, right })
     }
 

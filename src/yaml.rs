@@ -101,7 +101,9 @@ struct Scan {
 impl Scan {
     /// Scans a line; returns the column where the nesting is too deep.
     fn line(&mut self, line: &str) -> Option<usize> {
-        let (mut before, mut indicators, mut leading) = (' ', 0, true);
+        let mut before = ' ';
+        let mut indicators = 0;
+        let mut leading = true;
         let mut chars = (1..).zip(line.chars()).peekable();
         while let Some((column, c)) = chars.next() {
             match self.quote {

@@ -75,7 +75,8 @@ pub fn in_parallel<Job: Sync, Done: Send>(
     threads: usize,
     work: impl Fn(&Job) -> Done + Sync,
 ) -> Vec<Done> {
-    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    let next = AtomicUsize::new(0);
+    let done = Mutex::new(Vec::new());
     std::thread::scope(|scope| {
         for _ in 0..threads.min(jobs.len()) {
             scope.spawn(|| {

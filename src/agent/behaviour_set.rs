@@ -85,7 +85,8 @@ impl BehaviourSet {
             if !self.specs.iter().any(|known| known.name() == name) {
                 self.specs.push(BehaviourSpec::from_behaviour(&behaviour));
             }
-            let (by, stop) = (self.number(), Stop::new(None));
+            let by = self.number();
+            let stop = Stop::new(None);
             let restart_loop = self.restart_loop(by, &stop, behaviour);
             match restart_loop.prepare().await {
                 Err(exit) if !restart_loop.is_watched() => {
@@ -243,8 +244,10 @@ impl BehaviourSet {
         if self.active.len() >= MAX_BEHAVIOURS {
             return refuse(reply, RosterError::Full(MAX_BEHAVIOURS));
         }
-        let (by, stop) = (self.number(), Stop::new(None));
-        let (context, status) = (self.context(&stop), self.status.clone());
+        let by = self.number();
+        let stop = Stop::new(None);
+        let context = self.context(&stop);
+        let status = self.status.clone();
         self.loading
             .spawn(async move { (by, load(context, by, spec, status).await) });
         let mut one = ActiveBehaviour::new(by, name.to_owned(), stop, time_limit);

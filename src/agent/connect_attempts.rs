@@ -35,7 +35,9 @@ pub fn retry_until_connected(
     let connector = Arc::new(Mutex::new(connector));
     let mut first = true;
     Box::new(move |supervision| {
-        let (connector, options, attempts) = (connector.clone(), options.clone(), attempts.clone());
+        let connector = connector.clone();
+        let options = options.clone();
+        let attempts = attempts.clone();
         let is_first = std::mem::take(&mut first);
         Box::pin(async move {
             let mut connector = connector.lock().await;
@@ -56,7 +58,8 @@ async fn connect_with_retries(
     attempts: &ConnectAttempts,
 ) -> Result<Session, LinkError> {
     let mut backoff = Backoff::new(options);
-    let (mut rng, mut logged) = (StdRng::seed_from_u64(seed), String::new());
+    let mut rng = StdRng::seed_from_u64(seed);
+    let mut logged = String::new();
     loop {
         let error = match connector(supervision.clone()).await {
             Err(error) if !error.is_final() => error.to_string(),

@@ -151,7 +151,8 @@ impl PilotClient {
     /// # Errors
     /// See [`PilotClientError`].
     pub async fn say(&mut self, samples: &[u8]) -> Result<(), PilotClientError> {
-        let (stream, on) = (Stream::AudioOut, true);
+        let stream = Stream::AudioOut;
+        let on = true;
         self.send_intent(Intent::Stream { stream, on }).await?;
         for samples in samples.chunks(SPEECH) {
             self.send_intent(Intent::Say(samples.to_vec())).await?;

@@ -157,7 +157,8 @@ impl RunningSession {
 
     async fn start_behaviour(&mut self) -> Result<Supervisor, ReplError> {
         self.last = self.last.wrapping_add(1);
-        let (by, launch) = (BehaviourId(self.last), self.launch.clone());
+        let by = BehaviourId(self.last);
+        let launch = self.launch.clone();
         let prepared = Prepared::start(&self.launcher, &self.core, by, Priority(0), launch).await;
         let prepared = prepared.map_err(ReplError::Host)?;
         Ok(Supervisor::register(

@@ -156,7 +156,9 @@ impl RestartLoop {
             .with_viewers(viewers)
             .with_bus(bus);
         let mut life = pin!(supervisor.run(handle.clone(), &core));
-        let (mut loading, mut successor, mut stopping) = (None, None, false);
+        let mut loading = None;
+        let mut successor = None;
+        let mut stopping = false;
         let exit = loop {
             tokio::select! {
                 biased;
@@ -197,7 +199,8 @@ impl RestartLoop {
             }
             return self.wait_for_fix(None).await.map(Ok);
         };
-        let (behaviour, of) = (self.name(), self.limits());
+        let behaviour = self.name();
+        let of = self.limits();
         warn!(
             behaviour,
             "restarts in {:.1} s: restart {number} {of}",
@@ -231,7 +234,8 @@ impl RestartLoop {
 
     /// Gives the behaviour up, with an alarm and a log message for people.
     async fn give_up(&self, exit: &ScriptExit) {
-        let (behaviour, reason) = (self.name(), exit.reason);
+        let behaviour = self.name();
+        let reason = exit.reason;
         let message = exit.message.as_deref().unwrap_or(reason.sentence());
         let of = self.limits();
         error!(behaviour, %reason, "given up, no restart is left {of}: {message}");
@@ -323,7 +327,8 @@ impl RestartLoop {
 
     fn load(&self, source: Vec<u8>) -> Loading {
         let LaunchContext { launcher, core, .. } = self.context.clone();
-        let (by, priority) = (self.by, self.priority);
+        let by = self.by;
+        let priority = self.priority;
         let launch = Launch {
             source: source.clone(),
             ..self.launch.clone()
@@ -332,7 +337,8 @@ impl RestartLoop {
         Box::pin(async move {
             if checked {
                 // Checking a long text takes time and must not block this runtime.
-                let (text, inspector) = (launch.clone(), launcher.inspector());
+                let text = launch.clone();
+                let inspector = launcher.inspector();
                 let looked = spawn_blocking(move || check_text(&text, inspector)).await;
                 looked.unwrap_or(Ok(()))?;
             }

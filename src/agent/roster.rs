@@ -70,7 +70,10 @@ impl BehaviourSpec {
             restart,
             ..
         } = behaviour;
-        let (priority, launch, checked, restart) = (*priority, launch.clone(), *checked, *restart);
+        let priority = *priority;
+        let launch = launch.clone();
+        let checked = *checked;
+        let restart = *restart;
         BehaviourSpec::new(launch.options.name.clone(), priority, move || {
             Ok(Behaviour {
                 priority,
@@ -358,7 +361,8 @@ impl Roster {
             let words = format!("`{name}` must be {}", param.expected());
             return Err(RosterError::WrongParam(words));
         }
-        let (behaviour, name) = (behaviour.to_owned(), name.to_owned());
+        let behaviour = behaviour.to_owned();
+        let name = name.to_owned();
         self.viewers.params().change(ParamChange {
             behaviour,
             name,

@@ -129,7 +129,8 @@ impl PilotSetup {
             self.requests.1,
             shutdown.clone(),
         );
-        let (stopped, motion) = (stop.clone(), shutdown.stop_motion.clone());
+        let stopped = stop.clone();
+        let motion = shutdown.stop_motion.clone();
         let stop_motion = self.core.spawn(async move {
             stopped.cancelled().await;
             motion.cancel();

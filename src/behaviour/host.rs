@@ -138,7 +138,8 @@ pub(super) async fn serve(
             }
         }
         Err(failure) => {
-            let (reason, message) = (EndReason::Error, Some(failure.to_string()));
+            let reason = EndReason::Error;
+            let message = Some(failure.to_string());
             outbox
                 .send(&FromHost::Ended(ScriptExit { reason, message }))
                 .await
@@ -214,7 +215,8 @@ impl Host {
             if let Some(exit) = self.script.ended() {
                 break exit;
             }
-            let (ready, moving) = (self.script.is_ready(), self.script.has_motion());
+            let ready = self.script.is_ready();
+            let moving = self.script.has_motion();
             let writes_at = self.writes_at();
             if !ready {
                 self.script.collect_garbage_step();
@@ -322,7 +324,8 @@ impl Host {
         }
         if self.script.wants_frames() && !self.frame_asked {
             self.frame_asked = true;
-            let (partial, damaged) = (self.script.examines_frames(), self.damaged);
+            let partial = self.script.examines_frames();
+            let damaged = self.damaged;
             let want = FromHost::WantFrame { partial, damaged };
             self.outbox.feed(&want).await?;
         }
@@ -338,10 +341,8 @@ fn found(annotated: &AnnotatedFrame) -> FromHost {
         h: seen.blob.h,
         text: seen.text.clone(),
     };
-    let (frame, list) = (
-        annotated.frame.seq,
-        annotated.marks.iter().map(detection).collect(),
-    );
+    let frame = annotated.frame.seq;
+    let list = annotated.marks.iter().map(detection).collect();
     FromHost::Found { frame, list }
 }
 

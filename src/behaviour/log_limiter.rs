@@ -138,7 +138,8 @@ mod tests {
 
     #[test]
     fn a_flood_is_limited_per_second_and_reported_once_a_minute() {
-        let (mut log_limiter, mut now) = (LogLimiter::new(1 << 30), Instant::now());
+        let mut log_limiter = LogLimiter::new(1 << 30);
+        let mut now = Instant::now();
         let passed = std::iter::repeat_with(|| written(&mut log_limiter, now))
             .take(10_000)
             .filter(|written| *written)
@@ -159,7 +160,8 @@ mod tests {
 
     #[test]
     fn bytes_per_day_and_line_length_are_limited() {
-        let (mut log_limiter, mut now) = (LogLimiter::new(24 * 1000), Instant::now());
+        let mut log_limiter = LogLimiter::new(24 * 1000);
+        let mut now = Instant::now();
         let mut passed = 0;
         for _ in 0..3600 {
             now += WINDOW;

@@ -117,7 +117,8 @@ mod tests {
     #[tokio::test]
     async fn a_long_message_arrives_complete() {
         let (left, right) = tokio::io::duplex(100);
-        let (mut sender, mut receiver) = (Sender::new(left), Receiver::<ToHost>::new(right));
+        let mut sender = Sender::new(left);
+        let mut receiver = Receiver::<ToHost>::new(right);
         let jpeg = Bytes::from(vec![7; 60_000]);
         let at = Instant::now();
         let frame = ToHost::Frame(Frame { seq: 3, at, jpeg });

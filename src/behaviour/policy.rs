@@ -231,7 +231,8 @@ mod tests {
 
     /// Fails repeatedly after runs of this length; returns the pauses until the tracker gives up.
     fn pauses(restarts: &mut RestartTracker, run: Duration, most: usize) -> Vec<Duration> {
-        let (mut now, mut pauses) = (Instant::now(), Vec::new());
+        let mut now = Instant::now();
+        let mut pauses = Vec::new();
         while pauses.len() < most {
             now += run;
             match restarts.ended(EndReason::Error, now) {
@@ -335,37 +336,38 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn restarts_per_window_and_pauses_stay_within_their_limits(
-            seed: u64,
-            (first, longest) in (1u64..5_000, 1u64..20_000),
-            max_restarts in 0u32..8,
-            within in 1u64..100_000,
-            runs in prop::collection::vec(0u64..60_000, 1..200),
-        ) {
-            let ms = Duration::from_millis;
-            let restarts = Restarts {
-                first_pause: ms(first),
-                max_pause: ms(longest),
-                max_restarts,
-                within: ms(within),
-            };
-            let mut tracker = RestartTracker::new(RestartPolicy::OnFailure(restarts), seed);
-            let (mut now, mut started) = (Instant::now(), Vec::new());
-            for run in runs {
-                now += ms(run);
-                let RestartDecision::Again { pause, number } = tracker.ended(EndReason::Memory, now) else {
-                    continue;
+            #[test]
+            fn restarts_per_window_and_pauses_stay_within_their_limits(
+                seed: u64,
+                (first, longest) in (1u64..5_000, 1u64..20_000),
+                max_restarts in 0u32..8,
+                within in 1u64..100_000,
+                runs in prop::collection::vec(0u64..60_000, 1..200),
+            ) {
+                let ms = Duration::from_millis;
+                let restarts = Restarts {
+                    first_pause: ms(first),
+                    max_pause: ms(longest),
+                    max_restarts,
+                    within: ms(within),
                 };
-                prop_assert!(pause <= restarts.max_pause);
-                prop_assert!((1..=max_restarts).contains(&number));
-                now += pause;
-                started.push(now);
-            }
-            for window in started.windows(max_restarts as usize + 1) {
-                let span = window[max_restarts as usize] - window[0];
-                prop_assert!(span >= restarts.within, "{span:?}");
+                let mut tracker = RestartTracker::new(RestartPolicy::OnFailure(restarts), seed);
+                let mut now = Instant::now();
+    let mut started = Vec::new();
+                for run in runs {
+                    now += ms(run);
+                    let RestartDecision::Again { pause, number } = tracker.ended(EndReason::Memory, now) else {
+                        continue;
+                    };
+                    prop_assert!(pause <= restarts.max_pause);
+                    prop_assert!((1..=max_restarts).contains(&number));
+                    now += pause;
+                    started.push(now);
+                }
+                for window in started.windows(max_restarts as usize + 1) {
+                    let span = window[max_restarts as usize] - window[0];
+                    prop_assert!(span >= restarts.within, "{span:?}");
+                }
             }
         }
-    }
 }

@@ -149,7 +149,8 @@ fn serve_modules(
                 Some(left) => left,
                 None => return,
             };
-            let (source, wanted) = (library.clone(), name.clone());
+            let source = library.clone();
+            let wanted = name.clone();
             let refused = |error: &dyn std::fmt::Display| NoModule(error.to_string());
             let fetch = move || source.fetch(&wanted).map_err(|error| refused(&error));
             let file = if here {

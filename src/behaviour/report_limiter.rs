@@ -132,12 +132,14 @@ mod tests {
     }
 
     fn entry(kind: &str, json: &str) -> HostReport {
-        let (kind, json) = (kind.to_owned(), json.to_owned());
+        let kind = kind.to_owned();
+        let json = json.to_owned();
         HostReport::Entry { kind, json }
     }
 
     fn notice(picture: Option<&str>) -> HostReport {
-        let (text, picture) = ("hello".to_owned(), picture.map(str::to_owned));
+        let text = "hello".to_owned();
+        let picture = picture.map(str::to_owned);
         HostReport::Notify { text, picture }
     }
 
@@ -182,7 +184,8 @@ mod tests {
 
     #[test]
     fn a_flood_is_limited_to_the_daily_budget_and_reported_once_a_minute() {
-        let (mut limiter, now) = (limiter(), Instant::now());
+        let mut limiter = limiter();
+        let now = Instant::now();
         let admissions: Vec<_> = (0..1000)
             .map(|_| limiter.admit(notice(None), now))
             .collect();

@@ -147,7 +147,8 @@ impl Supervisor {
     /// Runs the behaviour to its end; the runtime `core` serves its messages. The pilot is informed
     /// as soon as it has ended.
     pub async fn run(self, handle: Handle, core: &Runtime) -> ScriptExit {
-        let (requests, by) = (self.requests.clone(), self.host.by);
+        let requests = self.requests.clone();
+        let by = self.host.by;
         let served = core.spawn(self.serve_to_the_end(handle.stop.subscribe()));
         let Ok((mut supervisor, exit)) = AbortOnDropHandle::new(served).await else {
             let _ = requests.send(Request::Gone(by)).await;
@@ -181,67 +182,70 @@ impl Supervisor {
 
     /// Serves the behaviour until it has ended; `None` if its host ended without a report.
     async fn serve(&mut self, stop: &mut watch::Receiver<Option<EndReason>>) -> Option<ScriptExit> {
-        let (mut last_moment, mut running) = (None, false);
+        let mut last_moment = None;
+        let mut running = false;
         let picture = self.inbox.picture();
         loop {
             tokio::select! {
-                biased;
-                message = self.inbox.next() => match message {
-                    PilotMessage::Event(event) => {
-                        let (answer, go) = (event.is_answer(), event.is_welcome() && !running);
-                        if !self.pass_on(ToHost::Event(event)) && answer {
-                            return Some(self.queue_full_exit());
+                            biased;
+                            message = self.inbox.next() => match message {
+                                PilotMessage::Event(event) => {
+                                    let answer = event.is_answer();
+            let go = event.is_welcome() && !running;
+                                    if !self.pass_on(ToHost::Event(event)) && answer {
+                                        return Some(self.queue_full_exit());
+                                    }
+                                    if go && self.pass_on(ToHost::Run) {
+                                        running = true;
+                                        self.liveness.iter_mut().for_each(Liveness::reset);
+                                    }
+                                }
+                                PilotMessage::Kill(reason) => return Some(self.killed_exit(reason)),
+                                PilotMessage::Closed => return Some(self.killed_exit(EndReason::Shutdown)),
+                            },
+                            Some(reason) = requested(stop), if last_moment.is_none() => {
+                                self.pass_on(ToHost::Stop(reason));
+                                running = running || self.pass_on(ToHost::Run);
+                                last_moment = Some((Instant::now() + STOP_TIME, reason));
+                            }
+                            () = until(last_moment.map(|(moment, _)| moment)) => {
+                                return last_moment.map(|(_, reason)| self.killed_exit(reason));
+                            }
+                            Ok(change) = self.param_changes.recv() => {
+                                if change.behaviour == self.host.name {
+                                    let name = change.name;
+            let value = change.value;
+                                    self.pass_on(ToHost::SetParam { name, value });
+                                }
+                            }
+                            command = repl_channel::next(&mut self.repl_channel) => {
+                                if !self.pass_on(command.into()) {
+                                    return Some(self.queue_full_exit());
+                                }
+                            }
+                            message = self.host.from_host.next() => match message {
+                                Ok(Some(FromHost::Ended(exit))) => return Some(exit),
+                                Ok(Some(message)) => {
+                                    if let Some(liveness) = &mut self.liveness
+                                        && running
+                                    {
+                                        liveness.reset();
+                                    }
+                                    self.handle_message(message).await;
+                                }
+                                Ok(None) => return None,
+                                Err(error) => {
+                                    debug!("the pipe to a host broke: {error}");
+                                    return None;
+                                }
+                            },
+                            () = picture.notified(), if self.frame_wanted => self.pass_picture(),
+                            () = until(self.liveness.as_ref().and_then(Liveness::deadline)) => {
+                                if self.liveness.as_mut().is_some_and(Liveness::is_over) {
+                                    return Some(self.unresponsive_exit());
+                                }
+                            }
                         }
-                        if go && self.pass_on(ToHost::Run) {
-                            running = true;
-                            self.liveness.iter_mut().for_each(Liveness::reset);
-                        }
-                    }
-                    PilotMessage::Kill(reason) => return Some(self.killed_exit(reason)),
-                    PilotMessage::Closed => return Some(self.killed_exit(EndReason::Shutdown)),
-                },
-                Some(reason) = requested(stop), if last_moment.is_none() => {
-                    self.pass_on(ToHost::Stop(reason));
-                    running = running || self.pass_on(ToHost::Run);
-                    last_moment = Some((Instant::now() + STOP_TIME, reason));
-                }
-                () = until(last_moment.map(|(moment, _)| moment)) => {
-                    return last_moment.map(|(_, reason)| self.killed_exit(reason));
-                }
-                Ok(change) = self.param_changes.recv() => {
-                    if change.behaviour == self.host.name {
-                        let (name, value) = (change.name, change.value);
-                        self.pass_on(ToHost::SetParam { name, value });
-                    }
-                }
-                command = repl_channel::next(&mut self.repl_channel) => {
-                    if !self.pass_on(command.into()) {
-                        return Some(self.queue_full_exit());
-                    }
-                }
-                message = self.host.from_host.next() => match message {
-                    Ok(Some(FromHost::Ended(exit))) => return Some(exit),
-                    Ok(Some(message)) => {
-                        if let Some(liveness) = &mut self.liveness
-                            && running
-                        {
-                            liveness.reset();
-                        }
-                        self.handle_message(message).await;
-                    }
-                    Ok(None) => return None,
-                    Err(error) => {
-                        debug!("the pipe to a host broke: {error}");
-                        return None;
-                    }
-                },
-                () = picture.notified(), if self.frame_wanted => self.pass_picture(),
-                () = until(self.liveness.as_ref().and_then(Liveness::deadline)) => {
-                    if self.liveness.as_mut().is_some_and(Liveness::is_over) {
-                        return Some(self.unresponsive_exit());
-                    }
-                }
-            }
         }
     }
 

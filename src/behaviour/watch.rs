@@ -78,7 +78,8 @@ impl ScriptWatcher {
                 () = reloads.closed() => return,
                 () = sleep(PERIOD) => {}
             }
-            let (file, modules) = (self.file.clone(), self.library.files());
+            let file = self.file.clone();
+            let modules = self.library.files();
             let poll = move || (file_state(&file), file_states(modules));
             let Ok((state, modules)) = spawn_blocking(poll).await else {
                 return;
@@ -198,7 +199,8 @@ mod tests {
 
     #[test]
     fn a_save_in_several_writes_counts_once() {
-        let (mut detector, now) = (SaveDetector::new(Some(1)), Instant::now());
+        let mut detector = SaveDetector::new(Some(1));
+        let now = Instant::now();
         assert!(!detector.is_complete(Some(1), now), "as it was");
         assert!(
             !detector.is_complete(Some(2), now + 250 * MS),
@@ -216,37 +218,40 @@ mod tests {
 
     #[test]
     fn a_file_that_appears_later_counts_as_a_save() {
-        let (mut detector, now) = (SaveDetector::new(None), Instant::now());
+        let mut detector = SaveDetector::new(None);
+        let now = Instant::now();
         assert!(!detector.is_complete(None, now));
         assert!(!detector.is_complete(Some(1), now));
         assert!(detector.is_complete(Some(1), now + SETTLED));
     }
 
     proptest! {
-        #[test]
-        fn only_new_and_settled_states_are_taken_and_always_the_last(
-            looks in prop::collection::vec((prop::option::of(0u8..4), 1u32..400), 0..100),
-            last in 0u8..4,
-        ) {
-            let (mut now, mut taken, mut since) = (Instant::now(), Some(0), None);
-            let mut detector = SaveDetector::new(taken);
-            let ends = [(Some(last), 1), (Some(last), 300), (Some(last), 300)];
-            for (state, pause) in looks.into_iter().chain(ends) {
-                now += pause * MS;
-                since = match since {
-                    Some((same, since)) if same == state => Some((same, since)),
-                    _ => Some((state, now)),
-                };
-                if detector.is_complete(state, now) {
-                    prop_assert!(state.is_some() && state != taken);
-                    prop_assert!(since.is_some_and(|(_, since)| now >= since + SETTLED));
-                    detector.accept(state);
-                    taken = state;
+            #[test]
+            fn only_new_and_settled_states_are_taken_and_always_the_last(
+                looks in prop::collection::vec((prop::option::of(0u8..4), 1u32..400), 0..100),
+                last in 0u8..4,
+            ) {
+                let mut now = Instant::now();
+    let mut taken = Some(0);
+    let mut since = None;
+                let mut detector = SaveDetector::new(taken);
+                let ends = [(Some(last), 1), (Some(last), 300), (Some(last), 300)];
+                for (state, pause) in looks.into_iter().chain(ends) {
+                    now += pause * MS;
+                    since = match since {
+                        Some((same, since)) if same == state => Some((same, since)),
+                        _ => Some((state, now)),
+                    };
+                    if detector.is_complete(state, now) {
+                        prop_assert!(state.is_some() && state != taken);
+                        prop_assert!(since.is_some_and(|(_, since)| now >= since + SETTLED));
+                        detector.accept(state);
+                        taken = state;
+                    }
                 }
+                prop_assert_eq!(taken, Some(last));
             }
-            prop_assert_eq!(taken, Some(last));
         }
-    }
 
     #[tokio::test]
     async fn a_file_is_read_after_a_save_and_after_a_rename() {

@@ -26,7 +26,8 @@ struct Explanation {
 /// source line. `None` if it is not in this file or needs no explanation.
 pub fn explain(text: &str, chunk: &str, source: &str) -> Option<String> {
     let diagnostic = explanation(text, chunk, source)?;
-    let (line, message) = (diagnostic.line, &diagnostic.message);
+    let line = diagnostic.line;
+    let message = &diagnostic.message;
     Some(format!(
         "{chunk}:{line}: {message}\n{}",
         diagnostic.excerpt()

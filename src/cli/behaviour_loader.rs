@@ -57,7 +57,9 @@ impl BehaviourLoader<'_> {
     /// A script that cannot be read, a name that is not valid, a parameter that the script does not
     /// declare.
     pub(super) fn load(&self, entries: &[Entry]) -> Result<LoadedBehaviours, Failure> {
-        let (mut names, mut watches, mut behaviours) = (Vec::new(), Vec::new(), Vec::new());
+        let mut names = Vec::new();
+        let mut watches = Vec::new();
+        let mut behaviours = Vec::new();
         for (entry, seed) in entries.iter().zip(self.seed..) {
             // Before the file is read, so that no save is missed.
             let watched = self.watch.then(|| ScriptWatcher::new(entry.file.clone()));
@@ -121,7 +123,8 @@ impl BehaviourLoader<'_> {
 
 /// The same behaviour with its file read again at each start.
 fn spec(behaviour: &Behaviour, file: PathBuf, checked: bool) -> BehaviourSpec {
-    let (priority, restart) = (behaviour.priority, behaviour.restart);
+    let priority = behaviour.priority;
+    let restart = behaviour.restart;
     let launch = behaviour.launch.clone();
     BehaviourSpec::new(launch.options.name.clone(), priority, move || {
         let path = file.clone();

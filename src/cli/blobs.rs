@@ -135,7 +135,8 @@ pub(super) fn run(args: &BlobsArgs, console: &Console) -> Result<Exit, Failure> 
 }
 
 fn limit_note(found: &Found) -> String {
-    let (number, file) = (found.blobs.len(), &found.file);
+    let number = found.blobs.len();
+    let file = &found.file;
     format!(
         "note: only the {number} largest blobs of {file} are shown; there may be more: --max-blobs \
          raises the limit, --min-pixels omits small ones"

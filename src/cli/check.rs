@@ -45,7 +45,8 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Failure> {
         let (source, options) = of_file(file, config, path)?;
         checker.behaviour(&source, &options)?;
     }
-    let (count, diagnostics) = (checker.count(), checker.diagnostics);
+    let count = checker.count();
+    let diagnostics = checker.diagnostics;
     let text = if args.json {
         format!(
             "{}\n",

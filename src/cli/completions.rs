@@ -45,7 +45,8 @@ pub(super) fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<
             behaviour.mut_subcommand(change, |change| change.mut_arg("name", placeholder))
         });
     }
-    let (name, mut text) = (command.get_name().to_owned(), Vec::new());
+    let name = command.get_name().to_owned();
+    let mut text = Vec::new();
     generate(args.shell, &mut command, name, &mut text);
     let text = String::from_utf8_lossy(&text);
     print(&match args.shell {
@@ -79,7 +80,8 @@ fn fish_arguments(command: &clap::Command, path: &[&str]) -> String {
             let second = rest
                 .iter()
                 .map(|name| format!("; and __fish_seen_subcommand_from {name}"));
-            let (second, words) = (second.collect::<String>(), words.join(" "));
+            let second = second.collect::<String>();
+            let words = words.join(" ");
             lines += &format!(
                 "complete -c spykee -n \"__fish_spykee_using_subcommand {first}{second}\" -f -a \"{words}\"\n"
             );

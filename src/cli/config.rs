@@ -78,7 +78,8 @@ fn check(file: &Path) -> Result<Exit, Failure> {
     let config = Config::load(file).map_err(|error| Failure::new(Exit::Check, error))?;
     let missing = config.behaviours.iter().find(|entry| !entry.file.is_file());
     if let Some(entry) = missing {
-        let (file, script) = (file.display(), entry.file.display());
+        let file = file.display();
+        let script = entry.file.display();
         let what = format_args!("{file}: there is no behaviour {script}");
         return Err(
             Failure::new(Exit::Check, what).help("paths are relative to the config's folder")

@@ -107,7 +107,8 @@ impl Fast {
         began: Instant,
         console: &Console,
     ) -> Result<Run, Failure> {
-        let (mut signals, stop) = (TerminatingSignals::except(&[])?, self.options.stop.clone());
+        let mut signals = TerminatingSignals::except(&[])?;
+        let stop = self.options.stop.clone();
         exit_when_stuck(console);
         let last = console.clone();
         let (opened, view) = oneshot::channel();
@@ -156,13 +157,14 @@ impl Fast {
         opened: oneshot::Sender<SimulationView>,
         console: &Console,
     ) -> std::io::Result<Result<Run, Failure>> {
-        let (behaviours, limit, trace) = (self.behaviours, self.limit, self.trace);
-        let (page, sim_clock, streams) = (
-            self.page,
-            self.options.sim_clock.clone(),
-            self.options.streams,
-        );
-        let (journal, bus) = (self.journal, self.options.bus.clone());
+        let behaviours = self.behaviours;
+        let limit = self.limit;
+        let trace = self.trace;
+        let page = self.page;
+        let sim_clock = self.options.sim_clock.clone();
+        let streams = self.options.streams;
+        let journal = self.journal;
+        let bus = self.options.bus.clone();
         simulation::run(self.world, self.options, async |simulation: &Simulation| {
             let journal = journal.map(|journal| journal.start(&bus));
             let run = simulation.start(behaviours, limit);

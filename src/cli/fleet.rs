@@ -210,7 +210,8 @@ fn choose(fleet: &Fleet, named: &[String]) -> Result<Chosen, Failure> {
         let failure = Failure::usage(format_args!("no robot {unknown} at this broker"));
         return Err(failure.help("`spykee fleet list` lists the robots"));
     }
-    let (mut chosen, mut absent) = (Vec::new(), Vec::new());
+    let mut chosen = Vec::new();
+    let mut absent = Vec::new();
     for found in fleet.found() {
         let wanted = names.contains(found.robot.as_str());
         match found.presence {

@@ -107,7 +107,8 @@ const DEFAULT_LIMIT: u32 = 1000;
 pub(super) fn run(args: &HistoryArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let data = config.data_folder();
-    let (zone, now) = (config.zone().time_zone().clone(), Timestamp::now());
+    let zone = config.zone().time_zone().clone();
+    let now = Timestamp::now();
     let resolve = |moment: &Option<moment::Moment>| {
         let moment = moment.as_ref().map(|moment| moment.resolve(now, &zone));
         moment.transpose().map_err(Failure::usage)

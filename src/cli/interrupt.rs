@@ -188,7 +188,8 @@ impl Terminal {
     /// Sets these settings repeatedly until they are stable: an editor that was suspended by a key
     /// may set its own once more meanwhile. Returns the settings that it replaced, if any.
     pub(super) fn enforce(&self) -> Option<Terminal> {
-        let (mut others, mut unchanged) = (None, 0);
+        let mut others = None;
+        let mut unchanged = 0;
         for _ in 0..MAX_CHECKS {
             let now = Terminal::current();
             if now == *self {

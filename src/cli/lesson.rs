@@ -134,7 +134,9 @@ fn start(args: &StartArgs) -> Result<Exit, Failure> {
     for (name, text) in [("README.md", lesson.readme), (&file, lesson.starter)] {
         fs::write(folder.join(name), text).map_err(cannot)?;
     }
-    let (number, title, world) = (lesson.number, lesson.title(), lesson.world);
+    let number = lesson.number;
+    let title = lesson.title();
+    let world = lesson.world;
     print(&format!(
         "Lesson {number}, {title}, is in {shown}: read README.md, then edit {file}.\n\n\
          next:\n  cd {shown}\n  spykee run {file} --sim {world} --trace run.png\n  spykee lesson check {file}\n"

@@ -255,7 +255,8 @@ pub fn run_for_test(args: &[&str]) -> TestOutput {
     let cli = match Cli::try_parse_from(std::iter::once("spykee").chain(args.iter().copied())) {
         Ok(cli) => cli,
         Err(error) => {
-            let (exit, text) = (exit_of(&error), error.render().to_string());
+            let exit = exit_of(&error);
+            let text = error.render().to_string();
             let (out, err) = match exit {
                 Exit::Usage => (String::new(), text),
                 _ => (text, String::new()),

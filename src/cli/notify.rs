@@ -82,7 +82,8 @@ pub(super) fn run(args: &NotifyArgs) -> Result<Exit, Failure> {
         at: Timestamp::now().as_millisecond(),
         picture: picture.as_deref().map(absolute).transpose()?,
     };
-    let (mut exit, never) = (Exit::Done, CancellationToken::new());
+    let mut exit = Exit::Done;
+    let never = CancellationToken::new();
     for (name, target) in chosen {
         let token = tokens.get(name).map_or("", String::as_str);
         let outcome = match deliver(target, token, &publisher, &notice, &never) {

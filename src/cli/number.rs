@@ -57,7 +57,8 @@ mod tests {
     fn no_option_names_its_range_as_rust_does() {
         let mut found = Vec::new();
         attempts(&["spykee".to_owned()], &command(), &mut found);
-        let (mut refused, wanted) = (0, "expected a whole number from ");
+        let mut refused = 0;
+        let wanted = "expected a whole number from ";
         for words in found {
             if let Err(error) = command().try_get_matches_from(&words) {
                 let error = error.to_string();

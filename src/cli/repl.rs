@@ -110,10 +110,8 @@ async fn run_session(
     let (to_editor, editor_commands) = mpsc::channel(MAX_EDITOR_COMMANDS);
     let stop = CancellationToken::new();
     let interactive = std::io::stdin().is_terminal();
-    let (core, requests) = (
-        repl_session.setup.core().clone(),
-        repl_session.setup.requests(),
-    );
+    let core = repl_session.setup.core().clone();
+    let requests = repl_session.setup.requests();
     let mut interruption = if interactive {
         handle_prompt_signals(&core, requests, stop.clone(), terminal.clone())?;
         Some(listen(libc::SIGINT)?)
@@ -137,7 +135,8 @@ async fn run_session(
         .spawn(move || editor::serve(&typed_sender, editor_commands, &console))
         .map_err(|error| Failure::io("start the prompt", error))?;
     let mut session = std::pin::pin!(repl_session.run(inbox, message_sender, stop.clone()));
-    let (mut typed, mut messages) = (typed, messages);
+    let mut typed = typed;
+    let mut messages = messages;
     loop {
         tokio::select! {
             biased;

@@ -52,7 +52,9 @@ pub(super) fn resolve_or_simulate_with(
 
 pub(super) fn connector(target: Target, login: Login, options: link::Options) -> Connector {
     Box::new(move |supervision| {
-        let (target, login, options) = (target.clone(), login.clone(), options.clone());
+        let target = target.clone();
+        let login = login.clone();
+        let options = options.clone();
         Box::pin(async move { link::connect(&target, &login, supervision, &options).await })
     })
 }

@@ -176,7 +176,8 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     let emergency_stop = emergency_stop(&config, sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
     let names = names(&behaviours);
-    let (link, attempts) = (config.link.clone(), ConnectAttempts::default());
+    let link = config.link.clone();
+    let attempts = ConnectAttempts::default();
     let connector = if args.wait {
         let connector = connector(target.clone(), login, link.clone());
         retry_until_connected(connector, link, seed, attempts.clone())

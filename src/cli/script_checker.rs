@@ -74,7 +74,8 @@ impl ScriptChecker {
     }
 
     fn file(&mut self, file: &File) -> Result<(Vec<Diagnostic>, Vec<Required>), Failure> {
-        let (source, chunk) = (file.source.as_slice(), file.options.chunk.as_str());
+        let source = file.source.as_slice();
+        let chunk = file.options.chunk.as_str();
         let inspected = self.inspector.inspect(source, &file.options, &file.folder);
         let Inspected {
             diagnostics: mut found,

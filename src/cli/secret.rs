@@ -171,7 +171,8 @@ fn from_found_file(path: &Path, config: &Path) -> Result<String, Failure> {
         path.canonicalize()
             .map_err(|error| unreadable(path, &error))
     };
-    let (folder, file) = (whole(folder)?, whole(path)?);
+    let folder = whole(folder)?;
+    let file = whole(path)?;
     let help = format!(
         "name the config, --config {}, if you trust it",
         config.display()

@@ -121,8 +121,10 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let server = ControlServer::open(config.data_folder());
     let emergency_stop = startup::emergency_stop(&config, simulated);
     let record = RecordFile::open(config.data_folder());
-    let (core, bus) = (driving_core()?, Bus::default());
-    let (attempts, beats) = (ConnectAttempts::default(), Arc::new(Notify::new()));
+    let core = driving_core()?;
+    let bus = Bus::default();
+    let attempts = ConnectAttempts::default();
+    let beats = Arc::new(Notify::new());
     let plan = Plan {
         behaviours: Vec::new(),
         specs: loaded.service_plan.specs.clone(),

@@ -68,7 +68,8 @@ fn load_faults(path: &Path) -> Result<Vec<Fault>, Failure> {
 
 async fn serve(world: World, options: Options, console: &Console) -> Result<Exit, Failure> {
     let listen = options.listen;
-    let (uid, user) = (options.uid.clone(), options.login.user.clone());
+    let uid = options.uid.clone();
+    let user = options.login.user.clone();
     let interrupted = interruption()?;
     let server = Server::bind(world, options).await.map_err(|error| {
         Failure::io(format_args!("listen on {listen}"), error)

@@ -64,7 +64,9 @@ impl FromStr for Span {
         if let Ok(seconds) = trimmed.parse::<f64>() {
             return Span::of_seconds(seconds).ok_or_else(wrong);
         }
-        let (mut total, mut digits, mut units) = (0u64, String::new(), UNITS.as_slice());
+        let mut total = 0u64;
+        let mut digits = String::new();
+        let mut units = UNITS.as_slice();
         for c in trimmed.chars() {
             if c.is_ascii_digit() {
                 digits.push(c);

@@ -63,7 +63,8 @@ impl Entry {
     /// The values that it gives to its script's parameters; `origin` names the config in messages.
     pub fn given(&self, origin: &str) -> BTreeMap<String, GivenParam> {
         let given = |(name, value): (&String, &ParamValue)| {
-            let (value, origin) = (value.clone(), ParamOrigin::Config(origin.to_owned()));
+            let value = value.clone();
+            let origin = ParamOrigin::Config(origin.to_owned());
             (name.clone(), GivenParam { value, origin })
         };
         self.params.iter().map(given).collect()

@@ -39,7 +39,8 @@ pub async fn runs(data: &Path) -> (Vec<Client>, usize) {
     let Ok(folder) = Folder::open(data) else {
         return (vec![], 0);
     };
-    let (mut clients, mut silent) = (Vec::new(), 0);
+    let mut clients = Vec::new();
+    let mut silent = 0;
     for stream in folder.connect_all() {
         match ask(stream, &RunRequest::Overview, OVERVIEW_TIMEOUT).await {
             Ok(RunResponse::Overview(overview)) => clients.push(Client {

@@ -179,7 +179,8 @@ impl StopFile {
     }
 
     fn write(&self) {
-        let (wanted, kept) = (*self.wanted.borrow(), *self.kept.borrow());
+        let wanted = *self.wanted.borrow();
+        let kept = *self.kept.borrow();
         if kept == Some(wanted) && (!wanted || EmergencyStop::is_kept(&self.data)) {
             return;
         }
@@ -191,7 +192,8 @@ impl StopFile {
         self.kept.send_replace(written.is_ok().then_some(wanted));
         if let (Err(error), Some(_)) = (written, kept) {
             let path = self.data.join(NAME);
-            let (path, what) = (path.display(), if wanted { "write" } else { "remove" });
+            let path = path.display();
+            let what = if wanted { "write" } else { "remove" };
             let until = if wanted {
                 "STOP holds, but only until this program ends"
             } else {

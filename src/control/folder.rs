@@ -33,7 +33,8 @@ impl Folder {
     /// # Errors
     /// Any error of the system; if the folder belongs to another user.
     pub(super) fn make(data: &Path) -> io::Result<Folder> {
-        let (path, new) = (data.join(NAME), !data.exists());
+        let path = data.join(NAME);
+        let new = !data.exists();
         DirBuilder::new()
             .recursive(true)
             .mode(PRIVATE)

@@ -68,7 +68,8 @@ mod tests {
     #[tokio::test]
     async fn messages_arrive_and_garbage_is_an_error() {
         let (near, far) = UnixStream::pair().unwrap();
-        let (mut near, mut far) = (Pipe::new(near), Pipe::new(far));
+        let mut near = Pipe::new(near);
+        let mut far = Pipe::new(far);
         near.send(&RunRequest::Overview).await.unwrap();
         assert_eq!(far.receive().await.unwrap(), Some(RunRequest::Overview));
         for garbage in [&[0xff; 40][..], &[], &[2], &[1, 0]] {

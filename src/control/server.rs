@@ -349,7 +349,8 @@ impl Run {
             Some(running) => running,
             None => return RunResponse::Refused("the run is ending".to_owned()),
         };
-        let (status, view) = (*self.status.borrow(), self.view.borrow().clone());
+        let status = *self.status.borrow();
+        let view = self.view.borrow().clone();
         RunResponse::Overview(Box::new(Overview {
             pid: std::process::id(),
             target: self.target.clone(),

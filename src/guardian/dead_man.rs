@@ -126,7 +126,8 @@ mod tests {
     }
 
     fn guarding(words: LastWordsData) -> (DeadMan, Instant) {
-        let (mut dead_man, now) = (DeadMan::default(), Instant::now());
+        let mut dead_man = DeadMan::default();
+        let now = Instant::now();
         dead_man.handle(GuardianMessage::Watch(words), now);
         (dead_man, now)
     }
@@ -178,7 +179,8 @@ mod tests {
 
     #[test]
     fn during_a_login_nothing_is_sent_before_the_robot_obeys() {
-        let (mut dead_man, now) = (DeadMan::default(), Instant::now());
+        let mut dead_man = DeadMan::default();
+        let now = Instant::now();
         dead_man.handle(GuardianMessage::Login(words(b"", b"stop")), now);
         assert!(dead_man.is_login());
         let due = now + HEARTBEAT_TIMEOUT;

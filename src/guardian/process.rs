@@ -47,7 +47,8 @@ pub fn guardian_main() -> ExitCode {
     // In its own session no terminal signals reach it. Fails only for the leader of a process
     // group.
     let _ = rustix::process::setsid();
-    let (mut dead_man, mut robot) = (DeadMan::default(), None);
+    let mut dead_man = DeadMan::default();
+    let mut robot = None;
     let served = outlive_signals()
         .and_then(|_outlived| serve(&rustix::stdio::stdin(), &mut dead_man, &mut robot));
     if let Some(robot) = &robot
@@ -152,7 +153,8 @@ fn write_pending(robot: &OwnedFd, pending: &PendingWrite) {
 /// whether it accepted either all of them at once, or none.
 fn write(robot: &OwnedFd, bytes: &[u8]) -> bool {
     let until = Instant::now() + WRITE_LIMIT;
-    let (mut left, mut in_one_piece) = (bytes, true);
+    let mut left = bytes;
+    let mut in_one_piece = true;
     while !left.is_empty() && Instant::now() < until {
         match rustix::io::write(robot, left) {
             Ok(count) => {

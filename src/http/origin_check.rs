@@ -167,7 +167,8 @@ mod tests {
         ] {
             assert_eq!(ask(bad), Err(Reason::Origin), "{bad}");
         }
-        let (host, origin) = (Some(here), None);
+        let host = Some(here);
+        let origin = None;
         let from = |site, changes_state| {
             names(here).validate(OriginHeaders {
                 host,

@@ -114,7 +114,8 @@ impl Database {
             insert(&transaction, session, row)?;
         }
         if lost > 0 {
-            let (at, content) = (now.as_millisecond(), Content::of_lost(lost));
+            let at = now.as_millisecond();
+            let content = Content::of_lost(lost);
             let robot = rows.last().and_then(|row| row.robot.clone());
             insert(&transaction, session, &Row { at, robot, content })?;
         }
@@ -258,7 +259,8 @@ mod tests {
 
     #[test]
     fn links_are_not_followed() {
-        let (data, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let data = tempfile::tempdir().unwrap();
+        let elsewhere = tempfile::tempdir().unwrap();
         symlink(elsewhere.path(), folder(data.path())).unwrap();
         let error = Database::open(data.path(), Options::default(), &about(), now()).unwrap_err();
         assert!(error.to_string().contains("symbolic link"), "{error}");

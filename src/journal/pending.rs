@@ -128,7 +128,8 @@ mod tests {
 
     #[test]
     fn the_battery_is_recorded_at_each_change_and_each_minute_while_the_link_is_up() {
-        let (mut pending, mut now) = (Pending::default(), Instant::now());
+        let mut pending = Pending::default();
+        let mut now = Instant::now();
         pending.add_event(&battery(70), 0, now);
         pending.add_event(&battery(69), 1, now);
         assert_eq!(pending.rows().0.len(), 2);
@@ -144,7 +145,8 @@ mod tests {
 
     #[test]
     fn rows_name_the_connected_robot() {
-        let (mut pending, now) = (Pending::default(), Instant::now());
+        let mut pending = Pending::default();
+        let now = Instant::now();
         let robot = RobotInfo {
             uid: "SPYKEE7".to_owned(),
             name: String::new(),
@@ -161,7 +163,8 @@ mod tests {
 
     #[test]
     fn a_flood_is_limited_and_every_lost_event_is_counted() {
-        let (mut pending, mut now) = (Pending::default(), Instant::now());
+        let mut pending = Pending::default();
+        let mut now = Instant::now();
         for _ in 0..10_000 {
             pending.add_event(&down(), 0, now);
         }
@@ -176,7 +179,8 @@ mod tests {
 
     #[test]
     fn rows_that_cannot_be_written_wait_and_then_are_counted() {
-        let (mut pending, mut now) = (Pending::default(), Instant::now());
+        let mut pending = Pending::default();
+        let mut now = Instant::now();
         for minute in 0..10_u64 {
             for _ in 0..500 {
                 pending.add_event(&down(), minute as i64, now);

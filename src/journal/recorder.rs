@@ -48,7 +48,8 @@ impl Journal {
     ) -> Result<Journal, JournalError> {
         let stop = CancellationToken::new();
         let (alive, ended) = mpsc::sync_channel::<()>(1);
-        let (listener, stopped) = (bus.subscribe(), stop.clone());
+        let listener = bus.subscribe();
+        let stopped = stop.clone();
         let runtime = Builder::new_current_thread().enable_time().build();
         let runtime = runtime.map_err(JournalError::Thread)?;
         let recorder = Recorder::new(data, options, about, clock);
@@ -116,7 +117,8 @@ impl Recorder {
     pub(super) async fn run(mut self, mut listener: Listener, stop: CancellationToken) {
         let mut next_cleanup = Instant::now();
         loop {
-            let (due, samples) = (self.pending.due(), self.pending.samples_at());
+            let due = self.pending.due();
+            let samples = self.pending.samples_at();
             tokio::select! {
                 biased;
                 () = stop.cancelled() => break,
@@ -172,7 +174,8 @@ impl Recorder {
                 }
                 self.pending.failed(now);
                 let (rows, lost) = self.pending.rows();
-                let (waiting, report) = (rows.len(), self.reports.record((), now));
+                let waiting = rows.len();
+                let report = self.reports.record((), now);
                 if report.is_some() {
                     warn!(waiting, lost, "the journal cannot be written: {error}");
                 }

@@ -76,7 +76,8 @@ mod seconds {
         type Value = Duration;
 
         fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-            let (min, max) = (MIN_MS as f64 / 1000.0, MAX_MS as f64 / 1000.0);
+            let min = MIN_MS as f64 / 1000.0;
+            let max = MAX_MS as f64 / 1000.0;
             write!(f, "a number of seconds from {min} to {max}")
         }
 

@@ -91,7 +91,8 @@ impl SendQueue {
     }
 
     fn append(&mut self, command: &Command, since: Instant) {
-        let (bytes, kind) = (command.to_bytes(), CommandKind::from_command(command));
+        let bytes = command.to_bytes();
+        let kind = CommandKind::from_command(command);
         self.waiting += bytes.len();
         self.commands.push_back(Message { bytes, kind, since });
     }

@@ -120,7 +120,8 @@ async fn live(
 }
 
 async fn status(State(broadcast): Shared, _: Visitor) -> Json<state::State> {
-    let (robot, now) = (broadcast.robot(), broadcast.now());
+    let robot = broadcast.robot();
+    let now = broadcast.now();
     let mut rate = Rate::new(now);
     Json(state::state(
         &broadcast.run,

@@ -26,7 +26,8 @@ impl BatteryHistory {
     /// Records a level if it has changed or the last record is old. Returns whether it was
     /// recorded.
     pub(super) fn record(&mut self, battery: Battery, at: Instant) -> bool {
-        let (percent, charging) = (battery.percent.get(), battery.charging);
+        let percent = battery.percent.get();
+        let charging = battery.charging;
         let same = |last: &Point| (last.percent, last.charging) == (percent, charging);
         let fresh = |last: &Point| at.saturating_duration_since(last.at) < EVERY;
         if self.0.back().is_some_and(|last| same(last) && fresh(last)) {
@@ -72,7 +73,8 @@ mod tests {
 
     #[test]
     fn a_month_fits_and_includes_the_newest_and_the_oldest() {
-        let (mut history, start) = (BatteryHistory::default(), Instant::now());
+        let mut history = BatteryHistory::default();
+        let start = Instant::now();
         for hour in 0..24 * 30 {
             let at = start + Duration::from_secs(3600) * hour;
             assert!(history.record(battery((hour % 100) as u8), at));

@@ -247,7 +247,8 @@ impl Broadcast {
     }
 
     async fn publish_behaviours(&self) {
-        let (mut statuses, mut params) = (self.run.roster.statuses(), self.run.roster.params());
+        let mut statuses = self.run.roster.statuses();
+        let mut params = self.run.roster.params();
         let mut ticker = interval(BEHAVIOURS);
         ticker.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
@@ -268,9 +269,11 @@ impl Broadcast {
 
     /// Returns the current state of all behaviours.
     pub(super) fn list(&self) -> Vec<Behaviour> {
-        let (statuses, params) = (self.run.roster.statuses(), self.run.roster.params());
-        let (definition, statuses, params) =
-            (self.definition.borrow(), statuses.borrow(), params.borrow());
+        let statuses = self.run.roster.statuses();
+        let params = self.run.roster.params();
+        let definition = self.definition.borrow();
+        let statuses = statuses.borrow();
+        let params = params.borrow();
         scripts::behaviours(&definition.scripts, &statuses, &params, self.now())
     }
 

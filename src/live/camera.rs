@@ -70,7 +70,8 @@ impl Camera {
     }
 
     async fn pass_on(&self, run: &Run) {
-        let (mut pictures, mut last) = (run.pictures.clone(), 0);
+        let mut pictures = run.pictures.clone();
+        let mut last = 0;
         while pictures.changed().await.is_ok() {
             sleep(AFTER_BEHAVIOURS).await;
             let newest = pictures.borrow_and_update().newest.clone();
@@ -102,7 +103,8 @@ impl Camera {
 
 async fn watch_on(run: &Run, viewers: &mut watch::Receiver<usize>) -> Result<(), PilotClientError> {
     let mut client = run.pilot_client("the page").await?;
-    let (stream, on) = (Stream::Video, true);
+    let stream = Stream::Video;
+    let on = true;
     client.send_intent(Intent::Stream { stream, on }).await?;
     let gone = async {
         loop {

@@ -261,14 +261,13 @@ impl Writer {
         send(sink, Message::Text(hello)).await?;
         send(sink, Message::Text(self.battery())).await?;
         let broadcast = self.broadcast.clone();
-        let (mut state, mut behaviours) = (
-            broadcast.state.subscribe(),
-            broadcast.behaviours.subscribe(),
-        );
+        let mut state = broadcast.state.subscribe();
+        let mut behaviours = broadcast.behaviours.subscribe();
         state.mark_changed();
         behaviours.mark_changed();
-        let (mut frames, mut camera, mut feeds) =
-            (broadcast.camera.frames(), None, Feeds::default());
+        let mut frames = broadcast.camera.frames();
+        let mut camera = None;
+        let mut feeds = Feeds::default();
         let mut ping = interval(PING);
         ping.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
@@ -389,7 +388,8 @@ async fn lines(log: &mut Option<broadcast::Receiver<Line>>) -> Utf8Bytes {
     let Some(news) = log else {
         return std::future::pending().await;
     };
-    let (mut lines, mut missed) = (Vec::new(), 0);
+    let mut lines = Vec::new();
+    let mut missed = 0;
     match news.recv().await {
         Ok(line) => lines.push(line),
         Err(broadcast::error::RecvError::Lagged(count)) => missed += count,

@@ -167,7 +167,9 @@ impl LogBuffer {
             let missed = DROPPED.swap(0, Ordering::Relaxed);
             if missed > 0 {
                 let text = format!("{missed} lines were dropped: they came too fast for the page");
-                let (level, behaviour, line) = ("warn", None, None);
+                let level = "warn";
+                let behaviour = None;
+                let line = None;
                 self.write(Line {
                     at: now(),
                     level,
@@ -203,7 +205,9 @@ mod tests {
     use super::*;
 
     fn line(text: &str) -> Line {
-        let (level, behaviour, line) = ("info", None, None);
+        let level = "info";
+        let behaviour = None;
+        let line = None;
         Line {
             at: 0,
             level,

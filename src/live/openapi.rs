@@ -317,7 +317,8 @@ fn calls(generator: &mut SchemaGenerator) -> Vec<Call> {
     ];
     for (path, about, body) in bodies {
         let gives = Gives::Json(shape_of::<Outcome>(generator));
-        let (role, takes) = (Some("driver"), Some(Body::Json(body)));
+        let role = Some("driver");
+        let takes = Some(Body::Json(body));
         calls.push(Call {
             path,
             about,

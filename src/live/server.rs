@@ -71,7 +71,8 @@ impl Live {
     /// # Errors
     /// See [`LiveError`].
     pub fn start(context: WebContext, options: &Options) -> Result<Live, LiveError> {
-        let (options, stop) = (options.clone(), CancellationToken::new());
+        let options = options.clone();
+        let stop = CancellationToken::new();
         let (started, starting) = mpsc::sync_channel(1);
         let stopped = stop.clone();
         let thread = std::thread::Builder::new()

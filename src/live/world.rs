@@ -181,7 +181,8 @@ pub(super) fn world_plan(sim: &Handle) -> WorldPlan {
         radius,
     };
     let walls = world.walls.iter().map(|wall| {
-        let (from, to) = (wall.from.point(), wall.to.point());
+        let from = wall.from.point();
+        let to = wall.to.point();
         let middle = Point::new((from.x + to.x) / 2.0, (from.y + to.y) / 2.0);
         let length = from.distance(to) + wall.thickness;
         rectangle(middle, length, wall.thickness, from.direction_of(to))

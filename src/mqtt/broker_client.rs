@@ -230,7 +230,8 @@ impl BrokerClient {
         let (Phase::Up(connection, _), Some(robot)) = (&self.phase, &self.robot) else {
             return Ok(());
         };
-        let (topics, published) = (&self.topics, &mut self.published);
+        let topics = &self.topics;
+        let published = &mut self.published;
         if !published.subscribed {
             for topic in [topics.command(), topics.behaviour(), topics.birth()] {
                 connection.subscribe(&topic)?;

@@ -89,7 +89,8 @@ impl BrokerCommand {
 
     /// Formats the command as JSON, with an id.
     pub fn to_json(&self, id: &str) -> String {
-        let (command, id) = (self.to_string(), Some(id.to_owned()));
+        let command = self.to_string();
+        let id = Some(id.to_owned());
         // Serialising a struct of strings cannot fail.
         serde_json::to_string(&JsonCommand { command, id }).unwrap_or_default()
     }

@@ -36,7 +36,8 @@ pub(super) struct CommandTasks {
 
 impl CommandTasks {
     pub(super) fn new(run: Run) -> CommandTasks {
-        let (tasks, drive) = (JoinSet::new(), None);
+        let tasks = JoinSet::new();
+        let drive = None;
         CommandTasks { run, tasks, drive }
     }
 

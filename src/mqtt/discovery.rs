@@ -47,7 +47,8 @@ pub(super) fn discovery(topics: &Topics, robot: &RobotInfo, behaviours: &[String
 }
 
 fn components(topics: &Topics, behaviours: &[String]) -> Value {
-    let (state, command) = (topics.state(), topics.command());
+    let state = topics.state();
+    let command = topics.command();
     let sensor = |class: &str, template: &str| {
         json!({
             "device_class": class,

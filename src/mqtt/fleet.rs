@@ -80,7 +80,8 @@ impl Fleet {
 
     async fn collect(&mut self) -> Result<(), String> {
         let mut until = Instant::now() + OPENING;
-        let (mut missing, mut latest) = (3, None);
+        let mut missing = 3;
+        let mut latest = None;
         loop {
             match timeout_at(until, self.connection.next()).await {
                 Ok(ConnectionEvent::Up) => {
@@ -164,7 +165,8 @@ impl Fleet {
         limit: Duration,
     ) -> Result<BTreeMap<String, CommandResult>, String> {
         let until = Instant::now() + limit;
-        let (mut answers, mut waiting) = (BTreeMap::new(), robots.iter());
+        let mut answers = BTreeMap::new();
+        let mut waiting = robots.iter();
         let mut next = waiting.next();
         while answers.len() < robots.len() && Instant::now() < until {
             // If the queue is full, the remaining commands follow when it has room.

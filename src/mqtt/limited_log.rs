@@ -57,7 +57,8 @@ mod tests {
 
     #[test]
     fn a_flood_is_limited_and_counted_and_later_lines_are_written() {
-        let (mut log, mut now) = (LimitedLog::new(), Instant::now());
+        let mut log = LimitedLog::new();
+        let mut now = Instant::now();
         let line = "x".repeat(100);
         let written = std::iter::repeat_with(|| log.take(&line, now))
             .take(10_000)

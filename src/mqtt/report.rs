@@ -182,7 +182,8 @@ mod tests {
     }
 
     fn behaviour_status(name: &str, runs: bool) -> BehaviourStatus {
-        let (by, since) = (BehaviourId(0), Instant::now());
+        let by = BehaviourId(0);
+        let since = Instant::now();
         BehaviourStatus {
             name: name.to_owned(),
             priority: Priority(0),

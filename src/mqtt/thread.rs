@@ -42,7 +42,8 @@ impl Mqtt {
         let stop = CancellationToken::new();
         let (alive, ended) = mpsc::sync_channel::<()>(1);
         let runtime = Builder::new_current_thread().enable_all().build()?;
-        let (listener, stopped) = (bus.subscribe(), stop.clone());
+        let listener = bus.subscribe();
+        let stopped = stop.clone();
         let life = move || {
             runtime.block_on(BrokerClient::new(account, run, listener).run(&stopped));
             runtime.shutdown_timeout(LOOKUP);

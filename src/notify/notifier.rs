@@ -57,7 +57,8 @@ impl Notifier {
         tokens: &BTreeMap<String, String>,
         publisher: &BrokerPublisher,
     ) -> Result<Notifier, NotifyError> {
-        let (stop, abort) = (CancellationToken::new(), CancellationToken::new());
+        let stop = CancellationToken::new();
+        let abort = CancellationToken::new();
         let (alive, ended) = mpsc::sync_channel::<()>(1);
         let now = Instant::now();
         let mut queues = Vec::new();
@@ -92,7 +93,8 @@ impl Notifier {
             data: data.to_owned(),
             queues,
         };
-        let (listener, stopped) = (bus.subscribe(), stop.clone());
+        let listener = bus.subscribe();
+        let stopped = stop.clone();
         let life = move || {
             runtime.block_on(dispatcher.run(listener, stopped));
             drop(alive);

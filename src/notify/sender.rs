@@ -53,7 +53,8 @@ pub fn deliver(
 
 /// Reads the JPEG that a script has saved; `None` if it no longer exists or is not a JPEG.
 fn read_picture(path: &Path) -> Option<Vec<u8>> {
-    let (folder, name) = (path.parent()?, path.file_name()?.to_str()?);
+    let folder = path.parent()?;
+    let name = path.file_name()?.to_str()?;
     let read = Folder::open(folder).ok()?.read(name, LARGEST_PICTURE);
     let bytes = read.ok().flatten()?;
     bytes.starts_with(&[0xff, 0xd8]).then_some(bytes)
@@ -74,7 +75,8 @@ impl Sender {
     /// Runs until the last waker is dropped; then tries the waiting messages once more. Returns
     /// early if it is aborted.
     pub(super) fn run(self, woken: &Receiver<()>) {
-        let (mut pause, mut is_last) = (None, false);
+        let mut pause = None;
+        let mut is_last = false;
         loop {
             let sent = self.send_all();
             if is_last || self.abort.is_cancelled() {

@@ -38,14 +38,17 @@ impl Approach {
 
     /// The odometer reading at which the lens is at the foot, metres; `None` while it is uncertain.
     pub(super) fn arrival(&self) -> Option<f64> {
-        let (first, last) = (self.seen.front()?, self.seen.back()?);
+        let first = self.seen.front()?;
+        let last = self.seen.back()?;
         if self.seen.len() < FEWEST_SEEN || last.0 - first.0 < SHORTEST {
             return None;
         }
         let count = self.seen.len() as f64;
         let x = self.seen.iter().map(|(x, _)| x).sum::<f64>() / count;
         let y = self.seen.iter().map(|(_, y)| y).sum::<f64>() / count;
-        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        let mut xx = 0.0;
+        let mut xy = 0.0;
+        let mut yy = 0.0;
         for (one, other) in &self.seen {
             xx += (one - x).powi(2);
             xy += (one - x) * (other - y);

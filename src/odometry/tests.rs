@@ -99,7 +99,8 @@ fn room(turned: f64) -> Skyline {
 #[test]
 fn turns_that_pictures_show_late_are_neither_lost_nor_counted_twice() {
     let (mut odometry, start) = odometry();
-    let (mut turned, mut shown) = (0.0, VecDeque::from([0.0; 20]));
+    let mut turned = 0.0;
+    let mut shown = VecDeque::from([0.0; 20]);
     for tick in 0..800 {
         let now = start + Duration::from_millis(10) * (tick + 1);
         let turn = if tick % 200 < 100 { 1.5 } else { 0.0 };

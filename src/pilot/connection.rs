@@ -299,7 +299,8 @@ mod tests {
                 connect.send(robot).unwrap();
                 let (reader, writer) = tokio::io::split(ours);
                 let peer = SocketAddr::from(([127, 0, 0, 1], 9000));
-                let (login, options) = (Login::new("admin", "admin"), Options::default());
+                let login = Login::new("admin", "admin");
+                let options = Options::default();
                 link::open(reader, writer, peer, &login, supervision, &options).await
             })
         });

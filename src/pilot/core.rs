@@ -35,7 +35,8 @@ impl DrivingCore {
             .max_blocking_threads(1)
             .thread_keep_alive(HELPER_KEPT)
             .build()?;
-        let (handle, stop) = (runtime.handle().clone(), CancellationToken::new());
+        let handle = runtime.handle().clone();
+        let stop = CancellationToken::new();
         let (alive, ended) = sync_channel::<()>(1);
         // Starts the helper thread now; otherwise a name lookup or the like would start it while
         // driving.

@@ -75,7 +75,8 @@ mod tests {
 
     /// The estimate after these levels, one a minute.
     fn after(levels: &[u8]) -> Option<f32> {
-        let (mut left, start) = (MinutesLeft::default(), Instant::now());
+        let mut left = MinutesLeft::default();
+        let start = Instant::now();
         for (minute, level) in (0..).zip(levels) {
             let battery = Battery {
                 percent: Percent::saturating(*level),
@@ -107,7 +108,8 @@ mod tests {
     fn charging_and_another_battery_begin_anew() {
         assert_eq!(after(&[60, 59, 58, 57, 90]), None);
         assert_eq!(after(&[60, 59, 58, 57, 46]), None);
-        let (mut left, now) = (MinutesLeft::default(), Instant::now());
+        let mut left = MinutesLeft::default();
+        let now = Instant::now();
         let battery = |percent, charging| Battery {
             percent: Percent::saturating(percent),
             charging,

@@ -102,7 +102,8 @@ mod tests {
 
     #[test]
     fn the_first_move_that_a_behaviour_asked_for_after_a_frame_counts() {
-        let (mut watch, begin) = (Stopwatch::default(), Instant::now());
+        let mut watch = Stopwatch::default();
+        let begin = Instant::now();
         let after = |millis| begin + Duration::from_millis(millis);
         watch.serving(true);
         watch.wrote(&[GO], after(0));

@@ -64,7 +64,8 @@ impl Pilot {
                 self.sound_alarm()
             }
             Request::Running(reply) => {
-                let (robot, behaviours) = (self.info.clone(), self.sessions.behaviours());
+                let robot = self.info.clone();
+                let behaviours = self.sessions.behaviours();
                 // The receiver may be gone.
                 let _ = reply.send(RunningBehaviours { robot, behaviours });
                 Ok(())

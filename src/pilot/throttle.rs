@@ -144,7 +144,8 @@ mod tests {
     #[test]
     fn docking_costs_as_much_as_the_commands_that_it_becomes() {
         let now = Instant::now();
-        let (mut throttle, dock) = (Throttle::new(now), Command::Engine(Engage::Dock));
+        let mut throttle = Throttle::new(now);
+        let dock = Command::Engine(Engage::Dock);
         let admitted = std::iter::repeat_with(|| throttle.admits(&dock, now))
             .take(COMMANDS as usize)
             .filter(|admitted| *admitted);
@@ -173,21 +174,23 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn no_pattern_of_commands_exceeds_the_limit(
-            longest in 1u64..40,
-            pauses in prop::collection::vec(0u64..40, 0..2000),
-        ) {
-            let start = Instant::now();
-            let (mut throttle, mut now, mut admitted) = (Throttle::new(start), start, 0.0);
-            for pause in pauses {
-                now += Duration::from_millis(pause.min(longest));
-                if throttle.admits(&Command::StopSound, now) {
-                    admitted += 1.0;
+            #[test]
+            fn no_pattern_of_commands_exceeds_the_limit(
+                longest in 1u64..40,
+                pauses in prop::collection::vec(0u64..40, 0..2000),
+            ) {
+                let start = Instant::now();
+                let mut throttle = Throttle::new(start);
+    let mut now = start;
+    let mut admitted = 0.0;
+                for pause in pauses {
+                    now += Duration::from_millis(pause.min(longest));
+                    if throttle.admits(&Command::StopSound, now) {
+                        admitted += 1.0;
+                    }
+                    let most = COMMANDS * (1.0 + now.saturating_duration_since(start).as_secs_f64());
+                    prop_assert!(admitted <= most + 1e-6, "{admitted} of {most}");
                 }
-                let most = COMMANDS * (1.0 + now.saturating_duration_since(start).as_secs_f64());
-                prop_assert!(admitted <= most + 1e-6, "{admitted} of {most}");
             }
         }
-    }
 }

@@ -97,7 +97,8 @@ mod tests {
             text,
         };
         for frame in 0..1000 {
-            let (behaviour, list) = ("a".to_owned(), vec![one.clone(); 500]);
+            let behaviour = "a".to_owned();
+            let list = vec![one.clone(); 500];
             viewers.send(Detections {
                 behaviour,
                 frame,

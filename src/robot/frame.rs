@@ -55,7 +55,8 @@ mod age {
     }
 
     pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Instant, D::Error> {
-        let (age, now) = (Duration::deserialize(from)?, Instant::now());
+        let age = Duration::deserialize(from)?;
+        let now = Instant::now();
         Ok(now.checked_sub(age).unwrap_or(now))
     }
 }

@@ -152,7 +152,8 @@ pub fn whole_within<'de, D: Deserializer<'de>>(
     expected: &'static str,
     range: RangeInclusive<u64>,
 ) -> Result<u64, D::Error> {
-    let (low, high) = (*range.start() as f64, *range.end() as f64);
+    let low = *range.start() as f64;
+    let high = *range.end() as f64;
     let make = |number| whole(number, low, high, |number| Some(number as u64));
     deserializer.deserialize_u64(Number { expected, make })
 }

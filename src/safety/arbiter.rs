@@ -203,7 +203,8 @@ mod tests {
 
     #[test]
     fn the_higher_priority_drives_and_the_lower_takes_over_again() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        let mut arbiter = Arbiter::default();
+        let now = Instant::now();
         assert_eq!(
             arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now),
             []
@@ -219,7 +220,8 @@ mod tests {
 
     #[test]
     fn a_timed_move_of_the_loser_is_preempted_when_the_winner_comes() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        let mut arbiter = Arbiter::default();
+        let now = Instant::now();
         arbiter.claim(PATROL.0, PATROL.1, MotionId(7), at(40.0), Some(SECOND), now);
         let over = arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), Some(SECOND), now);
         assert_eq!(over, [ended(PATROL, 7, MotionEnd::Preempted)]);
@@ -227,7 +229,8 @@ mod tests {
 
     #[test]
     fn a_timed_move_below_the_driver_is_preempted_at_once() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        let mut arbiter = Arbiter::default();
+        let now = Instant::now();
         arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
         let over = arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(40.0), Some(SECOND), now);
         assert_eq!(over, [ended(PATROL, 2, MotionEnd::Preempted)]);
@@ -236,7 +239,8 @@ mod tests {
 
     #[test]
     fn among_equals_the_first_keeps_the_tracks() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        let mut arbiter = Arbiter::default();
+        let now = Instant::now();
         arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now);
         arbiter.claim(OTHER.0, OTHER.1, MotionId(1), at(90.0), None, now);
         assert_eq!(arbiter.setpoint(), at(40.0));
@@ -246,7 +250,8 @@ mod tests {
 
     #[test]
     fn a_newer_setpoint_of_the_same_behaviour_ends_the_older() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        let mut arbiter = Arbiter::default();
+        let now = Instant::now();
         arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), Some(SECOND), now);
         let over = arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(50.0), None, now);
         assert_eq!(over, [ended(PATROL, 1, MotionEnd::Preempted)]);
@@ -256,7 +261,8 @@ mod tests {
 
     #[test]
     fn the_claim_of_a_forgotten_behaviour_is_dropped() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        let mut arbiter = Arbiter::default();
+        let now = Instant::now();
         arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now);
         arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
         arbiter.forget(AVOID.0);
@@ -266,7 +272,8 @@ mod tests {
 
     #[test]
     fn a_timed_move_expires() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        let mut arbiter = Arbiter::default();
+        let now = Instant::now();
         arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), Some(SECOND), now);
         assert_eq!(arbiter.next_deadline(), Some(now + SECOND));
         assert_eq!(arbiter.expire(now + SECOND / 2), []);
@@ -279,7 +286,8 @@ mod tests {
 
     #[test]
     fn a_held_claim_moves_nothing_and_keeps_its_place() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        let mut arbiter = Arbiter::default();
+        let now = Instant::now();
         arbiter.claim(PATROL.0, PATROL.1, MotionId(1), at(40.0), None, now);
         arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
         assert!(arbiter.hold(AVOID.0, true));
@@ -291,7 +299,8 @@ mod tests {
 
     #[test]
     fn stop_ends_equals_and_lower_but_not_a_higher_priority() {
-        let (mut arbiter, now) = (Arbiter::default(), Instant::now());
+        let mut arbiter = Arbiter::default();
+        let now = Instant::now();
         arbiter.claim(AVOID.0, AVOID.1, MotionId(1), at(-20.0), None, now);
         arbiter.claim(PATROL.0, PATROL.1, MotionId(2), at(40.0), None, now);
         arbiter.claim(OTHER.0, OTHER.1, MotionId(3), at(60.0), None, now);
@@ -411,61 +420,63 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn the_tracks_always_follow_the_highest_claim_and_never_a_released_one(
-            steps in prop::collection::vec(step(), 1..80),
-        ) {
-            let (mut arbiter, mut model, mut now) = (Arbiter::default(), Model::default(), Instant::now());
-            for (count, step) in steps.iter().enumerate() {
-                let before = model.held;
-                if let Step::Pass(ms) = step {
-                    now += Duration::from_millis(*ms);
+            #[test]
+            fn the_tracks_always_follow_the_highest_claim_and_never_a_released_one(
+                steps in prop::collection::vec(step(), 1..80),
+            ) {
+                let mut arbiter = Arbiter::default();
+    let mut model = Model::default();
+    let mut now = Instant::now();
+                for (count, step) in steps.iter().enumerate() {
+                    let before = model.held;
+                    if let Step::Pass(ms) = step {
+                        now += Duration::from_millis(*ms);
+                    }
+                    let over = match *step {
+                        Step::Claim(who, percent, ms) => {
+                            let duration = ms.map(Duration::from_millis);
+                            arbiter.claim(BEHAVIOURS[who].0, BEHAVIOURS[who].1, MotionId(count as u64), at(percent), duration, now)
+                        }
+                        Step::Release(who, current) => {
+                            let motion = match model.held[who] {
+                                Some(held) if current => held.motion,
+                                _ => MotionId(u64::MAX),
+                            };
+                            arbiter.release(BEHAVIOURS[who].0, motion)
+                        }
+                        Step::Stop(who) => arbiter.stop(BEHAVIOURS[who].0, BEHAVIOURS[who].1),
+                        Step::Hold(who, silent) => {
+                            arbiter.hold(BEHAVIOURS[who].0, silent);
+                            vec![]
+                        }
+                        Step::Forget(who) => {
+                            arbiter.forget(BEHAVIOURS[who].0);
+                            vec![]
+                        }
+                        Step::Clear => arbiter.clear(MotionEnd::Safety),
+                        Step::Pass(_) => arbiter.expire(now),
+                    };
+                    model.follow(step, count, now);
+                    prop_assert_eq!(arbiter.setpoint(), model.setpoint(), "after {:?}", step);
+                    prop_assert_eq!(arbiter.driver(), model.driver().map(|who| BEHAVIOURS[who].0));
+                    // A behaviour that lost its setpoint is told so once, unless it has ended.
+                    let holds = |held: &[Option<Held>; 5], ended: &EndedMotion| {
+                        held.iter().flatten().any(|held| held.motion == ended.motion)
+                    };
+                    for ended in &over {
+                        prop_assert!(!holds(&model.held, ended), "{:?} still holds", ended);
+                    }
+                    let lost = before.iter().flatten().filter(|old| {
+                        !model.held.iter().flatten().any(|held| held.motion == old.motion)
+                    });
+                    let expected = match step {
+                        Step::Forget(_) => 0,
+                        _ => lost.count(),
+                    };
+                    let of_before = over.iter().filter(|ended| holds(&before, ended)).count();
+                    prop_assert_eq!(of_before, expected, "{:?}: {:?}", step, over);
+                    prop_assert!(arbiter.next_deadline().is_none_or(|due| due > now));
                 }
-                let over = match *step {
-                    Step::Claim(who, percent, ms) => {
-                        let duration = ms.map(Duration::from_millis);
-                        arbiter.claim(BEHAVIOURS[who].0, BEHAVIOURS[who].1, MotionId(count as u64), at(percent), duration, now)
-                    }
-                    Step::Release(who, current) => {
-                        let motion = match model.held[who] {
-                            Some(held) if current => held.motion,
-                            _ => MotionId(u64::MAX),
-                        };
-                        arbiter.release(BEHAVIOURS[who].0, motion)
-                    }
-                    Step::Stop(who) => arbiter.stop(BEHAVIOURS[who].0, BEHAVIOURS[who].1),
-                    Step::Hold(who, silent) => {
-                        arbiter.hold(BEHAVIOURS[who].0, silent);
-                        vec![]
-                    }
-                    Step::Forget(who) => {
-                        arbiter.forget(BEHAVIOURS[who].0);
-                        vec![]
-                    }
-                    Step::Clear => arbiter.clear(MotionEnd::Safety),
-                    Step::Pass(_) => arbiter.expire(now),
-                };
-                model.follow(step, count, now);
-                prop_assert_eq!(arbiter.setpoint(), model.setpoint(), "after {:?}", step);
-                prop_assert_eq!(arbiter.driver(), model.driver().map(|who| BEHAVIOURS[who].0));
-                // A behaviour that lost its setpoint is told so once, unless it has ended.
-                let holds = |held: &[Option<Held>; 5], ended: &EndedMotion| {
-                    held.iter().flatten().any(|held| held.motion == ended.motion)
-                };
-                for ended in &over {
-                    prop_assert!(!holds(&model.held, ended), "{:?} still holds", ended);
-                }
-                let lost = before.iter().flatten().filter(|old| {
-                    !model.held.iter().flatten().any(|held| held.motion == old.motion)
-                });
-                let expected = match step {
-                    Step::Forget(_) => 0,
-                    _ => lost.count(),
-                };
-                let of_before = over.iter().filter(|ended| holds(&before, ended)).count();
-                prop_assert_eq!(of_before, expected, "{:?}: {:?}", step, over);
-                prop_assert!(arbiter.next_deadline().is_none_or(|due| due > now));
             }
         }
-    }
 }

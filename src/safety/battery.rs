@@ -278,7 +278,8 @@ mod tests {
 
     impl Rig {
         fn new() -> Rig {
-            let (monitor, now) = (BatteryMonitor::new(&Limits::default()), Instant::now());
+            let monitor = BatteryMonitor::new(&Limits::default());
+            let now = Instant::now();
             Rig { monitor, now }
         }
 

@@ -98,7 +98,9 @@ mod tests {
 
     #[test]
     fn two_legs_ahead_are_followed_by_two_back_and_every_second_begins_with_a_turn() {
-        let (turn, ahead, back) = ((-27, 27), (27, 27), (-27, -27));
+        let turn = (-27, 27);
+        let ahead = (27, 27);
+        let back = (-27, -27);
         assert_eq!(parts(0), [(ahead, 2000 * MS)]);
         assert_eq!(parts(1), [(turn, 950 * MS), (ahead, 2000 * MS)]);
         assert_eq!(parts(2), [(back, 2000 * MS)]);

@@ -59,10 +59,8 @@ impl Run {
 
     /// The run with one more report; `None` if that report contradicts the earlier ones.
     fn with(self, power: Power, spread: u8, now: Instant) -> Option<Run> {
-        let (lowest, highest) = (
-            self.lowest.min(power.percent),
-            self.highest.max(power.percent),
-        );
+        let lowest = self.lowest.min(power.percent);
+        let highest = self.highest.max(power.percent);
         let gain = if power.charging {
             FASTEST_CHARGE * (now - self.began).as_secs_f64()
         } else {
@@ -140,7 +138,8 @@ mod tests {
 
     /// Whether the last of these reports (seconds, level, charging) proves a level of 50 or more.
     fn proves(rule: DebounceRule, reports: &[(f64, u8, bool)]) -> bool {
-        let (start, mut debounce) = (Instant::now(), Debounce::new(rule));
+        let start = Instant::now();
+        let mut debounce = Debounce::new(rule);
         let mut proved = false;
         for &(at, percent, charging) in reports {
             let power = Power { percent, charging };
@@ -187,7 +186,8 @@ mod tests {
 
     #[test]
     fn a_latch_holds_until_it_is_denied_by_several() {
-        let (start, mut flag) = (Instant::now(), DebouncedFlag::new());
+        let start = Instant::now();
+        let mut flag = DebouncedFlag::new();
         let mut says = |seconds, percent: u8| {
             let power = Power {
                 percent,

@@ -68,10 +68,8 @@ impl DriveGrant {
 /// The same curve with no track above this power: both tracks are scaled alike.
 pub fn capped(setpoint: Setpoint, power: Percent) -> Setpoint {
     let most = f64::from(power.get()) / 100.0 * f64::from(TrackPower::MAX);
-    let (left, right) = (
-        f64::from(setpoint.left.get()),
-        f64::from(setpoint.right.get()),
-    );
+    let left = f64::from(setpoint.left.get());
+    let right = f64::from(setpoint.right.get());
     let fastest = left.abs().max(right.abs());
     if fastest <= most {
         return setpoint;

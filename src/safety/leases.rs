@@ -84,7 +84,8 @@ mod tests {
 
     #[test]
     fn a_silent_host_is_held_then_dead_until_it_shows_life() {
-        let (mut leases, now) = (Leases::new(250 * MS, 100 * MS), Instant::now());
+        let mut leases = Leases::new(250 * MS, 100 * MS);
+        let now = Instant::now();
         assert_eq!(leases.host_life(WHO, now), HostLife::Dead, "not seen yet");
         leases.renew(WHO, now);
         let deadline = |leases: &Leases, at| leases.next_deadline([WHO].into_iter(), at);
@@ -99,7 +100,8 @@ mod tests {
 
     #[test]
     fn a_forgotten_host_counts_as_dead() {
-        let (mut leases, now) = (Leases::new(250 * MS, 100 * MS), Instant::now());
+        let mut leases = Leases::new(250 * MS, 100 * MS);
+        let now = Instant::now();
         leases.renew(WHO, now);
         leases.forget(WHO);
         assert_eq!(leases.host_life(WHO, now), HostLife::Dead);

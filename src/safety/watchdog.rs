@@ -1244,7 +1244,8 @@ impl Watchdog {
     }
 
     fn tell_ended(&mut self, over: Vec<EndedMotion>) {
-        let tell = |EndedMotion { by, motion, end }| Act::Tell(by, Event::MotionEnded { motion, end });
+        let tell =
+            |EndedMotion { by, motion, end }| Act::Tell(by, Event::MotionEnded { motion, end });
         self.acts.extend(over.into_iter().map(tell));
     }
 

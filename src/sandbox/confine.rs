@@ -74,7 +74,9 @@ impl SandboxPolicy {
     pub fn of_arguments(arguments: impl Iterator<Item = OsString>) -> Option<(u32, SandboxPolicy)> {
         let mut arguments = arguments;
         let mut number = || arguments.next()?.to_str()?.parse::<u64>().ok();
-        let (parent, cpu_seconds, count) = (number()?, number()?, number()?);
+        let parent = number()?;
+        let cpu_seconds = number()?;
+        let count = number()?;
         let mut read: Vec<PathBuf> = arguments.map(PathBuf::from).collect();
         let count = usize::try_from(count).ok().filter(|n| *n <= read.len())?;
         let write = read.split_off(count);

@@ -148,7 +148,8 @@ fn exchange(
         }
     }
     stream.shutdown(Shutdown::Write).map_err(broke)?;
-    let (mut answer, mut chunk) = (Vec::new(), vec![0; 64 * 1024]);
+    let mut answer = Vec::new();
+    let mut chunk = vec![0; 64 * 1024];
     loop {
         deadline.check()?;
         match stream.read(&mut chunk) {

@@ -84,7 +84,8 @@ impl RunningScenarioApi {
     }
 
     fn ball_number(&self, given: Arguments<'_>) -> Result<usize, CallError> {
-        let (number, balls) = (given.number(0), self.sim.world().balls.len());
+        let number = given.number(0);
+        let balls = self.sim.world().balls.len();
         if balls == 0 {
             return Err(CallError::NoBall);
         }

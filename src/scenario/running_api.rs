@@ -114,7 +114,8 @@ impl RunningScenarioApi {
 
 impl ScenarioApi for RunningScenarioApi {
     fn answer(&self, asked: ScenarioCall<'_>) -> ScenarioCallResult {
-        let (call, location) = (asked.name, asked.location);
+        let call = asked.name;
+        let location = asked.location;
         let given = Arguments(asked.arguments);
         if call == "expected" {
             let message = given.text(0).unwrap_or_default().to_owned();

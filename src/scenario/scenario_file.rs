@@ -161,7 +161,8 @@ impl ScenarioFile {
     /// Explains an error of the file's script on this line in plain words; `None` if it needs no
     /// explanation.
     pub(super) fn explanation(&self, line: u32, words: &str) -> Option<check::Diagnostic> {
-        let (file, source) = (self.file.display(), String::from_utf8_lossy(&self.source));
+        let file = self.file.display();
+        let source = String::from_utf8_lossy(&self.source);
         let text = format!("{file}:{line}: {words}");
         check::explanation(&text, &file.to_string(), &source)
     }
@@ -267,7 +268,8 @@ impl ScenarioApi for DeclarationApi {
         load_world(options.world.as_deref(), self.folder.as_deref())?;
         let mut found = self.found.borrow_mut();
         if let Some(twin) = found.iter().find(|other| other.name == name) {
-            let (name, line) = (name.to_owned(), twin.line);
+            let name = name.to_owned();
+            let line = twin.line;
             return Err(CallError::DuplicateName { name, line }.into());
         }
         if found.len() == MAX_SCENARIOS {

@@ -150,7 +150,8 @@ impl ScenarioFile {
         let options = &scenario.options;
         let world =
             load_world(options.world.as_deref(), self.folder()).map_err(io::Error::other)?;
-        let (config, record) = (&settings.config, RunRecord::default());
+        let config = &settings.config;
+        let record = RunRecord::default();
         let simulation_options = simulation::Options {
             seed,
             sim: sim::Options {

@@ -44,7 +44,9 @@ pub(super) struct DetectionsRecorder {
 
 impl Default for DetectionsRecorder {
     fn default() -> DetectionsRecorder {
-        let (period, begun, kept) = (PERIOD, None, None);
+        let period = PERIOD;
+        let begun = None;
+        let kept = None;
         DetectionsRecorder {
             period,
             begun,
@@ -56,7 +58,8 @@ impl Default for DetectionsRecorder {
 impl DetectionsRecorder {
     /// Creates a recorder if the options say that somebody wants to see what the script sees.
     pub(super) fn from_options(options: &Options) -> Option<DetectionsRecorder> {
-        let (live, kept) = (options.detections, options.annotate_dir.is_some());
+        let live = options.detections;
+        let kept = options.annotate_dir.is_some();
         let period = if live { LIVE_PERIOD } else { PERIOD };
         (live || kept).then(|| DetectionsRecorder {
             period,
@@ -81,7 +84,8 @@ impl DetectionsRecorder {
             None if self.begun.is_some_and(lately) => {}
             None => {
                 self.begun = Some(now);
-                let (frame, marks) = (frame.clone(), found.into_iter().take(MAX_MARKS).collect());
+                let frame = frame.clone();
+                let marks = found.into_iter().take(MAX_MARKS).collect();
                 self.kept = Some(AnnotatedFrame { frame, marks });
             }
         }
@@ -115,7 +119,8 @@ mod tests {
 
     #[test]
     fn detections_in_one_frame_are_kept_together() {
-        let (mut recorder, now) = (DetectionsRecorder::default(), Instant::now());
+        let mut recorder = DetectionsRecorder::default();
+        let now = Instant::now();
         for (seq, count) in [(1, 2), (1, 1), (2, 5), (1, 100)] {
             recorder.record(&frame(seq, now), now, seen(count));
         }
@@ -127,7 +132,8 @@ mod tests {
 
     #[test]
     fn at_most_two_frames_a_second_are_kept() {
-        let (mut recorder, start) = (DetectionsRecorder::default(), Instant::now());
+        let mut recorder = DetectionsRecorder::default();
+        let start = Instant::now();
         let shown = (0..300).filter(|&seq| {
             let now = start + Duration::from_millis(10) * seq;
             recorder.record(&frame(seq.into(), now), now, seen(0));

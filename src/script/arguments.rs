@@ -122,7 +122,8 @@ impl<'a> Given<'a> {
         let found = names.iter().find(|name| **name == text);
         found.copied().ok_or_else(|| {
             let near = suggestion(&text, names.iter().copied());
-            let (what, known) = (choice.what, names.join(", "));
+            let what = choice.what;
+            let known = names.join(", ");
             let words = format!("unknown {what} '{text}'{near} (known: {known})");
             self.args.misuse(&words)
         })
@@ -238,7 +239,8 @@ impl Args {
         });
         let Some(key) = wrong else { return Ok(()) };
         let known: Vec<_> = keys.iter().map(|known| known.name).collect();
-        let (near, known) = (suggestion(&key, known.iter().copied()), known.join(", "));
+        let near = suggestion(&key, known.iter().copied());
+        let known = known.join(", ");
         Err(self.misuse(&format!("unknown option '{key}'{near} (known: {known})")))
     }
 }

@@ -203,7 +203,8 @@ mod tests {
     }
 
     fn given(text: &str) -> GivenParam {
-        let (value, origin) = (ParamValue::Text(text.into()), ParamOrigin::CommandLine);
+        let value = ParamValue::Text(text.into());
+        let origin = ParamOrigin::CommandLine;
         GivenParam { value, origin }
     }
 
@@ -229,10 +230,8 @@ mod tests {
             assert!(text.starts_with(&place), "{text}");
             assert!(text.ends_with("a number from 10 to 100 %"), "{text}");
         }
-        let (value, origin) = (
-            ParamValue::Text("50".into()),
-            ParamOrigin::Config("spykee.yaml".into()),
-        );
+        let value = ParamValue::Text("50".into());
+        let origin = ParamOrigin::Config("spykee.yaml".into());
         let text = given_value("speed", GivenParam { value, origin })
             .unwrap_err()
             .to_string();

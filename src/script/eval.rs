@@ -160,7 +160,8 @@ fn quote(bytes: &[u8]) -> String {
 }
 
 fn show_table(table: &LuaTable) -> String {
-    let (mut entries, mut next) = (Vec::new(), 1_i64);
+    let mut entries = Vec::new();
+    let mut next = 1_i64;
     for pair in table.pairs::<LuaValue, LuaValue>() {
         let Ok((key, value)) = pair else { break };
         if entries.len() == MAX_ENTRIES {

@@ -161,7 +161,8 @@ impl Script {
         now: Instant,
     ) -> LuaResult<Script> {
         let lua = sandbox::open()?;
-        let (chunk, seed) = (options.chunk.clone(), options.seed);
+        let chunk = options.chunk.clone();
+        let seed = options.seed;
         let text = source.to_owned();
         let state = Rc::new(RefCell::new(State::new(options, now)));
         state.borrow_mut().failure_log.source = text;

@@ -266,10 +266,8 @@ mod tests {
     fn the_oldest_pictures_are_deleted_and_the_folder_is_private() {
         let root = tempfile::tempdir().unwrap();
         let folder = root.path().join("data");
-        let (mut store, now) = (
-            PictureStore::new(Some(folder.clone()), &limits(3)),
-            Instant::now(),
-        );
+        let mut store = PictureStore::new(Some(folder.clone()), &limits(3));
+        let now = Instant::now();
         for name in ["a.jpg", "b.jpg", "a.jpg", "c.jpg"] {
             assert!(store.save(name, &[1, 2, 3], now).unwrap().notice.is_none());
         }

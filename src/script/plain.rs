@@ -111,7 +111,8 @@ impl Writer {
 
     fn map(&mut self, table: &LuaTable, depth: u32) -> Result<(), NotPlain> {
         let mut fields = BTreeMap::new();
-        let (mut length, longest) = (0, self.longest);
+        let mut length = 0;
+        let longest = self.longest;
         self.visit(table, |key, value| {
             let LuaValue::String(key) = key else {
                 return Err(NotPlain::Keys);
@@ -143,7 +144,8 @@ impl Writer {
         table: &LuaTable,
         mut visit: impl FnMut(LuaValue, LuaValue) -> Result<(), NotPlain>,
     ) -> Result<(), NotPlain> {
-        let (mut left, mut wrong) = (MAX_NODES - self.nodes, None);
+        let mut left = MAX_NODES - self.nodes;
+        let mut wrong = None;
         let _ = table.for_each(|key: LuaValue, value: LuaValue| {
             let visited = match left.checked_sub(1) {
                 Some(rest) => {

@@ -18,7 +18,9 @@ pub(super) struct Loudness {
 impl Loudness {
     /// Measures a chunk of samples; an odd last byte is ignored.
     pub(super) fn from_samples(samples: &[u8]) -> Loudness {
-        let (mut squares, mut peak, mut count) = (0.0, 0.0_f64, 0_u32);
+        let mut squares = 0.0;
+        let mut peak = 0.0_f64;
+        let mut count = 0_u32;
         for pair in samples.chunks_exact(2) {
             let sample = f64::from(i16::from_le_bytes([pair[0], pair[1]])) / 32_768.0;
             squares += sample * sample;

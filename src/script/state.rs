@@ -217,7 +217,8 @@ impl State {
         let Some(MotionCheck { held, timed, turns }) = self.frames.motion_check.take() else {
             return;
         };
-        let (camera, frame) = (self.options.camera, &held.frame);
+        let camera = self.options.camera;
+        let frame = &held.frame;
         let Ok(image) = self.frames.analyser.decode(frame.seq, &frame.jpeg) else {
             return;
         };

@@ -211,7 +211,8 @@ mod tests {
     fn failed_dockings_are_retried_with_growing_pauses() {
         let (mut idle, mut inputs) = idle(false);
         idle.poll(inputs);
-        let (begin, mut tries) = (inputs.now, Vec::new());
+        let begin = inputs.now;
+        let mut tries = Vec::new();
         while inputs.now < begin + 300 * MINUTE {
             inputs.now += MINUTE;
             if idle.poll(inputs) == Some(IdleAction::Dock) {

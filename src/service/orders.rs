@@ -57,7 +57,8 @@ impl Orders {
     }
 
     pub(super) fn start(&mut self, run: String) {
-        let (roster, name) = (self.roster.without_timeout(), run.clone());
+        let roster = self.roster.without_timeout();
+        let name = run.clone();
         self.spawn(run, async move {
             let started = roster.start(&name).await;
             OrderResult::Started(name, started)
@@ -65,7 +66,8 @@ impl Orders {
     }
 
     pub(super) fn stop(&mut self, run: String) {
-        let (roster, name) = (self.roster.without_timeout(), run.clone());
+        let roster = self.roster.without_timeout();
+        let name = run.clone();
         self.spawn(run, async move {
             let stopped = roster.stop(&name).await;
             OrderResult::Changed(name, stopped)
@@ -73,7 +75,8 @@ impl Orders {
     }
 
     pub(super) fn restart(&mut self, run: String) {
-        let (roster, name) = (self.roster.without_timeout(), run.clone());
+        let roster = self.roster.without_timeout();
+        let name = run.clone();
         self.spawn(run, async move {
             let restarted = roster.restart(&name).await;
             OrderResult::Changed(name, restarted)

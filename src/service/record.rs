@@ -118,7 +118,8 @@ impl Disk {
                 return None;
             }
         };
-        let (path, failed) = (data.join(NAME), AtomicBool::new(false));
+        let path = data.join(NAME);
+        let failed = AtomicBool::new(false);
         let disk = Disk {
             folder,
             path,

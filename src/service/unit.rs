@@ -18,7 +18,8 @@ pub struct Unit<'a> {
 
 /// Returns the text of the unit.
 pub fn unit(unit: &Unit<'_>) -> String {
-    let (program, config) = (escaped(unit.program), escaped(unit.config));
+    let program = escaped(unit.program);
+    let config = escaped(unit.config);
     let password = unit.password.map_or_else(String::new, |path| {
         format!("LoadCredential=password:{}\n", escaped(path))
     });

@@ -157,7 +157,8 @@ impl Simulation {
 
     fn record_end(&self) {
         let state = self.sim.state();
-        let (pose, battery) = (state.pose, state.power.percent);
+        let pose = state.pose;
+        let battery = state.power.percent;
         tracing::debug!(
             target: "spykee::simulation::end", x = pose.x, y = pose.y, heading = pose.heading, battery,
             docked = state.docked, distance = state.distance, collisions = state.collisions, "the end"

@@ -50,7 +50,9 @@ impl Running {
         };
         let stop = options.stop.child_token();
         let (agent, status) = Agent::new(plan);
-        let (requests, roster, pictures) = (agent.requests(), agent.roster(), agent.pictures());
+        let requests = agent.requests();
+        let roster = agent.roster();
+        let pictures = agent.pictures();
         let reactions = agent.reactions();
         let agent = tokio::task::spawn_local(agent.run(stop.clone()));
         Running {
@@ -157,7 +159,9 @@ fn rescue(options: &Options) -> Option<Launch> {
 /// Creates a dialler that opens a new pipe to the simulator for each connection attempt.
 fn connector(sim: Handle, login: Login, options: link::Options) -> Connector {
     Box::new(move |supervision| {
-        let (sim, login, options) = (sim.clone(), login.clone(), options.clone());
+        let sim = sim.clone();
+        let login = login.clone();
+        let options = options.clone();
         Box::pin(async move {
             let (ours, theirs) = tokio::io::duplex(LINK_LEN);
             sim.connect(theirs);

@@ -267,7 +267,8 @@ mod tests {
     fn a_pattern_with_two_hours_has_two_starts_every_day_of_a_year() {
         let (pattern, zone): (Pattern, Zone) = ("0 9,21 * * *".parse().unwrap(), rome());
         let begin: crate::clock::Date = "2026-01-01 00:00".parse().unwrap();
-        let (mut at, mut starts) = (begin.at(&zone), 0);
+        let mut at = begin.at(&zone);
+        let mut starts = 0;
         while let Some(next) = pattern.next_after(at, &zone) {
             let time = zone.time(next);
             if time.year() > 2026 {

@@ -268,7 +268,8 @@ impl Planner {
     fn collect_due(&mut self, now: Timestamp, acts: &mut Vec<Act>) {
         for (rule, next) in self.table.rules.iter().zip(&mut self.next) {
             let recent = now.checked_sub(self.table.catch_up.get()).unwrap_or(now);
-            let (mut missed, mut newest) = (0, None);
+            let mut missed = 0;
+            let mut newest = None;
             while let Some(planned) = next.filter(|next| *next <= now) {
                 if missed == MAX_MISSED && planned < recent {
                     *next = rule.at.next_after(recent, &self.table.zone);
@@ -285,7 +286,7 @@ impl Planner {
             let late_too = late > allowed(&self.table);
             let count = missed + usize::from(late_too);
             if count > 0 {
-                let (run, planned) = (run.clone(), planned);
+                let run = run.clone();
                 let notice = Notice::Missed {
                     run,
                     planned,

@@ -44,11 +44,13 @@ pub fn annotate(image: &Image, marks: &[Annotation<'_>]) -> RgbImage {
 /// Like [`annotate`], on a copy enlarged `times` times (0 counts as 1). Letters hardly grow with
 /// it, so they hide less.
 pub fn annotate_enlarged(image: &Image, marks: &[Annotation<'_>], times: u32) -> RgbImage {
-    let (times, small) = (times.max(1), image.to_rgb());
+    let times = times.max(1);
+    let small = image.to_rgb();
     if small.width() == 0 || small.height() == 0 {
         return small;
     }
-    let (width, height) = (small.width() * times, small.height() * times);
+    let width = small.width() * times;
+    let height = small.height() * times;
     let mut canvas = imageops::resize(&small, width, height, FilterType::Nearest);
     let mut labels = Vec::new();
     for mark in marks {
@@ -72,12 +74,14 @@ fn outline(canvas: &mut RgbImage, blob: &Blob, times: i32) {
         }
     }
     let middle = |centre: f64| ((centre + 0.5) * f64::from(times)) as i32;
-    let (cx, cy) = (middle(blob.cx), middle(blob.cy));
+    let cx = middle(blob.cx);
+    let cy = middle(blob.cy);
     let thick = times.min(2) as u32;
     let bars = [(ARM, thick as i32 / 2), (thick as i32 / 2, ARM)];
     for (paint, wider) in [(PAPER, 1), (colour, 0)] {
         for (across, down) in bars {
-            let (across, down) = (across + wider, down + wider);
+            let across = across + wider;
+            let down = down + wider;
             let bar = Rect::at(cx - across, cy - down)
                 .of_size(2 * across as u32 + 1, 2 * down as u32 + 1);
             draw_filled_rect_mut(canvas, bar, paint);
@@ -115,10 +119,8 @@ fn label(
         return;
     }
     let dot = if times > 1 { LARGE_DOT } else { DOT };
-    let (w, h) = (
-        (letters * (GLYPH_WIDTH + 1) + 1) * dot,
-        (GLYPH_HEIGHT + 2) * dot,
-    );
+    let w = (letters * (GLYPH_WIDTH + 1) + 1) * dot;
+    let h = (GLYPH_HEIGHT + 2) * dot;
     let place = place(
         grown(frame(blob, times), 3),
         (w, h),
@@ -140,7 +142,8 @@ fn label(
 /// Chooses a place above, below or inside the box, moved into the picture: the first candidate that
 /// is free and visible, otherwise the first that is visible.
 fn place(around: Rect, (w, h): (i32, i32), size: (u32, u32), taken: &[Rect]) -> Rect {
-    let (width, height) = (size.0 as i32, size.1 as i32);
+    let width = size.0 as i32;
+    let height = size.1 as i32;
     let x = around.left().min(width - w).max(0);
     let above = around.top() - h;
     let inside = (around.top() + 4).clamp(0, (height - h).max(0));

@@ -278,9 +278,11 @@ impl Candidate {
     }
 
     fn blob(&self, size: Size, camera: Camera) -> Blob {
-        let (w, h) = (self.right - self.left + 1, self.bottom - self.top + 1);
+        let w = self.right - self.left + 1;
+        let h = self.bottom - self.top + 1;
         // Bounded by the number of pixels of the picture.
-        let (pixels, area) = (self.moments.pixels as u32, w * h);
+        let pixels = self.moments.pixels as u32;
+        let area = w * h;
         let (cx, cy) = self.moments.centroid();
         let axes = self.moments.axes();
         Blob {

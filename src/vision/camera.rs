@@ -111,7 +111,8 @@ impl Camera {
     fn slopes(&self, x: f64, y: f64, size: Size) -> (f64, f64) {
         let focal = self.focal_length(size.width);
         let (middle_x, middle_y) = middle(size);
-        let (right, down) = ((x - middle_x) / focal, (y - middle_y) / focal);
+        let right = (x - middle_x) / focal;
+        let down = (y - middle_y) / focal;
         let distorted = right.hypot(down);
         if distorted == 0.0 || self.distortion == [0.0, 0.0] {
             return (right, down);
@@ -151,7 +152,8 @@ impl Camera {
 
     /// The same by bisection, if Newton's method does not converge.
     fn bisected(&self, distorted: f64, limit: f64) -> f64 {
-        let (mut near, mut far) = (0.0, limit);
+        let mut near = 0.0;
+        let mut far = limit;
         for _ in 0..HALVINGS {
             let middle = 0.5 * (near + far);
             if self.distorted(middle) < distorted {
@@ -172,7 +174,8 @@ impl Camera {
     /// 1 + 3 k1 r² + 5 k2 r⁴ becomes 0.
     fn limit(&self) -> f64 {
         let [k1, k2] = self.distortion;
-        let (a, b) = (5.0 * k2, 3.0 * k1);
+        let a = 5.0 * k2;
+        let b = 3.0 * k1;
         let root = if a == 0.0 {
             -1.0 / b
         } else {
@@ -216,10 +219,8 @@ mod tests {
             assert!((found.bearing - bearing).abs() < 1e-12 && found.elevation == 0.0);
         }
         // A vertical object has the same bearing from top to bottom.
-        let (head, foot) = (
-            camera.bearing(20.0, 10.0, SIZE),
-            camera.bearing(20.0, 200.0, SIZE),
-        );
+        let head = camera.bearing(20.0, 10.0, SIZE);
+        let foot = camera.bearing(20.0, 200.0, SIZE);
         assert!((head - foot).abs() < 1e-12);
     }
 

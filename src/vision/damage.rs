@@ -54,7 +54,8 @@ mod tests {
 
     #[test]
     fn the_first_is_reported_at_once_and_further_ones_together() {
-        let (mut damage, start) = (Damage::default(), Instant::now());
+        let mut damage = Damage::default();
+        let start = Instant::now();
         let first = damage.record(1, "cut short", start);
         assert_eq!(first.as_deref(), Some("a damaged frame: cut short"));
         for seq in 2..=5 {
@@ -67,7 +68,8 @@ mod tests {
 
     #[test]
     fn a_frame_is_counted_once_even_if_noted_repeatedly() {
-        let (mut damage, start) = (Damage::default(), Instant::now());
+        let mut damage = Damage::default();
+        let start = Instant::now();
         for seq in [7, 7, 7, 9, 9] {
             damage.record(seq, "torn", start);
         }

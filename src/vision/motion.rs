@@ -157,7 +157,8 @@ impl MotionDetector {
             |((&now, &before), (&around_now, &around_before))| {
                 // now - before * around_now / around_before without the division; all products are
                 // below 255^2 times 15^2.
-                let (around_now, around_before) = (around_now as i32 + 1, around_before as i32 + 1);
+                let around_now = around_now as i32 + 1;
+                let around_before = around_before as i32 + 1;
                 let rest = i32::from(now) * around_before - i32::from(before) * around_now;
                 let both_clipped = clipped(now) && clipped(before);
                 u8::from(!both_clipped && rest.abs() > threshold * around_before.max(around_now))

@@ -67,7 +67,8 @@ fn search(image: &Image, meter: &Meter) -> Vec<QrCode> {
     if !codes.is_empty() || meter.squares.get() == 0 || size.width > WIDEST_ENLARGED {
         return codes;
     }
-    let (width, height) = (2 * size.width, 2 * size.height);
+    let width = 2 * size.width;
+    let height = 2 * size.height;
     let enlarged = imageops::resize(&picture, width, height, FilterType::CatmullRom);
     let mut codes = search_in(enlarged, meter);
     let corners = codes.iter_mut().flat_map(|code| &mut code.corners);

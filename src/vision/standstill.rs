@@ -86,7 +86,8 @@ impl Profiles {
     /// Computes the profiles of a picture; reuses the memory of `self`.
     pub fn take(&mut self, image: &Image) {
         let Size { width, height } = image.size();
-        let (w, h) = (width as usize / 2, height as usize / 2);
+        let w = width as usize / 2;
+        let h = height as usize / 2;
         self.size = (w, h);
         image.halve_luma(&mut self.luma);
         let row = |y: usize| &self.luma[y * w..][..w];

@@ -291,7 +291,8 @@ impl Track {
         let seen = f64::from(self.age.min(1000)) + 1.0;
         let place = (2.0 * (2.0 * seen - 1.0) / (seen * (seen + 1.0))).clamp(GAIN.0, 1.0);
         let speed = (6.0 / (seen * (seen + 1.0))).clamp(GAIN.1, 1.0);
-        let (dx, dy) = (blob.cx - self.x, blob.cy - self.y);
+        let dx = blob.cx - self.x;
+        let dy = blob.cy - self.y;
         self.x += place * dx;
         self.y += place * dy;
         self.vx += speed * dx / step;
@@ -453,7 +454,8 @@ mod tests {
 
     #[test]
     fn ids_survive_two_equal_balls_crossing() {
-        let (mut scene, mut random) = (Scene::new(), StdRng::seed_from_u64(7));
+        let mut scene = Scene::new();
+        let mut random = StdRng::seed_from_u64(7);
         let runs = 120;
         let survived = std::iter::repeat_with(|| ids_survive_a_crossing(&mut scene, &mut random))
             .take(runs)
@@ -468,7 +470,8 @@ mod tests {
 
     #[test]
     fn a_ball_is_reported_once_it_is_old_enough_and_kept_while_it_is_gone() {
-        let (mut scene, mut tracker) = (Scene::new(), tracker());
+        let mut scene = Scene::new();
+        let mut tracker = tracker();
         let mut reported = Vec::new();
         for frame in 0..14 {
             let blobs = if frame < 6 {
@@ -506,7 +509,8 @@ mod tests {
 
     #[test]
     fn velocity_is_that_of_the_ball_and_carries_on_while_it_is_gone() {
-        let (mut scene, mut tracker) = (Scene::new(), tracker());
+        let mut scene = Scene::new();
+        let mut tracker = tracker();
         for frame in 0..20 {
             let blobs = scene.blobs(&[(
                 40.0 + 4.0 * f64::from(frame),
@@ -531,7 +535,8 @@ mod tests {
 
     #[test]
     fn a_jump_too_far_starts_another_track() {
-        let (mut scene, mut tracker) = (Scene::new(), tracker());
+        let mut scene = Scene::new();
+        let mut tracker = tracker();
         for frame in 0..8 {
             let x = if frame < 4 { 50.0 } else { 250.0 };
             let blobs = scene.blobs(&[(x, 100.0, 10)]);
@@ -546,7 +551,8 @@ mod tests {
 
     #[test]
     fn a_ball_that_vanishes_beside_another_loses_its_track() {
-        let (mut scene, mut tracker) = (Scene::new(), tracker());
+        let mut scene = Scene::new();
+        let mut tracker = tracker();
         for frame in 0..60 {
             let both = [
                 (150.0, 100.0, 14),
@@ -565,7 +571,8 @@ mod tests {
 
     #[test]
     fn the_number_of_tracks_is_bounded() {
-        let (mut scene, mut tracker) = (Scene::new(), tracker());
+        let mut scene = Scene::new();
+        let mut tracker = tracker();
         let blob = scene.blobs(&[(50.0, 50.0, 10)])[0];
         let blobs: Vec<Blob> = (0..500)
             .map(|i| Blob {

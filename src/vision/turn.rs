@@ -26,7 +26,8 @@ impl Skyline {
     pub fn from_image(image: &Image, camera: Camera) -> Skyline {
         let size = image.size();
         let rows = |share: f64| (f64::from(size.height) * share) as u32;
-        let (top, bottom) = (rows(BAND.0), rows(BAND.1));
+        let top = rows(BAND.0);
+        let bottom = rows(BAND.1);
         if top >= bottom || size.width < 2 {
             return Skyline::default();
         }
@@ -47,13 +48,15 @@ impl Skyline {
             .collect();
         let bearing = |column: usize| bearings[column];
         let half = (bearing(0) / STEP) as i32;
-        let (mut places, mut column) = (Vec::new(), 0);
+        let mut places = Vec::new();
+        let mut column = 0;
         for place in -half..=half {
             let wanted = -f64::from(place) * STEP;
             while column + 1 < last && bearing(column + 1) > wanted {
                 column += 1;
             }
-            let (left, right) = (bearing(column), bearing(column + 1));
+            let left = bearing(column);
+            let right = bearing(column + 1);
             let part = ((left - wanted) / (left - right)).clamp(0.0, 1.0);
             places.push(mean(column) * (1.0 - part) + mean(column + 1) * part);
         }
@@ -69,7 +72,8 @@ impl Skyline {
         }
         let most = (count as f64 * (1.0 - OVERLAP)) as isize;
         let place = |angle: f64| ((angle / STEP).round() as isize).clamp(-most, most);
-        let (first, last) = (place(expected - reach), place(expected + reach));
+        let first = place(expected - reach);
+        let last = place(expected + reach);
         let costs: Vec<f64> = (first..=last)
             .map(|by| self.difference(before, by))
             .collect();
@@ -82,7 +86,8 @@ impl Skyline {
         // Near the best fit the squared difference is a parabola. At the border of the searched
         // range the best fit may lie outside.
         let square = |index: usize| costs.get(index).map(|cost| cost * cost);
-        let (left, right) = (square(best.checked_sub(1)?)?, square(best + 1)?);
+        let left = square(best.checked_sub(1)?)?;
+        let right = square(best + 1)?;
         let bend = left + right - 2.0 * least * least;
         if least > DISTINCT * mean || bend <= 0.0 {
             return None;
@@ -95,7 +100,8 @@ impl Skyline {
     /// everything that many samples to the right.
     fn difference(&self, before: &Skyline, by: isize) -> f64 {
         let count = self.places.len() as isize;
-        let (from, to) = (by.max(0), count + by.min(0));
+        let from = by.max(0);
+        let to = count + by.min(0);
         let differences = (from..to)
             .map(|place| self.places[place as usize] - before.places[(place - by) as usize]);
         deviation_of(differences)
@@ -108,7 +114,9 @@ fn deviation(values: &[f64]) -> f64 {
 
 /// The standard deviation: ignores a uniform change of brightness.
 fn deviation_of(values: impl Iterator<Item = f64>) -> f64 {
-    let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+    let mut count = 0.0;
+    let mut sum = 0.0;
+    let mut squares = 0.0;
     for value in values {
         count += 1.0;
         sum += value;

@@ -38,7 +38,8 @@ pub fn parse_settings(payload: &[u8]) -> Vec<Setting> {
     let parts = text.trim_end_matches(['\0', '\r', '\n']).split('&');
     let setting = |part: &str| {
         let (key, value) = part.split_once('=').unwrap_or((part, ""));
-        let (key, value) = (key.trim().to_owned(), value.to_owned());
+        let key = key.trim().to_owned();
+        let value = value.to_owned();
         (!key.is_empty()).then_some(Setting { key, value })
     };
     parts.filter_map(setting).collect()
@@ -69,7 +70,9 @@ pub fn parse_networks(payload: &[u8]) -> Vec<Network> {
     let text = from_latin1(payload);
     let network = |part: &str| {
         let mut fields = part.rsplitn(3, ':');
-        let (strength, encryption, essid) = (fields.next()?, fields.next()?, fields.next()?);
+        let strength = fields.next()?;
+        let encryption = fields.next()?;
+        let essid = fields.next()?;
         Some(Network {
             essid: essid.to_owned(),
             encryption: encryption.to_owned(),

@@ -248,38 +248,39 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn slices_of_any_size_yield_the_same_packets(
-            packets in prop::collection::vec(any_packet(), 0..8),
-            cuts in prop::collection::vec(1usize..40, 1..40),
-        ) {
-            let mut stream = BytesMut::new();
-            packets.iter().for_each(|packet| packet.emit(&mut stream));
-            let mut decoder = Decoder::new();
-            let mut seen = Vec::new();
-            let (mut rest, mut turn) = (&stream[..], 0);
-            while !rest.is_empty() {
-                let cut = cuts[turn % cuts.len()].min(rest.len());
-                let (mut slice, tail) = rest.split_at(cut);
-                while let Some(packet) = decoder.decode(&mut slice).unwrap() {
-                    seen.push(packet);
+            #[test]
+            fn slices_of_any_size_yield_the_same_packets(
+                packets in prop::collection::vec(any_packet(), 0..8),
+                cuts in prop::collection::vec(1usize..40, 1..40),
+            ) {
+                let mut stream = BytesMut::new();
+                packets.iter().for_each(|packet| packet.emit(&mut stream));
+                let mut decoder = Decoder::new();
+                let mut seen = Vec::new();
+                let mut rest = &stream[..];
+    let mut turn = 0;
+                while !rest.is_empty() {
+                    let cut = cuts[turn % cuts.len()].min(rest.len());
+                    let (mut slice, tail) = rest.split_at(cut);
+                    while let Some(packet) = decoder.decode(&mut slice).unwrap() {
+                        seen.push(packet);
+                    }
+                    (rest, turn) = (tail, turn + 1);
                 }
-                (rest, turn) = (tail, turn + 1);
+                prop_assert_eq!(seen, packets);
+                prop_assert_eq!(decoder.buffered(), 0);
             }
-            prop_assert_eq!(seen, packets);
-            prop_assert_eq!(decoder.buffered(), 0);
-        }
 
-        #[test]
-        fn random_bytes_never_panic_nor_grow(
-            slices in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..64), 0..64),
-        ) {
-            let mut decoder = Decoder::new();
-            for slice in &slices {
-                let mut input = &slice[..];
-                while let Ok(Some(_)) = decoder.decode(&mut input) {}
-                prop_assert!(decoder.buffered() <= MAX_PACKET_LEN);
+            #[test]
+            fn random_bytes_never_panic_nor_grow(
+                slices in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..64), 0..64),
+            ) {
+                let mut decoder = Decoder::new();
+                for slice in &slices {
+                    let mut input = &slice[..];
+                    while let Ok(Some(_)) = decoder.decode(&mut input) {}
+                    prop_assert!(decoder.buffered() <= MAX_PACKET_LEN);
+                }
             }
         }
-    }
 }

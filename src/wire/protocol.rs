@@ -44,7 +44,8 @@ fn every_message_type_of_the_page_has_its_constant() {
     let source = include_str!("mod.rs");
     let rows = PAGE.lines().filter_map(|line| {
         let mut cells = line.strip_prefix("| ")?.split(" | ");
-        let (number, name) = (cells.next()?.parse::<u8>().ok()?, cells.next()?);
+        let number = cells.next()?.parse::<u8>().ok()?;
+        let name = cells.next()?;
         let is_type = name.chars().all(|c| c.is_ascii_uppercase() || c == '_');
         is_type.then(|| format!("pub const {name}: u8 = {number};"))
     });

@@ -190,7 +190,8 @@ fn firmwares(asked: Option<&Path>) -> Result<Vec<(String, Firmware)>, Box<dyn Er
 }
 
 fn run_month(args: &MonthArgs) -> bool {
-    let (began, folder) = (Instant::now(), tempfile::tempdir().unwrap());
+    let began = Instant::now();
+    let folder = tempfile::tempdir().unwrap();
     let data = args.data.as_deref().unwrap_or(folder.path());
     println!("{} days of service, seed {}", args.days, args.seed);
     let ledger = month::serve(args.days, args.seed, data, &mut |day, size, bytes| {
@@ -221,7 +222,9 @@ fn run_rescue(args: &RescueArgs) -> bool {
     rows.iter().for_each(|row| println!("{row}"));
     let missed: Vec<&Row> = rows.iter().filter(|row| row.misses_its_goal()).collect();
     for row in &missed {
-        let (world, goal, percent) = (row.world.text(), row.world.goal(), row.percent());
+        let world = row.world.text();
+        let goal = row.world.goal();
+        let percent = row.percent();
         println!("{world}: {percent:.1} % came home; the goal is {goal} %");
     }
     missed.is_empty()

@@ -217,7 +217,9 @@ impl Session {
         };
         session.wait_for(|command| matches!(command, wire::Command::Login(_)));
         let text = String::from;
-        let (uid, name, place) = (text("BENCH"), text("bench"), text("here"));
+        let uid = text("BENCH");
+        let name = text("bench");
+        let place = text("here");
         let accepted = Accepted {
             uid,
             name,
@@ -251,7 +253,8 @@ impl Session {
                 return false;
             };
             assert!(count > 0, "the client has disconnected");
-            let (mut input, mut found) = (&chunk[..count], false);
+            let mut input = &chunk[..count];
+            let mut found = false;
             while let Some(packet) = self.decoder.decode(&mut input).unwrap() {
                 let command = wire::Command::parse(packet);
                 found |= wanted(&command, self.last_move);
@@ -321,13 +324,15 @@ fn print(way: &str, rows: &[(&str, Vec<Duration>)]) {
         way, "p50 ms", "p99 ms", "x p50", "x p99"
     );
     for (name, times) in rows {
-        let (p50, p99) = (quantile(times, 0.5), quantile(times, 0.99));
+        let p50 = quantile(times, 0.5);
+        let p99 = quantile(times, 0.99);
         let times_faster = |part, own: f64| {
             peer.map_or_else(String::new, |(_, peer)| {
                 format!("{:.1}", quantile(peer, part) / own)
             })
         };
-        let (by50, by99) = (times_faster(0.5, p50), times_faster(0.99, p99));
+        let by50 = times_faster(0.5, p50);
+        let by99 = times_faster(0.99, p99);
         println!("{name:24} {p50:9.2} {p99:9.2} {by50:>9} {by99:>9}");
     }
 }

@@ -101,7 +101,8 @@ fn main() -> ExitCode {
 /// Runs a robot in each of these worlds, with a seed each, on all processors; prints the sum.
 fn score(name: &str, robots: Vec<(World, u64)>, arguments: &Arguments) -> Score {
     let time = Duration::from_secs(60 * arguments.minutes);
-    let (next, sum) = (AtomicUsize::new(0), Mutex::new(Score::default()));
+    let next = AtomicUsize::new(0);
+    let sum = Mutex::new(Score::default());
     let work = || {
         while let Some((world, seed)) = robots.get(next.fetch_add(1, Ordering::Relaxed)) {
             let played = play(world.clone(), *seed, time);

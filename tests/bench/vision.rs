@@ -122,10 +122,8 @@ fn decode_by_the_image_crate(bencher: Bencher<'_, '_>) {
 
 #[divan::bench(args = [1, 4, 16])]
 fn blobs_of_a_picture(bencher: Bencher<'_, '_>, count: usize) {
-    let (mut finder, mut palette) = (
-        BlobFinder::default(),
-        Palette::compile(&colours(count), false),
-    );
+    let mut finder = BlobFinder::default();
+    let mut palette = Palette::compile(&colours(count), false);
     in_turn(bencher, decoded(), |image| {
         finder
             .find(
@@ -140,8 +138,9 @@ fn blobs_of_a_picture(bencher: Bencher<'_, '_>, count: usize) {
 
 #[divan::bench(args = [1, 4, 16])]
 fn blobs_of_a_frame(bencher: Bencher<'_, '_>, count: usize) {
-    let (mut analyser, mut key, colours) =
-        (FrameAnalyser::new(Camera::default()), 0, colours(count));
+    let mut analyser = FrameAnalyser::new(Camera::default());
+    let mut key = 0;
+    let colours = colours(count);
     in_turn(bencher, frames(), |jpeg| {
         key += 1;
         analyser
@@ -176,7 +175,8 @@ fn motion_of_a_picture(bencher: Bencher<'_, '_>) {
 
 #[divan::bench]
 fn line_in_a_picture(bencher: Bencher<'_, '_>) {
-    let (mut finder, mut palette) = (BlobFinder::default(), Palette::compile(&colours(1), false));
+    let mut finder = BlobFinder::default();
+    let mut palette = Palette::compile(&colours(1), false);
     in_turn(bencher, decoded(), |image| {
         find_line(&mut finder, image, &mut palette, None)
     });

@@ -101,7 +101,8 @@ pub fn explore(limits: &Limits, depth: usize, most_states: usize) -> Explored {
         },
         limits,
     );
-    let (mut seen, mut found) = (HashSet::from([first.key()]), Explored::default());
+    let mut seen = HashSet::from([first.key()]);
+    let mut found = Explored::default();
     let mut edge = vec![first];
     while found.depth < depth && !edge.is_empty() && seen.len() < most_states {
         let mut next = Vec::new();
@@ -167,7 +168,8 @@ impl Node {
     /// Low, online and off the station: whatever was before, and if nothing more is heard of anybody,
     /// BASE_FIND or a blind move or grant follows within the time that the limits allow.
     fn comes_home(&self, limits: &Limits) -> Option<String> {
-        let (mut dog, mut now) = (self.dog.clone(), self.now);
+        let mut dog = self.dog.clone();
+        let mut now = self.now;
         let away = dog.low().is_some() && dog.dock_state() != DockState::Charging;
         if !away || dog.state() == WatchdogState::Offline {
             return None;

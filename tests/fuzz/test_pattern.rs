@@ -118,8 +118,10 @@ impl TestPattern {
     /// Draws letter-like bars, line by line.
     fn text(&mut self, (x, y): (usize, usize), module: usize, many: usize, shade: u8) {
         for letter in 0..many {
-            let (line, place) = (letter / 20, letter % 20);
-            let (left, top) = (x + place * 4 * module, y + line * 9 * module);
+            let line = letter / 20;
+            let place = letter % 20;
+            let left = x + place * 4 * module;
+            let top = y + line * 9 * module;
             self.block((left, top), module, 7 * module, shade);
             self.block(
                 (left, top + 3 * module * (letter % 3)),
@@ -165,7 +167,8 @@ impl TestPattern {
         for row in 0..side {
             let wide = (side * (40 - lean) + row * lean) / 40;
             for column in 0..wide {
-                let (u, v) = (column * 7 / wide.max(1), row / module);
+                let u = column * 7 / wide.max(1);
+                let v = row / module;
                 let ring = u == 0 || v == 0 || u == 6 || v == 6;
                 let inner = (2..5).contains(&u) && (2..5).contains(&v);
                 let grey = if ring || inner { shade } else { 235 };

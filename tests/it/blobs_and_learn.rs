@@ -293,13 +293,13 @@ fn a_marked_copy_shows_box_and_text_enlarged_and_the_rest_unchanged() {
             .zip(plain.get_pixel(x / 3, y / 3).0);
         pairs.map(|(one, other)| one.abs_diff(other)).max().unwrap() > 12
     };
-    let (left, top) = (3 * blob("x"), 3 * blob("y"));
-    let (right, bottom) = (left + 3 * blob("w"), top + 3 * blob("h"));
+    let left = 3 * blob("x");
+    let top = 3 * blob("y");
+    let right = left + 3 * blob("w");
+    let bottom = top + 3 * blob("h");
     for step in 0..10 {
-        let (x, y) = (
-            left + step * (right - left) / 10,
-            top + step * (bottom - top) / 10,
-        );
+        let x = left + step * (right - left) / 10;
+        let y = top + step * (bottom - top) / 10;
         assert!(changed(x, top - 2) && changed(x, bottom + 1), "row {x}");
         assert!(changed(left - 2, y) && changed(right + 1, y), "column {y}");
     }
@@ -394,7 +394,8 @@ fn learn_reports_what_the_colour_finds_inside_and_outside_the_region() {
                 .unwrap();
             blobs.iter().map(|blob| blob.pixels).sum::<u32>()
         };
-        let (inside, all) = (pixels(Some(IN_BALL_ROI)), pixels(None));
+        let inside = pixels(Some(IN_BALL_ROI));
+        let all = pixels(None);
         assert!(inside > part * 9 / 10, "{learned}");
         assert_eq!(proof["inside"]["pixels"], inside);
         assert_eq!(proof["outside"]["pixels"], all - inside);

@@ -84,7 +84,8 @@ async fn nothing_moves_without_a_person_at_the_terminal() {
 /// them.
 async fn measured(rig: &Rig) -> (f64, f64) {
     let mut last = rig.sim.wait_state(|state| state.moving()).await;
-    let (mut way, mut angle) = (0.0, 0.0);
+    let mut way = 0.0;
+    let mut angle = 0.0;
     while last.moving() {
         let next = rig.sim.wait_state(|state| state.time > last.time).await;
         way += next.pose.point().distance(last.pose.point());
@@ -127,10 +128,8 @@ async fn a_person_is_guided_and_gets_the_line_for_the_config() {
     let line = text.lines().find(|line| line.starts_with("calibration:"));
     let line = line.unwrap_or_else(|| panic!("{text}"));
     let config = spykee::config::Config::parse(line, "spykee.yaml").unwrap();
-    let (width, speed) = (
-        config.calibration.track_width,
-        config.calibration.full_speed,
-    );
+    let width = config.calibration.track_width;
+    let speed = config.calibration.full_speed;
     assert!((width / TRACK_WIDTH - 1.0).abs() < 0.2, "{width}");
     assert!((speed / FULL_SPEED - 1.0).abs() < 0.2, "{speed}");
 }

@@ -207,7 +207,8 @@ async fn a_config_can_be_named_before_or_after_any_command_and_must_exist() {
 #[test]
 fn a_variable_names_the_config_unless_a_flag_does() {
     let folder = tempfile::tempdir().unwrap();
-    let (ann, missing) = (OsStr::new("ann.yaml"), OsStr::new("missing.yaml"));
+    let ann = OsStr::new("ann.yaml");
+    let missing = OsStr::new("missing.yaml");
     let latin = OsStr::from_bytes(b"caf\xe9.yaml");
     for name in [ann, latin] {
         std::fs::write(folder.path().join(name), "user: ann\n").unwrap();

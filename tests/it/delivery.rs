@@ -114,7 +114,8 @@ impl Net {
             user.write_all(&accepted().to_bytes()).unwrap();
             let_in.send(()).unwrap();
             told.recv().unwrap();
-            let (percent, charging) = (90, false);
+            let percent = 90;
+            let charging = false;
             let power = Report::Power(Power { percent, charging });
             user.write_all(&power.to_bytes()).unwrap();
             let _ = told.recv();
@@ -211,7 +212,8 @@ while true do robot.say(tone) task.wait(0.5) end";
 impl DeliveryRig {
     fn new() -> Option<DeliveryRig> {
         let net = Net::new()?;
-        let (sim, folder) = (net.robot(), tempfile::tempdir().unwrap());
+        let sim = net.robot();
+        let folder = tempfile::tempdir().unwrap();
         Some(DeliveryRig { net, sim, folder })
     }
 
@@ -224,7 +226,8 @@ impl DeliveryRig {
         timeout(WAIT_LIMIT, free)
             .await
             .expect("the last user is still connected");
-        let (from, frames) = (self.sim.heard_count(), self.sim.state().frames);
+        let from = self.sim.heard_count();
+        let frames = self.sim.state().frames;
         let mut agent = self.net.run(&path);
         let both = async {
             let moving = self.sim.wait_heard(from, moves).await;

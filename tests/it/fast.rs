@@ -180,7 +180,8 @@ fn one_robot_serves_several_runs_in_turn() {
 
 async fn recorded(rig: &Rig, script: &Path, name: &str) -> String {
     let file = rig.folder().join(name);
-    let (script, events) = (script.to_str().unwrap(), file.to_str().unwrap());
+    let script = script.to_str().unwrap();
+    let events = file.to_str().unwrap();
     let mut run = rig.spykee(&[
         "run", script, "--sim", "--fast", "--for", "120", "--seed", "4", "--events", events,
     ]);

@@ -132,9 +132,8 @@ async fn late_power_reports_an_earlier_level() {
     client.next_of_kind(11).await;
     let login = handle.state().time;
     assert_eq!(client.next_of_kind(3).await[5], 0xA6); // -90
-    let (first, seconds) = (handle.state().time, |time: std::time::Duration| {
-        time.as_secs_f64()
-    });
+    let first = handle.state().time;
+    let seconds = |time: std::time::Duration| time.as_secs_f64();
     assert!(seconds(first - login) > 1.9, "{login:?} {first:?}");
     handle.set_battery(50.0);
     assert_eq!(client.next_of_kind(3).await[5], 0xCE); // -50

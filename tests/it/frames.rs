@@ -136,7 +136,8 @@ async fn annotate_shows_a_person_what_a_behaviour_saw() {
         "local tracker = vision.tracker{colour = 'red'}
          robot.on('frame', function(f) tracker:update(f) f:find_blobs('blue') end)",
     );
-    let (kept, begun) = (rig.folder().join("marked"), Instant::now());
+    let kept = rig.folder().join("marked");
+    let begun = Instant::now();
     let args = [
         "run",
         script.to_str().unwrap(),

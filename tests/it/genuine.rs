@@ -79,7 +79,9 @@ async fn each_message_is_a_separate_write() {
 async fn the_microphone_sends_an_eighth_of_a_second_at_uneven_times() {
     let (handle, mut client) = robot(playpen()).await;
     client.send(AUDIO_ON).await;
-    let (mut usual, mut gaps, mut last) = (0, Vec::new(), handle.state().time);
+    let mut usual = 0;
+    let mut gaps = Vec::new();
+    let mut last = handle.state().time;
     for _ in 0..100 {
         let message = client.next_of_kind(1).await;
         usual += usize::from(message.len() == 5 + 4000);
@@ -119,7 +121,8 @@ async fn one_address_answers_broadcasts_to_its_network_too() {
 
 /// The segments of a JPEG up to its pixels: marker and content.
 fn segments(jpeg: &[u8]) -> Vec<(u8, &[u8])> {
-    let (mut at, mut found) = (2, Vec::new());
+    let mut at = 2;
+    let mut found = Vec::new();
     while let Some([0xFF, marker, high, low]) = jpeg.get(at..at + 4) {
         let end = at + 2 + (usize::from(*high) << 8 | usize::from(*low));
         found.push((*marker, &jpeg[at + 4..end]));

@@ -161,7 +161,8 @@ async fn a_low_robot_between_two_searches_is_sent_home_by_the_guardian() {
         "watchdog: { blind_moves: false, rescue: off, dock_pause: 60 }\n",
     );
     let script = rig.file("script.lua", DRIVE);
-    let (config, script) = (config.to_str().unwrap(), script.to_str().unwrap());
+    let config = config.to_str().unwrap();
+    let script = script.to_str().unwrap();
     let run = rig.spykee(&["run", script, "--robot", &rig.address, "--config", config]);
     rig.heard_motion(0).await;
     rig.sim.hide_station(true);
@@ -358,7 +359,8 @@ async fn a_guardian_that_is_killed_is_replaced() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_guardian_that_does_not_answer_is_replaced_without_a_command_to_the_robot() {
     let (rig, run) = driving().await;
-    let (old, from) = (run.guardian().unwrap(), rig.sim.heard_count());
+    let old = run.guardian().unwrap();
+    let from = rig.sim.heard_count();
     kill_process(old, Signal::STOP).unwrap();
     run.says("the guardian process does not answer").await;
     replaced(&run, old).await;

@@ -79,7 +79,8 @@ fn judges_other_solutions(lesson: &str) {
     let entries = fs::read_dir(folder).unwrap();
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
     files.sort();
-    let (mut right, mut wrong) = (0, 0);
+    let mut right = 0;
+    let mut wrong = 0;
     for path in files {
         let source = fs::read_to_string(&path).unwrap();
         let name = path.display();

@@ -267,7 +267,8 @@ async fn a_login_that_is_given_up_sends_the_newest_last_words() {
         let (ours, mut robot) = duplex(1 << 20);
         robot.write_all(ACCEPTED).await.unwrap();
         let (reader, writer) = tokio::io::split(ours);
-        let (login, options) = (admin(), Options::default());
+        let login = admin();
+        let options = Options::default();
         let supervision = Supervision::new(words.subscribe());
         let mut logging_in = Box::pin(link::open(
             reader,
@@ -440,7 +441,9 @@ fn invalid_bytes(rng: &mut StdRng) -> Vec<u8> {
 #[tokio::test(start_paused = true)]
 async fn two_hundred_thousand_strings_of_garbage_neither_panic_nor_hang() {
     let mut rng = StdRng::seed_from_u64(0x5bee);
-    let (mut sessions, mut reports, mut framing) = (0, 0, 0);
+    let mut sessions = 0;
+    let mut reports = 0;
+    let mut framing = 0;
     for _ in 0..200_000 {
         let robot = io::Cursor::new(invalid_bytes(&mut rng));
         let options = Options::default();

@@ -363,7 +363,8 @@ async fn the_robot_stops_when_the_program_that_serves_the_page_hangs_or_is_kille
 async fn one_page_drives_and_the_others_see_who() {
     let rig = Rig::quiet().await;
     let (_run, at) = live(&rig, IDLE, &[]).await;
-    let (mut anna, mut ben) = (open(&at).await, open(&at).await);
+    let mut anna = open(&at).await;
+    let mut ben = open(&at).await;
     anna.send_text("{\"type\":\"name\",\"name\":\"Anna\"}")
         .await;
     drive_by_hand(&rig, &mut anna).await;

@@ -48,7 +48,8 @@ async fn home_assistant_receives_the_state_and_sends_the_robot_home() {
     let Some(broker) = Broker::start() else {
         return;
     };
-    let (rig, subscriber) = (robot(A).await, Subscriber::connect(&broker).await);
+    let rig = robot(A).await;
+    let subscriber = Subscriber::connect(&broker).await;
     let mut run = start(&rig, &broker, IDLE);
     subscriber
         .wait_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")
@@ -102,7 +103,8 @@ async fn retained_orders_are_ignored_and_no_order_runs_twice_when_the_broker_res
     let Some(mut broker) = Broker::start() else {
         return;
     };
-    let (rig, subscriber) = (robot(A).await, Subscriber::connect(&broker).await);
+    let rig = robot(A).await;
+    let subscriber = Subscriber::connect(&broker).await;
     subscriber
         .publish("spykee/SPYKEE0001/command", "return_to_base", true)
         .await;

@@ -128,7 +128,8 @@ fn waiting(rig: &Rig, target: &str) -> usize {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn messages_of_scripts_and_failures_reach_a_webhook_and_no_log_contains_its_secret() {
-    let (rig, hook) = (Rig::quiet().await, Webhook::start(&[200]));
+    let rig = Rig::quiet().await;
+    let hook = Webhook::start(&[200]);
     secret(&rig, "s3cr3t\n");
     let notify = format!(
         "notify: {{ targets: {{ phone: {{ url: 'http://{}/{{token}}', token_file: token, picture: body,
@@ -158,7 +159,8 @@ async fn messages_of_scripts_and_failures_reach_a_webhook_and_no_log_contains_it
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_webhook_that_fails_receives_the_message_after_a_pause() {
-    let (rig, hook) = (Rig::quiet().await, Webhook::start(&[500, 200]));
+    let rig = Rig::quiet().await;
+    let hook = Webhook::start(&[500, 200]);
     let notify = format!(
         "notify: {{ targets: {{ phone: {{ url: 'http://{}/' }} }} }}",
         hook.address
@@ -193,7 +195,8 @@ async fn a_message_for_an_unreachable_webhook_survives_the_end_of_the_run() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_webhook_that_hangs_delays_neither_the_robot_nor_other_targets_nor_the_end() {
-    let (rig, hook) = (Rig::quiet().await, Webhook::start(&[0]));
+    let rig = Rig::quiet().await;
+    let hook = Webhook::start(&[0]);
     let told = rig.folder().join("told");
     let notify = format!(
         "notify: {{ targets: {{ phone: {{ url: 'http://{}/', timeout: 600 }},
@@ -251,7 +254,8 @@ async fn people_are_notified_of_a_missed_start_and_of_a_robot_that_is_gone_and_b
         ..spykee::sim::Options::default()
     };
     let world = spykee::sim::World::from_yaml(QUIET_WORLD, "test").unwrap();
-    let (rig, hook) = (Rig::with(world, options).await, Webhook::start(&[200]));
+    let rig = Rig::with(world, options).await;
+    let hook = Webhook::start(&[200]);
     rig.file("busy.lua", "task.wait(600)");
     rig.file(
         "spykee.yaml",
@@ -285,7 +289,8 @@ async fn people_are_notified_of_a_missed_start_and_of_a_robot_that_is_gone_and_b
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_flood_of_messages_is_limited_for_each_target() {
-    let (rig, hook) = (Rig::quiet().await, Webhook::start(&[200]));
+    let rig = Rig::quiet().await;
+    let hook = Webhook::start(&[200]);
     let notify = format!(
         "notify: {{ per_hour: 3, targets: {{ phone: {{ url: 'http://{}/', on: [script] }} }} }}",
         hook.address
@@ -300,7 +305,8 @@ async fn a_flood_of_messages_is_limited_for_each_target() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn notify_test_reports_its_result_and_a_found_config_starts_no_program() {
-    let (rig, hook) = (Rig::quiet().await, Webhook::start(&[200, 404]));
+    let rig = Rig::quiet().await;
+    let hook = Webhook::start(&[200, 404]);
     rig.file(
         "spykee.yaml",
         &format!(

@@ -115,7 +115,8 @@ int clock_gettime(clockid_t clock, struct timespec *now) {
 /// `None` if no C compiler is installed.
 fn shifted_clock(rig: &Rig) -> Option<(PathBuf, PathBuf)> {
     let source = rig.file("shift.c", SHIFT);
-    let (library, seconds) = (rig.folder().join("shift.so"), rig.folder().join("seconds"));
+    let library = rig.folder().join("shift.so");
+    let seconds = rig.folder().join("seconds");
     std::fs::write(&seconds, 0_i64.to_ne_bytes()).unwrap();
     let mut compile = Process::new("cc");
     compile

@@ -305,7 +305,8 @@ async fn accepted(robot: &TcpListener) -> TcpStream {
 
 /// Reads up to the end of this command.
 async fn read(pilot: &mut TcpStream, command: &Command) {
-    let (wanted, mut heard) = (command.to_bytes(), Vec::new());
+    let wanted = command.to_bytes();
+    let mut heard = Vec::new();
     while !heard.ends_with(&wanted) {
         heard.push(pilot.read_u8().await.unwrap());
     }
@@ -318,7 +319,8 @@ async fn the_last_words_of_a_login_in_progress_follow_a_persons_stop() {
     let mut test_pilot = TestPilot::new(&address, async {}).await;
     let told = async {
         let mut link = accepted(&robot).await;
-        let (percent, charging) = (10, false);
+        let percent = 10;
+        let charging = false;
         let power = Report::Power(Power { percent, charging });
         link.write_all(&power.to_bytes()).await.unwrap();
         read(&mut link, &Command::Engine(Engage::Dock)).await;

@@ -37,7 +37,8 @@ impl Crew {
 
     /// Waits until the tracks receive this power, from index `from` on; returns the next index.
     async fn wait_for_move(&self, from: usize, power: i8) -> usize {
-        let (left, right) = (power, power);
+        let left = power;
+        let right = power;
         let wanted = Command::Move { left, right };
         self.rig.heard(from, |command| *command == wanted).await + 1
     }

@@ -18,7 +18,8 @@ fn image(bytes: &[u8]) -> Image {
         .iter()
         .flat_map(|grey| [*grey; 3])
         .collect();
-    let (width, height) = (test_pattern.width as u32, test_pattern.height as u32);
+    let width = test_pattern.width as u32;
+    let height = test_pattern.height as u32;
     Image::from_rgb(&RgbImage::from_raw(width, height, rgb).unwrap())
 }
 
@@ -50,7 +51,8 @@ fn draw_code(sheet: &mut RgbImage, version: i16, (left, top): (u32, u32), dot: u
     let code = code.unwrap();
     let side = code.width() as u32;
     for (index, colour) in (0..).zip(code.to_colors()) {
-        let (column, row) = (left + index % side * dot, top + index / side * dot);
+        let column = left + index % side * dot;
+        let row = top + index / side * dot;
         for (x, y) in (0..dot * dot).map(|pixel| (column + pixel % dot, row + pixel / dot)) {
             if colour == Color::Dark && x < sheet.width() && y < sheet.height() {
                 sheet.put_pixel(x, y, Rgb([20; 3]));

@@ -36,7 +36,8 @@ async fn serve(rig: &Rig) -> (Run, String) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn tools_work_on_a_remote_service_with_the_same_output_and_codes() {
-    let (rig, elsewhere) = (Rig::quiet().await, Rig::quiet().await);
+    let rig = Rig::quiet().await;
+    let elsewhere = Rig::quiet().await;
     let (mut run, url) = serve(&rig).await;
     // The outputs may differ only in how they name the run.
     let pairs: [&[&str]; 4] = [
@@ -109,7 +110,8 @@ async fn tools_work_on_a_remote_service_with_the_same_output_and_codes() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
-    let (rig, elsewhere) = (Rig::quiet().await, Rig::quiet().await);
+    let rig = Rig::quiet().await;
+    let elsewhere = Rig::quiet().await;
     let (mut run, url) = serve(&rig).await;
     for (place, more) in [(&rig, &[][..]), (&elsewhere, &["--url", &url][..])] {
         let from = rig.sim.heard_count();
@@ -149,7 +151,8 @@ async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_robot_to_themselves() {
-    let (rig, elsewhere) = (Rig::quiet().await, Rig::quiet().await);
+    let rig = Rig::quiet().await;
+    let elsewhere = Rig::quiet().await;
     rig.file("spykee.yaml", CONFIG);
     let (code, made) = run_spykee(&rig, &["token", "new", "sofa", "--role", "driver"]).await;
     assert_eq!(code, Some(0), "{made}");
@@ -230,7 +233,8 @@ async fn the_metrics_contain_the_time_from_a_frame_to_the_move_that_answers_it()
     };
     let some = async {
         loop {
-            let (at, path) = (url.clone(), "/metrics");
+            let at = url.clone();
+            let path = "/metrics";
             let text = tokio::task::spawn_blocking(move || fetch(&at, path))
                 .await
                 .unwrap();

@@ -144,7 +144,8 @@ impl Rig {
 
     pub async fn with(world: World, options: Options) -> Rig {
         let server = Server::bind(world, options).await.unwrap();
-        let (sim, address) = (server.handle(), server.local_addr().to_string());
+        let sim = server.handle();
+        let address = server.local_addr().to_string();
         let server = tokio::spawn(async move {
             server.run().await.unwrap();
         });

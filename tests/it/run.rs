@@ -133,7 +133,8 @@ async fn a_wrong_password_is_exit_code_3_and_is_not_shown() {
     let rig = Rig::quiet().await;
     let script = rig.file("script.lua", "print('never')");
     let secret = rig.file("password", "hunter2-the-secret\n");
-    let (script, secret) = (script.to_str().unwrap(), secret.to_str().unwrap());
+    let script = script.to_str().unwrap();
+    let secret = secret.to_str().unwrap();
     let args = [
         "run",
         script,
@@ -185,7 +186,8 @@ async fn a_wrong_config_is_refused_with_line_and_column() {
         ),
     ] {
         let path = rig.file("spykee.yaml", config);
-        let (script, path) = (script.to_str().unwrap(), path.to_str().unwrap());
+        let script = script.to_str().unwrap();
+        let path = path.to_str().unwrap();
         let mut run = rig.spykee(&["run", script, "--sim", "--config", path]);
         assert_eq!(run.code().await, Some(2), "{config}: {}", run.text());
         for word in words {
@@ -253,11 +255,10 @@ fn readme_block(language: &str) -> &'static str {
 async fn the_readmes_behaviour_runs_with_the_readmes_config() {
     let rig = Rig::quiet().await;
     let config = readme_block("yaml").replace("172.17.6.1", &rig.address);
-    let (config, script) = (
-        rig.file("spykee.yaml", &config),
-        rig.file("script.lua", readme_block("lua")),
-    );
-    let (config, script) = (config.to_str().unwrap(), script.to_str().unwrap());
+    let config = rig.file("spykee.yaml", &config);
+    let script = rig.file("script.lua", readme_block("lua"));
+    let config = config.to_str().unwrap();
+    let script = script.to_str().unwrap();
     let mut run = rig.spykee(&["run", script, "--config", config, "--for", "2"]);
     rig.heard_motion(0).await;
     assert_eq!(run.code().await, Some(0), "{}", run.text());

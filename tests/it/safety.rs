@@ -164,7 +164,8 @@ async fn a_low_robot_that_cannot_get_home_stands_still_sounds_the_alarm_and_sear
         "script.lua",
         "while true do robot.move(30, 30) task.wait(0.2) end",
     );
-    let (script, config) = (script.to_str().unwrap(), config.to_str().unwrap());
+    let script = script.to_str().unwrap();
+    let config = config.to_str().unwrap();
     let args = ["run", script, "--config", config, "--robot", &rig.address];
     let run = rig.spykee(&args);
     rig.heard_motion(0).await;
@@ -212,7 +213,8 @@ async fn scripts_cannot_silence_the_alarm() {
          task.wait(0.1)\n\
          end\n",
     );
-    let (script, config) = (script.to_str().unwrap(), config.to_str().unwrap());
+    let script = script.to_str().unwrap();
+    let config = config.to_str().unwrap();
     let _run = rig.spykee(&["run", script, "--config", config, "--robot", &rig.address]);
     let hushed = rig.heard(0, |command| *command == Command::Volume(0)).await;
     rig.heard(hushed, |command| *command == Command::StopSound)
@@ -283,7 +285,8 @@ async fn an_interrupt_ends_a_stuck_script_in_time() {
         "script.lua",
         "robot.led('left', true) task.wait(0.1) while true do end",
     );
-    let (script, config) = (script.to_str().unwrap(), config.to_str().unwrap());
+    let script = script.to_str().unwrap();
+    let config = config.to_str().unwrap();
     let mut run = rig.spykee(&["run", script, "--config", config, "--robot", &rig.address]);
     rig.heard(0, block_begins).await;
     tokio::time::sleep(Duration::from_millis(200)).await;

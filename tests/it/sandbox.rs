@@ -542,10 +542,8 @@ mod injected {
         let [host] = run.hosts()[..] else {
             panic!("not one host")
         };
-        let (host, agent) = (
-            host.as_raw_nonzero().get(),
-            run.pid().as_raw_nonzero().get(),
-        );
+        let host = host.as_raw_nonzero().get();
+        let agent = run.pid().as_raw_nonzero().get();
         // Only the thread that attached may trace.
         let injected = tokio::task::spawn_blocking(move || inject(host, agent));
         let count = injected.await.unwrap();

@@ -362,7 +362,9 @@ fn the_junit_report_is_xml_with_a_case_for_each_run() {
     assert_eq!(output.code, Some(4), "{}", output.text());
     let xml = std::fs::read_to_string(folder.path().join("out.xml")).unwrap();
     let mut reader = quick_xml::Reader::from_str(&xml);
-    let (mut cases, mut failures, mut errors) = (0, 0, 0);
+    let mut cases = 0;
+    let mut failures = 0;
+    let mut errors = 0;
     loop {
         match reader.read_event().unwrap() {
             Event::Start(element) | Event::Empty(element) => match element.name().as_ref() {

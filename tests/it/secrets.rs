@@ -48,7 +48,8 @@ async fn guarded_robot() -> (String, Handle) {
         ..Options::default()
     };
     let server = Server::bind(world, options).await.unwrap();
-    let (address, sim) = (server.local_addr().to_string(), server.handle());
+    let address = server.local_addr().to_string();
+    let sim = server.handle();
     tokio::spawn(server.run());
     (address, sim)
 }
@@ -108,7 +109,8 @@ async fn the_password_is_in_no_process_list_and_not_in_any_host() {
     let children = children_of(pid);
     assert_eq!(children.len(), 2, "a host and the guardian");
     for child in children {
-        let (line, environment) = (read(child, "cmdline"), read(child, "environ"));
+        let line = read(child, "cmdline");
+        let environment = read(child, "environ");
         let known = ["__host", "__guardian"]
             .iter()
             .any(|name| line.contains(name));

@@ -32,7 +32,8 @@ impl StepEvent {
         match self {
             StepEvent::NotFound => dog.handle(Fact::Engine(EngineReport::BaseNotFound), *now),
             StepEvent::Percent(percent) => {
-                let (percent, charging) = (*percent, false);
+                let percent = *percent;
+                let charging = false;
                 dog.handle(Fact::Power(Power { percent, charging }), *now)
             }
             StepEvent::Passes(millis) => {
@@ -88,7 +89,8 @@ fn the_seed_of_a_low_robots_leg_is_in_the_current_message_format() {
 fn in_the_seed_of_a_low_robots_leg_the_watchdog_drives_one() {
     let mut now = Instant::now();
     let mut dog = Watchdog::new(Limits::default(), now);
-    let (percent, charging) = (80, false);
+    let percent = 80;
+    let charging = false;
     let power = Power { percent, charging };
     let docked = false;
     dog.handle(Fact::LinkUp { docked, power }, now);

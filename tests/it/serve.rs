@@ -69,7 +69,8 @@ async fn the_service_waits_for_a_robot_that_is_not_there_yet() {
     drop(listener);
     home.file("drive.lua", DRIVES);
     config(&home, "", "behaviours:\n- file: drive.lua\n");
-    let (robot, config) = (address.to_string(), "spykee.yaml");
+    let robot = address.to_string();
+    let config = "spykee.yaml";
     let mut run = home.spykee(&["serve", "--config", config, "--robot", &robot]);
     run.says("trying until it answers").await;
     let (code, text) = run_spykee(&home, &["behaviour", "start", "drive"]).await;
@@ -330,7 +331,8 @@ async fn in_quiet_hours_scripts_make_no_sound_but_a_person_may() {
 fn quiet_now(rig: &Rig, rest: &str) {
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     let hour = now.unwrap().as_secs() / 3600 % 24;
-    let (from, until) = ((hour + 23) % 24, (hour + 2) % 24);
+    let from = (hour + 23) % 24;
+    let until = (hour + 2) % 24;
     config(
         rig,
         "",

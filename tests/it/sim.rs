@@ -132,7 +132,8 @@ struct Tcp {
 impl Tcp {
     async fn serve(world: World) -> Tcp {
         let server = Server::bind(world, Options::default()).await.unwrap();
-        let (address, handle) = (server.local_addr(), server.handle());
+        let address = server.local_addr();
+        let handle = server.handle();
         tokio::spawn(server.run());
         Tcp { address, handle }
     }
@@ -337,7 +338,8 @@ async fn walls_stop_the_robot() {
     sleep(Duration::from_secs(5)).await;
     let later = handle.state();
     assert_eq!(later.collisions, 1);
-    let (dx, dy) = (later.pose.x - state.pose.x, later.pose.y - state.pose.y);
+    let dx = later.pose.x - state.pose.x;
+    let dy = later.pose.y - state.pose.y;
     assert!(dx.hypot(dy) < 0.01, "{state:?} {later:?}");
 }
 
@@ -467,7 +469,8 @@ async fn streams_are_sent_while_they_are_on() {
         "no stream is on after the login"
     );
     client.send(&[VIDEO_ON, AUDIO_ON].concat()).await;
-    let (mut frames, mut chunks) = (0, 0);
+    let mut frames = 0;
+    let mut chunks = 0;
     let started = handle.state().time;
     while frames < 30 {
         let message = client.next().await.unwrap();

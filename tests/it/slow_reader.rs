@@ -120,7 +120,10 @@ fn a_robot_that_reads_at_the_rate_of_speech_receives_stop_and_search_in_time() {
 /// buffer ran empty while more was to come.
 fn gaps(heard: &[ReceivedCommand]) -> usize {
     const FIRST: f64 = 0.2;
-    let (mut gaps, mut buffered, mut playing, mut at) = (0, 0.0, false, 0.0);
+    let mut gaps = 0;
+    let mut buffered = 0.0;
+    let mut playing = false;
+    let mut at = 0.0;
     for heard in heard {
         let Command::Audio(samples) = &heard.command else {
             continue;

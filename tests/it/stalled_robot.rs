@@ -74,7 +74,8 @@ impl Robot {
     fn read(&mut self) -> Option<Vec<Command>> {
         let mut chunk = [0; 4096];
         let count = self.stream.read(&mut chunk).unwrap_or(0);
-        let (mut bytes, mut commands) = (&chunk[..count], Vec::new());
+        let mut bytes = &chunk[..count];
+        let mut commands = Vec::new();
         while let Some(packet) = self.decoder.decode(&mut bytes).unwrap() {
             commands.push(Command::parse(packet));
         }
@@ -88,7 +89,8 @@ impl Robot {
 
     /// Waits until the receive buffer is full.
     async fn filled(&self) {
-        let (mut len, mut since) = (0, Instant::now());
+        let mut len = 0;
+        let mut since = Instant::now();
         while len == 0 || since.elapsed() < NO_LONGER_GROWS {
             let now = rustix::io::ioctl_fionread(&self.stream).unwrap();
             if now != len {
@@ -107,7 +109,8 @@ async fn gone(process: Pid) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_low_robot_is_sent_home_though_the_agent_is_killed_before_that_has_arrived() {
-    let (rig, listener) = (Rig::quiet().await, small_listener());
+    let rig = Rig::quiet().await;
+    let listener = small_listener();
     let script = rig.file("script.lua", TALKS);
     let address = listener.local_addr().unwrap().to_string();
     let run = rig.spykee(&["run", script.to_str().unwrap(), "--robot", &address]);

@@ -67,10 +67,8 @@ async fn a_bad_parameter_is_refused_before_the_robot_moves() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_parameter_can_name_one_of_several_behaviours() {
     let rig = Rig::quiet().await;
-    let (one, two) = (
-        rig.file("one.lua", DECLARES),
-        rig.file("two.lua", "print('two')"),
-    );
+    let one = rig.file("one.lua", DECLARES);
+    let two = rig.file("two.lua", "print('two')");
     let files = [one.to_str().unwrap(), two.to_str().unwrap()];
     let start = ["run", files[0], files[1], "--robot", &rig.address];
     for (param, code, words) in [

@@ -159,7 +159,8 @@ impl Estimate {
         };
         let turned = (end.heading - start.heading - degrees.to_radians()).rem_euclid(TAU);
         let (sin, cos) = start.heading.sin_cos();
-        let (dx, dy) = (end.x - start.x, end.y - start.y);
+        let dx = end.x - start.x;
+        let dy = end.y - start.y;
         let there = (dx * cos + dy * sin, dy * cos - dx * sin);
         Estimate {
             heading_error,
@@ -176,12 +177,14 @@ fn pose_is_right(latency: f64) {
         let start = at(1.8, 2.4, 10.0);
         let (told, end) = play(&slippery(latency), start, TURNS, seed);
         let estimate = Estimate::new(&told, start, end);
-        let (off, heading_error) = (estimate.heading_off, estimate.heading_error);
+        let off = estimate.heading_off;
+        let heading_error = estimate.heading_error;
         assert!(
             off < heading_error && heading_error < 60.0,
             "seed {seed}: off by {off} degrees, stated at most {heading_error}"
         );
-        let (off, error) = (estimate.off, estimate.error);
+        let off = estimate.off;
+        let error = estimate.error;
         assert!(
             off < error,
             "seed {seed}: off by {off} m, stated at most {error}"
@@ -215,7 +218,8 @@ fn the_pose_is_right_after_a_minute_of_curves() {
         let start = at(1.5, 1.5, 0.0);
         let (told, end) = play("yard", start, A_MINUTE, seed);
         let estimate = Estimate::new(&told, start, end);
-        let (turned, way) = (estimate.heading_off, estimate.off);
+        let turned = estimate.heading_off;
+        let way = estimate.off;
         assert!(
             turned < 30.0 && way < 0.8,
             "seed {seed}: off by {turned} degrees and {way} m"

@@ -40,7 +40,8 @@ fn tracks(commands: &[Command]) -> Vec<i8> {
 }
 
 async fn wait_for_move(rig: &Rig, from: usize, power: i8) -> usize {
-    let (left, right) = (power, power);
+    let left = power;
+    let right = power;
     let wanted = Command::Move { left, right };
     rig.heard(from, |command| *command == wanted).await + 1
 }
@@ -239,7 +240,8 @@ async fn a_stop_before_the_supervisor_begins_ends_the_behaviour() {
         options: script::Options::new("script", "script.lua"),
         library: Library::default(),
     };
-    let (by, priority) = (BehaviourId(0), Priority(0));
+    let by = BehaviourId(0);
+    let priority = Priority(0);
     let host = Prepared::start(&launcher, &core, by, priority, launch).await;
     // A pilot that keeps the requests unread: the behaviour has joined, but is not welcome yet.
     let (requests, _pilot) = mpsc::channel(100);
@@ -299,7 +301,8 @@ fn agent_that_is_told_to_reload() {
     runtime.unwrap().block_on(async {
         let target: link::Target = address.parse().unwrap();
         let link = link::Options::default();
-        let (login, times) = (Login::new("admin", "admin"), link.clone());
+        let login = Login::new("admin", "admin");
+        let times = link.clone();
         let launch = Launch {
             source: b"robot.volume(100) task.wait(600)".to_vec(),
             options: script::Options::new("script", "script.lua"),
@@ -324,7 +327,9 @@ fn agent_that_is_told_to_reload() {
                 streams: Default::default(),
             },
             connector: Box::new(move |words| {
-                let (target, login, times) = (target.clone(), login.clone(), times.clone());
+                let target = target.clone();
+                let login = login.clone();
+                let times = times.clone();
                 Box::pin(async move { link::connect(&target, &login, words, &times).await })
             }),
             launcher: Launcher::new(env!("CARGO_BIN_EXE_spykee").into()),
@@ -415,7 +420,8 @@ async fn five_hundred_reloads_leave_no_trace() {
     rig.heard(0, |command| *command == Command::Volume(100))
         .await;
     let begun = Instant::now();
-    let (mut before, mut after) = (None, None);
+    let mut before = None;
+    let mut after = None;
     for (reload, volume) in (1..=RELOADS).zip((0..100).cycle()) {
         agent.reload(&rig, volume).await;
         if reload == WARM_UP {
@@ -424,7 +430,8 @@ async fn five_hundred_reloads_leave_no_trace() {
             after = Some(agent.footprint().await);
         }
     }
-    let (before, after) = (before.unwrap(), after.unwrap());
+    let before = before.unwrap();
+    let after = after.unwrap();
     eprintln!(
         "{RELOADS} reloads in {:?}: {before:?}, then {after:?}",
         begun.elapsed()

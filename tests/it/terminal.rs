@@ -54,8 +54,10 @@ impl Terminal {
             .stderr(end())
             .spawn()
             .unwrap();
-        let (keyboard, screen) = (File::from(keyboard), Arc::new(Mutex::new(String::new())));
-        let (mut output, shown) = (keyboard.try_clone().unwrap(), Arc::clone(&screen));
+        let keyboard = File::from(keyboard);
+        let screen = Arc::new(Mutex::new(String::new()));
+        let mut output = keyboard.try_clone().unwrap();
+        let shown = Arc::clone(&screen);
         let closing = Arc::new(AtomicBool::new(false));
         let closes = Arc::clone(&closing);
         let reader = std::thread::spawn(move || {

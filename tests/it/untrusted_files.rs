@@ -47,7 +47,8 @@ const SECRET: &str = "correct-horse-battery";
 #[tokio::test(flavor = "multi_thread")]
 async fn a_config_found_in_the_current_folder_sends_no_private_file_to_its_robot() {
     let root = tempfile::tempdir().unwrap();
-    let (private, here) = (root.path().join("private"), root.path().join("unpacked"));
+    let private = root.path().join("private");
+    let here = root.path().join("unpacked");
     std::fs::create_dir(&here).unwrap();
     std::fs::write(&private, SECRET).unwrap();
     std::fs::set_permissions(&private, std::fs::Permissions::from_mode(0o600)).unwrap();
@@ -125,10 +126,8 @@ async fn names_with_path_separators_or_invisible_characters_are_refused() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_link_in_the_place_of_a_data_folder_is_refused_before_the_agent_connects() {
     let rig = Rig::quiet().await;
-    let (elsewhere, data) = (
-        rig.folder().join("elsewhere"),
-        rig.folder().join("spykee-data"),
-    );
+    let elsewhere = rig.folder().join("elsewhere");
+    let data = rig.folder().join("spykee-data");
     std::fs::create_dir_all(&elsewhere).unwrap();
     std::fs::create_dir_all(&data).unwrap();
     symlink(&elsewhere, data.join("script")).unwrap();

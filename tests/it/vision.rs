@@ -91,7 +91,8 @@ fn frames_without_the_standard_tables_are_decoded() {
     let bytes = jpeg(&room());
     let bare = without_tables(&bytes);
     assert!(bare.len() + 400 < bytes.len());
-    let (mut with, mut without) = (Decoder::default(), Decoder::default());
+    let mut with = Decoder::default();
+    let mut without = Decoder::default();
     let pixels = with.decode(&bytes).unwrap().to_rgb();
     assert_eq!(pixels, without.decode(&bare).unwrap().to_rgb());
 }
@@ -253,7 +254,8 @@ fn most_damaged_data_is_noticed() {
         .unwrap()
         + 14;
     let places = (scan..bytes.len() - 40).step_by(29);
-    let (mut noticed, mut tried) = (0, 0);
+    let mut noticed = 0;
+    let mut tried = 0;
     for place in places {
         let mut damaged = bytes.clone();
         // A missing piece, as on a bad link.

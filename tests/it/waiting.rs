@@ -25,7 +25,8 @@ fn run(home: &Rig, address: SocketAddr, flags: &[&str]) -> Run {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_run_that_waits_starts_when_the_robot_answers() {
-    let (home, address) = (Rig::quiet().await, free_address());
+    let home = Rig::quiet().await;
+    let address = free_address();
     let mut run = run(&home, address, &["--wait"]);
     run.says("trying until it answers").await;
     let options = Options {
@@ -42,7 +43,8 @@ async fn a_run_that_waits_starts_when_the_robot_answers() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn ctrl_c_ends_the_wait() {
-    let (home, address) = (Rig::quiet().await, free_address());
+    let home = Rig::quiet().await;
+    let address = free_address();
     let mut run = run(&home, address, &["--wait"]);
     run.says("trying until it answers").await;
     run.signal(Signal::INT);
@@ -53,7 +55,8 @@ async fn ctrl_c_ends_the_wait() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn without_wait_an_unreachable_robot_ends_the_run_and_the_help_names_the_flag() {
-    let (home, address) = (Rig::quiet().await, free_address());
+    let home = Rig::quiet().await;
+    let address = free_address();
     let mut run = run(&home, address, &[]);
     assert_eq!(run.code().await, Some(3), "{}", run.text());
     assert_contains(&run.text(), &["`spykee run --wait`"]);

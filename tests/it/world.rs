@@ -45,10 +45,8 @@ fn every_built_in_world_is_drawn_to_a_picture() {
         let room = World::builtin(name).unwrap().room;
         let ratio = |width: f64, height: f64| width / height;
         // To scale, except for title, numbers and margins.
-        let (drawn, real) = (
-            ratio(f64::from(map.width() - 112), f64::from(map.height() - 148)),
-            ratio(room.width, room.depth),
-        );
+        let drawn = ratio(f64::from(map.width() - 112), f64::from(map.height() - 148));
+        let real = ratio(room.width, room.depth);
         assert!((drawn / real - 1.0).abs() < 0.02, "{name}: {drawn} {real}");
     }
 }

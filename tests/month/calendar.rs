@@ -64,7 +64,8 @@ pub fn troubles(days: u64, seed: u64) -> Vec<Due> {
     let minutes = |minutes: u64| Duration::from_secs(minutes * 60);
     let mut wall = Wall::new(begins());
     for day in 0..days {
-        let (began, gone_at_night) = (Duration::from_secs(day * DAY), day % 6 == 1);
+        let began = Duration::from_secs(day * DAY);
+        let gone_at_night = day % 6 == 1;
         // After the change of the clock the wall shows seven when so many days have passed.
         let hour = wall.at(began).to_zoned(rome()).hour();
         let eight = began + minutes(60) * u32::from(hour.abs_diff(8));
@@ -186,7 +187,8 @@ impl Wall {
     /// is hours before the one before is of a clock that was set back. The newest are of the last
     /// part; the oldest may be of any, since a journal forgets.
     pub fn moments(&self, rows: impl DoubleEndedIterator<Item = Timestamp>) -> Vec<Duration> {
-        let (mut part, mut oldest) = (self.0.len() - 1, Timestamp::MAX);
+        let mut part = self.0.len() - 1;
+        let mut oldest = Timestamp::MAX;
         let rows = rows.rev().map(|at| {
             let set_back = at.duration_since(oldest) > SignedDuration::from_hours(12);
             if set_back && part > 0 {

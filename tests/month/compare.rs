@@ -85,7 +85,8 @@ impl Comparison<'_> {
     }
 
     fn runs(&mut self, runs: &[Run]) {
-        let (truth, since) = (self.truth, self.since);
+        let truth = self.truth;
+        let since = self.since;
         let patrols = || runs.iter().filter(|run| run.behaviour == "patrol");
         for &(moment, on) in truth.lights.iter().filter(|(moment, _)| *moment >= since) {
             let of_a_run = patrols().any(|run| {
@@ -104,7 +105,8 @@ impl Comparison<'_> {
                     *is == on && from <= *moment + LOST && *moment <= from + SOON
                 })
             };
-            let (began, calm) = (run.began, truth.is_calm(run.began, run.began + SOON));
+            let began = run.began;
+            let calm = truth.is_calm(run.began, run.began + SOON);
             if calm {
                 self.note(NO_OTHERS, light(began, true), || {
                     format!("begun at {began:.0?}")
@@ -121,7 +123,8 @@ impl Comparison<'_> {
         for run in runs.iter().filter(|run| run.ended.is_some()) {
             let reason = run.ended.as_ref().map_or("", |(_, reason)| reason);
             let fine = matches!(reason, "done" | "cancelled");
-            let (name, began) = (&run.behaviour, run.began);
+            let name = &run.behaviour;
+            let began = run.began;
             self.note(FAILS, fine, || {
                 format!("{name} of {began:.0?} ended by {reason}")
             });
@@ -129,7 +132,8 @@ impl Comparison<'_> {
     }
 
     fn timetable(&mut self, runs: &[Run], events: &Rows) {
-        let (truth, since) = (self.truth, self.since);
+        let truth = self.truth;
+        let since = self.since;
         let planned = self.wall.planned(self.until - CATCH_UP - BACK);
         let missed = |run: &str, from: Duration, until: Duration| {
             let mut rows = events
@@ -152,7 +156,8 @@ impl Comparison<'_> {
         // The rescue behaviour is the watchdog's, and has its own reasons.
         let ours = |run: &&Run| run.began > since && run.behaviour != RESCUE_NAME;
         for run in runs.iter().filter(ours) {
-            let (began, name) = (run.began, &run.behaviour);
+            let began = run.began;
+            let name = &run.behaviour;
             let planned_for = planned
                 .iter()
                 .rev()
@@ -180,7 +185,8 @@ impl Comparison<'_> {
     }
 
     fn docks(&mut self, events: &Rows) {
-        let (truth, since) = (self.truth, self.since);
+        let truth = self.truth;
+        let since = self.since;
         let docked = |record: &Record| match record.kind() {
             "dock" => matches!(record.text("end"), "done" | "already_docked"),
             // Of a robot that came home while it was alone.
@@ -216,7 +222,8 @@ impl Comparison<'_> {
     }
 
     fn alarms(&mut self, events: &Rows) {
-        let (truth, since) = (self.truth, self.since);
+        let truth = self.truth;
+        let since = self.since;
         let alarms: Vec<Duration> = events
             .iter()
             .filter(|(_, record)| record.kind() == "safety" && record.text("action") == "alarm")
@@ -247,7 +254,8 @@ impl Comparison<'_> {
     }
 
     fn battery(&mut self, battery: &Rows) {
-        let (truth, since) = (self.truth, self.since);
+        let truth = self.truth;
+        let since = self.since;
         for (moment, row) in battery {
             let level = told(row);
             let kept = was(
@@ -276,7 +284,8 @@ impl Comparison<'_> {
         }
         let minute = Duration::from_secs(62);
         for pair in battery.windows(2) {
-            let (from, until) = (pair[0].0, pair[1].0);
+            let from = pair[0].0;
+            let until = pair[1].0;
             // Who has taken the robot over is a user too.
             if truth.is_calm(from, until) && from >= since {
                 self.note(MINUTES, until <= from + minute, || {

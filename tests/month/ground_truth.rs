@@ -60,7 +60,8 @@ impl GroundTruth {
 
     /// One look.
     pub fn look(&mut self, simulation: &Simulation) {
-        let (state, now) = (simulation.sim().state(), simulation.now());
+        let state = simulation.sim().state();
+        let now = simulation.now();
         note(&mut self.docked, now, state.docked);
         note(&mut self.users, now, state.user.is_some());
         for heard in simulation.sim().heard_since(self.heard) {
@@ -149,9 +150,7 @@ pub fn within<T>(
     from: Duration,
     until: Duration,
 ) -> impl Iterator<Item = &(Duration, T)> {
-    let (first, last) = (
-        changes.partition_point(|(since, _)| *since < from),
-        changes.partition_point(|(since, _)| *since <= until),
-    );
+    let first = changes.partition_point(|(since, _)| *since < from);
+    let last = changes.partition_point(|(since, _)| *since <= until);
     changes[first..last.max(first)].iter()
 }

@@ -100,7 +100,8 @@ pub fn serve(days: u64, seed: u64, data: &Path, progress: Progress<'_>) -> Ledge
 impl Month<'_> {
     async fn live(&mut self, days: u64, progress: Progress<'_>) {
         let mut troubles = calendar::troubles(days, self.seed).into_iter().peekable();
-        let (mut day, mut first) = (0, None);
+        let mut day = 0;
+        let mut first = None;
         while self.simulation.now() < DAY * u32::try_from(days).unwrap() {
             let now = self.simulation.now();
             while let Some((_, trouble)) = troubles.next_if(|(at, _)| *at <= now) {
@@ -141,7 +142,8 @@ impl Month<'_> {
     }
 
     async fn happen(&mut self, trouble: Trouble) {
-        let (sim, now) = (self.simulation.sim(), self.simulation.now());
+        let sim = self.simulation.sim();
+        let now = self.simulation.now();
         match trouble {
             Trouble::Fault(fault, lasts) => {
                 begin_fault(sim, fault, lasts);

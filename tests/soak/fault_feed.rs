@@ -75,10 +75,8 @@ impl FaultFeed {
             return Some("the battery collapses".to_owned());
         }
         let what = if self.rng.random_bool(0.08) {
-            let (x, y) = (
-                self.rng.random_range(1.2..3.2),
-                self.rng.random_range(1.6..3.4),
-            );
+            let x = self.rng.random_range(1.2..3.2);
+            let y = self.rng.random_range(1.6..3.4);
             let heading = self.rng.random_range(-3.0..3.0);
             sim.place(Pose { x, y, heading });
             self.carried = true;

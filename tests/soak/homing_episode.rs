@@ -172,7 +172,8 @@ impl HomingEpisode {
     /// The robot is flat now: why.
     pub fn lost(mut self, account: &Account, look: &Look<'_>) -> Loss {
         let end = account.stand(look);
-        let (now, after) = (hours(look.now), hours(look.now.saturating_sub(self.began)));
+        let now = hours(look.now);
+        let after = hours(look.now.saturating_sub(self.began));
         self.story
             .push(format!("Flat at {now}, {after} later, with {end}."));
         self.story.push(self.surroundings(look.now));

@@ -61,7 +61,8 @@ pub fn soak(
         let mut observer = Observer::new(simulation, events, firmware.power_late);
         let mut faults = FaultFeed::new(seed);
         let began = Instant::now();
-        let (mut first, mut hour) = (None, 0);
+        let mut first = None;
+        let mut hour = 0;
         while began.elapsed() < Duration::from_secs(hours * 3600) {
             sleep(LOOK_EVERY).await;
             if let Some(what) = faults.blow(simulation.sim(), began.elapsed()) {

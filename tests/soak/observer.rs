@@ -84,7 +84,8 @@ impl Observer {
 
     /// One look.
     pub fn look(&mut self, simulation: &Simulation, faults: &FaultFeed) {
-        let (state, now) = (simulation.sim().state(), simulation.now());
+        let state = simulation.sim().state();
+        let now = simulation.now();
         let calm = faults.is_calm(now);
         self.read_events();
         self.listen(simulation, calm);

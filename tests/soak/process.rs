@@ -35,7 +35,8 @@ impl Size {
             let grown = format!("{unit}: {from} after the warm-up, {to} at the end");
             ledger.note(promise, (to > most).then_some(grown));
         };
-        let (before, room) = (self.resident_kib, self.resident_kib / 4 + 16 * 1024);
+        let before = self.resident_kib;
+        let room = self.resident_kib / 4 + 16 * 1024;
         compare(
             "memory does not grow",
             "KiB",
@@ -51,7 +52,8 @@ impl Size {
             later.threads,
             before + 4,
         );
-        let (before, after) = (self.descriptors, later.descriptors);
+        let before = self.descriptors;
+        let after = later.descriptors;
         compare(
             "descriptors do not pile up",
             "descriptors",

@@ -300,8 +300,10 @@ impl Looks {
                         continue;
                     };
                     let (sin, cos) = from.heading.sin_cos();
-                    let (dx, dy) = (to.x - from.x, to.y - from.y);
-                    let (ahead, aside) = (dx * cos + dy * sin, dy * cos - dx * sin);
+                    let dx = to.x - from.x;
+                    let dy = to.y - from.y;
+                    let ahead = dx * cos + dy * sin;
+                    let aside = dy * cos - dx * sin;
                     let turned = (to.heading - from.heading).to_degrees() - degrees;
                     off[0].push((ahead - x).hypot(aside - y));
                     off[1].push((turned + 180.0).rem_euclid(360.0) - 180.0);
@@ -324,7 +326,9 @@ impl Looks {
             return String::new();
         };
         let moved = (now.x - before.x).hypot(now.y - before.y);
-        let (x, y, degrees) = (now.x, now.y, now.heading.to_degrees());
+        let x = now.x;
+        let y = now.y;
+        let degrees = now.heading.to_degrees();
         format!(" at {x:.2} {y:.2} m, {degrees:.0} degrees, moved {moved:.2} m{docking}")
     }
 }

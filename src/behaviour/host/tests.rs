@@ -20,7 +20,8 @@ async fn host_in(time: Time, source: &str) -> (Sender<ToHost>, Receiver<FromHost
     let (reader, writer) = tokio::io::split(far);
     tokio::task::spawn_local(serve(reader, writer, time));
     let (reader, writer) = tokio::io::split(near);
-    let (mut to, from) = (Sender::new(writer), Receiver::new(reader));
+    let mut to = Sender::new(writer);
+    let from = Receiver::new(reader);
     let launch = Launch {
         source: source.into(),
         options: Options::new("test", "test.lua"),
@@ -32,7 +33,8 @@ async fn host_in(time: Time, source: &str) -> (Sender<ToHost>, Receiver<FromHost
 }
 
 fn frame(seq: u64) -> ToHost {
-    let (at, jpeg) = (Instant::now(), Bytes::from_static(JPEG));
+    let at = Instant::now();
+    let jpeg = Bytes::from_static(JPEG);
     ToHost::Frame(Frame { seq, at, jpeg })
 }
 

@@ -104,7 +104,9 @@ impl<'a> ErrorSite<'a> {
 
     pub(super) fn compare(&self, words: &str) -> Option<Explanation> {
         let mut parts = words.split(' ');
-        let (left, operator, right) = (parts.next()?, parts.next()?, parts.next()?);
+        let left = parts.next()?;
+        let operator = parts.next()?;
+        let right = parts.next()?;
         let turned = if operator == "<" { ">" } else { ">=" };
         let other = if left == "number" || left == "string" {
             right

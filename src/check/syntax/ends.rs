@@ -200,7 +200,8 @@ impl ErrorSite<'_> {
     /// Returns the first line after the beginning of a block that is no further indented than that;
     /// `None` if there is none, or if the block is not indented.
     fn first_line_outside(&self, head: &Token) -> Option<usize> {
-        let (begins, indent) = (self.line_of(head), self.indent_of(head));
+        let begins = self.line_of(head);
+        let indent = self.indent_of(head);
         let mut starts = self.tokens.iter().enumerate().filter(|(index, token)| {
             let line = self.line_of(token);
             let before = index

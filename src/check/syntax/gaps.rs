@@ -158,7 +158,8 @@ impl ErrorSite<'_> {
             .iter()
             .take_while(|token| token.kind == TokenKind::Name || self.text(token) == ".")
             .collect();
-        let (first, last) = (path.first()?, path.last()?);
+        let first = path.first()?;
+        let last = path.last()?;
         let span = first.span.to(last.span);
         let next = tokens.get(path.len());
         let lower = self.text(first).to_ascii_lowercase();

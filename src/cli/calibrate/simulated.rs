@@ -46,7 +46,8 @@ pub(super) async fn round(driver: &mut Driver, sim: &Handle) -> Result<Measured,
 
 /// Drives a step and returns the states while the tracks are at full speed.
 async fn watch(driver: &mut Driver, sim: &Handle, plan: Plan) -> Result<Vec<State>, Failure> {
-    let (before, mut seen) = (sim.state().collisions, Vec::<State>::new());
+    let before = sim.state().collisions;
+    let mut seen = Vec::<State>::new();
     let driving = step(driver, plan);
     tokio::pin!(driving);
     let mut last = sim.state().time;

@@ -124,7 +124,8 @@ fn seccomp_result(offered: bool) -> CheckResult {
 
 pub(super) fn terminal() -> CheckResult {
     let on = |yes: bool| if yes { "a terminal" } else { "a file or pipe" };
-    let (out, err) = (std::io::stdout(), std::io::stderr());
+    let out = std::io::stdout();
+    let err = std::io::stderr();
     let columns = rustix::termios::tcgetwinsize(&err).map_or(0, |size| size.ws_col);
     let width = match columns {
         0 => String::new(),

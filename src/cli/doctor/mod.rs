@@ -52,7 +52,9 @@ struct CheckResult {
 
 impl CheckResult {
     fn ok(check: &'static str, found: impl Into<String>) -> CheckResult {
-        let (verdict, found, help) = (Verdict::Ok, found.into(), None);
+        let verdict = Verdict::Ok;
+        let found = found.into();
+        let help = None;
         CheckResult {
             check,
             verdict,
@@ -62,7 +64,8 @@ impl CheckResult {
     }
 
     fn warn(check: &'static str, found: impl Into<String>, help: &str) -> CheckResult {
-        let (verdict, help) = (Verdict::Warn, Some(help.to_owned()));
+        let verdict = Verdict::Warn;
+        let help = Some(help.to_owned());
         CheckResult {
             verdict,
             help,

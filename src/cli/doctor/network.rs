@@ -224,7 +224,9 @@ async fn video(session: &mut Session) -> Result<CheckResult, LinkError> {
         on,
     };
     session.writer.write(&[stream(true)]).await?;
-    let (mut frames, mut damaged, mut first) = (0_u32, 0_u32, None);
+    let mut frames = 0_u32;
+    let mut damaged = 0_u32;
+    let mut first = None;
     let until = Instant::now() + VIDEO_PERIOD;
     while let Ok(report) = timeout_at(until, session.reader.next()).await {
         if let Report::Video(jpeg) = report? {

@@ -177,7 +177,8 @@ pub(super) fn runs(runs: &[Run], zone: &TimeZone) -> View {
 pub(super) fn pictures(records: &[Record], zone: &TimeZone) -> View {
     let head = [("time", Left), ("behaviour", Left), ("path", Left)];
     let rows = records.iter().map(|one| {
-        let (behaviour, path) = (one.text("behaviour"), one.text("path"));
+        let behaviour = one.text("behaviour");
+        let path = one.text("path");
         vec![time(one.at, zone), behaviour.to_owned(), path.to_owned()]
     });
     View::new(&head, rows)
@@ -191,7 +192,8 @@ pub(super) fn entries(records: &[Record], zone: &TimeZone) -> View {
         ("fields", Left),
     ];
     let rows = records.iter().map(|one| {
-        let (behaviour, kind) = (one.text("behaviour"), one.text("kind"));
+        let behaviour = one.text("behaviour");
+        let kind = one.text("kind");
         vec![
             time(one.at, zone),
             behaviour.to_owned(),
@@ -210,7 +212,8 @@ pub(super) fn messages(records: &[Record], zone: &TimeZone) -> View {
         ("picture", Left),
     ];
     let rows = records.iter().map(|one| {
-        let (behaviour, text) = (one.text("behaviour"), one.text("text"));
+        let behaviour = one.text("behaviour");
+        let text = one.text("text");
         let picture = one.text("picture").to_owned();
         vec![
             time(one.at, zone),

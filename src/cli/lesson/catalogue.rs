@@ -91,7 +91,8 @@ impl Lesson {
         match Lesson::of_script(source)? {
             Ok(named) if named == self => None,
             Ok(named) => {
-                let (number, title) = (named.number, named.title());
+                let number = named.number;
+                let title = named.title();
                 Some(format!(
                     "The script names lesson {number}, {title}, at its top."
                 ))
@@ -164,7 +165,9 @@ mod tests {
     #[test]
     fn every_readme_has_all_its_sections_three_hints_and_the_commands() {
         for lesson in Lesson::all() {
-            let (name, readme, file) = (lesson.folder, lesson.readme, lesson.file());
+            let name = lesson.folder;
+            let readme = lesson.readme;
+            let file = lesson.file();
             assert!(!lesson.title().is_empty() && !lesson.title().contains('#'));
             assert!(lesson.subjects().len() > 10, "{name}");
             for number in 1..=3 {

@@ -122,7 +122,8 @@ mod tests {
 
     #[test]
     fn learners_are_found_by_folder_or_script_and_missing_ones_by_the_list() {
-        let (class, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let class = tempfile::tempdir().unwrap();
+        let elsewhere = tempfile::tempdir().unwrap();
         for folder in ["Ada", "Ben", "Cem", "Dora", ".git"] {
             fs::create_dir(class.path().join(folder)).unwrap();
         }

@@ -29,7 +29,8 @@ pub(super) struct Feedback<'a> {
 impl Feedback<'_> {
     /// The feedback as text, for a terminal.
     pub(super) fn text(&self) -> String {
-        let (lesson, marks) = (self.lesson, self.marks);
+        let lesson = self.lesson;
+        let marks = self.marks;
         let file = sanitize::text(&self.file.display().to_string(), false).replace('\n', " ");
         let mut text = format!("Lesson {}, {}: {file}\n\n", lesson.number, lesson.title());
         if let Some(other) = &self.other_lesson {
@@ -71,7 +72,8 @@ impl Feedback<'_> {
     }
 
     fn next_step(&self, file: &str) -> String {
-        let (marks, number) = (self.marks, self.lesson.number);
+        let marks = self.marks;
+        let number = self.lesson.number;
         match (marks.is_full(), number < Lesson::all().len()) {
             (true, true) => format!(" Well done! Next: spykee lesson start {}\n", number + 1),
             (true, false) => " Well done! That was the last lesson.\n".to_owned(),
@@ -94,7 +96,8 @@ impl Feedback<'_> {
 
     /// The feedback as JSON, for programs.
     pub(super) fn json(&self) -> Value {
-        let (lesson, marks) = (self.lesson, self.marks);
+        let lesson = self.lesson;
+        let marks = self.marks;
         let scenario = |mark: &Mark| {
             json!({
                 "name": mark.name, "points": mark.points(), "max_points": mark.max_points,
@@ -139,7 +142,8 @@ pub(super) fn gradescope(feedback: &Feedback<'_>) -> Value {
 
 fn write(mark: &Mark, text: &mut String) {
     let word = if mark.passed() { "ok" } else { "not yet" };
-    let (points, max_points) = (mark.points(), mark.max_points);
+    let points = mark.points();
+    let max_points = mark.max_points;
     // Writing into a string does not fail.
     let _ = writeln!(text, "  {word:7}  {points} of {max_points}  {}", mark.name);
     if let Some(failure) = mark.failure() {

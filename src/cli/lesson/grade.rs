@@ -68,7 +68,8 @@ struct Class {
 }
 
 pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> {
-    let (folder, lesson) = (&args.folder, args.lesson);
+    let folder = &args.folder;
+    let lesson = args.lesson;
     let cannot = |error| {
         Failure::unreadable(folder, error)
             .help("give the folder that has a folder or a script for each learner")
@@ -78,7 +79,9 @@ pub(super) fn run(args: &GradeArgs, console: &Console) -> Result<Exit, Failure> 
         let why = format!("there is no script in {}", folder.display());
         return Err(Failure::usage(why).help("it needs a folder or a script for each learner"));
     }
-    let (mut graded, mut texts, mut max_points) = (Vec::new(), Vec::new(), 0);
+    let mut graded = Vec::new();
+    let mut texts = Vec::new();
+    let mut max_points = 0;
     for learner in found {
         let Some((one, text, points)) = grade(learner, args, console)? else {
             return Ok(Exit::Interrupted);
@@ -203,7 +206,8 @@ impl Class {
             vec![one.name.clone(), points, one.missing.join(" ")]
         };
         let rows: Vec<Vec<String>> = self.learners.iter().map(row).collect();
-        let (number, title) = (self.lesson.number, self.lesson.title());
+        let number = self.lesson.number;
+        let title = self.lesson.title();
         let mut text = format!("Lesson {number}, {title}: {} points\n\n", self.max_points);
         text += &aligned(&head, &rows);
         let absent: Vec<&str> = self

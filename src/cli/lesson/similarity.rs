@@ -65,7 +65,8 @@ mod tests {
 
     #[test]
     fn a_copy_with_other_spaces_and_small_changes_is_found() {
-        let (one, other) = ("robot.led('all', true)", "robot.led(  'all',  true )");
+        let one = "robot.led('all', true)";
+        let other = "robot.led(  'all',  true )";
         let texts = [
             script(one),
             script(other),

@@ -214,7 +214,8 @@ impl Prompt {
             self.pending.push('\n');
         }
         self.pending.push_str(line);
-        let (text, more) = (self.pending.clone(), !line.trim().is_empty());
+        let text = self.pending.clone();
+        let more = !line.trim().is_empty();
         Some(Typed::Line { text, more })
     }
 
@@ -259,7 +260,8 @@ fn bounded_line(from: &mut impl BufRead, most: usize) -> rustyline::Result<Strin
         let end = waiting.iter().position(|byte| *byte == b'\n');
         let part = &waiting[..end.unwrap_or(waiting.len())];
         line.extend_from_slice(&part[..part.len().min(most.saturating_sub(line.len()))]);
-        let (over, used) = (waiting.is_empty(), part.len() + usize::from(end.is_some()));
+        let over = waiting.is_empty();
+        let used = part.len() + usize::from(end.is_some());
         from.consume(used);
         if over && line.is_empty() {
             return Err(ReadlineError::Eof);

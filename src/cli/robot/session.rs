@@ -92,7 +92,8 @@ pub(in crate::cli) async fn send_home_if_low(
 ) -> Result<(), LinkError> {
     let now = Instant::now();
     let mut watchdog = Watchdog::new(config.watchdog.clone(), now);
-    let (docked, power) = (session.accepted.docked, session.power);
+    let docked = session.accepted.docked;
+    let power = session.power;
     let acts = watchdog.handle(Fact::LinkUp { docked, power }, now);
     let commands: Vec<Command> = acts.iter().filter_map(Act::command).collect();
     session
@@ -193,7 +194,8 @@ impl RobotSession {
             let failure = Failure::new(Exit::Unreachable, what);
             return Err(failure.help("the robot may send this only to the user admin"));
         };
-        let (mut length, mut messages) = (first.len(), vec![first]);
+        let mut length = first.len();
+        let mut messages = vec![first];
         while length < MAX_TEXT && messages.len() < MAX_MESSAGES {
             let Some(more) = self.receive(QUIET, &pick).await? else {
                 break;

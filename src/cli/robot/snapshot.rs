@@ -62,7 +62,8 @@ pub(super) fn snapshot(args: &SnapshotArgs) -> Result<Exit, Failure> {
 
 fn save_and_report(args: &SnapshotArgs, shot: &Shot) -> Result<Exit, Failure> {
     save(&args.output, &shot.jpeg)?;
-    let (file, bytes) = (args.output.display().to_string(), shot.jpeg.len());
+    let file = args.output.display().to_string();
+    let bytes = shot.jpeg.len();
     let Size { width, height } = shot.size;
     if args.json {
         let object = json!({
@@ -79,7 +80,8 @@ fn save_and_report(args: &SnapshotArgs, shot: &Shot) -> Result<Exit, Failure> {
 /// Requests an intact picture from the run that uses the robot; `None` if interrupted.
 fn request_picture(run: &Client, limit: Duration) -> Result<Option<Shot>, Failure> {
     let until = std::time::Instant::now() + limit;
-    let (mut decoder, mut damaged) = (Decoder::default(), 0);
+    let mut decoder = Decoder::default();
+    let mut damaged = 0;
     loop {
         let left = until.saturating_duration_since(std::time::Instant::now());
         let jpeg = match ask(run, &RunRequest::Picture(left), left + REPLY_TIMEOUT)? {
@@ -110,7 +112,8 @@ async fn take_picture(session: &mut RobotSession, limit: Duration) -> Result<Sho
         on,
     };
     let until = Instant::now() + limit;
-    let (mut decoder, mut damaged) = (Decoder::default(), 0);
+    let mut decoder = Decoder::default();
+    let mut damaged = 0;
     session.send(&[video(true)]).await?;
     let shot = loop {
         let left = until.saturating_duration_since(Instant::now());

@@ -87,7 +87,9 @@ pub(super) fn dock(args: &DockArgs) -> Result<Exit, Failure> {
 }
 
 fn show_docked(as_json: bool, docked: Docked) -> Result<(), Failure> {
-    let (end, attempts, seconds) = (docked.end, docked.attempts, docked.took.as_secs_f64());
+    let end = docked.end;
+    let attempts = docked.attempts;
+    let seconds = docked.took.as_secs_f64();
     if as_json {
         let object = json!({ "end": end.name(), "attempts": attempts, "seconds": seconds });
         return print(&format!("{object}\n"));

@@ -75,7 +75,8 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
     let target = target.resolve(rand::random())?;
     let limit = Duration::from_secs(args.timeout);
     block_on(async {
-        let (interrupted, ended) = (interruption()?, CancellationToken::new());
+        let interrupted = interruption()?;
+        let ended = CancellationToken::new();
         let ending = ended.clone();
         tokio::spawn(async move {
             interrupted.await;
@@ -146,7 +147,8 @@ async fn try_stop(
     let commands = [Command::Engine(Engage::CancelDock), Command::STOP];
     session.writer.write(&commands).await?;
     let mut watchdog = Watchdog::new(target.config.watchdog.clone(), Instant::now());
-    let (docked, power) = (session.accepted.docked, session.power);
+    let docked = session.accepted.docked;
+    let power = session.power;
     watchdog.handle(Fact::LinkUp { docked, power }, Instant::now());
     if watchdog.low().is_some() && !watchdog.docked() {
         let percent = power.percent;

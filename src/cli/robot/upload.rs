@@ -78,7 +78,8 @@ fn is_mp3(file: &[u8]) -> bool {
 fn chunks(slot: &str, content: &Bytes) -> Result<Vec<Command>, Failure> {
     let last = content.len().div_ceil(CHUNK).saturating_sub(1);
     let chunk = |number: usize| {
-        let (from, to) = (number * CHUNK, content.len().min((number + 1) * CHUNK));
+        let from = number * CHUNK;
+        let to = content.len().min((number + 1) * CHUNK);
         let mut flags = 0;
         flags |= if number == 0 { FileChunk::FIRST } else { 0 };
         flags |= if number == last { FileChunk::LAST } else { 0 };

@@ -76,11 +76,10 @@ fn format(chunk: &[u8]) -> Result<(), WavError> {
     let Some(&[a, b, c, d, r0, r1, r2, r3, _, _, _, _, _, _, e, f]) = chunk.first_chunk() else {
         return Err(WavError::NoWav);
     };
-    let (kind, channels) = (u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d]));
-    let (rate, bits) = (
-        u32::from_le_bytes([r0, r1, r2, r3]),
-        u16::from_le_bytes([e, f]),
-    );
+    let kind = u16::from_le_bytes([a, b]);
+    let channels = u16::from_le_bytes([c, d]);
+    let rate = u32::from_le_bytes([r0, r1, r2, r3]);
+    let bits = u16::from_le_bytes([e, f]);
     if matches!(kind, PCM | EXTENSIBLE) && (channels, rate, bits) == (CHANNELS, RATE, BITS) {
         return Ok(());
     }

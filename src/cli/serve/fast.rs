@@ -51,10 +51,8 @@ pub(super) fn serve(
     let world = embedded::load(world.as_deref())?;
     end_at_a_signal(stop.clone())?;
     let limit = args.limit.map(Span::get);
-    let (journal_options, link) = (
-        SimulationJournalOptions::from_config(config),
-        config.link.clone(),
-    );
+    let journal_options = SimulationJournalOptions::from_config(config);
+    let link = config.link.clone();
     exit_when_stuck(console);
     let outcome = simulation::run(world, options, async |simulation: &Simulation| {
         let mut plan = simulation.plan(Vec::new());

@@ -202,7 +202,8 @@ fn warn_restart_needed(old: &Config, new: &Config) {
         };
         serde_yaml::to_value(config).unwrap_or_default()
     };
-    let (old, new) = (tree(old), tree(new));
+    let old = tree(old);
+    let new = tree(new);
     let needs_restart = RESTART_KEYS
         .into_iter()
         .filter(|key| old.get(*key) != new.get(*key));

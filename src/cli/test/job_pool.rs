@@ -69,7 +69,8 @@ impl JobPool {
         let (done, mut finished) = mpsc::channel(16);
         thread::scope(|scope| {
             for _ in 0..self.threads.min(jobs.len()) {
-                let (done, next) = (done.clone(), &next);
+                let done = done.clone();
+                let next = &next;
                 thread::Builder::new()
                     .name("scenarios".into())
                     .spawn_scoped(scope, move || self.work(scenario_files, jobs, next, &done))

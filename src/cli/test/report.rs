@@ -140,7 +140,8 @@ impl Report {
 
     /// The summary, which is the last line.
     pub(super) fn summary(&self) -> String {
-        let (all, failed) = (self.runs().count(), self.failures());
+        let all = self.runs().count();
+        let failed = self.failures();
         let done = self.outcomes().count();
         let simulated: Duration = self.outcomes().map(|outcome| outcome.simulated).sum();
         let mut text = format!("{} passed", plural(done - failed, "run"));
@@ -295,7 +296,8 @@ impl Run {
             .location
             .as_ref()
             .map(|location| format!("{location}: "));
-        let (location, message) = (location.unwrap_or_default(), indented(&failure.message, 8));
+        let location = location.unwrap_or_default();
+        let message = indented(&failure.message, 8);
         let _ = writeln!(text, "        {location}{message}");
         if let (Some(location), Some(line)) = (&failure.location, &failure.line) {
             let number = location.line.to_string();

@@ -52,7 +52,8 @@ impl Rig {
 
     /// The commands written so far.
     fn written(&self) -> Vec<Command> {
-        let (mut decoder, mut input) = (Decoder::new(), &self.out[..]);
+        let mut decoder = Decoder::new();
+        let mut input = &self.out[..];
         let mut written = Vec::new();
         while let Some(packet) = decoder.decode(&mut input).unwrap() {
             written.push(Command::parse(packet));
@@ -285,7 +286,8 @@ proptest! {
         steps in prop::collection::vec(step(), 1..80),
     ) {
         let mut rig = Rig::new();
-        let (mut pushed, mut accepted) = (Vec::new(), 0);
+        let mut pushed = Vec::new();
+let mut accepted = 0;
         for step in steps {
             match step {
                 Step::Push(commands) => {

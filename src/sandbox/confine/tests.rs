@@ -77,7 +77,8 @@ fn try_calls(folder: &Path) {
 
 /// Operations that must still work.
 fn live(folder: &Path) {
-    let (unfinished, picture) = (folder.join("picture.part"), folder.join("picture.jpg"));
+    let unfinished = folder.join("picture.part");
+    let picture = folder.join("picture.jpg");
     fs::create_dir_all(folder).unwrap();
     fs::write(&unfinished, vec![7; 100_000]).unwrap();
     fs::rename(&unfinished, &picture).unwrap();
@@ -104,7 +105,8 @@ fn inside(folder: &Path) {
         write: vec![folder.to_owned()],
         ..SandboxPolicy::default()
     };
-    let (supported, parent) = (Restrictions::supported(), getppid().unwrap());
+    let supported = Restrictions::supported();
+    let parent = getppid().unwrap();
     let elsewhere = confine(u32::MAX, &policy);
     assert!(
         elsewhere.is_err(),

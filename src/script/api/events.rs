@@ -67,7 +67,8 @@ fn subscribe(call: &mut Call<'_>, subscription: Subscription) -> NativeResult {
 
 /// `robot.wait_for(name, timeout)` returns the payload, or `nil, "timeout"`.
 fn wait_for(call: &mut Call<'_>) -> NativeResult {
-    let (event, time) = (call.args.get(0)?, call.args.get(1)?);
+    let event = call.args.get(0)?;
+    let time = call.args.get(1)?;
     wait_for_event(call, event, time)
 }
 

@@ -11,7 +11,8 @@ pub(super) const METHODS: &Natives =
 
 /// `frame:direction(x, y)`: `bearing, elevation`, or nil in a damaged picture.
 fn direction(call: &mut Call<'_>) -> NativeResult {
-    let (x, y) = (call.args.get(0)?, call.args.get(1)?);
+    let x = call.args.get(0)?;
+    let y = call.args.get(1)?;
     let Some(size) = size(call)? else {
         return call.reply(LuaValue::Nil);
     };
@@ -22,7 +23,8 @@ fn direction(call: &mut Call<'_>) -> NativeResult {
 /// `frame:pixel_at(bearing, elevation)`: `x, y`, or nil for a direction that is not in front of the
 /// camera.
 fn pixel_at(call: &mut Call<'_>) -> NativeResult {
-    let (bearing, elevation) = (call.args.get(0)?, call.args.get(1)?);
+    let bearing = call.args.get(0)?;
+    let elevation = call.args.get(1)?;
     let Some(size) = size(call)? else {
         return call.reply(LuaValue::Nil);
     };

@@ -268,7 +268,8 @@ fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> Nativ
 fn pixel(call: &mut Call<'_>) -> NativeResult {
     let held = receiver(call)?;
     let (x, y): (f64, f64) = (call.args.get(0)?, call.args.get(1)?);
-    let (x, y) = (x.floor(), y.floor());
+    let x = x.floor();
+    let y = y.floor();
     if x < 0.0 || y < 0.0 {
         return call.reply(LuaValue::Nil);
     }

@@ -136,7 +136,8 @@ impl Call<'_> {
     /// The error for a method that was not called on its object.
     fn no_receiver(&self) -> Refusal {
         let function = self.args.function;
-        let (what, key) = (function.owner().to_lowercase(), function.key());
+        let what = function.owner().to_lowercase();
+        let key = function.key();
         let words = format!("call it on a {what} with a colon, like {what}:{key}()");
         self.args.misuse(&words)
     }

@@ -151,7 +151,8 @@ fn record_wait(
     to: ModuleId,
     task: TaskId,
 ) -> Result<(), Refusal> {
-    let (tasks, modules) = (&call.state.tasks, &mut call.state.modules);
+    let tasks = &call.state.tasks;
+    let modules = &mut call.state.modules;
     let recorded = modules.record_wait(from, to, task, |id| tasks.get(id).is_some());
     recorded.map_err(|why| call.args.misuse(&why.to_string()))
 }
@@ -246,7 +247,8 @@ fn wake(state: &mut super::super::state::State, id: ModuleId) {
 
 /// Creates a module's own globals, with the shared ones behind them.
 fn environment(lua: &Lua) -> LuaResult<LuaTable> {
-    let (own, meta) = (lua.create_table()?, lua.create_table()?);
+    let own = lua.create_table()?;
+    let meta = lua.create_table()?;
     let builtins: Option<LuaTable> = match lua.globals().metatable() {
         Some(shared) => shared.raw_get("__index")?,
         None => None,

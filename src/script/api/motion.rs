@@ -56,14 +56,16 @@ impl Tracks {
 
 /// `robot.move(left, right [, seconds])`
 fn move_tracks(call: &mut Call<'_>) -> NativeResult {
-    let (left, right) = (call.args.get(0)?, call.args.get(1)?);
+    let left = call.args.get(0)?;
+    let right = call.args.get(1)?;
     let time = call.args.get(2)?;
     start_motion(call, Setpoint::from_percent(left, right), time)
 }
 
 /// `robot.drive(linear, angular [, seconds])`
 fn drive(call: &mut Call<'_>) -> NativeResult {
-    let (linear, angular) = (call.args.get(0)?, call.args.get(1)?);
+    let linear = call.args.get(0)?;
+    let angular = call.args.get(1)?;
     let time = call.args.get(2)?;
     let calibration = call.state.options.calibration;
     let (setpoint, _) = Tracks::from_speeds(linear, angular, calibration).setpoint(calibration);

@@ -106,7 +106,8 @@ pub(in crate::script) fn set_live(
         return Err(SetParamError::Fixed(name.to_owned()));
     }
     if !declaration.allows(&value) {
-        let (name, expected) = (name.to_owned(), declaration.expected());
+        let name = name.to_owned();
+        let expected = declaration.expected();
         return Err(SetParamError::Refused { name, expected });
     }
     let changed = lua

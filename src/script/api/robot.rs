@@ -135,7 +135,8 @@ fn say(call: &mut Call<'_>) -> NativeResult {
 
 /// `robot.stream(name, on)`
 fn stream(call: &mut Call<'_>) -> NativeResult {
-    let (stream, on) = (call.args.get(0)?, call.args.get(1)?);
+    let stream = call.args.get(0)?;
+    let on = call.args.get(1)?;
     if on {
         call.make_room(0)?;
         call.switch_on(stream)?;

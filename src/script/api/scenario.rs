@@ -18,10 +18,8 @@ const LONGEST: usize = 64 * 1024;
 pub(super) fn install(builder: &Builder<'_>) -> LuaResult<()> {
     let lua = builder.lua;
     let row = api::function("scenario").ok_or_else(|| LuaError::runtime("no scenarios"))?;
-    let (ask, wait) = (
-        builder.function_with_shim("plain", row, ask)?,
-        wait_function(builder)?,
-    );
+    let ask = builder.function_with_shim("plain", row, ask)?;
+    let wait = wait_function(builder)?;
     let fail = builder.prelude.function("fail")?;
     let rows = api::object("Sim").map_or(&[][..], |sim| sim.methods);
     let methods = lua.create_table()?;

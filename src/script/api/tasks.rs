@@ -77,7 +77,8 @@ fn now(call: &mut Call<'_>) -> NativeResult {
 
 /// `task.spawn(fn, ...)`
 fn spawn(call: &mut Call<'_>) -> NativeResult {
-    let (function, values) = (call.args.get(0)?, call.args.rest());
+    let function = call.args.get(0)?;
+    let values = call.args.rest();
     begin(call, &function, values, None)
 }
 
@@ -91,7 +92,8 @@ fn delay(call: &mut Call<'_>) -> NativeResult {
 
 /// `task.every(seconds, fn)`
 fn every(call: &mut Call<'_>) -> NativeResult {
-    let (seconds, function) = (call.args.get(0)?, call.args.get(1)?);
+    let seconds = call.args.get(0)?;
+    let function = call.args.get(1)?;
     let beats: LuaFunction = call.lua.named_registry_value(BEATS)?;
     let values = [LuaValue::Number(seconds), LuaValue::Function(function)];
     begin(call, &beats, values.into_iter().collect(), None)
@@ -160,7 +162,8 @@ fn group(call: &mut Call<'_>, rule: Rule) -> NativeResult {
         .map(|index| match call.args.value(index) {
             LuaValue::Function(function) => Ok(function.clone()),
             other => {
-                let (number, got) = (index + 1, describe(other));
+                let number = index + 1;
+                let got = describe(other);
                 let words = format!("argument {number} must be a function, got {got}");
                 Err(call.args.misuse(&words))
             }

@@ -138,7 +138,8 @@ fn track(call: &mut Call<'_>) -> NativeResult {
 /// The mark of a track, for people who see the frame: its id, and its assumed place while it is
 /// lost.
 fn track_mark(track: &Track, colours: &Colours) -> LabelledBlob {
-    let (name, id) = (colours.name_of(&track.blob), track.id);
+    let name = colours.name_of(&track.blob);
+    let id = track.id;
     let lost = if track.lost > 0 { " lost" } else { "" };
     mark(&track.blob, &format!("{name} #{id}{lost}"))
 }

@@ -33,7 +33,8 @@ impl Argument for f64 {
 
 impl Argument for u32 {
     fn read(given: Given<'_>) -> Result<Self, Refusal> {
-        let (args, name) = (given.args, given.row.label());
+        let args = given.args;
+        let name = given.row.label();
         let number = f64::read(given)?;
         if number.fract() == 0.0 {
             return Ok(number as u32);
@@ -45,7 +46,8 @@ impl Argument for u32 {
 /// In seconds.
 impl Argument for Duration {
     fn read(given: Given<'_>) -> Result<Self, Refusal> {
-        let (args, name) = (given.args, given.row.label());
+        let args = given.args;
+        let name = given.row.label();
         Duration::try_from_secs_f64(f64::read(given)?)
             .map_err(|_| args.misuse(&format!("{name} is not a time")))
     }

@@ -42,7 +42,8 @@ fn frames_are_saved_as_received() {
 
 /// Removes a part of the data, which the markers do not reveal.
 fn torn(jpeg: &Bytes) -> Bytes {
-    let (middle, end) = (jpeg.len() - 400, jpeg.len() - 100);
+    let middle = jpeg.len() - 400;
+    let end = jpeg.len() - 100;
     [&jpeg[..middle], &jpeg[end..]].concat().into()
 }
 
@@ -142,7 +143,8 @@ fn shown(behaviour: &str, width: u32, height: u32) -> Rig {
     rig.deliver(connected(false));
     // The robot is not docked: there is no station to leave.
     if let Some(Intent::Undock { call, .. }) = rig.take_intents().last() {
-        let (call, end) = (*call, crate::robot::DockEnd::NotDocked);
+        let call = *call;
+        let end = crate::robot::DockEnd::NotDocked;
         rig.deliver(Event::UndockEnded { call, end });
     }
     let jpeg = room(width, height);

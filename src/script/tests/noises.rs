@@ -37,7 +37,8 @@ fn a_noise_that_may_be_the_robots_own_is_marked() {
         rig.deliver(audio(16_384));
         rig.texts().last().map(|text| (*text).to_owned())
     };
-    let (own, foreign) = (Some("true".to_owned()), Some("false".to_owned()));
+    let own = Some("true".to_owned());
+    let foreign = Some("false".to_owned());
     assert_eq!(noise_after(None, 2.0), foreign);
     assert_eq!(noise_after(Some(Event::Moving { on: true }), 20.0), own);
     assert_eq!(noise_after(Some(Event::Moving { on: false }), 0.9), own);

@@ -54,7 +54,8 @@ fn a_handler_runs_before_the_frame_is_examined_for_the_robots_own_motion() {
     let jpeg = picture(&[((100, 50, 40, 20), RED)]);
     for seq in 1..=2 {
         rig.now += Duration::from_millis(100);
-        let (at, jpeg) = (rig.now, jpeg.clone());
+        let at = rig.now;
+        let jpeg = jpeg.clone();
         rig.script.deliver_frame(Frame { seq, at, jpeg }, rig.now);
         rig.intents.clear();
         rig.script.run_ready(rig.now);

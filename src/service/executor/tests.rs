@@ -104,7 +104,8 @@ impl ServiceFixture {
 
     /// The roster has started `go`.
     fn runs(&self, started: Reply) {
-        let (by, since) = (BehaviourId(1), Instant::now());
+        let by = BehaviourId(1);
+        let since = Instant::now();
         self.shows(BehaviourState::Running { by, since });
         let _ = started.send(Ok(()));
     }

@@ -106,7 +106,8 @@ mod tests {
 
     #[test]
     fn driving_drains_faster_than_standing() {
-        let (mut standing, mut driving) = (battery(50.0), battery(50.0));
+        let mut standing = battery(50.0);
+        let mut driving = battery(50.0);
         standing.step(MINUTE, 0.0);
         driving.step(MINUTE, 1.0);
         assert!((standing.percent() - 49.0).abs() < 1e-9);

@@ -169,7 +169,8 @@ mod tests {
     }
 
     fn driven(from: Pose, left: i8, right: i8, seconds: u32) -> Chassis {
-        let (mut body, obstacles) = (Chassis::new(from), obstacles());
+        let mut body = Chassis::new(from);
+        let obstacles = obstacles();
         body.set_target(Tracks::new(left, right).speeds());
         (0..seconds * 50).for_each(|_| body.step(TICK, &obstacles));
         body
@@ -185,7 +186,8 @@ mod tests {
 
     #[test]
     fn left_back_and_right_forward_turns_left_on_the_spot() {
-        let (mut body, obstacles) = (Chassis::new(Pose::new(2.0, 3.0, 0.0)), obstacles());
+        let mut body = Chassis::new(Pose::new(2.0, 3.0, 0.0));
+        let obstacles = obstacles();
         body.set_target(Tracks::new(-45, 45).speeds());
         (0..50).for_each(|_| body.step(TICK, &obstacles));
         assert!((1.0..2.0).contains(&body.pose.heading), "{:?}", body.pose);
@@ -194,7 +196,8 @@ mod tests {
 
     #[test]
     fn speed_ramps_up_and_down() {
-        let (mut body, obstacles) = (Chassis::new(Pose::new(1.0, 3.0, 0.0)), obstacles());
+        let mut body = Chassis::new(Pose::new(1.0, 3.0, 0.0));
+        let obstacles = obstacles();
         body.set_target(Tracks::new(90, 90).speeds());
         body.step(TICK, &obstacles);
         assert!(body.speeds().left > 0.0 && body.speeds().left < FULL_SPEED / 2.0);

@@ -83,7 +83,8 @@ pub(crate) struct Docking {
 impl Docking {
     /// Creates an idle state. A search fails after `search_limit` without the beacon.
     pub(crate) fn new(search_limit: Duration) -> Docking {
-        let (elapsed, unseen) = (Duration::ZERO, Duration::ZERO);
+        let elapsed = Duration::ZERO;
+        let unseen = Duration::ZERO;
         Docking {
             phase: DockingPhase::Idle,
             search_limit,
@@ -258,7 +259,8 @@ mod tests {
     /// whether the contacts touch.
     fn dock_from(world: &World, from: Pose, beacon: bool) -> (f64, bool) {
         let obstacles = world.obstacles();
-        let (mut body, mut docking) = (Chassis::new(from), Docking::new(Duration::from_secs(20)));
+        let mut body = Chassis::new(from);
+        let mut docking = Docking::new(Duration::from_secs(20));
         docking.find_base();
         for step in 0.. {
             let station = &world.station;
@@ -285,7 +287,8 @@ mod tests {
     fn finds_the_station_from_everywhere_in_the_living_room() {
         let world = World::default_world();
         let obstacles = world.obstacles();
-        let (mut tried, mut slowest) = (0, 0.0);
+        let mut tried = 0;
+        let mut slowest = 0.0;
         for i in 0..80 {
             let at = Point::new(
                 0.3 + f64::from(i % 10) * 0.44,
@@ -322,7 +325,8 @@ mod tests {
     #[test]
     fn backing_out_ends_clear_of_the_station() {
         let world = World::default_world();
-        let (station, obstacles) = (&world.station, world.obstacles());
+        let station = &world.station;
+        let obstacles = world.obstacles();
         let mut body = Chassis::new(station.dock_pose());
         let mut docking = Docking::new(Duration::ZERO);
         docking.leave();

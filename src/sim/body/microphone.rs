@@ -107,7 +107,8 @@ impl Microphone {
             self.burst = None;
         }
         for source in &mut self.sources {
-            let (noise, at) = (&source.noise, source.noise.at.point());
+            let noise = &source.noise;
+            let at = source.noise.at.point();
             let wall = if obstacles.is_behind_wall(at, here) {
                 WALL_TRANSMISSION
             } else {

@@ -153,10 +153,8 @@ impl Robot {
         self.time += dt;
         self.drive(dt);
         self.update_contacts();
-        let (places, balls) = (
-            self.environment.places(),
-            self.environment.world.balls.len(),
-        );
+        let places = self.environment.places();
+        let balls = self.environment.world.balls.len();
         lock(&self.trace).add_sample(
             self.time,
             self.chassis.pose,

@@ -166,7 +166,8 @@ impl Trace {
             self.missed += 1;
             return;
         }
-        let (at, pose) = (self.now.at, self.now.pose);
+        let at = self.now.at;
+        let pose = self.now.pose;
         self.events.push(TraceEvent { at, pose, kind });
     }
 

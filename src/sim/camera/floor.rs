@@ -53,7 +53,8 @@ impl Floor {
             let level = floor.level(depth / view.focal);
             let [x, y] = level.scale.map(|scale| scale * 256.0);
             let (x, y) = (y, x);
-            let (start, next) = (view.place(edges[0], depth), view.place(edges[1], depth));
+            let start = view.place(edges[0], depth);
+            let next = view.place(edges[1], depth);
             let step = ((next.0 - start.0) * x, (next.1 - start.1) * y);
             let start = (start.0 * x - 128.0, start.1 * y - 128.0);
             let line = &mut frame[row * WIDTH..][..WIDTH];
@@ -64,11 +65,13 @@ impl Floor {
                 }
                 let middle = view.column(if even { WIDTH / 2 } else { patch + PATCH / 2 });
                 let (px, py) = view.place(middle, depth);
-                let (room, flash) = (lighting.at(px, py), flash * view.beam(middle));
+                let room = lighting.at(px, py);
+                let flash = flash * view.beam(middle);
                 let light = light(room.map(|channel| (channel * lamps + flash) * exposure));
                 let colour = |column: usize| {
                     let right = column as f32;
-                    let (x, y) = (start.0 + right * step.0, start.1 + right * step.1);
+                    let x = start.0 + right * step.0;
+                    let y = start.1 + right * step.1;
                     lit(level.smooth(y as i32, x as i32), light)
                 };
                 let mut left = colour(patch);

@@ -25,7 +25,8 @@ const MAX_PIXELS: f32 = 2e6;
 /// Paints the texture of a room's floor, with rugs, lines and the soft shadows of the things on it.
 /// Its first axis is y.
 pub(crate) fn picture(world: &World) -> Texture {
-    let (width, depth) = (world.room.width as f32, world.room.depth as f32);
+    let width = world.room.width as f32;
+    let depth = world.room.depth as f32;
     let size = PIXEL.max((width * depth / MAX_PIXELS).sqrt());
     let count = [depth, width].map(|side| ((side / size).ceil() as usize).max(1));
     let scale = [count[0] as f32 / depth, count[1] as f32 / width];
@@ -186,7 +187,8 @@ impl Shadows {
         let columns = (world.room.width as f32 / CELL).ceil() as usize + 2;
         let rows = (world.room.depth as f32 / CELL).ceil() as usize + 2;
         let light = |i: usize| {
-            let (column, row) = ((i % columns) as f64, (i / columns) as f64);
+            let column = (i % columns) as f64;
+            let row = (i / columns) as f64;
             let point = Point::new(column * f64::from(CELL), row * f64::from(CELL));
             let clear = obstacles.clearance(point) as f32 / SHADOW;
             0.55 + 0.45 * clear.clamp(0.0, 1.0).sqrt()
@@ -201,8 +203,10 @@ impl Shadows {
     fn at(&self, x: f32, y: f32) -> f32 {
         let x = (x * (1.0 / CELL)).clamp(0.0, (self.columns - 2) as f32);
         let y = (y * (1.0 / CELL)).clamp(0.0, (self.rows - 2) as f32);
-        let (column, row) = (x as usize, y as usize);
-        let (dx, dy) = (x - column as f32, y - row as f32);
+        let column = x as usize;
+        let row = y as usize;
+        let dx = x - column as f32;
+        let dy = y - row as f32;
         let near = row * self.columns + column;
         let far = near + self.columns;
         let front = self.light[near] * (1.0 - dx) + self.light[near + 1] * dx;

@@ -75,7 +75,8 @@ impl Lens {
         };
         for (pixel, source) in self.frame.iter_mut().zip(&self.sources) {
             let index = source.index as usize;
-            let (right, below) = (u32::from(source.right), u32::from(source.below));
+            let right = u32::from(source.right);
+            let below = u32::from(source.below);
             let upper = mix(at(index), at(index + 1), right);
             let lower = mix(at(index + WIDTH), at(index + WIDTH + 1), right);
             *pixel = mix(upper, lower, below).to_le_bytes();
@@ -113,7 +114,8 @@ fn focal(settings: &CameraSettings) -> f32 {
 
 /// Returns how far a pixel's centre lies to the right of and below the image centre.
 fn from_middle(index: usize) -> (f32, f32) {
-    let (column, row) = (index % WIDTH, index / WIDTH);
+    let column = index % WIDTH;
+    let row = index / WIDTH;
     let off = |place: usize, length: usize| place as f32 + 0.5 - length as f32 / 2.0;
     (off(column, WIDTH), off(row, HEIGHT))
 }
@@ -124,7 +126,8 @@ struct InverseDistortion(Vec<f32>);
 
 impl InverseDistortion {
     fn new([k1, k2]: [f64; 2]) -> InverseDistortion {
-        let (k1, k2) = (k1 as f32, k2 as f32);
+        let k1 = k1 as f32;
+        let k2 = k2 as f32;
         let distorted = (0..STEPS).map(|step| {
             let r = distance(step as f32);
             r * (1.0 + r * r * (k1 + k2 * r * r))
@@ -175,7 +178,8 @@ mod tests {
         let red = |column: usize, row: usize| seen[row * WIDTH + column][0] > 100;
         assert!((0..WIDTH).all(|column| red(column, HEIGHT / 2)));
         let upper = |column: usize| (0..60).find(|row| red(column, *row));
-        let (side, middle) = (upper(20), upper(WIDTH / 2));
+        let side = upper(20);
+        let middle = upper(WIDTH / 2);
         assert!(
             side > middle.map(|row| row + 3),
             "{side:?} {middle:?}: no distortion"

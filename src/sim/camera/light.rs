@@ -37,11 +37,13 @@ impl Lighting {
         let room = &world.room;
         let cell = (room.width.max(room.depth) / MAX_POINTS as f64).max(FINEST);
         let points = |side: f64| (side / cell).ceil() as usize + 2;
-        let (columns, rows) = (points(room.width), points(room.depth));
+        let columns = points(room.width);
+        let rows = points(room.depth);
         let obstacles = world.fixed_obstacles();
         let share = |lamp: &Lamp| {
             let place = |index: usize| {
-                let (row, column) = (index / columns, index % columns);
+                let row = index / columns;
+                let column = index % columns;
                 Point::new(column as f64 * cell, row as f64 * cell)
             };
             (0..columns * rows)
@@ -111,8 +113,10 @@ impl Lighting {
         }
         let x = (x / self.cell).clamp(0.0, (self.columns - 2) as f32);
         let y = (y / self.cell).clamp(0.0, (self.rows - 2) as f32);
-        let (column, row) = (x as usize, y as usize);
-        let (dx, dy) = (x - column as f32, y - row as f32);
+        let column = x as usize;
+        let row = y as usize;
+        let dx = x - column as f32;
+        let dy = y - row as f32;
         let near = row * self.columns + column;
         let far = near + self.columns;
         std::array::from_fn(|i| {

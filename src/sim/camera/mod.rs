@@ -103,7 +103,8 @@ impl Camera {
         let grainy = &mut self.grainy;
         self.grain
             .add_to(frame.as_flattened(), grainy.as_flattened_mut());
-        let (quality, subsampling) = (self.settings.quality as u8, self.settings.subsampling);
+        let quality = self.settings.quality as u8;
+        let subsampling = self.settings.subsampling;
         self.encoder
             .get_or_insert_with(|| {
                 JpegEncoder::new(quality, subsampling, (WIDTH as u16, HEIGHT as u16))

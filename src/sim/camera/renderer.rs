@@ -78,7 +78,8 @@ impl Renderer {
         for index in 0..WIDTH {
             self.paint_column(&view, view.column(index));
         }
-        let (frame, floor_tops) = (&mut self.frame, &self.floor_tops);
+        let frame = &mut self.frame;
+        let floor_tops = &self.floor_tops;
         self.floor
             .paint(frame, floor_tops, &view, &self.lighting, exposure);
         for index in 0..WIDTH {
@@ -94,7 +95,8 @@ impl Renderer {
 
     /// Finds the things in each column, nearest first.
     fn find_things(&mut self, view: &View) {
-        let (standing, overlays) = (&mut self.standing, &mut self.overlays);
+        let standing = &mut self.standing;
+        let overlays = &mut self.overlays;
         standing
             .iter_mut()
             .chain(overlays.iter_mut())
@@ -175,7 +177,8 @@ impl Renderer {
 
     /// Computes the ceiling's colour in each row.
     fn light_ceiling(&mut self) {
-        let (x, y) = (self.lamp.at.x as f32, self.lamp.at.y as f32);
+        let x = self.lamp.at.x as f32;
+        let y = self.lamp.at.y as f32;
         let room = self.lighting.at(x, y);
         for (row, colour) in self.ceiling.iter_mut().enumerate() {
             let shade = (0.80 + 0.20 * (row as f32 / HORIZON)) * self.exposure;
@@ -210,7 +213,8 @@ impl Renderer {
     /// Returns the light reflected from a depth in a column, including the exposure.
     fn light_on(&self, view: &View, column: Column, depth: f32) -> Light {
         let (x, y) = view.place(column, depth);
-        let (fade, flash) = (lamps(depth), view.headlight(column, depth));
+        let fade = lamps(depth);
+        let flash = view.headlight(column, depth);
         let room = self.lighting.at(x, y);
         room.map(|channel| (channel * fade + flash) * self.exposure)
     }
@@ -224,7 +228,8 @@ impl Renderer {
         rows: std::ops::Range<usize>,
     ) {
         let panel = &self.scene.panels[index];
-        let (length, bottom) = (panel.length, panel.bottom);
+        let length = panel.length;
+        let bottom = panel.bottom;
         let light = light(room.map(|channel| channel * panel.light));
         let size = depth / view.focal;
         let level = self.scene.picture(index).level(size);
@@ -282,7 +287,8 @@ impl Renderer {
             match hit.thing {
                 Thing::Panel { index, share } => {
                     let panel = &self.scene.panels[index];
-                    let (top, bottom) = (panel.top, panel.bottom);
+                    let top = panel.top;
+                    let bottom = panel.bottom;
                     let rows = view.row(top, hit.depth)..view.row(bottom, hit.depth).min(limit);
                     let light = self.light_on(view, column, hit.depth);
                     self.paint_panel(view, column, (hit.depth, light), (index, share), rows);

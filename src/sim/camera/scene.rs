@@ -120,8 +120,11 @@ impl Scene {
 
     /// Returns the texture of a panel, painting it on first use.
     pub(crate) fn picture(&mut self, index: usize) -> &Texture {
-        let (panel, codes) = (&mut self.panels[index], &self.codes);
-        let (surface, length, height) = (panel.surface, panel.length, panel.top - panel.bottom);
+        let panel = &mut self.panels[index];
+        let codes = &self.codes;
+        let surface = panel.surface;
+        let length = panel.length;
+        let height = panel.top - panel.bottom;
         panel.picture.get_or_insert_with(|| {
             if let Surface::Sign(code) = surface {
                 let (code, sign) = &codes[code];
@@ -192,8 +195,10 @@ impl Scene {
         mut found: impl FnMut(usize, Hit),
     ) {
         let line = self.panels[index].line;
-        let (a, b) = (view.relative(line.from), view.relative(line.to));
-        let (da, dr) = (b.0 - a.0, b.1 - a.1);
+        let a = view.relative(line.from);
+        let b = view.relative(line.to);
+        let da = b.0 - a.0;
+        let dr = b.1 - a.1;
         // A sign is visible from the front only.
         let back = a.0 * dr - a.1 * da < 0.0;
         if matches!(self.panels[index].surface, Surface::Sign(_)) && back {
@@ -230,7 +235,8 @@ impl Scene {
         if distance <= radius || ahead < -radius {
             return;
         }
-        let (towards, half) = (right.atan2(ahead), (radius / distance).asin());
+        let towards = right.atan2(ahead);
+        let half = (radius / distance).asin();
         let edge = |angle: f32| angle.clamp(-1.5, 1.5).tan();
         for column in view.columns(edge(towards - half), edge(towards + half)) {
             let slope = view.column(column).slope;
@@ -263,7 +269,8 @@ fn slopes(a: (f32, f32), b: (f32, f32)) -> Option<[f32; 2]> {
     } else {
         near
     };
-    let (one, other) = (near.1 / near.0, far.1 / far.0);
+    let one = near.1 / near.0;
+    let other = far.1 / far.0;
     Some([one.min(other), one.max(other)])
 }
 

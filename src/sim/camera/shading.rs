@@ -33,10 +33,8 @@ pub(super) fn pillar(kind: RoundKind, paint: Rgb, height: f32, aside: f32, shine
 pub(super) fn ball(paint: Rgb, normal: Rgb, lamp: Rgb) -> Rgb {
     let facing = dot(normal, lamp);
     let lit = facing.max(0.0);
-    let (lit4, lit8) = (
-        lit * lit * lit * lit,
-        lit * lit * lit * lit * lit * lit * lit * lit,
-    );
+    let lit4 = lit * lit * lit * lit;
+    let lit8 = lit * lit * lit * lit * lit * lit * lit * lit;
     let shine = lit4 * lit4 * lit8 * lit8 * 90.0;
     let body = scaled(paint, 0.50 + 0.28 * (facing + 1.0) * 0.5 + 0.34 * lit);
     body.map(|channel| channel + shine)
@@ -56,7 +54,8 @@ fn clothes(paint: Rgb, share: f32, aside: f32) -> Rgb {
 
 /// Returns the surface normal of a sphere where a ray from the origin hits it; `None` if it misses.
 pub(super) fn sphere_normal(ray: Rgb, middle: Rgb, radius: f32) -> Option<Rgb> {
-    let (a, b) = (dot(ray, ray), dot(ray, middle));
+    let a = dot(ray, ray);
+    let b = dot(ray, middle);
     let under = b * b - a * (dot(middle, middle) - radius * radius);
     if under < 0.0 {
         return None;

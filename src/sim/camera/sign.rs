@@ -16,7 +16,8 @@ pub(crate) fn picture(code: &Code, sign: &Sign) -> Texture {
     let index = move |place: f32| ((place / dot) as usize).checked_sub(MARGIN);
     Texture::paint([side; 2], dot / FINE, |along| {
         move |up| {
-            let (column, row) = (index(along), index(side - up));
+            let column = index(along);
+            let row = index(side - up);
             let dark = column
                 .zip(row)
                 .is_some_and(|(column, row)| code.dark(column, row));

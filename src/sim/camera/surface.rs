@@ -166,7 +166,9 @@ fn wall_decoration(number: u32, place: SurfacePoint) -> Option<(Thing, f32)> {
 }
 
 fn picture(aside: f32, height: f32, kind: f32) -> Option<Rgb> {
-    let (half, low, high) = (0.22 + 0.12 * kind, 0.75, 1.25);
+    let half = 0.22 + 0.12 * kind;
+    let low = 0.75;
+    let high = 1.25;
     let edge = (half - aside.abs()).min(height - low).min(high - height);
     let hills = 0.85 + 0.15 * (aside * 9.0 + kind * 30.0).sin();
     match edge {
@@ -179,7 +181,9 @@ fn picture(aside: f32, height: f32, kind: f32) -> Option<Rgb> {
 }
 
 fn window(aside: f32, height: f32) -> Option<Rgb> {
-    let (half, low, high) = (0.5, 0.65, 1.75);
+    let half = 0.5;
+    let low = 0.65;
+    let high = 1.75;
     let edge = (half - aside.abs()).min(height - low).min(high - height);
     match edge {
         _ if edge < 0.0 => None,

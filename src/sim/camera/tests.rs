@@ -147,7 +147,8 @@ fn every_pose_gives_a_frame_even_inside_things() {
     let world = World::default_world();
     let mut camera = Camera::new(&world, 1);
     for i in 0..120 {
-        let (x, y) = (f64::from(i % 12) * 0.7 - 0.5, f64::from(i / 12) * 0.6 - 0.3);
+        let x = f64::from(i % 12) * 0.7 - 0.5;
+        let y = f64::from(i / 12) * 0.6 - 0.3;
         let jpeg = camera.frame(still(Pose::new(x, y, f64::from(i)), i % 2 == 0));
         assert!(jpeg.starts_with(&[0xFF, 0xD8]) && jpeg.ends_with(&[0xFF, 0xD9]));
     }

@@ -74,10 +74,12 @@ impl Texture {
 
 impl Level {
     fn half(&self) -> Level {
-        let (first, second) = (self.first / 2, self.second / 2);
+        let first = self.first / 2;
+        let second = self.second / 2;
         let at = |i: usize, j: usize| self.pixels[i * self.second + j];
         let mean = |index: usize| {
-            let (i, j) = (index / second * 2, index % second * 2);
+            let i = index / second * 2;
+            let j = index % second * 2;
             let four = [at(i, j), at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)];
             std::array::from_fn(|c| (four.iter().map(|p| u16::from(p[c])).sum::<u16>() / 4) as u8)
         };
@@ -101,13 +103,18 @@ impl Level {
     /// Returns the bilinearly interpolated colour at a place, in 256ths of a pixel; beyond the
     /// edge, the colour of the edge.
     pub(crate) fn smooth(&self, first: i32, second: i32) -> Pixel {
-        let (first, second) = (first.max(0) as usize, second.max(0) as usize);
-        let (last_i, last_j) = (self.first - 1, self.second - 1);
-        let (i, j) = ((first >> 8).min(last_i), (second >> 8).min(last_j));
-        let (near, far) = (i * self.second, (i + 1).min(last_i) * self.second);
+        let first = first.max(0) as usize;
+        let second = second.max(0) as usize;
+        let last_i = self.first - 1;
+        let last_j = self.second - 1;
+        let i = (first >> 8).min(last_i);
+        let j = (second >> 8).min(last_j);
+        let near = i * self.second;
+        let far = (i + 1).min(last_i) * self.second;
         let after = (j + 1).min(last_j);
         let at = |index: usize| u32::from_le_bytes(self.pixels[index]);
-        let (di, dj) = ((first & 255) as u32, (second & 255) as u32);
+        let di = (first & 255) as u32;
+        let dj = (second & 255) as u32;
         let near = mix(at(near + j), at(near + after), dj);
         let far = mix(at(far + j), at(far + after), dj);
         mix(near, far, di).to_le_bytes()
@@ -138,9 +145,11 @@ pub(crate) fn lit(pixel: Pixel, light: Pixel) -> Pixel {
             ((u16::from(pixel[i]) * u16::from(light[i])) >> 7).min(255) as u8
         });
     }
-    let (pixel, light) = (u32::from_le_bytes(pixel), u32::from(r));
+    let pixel = u32::from_le_bytes(pixel);
+    let light = u32::from(r);
     if light <= 128 {
-        let (even, odd) = ((pixel & EVEN) * light, ((pixel >> 8) & EVEN) * light);
+        let even = (pixel & EVEN) * light;
+        let odd = ((pixel >> 8) & EVEN) * light;
         return (((even >> 7) & EVEN) | ((odd << 1) & !EVEN)).to_le_bytes();
     }
     let two = |channels: u32| {

@@ -70,10 +70,8 @@ impl View {
     pub(crate) fn columns(&self, left: f32, right: f32) -> std::ops::Range<usize> {
         let column = |slope: f32| slope * self.focal + WIDTH as f32 / 2.0;
         // The conversion turns a negative float into 0.
-        let (from, to) = (
-            (column(left) - 1.0) as usize,
-            (column(right) + 2.0) as usize,
-        );
+        let from = (column(left) - 1.0) as usize;
+        let to = (column(right) + 2.0) as usize;
         from.min(WIDTH)..to.min(WIDTH)
     }
 
@@ -85,7 +83,8 @@ impl View {
 
     /// Returns how far a point lies ahead and to the right, in metres.
     pub(crate) fn relative(&self, point: Point) -> (f32, f32) {
-        let (dx, dy) = (point.x - self.eye.x, point.y - self.eye.y);
+        let dx = point.x - self.eye.x;
+        let dy = point.y - self.eye.y;
         (
             (dx * self.cos + dy * self.sin) as f32,
             (dx * self.sin - dy * self.cos) as f32,

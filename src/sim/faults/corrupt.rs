@@ -207,7 +207,8 @@ mod tests {
 
     #[test]
     fn power_garbage_is_any_byte_and_frames_are_unchanged() {
-        let (power, mut rng) = (Packet::new(kind::POWER, vec![80]), test_rng());
+        let power = Packet::new(kind::POWER, vec![80]);
+        let mut rng = test_rng();
         let faults = [Fault::new(FaultKind::PowerGarbage)];
         let bytes = (0..2000).filter_map(|_| corrupt(power.clone(), faults.iter(), &mut rng));
         let seen: std::collections::BTreeSet<u8> = bytes.map(|packet| packet.payload[0]).collect();
@@ -227,43 +228,45 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn splitting_and_joining_preserves_the_stream(
-            slices in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..40), 0..20),
-            in_step in any::<bool>(),
-        ) {
-            let (mut splitter, mut sent, mut came) = (Splitter::default(), BytesMut::new(), BytesMut::new());
-            let slices = slices.iter().map(|slice| {
-                if !in_step { return Bytes::from(slice.clone()); }
-                let mut message = BytesMut::new();
-                Packet::new(9, slice.clone()).emit(&mut message);
-                message.freeze()
-            });
-            for slice in slices {
-                sent.extend_from_slice(&slice);
-                for section in splitter.feed(&slice) {
-                    prop_assert!(!in_step || matches!(section, Section::Message(_)));
-                    put(section, &mut came);
+            #[test]
+            fn splitting_and_joining_preserves_the_stream(
+                slices in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..40), 0..20),
+                in_step in any::<bool>(),
+            ) {
+                let mut splitter = Splitter::default();
+    let mut sent = BytesMut::new();
+    let mut came = BytesMut::new();
+                let slices = slices.iter().map(|slice| {
+                    if !in_step { return Bytes::from(slice.clone()); }
+                    let mut message = BytesMut::new();
+                    Packet::new(9, slice.clone()).emit(&mut message);
+                    message.freeze()
+                });
+                for slice in slices {
+                    sent.extend_from_slice(&slice);
+                    for section in splitter.feed(&slice) {
+                        prop_assert!(!in_step || matches!(section, Section::Message(_)));
+                        put(section, &mut came);
+                    }
                 }
+                splitter.rest().into_iter().for_each(|section| put(section, &mut came));
+                prop_assert_eq!(came, sent);
             }
-            splitter.rest().into_iter().for_each(|section| put(section, &mut came));
-            prop_assert_eq!(came, sent);
-        }
 
-        #[test]
-        fn no_payload_causes_a_panic(payload in prop::collection::vec(any::<u8>(), 0..50), seed in any::<u64>()) {
-            let mut rng = StdRng::seed_from_u64(seed);
-            for kind in [kind::VIDEO, kind::POWER] {
-                for fault_kind in [
-                    FaultKind::HugeFrames, FaultKind::TruncatedFrames, FaultKind::FlippedFrames { bytes: 9 },
-                    FaultKind::PowerJumps { percent: None }, FaultKind::PowerGarbage,
-                ] {
-                    corrupt(Packet::new(kind, payload.clone()), [Fault::new(fault_kind)].iter(), &mut rng);
+            #[test]
+            fn no_payload_causes_a_panic(payload in prop::collection::vec(any::<u8>(), 0..50), seed in any::<u64>()) {
+                let mut rng = StdRng::seed_from_u64(seed);
+                for kind in [kind::VIDEO, kind::POWER] {
+                    for fault_kind in [
+                        FaultKind::HugeFrames, FaultKind::TruncatedFrames, FaultKind::FlippedFrames { bytes: 9 },
+                        FaultKind::PowerJumps { percent: None }, FaultKind::PowerGarbage,
+                    ] {
+                        corrupt(Packet::new(kind, payload.clone()), [Fault::new(fault_kind)].iter(), &mut rng);
+                    }
                 }
+                falsify_length(&mut payload.clone(), None, &mut rng);
             }
-            falsify_length(&mut payload.clone(), None, &mut rng);
         }
-    }
 
     fn put(section: Section, out: &mut BytesMut) {
         match section {

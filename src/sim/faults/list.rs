@@ -82,7 +82,8 @@ mod tests {
                     for: 3, every: 10, chance: 0.5 }\n  - { fault: length_lie, bytes: 0 }\n";
         let faults = read(text);
         let seconds = Duration::from_secs;
-        let (by, jitter) = (Duration::from_millis(500), seconds(1));
+        let by = Duration::from_millis(500);
+        let jitter = seconds(1);
         let expected = Fault {
             kind: FaultKind::Delay { by, jitter },
             towards: Direction::Robot,

@@ -151,7 +151,8 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn delayed_bytes_arrive_later_and_in_order() {
         let mut line = line(1);
-        let (by, jitter) = (SECOND, SECOND);
+        let by = SECOND;
+        let jitter = SECOND;
         line.begin(FaultKind::Delay { by, jitter }, Direction::Client, None);
         let start = Instant::now();
         for level in 0..20 {
@@ -177,7 +178,8 @@ mod tests {
         for kind in [FaultKind::Split, FaultKind::Drip { rate: 100 }] {
             let mut line = line(3);
             line.begin(kind, Direction::Both, None);
-            let (start, sent) = (Instant::now(), POWER_80.repeat(100));
+            let start = Instant::now();
+            let sent = POWER_80.repeat(100);
             line.robot.write_all(&sent).await.unwrap();
             drop(line.robot);
             assert_eq!(rest(&mut line.client).await, sent);

@@ -80,7 +80,8 @@ impl FaultScheduler {
 
     /// Adds a fault whose times count from `now`.
     pub(crate) fn begin(&mut self, fault: Fault, now: Instant) {
-        let (timing, on) = (TimingState::new(fault.timing, now), false);
+        let timing = TimingState::new(fault.timing, now);
+        let on = false;
         self.scheduled.push(ScheduledFault { fault, timing, on });
     }
 
@@ -159,7 +160,8 @@ mod tests {
 
     #[test]
     fn lasting_faults_become_active_and_every_beginning_is_broadcast() {
-        let (mut scheduler, now) = (FaultScheduler::new(1, None), Instant::now());
+        let mut scheduler = FaultScheduler::new(1, None);
+        let now = Instant::now();
         let mut feed = scheduler.feed();
         scheduler.begin(fault(FaultKind::HalfOpen, 2, 9, 1.0), now);
         scheduler.begin(fault(FaultKind::Reset, 0, 9, 1.0), now);
@@ -187,7 +189,8 @@ mod tests {
     #[test]
     fn the_same_seed_draws_the_same_occurrences() {
         let times = |seed| {
-            let (mut scheduler, now) = (FaultScheduler::new(seed, None), Instant::now());
+            let mut scheduler = FaultScheduler::new(seed, None);
+            let now = Instant::now();
             scheduler.begin(fault(FaultKind::Drop, 0, 1, 0.5), now);
             let happens = |second: u32| !scheduler.poll(now + SECOND * second).is_empty();
             (0..64).map(happens).collect::<Vec<bool>>()
@@ -200,7 +203,8 @@ mod tests {
 
     #[test]
     fn cleared_faults_end_immediately_and_permanently() {
-        let (mut scheduler, now) = (FaultScheduler::new(1, None), Instant::now());
+        let mut scheduler = FaultScheduler::new(1, None);
+        let now = Instant::now();
         scheduler.begin(fault(FaultKind::NoCharge, 5, 9, 1.0), now);
         scheduler.poll(now + SECOND);
         assert_eq!(scheduler.clear(), [(FaultKind::NoCharge, Transition::Ends)]);

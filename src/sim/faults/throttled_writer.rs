@@ -98,7 +98,9 @@ impl ThrottledWriter {
     /// Returns how many of the `left` bytes to write now, the pause after them, and the time they
     /// take at the limited rate.
     fn piece(&mut self, left: usize) -> (usize, Duration, Duration) {
-        let (mut length, mut pause, mut slowest) = (left, Duration::ZERO, None::<u32>);
+        let mut length = left;
+        let mut pause = Duration::ZERO;
+        let mut slowest = None::<u32>;
         let active_faults = self.active_faults.borrow_and_update().clone();
         for fault in active_faults.towards(self.towards) {
             match fault.kind {

@@ -215,9 +215,11 @@ mod tests {
     #[test]
     fn a_path_needs_room_for_the_whole_body() {
         let obstacles = world().obstacles();
-        let (a, b) = (Point::new(2.0, 2.8), Point::new(4.0, 2.8));
+        let a = Point::new(2.0, 2.8);
+        let b = Point::new(4.0, 2.8);
         assert!(!obstacles.is_path_free(a, b, 0.3));
-        let (a, b) = (Point::new(2.6, 3.0), Point::new(4.0, 3.0));
+        let a = Point::new(2.6, 3.0);
+        let b = Point::new(4.0, 3.0);
         assert!(obstacles.is_path_free(a, b, 0.15));
     }
 

@@ -87,9 +87,11 @@ pub(crate) fn in_rectangle(
     width: f64,
     heading: f64,
 ) -> bool {
-    let (dx, dy) = (point.x - centre.x, point.y - centre.y);
+    let dx = point.x - centre.x;
+    let dy = point.y - centre.y;
     let (sin, cos) = heading.sin_cos();
-    let (ahead, left) = (dx * cos + dy * sin, dy * cos - dx * sin);
+    let ahead = dx * cos + dy * sin;
+    let left = dy * cos - dx * sin;
     ahead.abs() < length / 2.0 && left.abs() < width / 2.0
 }
 
@@ -103,7 +105,8 @@ mod tests {
             from: Point::new(2.0, -1.0),
             to: Point::new(2.0, 1.0),
         };
-        let (here, there) = (Point::new(0.0, 0.0), Point::new(4.0, 0.0));
+        let here = Point::new(0.0, 0.0);
+        let there = Point::new(4.0, 0.0);
         assert!((wall.met_between(here, there).unwrap() - 0.5).abs() < 1e-9);
         assert_eq!(wall.met_between(here, Point::new(-4.0, 0.0)), None);
         assert!(wall.crosses(Point::new(1.0, 0.0), Point::new(3.0, 0.0)));

@@ -35,7 +35,8 @@ impl MapCanvas {
 
     /// Converts a place in the world to a pixel.
     pub(crate) fn at(&self, place: Point) -> (f32, f32) {
-        let (x, y) = (place.x as f32, place.y as f32);
+        let x = place.x as f32;
+        let y = place.y as f32;
         (
             self.origin.0 + x * self.scale,
             self.origin.1 - y * self.scale,
@@ -114,7 +115,8 @@ impl MapCanvas {
     ) -> Option<(f32, f32)> {
         let ((x, y), (width, height)) = (self.at(place), style.size(text));
         let (edge_x, edge_y) = self.canvas.size();
-        let (left, right) = (x - away.abs() - width, x + away.abs());
+        let left = x - away.abs() - width;
+        let right = x + away.abs();
         let sides = [
             (x - width / 2.0, y + away),
             (x - width / 2.0, y - away - height),

@@ -219,7 +219,8 @@ fn symbol(canvas: &mut MapCanvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
     let (shape, size): (&[(f32, f32)], f32) = match mark {
         Mark::Collision | Mark::NotFound => {
             for sign in [-1.0, 1.0] {
-                let (from, to) = ((x - 6.0, y - 6.0 * sign), (x + 6.0, y + 6.0 * sign));
+                let from = (x - 6.0, y - 6.0 * sign);
+                let to = (x + 6.0, y + 6.0 * sign);
                 canvas.rule(from, to, 6.0, [255, 255, 255, 220]);
                 canvas.rule(from, to, 3.0, ink);
             }

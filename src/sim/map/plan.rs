@@ -53,10 +53,12 @@ impl World {
 
 /// Creates a white canvas for the map of a world, with `beside` more pixels on the right.
 pub(crate) fn blank_canvas(world: &World, beside: u32) -> Option<MapCanvas> {
-    let (width, depth) = (world.room.width, world.room.depth);
+    let width = world.room.width;
+    let depth = world.room.depth;
     let scale = SIDE / width.max(depth);
     let pixels = |side: f64| (side * scale) as f32;
-    let (right, down) = (MARGIN * 2.0 + pixels(width), HEAD + FOOT + pixels(depth));
+    let right = MARGIN * 2.0 + pixels(width);
+    let down = HEAD + FOOT + pixels(depth);
     let size = (right as u32 + beside, down as u32);
     MapCanvas::new(size, scale as f32, (MARGIN, HEAD + pixels(depth)))
 }
@@ -79,10 +81,12 @@ fn floor(world: &World, canvas: &mut MapCanvas) {
         let sides = crate::sim::geometry::rectangle(middle, rug.width, rug.depth, 0.0);
         canvas.fill(&corners(&sides), ink(rug.colour, 90));
     }
-    let (width, depth) = (world.room.width, world.room.depth);
+    let width = world.room.width;
+    let depth = world.room.depth;
     for metre in 1..width.max(depth).ceil() as u32 {
         let along = f64::from(metre);
-        let (low, high) = (Point::new(along, 0.0), Point::new(along, depth));
+        let low = Point::new(along, 0.0);
+        let high = Point::new(along, depth);
         if along < width {
             canvas.line(&[low, high], 1.0, None, GRID);
         }
@@ -107,7 +111,8 @@ impl World {
     /// Returns the outline of the area that the station's beacon reaches, in which the robot's own
     /// search can find the station.
     pub fn beacon_cone(&self) -> Vec<Point> {
-        let (station, obstacles) = (&self.station, self.fixed_obstacles());
+        let station = &self.station;
+        let obstacles = self.fixed_obstacles();
         let beacon = station.beacon();
         let half = station.beacon_degrees.abs().min(180.0).to_radians();
         const RAYS: i32 = 180;
@@ -124,7 +129,8 @@ impl World {
 
 /// Draws the station and the area that its beacon reaches.
 fn station(world: &World, canvas: &mut MapCanvas) {
-    let (station, cone) = (&world.station, world.beacon_cone());
+    let station = &world.station;
+    let cone = world.beacon_cone();
     canvas.fill(&cone, BEACON);
     canvas.fill(&corners(&station.sides()), [200, 30, 50, 255]);
 }
@@ -143,8 +149,10 @@ fn walls(world: &World, canvas: &mut MapCanvas) {
         canvas.ring(post.at.point(), radius, 2.0, DARK);
     }
     for sign in &world.signs {
-        let (at, heading) = (sign.at.point(), sign.heading_degrees.to_radians());
-        let (left, right) = (heading + PI / 2.0, heading - PI / 2.0);
+        let at = sign.at.point();
+        let heading = sign.heading_degrees.to_radians();
+        let left = heading + PI / 2.0;
+        let right = heading - PI / 2.0;
         let ends = [
             at.ahead(left, sign.side / 2.0),
             at.ahead(right, sign.side / 2.0),
@@ -256,7 +264,8 @@ fn frame(world: &World, canvas: &mut MapCanvas) {
         );
     }
     let (x, y) = canvas.at(Point::new(0.0, 0.0));
-    let (y, end) = (y + 54.0, x + canvas.scale);
+    let y = y + 54.0;
+    let end = x + canvas.scale;
     canvas.rule((x, y), (end, y), 3.0, DARK);
     canvas.rule((x, y - 6.0), (x, y + 6.0), 3.0, DARK);
     canvas.rule((end, y - 6.0), (end, y + 6.0), 3.0, DARK);

@@ -44,11 +44,9 @@ impl Clients {
         if self.all.len() >= MAX_CLIENTS {
             return None;
         }
-        let (id, reports, cut) = (
-            self.next,
-            Arc::new(ReportQueue::new()),
-            CancellationToken::new(),
-        );
+        let id = self.next;
+        let reports = Arc::new(ReportQueue::new());
+        let cut = CancellationToken::new();
         self.next += 1;
         self.all.insert(
             id,

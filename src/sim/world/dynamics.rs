@@ -111,7 +111,8 @@ impl Dynamics {
 impl MovingObject {
     /// Returns the mover's place after so many seconds.
     fn next(&mut self, seconds: f64) -> Point {
-        let (here, speed) = (self.body.middle, self.rolling.distance(Point::default()));
+        let here = self.body.middle;
+        let speed = self.rolling.distance(Point::default());
         if speed > 0.0 {
             let slower = (speed - FRICTION * seconds).max(0.0);
             self.rolling = Point::default().towards(self.rolling, slower / speed);
@@ -138,7 +139,8 @@ mod tests {
 
     fn after(things: &str, robot: (f64, f64), seconds: u32) -> Point {
         let world = world(things);
-        let (mut dynamics, mut obstacles) = (Dynamics::new(&world), world.obstacles());
+        let mut dynamics = Dynamics::new(&world);
+        let mut obstacles = world.obstacles();
         let robot = Circle::new(Point::new(robot.0, robot.1), 0.15);
         (0..seconds * 50).for_each(|_| dynamics.step(0.02, robot, &mut obstacles));
         dynamics.places().next().unwrap()
@@ -162,11 +164,10 @@ mod tests {
         let ball =
             "balls: [{at: [1, 3], colour: red, path: {through: [[1, 3], [5, 3]], speed: 0.5}}]";
         let world = world(ball);
-        let (mut dynamics, mut obstacles) = (Dynamics::new(&world), world.obstacles());
-        let (robot, place) = (
-            Circle::new(Point::new(3.0, 1.0), 0.15),
-            Point::new(2.0, 2.0),
-        );
+        let mut dynamics = Dynamics::new(&world);
+        let mut obstacles = world.obstacles();
+        let robot = Circle::new(Point::new(3.0, 1.0), 0.15);
+        let place = Point::new(2.0, 2.0);
         dynamics.put_ball(0, place);
         (0..200).for_each(|_| dynamics.step(0.02, robot, &mut obstacles));
         assert_eq!(dynamics.places().next(), Some(place));
@@ -175,7 +176,8 @@ mod tests {
     #[test]
     fn a_pushed_ball_rolls_on_and_comes_to_rest() {
         let world = world("balls: [{at: [3, 2], colour: red}]");
-        let (mut dynamics, mut obstacles) = (Dynamics::new(&world), world.obstacles());
+        let mut dynamics = Dynamics::new(&world);
+        let mut obstacles = world.obstacles();
         let robot = Circle::new(Point::new(2.76, 2.0), 0.15);
         dynamics.push_balls(robot, 0.4, &mut obstacles);
         for _ in 0..200 {
@@ -189,7 +191,8 @@ mod tests {
     #[test]
     fn a_ball_at_the_wall_is_not_pushed() {
         let world = world("balls: [{at: [5.9, 2], colour: red}]");
-        let (mut dynamics, mut obstacles) = (Dynamics::new(&world), world.obstacles());
+        let mut dynamics = Dynamics::new(&world);
+        let mut obstacles = world.obstacles();
         let robot = Circle::new(Point::new(5.7, 2.0), 0.15);
         dynamics.push_balls(robot, 0.4, &mut obstacles);
         assert_eq!(dynamics.places().next(), Some(Point::new(5.9, 2.0)));

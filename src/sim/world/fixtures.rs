@@ -131,10 +131,8 @@ impl Tape {
             1..count.saturating_sub(1)
         };
         for index in bends {
-            let (before, after) = (
-                corners[(index + count - 1) % count],
-                corners[(index + 1) % count],
-            );
+            let before = corners[(index + count - 1) % count];
+            let after = corners[(index + 1) % count];
             bend(&mut path, before, corners[index], after, self.rounding);
         }
         if self.closed && count >= 3 {
@@ -176,7 +174,8 @@ fn bend(
             path.line_to(to);
         }
     };
-    let (back, on) = (before - corner, after - corner);
+    let back = before - corner;
+    let on = after - corner;
     let room = back.hypot().min(on.hypot()) / 2.0;
     // Half of the angle between the legs determines how much of them the arc replaces.
     let half = (back.cross(on).abs().atan2(back.dot(on))) / 2.0;
@@ -186,10 +185,8 @@ fn bend(
     let taken = (radius / half.tan()).min(room);
     let turned = std::f64::consts::PI - 2.0 * half;
     let handle = 4.0 / 3.0 * (turned / 4.0).tan() * taken * half.tan();
-    let (from, to) = (
-        corner + back.normalize() * taken,
-        corner + on.normalize() * taken,
-    );
+    let from = corner + back.normalize() * taken;
+    let to = corner + on.normalize() * taken;
     start(path, from);
     path.curve_to(
         from - back.normalize() * handle,

@@ -144,15 +144,18 @@ impl Room {
 impl Wall {
     /// Whether a place is inside the wall.
     pub(crate) fn covers(&self, place: Point) -> bool {
-        let (from, to) = (self.from.point(), self.to.point());
+        let from = self.from.point();
+        let to = self.to.point();
         let length = from.distance(to) + self.thickness;
-        let (middle, heading) = (from.towards(to, 0.5), from.direction_of(to));
+        let middle = from.towards(to, 0.5);
+        let heading = from.direction_of(to);
         in_rectangle(place, middle, length, self.thickness, heading)
     }
 
     /// Returns its four sides as seen from above.
     pub(crate) fn sides(&self) -> [Segment; 4] {
-        let (from, to) = (self.from.point(), self.to.point());
+        let from = self.from.point();
+        let to = self.to.point();
         let length = from.distance(to) + self.thickness;
         rectangle(
             from.towards(to, 0.5),
@@ -166,7 +169,8 @@ impl Wall {
 impl Furniture {
     /// Whether a place is inside the piece of furniture.
     pub(crate) fn covers(&self, place: Point) -> bool {
-        let (middle, heading) = (self.at.point(), self.heading_degrees.to_radians());
+        let middle = self.at.point();
+        let heading = self.heading_degrees.to_radians();
         in_rectangle(place, middle, self.length, self.width, heading)
     }
 

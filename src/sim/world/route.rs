@@ -78,7 +78,8 @@ impl Trip {
         let Some(&target) = self.corners.get(self.next) else {
             return here;
         };
-        let (left, stride) = (here.distance(target), self.speed * seconds);
+        let left = here.distance(target);
+        let stride = self.speed * seconds;
         if left > stride {
             return here.towards(target, stride / left);
         }
@@ -122,7 +123,8 @@ mod tests {
     fn visited(closed: bool) -> Vec<(i32, i32)> {
         let yaml = format!("{{through: [[1, 1], [2, 1], [2, 2]], speed: 1, closed: {closed}}}");
         let mut trip = Trip::new(&serde_yaml::from_str(&yaml).unwrap());
-        let (mut here, mut seen) = (Point::new(1.0, 1.0), Vec::new());
+        let mut here = Point::new(1.0, 1.0);
+        let mut seen = Vec::new();
         for _ in 0..110 {
             here = trip.step(here, 0.05);
             let corner = (here.x * 10.0).round() as i32 % 10 == 0

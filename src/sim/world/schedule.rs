@@ -70,7 +70,8 @@ mod tests {
 
     #[test]
     fn off_takes_precedence_over_on() {
-        let (on, off) = (Some(times("{after: 2}")), Some(times("{after: 4, for: 1}")));
+        let on = Some(times("{after: 2}"));
+        let off = Some(times("{after: 4, for: 1}"));
         let seen: Vec<bool> = [1.0, 3.0, 4.5, 6.0].map(|t| lit(on, off, t)).to_vec();
         assert_eq!(seen, [false, true, false, true]);
         assert!(lit(None, None, 0.0));

@@ -109,7 +109,8 @@ impl CameraSettings {
         const STEP: f64 = 0.002;
         let [k1, k2] = self.distortion();
         let corner = (self.hfov_degrees().to_radians() / 2.0).tan() * 1.25;
-        let (mut r, mut distorted) = (0.0, 0.0);
+        let mut r = 0.0;
+        let mut distorted = 0.0;
         while distorted < corner {
             r += STEP;
             let farther = r * (1.0 + r * r * (k1 + k2 * r * r));

@@ -114,7 +114,8 @@ impl Station {
     /// offset to the left of the axis as seen from the station, both in metres.
     pub(crate) fn offset(&self, pose: Pose) -> (f64, f64) {
         let dock = self.dock_pose();
-        let (dx, dy) = (pose.x - dock.x, pose.y - dock.y);
+        let dx = pose.x - dock.x;
+        let dy = pose.y - dock.y;
         let (sin, cos) = self.heading().sin_cos();
         (dx * cos + dy * sin, dy * cos - dx * sin)
     }

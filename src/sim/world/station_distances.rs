@@ -74,7 +74,8 @@ impl StationDistances {
 
     /// Computes all lengths with Dijkstra's algorithm, starting at the staging pose.
     fn compute(&mut self, world: &World) {
-        let (staging, dock) = (world.station.staging_pose(), world.station.dock_pose());
+        let staging = world.station.staging_pose();
+        let dock = world.station.dock_pose();
         let straight_on = staging.point().distance(dock.point());
         let mut open = BinaryHeap::new();
         for (column, row) in self.around(staging.point()) {
@@ -102,7 +103,8 @@ impl StationDistances {
 
     fn around(&self, place: Point) -> impl Iterator<Item = (i64, i64)> + use<> {
         let nearest = |at: f64| (at / GRID).round() as i64;
-        let (column, row) = (nearest(place.x), nearest(place.y));
+        let column = nearest(place.x);
+        let row = nearest(place.y);
         square(AROUND).map(move |(right, up)| (column + right, row + up))
     }
 

@@ -25,7 +25,9 @@ impl Moments {
     pub(crate) fn add_run(&mut self, start: u32, end: u32, y: u32) {
         // Sum of the squares below n.
         let squares = |n: u64| n * n.saturating_sub(1) * (2 * n).saturating_sub(1) / 6;
-        let (start, end, y) = (u64::from(start), u64::from(end), u64::from(y));
+        let start = u64::from(start);
+        let end = u64::from(end);
+        let y = u64::from(y);
         let pixels = end - start;
         let sum_x = (start + end).saturating_sub(1) * pixels / 2;
         self.pixels += pixels;

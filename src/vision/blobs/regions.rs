@@ -118,7 +118,8 @@ impl Regions {
             } else {
                 of(row + 1)
             };
-            let (mut above, mut below) = (&self.runs[above], &self.runs[below]);
+            let mut above = &self.runs[above];
+            let mut below = &self.runs[below];
             for run in &self.runs[of(row)] {
                 let root = find(&mut self.regions, run.region) as usize;
                 if wanted(&self.regions[root]) {
@@ -181,7 +182,8 @@ fn unite(regions: &mut [Region], a: u32, b: u32) -> u32 {
     if a == b {
         return a;
     }
-    let (root, child) = (a.min(b), a.max(b));
+    let root = a.min(b);
+    let child = a.max(b);
     let absorbed = regions[child as usize];
     regions[child as usize].parent = root;
     regions[root as usize].absorb(&absorbed);
@@ -233,7 +235,8 @@ fn enclosed<'a>(run: &Run, above: &mut &'a [Run], below: &mut &'a [Run]) -> u32 
             *side = rest;
         }
     }
-    let (mut up, mut down) = (*above, *below);
+    let mut up = *above;
+    let mut down = *below;
     let mut inner = 0;
     while let (Some(over), Some(under)) = (up.first(), down.first())
         && over.start.max(under.start) < run.end
@@ -306,7 +309,8 @@ mod tests {
             let enclosed = neighbours
                 .iter()
                 .all(|&(x, y)| labels.get_pixel(x, y).0[0] == region);
-            let (x, y) = (x - 1, y - 1);
+            let x = x - 1;
+            let y = y - 1;
             let facts =
                 regions
                     .entry(region)

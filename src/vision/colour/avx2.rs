@@ -59,7 +59,8 @@ fn eights(v3: V3, lowest: u8, [lower, upper]: [__m256i; 2], cbs: &[u8; 32], crs:
         let bounded = avx2._mm256_min_epu8(above, all(127));
         avx2._mm256_and_si256(avx2._mm256_srli_epi16::<3>(bounded), all(15))
     };
-    let (cb, cr) = (index(cbs), index(crs));
+    let cb = index(cbs);
+    let cr = index(crs);
     let lower = avx2._mm256_shuffle_epi8(lower, cb);
     let upper = avx2._mm256_shuffle_epi8(upper, cb);
     // The fourth bit of the index selects the half: shifted to each byte's highest bit.

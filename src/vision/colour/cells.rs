@@ -55,7 +55,8 @@ impl Cell {
     /// The cell of a Cb and a Cr; `None` at the border, where cells are too large to be settled.
     pub(super) fn from_chroma(cb: u8, cr: u8) -> Option<Cell> {
         let inner = |index: u8| (1..15).contains(&index);
-        let (cb, cr) = (index(cb), index(cr));
+        let cb = index(cb);
+        let cr = index(cr);
         (inner(cb) && inner(cr)).then_some(Cell { cb, cr })
     }
 
@@ -130,36 +131,34 @@ mod tests {
     }
 
     proptest! {
-        /// Exactly the groups whose cells are all settled as not live are skipped.
-        #[test]
-        fn exactly_the_groups_without_live_cells_are_skipped(
-            settled in proptest::collection::vec((72u8..184, 72u8..184, any::<bool>()), 0..300),
-            chroma in proptest::collection::vec((60u8..200, 60u8..200), 1..200),
-        ) {
-            let mut cells = Cells::default();
-            for (cb, cr, live) in settled {
-                let cell = Cell::from_chroma(cb, cr).unwrap();
-                cells.settle(cell, live);
-                prop_assert!(cells.is_settled(cell));
-            }
-            let dead = |&(cb, cr): &(u8, u8)| Cell::from_chroma(cb, cr).is_some_and(|cell| {
-                cells.live[usize::from(cell.cr / 8)][usize::from(cell.cb)] >> (cell.cr % 8) & 1 == 0
-            });
-            let (cbs, crs): (Vec<u8>, Vec<u8>) = chroma.iter().copied().unzip();
-            if matches!(Vectors::default(), Vectors::Plain) {
-                return Ok(());
-            }
-            let whole = chroma.len() / 32 * 32;
-            let (single, double) = (
-                cells.spans::<1>(Vectors::default(), &cbs, &crs),
-                cells.spans::<2>(Vectors::default(), &cbs, &crs),
-            );
-            for (spans, size) in [(single, 16), (double, 8)] {
-                let groups = chroma[..whole].chunks(size).enumerate();
-                let expected = groups.filter(|(_, chroma)| !chroma.iter().all(dead));
-                let expected: Vec<usize> = expected.map(|(group, _)| group).collect();
-                prop_assert_eq!(spans.groups(whole / size).collect::<Vec<_>>(), expected);
+            /// Exactly the groups whose cells are all settled as not live are skipped.
+            #[test]
+            fn exactly_the_groups_without_live_cells_are_skipped(
+                settled in proptest::collection::vec((72u8..184, 72u8..184, any::<bool>()), 0..300),
+                chroma in proptest::collection::vec((60u8..200, 60u8..200), 1..200),
+            ) {
+                let mut cells = Cells::default();
+                for (cb, cr, live) in settled {
+                    let cell = Cell::from_chroma(cb, cr).unwrap();
+                    cells.settle(cell, live);
+                    prop_assert!(cells.is_settled(cell));
+                }
+                let dead = |&(cb, cr): &(u8, u8)| Cell::from_chroma(cb, cr).is_some_and(|cell| {
+                    cells.live[usize::from(cell.cr / 8)][usize::from(cell.cb)] >> (cell.cr % 8) & 1 == 0
+                });
+                let (cbs, crs): (Vec<u8>, Vec<u8>) = chroma.iter().copied().unzip();
+                if matches!(Vectors::default(), Vectors::Plain) {
+                    return Ok(());
+                }
+                let whole = chroma.len() / 32 * 32;
+                let single = cells.spans::<1>(Vectors::default(), &cbs, &crs);
+    let double = cells.spans::<2>(Vectors::default(), &cbs, &crs);
+                for (spans, size) in [(single, 16), (double, 8)] {
+                    let groups = chroma[..whole].chunks(size).enumerate();
+                    let expected = groups.filter(|(_, chroma)| !chroma.iter().all(dead));
+                    let expected: Vec<usize> = expected.map(|(group, _)| group).collect();
+                    prop_assert_eq!(spans.groups(whole / size).collect::<Vec<_>>(), expected);
+                }
             }
         }
-    }
 }

@@ -49,7 +49,8 @@ impl<'a> Labeller<'a> {
             return Spans::ALL;
         }
         let [_, cb, cr] = &image.planes;
-        let (cbs, crs) = (cb.row(y), cr.row(y));
+        let cbs = cb.row(y);
+        let crs = cr.row(y);
         let key = (y >> cb.down, y >> cr.down, x);
         match (cb.across, cr.across) {
             (0, 0) => self.label::<1>(key, luma, &cbs[x as usize..], &crs[x as usize..], labels),
@@ -59,7 +60,8 @@ impl<'a> Labeller<'a> {
             }
             shifts => {
                 for ((label, luma), x) in labels.iter_mut().zip(luma).zip(x..) {
-                    let (cb, cr) = (cbs[(x >> shifts.0) as usize], crs[(x >> shifts.1) as usize]);
+                    let cb = cbs[(x >> shifts.0) as usize];
+                    let cr = crs[(x >> shifts.1) as usize];
                     let row = self.palette.row_number(pair_of(cb, cr));
                     *label = self.palette.row(row)[level(*luma)];
                 }
@@ -78,7 +80,8 @@ impl<'a> Labeller<'a> {
         labels: &mut [u8],
     ) -> Spans {
         let count = labels.len().div_ceil(N);
-        let (cbs, crs) = (&cbs[..count], &crs[..count]);
+        let cbs = &cbs[..count];
+        let crs = &crs[..count];
         if self.known != Some(key) {
             self.spans = self.find_spans::<N>(cbs, crs);
             self.known = Some(key);
@@ -102,12 +105,14 @@ impl<'a> Labeller<'a> {
     /// of the pairs.
     fn find_spans<const N: usize>(&mut self, cbs: &[u8], crs: &[u8]) -> Spans {
         let coarse = self.palette.cells.spans::<N>(self.vectors, cbs, crs);
-        let (mut spans, group) = (Spans::NONE, Spans::GROUP / N);
+        let mut spans = Spans::NONE;
+        let group = Spans::GROUP / N;
         let mut numbers = std::mem::take(&mut self.palette.numbers);
         numbers.resize(cbs.len(), NO_COLOUR_ROW);
         for index in coarse.groups(cbs.len().div_ceil(group)) {
             let part = index * group..cbs.len().min((index + 1) * group);
-            let (cbs, crs) = (&cbs[part.clone()], &crs[part.clone()]);
+            let cbs = &cbs[part.clone()];
+            let crs = &crs[part.clone()];
             let mut any = false;
             for (number, (cb, cr)) in numbers[part].iter_mut().zip(cbs.iter().zip(crs)) {
                 *number = self.palette.row_number(pair_of(*cb, *cr));

@@ -172,7 +172,8 @@ fn quality(colour: &Colour, images: &[&Image], roi: Roi) -> f64 {
         (part.x..part.x.saturating_add(part.w)).contains(&x)
             && (part.y..part.y.saturating_add(part.h)).contains(&y)
     };
-    let (mut inside, mut outside) = (Share::default(), Share::default());
+    let mut inside = Share::default();
+    let mut outside = Share::default();
     for image in images {
         for (x, y) in grid(image.size(), image.size().into()).chain(grid(image.size(), roi)) {
             let Some(rgb) = image.pixel(x, y) else {

@@ -139,10 +139,8 @@ impl Palette {
     /// The label of a pair at a brightness level.
     fn label_of(&self, pair: usize, level: usize) -> u8 {
         let chroma = |value: usize| (value * 2) as f64 + 0.5;
-        let (cb, cr) = (
-            chroma(pair >> CHROMA_BITS),
-            chroma(pair & ((1 << CHROMA_BITS) - 1)),
-        );
+        let cb = chroma(pair >> CHROMA_BITS);
+        let cr = chroma(pair & ((1 << CHROMA_BITS) - 1));
         // Levels cover the full range, so that black and white are exact.
         let luma = level as f64 * 255.0 / (LEVELS - 1) as f64;
         self.label(rgb_of_ycc([luma, cb, cr]))

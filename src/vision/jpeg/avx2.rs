@@ -53,7 +53,8 @@ pub(super) fn transform_two(v3: V3, blocks: [&[i16; 64]; 2]) -> [[[u8; 8]; 4]; 4
     let values = butterfly(v3, turned(v3, butterfly(v3, rows)));
     let two = |row: usize| -> [[u8; 8]; 4] {
         let shifted = |value| v3.avx2._mm256_srai_epi16::<{ SHIFT as i32 }>(value);
-        let (upper, lower) = (shifted(values[row]), shifted(values[row + 1]));
+        let upper = shifted(values[row]);
+        let lower = shifted(values[row + 1]);
         // Saturates at 0 and 255.
         cast(v3.avx2._mm256_packus_epi16(upper, lower))
     };

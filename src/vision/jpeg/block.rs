@@ -52,7 +52,8 @@ impl BlockQueue {
         match self.first.take() {
             None => self.first = Some(at),
             Some(first) => {
-                let (samples, stride) = (&mut plane.samples, plane.stride);
+                let samples = &mut plane.samples;
+                let stride = plane.stride;
                 machine.transform_two(&self.blocks, samples, [first, at], stride);
                 self.blocks = [Coefficients::ZERO; 2];
             }
@@ -138,7 +139,8 @@ mod tests {
 
     /// The standard's luma tables: DC, AC.
     fn tables() -> (Table, AcTable) {
-        let (mut dc, mut ac) = (Table::default(), AcTable::default());
+        let mut dc = Table::default();
+        let mut ac = AcTable::default();
         let mut rest = &STANDARD_TABLES[4..];
         for is_ac in [false, true] {
             let counts = rest[1..].first_chunk::<16>().unwrap();
@@ -186,36 +188,38 @@ mod tests {
     }
 
     proptest! {
-        /// For any bits, both decoders give the same coefficients, the same errors and the same
-        /// number of bits.
-        #[test]
-        fn steps_of_several_codes_equal_single_codes(
-            bytes in proptest::collection::vec(
-                // Small values have short codes, several of which fit into a step.
-                prop_oneof![any::<u8>(), Just(0u8), Just(0b0010_0100), Just(0b1010_0101)], 1..200,
-            ),
-        ) {
-            let (dc, ac) = tables();
-            let quantiser = std::array::from_fn(|index| 300 + 40 * index as i32);
-            let mut scan = Scan::default();
-            let stuffed = bytes.iter().flat_map(|&byte| match byte {
-                0xFF => vec![0xFF, 0],
-                _ => vec![byte],
-            });
-            scan.load(&stuffed.chain([0xFF, 0xD9]).collect::<Vec<_>>()).unwrap();
-            let (mut bits, mut other) = (scan.bits(0), scan.bits(0));
-            let (mut predictor, mut other_predictor) = (0, 0);
-            while bits.left() > 0 {
-                let mut found = Coefficients::ZERO;
-                let any = decode_block(&mut bits, (&dc, &ac), &quantiser, &mut predictor, &mut found);
-                let expected = one_by_one(&mut other, (&dc, &ac), &quantiser, &mut other_predictor);
-                prop_assert_eq!(any.is_some(), expected.is_some());
-                let (Some(any), Some(expected)) = (any, expected) else { break };
-                prop_assert_eq!(&found.0[..64], &expected);
-                prop_assert!(any || expected[1..].iter().all(|value| *value == 0));
-                prop_assert_eq!(bits.left(), other.left());
-                prop_assert_eq!(predictor, other_predictor);
+            /// For any bits, both decoders give the same coefficients, the same errors and the same
+            /// number of bits.
+            #[test]
+            fn steps_of_several_codes_equal_single_codes(
+                bytes in proptest::collection::vec(
+                    // Small values have short codes, several of which fit into a step.
+                    prop_oneof![any::<u8>(), Just(0u8), Just(0b0010_0100), Just(0b1010_0101)], 1..200,
+                ),
+            ) {
+                let (dc, ac) = tables();
+                let quantiser = std::array::from_fn(|index| 300 + 40 * index as i32);
+                let mut scan = Scan::default();
+                let stuffed = bytes.iter().flat_map(|&byte| match byte {
+                    0xFF => vec![0xFF, 0],
+                    _ => vec![byte],
+                });
+                scan.load(&stuffed.chain([0xFF, 0xD9]).collect::<Vec<_>>()).unwrap();
+                let mut bits = scan.bits(0);
+    let mut other = scan.bits(0);
+                let mut predictor = 0;
+    let mut other_predictor = 0;
+                while bits.left() > 0 {
+                    let mut found = Coefficients::ZERO;
+                    let any = decode_block(&mut bits, (&dc, &ac), &quantiser, &mut predictor, &mut found);
+                    let expected = one_by_one(&mut other, (&dc, &ac), &quantiser, &mut other_predictor);
+                    prop_assert_eq!(any.is_some(), expected.is_some());
+                    let (Some(any), Some(expected)) = (any, expected) else { break };
+                    prop_assert_eq!(&found.0[..64], &expected);
+                    prop_assert!(any || expected[1..].iter().all(|value| *value == 0));
+                    prop_assert_eq!(bits.left(), other.left());
+                    prop_assert_eq!(predictor, other_predictor);
+                }
             }
         }
-    }
 }

@@ -150,7 +150,8 @@ mod tests {
         let (top, bottom) = whole.split_at(data.unwrap() + 300);
         // Different data of the same length: the picture differs from there on.
         let other = [top, &[0x55; 40], &bottom[40..]].concat();
-        let (mut warm, mut fresh) = (Decoder::default(), Decoder::default());
+        let mut warm = Decoder::default();
+        let mut fresh = Decoder::default();
         warm.decode(whole).unwrap();
         let seen = warm.decode(&other).map(Image::to_rgb);
         assert_eq!(seen, fresh.decode(&other).map(Image::to_rgb));

@@ -70,7 +70,8 @@ impl Encoder {
             dc_codes: codes(&head, id),
             ac_codes: codes(&head, 0x10 | id),
         };
-        let (luma, chroma) = (coder(0), coder(1));
+        let luma = coder(0);
+        let chroma = coder(1);
         Encoder {
             width: usize::from(width),
             subsampling,
@@ -189,7 +190,8 @@ impl Coder {
         // Adding this constant rounds a value to the nearest integer, which is then in the lowest
         // bits of the sum: much faster than a call.
         const NEAREST: f32 = 12_582_912.0;
-        let (values, factors) = (block.as_flattened(), self.factors.as_flattened());
+        let values = block.as_flattened();
+        let factors = self.factors.as_flattened();
         std::array::from_fn(|i| (values[i] * factors[i] + NEAREST).to_bits() as i16)
     }
 }
@@ -207,21 +209,30 @@ fn transform(block: &mut Block) {
     const COS_4: f32 = std::f32::consts::FRAC_1_SQRT_2;
     #[expect(clippy::needless_range_loop, reason = "every row has the column")]
     for column in 0..SIDE {
-        let (a, b) = (block[0][column], block[1][column]);
-        let (c, d) = (block[2][column], block[3][column]);
-        let (e, f) = (block[4][column], block[5][column]);
-        let (g, h) = (block[6][column], block[7][column]);
+        let a = block[0][column];
+        let b = block[1][column];
+        let c = block[2][column];
+        let d = block[3][column];
+        let e = block[4][column];
+        let f = block[5][column];
+        let g = block[6][column];
+        let h = block[7][column];
         let outer = [a + h, b + g, c + f, d + e];
         let [s0, s1, s2, s3] = [d - e, c - f, b - g, a - h];
-        let (p0, p3) = (outer[0] + outer[3], outer[0] - outer[3]);
-        let (p1, p2) = (outer[1] + outer[2], outer[1] - outer[2]);
+        let p0 = outer[0] + outer[3];
+        let p3 = outer[0] - outer[3];
+        let p1 = outer[1] + outer[2];
+        let p2 = outer[1] - outer[2];
         let turned = (p2 + p3) * COS_4;
-        let (q0, q1, q2) = (s0 + s1, s1 + s2, s2 + s3);
+        let q0 = s0 + s1;
+        let q1 = s1 + s2;
+        let q2 = s2 + s3;
         let shared = (q0 - q2) * COS_2;
         let low = q0 * 0.541_196_1 + shared;
         let high = q2 * 1.306_563 + shared;
         let middle = q1 * COS_4;
-        let (near, far) = (s3 + middle, s3 - middle);
+        let near = s3 + middle;
+        let far = s3 - middle;
         let coefficients = [
             p0 + p1,
             near + high,
@@ -260,7 +271,8 @@ type Codes = [(u32, u32); 256];
 /// The position in a transformed block of each coefficient in file order (T.81, figure A.6).
 const ZIGZAG: [u8; SIDE * SIDE] = {
     let mut places = [0; SIDE * SIDE];
-    let (mut u, mut v) = (0, 0);
+    let mut u = 0;
+    let mut v = 0;
     let mut index = 0;
     while index < SIDE * SIDE {
         places[index] = (u * SIDE + v) as u8;
@@ -486,8 +498,13 @@ mod tests {
     fn picture(seed: u64) -> Vec<Pixel> {
         let mut random = StdRng::seed_from_u64(seed);
         let mut pixel = |index: usize| {
-            let (x, y) = (index % WIDTH, index / WIDTH);
-            let edge = if (x / 50 + y / 37) % 2 == 0 { 60 } else { 0 };
+            let x = index % WIDTH;
+            let y = index / WIDTH;
+            let edge = if (x / 50 + y / 37).is_multiple_of(2) {
+                60
+            } else {
+                0
+            };
             let noise = random.random_range(0..8);
             [x / 2 + edge, y / 2 + edge, 255 - x / 3 - y / 3, 0]
                 .map(|level| (level + noise).min(255) as u8)
@@ -532,10 +549,8 @@ mod tests {
             let frame = picture(u64::from(quality));
             let file = Encoder::new(quality, subsampling, SIZE).encode(&frame);
             let other = of_the_crate(&frame, quality, subsampling);
-            let (own, other_error) = (
-                error(&decoded(&file), &frame),
-                error(&decoded(&other), &frame),
-            );
+            let own = error(&decoded(&file), &frame);
+            let other_error = error(&decoded(&other), &frame);
             assert!(
                 own <= other_error * 1.02 + 0.05,
                 "{quality} {subsampling:?}: {own} and {other_error}"

@@ -126,10 +126,8 @@ fn read_size(segment: Segment<'_>) -> Result<(Size, bool), FrameError> {
     let &[bits, h1, h0, w1, w0, components, ..] = segment.body else {
         return Err(FrameError::damaged("its size header is too short"));
     };
-    let (width, height) = (
-        u32::from(u16::from_be_bytes([w1, w0])),
-        u32::from(u16::from_be_bytes([h1, h0])),
-    );
+    let width = u32::from(u16::from_be_bytes([w1, w0]));
+    let height = u32::from(u16::from_be_bytes([h1, h0]));
     if bits != 8 {
         return Err(FrameError::Unsupported("not 8 bits per sample"));
     }

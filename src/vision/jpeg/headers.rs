@@ -131,7 +131,8 @@ impl Headers {
             return Err(DecodeError::Unsupported);
         }
         for &[id, factors, quantiser] in &parts[..usize::from(count)] {
-            let (h, v) = (u32::from(factors >> 4), u32::from(factors & 15));
+            let h = u32::from(factors >> 4);
+            let v = u32::from(factors & 15);
             if !matches!(h, 1 | 2 | 4) || !matches!(v, 1 | 2 | 4) || quantiser > 3 {
                 return Err(DecodeError::Unsupported);
             }
@@ -163,7 +164,8 @@ impl Headers {
 
     fn read_quantisers(&mut self, mut body: &[u8]) -> Result<(), DecodeError> {
         while let Some((&kind, rest)) = body.split_first() {
-            let (wide, index) = (kind >> 4 == 1, usize::from(kind & 15));
+            let wide = kind >> 4 == 1;
+            let index = usize::from(kind & 15);
             let len = if wide { 128 } else { 64 };
             if kind >> 4 > 1 || index > 3 || rest.len() < len {
                 return Err(damaged("a quantisation table is cut short"));
@@ -183,7 +185,8 @@ impl Headers {
 
     fn read_tables(&mut self, mut body: &[u8]) -> Result<(), DecodeError> {
         while let Some((&kind, rest)) = body.split_first() {
-            let (class, index) = (usize::from(kind >> 4), usize::from(kind & 15));
+            let class = usize::from(kind >> 4);
+            let index = usize::from(kind & 15);
             let Some((counts, rest)) = rest.split_first_chunk::<16>() else {
                 return Err(damaged("a table is cut short"));
             };

@@ -107,7 +107,8 @@ impl Table {
 
     /// Assigns the codes: shorter ones first, each length continuing after the previous one.
     fn number(&mut self, counts: &[u8; 16]) -> bool {
-        let (mut code, mut place) = (0u32, 0i32);
+        let mut code = 0u32;
+        let mut place = 0i32;
         for (length, count) in (1..=16).zip(counts) {
             self.place[length] = place - code as i32;
             code += u32::from(*count);
@@ -137,7 +138,8 @@ impl Table {
     /// valid; `None` if they need more bits or the code does not exist.
     pub(crate) fn coded(&self, bits: u32, known: u32) -> Option<Coded> {
         let (symbol, length) = self.code(bits, 1)?;
-        let (run, size) = (symbol >> 4, u32::from(symbol & 15));
+        let run = symbol >> 4;
+        let size = u32::from(symbol & 15);
         let taken = length + size;
         if taken > known {
             return None;

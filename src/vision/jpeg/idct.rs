@@ -16,7 +16,9 @@ const FINER: u32 = 8;
 /// transposed, because the first pass processes the block's columns.
 pub(crate) const ZIGZAG: [u8; 64] = {
     let mut places = [0; 64];
-    let (mut row, mut column, mut index) = (0i32, 0i32, 0);
+    let mut row = 0i32;
+    let mut column = 0i32;
+    let mut index = 0;
     let mut upwards = true;
     while index < 64 {
         places[index] = (column * 8 + row) as u8;
@@ -132,14 +134,19 @@ impl Arithmetic for Column {
 #[inline(always)]
 pub(super) fn butterfly<A: Arithmetic>(a: A, i: [A::Lanes; 8]) -> [A::Lanes; 8] {
     // Even coefficients.
-    let (sum, difference) = (a.plus(i[0], i[4]), a.minus(i[0], i[4]));
+    let sum = a.plus(i[0], i[4]);
+    let difference = a.minus(i[0], i[4]);
     let outer = a.plus(i[2], i[6]);
     let inner = a.minus(a.root(a.minus(i[2], i[6])), outer);
-    let (e0, e3) = (a.plus(sum, outer), a.minus(sum, outer));
-    let (e1, e2) = (a.plus(difference, inner), a.minus(difference, inner));
+    let e0 = a.plus(sum, outer);
+    let e3 = a.minus(sum, outer);
+    let e1 = a.plus(difference, inner);
+    let e2 = a.minus(difference, inner);
     // Odd coefficients, by 1.84776 = 2 - 0.15224, by 2.61313 = 3 - 0.38687 and by 1.08239.
-    let (z13, z10) = (a.plus(i[5], i[3]), a.minus(i[5], i[3]));
-    let (z11, z12) = (a.plus(i[1], i[7]), a.minus(i[1], i[7]));
+    let z13 = a.plus(i[5], i[3]);
+    let z10 = a.minus(i[5], i[3]);
+    let z11 = a.plus(i[1], i[7]);
+    let z12 = a.minus(i[1], i[7]);
     let o7 = a.plus(z11, z13);
     let crossed = a.plus(z10, z12);
     let z5 = a.minus(a.plus(crossed, crossed), a.times(crossed, 9_977));
@@ -165,10 +172,14 @@ pub(super) fn butterfly<A: Arithmetic>(a: A, i: [A::Lanes; 8]) -> [A::Lanes; 8] 
 fn pass(block: &mut Block) {
     for column in 0..8 {
         // Written out: a closure might not be inlined, which would prevent vectorisation.
-        let (i0, i1) = (block[column], block[8 + column]);
-        let (i2, i3) = (block[16 + column], block[24 + column]);
-        let (i4, i5) = (block[32 + column], block[40 + column]);
-        let (i6, i7) = (block[48 + column], block[56 + column]);
+        let i0 = block[column];
+        let i1 = block[8 + column];
+        let i2 = block[16 + column];
+        let i3 = block[24 + column];
+        let i4 = block[32 + column];
+        let i5 = block[40 + column];
+        let i6 = block[48 + column];
+        let i7 = block[56 + column];
         let out = butterfly(Column, [i0, i1, i2, i3, i4, i5, i6, i7]);
         block[column] = out[0];
         block[8 + column] = out[1];
@@ -234,7 +245,8 @@ mod tests {
         let weight = |n: usize| if n == 0 { 0.5_f64.sqrt() } else { 1.0 };
         let wave = |n: usize, at: usize| ((2 * at + 1) as f64 * n as f64 * PI / 16.0).cos();
         std::array::from_fn(|index| {
-            let (y, x) = (index / 8, index % 8);
+            let y = index / 8;
+            let x = index % 8;
             let term = |v: usize, u: usize| {
                 weight(u) * weight(v) * f64::from(coefficients[v * 8 + u]) * wave(u, x) * wave(v, y)
             };
@@ -273,30 +285,32 @@ mod tests {
     }
 
     proptest! {
-        #[test]
-        fn samples_are_within_two_levels_of_the_definition(
-            values in proptest::collection::vec((0usize..64, -60i32..60), 0..20), dc in -90i32..90,
-        ) {
-            let quantisers = std::array::from_fn(|index| 3 + index as u16 / 8);
-            let scaled = scaled(&quantisers);
-            let (mut natural, mut ours) = ([0i32; 64], [0i16; 64]);
-            for (index, value) in values.into_iter().map(|(index, value)| (index.max(1), value / (1 + index as i32 / 6))).chain([(0, dc)]) {
-                let place = usize::from(ZIGZAG[index]);
-                natural[place % 8 * 8 + place / 8] = value * i32::from(quantisers[index]);
-                ours[place] = dequantised(value, scaled[index]);
-            }
-            let mut plane = [0; 64];
-            transform(&mut ours, &mut plane, 8);
-            for (found, exact) in plane.iter().zip(exact(&natural)) {
-                prop_assert!((f64::from(*found) - exact.clamp(0.0, 255.0)).abs() <= 2.0, "{found} for {exact}");
+            #[test]
+            fn samples_are_within_two_levels_of_the_definition(
+                values in proptest::collection::vec((0usize..64, -60i32..60), 0..20), dc in -90i32..90,
+            ) {
+                let quantisers = std::array::from_fn(|index| 3 + index as u16 / 8);
+                let scaled = scaled(&quantisers);
+                let mut natural = [0i32; 64];
+    let mut ours = [0i16; 64];
+                for (index, value) in values.into_iter().map(|(index, value)| (index.max(1), value / (1 + index as i32 / 6))).chain([(0, dc)]) {
+                    let place = usize::from(ZIGZAG[index]);
+                    natural[place % 8 * 8 + place / 8] = value * i32::from(quantisers[index]);
+                    ours[place] = dequantised(value, scaled[index]);
+                }
+                let mut plane = [0; 64];
+                transform(&mut ours, &mut plane, 8);
+                for (found, exact) in plane.iter().zip(exact(&natural)) {
+                    prop_assert!((f64::from(*found) - exact.clamp(0.0, 255.0)).abs() <= 2.0, "{found} for {exact}");
+                }
             }
         }
-    }
 
     #[test]
     fn a_block_of_one_coefficient_is_uniform() {
         let scaled = scaled(&[16; 64]);
-        let (mut plane, mut filled) = ([0; 64], [0; 64]);
+        let mut plane = [0; 64];
+        let mut filled = [0; 64];
         for dc in [-64, -20, 0, 13, 63] {
             let mut coefficients = [0; 64];
             coefficients[0] = dequantised(dc, scaled[0]);

@@ -120,7 +120,9 @@ impl<'a> Work for Mcus<'a, '_, '_> {
     #[inline(always)]
     fn run<M: Machine>(mut self, machine: M) -> Self::Output {
         let Range { start, end } = self.mcus;
-        let (mut mcu, mut x, mut y) = (start, start % self.across, start / self.across);
+        let mut mcu = start;
+        let mut x = start % self.across;
+        let mut y = start / self.across;
         while mcu < end && self.bits.left() > self.reserve {
             for component in &mut *self.components {
                 decode_blocks(machine, &mut self.bits, component, x, y)
@@ -151,7 +153,8 @@ fn decode_blocks<M: Machine>(
     y: usize,
 ) -> Option<()> {
     let tables = (component.dc_table, component.ac_table);
-    let (quantiser, stride) = (component.quantiser, component.plane.stride);
+    let quantiser = component.quantiser;
+    let stride = component.plane.stride;
     for row in 0..component.v {
         for column in 0..component.h {
             let at = (y * component.v + row) * 8 * stride + (x * component.h + column) * 8;

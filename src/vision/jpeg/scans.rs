@@ -19,7 +19,8 @@ struct Walk {
 /// # Errors
 /// [`FrameError::Damaged`] if a marker interrupts the data or a header is truncated.
 pub(crate) fn check(jpeg: &[u8]) -> Result<(), FrameError> {
-    let (mut walk, mut segments) = (Walk::default(), Segments::new(jpeg));
+    let mut walk = Walk::default();
+    let mut segments = Segments::new(jpeg);
     loop {
         let segment = segments.next()?;
         match segment.marker {

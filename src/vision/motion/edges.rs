@@ -22,10 +22,12 @@ pub(super) fn share_of_changed(
     Size2 { w, h }: Size2,
 ) -> Option<f64> {
     let (contrast, reach) = EDGE;
-    let (mut tiles, mut changed) = (0u32, 0u32);
+    let mut tiles = 0u32;
+    let mut changed = 0u32;
     for top in (0..h).step_by(TILE) {
         for left in (0..w).step_by(TILE) {
-            let (mut edges, mut moved) = (0, 0);
+            let mut edges = 0;
+            let mut moved = 0;
             for y in top..(top + TILE).min(h) {
                 let row = &picture[y * w..][..w];
                 for x in left.max(reach)..(left + TILE).min(w.saturating_sub(reach)) {

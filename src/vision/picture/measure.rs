@@ -22,7 +22,8 @@ pub fn sharpness(image: &Image, roi: Option<Roi>) -> f64 {
     if part.w < 3 || part.h < 3 {
         return 0.0;
     }
-    let (mut sum, mut squares) = (0i64, 0i64);
+    let mut sum = 0i64;
+    let mut squares = 0i64;
     let below = rows(image, part).skip(2);
     for ((above, here), below) in rows(image, part).zip(rows(image, part).skip(1)).zip(below) {
         let (row_sum, row_squares) = edges(above, here, below);
@@ -39,9 +40,13 @@ pub fn sharpness(image: &Image, roi: Option<Roi>) -> f64 {
 fn edges(above: &[u8], here: &[u8], below: &[u8]) -> (i32, i32) {
     let end = here.len() - 1;
     // Slices of provably equal length let the compiler vectorise the loop.
-    let (left, middle, right) = (&here[..end - 1], &here[1..end], &here[2..]);
-    let (above, below) = (&above[1..end], &below[1..end]);
-    let (mut sum, mut squares) = (0, 0);
+    let left = &here[..end - 1];
+    let middle = &here[1..end];
+    let right = &here[2..];
+    let above = &above[1..end];
+    let below = &below[1..end];
+    let mut sum = 0;
+    let mut squares = 0;
     for x in 0..middle
         .len()
         .min(above.len())

@@ -61,11 +61,9 @@ pub(crate) fn ycc_of(rgb: [u8; 3]) -> [u8; 3] {
 
 /// Red, green and blue (0..=255) of luma, Cb and Cr.
 pub(crate) fn rgb_of([luma, cb, cr]: [u8; 3]) -> [i32; 3] {
-    let (luma, cb, cr) = (
-        i32::from(luma) << 16,
-        i32::from(cb) - 128,
-        i32::from(cr) - 128,
-    );
+    let luma = i32::from(luma) << 16;
+    let cb = i32::from(cb) - 128;
+    let cr = i32::from(cr) - 128;
     [
         luma + 91_881 * cr,
         luma - 22_554 * cb - 46_802 * cr,
@@ -76,7 +74,8 @@ pub(crate) fn rgb_of([luma, cb, cr]: [u8; 3]) -> [i32; 3] {
 
 /// Like [`rgb_of`], for fractional values.
 pub(crate) fn rgb_of_ycc([luma, cb, cr]: [f64; 3]) -> [f64; 3] {
-    let (cb, cr) = (cb - 128.0, cr - 128.0);
+    let cb = cb - 128.0;
+    let cr = cr - 128.0;
     [
         luma + 1.402 * cr,
         luma - 0.344_136 * cb - 0.714_136 * cr,

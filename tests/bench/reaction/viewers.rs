@@ -30,11 +30,15 @@ pub(crate) fn compare(frames: &[Bytes], numbers: &[usize], spykee: impl Fn() -> 
             quantile(&alone, 0.5),
             quantile(&alone, 0.99)
         );
-        let (address, sent, ages) = (free(), Sent::default(), Ages::default());
-        let (look, seen) = (ages.clone(), sent.clone());
+        let address = free();
+        let sent = Sent::default();
+        let ages = Ages::default();
+        let look = ages.clone();
+        let seen = sent.clone();
         let begin = move || {
             for _ in 0..number {
-                let (seen, look) = (seen.clone(), look.clone());
+                let seen = seen.clone();
+                let look = look.clone();
                 std::thread::spawn(move || view(address, &seen, &look));
             }
             // Gives all viewers time to connect.

@@ -45,7 +45,10 @@ fn frames(folder: &Path, set: &str) -> Vec<Vec<u8>> {
 fn timing(frames: &[Vec<u8>], colours: &[Colour]) -> Value {
     let mut analyser = FrameAnalyser::new(Camera::default());
     let mut decoder = Decoder::default();
-    let (mut whole, mut decode, mut blobs, mut key) = (Vec::new(), Vec::new(), 0, 0);
+    let mut whole = Vec::new();
+    let mut decode = Vec::new();
+    let mut blobs = 0;
+    let mut key = 0;
     let options = BlobOptions {
         max_blobs: usize::MAX,
         ..BlobOptions::default()
@@ -73,8 +76,11 @@ fn timing(frames: &[Vec<u8>], colours: &[Colour]) -> Value {
 /// Returns the percentage of pixels whose colour according to the lookup table differs from the
 /// exact calculation: on our decoded pixels, and on those decoded by the image crate.
 fn exactness(frames: &[Vec<u8>], colours: &[Colour]) -> Value {
-    let (mut decoder, mut palette) = (Decoder::default(), Palette::compile(colours, false));
-    let (mut ours, mut theirs, mut pixels) = (0u64, 0u64, 0u64);
+    let mut decoder = Decoder::default();
+    let mut palette = Palette::compile(colours, false);
+    let mut ours = 0u64;
+    let mut theirs = 0u64;
+    let mut pixels = 0u64;
     for jpeg in frames {
         let image = decoder.decode(jpeg).unwrap();
         let other = image::load_from_memory(jpeg).unwrap().to_rgb8();

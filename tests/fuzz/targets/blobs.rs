@@ -71,7 +71,8 @@ fn search(state: &mut State, jpeg: &[u8], validated: Result<Size, FrameError>) {
         .find_blobs(state.frames, jpeg, colours, &options)
         .expect("it was decoded");
     check(found, &options, size, colours.len());
-    let (found, max) = (found.len(), options.max_blobs);
+    let found = found.len();
+let max = options.max_blobs;
     assert!(found <= max, "{found} blobs, at most {max} requested");
     let line = state
         .analyser
@@ -159,7 +160,8 @@ fn check(blobs: &[Blob], options: &BlobOptions, size: Size, colours: usize) {
 fn check_box(blob: &Blob, part: Roi) {
     assert!(blob.w > 0 && blob.h > 0, "{blob:?}");
     assert!(blob.x >= part.x && blob.y >= part.y, "{blob:?} in {part:?}");
-    let (right, bottom) = (blob.x + blob.w, blob.y + blob.h);
+    let right = blob.x + blob.w;
+let bottom = blob.y + blob.h;
     let inside = right <= part.x + part.w && bottom <= part.y + part.h;
     assert!(inside, "{blob:?} in {part:?}");
     let within = |centre: f64, start: u32, length: u32| {

@@ -18,7 +18,8 @@ fuzz_target!(|input: &[u8]| {
 
 /// Decodes the stream in slices, with the lengths in `cuts` in rotation.
 fn decode(stream: &[u8], cuts: &[u8]) -> Vec<Packet> {
-    let (mut decoder, mut packets) = (Decoder::new(), Vec::new());
+    let mut decoder = Decoder::new();
+let mut packets = Vec::new();
     let mut lengths = cuts.iter().map(|&cut| usize::from(cut).max(1)).cycle();
     let mut rest = stream;
     while !rest.is_empty() {
@@ -43,10 +44,12 @@ fn decode(stream: &[u8], cuts: &[u8]) -> Vec<Packet> {
 
 /// Checks that a parsed packet, emitted and parsed again, is the same and fits into one message.
 fn interpret(packet: Packet) {
-    let (mut out, report) = (BytesMut::new(), Report::parse(packet.clone()));
+    let mut out = BytesMut::new();
+let report = Report::parse(packet.clone());
     report.emit(&mut out);
     assert_eq!(Report::parse(only_packet(&out)), report);
-    let (mut out, command) = (BytesMut::new(), Command::parse(packet));
+    let mut out = BytesMut::new();
+let command = Command::parse(packet);
     command.emit(&mut out);
     assert_eq!(Command::parse(only_packet(&out)), command);
 }

@@ -67,7 +67,8 @@ impl Rig {
     }
 
     fn happen(&mut self, happens: u8) {
-        let (what, how) = (happens & 7, happens >> 3);
+        let what = happens & 7;
+let how = happens >> 3;
         match what {
             0 => drop(self.handle(Fact::Engine(EngineReport::from(how)))),
             1 | 2 => drop(self.handle(Fact::Power(Power {

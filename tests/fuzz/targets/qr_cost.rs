@@ -19,7 +19,8 @@ thread_local! {
 
 fuzz_target!(|bytes: &[u8]| {
     let test_pattern = test_pattern::paint(bytes);
-    let (width, height) = (test_pattern.width as u32, test_pattern.height as u32);
+    let width = test_pattern.width as u32;
+let height = test_pattern.height as u32;
     let rgb = test_pattern.pixels.iter().flat_map(|grey| [*grey; 3]).collect();
     let pixels = RgbImage::from_raw(width, height, rgb).expect("three bytes a pixel");
     let image = Image::from_rgb(&pixels);

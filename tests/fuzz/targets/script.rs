@@ -149,7 +149,8 @@ fn happen(script: &mut Script, slice: u32, now: Instant) {
         6 => Event::Engine { code: 99 },
         _ => {
             if script.wants_frames() {
-                let (seq, jpeg) = (u64::from(slice), Bytes::from_static(JPEG));
+                let seq = u64::from(slice);
+let jpeg = Bytes::from_static(JPEG);
                 script.deliver_frame(Frame { seq, at: now, jpeg }, now);
             }
             return;

@@ -16,8 +16,11 @@ const STARTS: usize = 6;
 fuzz_target!(|text: &str| {
     let mut lines = text.split('\n');
     let mut line = || lines.next().unwrap_or_default();
-    let (pattern, zone, quiet) = (line(), line(), line());
-    let (lasts, date) = (line(), line());
+    let pattern = line();
+let zone = line();
+let quiet = line();
+    let lasts = line();
+let date = line();
     let zone = again::<Zone>(zone).unwrap_or_else(Zone::utc);
     let quiet = again::<Quiet>(quiet);
     let lasts = again::<Span>(lasts);

@@ -16,7 +16,11 @@ fuzz_target!(|bytes: &[u8]| {
     let mut parts = rest.split(|byte| *byte == 0);
     let mut part = || parts.next().unwrap_or_default();
     let mut text = || String::from_utf8_lossy(part()).into_owned();
-    let (path, field, body, words, robot) = (text(), text(), text(), text(), text());
+    let path = text();
+let field = text();
+let body = text();
+let words = text();
+let robot = text();
     let picture = part();
     let json = (how & 1 != 0).then(|| serde_json::from_str(&body).ok()).flatten();
     let ways = [PictureMode::None, PictureMode::Body, PictureMode::Form];

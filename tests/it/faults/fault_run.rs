@@ -96,7 +96,8 @@ impl FaultRun {
             Script::Cruises => [LISTEN, WATCH, CRUISE].concat(),
         };
         let script = rig.file("script.lua", &script);
-        let (script, config) = (script.to_str().unwrap(), config.to_str().unwrap());
+        let script = script.to_str().unwrap();
+        let config = config.to_str().unwrap();
         let run = rig.spykee(&["run", script, "--config", config, "--robot", &rig.address]);
         rig.heard_motion(0).await;
         if scenario.script != Script::Drives {

@@ -154,7 +154,9 @@ pub async fn alarms_and_searches_on(fault_run: FaultRun) {
     let heard = fault_run.rig.commands(stop);
     let mut tracks: Vec<(i8, i8)> = heard.iter().filter_map(setpoint).collect();
     tracks.dedup();
-    let (still, ahead, left) = ((0, 0), (27, 27), (-27, 27));
+    let still = (0, 0);
+    let ahead = (27, 27);
+    let left = (-27, 27);
     assert_eq!(tracks[..6], [still, ahead, still, left, ahead, still]);
     fault_run.run.says("makes short blind move 2").await;
     fault_run.says_more("moved false safety", 1).await;

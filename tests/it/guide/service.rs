@@ -251,7 +251,8 @@ async fn a_new_owner_follows_the_steps_about_the_service() {
 fn every_config_of_guide_and_readme_is_read() {
     let readme = include_str!("../../../README.md");
     for (name, page, least) in [("the guide", GUIDE, 5), ("README.md", readme, 4)] {
-        let (mut configs, yaml) = (0, blocks(page, "yaml"));
+        let mut configs = 0;
+        let yaml = blocks(page, "yaml");
         for block in yaml {
             let read = match block {
                 _ if block.starts_with("faults:") => {

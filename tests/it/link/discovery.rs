@@ -29,7 +29,8 @@ async fn robots_are_listed_once_and_garbage_is_ignored() {
         b"DSCV\x02\x0Euid=SPYKEE0001",
     ]);
     let busy = answering(&[b"DSCV\x02\x23uid=SPYKEE0002,connected-user=berta"]);
-    let (free, busy) = (free.await, busy.await);
+    let free = free.await;
+    let busy = busy.await;
     let nobody = SocketAddr::from(([127, 0, 0, 1], 9));
     // Long enough for three requests.
     let found = discover::ask(&[nobody, free, busy], Duration::from_secs(1))

@@ -156,7 +156,8 @@ async fn a_write_after_a_partial_write_continues_where_it_ended() {
 #[tokio::test(start_paused = true)]
 async fn progress_returns_when_the_rest_of_a_cut_message_has_changed() {
     let (ours, mut robot) = duplex(10);
-    let (login, options) = (admin(), Options::default());
+    let login = admin();
+    let options = Options::default();
     let answers = io::Cursor::new([ACCEPTED, POWER_80].concat());
     let wanted = [LOGIN, STOP].concat();
     let (session, ()) = tokio::join!(

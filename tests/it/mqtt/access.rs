@@ -57,11 +57,10 @@ async fn a_user_of_one_robot_can_neither_drive_nor_see_nor_impersonate_another()
     };
     broker.file("access", &access());
     broker.restart();
-    let (first, second) = (robot(A).await, robot("SPYKEE0002").await);
-    let (anna, bruno) = (
-        Subscriber::connect_as(&broker, Some(USERS[2])).await,
-        Subscriber::connect_as(&broker, Some(USERS[3])).await,
-    );
+    let first = robot(A).await;
+    let second = robot("SPYKEE0002").await;
+    let anna = Subscriber::connect_as(&broker, Some(USERS[2])).await;
+    let bruno = Subscriber::connect_as(&broker, Some(USERS[3])).await;
     let _first = agent(&first, &broker, 0);
     let _second = agent(&second, &broker, 1);
     anna.wait_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")

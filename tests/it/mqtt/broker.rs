@@ -151,7 +151,8 @@ impl Subscriber {
         }
         let (client, mut events) = AsyncClient::new(options, 100);
         let received = Arc::new(Mutex::new(Vec::new()));
-        let (kept, subscriber) = (received.clone(), client.clone());
+        let kept = received.clone();
+        let subscriber = client.clone();
         let task = tokio::spawn(async move {
             loop {
                 match events.poll().await {

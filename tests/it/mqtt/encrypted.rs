@@ -56,7 +56,8 @@ async fn over_tls_a_broker_is_trusted_only_with_a_certificate_of_the_authority()
         return println!("skipped: there is no openssl 3 for a certificate");
     }
     broker.restart();
-    let (first, second) = (robot("SPYKEE0001").await, robot("SPYKEE0002").await);
+    let first = robot("SPYKEE0001").await;
+    let second = robot("SPYKEE0002").await;
     let start = |rig: &Rig, ca: &str| {
         rig.file("patrol.lua", IDLE);
         let ca = broker.folder().join(ca);
@@ -67,7 +68,8 @@ async fn over_tls_a_broker_is_trusted_only_with_a_certificate_of_the_authority()
         ))
     };
     let subscriber = Subscriber::connect(&broker).await;
-    let (_believes, doubts) = (start(&first, "ca.pem"), start(&second, "stranger.pem"));
+    let _believes = start(&first, "ca.pem");
+    let doubts = start(&second, "stranger.pem");
     doubts.says("no encrypted connection").await;
     // The topics begin with the prefix of the config.
     subscriber

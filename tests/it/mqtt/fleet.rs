@@ -15,7 +15,8 @@ async fn the_broker_reports_a_killed_agent() {
     let Some(broker) = Broker::start() else {
         return;
     };
-    let (rig, subscriber) = (robot(A).await, Subscriber::connect(&broker).await);
+    let rig = robot(A).await;
+    let subscriber = Subscriber::connect(&broker).await;
     let run = start(&rig, &broker, IDLE);
     subscriber
         .wait_for_text(0, "spykee/SPYKEE0001/connection", "ONLINE")

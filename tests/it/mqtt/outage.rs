@@ -46,7 +46,8 @@ async fn after_a_long_outage_all_states_are_published_again_and_no_old_order_run
     let Some(mut broker) = Broker::start() else {
         return;
     };
-    let (rig, subscriber) = (robot(A).await, Subscriber::connect(&broker).await);
+    let rig = robot(A).await;
+    let subscriber = Subscriber::connect(&broker).await;
     let blinks = "local on = true
         while true do robot.led('left', on) on = not on task.wait(0.2) end";
     rig.file("patrol.lua", blinks);

@@ -42,7 +42,8 @@ async fn a_stop_reaches_behaviours_that_restart_or_were_just_ordered() {
     let Some(broker) = Broker::start() else {
         return;
     };
-    let (rig, subscriber) = (robot(A).await, Subscriber::connect(&broker).await);
+    let rig = robot(A).await;
+    let subscriber = Subscriber::connect(&broker).await;
     rig.file("drive.lua", DRIVES);
     rig.file(
         "spykee.yaml",
@@ -67,7 +68,8 @@ async fn a_stop_reaches_behaviours_that_restart_or_were_just_ordered() {
     assert_eq!(answered["done"], true, "{answered}");
     assert_eq!(state(&rig).await, "idle", "{}", run.text());
     for round in 0..ROUNDS {
-        let (started, stopped) = (format!("run {round}"), format!("stop {round}"));
+        let started = format!("run {round}");
+        let stopped = format!("stop {round}");
         command(&subscriber, "run drive", &started).await;
         command(&subscriber, "stop", &stopped).await;
         answer(&subscriber, &started).await;

@@ -34,7 +34,8 @@ async fn notifications_are_published_with_their_pictures_and_survive_a_broker_ou
     let Some(mut broker) = Broker::start() else {
         return;
     };
-    let (rig, subscriber) = (robot(A).await, Subscriber::connect(&broker).await);
+    let rig = robot(A).await;
+    let subscriber = Subscriber::connect(&broker).await;
     rig.file("one.lua", SENDS);
     config(&rig, &broker);
     let run = || rig.spykee(&["run", "--config", "spykee.yaml", "--robot", &rig.address]);

@@ -25,7 +25,8 @@ async fn the_service_manager_is_notified_of_ready_and_alive() {
     let args = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
     let mut run = rig.spykee_with(&args, &environment);
     let hear_all = tokio::task::spawn_blocking(move || {
-        let (mut heard, mut alive) = (String::new(), 0);
+        let mut heard = String::new();
+        let mut alive = 0;
         while alive < 3 || !(heard.contains("READY=1") && heard.contains("; drive")) {
             let mut buffer = [0; 1024];
             let length = socket
@@ -56,7 +57,8 @@ async fn the_service_manager_gets_no_heartbeat_if_the_driving_thread_hangs() {
     let args = ["serve", "--config", "spykee.yaml", "--robot", &rig.address];
     let run = rig.spykee_with(&args, &environment);
     let alive = || {
-        let (mut buffer, mut count) = ([0; 1024], 0);
+        let mut buffer = [0; 1024];
+        let mut count = 0;
         while let Ok(length) = socket.recv(&mut buffer) {
             count += usize::from(buffer[..length].starts_with(b"WATCHDOG=1"));
         }

@@ -56,7 +56,8 @@ struct HostileBroker {
 /// Reads the next packet; `None` if the connection has ended.
 async fn next(stream: &mut TcpStream) -> Option<(u8, Vec<u8>)> {
     let head = stream.read_u8().await.ok()?;
-    let (mut size, mut shift) = (0, 0);
+    let mut size = 0;
+    let mut shift = 0;
     loop {
         let byte = usize::from(stream.read_u8().await.ok()?);
         size |= (byte & 127) << shift;
@@ -145,7 +146,8 @@ impl HostileBroker {
 
     /// Checks that the robot drove on and that the log is short; then ends the agent.
     async fn end(mut self, what: &str) {
-        let (bytes, lines) = (self.run.text().len(), self.run.text().lines().count());
+        let bytes = self.run.text().len();
+        let lines = self.run.text().lines().count();
         assert!(
             bytes <= MAX_BYTES && lines <= MAX_LINES,
             "{what}: {bytes} bytes, {lines} lines"

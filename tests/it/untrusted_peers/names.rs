@@ -47,7 +47,9 @@ const BEHAVIOURS: &[&str] = &[
 
 /// The cells of a CSV line.
 fn cells(line: &str) -> Vec<String> {
-    let (mut cells, mut cell, mut quoted) = (Vec::new(), String::new(), false);
+    let mut cells = Vec::new();
+    let mut cell = String::new();
+    let mut quoted = false;
     for letter in line.chars() {
         match letter {
             '"' => quoted = !quoted,

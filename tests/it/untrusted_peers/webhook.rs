@@ -171,7 +171,8 @@ async fn a_form_has_exactly_the_fields_of_the_config() {
     let address = listener.local_addr().unwrap();
     std::thread::spawn(move || {
         for mut stream in listener.incoming().map_while(Result::ok) {
-            let (mut all, mut part) = (Vec::new(), [0; 65536]);
+            let mut all = Vec::new();
+            let mut part = [0; 65536];
             stream
                 .set_read_timeout(Some(Duration::from_secs(1)))
                 .unwrap();

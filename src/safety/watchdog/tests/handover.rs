@@ -41,7 +41,8 @@ impl Rig {
             },
             now,
         );
-        let (now, motions) = (now + 100 * MS, 0);
+        let now = now + 100 * MS;
+        let motions = 0;
         Rig { dog, now, motions }
     }
 
@@ -75,7 +76,8 @@ impl Rig {
 
     /// Lets time pass as the pilot does; these hosts show life.
     fn pass(&mut self, span: Duration, alive: &[BehaviourId]) -> Vec<Act> {
-        let (end, mut acts) = (self.now + span, Vec::new());
+        let end = self.now + span;
+        let mut acts = Vec::new();
         while self.now < end {
             let due = self.dog.next_deadline().unwrap_or(end).max(self.now);
             self.now = due.min(self.now + 50 * MS).min(end);

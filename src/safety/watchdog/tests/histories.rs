@@ -120,7 +120,8 @@ proptest! {
     ) {
         let mut play = Play::new(&limits);
         play.steps(&history, &mut |_| Ok(()))?;
-        let (was_moving, online) = (play.dog.moving(), play.known.online);
+        let was_moving = play.dog.moving();
+let online = play.known.online;
         let asked = matches!(stop, Stop::Asked);
         if asked && play.known.low {
             // A script may not stop a blind move of the watchdog.

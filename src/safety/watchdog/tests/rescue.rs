@@ -33,7 +33,8 @@ fn drive(rig: &mut Rig, motion: u64) -> Vec<Act> {
 
 /// Lets this many milliseconds pass; the rescuer shows life.
 fn alive(rig: &mut Rig, ms: u32) -> Vec<Act> {
-    let (end, mut acts) = (rig.now + ms * MS, Vec::new());
+    let end = rig.now + ms * MS;
+    let mut acts = Vec::new();
     while rig.now < end {
         rig.now = (rig.now + 20 * MS).min(end);
         acts.extend(rig.handle(Fact::Alive(RESCUER)));

@@ -96,7 +96,8 @@ impl Rig {
 
     /// Lets time pass as the pilot does, from deadline to deadline, with the host alive or not.
     pub(super) fn pass(&mut self, span: Duration, alive: bool) -> Vec<Act> {
-        let (end, mut acts) = (self.now + span, Vec::new());
+        let end = self.now + span;
+        let mut acts = Vec::new();
         loop {
             let beat = self.now + 50 * MS;
             let next = self

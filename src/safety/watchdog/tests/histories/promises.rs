@@ -25,7 +25,8 @@ impl WayHome {
             let Command::Move { left, right } = *command else {
                 continue;
             };
-            let (left, right) = (left.unsigned_abs(), right.unsigned_abs());
+            let left = left.unsigned_abs();
+            let right = right.unsigned_abs();
             let cap = f64::from(moment.play.limits.rescue_power.get()) * 0.9;
             let slow = f64::from(left.max(right)) <= cap;
             let is_blind_move = left == right && [0, 27].contains(&left);
