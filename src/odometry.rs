@@ -25,7 +25,7 @@ pub(crate) use self::blockage::{Blockage, TimedMotion};
 /// Slip of the tracks on an unknown floor: metres per metre, radians per radian, and radians by
 /// which they veer per metre.
 const DISTANCE_SLIP: f64 = 0.1;
-const TURN_SLIP: f64 = 0.11;
+const TURN_SLIP: f64 = 0.15;
 const VEER: f64 = 0.08;
 /// Error of the camera: radians per radian of turn; radians per metre driven, since objects that
 /// the robot passes move through the picture too; and radians between any two pictures.

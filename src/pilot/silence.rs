@@ -1,13 +1,15 @@
 //! Detects a robot whose system still acknowledges data while its program is dead: nothing is
 //! received any more, even when no stream is on. It is not known whether a real robot answers when
 //! it is asked for its battery level (`PROTOCOL.md`, *Not known*), so silence means something only
-//! after the robot has answered once. Pure: reads no clock.
+//! after the robot has answered once: it is asked after each login, even while it reports. Pure:
+//! reads no clock.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// After this silence the robot is asked for its battery level, and again after each further one.
+/// The robot is asked for its battery level this long after a login, unless it is known to answer,
+/// after this silence, and again after each further one.
 const ASK_AFTER: Duration = Duration::from_secs(20);
 /// A level that comes within this time after the question counts as the answer.
 const ANSWER: Duration = Duration::from_secs(2);
@@ -27,6 +29,8 @@ pub(super) enum SilenceAction {
 #[derive(Debug)]
 pub(super) struct Silence {
     last_received: Instant,
+    /// The login, until the first question after it.
+    login: Option<Instant>,
     asked: Option<Instant>,
     answers: bool,
 }
@@ -36,6 +40,7 @@ impl Silence {
     pub(super) fn new(now: Instant) -> Silence {
         Silence {
             last_received: now,
+            login: Some(now),
             asked: None,
             answers: false,
         }
@@ -44,6 +49,7 @@ impl Silence {
     /// Handles a new login. Whether the robot answers is still known.
     pub(super) fn begin(&mut self, now: Instant) {
         self.last_received = now;
+        self.login = Some(now);
         self.asked = None;
     }
 
@@ -68,6 +74,7 @@ impl Silence {
         if self.next_question() > now {
             return None;
         }
+        self.login = None;
         self.asked = Some(now);
         Some(SilenceAction::Ask)
     }
@@ -83,9 +90,11 @@ impl Silence {
     }
 
     fn next_question(&self) -> Instant {
-        let since = self
-            .asked
-            .map_or(self.last_received, |asked| asked.max(self.last_received));
+        let since = match (self.login, self.asked) {
+            (Some(login), _) if !self.answers => login,
+            (_, Some(asked)) => asked.max(self.last_received),
+            (_, None) => self.last_received,
+        };
         since + ASK_AFTER
     }
 }
@@ -124,6 +133,28 @@ mod tests {
                 .iter()
                 .all(|(_, verdict)| *verdict == SilenceAction::Ask)
         );
+    }
+
+    #[test]
+    fn a_robot_that_reports_is_asked_once_after_a_login_and_then_known_to_answer() {
+        let (mut silence, start) = new();
+        for second in 0..20 {
+            silence.level(start + second * SECOND);
+            assert_eq!(silence.poll(start + second * SECOND), None);
+        }
+        assert_eq!(
+            pass(&mut silence, start, 20, 21),
+            [(20, SilenceAction::Ask)]
+        );
+        silence.level(start + 21 * SECOND);
+        silence.begin(start + 30 * SECOND);
+        let gone = SilenceAction::Gone(60 * SECOND);
+        let expected = [
+            (50, SilenceAction::Ask),
+            (70, SilenceAction::Ask),
+            (90, gone),
+        ];
+        assert_eq!(pass(&mut silence, start, 30, 91), expected);
     }
 
     #[test]

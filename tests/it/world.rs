@@ -123,10 +123,15 @@ fn a_run_is_drawn_with_its_path() {
         .to_rgb8();
     let map = World::builtin("playpen").unwrap().draw();
     assert!(run.width() > map.width() && run.height() == map.height());
-    let script = folder.path().join("drive.lua");
-    let script = script.to_str().unwrap();
-    let real = ["run", script, "--robot", "127.0.0.1:9"];
-    let refused = command(&[&real[..], &["--trace", "x.png"]].concat());
+    let real = [
+        "run",
+        "drive.lua",
+        "--robot",
+        "127.0.0.1:9",
+        "--trace",
+        "x.png",
+    ];
+    let refused = run_in(folder.path(), &real);
     assert_eq!(refused.code, Some(2));
     let error = refused.err;
     assert_contains(&error, &["--trace", "--sim"]);
