@@ -25,11 +25,11 @@ pub(crate) use self::blockage::{Blockage, TimedMotion};
 /// Slip of the tracks on an unknown floor: metres per metre, radians per radian, and radians by
 /// which they veer per metre.
 const DISTANCE_SLIP: f64 = 0.1;
-const TURN_SLIP: f64 = 0.15;
+const TURN_SLIP: f64 = 0.2;
 const VEER: f64 = 0.08;
 /// Error of the camera: radians per radian of turn; radians per metre driven, since objects that
 /// the robot passes move through the picture too; and radians between any two pictures.
-const SEEN_TURN: f64 = 0.07;
+const SEEN_TURN: f64 = 0.1;
 const PASSING: f64 = 0.3;
 const NOISE: f64 = 0.003;
 /// A turn that differs by more than this many standard errors from what the tracks did is rejected:
