@@ -1,6 +1,6 @@
 //! The datagrams that discover robots (`PROTOCOL.md`, *Discovery datagrams*).
 
-use super::text::from_latin1;
+use super::text::{latin1, to_latin1};
 
 /// The discovery request: "DSCV", 1 (`PROTOCOL.md`, *Discovery datagrams*).
 pub const REQUEST: [u8; 5] = *b"DSCV\x01";
@@ -27,10 +27,8 @@ impl Reply {
             text.push_str(",connected-user=");
             text.push_str(user);
         }
-        let latin = text
-            .chars()
-            .map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?'));
-        let payload: Vec<u8> = latin.take(MAX_REPLY_LEN - HEADER_LEN).collect();
+        let payload = to_latin1(&text).take(MAX_REPLY_LEN - HEADER_LEN);
+        let payload: Vec<u8> = payload.collect();
         let mut datagram = REPLY_HEADER.to_vec();
         datagram.push(payload.len() as u8);
         datagram.extend(payload);
@@ -43,7 +41,7 @@ impl Reply {
     pub fn parse(datagram: &[u8]) -> Option<Reply> {
         let rest = datagram.strip_prefix(&REPLY_HEADER[..])?;
         let (&length, payload) = rest.split_first()?;
-        let text = from_latin1(&payload[..payload.len().min(usize::from(length))]);
+        let text = latin1(&payload[..payload.len().min(usize::from(length))]);
         let field = |name: &str| {
             let mut fields = text.split(',').filter_map(|field| field.split_once('='));
             fields

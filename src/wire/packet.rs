@@ -114,7 +114,11 @@ impl Decoder {
     /// The received part of an incomplete VIDEO message's payload.
     pub fn partial_frame(&self) -> Option<&[u8]> {
         let payload = self.partial.get(HEADER_LEN..)?;
-        (self.partial[KIND_OFFSET] == super::kind::VIDEO).then_some(payload)
+        if self.partial[KIND_OFFSET] == super::kind::VIDEO {
+            Some(payload)
+        } else {
+            None
+        }
     }
 
     /// Buffered bytes of an incomplete message.

@@ -85,15 +85,13 @@ impl Speaker {
 
     /// Plays a sound, replacing the current one. Unknown sounds are silent.
     pub(crate) fn play(&mut self, sound: Sound) {
-        let length = |tone: Tone| match sound {
-            Sound::Music => self.music,
-            _ => Duration::from_millis(tone.millis),
-        };
-        let played = Duration::ZERO;
         self.playing = tone(sound).map(|tone| Playing {
             sound,
-            played,
-            length: length(tone),
+            played: Duration::ZERO,
+            length: match sound {
+                Sound::Music => self.music,
+                _ => Duration::from_millis(tone.millis),
+            },
         });
     }
 

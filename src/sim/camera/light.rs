@@ -2,8 +2,10 @@
 
 use crate::sim::geometry::Point;
 use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::world::document::World;
+use crate::sim::world::World;
 use crate::sim::world::fixtures::Lamp;
+
+use super::texture::Pixel;
 
 /// Maximum number of points of the light map along the longer side of a room.
 const MAX_POINTS: usize = 96;
@@ -14,6 +16,15 @@ const SPILL: f32 = 0.06;
 
 /// Light per colour channel; 1 is full.
 pub(crate) type Light = [f32; 3];
+
+/// The value of a light channel in a pixel that means full light.
+const FULL: f32 = 128.0;
+
+/// Converts light to its pixel representation.
+pub(super) fn light(light: Light) -> Pixel {
+    let [r, g, b] = light.map(|channel| (channel * FULL) as u8);
+    [r, g, b, 0]
+}
 
 /// The light of a world.
 #[derive(Debug)]

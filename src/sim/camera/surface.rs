@@ -2,7 +2,7 @@
 //! station. Everything except balls, posts and colours set in the world file is pale, so that a
 //! behaviour that searches for a colour finds only the things meant to have it.
 
-use crate::sim::world::paint::Paint;
+use crate::sim::world::objects::Paint;
 
 /// A colour under full light, 0..=255 for each of red, green and blue.
 pub(crate) type Rgb = [f32; 3];
@@ -156,11 +156,11 @@ fn wall_decoration(number: u32, place: SurfacePoint) -> Option<(Thing, f32)> {
     }
     let aside = place.along - middle;
     let kind = scatter(number as i32, bay + 100);
-    let thing = match () {
-        () if kind < 0.30 => Thing::Picture(kind / 0.30),
-        () if kind < 0.55 => Thing::Window,
-        () if kind < 0.70 => Thing::Door,
-        () => return None,
+    let thing = match kind {
+        _ if kind < 0.30 => Thing::Picture(kind / 0.30),
+        _ if kind < 0.55 => Thing::Window,
+        _ if kind < 0.70 => Thing::Door,
+        _ => return None,
     };
     Some((thing, aside))
 }
@@ -221,10 +221,12 @@ fn furniture(paint: Rgb, place: SurfacePoint) -> Strip {
 }
 
 fn cabinet(paint: Rgb, top: f32, grain: i32, height: f32) -> Rgb {
-    let gain = match () {
-        () if top - height < 0.035 => 1.18,
-        () if height < 0.06 => 0.45,
-        () => 0.96 + 0.06 * scatter(grain, (height * 12.0) as i32),
+    let gain = if top - height < 0.035 {
+        1.18
+    } else if height < 0.06 {
+        0.45
+    } else {
+        0.96 + 0.06 * scatter(grain, (height * 12.0) as i32)
     };
     scaled(paint, gain * contact_shadow(height))
 }
@@ -233,13 +235,13 @@ fn cabinet(paint: Rgb, top: f32, grain: i32, height: f32) -> Rgb {
 /// afar and has no colour of a ball.
 fn station(aside: f32, top: f32, height: f32) -> Rgb {
     let from_middle = aside.max((height - 0.18).abs());
-    match () {
-        () if height < 0.05 => [30.0, 31.0, 34.0],
-        () if aside > 0.165 || top - height < 0.025 => [52.0, 54.0, 60.0],
-        () if (0.115..0.15).contains(&aside) => [24.0, 24.0, 26.0],
-        () if from_middle < 0.03 => [240.0, 240.0, 236.0],
-        () if from_middle < 0.07 => [24.0, 24.0, 26.0],
-        () => [238.0, 238.0, 234.0],
+    match height {
+        _ if height < 0.05 => [30.0, 31.0, 34.0],
+        _ if aside > 0.165 || top - height < 0.025 => [52.0, 54.0, 60.0],
+        _ if (0.115..0.15).contains(&aside) => [24.0, 24.0, 26.0],
+        _ if from_middle < 0.03 => [240.0, 240.0, 236.0],
+        _ if from_middle < 0.07 => [24.0, 24.0, 26.0],
+        _ => [238.0, 238.0, 234.0],
     }
 }
 

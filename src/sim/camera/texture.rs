@@ -52,7 +52,10 @@ impl Texture {
             pixels,
         };
         let halves = std::iter::successors(Some(full), |level| {
-            (level.first > 8 && level.second > 8).then(|| level.half())
+            if level.first <= 8 || level.second <= 8 {
+                return None;
+            }
+            Some(level.half())
         });
         Texture {
             levels: halves.take(6).collect(),

@@ -4,9 +4,8 @@ use bytes::{BufMut, Bytes, BytesMut};
 use rand::rngs::StdRng;
 use rand::{Rng, RngExt};
 
+use super::{Fault, FaultKind};
 use crate::wire::{Decoder, HEADER_LEN, MAX_PAYLOAD_LEN, Packet, Power, kind};
-
-use super::fault::{Fault, FaultKind};
 
 /// Position of the payload's length in a header (`PROTOCOL.md`, *TCP messages*).
 const LENGTH: std::ops::Range<usize> = 3..5;
@@ -50,7 +49,10 @@ impl Splitter {
                     self.partial.extend_from_slice(before);
                     return sections;
                 }
-                Err(_) => (self.out_of_sync, input) = (true, before),
+                Err(_) => {
+                    self.out_of_sync = true;
+                    input = before;
+                }
             }
         }
         self.partial.extend_from_slice(input);
@@ -61,7 +63,10 @@ impl Splitter {
     /// Returns the buffered bytes of an incomplete message.
     pub(crate) fn rest(&mut self) -> Option<Section> {
         let rest = self.partial.split().freeze();
-        (!rest.is_empty()).then_some(Section::Raw(rest))
+        if rest.is_empty() {
+            return None;
+        }
+        Some(Section::Raw(rest))
     }
 }
 

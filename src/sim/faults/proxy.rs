@@ -7,10 +7,9 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::timeout;
 
-use super::fault::Direction;
-use super::proxy_direction::ProxyDirection;
+use super::Direction;
+use super::proxy_direction::{End, ProxyDirection};
 use super::scheduler::FaultFeed;
-use super::throttled_writer::End;
 
 /// When one end has closed, the other one gets this long to close too.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
@@ -77,10 +76,9 @@ impl End {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fault::{Fault, FaultKind};
-    use super::super::scheduler::FaultScheduler;
-    use super::super::timing::Timing;
     use super::*;
+    use crate::sim::faults::scheduler::FaultScheduler;
+    use crate::sim::faults::{Fault, FaultKind, Timing};
     use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream};
     use tokio::task::JoinHandle;
     use tokio::time::{Instant, sleep};

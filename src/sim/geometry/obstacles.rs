@@ -195,7 +195,7 @@ impl Obstacles {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::World;
+    use crate::sim::world::World;
 
     fn world() -> World {
         let text = "room: {width: 6, depth: 4}\nstation: {at: [0, 2], heading_degrees: 0}\n\

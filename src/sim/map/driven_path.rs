@@ -3,10 +3,10 @@
 use image::RgbImage;
 
 use super::canvas::{Ink, MapCanvas, TextStyle};
-use super::plan;
 use crate::sim::body::trace::{Sample, Trace, TraceEvent, TraceEventKind};
 use crate::sim::geometry::{Point, Pose};
-use crate::sim::world::document::World;
+use crate::sim::map;
+use crate::sim::world::World;
 
 /// Width of the legend beside the map, pixels.
 const BESIDE: u32 = 320;
@@ -49,10 +49,10 @@ impl Trace {
     /// Draws the path on the map of its world, green at the start and blue at the end, with times,
     /// marks for events, and a legend.
     pub fn draw(&self, world: &World) -> RgbImage {
-        let Some(mut canvas) = plan::blank_canvas(world, BESIDE) else {
+        let Some(mut canvas) = map::blank_canvas(world, BESIDE) else {
             return RgbImage::new(1, 1);
         };
-        plan::draw_onto(world, &mut canvas);
+        map::draw_onto(world, &mut canvas);
         let samples: Vec<Sample> = self.samples().collect();
         draw_path(&mut canvas, &samples);
         for (ball, place) in world.balls.iter().zip(self.balls()) {
@@ -61,8 +61,8 @@ impl Trace {
         }
         draw_marks(&mut canvas, self.events());
         if let (Some(first), Some(last)) = (samples.first(), samples.last()) {
-            plan::robot(&mut canvas, first.pose, START);
-            plan::robot(&mut canvas, last.pose, END);
+            map::robot(&mut canvas, first.pose, START);
+            map::robot(&mut canvas, last.pose, END);
         }
         draw_clocks(&mut canvas, &samples);
         draw_legend(&mut canvas, world, self);
@@ -263,7 +263,7 @@ fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
             &[(left, y + 3.0), (left + 12.0, y + 8.0), (left, y + 13.0)],
             ink,
         );
-        canvas.write((left + 26.0, y), text, plan::NAME);
+        canvas.write((left + 26.0, y), text, map::NAME);
         y += 24.0;
     }
     for (mark, name, ink) in MARKS {
@@ -278,7 +278,7 @@ fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
         canvas.write(
             (left + 26.0, y),
             &format!("{name}: {}", events.len()),
-            plan::NAME,
+            map::NAME,
         );
         y += 20.0;
         for line in details(&events) {

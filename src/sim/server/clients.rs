@@ -8,9 +8,8 @@ use std::time::Duration;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
+use super::connection::ReportQueue;
 use crate::wire::{Login, Refusal, Report};
-
-use super::report_queue::ReportQueue;
 
 /// Maximum number of simultaneous connections, including those that have not logged in.
 const MAX_CLIENTS: usize = 8;

@@ -5,10 +5,9 @@ use std::f64::consts::PI;
 
 use serde::Deserialize;
 
-use super::spot::Spot;
-use crate::sim::geometry::RADIUS;
+use super::objects::Spot;
 use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::geometry::{Point, Pose, Segment, rectangle, wrap};
+use crate::sim::geometry::{Point, Pose, RADIUS, Segment, rectangle, wrap};
 use crate::sim::yaml::number;
 
 /// Depth of the station's body, from back to front, metres.

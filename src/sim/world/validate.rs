@@ -1,11 +1,11 @@
 //! Validates a world as a whole: too many things, things outside the room, a start inside
 //! something.
 
-use super::code::{Code, MAX_TEXT};
-use super::document::World;
-use super::spot::Spot;
+use super::World;
+use super::fixtures::{Code, MAX_TEXT};
+use super::objects::Spot;
 use crate::sim::geometry::{Point, Pose, RADIUS};
-use crate::sim::yaml::locate::Step;
+use crate::sim::yaml::Step;
 
 /// Maximum number of things of one kind, and of corners of one line or path; each takes time in
 /// every frame.

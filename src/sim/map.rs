@@ -1,16 +1,17 @@
 //! The map of a world: drawn to scale, with names.
 
+mod canvas;
+mod driven_path;
+
 use std::f64::consts::PI;
 
 use image::RgbImage;
 
-use super::canvas::{Ink, MapCanvas, TextStyle};
-use crate::sim::camera::ground;
-use crate::sim::geometry::RADIUS;
-use crate::sim::geometry::{Point, Pose, Segment};
-use crate::sim::world::document::World;
-use crate::sim::world::paint::Paint;
-use crate::sim::world::route::Route;
+use self::canvas::{Ink, MapCanvas, TextStyle};
+use crate::sim::camera::floor::drawing_path;
+use crate::sim::geometry::{Point, Pose, RADIUS, Segment};
+use crate::sim::world::World;
+use crate::sim::world::objects::{Paint, Route};
 
 /// Approximate length of the longer side of the room, pixels.
 const SIDE: f64 = 1000.0;
@@ -100,7 +101,7 @@ fn floor(world: &World, canvas: &mut MapCanvas) {
         }
     }
     for line in &world.lines {
-        if let Some(path) = ground::outline(&line.path()) {
+        if let Some(path) = drawing_path(&line.path()) {
             let least = 2.0 / f64::from(canvas.scale);
             canvas.tape(&path, line.width.max(least) as f32, ink(line.colour, 255));
         }
