@@ -101,7 +101,6 @@ impl Robot {
         std::mem::take(&mut self.reports)
     }
 
-    /// Returns the trace so far, shared with handles.
     pub(crate) fn trace_cell(&self) -> Arc<Mutex<Trace>> {
         self.trace.clone()
     }
@@ -279,7 +278,6 @@ impl Robot {
         self.step_motion(dt);
     }
 
-    /// Moves the robot and everything else that moves, for `dt`.
     fn step_motion(&mut self, dt: Duration) {
         let speed = self.chassis.forward_speed();
         self.environment
@@ -296,7 +294,6 @@ impl Robot {
         }
     }
 
-    /// Updates the contacts with the station, and reports changes.
     fn update_contacts(&mut self) {
         let station = &self.environment.world.station;
         self.contacts.update(station, self.chassis.pose);
@@ -348,7 +345,6 @@ impl Robot {
         }
     }
 
-    /// Sends POWER if it is due.
     fn report_power(&mut self) {
         let power = self.power.level(self.battery.power());
         if self.power.due(power) {

@@ -25,7 +25,6 @@ use crate::sim::world::World;
 use crate::sim::world::settings::CameraSettings;
 use crate::vision::JpegEncoder;
 
-/// A camera that takes frames.
 pub(crate) struct Camera {
     settings: CameraSettings,
     lens: Lens,
@@ -34,21 +33,17 @@ pub(crate) struct Camera {
     /// Inputs of the last rendered frame, unless it is outdated.
     last_inputs: Option<FrameInputs>,
     grain: Grain,
-    /// The frame with grain.
     grainy: Vec<Pixel>,
     /// Created for the first frame: most simulated robots never take one.
     encoder: Option<JpegEncoder>,
 }
 
-/// The parameters of one frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Shot {
     pub(crate) pose: Pose,
-    /// The headlight is on.
     pub(crate) flash: bool,
     /// The robot's turning speed, radians per second.
     pub(crate) turning: f64,
-    /// Simulated time.
     pub(crate) time: Duration,
 }
 
@@ -62,7 +57,6 @@ struct FrameInputs {
 }
 
 impl Camera {
-    /// Creates the camera of a robot in a world; `seed` determines the grain of its frames.
     pub(crate) fn new(world: &World, seed: u64) -> Camera {
         let lens = Lens::new(&world.camera);
         Camera {
@@ -77,20 +71,17 @@ impl Camera {
         }
     }
 
-    /// Multiplies all light of the world by `gain`.
     pub(crate) fn set_light(&mut self, gain: f32) {
         self.renderer.lighting.set_gain(gain);
         self.last_inputs = None;
     }
 
-    /// Moves balls and people.
     pub(crate) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) {
         if self.renderer.scene.move_rounds(places) {
             self.last_inputs = None;
         }
     }
 
-    /// Takes one frame and returns it as a JPEG.
     pub(crate) fn frame(&mut self, shot: Shot) -> Bytes {
         self.render(shot);
         let frame = self.lens.output(self.renderer.frame());
@@ -109,34 +100,29 @@ impl Camera {
     /// Renders the frame, unless nothing has changed since the last one; then only the grain
     /// differs.
     fn render(&mut self, shot: Shot) {
-        let Shot {
-            pose,
-            flash,
-            turning,
-            time,
-        } = shot;
-        let changed = self.renderer.lighting.advance_to(time.as_secs_f64());
+        let seconds = shot.time.as_secs_f64();
+        let changed = self.renderer.lighting.advance_to(seconds);
         let exposure = self.exposure.gain();
         let inputs = Some(FrameInputs {
-            pose,
-            flash,
-            turning,
+            pose: shot.pose,
+            flash: shot.flash,
+            turning: shot.turning,
             exposure,
         });
         if changed || self.last_inputs != inputs {
-            let turned = turning.abs() * self.settings.shutter;
-            self.renderer.render(pose, flash, exposure, turned);
+            let turned = shot.turning.abs() * self.settings.shutter;
+            self.renderer
+                .render(shot.pose, shot.flash, exposure, turned);
             self.lens.distort(self.renderer.frame());
             self.last_inputs = inputs;
         }
         self.exposure
-            .update(self.lens.output(self.renderer.frame()), time);
+            .update(self.lens.output(self.renderer.frame()), shot.time);
     }
 }
 
 /// Target for the mean brightness of a frame, 0..=255.
 const MIDDLE_GREY: f32 = 105.0;
-/// Range of the gain.
 const GAINS: std::ops::RangeInclusive<f32> = 0.5..=2.5;
 /// One in this many pixels is measured.
 const SAMPLE_STEP: usize = 37;
@@ -151,8 +137,6 @@ pub(super) struct Exposure {
 }
 
 impl Exposure {
-    /// Creates an exposure control; see
-    /// [`CameraSettings::exposure`](crate::sim::CameraSettings::exposure).
     pub(super) fn new(slowness: f64) -> Exposure {
         Exposure {
             slowness,
@@ -174,12 +158,11 @@ impl Exposure {
         let some = frame.iter().step_by(SAMPLE_STEP);
         let sum: u32 = some.map(|pixel| u32::from(pixel[1])).sum();
         let mean = (sum as f32 * SAMPLE_STEP as f32 / frame.len() as f32).max(1.0);
-        let wanted = self.gain * MIDDLE_GREY / mean;
-        let wanted = wanted.clamp(*GAINS.start(), *GAINS.end());
-        let passed = self
-            .last
-            .map(|before| time.saturating_sub(before).as_secs_f64());
-        let share = passed.map_or(1.0, |passed| passed / (passed + self.slowness));
+        let wanted = (self.gain * MIDDLE_GREY / mean).clamp(*GAINS.start(), *GAINS.end());
+        let share = self.last.map_or(1.0, |before| {
+            let passed = time.saturating_sub(before).as_secs_f64();
+            passed / (passed + self.slowness)
+        });
         self.gain += (wanted - self.gain) * share as f32;
         self.last = Some(time);
     }
@@ -244,7 +227,6 @@ pub(super) struct Video {
 }
 
 impl Video {
-    /// Creates the stream; `seed` determines the noise of the frames.
     pub(super) fn new(world: &World, seed: u64) -> Video {
         Video {
             camera: Camera::new(world, seed),
@@ -256,7 +238,6 @@ impl Video {
         }
     }
 
-    /// Returns the number of frames rendered so far.
     pub(super) fn frames(&self) -> u64 {
         self.frames
     }
@@ -266,7 +247,6 @@ impl Video {
         self.due = 1.0;
     }
 
-    /// Stops the stream: drops all waiting frames.
     pub(super) fn stop(&mut self) {
         self.waiting.clear();
     }
@@ -284,7 +264,6 @@ impl Video {
         }
     }
 
-    /// Returns the next frame whose latency has elapsed.
     pub(super) fn take(&mut self, now: Duration) -> Option<Bytes> {
         let (sent_at, _) = self.waiting.front()?;
         if *sent_at > now {

@@ -94,7 +94,6 @@ pub(crate) fn wrap(angle: f64) -> f64 {
     if turned == -PI { PI } else { turned }
 }
 
-/// A straight line between two points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Segment {
     pub(crate) from: Point,

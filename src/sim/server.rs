@@ -83,34 +83,27 @@ impl Server {
     ///
     /// # Errors
     /// None at present: an error of one client only disconnects that client.
-    pub async fn run(self) -> io::Result<()> {
-        let Server {
-            mut sockets,
-            mut robot_server,
-            faults,
-            mut events,
-            mut requests,
-            handle: _handle,
-        } = self;
+    pub async fn run(mut self) -> io::Result<()> {
         let mut ticks = interval(STEP);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        robot_server.begin(faults);
+        self.robot_server.begin(std::mem::take(&mut self.faults));
         let mut datagram = [0; 64];
         loop {
             // The clock has priority: a flood of commands must not stop the simulated time.
             tokio::select! {
                 biased;
                 _ = ticks.tick() => {
-                    robot_server.advance();
-                    sockets.set_visible(!robot_server.is_rebooting()).await;
+                    self.robot_server.advance();
+                    self.sockets.set_visible(!self.robot_server.is_rebooting()).await;
                 }
-                Some(request) = requests.recv() => robot_server.handle_request(request),
-                Some(event) = events.recv() => robot_server.handle_event(event),
-                (stream, breaker) = sockets.accept() => robot_server.admit(stream, breaker),
-                Some((length, from)) = sockets.receive(&mut datagram) => {
-                    sockets.answer(&robot_server.discovery_reply(), &datagram[..length], from).await;
+                Some(request) = self.requests.recv() => self.robot_server.handle_request(request),
+                Some(event) = self.events.recv() => self.robot_server.handle_event(event),
+                (stream, breaker) = self.sockets.accept() => self.robot_server.admit(stream, breaker),
+                Some((length, from)) = self.sockets.receive(&mut datagram) => {
+                    let reply = self.robot_server.discovery_reply();
+                    self.sockets.answer(&reply, &datagram[..length], from).await;
                 }
-                () = robot_server.reap() => {}
+                () = self.robot_server.reap() => {}
             }
         }
     }

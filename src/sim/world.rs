@@ -14,7 +14,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use self::fixtures::{Lamp, Noise, Sign, Tape};
-use self::objects::{Ball, Furniture, Post, Room, Route, Rug, Start, Walker, Wall};
+use self::objects::{Ball, Furniture, Post, Room, Route, Rug, Spot, Start, Walker, Wall};
 use self::settings::{BatterySettings, CameraSettings, TrackSettings};
 use self::station::Station;
 use crate::sim::geometry::obstacles::{Circle, Obstacle, Obstacles, Shapes};
@@ -114,37 +114,34 @@ impl World {
             .map_or_else(|| self.station.dock_pose(), |start| start.pose())
     }
 
-    /// Whether a place is inside a wall or a piece of furniture.
     pub(crate) fn solid(&self, place: Point) -> bool {
         self.walls.iter().any(|wall| wall.covers(place))
             || self.furniture.iter().any(|item| item.covers(place))
     }
 
-    /// Returns the display name of an obstacle.
     pub(crate) fn name_of(&self, obstacle: Obstacle) -> String {
-        let named = |kind: &str, name: Option<&String>| match name.filter(|name| !name.is_empty()) {
-            Some(name) => name.clone(),
-            None => kind.to_owned(),
-        };
-        match obstacle {
-            Obstacle::Wall => "wall".to_owned(),
-            Obstacle::Station => "station".to_owned(),
-            Obstacle::Furniture(index) => named(
+        let (kind, name) = match obstacle {
+            Obstacle::Wall => ("wall", ""),
+            Obstacle::Station => ("station", ""),
+            Obstacle::Furniture(index) => (
                 "furniture",
-                self.furniture.get(index).map(|item| &item.name),
+                self.furniture.get(index).map_or("", |item| &item.name),
             ),
-            Obstacle::Post(_) => "post".to_owned(),
-            Obstacle::Ball(_) => "ball".to_owned(),
-            Obstacle::Walker(index) => {
-                named("walker", self.walkers.get(index).map(|walker| &walker.name))
-            }
-        }
+            Obstacle::Post(_) => ("post", ""),
+            Obstacle::Ball(_) => ("ball", ""),
+            Obstacle::Walker(index) => (
+                "walker",
+                self.walkers.get(index).map_or("", |who| &who.name),
+            ),
+        };
+        let name = if name.is_empty() { kind } else { name };
+        name.to_owned()
     }
 
     /// Returns everything that a robot can run into, at its initial place.
     pub(crate) fn obstacles(&self) -> Obstacles {
         let inner = self.walls.iter().flat_map(|wall| wall.sides());
-        let circle = |at: Point, radius| Circle::new(at, radius);
+        let circle = |at: Spot, radius| Circle::new(at.point(), radius);
         let posts = self.posts.iter();
         let balls = self.balls.iter();
         let people = self.walkers.iter();
@@ -152,19 +149,12 @@ impl World {
             walls: self.room.sides().into_iter().chain(inner).collect(),
             furniture: self.furniture.iter().map(|item| item.sides()).collect(),
             station: self.station.sides(),
-            posts: posts
-                .map(|post| circle(post.at.point(), post.radius))
-                .collect(),
-            balls: balls
-                .map(|ball| circle(ball.at.point(), ball.radius))
-                .collect(),
-            people: people
-                .map(|who| circle(who.at.point(), who.radius))
-                .collect(),
+            posts: posts.map(|post| circle(post.at, post.radius)).collect(),
+            balls: balls.map(|ball| circle(ball.at, ball.radius)).collect(),
+            people: people.map(|who| circle(who.at, who.radius)).collect(),
         })
     }
 
-    /// Returns the obstacles without balls and people.
     pub(crate) fn fixed_obstacles(&self) -> Obstacles {
         self.obstacles().without_movers()
     }

@@ -105,9 +105,6 @@ impl DocumentError {
 }
 
 /// Reads a file of limited length and passes its text and its name to `parse`.
-///
-/// # Errors
-/// As `parse`, or the file cannot be read or is too long.
 pub(crate) fn load<T>(
     path: &Path,
     kind: DocumentKind,
@@ -125,10 +122,8 @@ pub(crate) fn load<T>(
     }
 }
 
-/// One step of a path into a YAML document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// The value of a key.
     Key(&'static str),
     /// An entry of a list, counted from 0.
     Index(usize),
@@ -145,9 +140,6 @@ pub(crate) fn find(text: &str, path: &[Step]) -> (usize, usize) {
 }
 
 /// Parses a document; `name` is the name of the text in errors.
-///
-/// # Errors
-/// [`DocumentError::Invalid`] with line and column.
 pub(crate) fn read<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, DocumentError> {
     yaml::examine(text)
         .map_err(|no| DocumentError::invalid(name, (no.line, no.column), no.what))?;
@@ -155,16 +147,14 @@ pub(crate) fn read<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, Doc
         .map_err(|error| DocumentError::invalid(name, place_of(&error), explain(&error)))
 }
 
-/// Returns line and column, from 1, of an error, or of the document's start if the error has no
-/// place.
+/// Returns line and column, from 1, of an error; without them, the document's start.
 pub(crate) fn place_of(error: &serde_yaml::Error) -> (usize, usize) {
     error
         .location()
         .map_or((1, 1), |place| (place.line(), place.column()))
 }
 
-/// Returns the message of an error in plain words, without its place, with a suggestion for a
-/// misspelt name.
+/// Returns an error in plain words, without its place, with a suggestion for a misspelt name.
 fn explain(error: &serde_yaml::Error) -> String {
     let mut text = error.to_string();
     if let Some(place) = error.location() {

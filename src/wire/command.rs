@@ -1,5 +1,4 @@
-//! Messages to the robot (`PROTOCOL.md`, *TCP messages*). The agent encodes them, the simulator
-//! decodes them.
+//! Messages to the robot (`PROTOCOL.md`, *TCP messages*).
 
 use std::fmt;
 
@@ -8,8 +7,7 @@ use bytes::{Bytes, BytesMut};
 use super::text::{emit_prefixed, parse_prefixed};
 use super::{Led, Packet, Sound, Stream, kind, packet};
 
-/// A message to the robot. Each variant's doc begins with the message's name, which is also the
-/// name of its section of `PROTOCOL.md`.
+/// A message to the robot. Each variant's doc begins with its section of `PROTOCOL.md`.
 #[derive(Clone, PartialEq, Eq)]
 pub enum Command {
     /// NONE: no content.
@@ -82,11 +80,8 @@ impl Command {
                 packet::emit(kind::LED, &[led.to_byte(), u8::from(*on)], out);
             }
             Command::Move { left, right } => {
-                packet::emit(
-                    kind::MOVE,
-                    &[left.to_be_bytes()[0], right.to_be_bytes()[0]],
-                    out,
-                );
+                let powers = [left.to_be_bytes()[0], right.to_be_bytes()[0]];
+                packet::emit(kind::MOVE, &powers, out);
             }
             Command::File(chunk) => chunk.emit(out),
             Command::Play(sound) => packet::emit(kind::PLAY, &[sound.to_byte()], out),

@@ -36,22 +36,19 @@ impl Reply {
     }
 
     /// Decodes a datagram; `None` if it is not a reply, for example the broadcaster's own request.
-    /// A length byte that announces more than was received is tolerated; unknown fields are
-    /// ignored.
+    /// Tolerates a length byte that announces more than was received, and unknown fields.
     pub fn parse(datagram: &[u8]) -> Option<Reply> {
         let rest = datagram.strip_prefix(&REPLY_HEADER[..])?;
         let (&length, payload) = rest.split_first()?;
         let text = latin1(&payload[..payload.len().min(usize::from(length))]);
         let field = |name: &str| {
             let mut fields = text.split(',').filter_map(|field| field.split_once('='));
-            fields
-                .find(|(key, _)| *key == name)
-                .map(|(_, value)| value.to_owned())
+            let (_, value) = fields.find(|(key, _)| *key == name)?;
+            Some(value.to_owned())
         };
-        let connected_user = field("connected-user").filter(|user| !user.is_empty());
         Some(Reply {
             uid: field("uid")?,
-            connected_user,
+            connected_user: field("connected-user").filter(|user| !user.is_empty()),
         })
     }
 }

@@ -1,6 +1,5 @@
 //! The robot's wire protocol: encodes and decodes messages in both directions, and the discovery
-//! datagrams. Uses no socket and no clock. Every fact cites its section of the specification below.
-//!
+//! datagrams. Uses no socket and no clock. Facts cite sections of the specification below.
 //! [`Decoder`] splits a byte stream into [`Packet`]s; [`Report`] and [`Command`] interpret a
 //! packet. Anything that the protocol does not define becomes a value (`Unknown`), never an error.
 #![doc = ""]

@@ -1,5 +1,4 @@
-//! Messages from the robot (`PROTOCOL.md`, *TCP messages*). The agent decodes them, the simulator
-//! encodes them.
+//! Messages from the robot (`PROTOCOL.md`, *TCP messages*).
 
 use std::fmt;
 
@@ -8,8 +7,7 @@ use bytes::{Bytes, BytesMut};
 use super::text::{emit_prefixed, parse_prefixed};
 use super::{Packet, kind, packet};
 
-/// A message from the robot. Each variant's doc begins with the message's name, which is also the
-/// name of its section of `PROTOCOL.md`.
+/// A message from the robot. Each variant's doc begins with its section of `PROTOCOL.md`.
 #[derive(Clone, PartialEq, Eq)]
 pub enum Report {
     /// AUDIO: microphone, s16 little-endian, 16 kHz, mono. An odd last byte is possible.

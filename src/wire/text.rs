@@ -1,6 +1,5 @@
-//! Texts on the wire (`PROTOCOL.md`, AUTH_REQUEST, AUTH_REPLY, CONFIG, WIRELESS_NETWORKS): ISO-8859-1,
-//! with a length in front, as `key=value&key=value`, or as `essid:encryption:strength;...`. No escape
-//! sequences are known: separators are always taken literally.
+//! Texts on the wire, in ISO-8859-1 (`PROTOCOL.md`, AUTH_REQUEST, CONFIG, WIRELESS_NETWORKS). No
+//! escape sequences are known: separators are always taken literally.
 
 use bytes::{Bytes, BytesMut};
 
@@ -69,15 +68,17 @@ pub fn to_latin1(text: &str) -> impl Iterator<Item = u8> {
 /// Parses the joined text of CONFIG messages. Parts without a key are skipped.
 pub fn parse_settings(payload: &[u8]) -> Vec<Setting> {
     let text = latin1(payload);
-    let parts = text.trim_end_matches(['\0', '\r', '\n']).split('&');
-    let setting = |part: &str| {
+    let mut settings = Vec::new();
+    for part in text.trim_end_matches(['\0', '\r', '\n']).split('&') {
         let (key, value) = part.split_once('=').unwrap_or((part, ""));
-        let key = key.trim().to_owned();
-        let value = value.to_owned();
-        Setting { key, value }
-    };
-    let settings = parts.map(setting);
-    settings.filter(|setting| !setting.key.is_empty()).collect()
+        if !key.trim().is_empty() {
+            settings.push(Setting {
+                key: key.trim().to_owned(),
+                value: value.to_owned(),
+            });
+        }
+    }
+    settings
 }
 
 /// Joins the text of several CONFIG messages. Where the robot splits the text is unknown: between
@@ -88,7 +89,7 @@ pub fn join_settings(messages: &[Bytes]) -> Bytes {
     for message in messages {
         let before = text.rsplit(|byte| *byte == b'&').next();
         let after = message.split(|byte| *byte == b'&').next();
-        if [before, after].iter().all(|part| part.is_some_and(is_pair)) {
+        if before.is_some_and(is_pair) && after.is_some_and(is_pair) {
             text.extend_from_slice(b"&");
         }
         text.extend_from_slice(message);

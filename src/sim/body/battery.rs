@@ -7,7 +7,6 @@ use std::time::Duration;
 use crate::sim::world::settings::BatterySettings;
 use crate::wire::Power;
 
-/// A battery and its charge level.
 #[derive(Debug, Clone)]
 pub(crate) struct Battery {
     settings: BatterySettings,
@@ -17,7 +16,6 @@ pub(crate) struct Battery {
 }
 
 impl Battery {
-    /// Creates a battery with the level from the settings.
     pub(crate) fn new(settings: BatterySettings) -> Battery {
         Battery {
             settings,
@@ -46,7 +44,6 @@ impl Battery {
         self.charging
     }
 
-    /// Connects or disconnects the charger.
     pub(crate) fn set_charging(&mut self, charging: bool) {
         if charging != self.charging {
             self.full_reported = false;
@@ -105,7 +102,6 @@ pub(super) struct PowerReports {
 }
 
 impl PowerReports {
-    /// Creates reports that lag behind by `lag`.
     pub(super) fn new(lag: Duration) -> PowerReports {
         PowerReports {
             lag,
@@ -120,12 +116,10 @@ impl PowerReports {
         self.left = delay;
     }
 
-    /// Ends the session: the user has disconnected.
     pub(super) fn end_session(&mut self) {
         self.session = false;
     }
 
-    /// Advances by `dt`.
     pub(super) fn step(&mut self, dt: Duration) {
         self.left = self.left.saturating_sub(dt);
         for (age, _) in &mut self.levels {
@@ -152,7 +146,6 @@ impl PowerReports {
         self.session && (changed || self.left.is_zero())
     }
 
-    /// Records that this level was sent; the next POWER is due after `period` at the latest.
     pub(super) fn sent(&mut self, power: Power, period: Duration) {
         self.last_reported = Some(power);
         self.left = period;

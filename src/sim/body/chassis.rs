@@ -50,7 +50,6 @@ fn speed_of(power: i8) -> f64 {
     share.clamp(-1.0, 1.0) * FULL_SPEED
 }
 
-/// The body, with its pose in a world.
 #[derive(Debug, Clone)]
 pub(crate) struct Chassis {
     pub(crate) pose: Pose,
@@ -61,7 +60,6 @@ pub(crate) struct Chassis {
 }
 
 impl Chassis {
-    /// Creates a body at rest.
     pub(crate) fn new(pose: Pose) -> Chassis {
         Chassis {
             pose,
@@ -93,12 +91,10 @@ impl Chassis {
         (self.speeds.right - self.speeds.left) / TRACK_WIDTH
     }
 
-    /// Whether an obstacle blocks the robot.
     pub(crate) fn blocked(&self) -> bool {
         self.blocked
     }
 
-    /// Returns the number of collisions so far.
     pub(crate) fn collisions(&self) -> u64 {
         self.collisions
     }
@@ -161,7 +157,6 @@ fn ramp(from: f64, to: f64, most: f64) -> f64 {
 /// How long a slip value applies until the next one is drawn.
 const SLIP_PERIOD: Duration = Duration::from_millis(400);
 
-/// How one robot's tracks slip.
 #[derive(Debug)]
 pub(crate) struct TrackSlip {
     settings: TrackSettings,

@@ -26,12 +26,10 @@ const RECEIVER_VIEW: f64 = 0.6;
 /// Clearance between body and obstacles during the approach, metres.
 const MARGIN: f64 = 0.03;
 
-/// The inputs of a manoeuvre from the world.
 pub(crate) struct DockingInputs<'a> {
     pub(crate) pose: Pose,
     pub(crate) station: &'a Station,
     pub(crate) obstacles: &'a Obstacles,
-    /// The station's beacon is on.
     pub(crate) beacon: bool,
 }
 
@@ -48,16 +46,13 @@ impl DockingInputs<'_> {
     }
 }
 
-/// Result of one step of a manoeuvre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum DockingStep {
     /// No manoeuvre is active: the commanded speeds apply.
     Free,
     /// Speeds of the tracks, metres per second.
     Drive(Tracks<f64>),
-    /// The search has failed and is over.
     NotFound,
-    /// The robot has backed out of the station.
     Left,
 }
 
@@ -71,7 +66,6 @@ enum DockingPhase {
     Leaving { since: Duration },
 }
 
-/// The current manoeuvre, if any.
 #[derive(Debug, Clone)]
 pub(crate) struct Docking {
     phase: DockingPhase,
@@ -91,7 +85,6 @@ impl Docking {
         }
     }
 
-    /// Starts searching for the station.
     pub(crate) fn find_base(&mut self) {
         *self = Docking {
             phase: DockingPhase::Searching,
@@ -99,19 +92,16 @@ impl Docking {
         };
     }
 
-    /// Starts backing out of the station.
     pub(crate) fn leave(&mut self) {
         self.phase = DockingPhase::Leaving {
             since: Duration::ZERO,
         };
     }
 
-    /// Ends any manoeuvre.
     pub(crate) fn stop(&mut self) {
         self.phase = DockingPhase::Idle;
     }
 
-    /// Whether the robot is on its way to the station, searching included.
     pub(crate) fn searching(&self) -> bool {
         !matches!(
             self.phase,
@@ -119,12 +109,10 @@ impl Docking {
         )
     }
 
-    /// Whether the robot is backing out.
     pub(crate) fn leaving(&self) -> bool {
         matches!(self.phase, DockingPhase::Leaving { .. })
     }
 
-    /// Advances by `dt` and returns what the tracks must do.
     pub(crate) fn step(&mut self, dt: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
         if self.searching() && self.given_up(dt, inputs) {
             self.stop();
@@ -245,7 +233,6 @@ fn free_direction(inputs: &DockingInputs<'_>, target: Point) -> f64 {
         .unwrap_or(direct)
 }
 
-/// Contacts, charger and beacon.
 #[derive(Debug)]
 pub(super) struct Contacts {
     touching: bool,
@@ -257,7 +244,6 @@ pub(super) struct Contacts {
 }
 
 impl Contacts {
-    /// Creates contacts with a working charger and beacon.
     pub(super) fn new(touching: bool) -> Contacts {
         Contacts {
             touching,
@@ -267,7 +253,6 @@ impl Contacts {
         }
     }
 
-    /// Whether the contacts touch.
     pub(super) fn touching(&self) -> bool {
         self.touching
     }
@@ -277,12 +262,10 @@ impl Contacts {
         self.docked
     }
 
-    /// Whether current flows into the battery.
     pub(super) fn charging(&self) -> bool {
         self.touching && self.charger_works
     }
 
-    /// Updates whether the contacts touch, for a robot at `pose`.
     pub(super) fn update(&mut self, station: &Station, pose: Pose) {
         self.touching = station.touched(pose, self.touching);
     }

@@ -21,7 +21,6 @@ const SETTINGS: [(&str, &str); 5] = [
     ("wifi-key", "made-up-key"),
 ];
 
-/// Settings and uploads.
 #[derive(Debug, Clone)]
 pub(crate) struct Memory {
     version: String,
@@ -30,7 +29,6 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// Creates a memory with factory settings.
     pub(crate) fn new(version: &str) -> Memory {
         Memory {
             version: version.to_owned(),
@@ -94,7 +92,6 @@ impl Memory {
     }
 }
 
-/// Maximum number of lines kept.
 const MAX_LINES: usize = 64;
 
 /// The most recent lines, oldest first.
@@ -104,7 +101,6 @@ pub(super) struct RobotLog {
 }
 
 impl RobotLog {
-    /// Adds a line.
     pub(super) fn write(&mut self, time: Duration, line: &str) {
         let seconds = time.as_secs_f64();
         tracing::debug!(target: "spykee::sim", seconds, "{line}");
@@ -114,7 +110,6 @@ impl RobotLog {
         self.lines.push_back(format!("[{seconds:.1}] {line}"));
     }
 
-    /// Removes all lines.
     pub(super) fn clear(&mut self) {
         self.lines.clear();
     }

@@ -48,7 +48,6 @@ struct Playing {
     length: Duration,
 }
 
-/// The speaker with its volume.
 #[derive(Debug, Clone)]
 pub(crate) struct Speaker {
     volume: u8,
@@ -58,7 +57,6 @@ pub(crate) struct Speaker {
 }
 
 impl Speaker {
-    /// Creates a silent speaker; the uploaded music lasts `music`.
     pub(crate) fn new(music: Duration) -> Speaker {
         Speaker {
             volume: 80,
@@ -68,7 +66,6 @@ impl Speaker {
         }
     }
 
-    /// Returns the volume, 0..=100 percent.
     pub(crate) fn volume(&self) -> u8 {
         self.volume
     }
@@ -78,7 +75,6 @@ impl Speaker {
         self.volume = percent.min(100);
     }
 
-    /// Returns the sound that is playing.
     pub(crate) fn playing(&self) -> Option<Sound> {
         self.playing.as_ref().map(|playing| playing.sound)
     }
@@ -95,7 +91,6 @@ impl Speaker {
         });
     }
 
-    /// Stops the sound.
     pub(crate) fn stop(&mut self) {
         self.playing = None;
     }

@@ -67,7 +67,7 @@ pub enum TraceEventKind {
 }
 
 /// The trace of one robot so far.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Trace {
     samples: Vec<Sample>,
     /// One in this many strides is kept.
@@ -81,28 +81,23 @@ pub struct Trace {
     distance: f64,
 }
 
-impl Default for Sample {
-    fn default() -> Sample {
-        Sample {
-            at: Duration::ZERO,
-            pose: Pose::default(),
-            placed: true,
-        }
-    }
-}
-
 impl Trace {
-    /// Creates a trace that starts at `pose`.
     pub(crate) fn from(pose: Pose) -> Trace {
         let start = Sample {
+            at: Duration::ZERO,
             pose,
-            ..Sample::default()
+            placed: true,
         };
         Trace {
             samples: vec![start],
             thin: 1,
+            skipped: 0,
+            events: Vec::new(),
+            missed: 0,
             now: start,
-            ..Trace::default()
+            balls: Vec::new(),
+            walkers: Vec::new(),
+            distance: 0.0,
         }
     }
 
@@ -154,7 +149,6 @@ impl Trace {
         }
     }
 
-    /// Records an event at the current time.
     pub(crate) fn add_event(&mut self, kind: TraceEventKind) {
         if self.events.len() == MAX_EVENTS {
             self.missed += 1;

@@ -17,7 +17,6 @@ use crate::sim::world::objects::{self, Rug};
 /// Number of columns that share one sample of the light on the floor.
 const PATCH: usize = 16;
 
-/// The floor of a world.
 pub(super) struct Floor {
     world: World,
     /// Created for the first frame: most simulated robots never take one.
@@ -173,7 +172,6 @@ fn draw_tapes(tapes: &[Tape], pixels: &mut [u8], count: [usize; 2], scale: [f32;
     }
 }
 
-/// Converts a path for drawing.
 pub(crate) fn drawing_path(path: &BezPath) -> Option<Path> {
     let mut builder = PathBuilder::new();
     for element in path.elements() {

@@ -20,13 +20,11 @@ pub(crate) type Light = [f32; 3];
 /// The value of a light channel in a pixel that means full light.
 const FULL: f32 = 128.0;
 
-/// Converts light to its pixel representation.
 pub(super) fn light(light: Light) -> Pixel {
     let [r, g, b] = light.map(|channel| (channel * FULL) as u8);
     [r, g, b, 0]
 }
 
-/// The light of a world.
 #[derive(Debug)]
 pub(crate) struct Lighting {
     day: f32,
@@ -43,7 +41,6 @@ pub(crate) struct Lighting {
 }
 
 impl Lighting {
-    /// Creates the lighting at the start of a world.
     pub(crate) fn new(world: &World) -> Lighting {
         let room = &world.room;
         let cell = (room.width.max(room.depth) / MAX_POINTS as f64).max(FINEST);
@@ -90,7 +87,6 @@ impl Lighting {
         switched
     }
 
-    /// Multiplies the world's own light by `gain`.
     pub(crate) fn set_gain(&mut self, gain: f32) {
         self.gain = gain;
         self.draw();
@@ -117,7 +113,6 @@ impl Lighting {
         self.map = (0..self.columns * self.rows).map(light).collect();
     }
 
-    /// Returns the light at a place.
     pub(crate) fn at(&self, x: f32, y: f32) -> Light {
         if self.lamps.is_empty() {
             return [self.day * self.gain; 3];
@@ -137,7 +132,6 @@ impl Lighting {
         })
     }
 
-    /// Whether the light is the same everywhere.
     pub(crate) fn is_uniform(&self) -> bool {
         self.lamps.is_empty()
     }

@@ -16,7 +16,6 @@ const CEILING: Pixel = [224, 223, 218, 0];
 /// Maximum length of the motion blur, pixels.
 const MAX_BLUR: usize = 24;
 
-/// The renderer of a world.
 pub(super) struct Renderer {
     pub(super) scene: Scene,
     pub(super) lighting: Lighting,
@@ -26,7 +25,6 @@ pub(super) struct Renderer {
     exposure: f32,
     frame: Vec<Pixel>,
     ceiling: Vec<Pixel>,
-    /// Buffer for the motion blur.
     sums: Vec<u64>,
     standing: Vec<Vec<Hit>>,
     overlays: Vec<Vec<Hit>>,
@@ -64,7 +62,6 @@ impl Renderer {
         }
     }
 
-    /// Returns the last rendered frame.
     pub(super) fn frame(&self) -> &[Pixel] {
         &self.frame
     }
@@ -94,7 +91,6 @@ impl Renderer {
         }
     }
 
-    /// Finds the things in each column, nearest first.
     fn find_things(&mut self, view: &View) {
         let standing = &mut self.standing;
         let overlays = &mut self.overlays;
@@ -173,7 +169,6 @@ impl Renderer {
         }
     }
 
-    /// Computes the ceiling's colour in each row.
     fn light_ceiling(&mut self) {
         let x = self.lamp.at.x as f32;
         let y = self.lamp.at.y as f32;

@@ -21,7 +21,6 @@ const SIGN_DISTANCE: f64 = 0.01;
 /// Maximum thickness of a thing on which a sign hangs, metres.
 const MAX_THICKNESS: f64 = 0.6;
 
-/// An upright rectangle.
 #[derive(Debug)]
 pub(crate) struct Panel {
     line: Segment,
@@ -34,7 +33,6 @@ pub(crate) struct Panel {
     picture: Option<Texture>,
 }
 
-/// Kinds of round things.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum RoundKind {
     Ball,
@@ -42,7 +40,6 @@ pub(crate) enum RoundKind {
     Person { top: f32 },
 }
 
-/// A post, a person or a ball.
 #[derive(Debug)]
 pub(crate) struct Round {
     pub(crate) middle: Point,
@@ -51,7 +48,6 @@ pub(crate) struct Round {
     pub(crate) paint: Rgb,
 }
 
-/// Everything that stands in a world.
 #[derive(Debug)]
 pub(crate) struct Scene {
     pub(crate) panels: Vec<Panel>,
@@ -77,7 +73,6 @@ pub(crate) enum Thing {
 }
 
 impl Scene {
-    /// Creates the scene of a world.
     pub(crate) fn new(world: &World) -> Scene {
         let mut scene = Scene {
             panels: Vec::new(),

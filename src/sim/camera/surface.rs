@@ -12,16 +12,17 @@ const BAY: f32 = 1.7;
 /// Height of a door, metres; walls that are less than 0.1 m higher stay bare.
 const DOOR: f32 = 2.0;
 
-/// Kinds of vertical surfaces.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Surface {
     /// A wall; the number varies its look.
-    Wall { paint: Rgb, number: u32 },
-    /// A side of a piece of furniture.
-    Furniture { paint: Rgb },
-    /// The side of the station that the robot drives up to.
+    Wall {
+        paint: Rgb,
+        number: u32,
+    },
+    Furniture {
+        paint: Rgb,
+    },
     StationFront,
-    /// The other sides of the station.
     StationSide,
     /// A sign; the number is the index of its code.
     Sign(usize),
@@ -32,9 +33,7 @@ pub(crate) enum Surface {
 pub(crate) struct SurfacePoint {
     /// Distance from the left end of the surface.
     pub(crate) along: f32,
-    /// Length of the surface.
     pub(crate) length: f32,
-    /// Height of the surface.
     pub(crate) top: f32,
 }
 
@@ -57,7 +56,6 @@ pub(crate) enum Strip {
     Plain(Rgb),
 }
 
-/// A thing on a wall.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Thing {
     /// A picture; the number, 0..1, varies its look.
@@ -67,7 +65,6 @@ pub(crate) enum Thing {
 }
 
 impl Surface {
-    /// Returns the strip at a place.
     pub(crate) fn strip(self, place: SurfacePoint) -> Strip {
         match self {
             Surface::Wall { paint, number } => Strip::Wall {
@@ -103,12 +100,10 @@ impl From<Paint> for Surface {
     }
 }
 
-/// Converts a colour to floating point.
 pub(crate) fn rgb(paint: Paint) -> Rgb {
     paint.0.map(f32::from)
 }
 
-/// Scales the brightness of a colour.
 pub(crate) fn scaled(colour: Rgb, gain: f32) -> Rgb {
     colour.map(|channel| channel * gain)
 }

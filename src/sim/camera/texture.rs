@@ -43,7 +43,6 @@ impl Texture {
         Texture::new(pixels, count, scale)
     }
 
-    /// Creates a texture from existing pixels.
     pub(crate) fn new(pixels: Vec<Pixel>, [first, second]: [usize; 2], scale: [f32; 2]) -> Texture {
         let full = Level {
             first,

@@ -16,10 +16,8 @@ const COMMENT: [u8; 2] = [0xFF, 0xFE];
 /// Length of the marker and of the length field, which counts itself.
 const COMMENT_OVERHEAD: usize = 4;
 
-/// A section of a byte stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Section {
-    /// A complete message.
     Message(Packet),
     /// Bytes of a stream that is out of sync, passed on unchanged.
     Raw(Bytes),
@@ -60,7 +58,6 @@ impl Splitter {
         sections
     }
 
-    /// Returns the buffered bytes of an incomplete message.
     pub(crate) fn rest(&mut self) -> Option<Section> {
         let rest = self.partial.split().freeze();
         if rest.is_empty() {
@@ -137,14 +134,12 @@ fn flip(payload: &Bytes, count: usize, rng: &mut StdRng) -> Bytes {
     flipped.freeze()
 }
 
-/// Returns `count` random bytes.
 pub(crate) fn garbage(count: usize, rng: &mut StdRng) -> Bytes {
     let mut bytes = vec![0; count];
     rng.fill_bytes(&mut bytes);
     Bytes::from(bytes)
 }
 
-/// Writes a wrong length into a message's header.
 pub(crate) fn falsify_length(message: &mut [u8], claim: Option<u16>, rng: &mut StdRng) {
     let truth = message.len().saturating_sub(HEADER_LEN) as u16;
     let claim = claim.unwrap_or_else(|| truth.wrapping_add(rng.random_range(1..=u16::MAX)));

@@ -51,7 +51,6 @@ impl Fault {
     }
 }
 
-/// The names of faults in YAML.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Name {
@@ -77,7 +76,6 @@ enum Name {
     DockLost,
 }
 
-/// The names of reasons for refusing a login in YAML.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Reason {
@@ -85,7 +83,6 @@ enum Reason {
     Password,
 }
 
-/// Whether the robot keeps its state in a reboot, in YAML.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Memory {
@@ -202,7 +199,6 @@ impl Entry {
         }
     }
 
-    /// Returns the fault, with defaults for missing keys.
     pub(super) fn fault(&self) -> Fault {
         let kind = self.kind();
         let usual = Fault::new(kind);

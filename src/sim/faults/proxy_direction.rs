@@ -11,7 +11,7 @@ use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, sleep, sleep_until};
 
 use super::corrupt::{Section, Splitter};
-use super::scheduler::ActiveFaults;
+use super::scheduler::{ActiveFaults, FaultFeed};
 use super::{Direction, Fault, FaultKind, corrupt};
 use crate::clock::until;
 
@@ -19,7 +19,6 @@ const READ_LEN: usize = 8 * 1024;
 /// Capacity of the queue of reads, more than a delay of seconds needs; when full, the sender waits.
 const MAX_WAITING: usize = 256;
 
-/// One direction of a connection.
 pub(super) struct ProxyDirection {
     towards: Direction,
     active_faults: watch::Receiver<ActiveFaults>,
@@ -31,29 +30,23 @@ pub(super) struct ProxyDirection {
     /// Bytes were dropped; nothing is delivered any more.
     dropped: bool,
     /// How long the sender waits for an acknowledgement of dropped bytes.
-    pub(super) unacknowledged: Option<Duration>,
+    unacknowledged: Option<Duration>,
     /// When the sender gives up the connection.
     given_up: Option<Instant>,
     last_due: Instant,
 }
 
 impl ProxyDirection {
-    /// Creates it; `seed` determines everything random.
-    pub(super) fn new(
-        towards: Direction,
-        active_faults: watch::Receiver<ActiveFaults>,
-        beginnings: broadcast::Receiver<Fault>,
-        seed: u64,
-    ) -> ProxyDirection {
+    pub(super) fn new(towards: Direction, feed: FaultFeed) -> ProxyDirection {
         ProxyDirection {
             towards,
-            active_faults,
-            beginnings,
-            rng: StdRng::seed_from_u64(seed),
+            active_faults: feed.active_faults,
+            beginnings: feed.beginnings,
+            rng: StdRng::seed_from_u64(feed.seed),
             splitter: Splitter::default(),
             pending: Vec::new(),
             dropped: false,
-            unacknowledged: None,
+            unacknowledged: feed.unacknowledged,
             given_up: None,
             last_due: Instant::now(),
         }
@@ -208,7 +201,6 @@ impl ProxyDirection {
     }
 }
 
-/// Queues the writes; returns false if the receiver has been dropped.
 async fn send(queue: &mpsc::Sender<QueuedWrite>, writes: Vec<QueuedWrite>) -> bool {
     for queued in writes {
         if queue.send(queued).await.is_err() {
@@ -239,7 +231,6 @@ pub(crate) enum End {
     Reset,
 }
 
-/// Queued output.
 pub(crate) enum QueuedWrite {
     /// Bytes to be written when they are due.
     Bytes { due: Instant, bytes: Bytes },
@@ -247,7 +238,6 @@ pub(crate) enum QueuedWrite {
     Reset,
 }
 
-/// The output side of a direction.
 pub(crate) struct ThrottledWriter {
     pub(crate) towards: Direction,
     pub(crate) active_faults: watch::Receiver<ActiveFaults>,

@@ -14,12 +14,10 @@ use super::{Direction, Fault, FaultKind, Timing};
 /// Maximum number of unread beginnings of faults per connection; it misses older ones.
 const MAX_UNREAD: usize = 64;
 
-/// The active faults.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ActiveFaults(Arc<[Fault]>);
 
 impl ActiveFaults {
-    /// Creates a list of active faults.
     pub(crate) fn new(faults: impl IntoIterator<Item = Fault>) -> ActiveFaults {
         ActiveFaults(faults.into_iter().collect())
     }
@@ -36,13 +34,11 @@ impl ActiveFaults {
     }
 }
 
-/// The channels through which a connection receives faults.
 #[derive(Debug)]
 pub(crate) struct FaultFeed {
     pub(crate) active_faults: watch::Receiver<ActiveFaults>,
     /// Each fault when it begins; how momentary ones take effect.
     pub(crate) beginnings: broadcast::Receiver<Fault>,
-    /// Seed of the connection's random numbers.
     pub(crate) seed: u64,
     /// See [`Options::unacknowledged`](crate::sim::Options::unacknowledged).
     pub(crate) unacknowledged: Option<Duration>,
@@ -55,7 +51,6 @@ struct ScheduledFault {
     on: bool,
 }
 
-/// The state of all faults.
 pub(crate) struct FaultScheduler {
     scheduled: Vec<ScheduledFault>,
     active_faults: watch::Sender<ActiveFaults>,
@@ -76,7 +71,6 @@ impl FaultScheduler {
         }
     }
 
-    /// Adds a fault whose times count from `now`.
     pub(crate) fn begin(&mut self, fault: Fault, now: Instant) {
         let timing = TimingState::new(fault.timing, now);
         let on = false;
@@ -92,7 +86,6 @@ impl FaultScheduler {
             .collect()
     }
 
-    /// Returns the feed for a new connection.
     pub(crate) fn feed(&mut self) -> FaultFeed {
         FaultFeed {
             active_faults: self.active_faults.subscribe(),
@@ -135,10 +128,8 @@ fn draw_occurrence(rng: &mut StdRng, fault: &Fault) -> bool {
     fault.kind.alters_messages() || rng.random_bool(fault.chance.clamp(0.0, 1.0))
 }
 
-/// A state change of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Transition {
-    /// The fault begins.
     Begins,
     /// The fault ends, possibly only until its next occurrence.
     Ends,
@@ -151,7 +142,6 @@ enum TimingPhase {
     Over,
 }
 
-/// The timing state of one fault.
 #[derive(Debug, Clone)]
 pub(crate) struct TimingState {
     timing: Timing,
@@ -159,7 +149,6 @@ pub(crate) struct TimingState {
 }
 
 impl TimingState {
-    /// Creates the state; times count from `now`.
     pub(crate) fn new(timing: Timing, now: Instant) -> TimingState {
         let until = now + timing.after;
         TimingState {
@@ -183,7 +172,6 @@ impl TimingState {
         }
     }
 
-    /// Whether the fault will not occur again.
     pub(crate) fn is_over(&self) -> bool {
         self.phase == TimingPhase::Over
     }

@@ -12,13 +12,12 @@ use crate::sim::geometry::Point;
 /// Red, green, blue and opacity.
 pub(crate) type Ink = [u8; 4];
 
-/// The style of a text.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TextStyle {
-    pub(crate) ink: Ink,
+    ink: Ink,
     /// 20 pixels high, instead of 16.
-    pub(crate) large: bool,
-    pub(crate) bold: bool,
+    large: bool,
+    bold: bool,
 }
 
 impl TextStyle {
@@ -27,6 +26,15 @@ impl TextStyle {
             ink,
             large: false,
             bold: false,
+        }
+    }
+
+    /// Large bold text.
+    pub(crate) const fn title(ink: Ink) -> TextStyle {
+        TextStyle {
+            ink,
+            large: true,
+            bold: true,
         }
     }
 
@@ -66,7 +74,6 @@ pub(crate) struct MapCanvas {
     pub(crate) scale: f32,
     /// The pixel of the world's (0, 0).
     origin: (f32, f32),
-    /// Areas with text.
     taken: Vec<Frame>,
 }
 
@@ -93,7 +100,6 @@ impl MapCanvas {
         )
     }
 
-    /// Fills a polygon.
     pub(crate) fn fill(&mut self, corners: &[Point], ink: Ink) {
         let corners: Vec<(f32, f32)> = corners.iter().map(|corner| self.at(*corner)).collect();
         self.fill_pixels(&corners, ink);
@@ -254,9 +260,9 @@ impl MapCanvas {
     }
 
     fn fill_path(&mut self, path: &Path, ink: Ink) {
-        let rule = FillRule::Winding;
-        let still = Transform::identity();
-        self.pixels.fill_path(path, &paint(ink), rule, still, None);
+        let transform = Transform::identity();
+        self.pixels
+            .fill_path(path, &paint(ink), FillRule::Winding, transform, None);
     }
 
     /// Strokes a path given in its own units; `transform` maps it to pixels.

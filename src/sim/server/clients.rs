@@ -22,7 +22,6 @@ struct Client {
     since: Instant,
 }
 
-/// All connections.
 #[derive(Default)]
 pub(crate) struct Clients {
     all: BTreeMap<u64, Client>,
@@ -43,19 +42,16 @@ impl Clients {
         if self.all.len() >= MAX_CLIENTS {
             return None;
         }
+        let client = Client {
+            reports: Arc::new(ReportQueue::new()),
+            cut: CancellationToken::new(),
+            since: now,
+        };
         let id = self.next;
-        let reports = Arc::new(ReportQueue::new());
-        let cut = CancellationToken::new();
+        let admission = (id, client.reports.clone(), client.cut.clone());
         self.next += 1;
-        self.all.insert(
-            id,
-            Client {
-                reports: reports.clone(),
-                cut: cut.clone(),
-                since: now,
-            },
-        );
-        Some((id, reports, cut))
+        self.all.insert(id, client);
+        Some(admission)
     }
 
     /// Whether `id` is the user, who may command the robot.
@@ -63,12 +59,10 @@ impl Clients {
         self.user.as_ref().is_some_and(|(user, _)| *user == id)
     }
 
-    /// Whether the client is still registered.
     pub(crate) fn contains(&self, id: u64) -> bool {
         self.all.contains_key(&id)
     }
 
-    /// Returns the name of the connected user.
     pub(crate) fn user(&self) -> Option<&str> {
         self.user.as_ref().map(|(_, name)| name.as_str())
     }
@@ -93,7 +87,6 @@ impl Clients {
         disconnected
     }
 
-    /// Ends the session of that user.
     pub(crate) fn give_back(&mut self) {
         if self.is_user(EXTERNAL_USER) {
             self.user = None;
@@ -130,12 +123,10 @@ impl Clients {
         was_user
     }
 
-    /// Returns the ids of all clients.
     pub(crate) fn ids(&self) -> Vec<u64> {
         self.all.keys().copied().collect()
     }
 
-    /// Returns the user's id.
     pub(crate) fn user_id(&self) -> Option<u64> {
         self.user.as_ref().map(|(id, _)| *id)
     }
@@ -143,20 +134,15 @@ impl Clients {
     /// Returns the clients that have exceeded the time limit for logging in.
     pub(crate) fn overdue(&self, now: Instant) -> Vec<u64> {
         let late = |client: &Client| now.duration_since(client.since) > LOGIN_LIMIT;
-        let all = self
-            .all
-            .iter()
-            .filter(|(id, client)| !self.is_user(**id) && late(client));
-        all.map(|(id, _)| *id).collect()
+        let all = self.all.iter();
+        all.filter(|(id, client)| !self.is_user(**id) && late(client))
+            .map(|(id, _)| *id)
+            .collect()
     }
 
     /// Returns the number of frames and audio chunks dropped so far, over all connections.
     pub(crate) fn dropped(&self) -> u64 {
-        self.dropped
-            + self
-                .all
-                .values()
-                .map(|client| client.reports.dropped())
-                .sum::<u64>()
+        let connected = self.all.values().map(|client| client.reports.dropped());
+        self.dropped + connected.sum::<u64>()
     }
 }

@@ -26,7 +26,6 @@ pub trait Transport: AsyncRead + AsyncWrite + Send + Unpin + 'static {}
 
 impl<T: AsyncRead + AsyncWrite + Send + Unpin + 'static> Transport for T {}
 
-/// An event that a connection sends to the server.
 #[derive(Debug)]
 pub(crate) enum Event {
     /// The commands of one read.
@@ -37,11 +36,11 @@ pub(crate) enum Event {
         opened: bool,
         commands: Vec<Command>,
     },
-    /// The connection has ended.
-    Gone { client: u64 },
+    Gone {
+        client: u64,
+    },
 }
 
-/// A connection's channels to the server.
 pub(crate) struct Channels {
     pub(crate) client: u64,
     pub(crate) reports: Arc<ReportQueue>,
@@ -69,12 +68,8 @@ pub(crate) async fn serve(transport: impl Transport, channels: Channels) {
     if refused {
         let _ = tokio::time::timeout(CLOSE_TIMEOUT, close_orderly(&mut reader, &mut writer)).await;
     }
-    let _ = channels
-        .events
-        .send(Event::Gone {
-            client: channels.client,
-        })
-        .await;
+    let client = channels.client;
+    let _ = channels.events.send(Event::Gone { client }).await;
 }
 
 async fn read(
@@ -147,7 +142,6 @@ async fn close_orderly(
 }
 
 impl Channels {
-    /// Waits while the robot is muted.
     async fn unmuted(&self) {
         let mut muted = self.muted.clone();
         // The sender lives as long as the server, whose end also ends this task.
@@ -181,7 +175,6 @@ struct Queue {
     closing: bool,
 }
 
-/// The report queue of one client.
 #[derive(Debug)]
 pub(crate) struct ReportQueue {
     queue: Mutex<Queue>,
@@ -193,7 +186,6 @@ pub(crate) struct ReportQueue {
 pub(crate) struct Overflow;
 
 impl ReportQueue {
-    /// Creates an empty queue.
     pub(crate) fn new() -> ReportQueue {
         let queue = Queue {
             messages: VecDeque::new(),
@@ -239,7 +231,6 @@ impl ReportQueue {
         self.lock().handshake == Handshake::Done
     }
 
-    /// Returns the number of frames and audio chunks dropped so far.
     pub(crate) fn dropped(&self) -> u64 {
         self.lock().dropped
     }

@@ -19,7 +19,6 @@ use crate::wire::{Command, Report};
 /// Capacity of the request queue; further requests are dropped with a warning.
 const MAX_REQUESTS: usize = 256;
 
-/// A request from a handle to the server.
 pub(crate) enum Request {
     Inject(Report),
     DisconnectAll,
@@ -41,7 +40,6 @@ pub struct Handle {
     world: Arc<World>,
 }
 
-/// The server's ends of a handle's channels.
 pub(crate) struct Ends {
     pub(crate) muted: watch::Receiver<bool>,
     pub(crate) state: watch::Sender<State>,
@@ -249,7 +247,6 @@ pub struct ReceivedCommand {
     pub command: Command,
 }
 
-/// The most recent commands.
 #[derive(Debug, Default)]
 pub(crate) struct Journal {
     entries: VecDeque<ReceivedCommand>,
@@ -283,7 +280,6 @@ impl Journal {
         self.entries.iter().skip(index.saturating_sub(forgotten))
     }
 
-    /// Returns the number of commands, including dropped ones.
     pub(crate) fn count(&self) -> usize {
         self.next
     }

@@ -33,7 +33,6 @@ const SECOND_USER: &str = "second-user";
 /// How far the robot slides when it loses its station, metres.
 const SLIDE: f64 = 0.12;
 
-/// The robot with its clients.
 pub(crate) struct RobotServer {
     robot: Robot,
     clients: Clients,
@@ -87,7 +86,6 @@ impl RobotServer {
         }
     }
 
-    /// Starts the simulated time, and that of these faults.
     pub(crate) fn begin(&mut self, faults: impl IntoIterator<Item = Fault>) {
         self.started = Instant::now();
         self.stepped = self.started;
@@ -108,7 +106,6 @@ impl RobotServer {
         }
     }
 
-    /// Returns the discovery reply.
     pub(crate) fn discovery_reply(&self) -> discovery::Reply {
         let connected_user = self.clients.user().map(str::to_owned);
         discovery::Reply {
@@ -140,7 +137,6 @@ impl RobotServer {
         self.publish();
     }
 
-    /// Handles a request from a handle.
     pub(super) fn handle_request(&mut self, request: Request) {
         match request {
             Request::Inject(report) => self.send_report(&report),
@@ -157,7 +153,6 @@ impl RobotServer {
         self.publish();
     }
 
-    /// Handles an event from a connection.
     pub(crate) fn handle_event(&mut self, event: Event) {
         match event {
             Event::Gone { client } => self.disconnect(client),
@@ -338,7 +333,6 @@ impl RobotServer {
         }
     }
 
-    /// Sends the robot's reports to the user, if there is one.
     fn deliver(&mut self) {
         for report in self.robot.take_reports() {
             self.send_report(&report);

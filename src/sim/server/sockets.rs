@@ -19,7 +19,6 @@ const PORT_TRIES: usize = 16;
 /// Pause after a failure to accept a connection, for example for lack of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// The sockets of a simulator.
 pub(super) struct Sockets {
     tcp: Option<TcpListener>,
     udp: Option<UdpSocket>,
@@ -44,7 +43,6 @@ impl Sockets {
         }
     }
 
-    /// Returns the address to which clients connect.
     pub(super) fn address(&self) -> SocketAddr {
         self.address
     }
@@ -131,7 +129,6 @@ impl Sockets {
         .await
     }
 
-    /// Answers a datagram if it is a discovery request.
     pub(super) async fn answer(&self, reply: &discovery::Reply, datagram: &[u8], from: SocketAddr) {
         if let Some(udp) = &self.udp
             && discovery::is_request(datagram)

@@ -6,7 +6,6 @@ use super::objects::Route;
 use crate::sim::geometry::obstacles::{Circle, Obstacles};
 use crate::sim::geometry::{Point, Pose, RADIUS};
 
-/// The current state of a world.
 pub(crate) struct Environment {
     /// The world in its initial state.
     pub(crate) world: World,
@@ -15,7 +14,6 @@ pub(crate) struct Environment {
 }
 
 impl Environment {
-    /// Creates the environment from the initial state of a world.
     pub(crate) fn new(world: World) -> Environment {
         Environment {
             obstacles: world.obstacles(),
@@ -51,7 +49,6 @@ impl Environment {
         }
     }
 
-    /// Returns the name of the thing nearest to a point.
     pub(crate) fn name_at(&self, point: Point) -> String {
         self.world.name_of(self.obstacles.nearest(point))
     }
@@ -64,7 +61,6 @@ const ROBOT_CLEARANCE: f64 = 0.05;
 /// Minimum gap between touching things, metres.
 const MIN_GAP: f64 = 0.001;
 
-/// Everything that moves.
 #[derive(Debug, Clone)]
 pub(crate) struct Dynamics {
     /// Balls first, then people, as in [`Obstacles`].
@@ -81,7 +77,6 @@ struct MovingObject {
 }
 
 impl Dynamics {
-    /// Creates the moving objects of a world, at their initial places.
     pub(crate) fn new(world: &World) -> Dynamics {
         let balls = world.balls.iter();
         let balls = balls
@@ -183,7 +178,6 @@ impl MovingObject {
     }
 }
 
-/// Progress along a route.
 #[derive(Debug, Clone)]
 pub(crate) struct Trip {
     corners: Vec<Point>,

@@ -201,7 +201,6 @@ fn point(spot: Spot) -> kurbo::Point {
 }
 
 impl Lamp {
-    /// Whether the lamp is on at a time, in seconds.
     pub(crate) fn lit(&self, seconds: f64) -> bool {
         lit(self.on, self.off, seconds)
     }
@@ -289,7 +288,6 @@ pub(crate) fn lit(on: Option<Schedule>, off: Option<Schedule>, seconds: f64) -> 
 /// Maximum length of a text in bytes; longer ones have modules too small for the camera.
 pub(crate) const MAX_TEXT: usize = 100;
 
-/// A code as a grid of modules.
 #[derive(Debug)]
 pub(crate) struct Code {
     width: usize,
@@ -313,7 +311,6 @@ impl Code {
         })
     }
 
-    /// Returns the number of modules along one side.
     pub(crate) fn width(&self) -> usize {
         self.width
     }

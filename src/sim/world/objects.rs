@@ -133,14 +133,12 @@ impl Room {
         rectangle(middle, self.width, self.depth, 0.0)
     }
 
-    /// Whether a place is within the outer walls.
     pub(crate) fn holds(&self, point: Point) -> bool {
         (0.0..=self.width).contains(&point.x) && (0.0..=self.depth).contains(&point.y)
     }
 }
 
 impl Wall {
-    /// Whether a place is inside the wall.
     pub(crate) fn covers(&self, place: Point) -> bool {
         let from = self.from.point();
         let to = self.to.point();
@@ -150,7 +148,6 @@ impl Wall {
         in_rectangle(place, middle, length, self.thickness, heading)
     }
 
-    /// Returns its four sides as seen from above.
     pub(crate) fn sides(&self) -> [Segment; 4] {
         let from = self.from.point();
         let to = self.to.point();
@@ -165,14 +162,12 @@ impl Wall {
 }
 
 impl Furniture {
-    /// Whether a place is inside the piece of furniture.
     pub(crate) fn covers(&self, place: Point) -> bool {
         let middle = self.at.point();
         let heading = self.heading_degrees.to_radians();
         in_rectangle(place, middle, self.length, self.width, heading)
     }
 
-    /// Returns its four sides as seen from above.
     pub(crate) fn sides(&self) -> [Segment; 4] {
         rectangle(
             self.at.point(),
@@ -261,13 +256,9 @@ pub struct Paint(pub [u8; 3]);
 impl Paint {
     /// Parses a colour name or `#rrggbb`.
     pub fn parse(text: &str) -> Option<Paint> {
-        let named = NAMED.iter().find(|(name, _)| *name == text);
-        named
-            .map(|(_, rgb)| Paint(*rgb))
-            .or_else(|| Paint::parse_hex(text))
-    }
-
-    fn parse_hex(text: &str) -> Option<Paint> {
+        if let Some((_, rgb)) = NAMED.iter().find(|(name, _)| *name == text) {
+            return Some(Paint(*rgb));
+        }
         let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6)?;
         if !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
             return None;

@@ -91,7 +91,6 @@ impl Station {
         rectangle(middle, DEPTH, WIDTH, self.heading())
     }
 
-    /// Returns the place of the beacon.
     pub(crate) fn beacon(&self) -> Point {
         self.at.point().ahead(self.heading(), DEPTH + 0.01)
     }
