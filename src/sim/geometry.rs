@@ -146,8 +146,7 @@ impl Segment {
     }
 }
 
-/// Returns the four sides, counter-clockwise, of a rectangle centred at `centre` and rotated by
-/// `heading`.
+/// Returns the four sides, counter-clockwise, of a rectangle rotated by `heading`.
 pub(crate) fn rectangle(centre: Point, length: f64, width: f64, heading: f64) -> [Segment; 4] {
     let corner = |forward: f64, left: f64| {
         centre

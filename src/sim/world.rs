@@ -19,8 +19,7 @@ use self::settings::{BatterySettings, CameraSettings, TrackSettings};
 use self::station::Station;
 use crate::sim::geometry::obstacles::{Circle, Obstacle, Obstacles, Shapes};
 use crate::sim::geometry::{Point, Pose};
-use crate::sim::yaml;
-use crate::sim::yaml::{DocumentError, DocumentKind, number};
+use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
 
 /// Name and YAML of each world; the names are those of the files in `behaviours/worlds/`.
 const BUILTIN: [(&str, &str); 8] = [

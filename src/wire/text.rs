@@ -3,7 +3,6 @@
 
 use bytes::{Bytes, BytesMut};
 
-/// The longest text that the one-byte length prefix allows.
 pub(super) const MAX_TEXT_LEN: usize = u8::MAX as usize;
 
 /// Appends `text` after its length. Characters outside ISO-8859-1 become `?`; text beyond

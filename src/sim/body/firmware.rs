@@ -6,8 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::sim::yaml;
-use crate::sim::yaml::{DocumentError, DocumentKind, number};
+use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
 
 /// Settings for the unknown parts of the firmware. Where one case is the worst for a client that
 /// drives the robot, that case is the default.

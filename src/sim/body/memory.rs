@@ -68,8 +68,7 @@ impl Memory {
         format!("config set: {}", changed.join(" "))
     }
 
-    /// Stores a chunk of an upload; returns a line for the log at the end of the file or on an
-    /// error.
+    /// Stores a chunk of an upload; returns a line for the log at its end or on an error.
     pub(crate) fn store(&mut self, chunk: &FileChunk) -> Option<String> {
         let id = chunk.id();
         if chunk.flags() & FileChunk::FIRST != 0 {

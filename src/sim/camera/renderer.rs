@@ -317,8 +317,7 @@ impl Renderer {
     }
 }
 
-/// Returns the colour of a post or a person at a height; `aside` is the horizontal offset from the
-/// middle as a share of the radius, and `shine` is the lamp's specular reflection.
+/// `aside` is the offset from the middle as a share of the radius, `shine` the lamp's reflection.
 fn pillar_colour(kind: RoundKind, paint: Rgb, height: f32, aside: f32, shine: f32) -> Rgb {
     match kind {
         RoundKind::Person { top } => clothes(paint, height / top, aside),
@@ -331,8 +330,7 @@ fn pillar_colour(kind: RoundKind, paint: Rgb, height: f32, aside: f32, shine: f3
     }
 }
 
-/// Returns the colour of a ball where its surface normal is `normal`; `lamp` is the direction of
-/// the lamp.
+/// Returns the colour of a ball at a surface normal; `lamp` is the direction of the lamp.
 fn ball_colour(paint: Rgb, normal: Rgb, lamp: Rgb) -> Rgb {
     let facing = dot(normal, lamp);
     let lit = facing.max(0.0);

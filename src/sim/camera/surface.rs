@@ -76,7 +76,7 @@ impl Surface {
                 aside: (place.along - place.length / 2.0).abs(),
                 top: place.top,
             },
-            // `sign` paints the code of a sign; this is its back.
+            // `scene` paints the code of a sign; this is its back.
             Surface::StationSide | Surface::Sign(_) => Strip::Plain([46.0, 48.0, 54.0]),
         }
     }

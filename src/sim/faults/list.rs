@@ -6,8 +6,7 @@ use std::time::Duration;
 use serde::Deserialize;
 
 use super::{Direction, Fault, FaultKind, Timing};
-use crate::sim::yaml;
-use crate::sim::yaml::{DocumentError, DocumentKind, Step, number};
+use crate::sim::yaml::{self, DocumentError, DocumentKind, Step, number};
 use crate::wire::Refusal;
 
 /// Maximum number of faults in a list; each is polled at every step.

@@ -85,8 +85,7 @@ impl Obstacles {
         self.round[index].middle = place;
     }
 
-    /// Returns the distance in metres from a point to the nearest obstacle; negative inside a round
-    /// one.
+    /// Returns the distance to the nearest obstacle, metres; negative inside a round one.
     pub(crate) fn clearance(&self, point: Point) -> f64 {
         let lines = self.lines().map(|line| line.distance(point));
         let circles = self

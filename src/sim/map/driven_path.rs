@@ -19,6 +19,34 @@ const START: Ink = [20, 150, 90, 255];
 const END: Ink = [30, 90, 200, 255];
 const PALE: Ink = [110, 112, 118, 255];
 
+// Outlines of marks, 1 is their size.
+const HOUSE: [(f32, f32); 5] = [
+    (0.0, -1.2),
+    (1.0, -0.2),
+    (1.0, 1.0),
+    (-1.0, 1.0),
+    (-1.0, -0.2),
+];
+const SQUARE: [(f32, f32); 4] = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+const DIAMOND: [(f32, f32); 4] = [(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)];
+const STAR: [(f32, f32); 8] = [
+    (0.0, -1.0),
+    (0.3, -0.3),
+    (1.0, 0.0),
+    (0.3, 0.3),
+    (0.0, 1.0),
+    (-0.3, 0.3),
+    (-1.0, 0.0),
+    (-0.3, -0.3),
+];
+const FLAG: [(f32, f32); 5] = [
+    (0.0, 1.0),
+    (0.0, -1.2),
+    (1.4, -0.7),
+    (0.2, -0.2),
+    (0.2, 1.0),
+];
+
 /// Kinds of marks, with a row in the legend for each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Mark {
@@ -179,32 +207,6 @@ fn symbol(canvas: &mut MapCanvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
             .map(|(dx, dy)| (x + dx * size, y + dy * size))
             .collect()
     };
-    let house = [
-        (0.0, -1.2),
-        (1.0, -0.2),
-        (1.0, 1.0),
-        (-1.0, 1.0),
-        (-1.0, -0.2),
-    ];
-    let square = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
-    let diamond = [(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)];
-    let star = [
-        (0.0, -1.0),
-        (0.3, -0.3),
-        (1.0, 0.0),
-        (0.3, 0.3),
-        (0.0, 1.0),
-        (-0.3, 0.3),
-        (-1.0, 0.0),
-        (-0.3, -0.3),
-    ];
-    let flag = [
-        (0.0, 1.0),
-        (0.0, -1.2),
-        (1.4, -0.7),
-        (0.2, -0.2),
-        (0.2, 1.0),
-    ];
     let (shape, size): (&[(f32, f32)], f32) = match mark {
         Mark::Collision | Mark::NotFound => {
             for sign in [-1.0, 1.0] {
@@ -215,11 +217,11 @@ fn symbol(canvas: &mut MapCanvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
             }
             return;
         }
-        Mark::FindBase | Mark::Docked | Mark::Undocked => (&house, 7.0),
-        Mark::Photo => (&square, 5.0),
-        Mark::Sound => (&diamond, 6.5),
-        Mark::Light => (&star, 8.0),
-        Mark::Note => (&flag, 8.0),
+        Mark::FindBase | Mark::Docked | Mark::Undocked => (&HOUSE, 7.0),
+        Mark::Photo => (&SQUARE, 5.0),
+        Mark::Sound => (&DIAMOND, 6.5),
+        Mark::Light => (&STAR, 8.0),
+        Mark::Note => (&FLAG, 8.0),
     };
     let white = polygon(size + 1.5, shape);
     canvas.fill_pixels(&white, [255, 255, 255, 230]);

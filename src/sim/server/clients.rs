@@ -79,8 +79,7 @@ impl Clients {
         Ok(())
     }
 
-    /// Makes a user without a connection here the current user; returns true if this disconnected
-    /// another user.
+    /// Makes a user without a connection here the user; returns whether another was disconnected.
     pub(crate) fn take_over(&mut self, name: &str) -> bool {
         let disconnected = self.user_id().is_some_and(|id| self.disconnect(id));
         self.user = Some((EXTERNAL_USER, name.to_owned()));
@@ -101,8 +100,7 @@ impl Clients {
         }
     }
 
-    /// Sends a report to the user; returns false if the user does not read and must be
-    /// disconnected.
+    /// Sends a report to the user; false if the user does not read and must be disconnected.
     pub(crate) fn send_report(&self, report: &Report) -> bool {
         let Some(client) = self.user.as_ref().and_then(|(id, _)| self.all.get(id)) else {
             return true;

@@ -100,8 +100,7 @@ async fn read(
     }
 }
 
-/// Decodes the complete commands in `bytes`; returns them with the error that ended decoding, if
-/// any.
+/// Decodes the complete commands in `bytes`; also returns the error that ended decoding, if any.
 fn decode_all(decoder: &mut Decoder, mut bytes: &[u8]) -> (Vec<Command>, Result<(), FramingError>) {
     let mut commands = Vec::new();
     loop {

@@ -209,8 +209,7 @@ impl RobotServer {
         self.apply_transitions(transitions);
     }
 
-    /// Applies beginnings and ends of faults to the robot; the proxy handles faults of the byte
-    /// stream.
+    /// Applies faults that begin or end to the robot; the proxy handles those of the byte stream.
     fn apply_transitions(&mut self, transitions: Vec<(FaultKind, Transition)>) {
         for (kind, transition) in transitions {
             tracing::info!(target: "spykee::sim", trouble = ?kind, turn = ?transition, "a fault");
@@ -266,8 +265,7 @@ impl RobotServer {
         }
     }
 
-    /// Handles a command from a client: records it in the journal, and executes it if the client is
-    /// allowed to command the robot.
+    /// Records a client's command, and executes it if the client may command the robot.
     fn receive(&mut self, client: u64, write: u64, opened: bool, command: Command) {
         if !self.clients.contains(client) {
             return;

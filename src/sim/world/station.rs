@@ -95,8 +95,7 @@ impl Station {
         self.at.point().ahead(self.heading(), DEPTH + 0.01)
     }
 
-    /// Whether a robot at `point` is within the beam and range of the beacon, with a clear line of
-    /// sight.
+    /// Whether a robot at `point` is in the beam, in range and in the line of sight of the beacon.
     pub(crate) fn beacon_reaches(&self, point: Point, obstacles: &Obstacles) -> bool {
         let beacon = self.beacon();
         let distance = beacon.distance(point);
