@@ -115,7 +115,6 @@
 //! | 0 | `sanitize` | text from outside, harmless for terminals, logs, XML and JSON |
 //! | 0 | `rate_limit` | bytes per day, and lines that are logged once a minute |
 //! | 0 | `clock` | the time of day, time zones, durations as people write them |
-//! | 0 | `canvas` | areas, lines and letters in pixels |
 //! | 0 | `socket_outq` | how much of what was written a robot has not acknowledged yet |
 //! | 1 | `http` | a bounded server and its check of who may ask; knows no robot |
 //! | 1 | `timetable` | when behaviours start, and quiet hours: pure rules |
@@ -146,7 +145,6 @@
 pub mod agent;
 pub mod api;
 pub mod behaviour;
-pub mod canvas;
 pub mod check;
 pub mod cli;
 pub mod clock;

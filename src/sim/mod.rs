@@ -1,7 +1,7 @@
 //! The simulated robot and its world. Speaks the robot's real protocol to any client, over TCP and
 //! UDP or an in-memory pipe. Of this crate it imports only `wire`, the JPEG encoder of `vision` and
-//! small helpers (`canvas`, `clock`, `files`, `yaml`), so that the simulator stays independent of
-//! the agent code that it tests.
+//! small helpers (`clock`, `files`, `yaml`), so that the simulator stays independent of the agent
+//! code that it tests.
 //!
 //! [`World`] describes a place. [`Robot`] is simulated in it, without a clock or sockets of its
 //! own. [`Server`] connects the robot to clients and to `tokio::time`. [`Handle`] observes the
@@ -28,29 +28,25 @@ mod server;
 mod world;
 mod yaml;
 
+pub use body::Robot;
 pub use body::chassis::{FULL_POWER, FULL_SPEED, Tracks};
 pub use body::firmware::{Firmware, FirmwareBehaviour};
-pub use body::robot::Robot;
 pub use body::state::{Leds, State, Streams};
 pub use body::trace::{Sample, Trace, TraceEvent, TraceEventKind};
 pub use camera::view::{HEIGHT, WIDTH};
-pub use faults::fault::{Direction, Fault, FaultKind};
-pub use faults::timing::Timing;
+pub use faults::{Direction, Fault, FaultKind, Timing};
 pub use geometry::{Point, Pose, RADIUS, TRACK_WIDTH};
 pub use server::connection::Transport;
-pub use server::handle::Handle;
-pub use server::journal::ReceivedCommand;
+pub use server::handle::{Handle, ReceivedCommand};
 pub use server::{Options, Server};
-pub use world::document::World;
-pub use world::fixtures::{Lamp, Noise, NoiseKind, Sign, Tape};
-pub use world::objects::{Ball, Floor, Furniture, Post, Room, Rug, Wall};
-pub use world::paint::Paint;
-pub use world::route::{Route, Walker};
-pub use world::schedule::{Schedule, Seconds};
+pub use world::World;
+pub use world::fixtures::{Lamp, Noise, NoiseKind, Schedule, Seconds, Sign, Tape};
+pub use world::objects::{
+    Ball, Floor, Furniture, Paint, Post, Room, Route, Rug, Spot, Start, Walker, Wall,
+};
 pub use world::settings::{BatterySettings, CameraSettings, TrackSettings};
-pub use world::spot::{Spot, Start};
 pub use world::station::Station;
 pub use world::station_distances::StationDistances;
-pub use yaml::document::{DocumentError, DocumentKind};
+pub use yaml::{DocumentError, DocumentKind};
 
 pub use crate::vision::Subsampling;

@@ -1,6 +1,6 @@
 //! The datagrams that discover robots (`PROTOCOL.md`, *Discovery datagrams*).
 
-use super::text::from_latin1;
+use super::text::{latin1, to_latin1};
 
 /// The discovery request: "DSCV", 1 (`PROTOCOL.md`, *Discovery datagrams*).
 pub const REQUEST: [u8; 5] = *b"DSCV\x01";
@@ -27,10 +27,8 @@ impl Reply {
             text.push_str(",connected-user=");
             text.push_str(user);
         }
-        let latin = text
-            .chars()
-            .map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?'));
-        let payload: Vec<u8> = latin.take(MAX_REPLY_LEN - HEADER_LEN).collect();
+        let payload = to_latin1(&text).take(MAX_REPLY_LEN - HEADER_LEN);
+        let payload: Vec<u8> = payload.collect();
         let mut datagram = REPLY_HEADER.to_vec();
         datagram.push(payload.len() as u8);
         datagram.extend(payload);
@@ -38,22 +36,19 @@ impl Reply {
     }
 
     /// Decodes a datagram; `None` if it is not a reply, for example the broadcaster's own request.
-    /// A length byte that announces more than was received is tolerated; unknown fields are
-    /// ignored.
+    /// Tolerates a length byte that announces more than was received, and unknown fields.
     pub fn parse(datagram: &[u8]) -> Option<Reply> {
         let rest = datagram.strip_prefix(&REPLY_HEADER[..])?;
         let (&length, payload) = rest.split_first()?;
-        let text = from_latin1(&payload[..payload.len().min(usize::from(length))]);
+        let text = latin1(&payload[..payload.len().min(usize::from(length))]);
         let field = |name: &str| {
             let mut fields = text.split(',').filter_map(|field| field.split_once('='));
-            fields
-                .find(|(key, _)| *key == name)
-                .map(|(_, value)| value.to_owned())
+            let (_, value) = fields.find(|(key, _)| *key == name)?;
+            Some(value.to_owned())
         };
-        let connected_user = field("connected-user").filter(|user| !user.is_empty());
         Some(Reply {
             uid: field("uid")?,
-            connected_user,
+            connected_user: field("connected-user").filter(|user| !user.is_empty()),
         })
     }
 }

@@ -1,69 +1,151 @@
 //! The robot's wire protocol: encodes and decodes messages in both directions, and the discovery
-//! datagrams. Uses no socket and no clock. Every fact cites its section of the specification below.
-//!
+//! datagrams. Uses no socket and no clock. Facts cite sections of the specification below.
 //! [`Decoder`] splits a byte stream into [`Packet`]s; [`Report`] and [`Command`] interpret a
 //! packet. Anything that the protocol does not define becomes a value (`Unknown`), never an error.
 #![doc = ""]
 #![doc = include_str!("PROTOCOL.md")]
 
 mod command;
-mod debug;
 pub mod discovery;
-mod listing;
 mod packet;
-#[cfg(test)]
-mod protocol;
 mod report;
 mod text;
 mod values;
 
 pub use command::{Command, Engage, FileChunk, Login, Secret};
-pub use listing::{Network, Setting, join_settings, latin1, parse_networks, parse_settings};
 pub use packet::{Decoder, FramingError, HEADER_LEN, MAX_PACKET_LEN, MAX_PAYLOAD_LEN, Packet};
 pub use report::{Accepted, EngineReport, Power, Refusal, Report};
+pub use text::{
+    Network, Setting, join_settings, latin1, parse_networks, parse_settings, to_latin1,
+};
 pub use values::{Led, Sound, Stream};
 
 /// TCP and UDP port of the robot (`PROTOCOL.md`, *Network*).
 pub const PORT: u16 = 9000;
 
 /// The message types (`PROTOCOL.md`, *TCP messages*).
+#[expect(missing_docs, reason = "the page describes each type")]
 pub mod kind {
-    /// No content.
     pub const NONE: u8 = 0;
-    /// Samples of microphone or speaker.
     pub const AUDIO: u8 = 1;
-    /// One JPEG frame.
     pub const VIDEO: u8 = 2;
-    /// Battery level.
     pub const POWER: u8 = 3;
-    /// Switch a light.
     pub const LED: u8 = 4;
-    /// Track power.
     pub const MOVE: u8 = 5;
-    /// File upload.
     pub const FILE: u8 = 6;
-    /// Play a sound.
     pub const PLAY: u8 = 7;
-    /// Stop the music, or the music has ended.
     pub const STOP: u8 = 8;
-    /// Speaker volume.
     pub const VOLUME: u8 = 9;
-    /// Log in.
     pub const AUTH_REQUEST: u8 = 10;
-    /// The reply to a login.
     pub const AUTH_REPLY: u8 = 11;
-    /// Meaning unknown.
     pub const MUTE: u8 = 12;
-    /// Configuration text.
     pub const CONFIG: u8 = 13;
-    /// Scan of wireless networks.
     pub const WIRELESS_NETWORKS: u8 = 14;
-    /// Switch a stream.
     pub const STREAMCTL: u8 = 15;
-    /// Docking and undocking.
     pub const ENGINE: u8 = 16;
-    /// The robot's log.
     pub const LOG: u8 = 17;
-    /// Stored in the robot's memory, meaning unknown.
     pub const MOTOR_SPEED: u8 = 18;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PAGE: &str = include_str!("PROTOCOL.md");
+
+    /// The rows of *Byte vectors*: their meanings and bytes.
+    fn vectors() -> Vec<(&'static str, Vec<u8>)> {
+        let (_, section) = PAGE.split_once("\n## Byte vectors\n").unwrap();
+        let (section, _) = section.split_once("\n## ").unwrap();
+        let rows = section.lines().filter_map(|line| {
+            let (meaning, bytes) = line.strip_prefix("| ")?.split_once(" | `")?;
+            let bytes = bytes.strip_suffix("` |")?.split(' ');
+            let bytes = bytes.map(|byte| u8::from_str_radix(byte, 16).unwrap());
+            Some((meaning, bytes.collect()))
+        });
+        rows.collect()
+    }
+
+    #[test]
+    fn every_byte_vector_of_the_page_is_one_known_message() {
+        let vectors = vectors();
+        assert_eq!(vectors.len(), 20);
+        for (meaning, bytes) in vectors {
+            let packet = Decoder::new().decode(&mut &bytes[..]).unwrap();
+            let packet = packet.unwrap_or_else(|| panic!("{meaning}: the message is incomplete"));
+            let report = Report::parse(packet.clone());
+            let command = Command::parse(packet);
+            let known = [
+                (!matches!(report, Report::Unknown(_)), report.to_bytes()),
+                (!matches!(command, Command::Unknown(_)), command.to_bytes()),
+            ];
+            assert!(
+                known
+                    .iter()
+                    .any(|(known, again)| *known && again[..] == bytes),
+                "{meaning}: {report:?} or {command:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn every_message_type_of_the_page_has_its_constant() {
+        let source = include_str!("mod.rs");
+        let rows = PAGE.lines().filter_map(|line| {
+            let mut cells = line.strip_prefix("| ")?.split(" | ");
+            let number = cells.next()?.parse::<u8>().ok()?;
+            let name = cells.next()?;
+            let is_type = name.chars().all(|c| c.is_ascii_uppercase() || c == '_');
+            if !is_type {
+                return None;
+            }
+            Some(format!("pub const {name}: u8 = {number};"))
+        });
+        let rows: Vec<String> = rows.collect();
+        assert_eq!(rows.len(), 19);
+        for row in rows {
+            assert!(source.contains(&row), "{row}");
+        }
+    }
+
+    #[test]
+    fn debug_output_never_contains_a_payload() {
+        let secret = "hunter2";
+        let chunk = FileChunk::of_sound(Sound::User0, 3, secret.into()).unwrap();
+        // A truncated login is not parsed as one, but still contains the password.
+        let mut login = Command::Login(Login::new("anna", secret)).to_bytes();
+        login.truncate(login.len() - 1);
+        let torn = Packet::new(kind::AUTH_REQUEST, login.slice(5..));
+        let setting = Setting {
+            key: "wifi-key".into(),
+            value: secret.into(),
+        };
+        for shown in [
+            format!("{:?}", Command::ConfigSet(secret.into())),
+            format!("{:?}", Command::Audio(secret.into())),
+            format!("{:?}", Command::File(chunk)),
+            format!("{:?}", Command::Login(Login::new("anna", secret))),
+            format!("{:?}", Command::parse(torn)),
+            format!("{:?}", Report::Config(secret.into())),
+            format!("{:?}", Report::Networks(secret.into())),
+            format!("{:?}", Report::Log(secret.into())),
+            format!("{setting:?}"),
+        ] {
+            assert!(
+                !shown.contains("hunter") && !shown.contains("104, 117"),
+                "{shown}"
+            );
+        }
+        assert_eq!(
+            format!("{:?}", Report::Config(secret.into())),
+            "Config(7 bytes)"
+        );
+        assert_eq!(
+            format!("{setting:?}"),
+            "Setting { key: \"wifi-key\", value: 7 bytes }"
+        );
+        let chunk = FileChunk::of_sound(Sound::User0, 3, secret.into()).unwrap();
+        let shown = format!("{chunk:?}");
+        assert!(shown.starts_with("FileChunk { id:") && shown.ends_with("content: 7 bytes }"));
+    }
 }

@@ -1,5 +1,4 @@
-//! One message on the wire: a 5-byte header and a payload (`PROTOCOL.md`, *TCP messages*), and the
-//! decoder that splits a byte stream into such messages.
+//! One message on the wire, and the decoder that splits a byte stream into such messages.
 
 use bytes::{Bytes, BytesMut};
 
@@ -41,12 +40,8 @@ impl Packet {
 /// Payloads may carry passwords or a whole picture: only type and length are shown.
 impl std::fmt::Debug for Packet {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "Packet {{ kind: {}, {} bytes }}",
-            self.kind,
-            self.payload.len()
-        )
+        let length = self.payload.len();
+        write!(f, "Packet {{ kind: {}, {length} bytes }}", self.kind)
     }
 }
 
@@ -69,10 +64,8 @@ pub struct FramingError {
     pub found: [u8; 2],
 }
 
-/// Splits a byte stream, received in slices of any size, into [`Packet`]s.
-///
-/// Buffers at most one incomplete message, so at most [`MAX_PACKET_LEN`] bytes whatever the headers
-/// claim; memory grows with the bytes received, not with the announced length.
+/// Splits a byte stream, received in slices of any size, into [`Packet`]s. Buffers at most
+/// [`MAX_PACKET_LEN`] bytes; memory grows with the bytes received, not with the announced length.
 #[derive(Debug, Default)]
 pub struct Decoder {
     partial: BytesMut,
@@ -85,9 +78,8 @@ impl Decoder {
         Decoder::default()
     }
 
-    /// Takes bytes from the front of `input` until a packet is complete or `input` is empty.
-    ///
-    /// `Ok(None)` means that `input` is used up and the packet is still incomplete.
+    /// Takes bytes from the front of `input` until a packet is complete. `Ok(None)` means that
+    /// `input` is used up and the packet is still incomplete.
     ///
     /// # Errors
     /// [`FramingError`] as soon as a byte cannot belong to a header, and for every later call.
@@ -114,7 +106,11 @@ impl Decoder {
     /// The received part of an incomplete VIDEO message's payload.
     pub fn partial_frame(&self) -> Option<&[u8]> {
         let payload = self.partial.get(HEADER_LEN..)?;
-        (self.partial[KIND_OFFSET] == super::kind::VIDEO).then_some(payload)
+        if self.partial[KIND_OFFSET] == super::kind::VIDEO {
+            Some(payload)
+        } else {
+            None
+        }
     }
 
     /// Buffered bytes of an incomplete message.
@@ -122,7 +118,6 @@ impl Decoder {
         self.partial.len()
     }
 
-    /// Moves bytes from `input` until `upto` bytes are buffered.
     fn take(&mut self, input: &mut &[u8], upto: usize) {
         let missing = upto.saturating_sub(self.partial.len()).min(input.len());
         let (head, rest) = input.split_at(missing);

@@ -1,8 +1,6 @@
-//! The enumerated byte values of the protocol and their names in scripts (`PROTOCOL.md`, STREAMCTL,
-//! `PROTOCOL.md`, LED, and `PROTOCOL.md`, PLAY).
+//! The enumerated values of STREAMCTL, LED and PLAY (`PROTOCOL.md`) and their names in scripts.
 
-/// Declares an enum of one wire byte, with the names of its values in one table and `Unknown` for
-/// all other bytes.
+/// Declares an enum of one wire byte with named values, and `Unknown` for all other bytes.
 macro_rules! wire_byte {
     ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $byte:literal, $text:literal;)+ }) => {
         $(#[$doc])*
@@ -67,9 +65,7 @@ wire_byte! {
     Led {
         /// The headlight in the centre.
         Flash = 0, "flash";
-        /// The left light.
         Left = 1, "left";
-        /// The right light.
         Right = 2, "right";
     }
 }
@@ -77,17 +73,13 @@ wire_byte! {
 wire_byte! {
     /// A sound that PLAY plays (`PROTOCOL.md`, PLAY).
     Sound {
-        /// alarm.mp3
         Alarm = 0, "alarm";
-        /// bomb.mp3
         Bomb = 1, "bomb";
         /// lazer.mp3
         Laser = 2, "laser";
         /// ah-ah-ah.mp3
         Laugh = 3, "laugh";
-        /// engine.mp3
         Engine = 4, "engine";
-        /// robot.mp3
         Robot = 5, "robot";
         /// Uploaded by the user.
         User0 = 6, "user0";
@@ -97,11 +89,8 @@ wire_byte! {
         Snapshot = 16, "snapshot";
         /// bip.mp3; also flips a recording flag of unknown effect
         Record = 17, "record";
-        /// Two bips.
         Bip2 = 18, "bip_2";
-        /// Three bips.
         Bip3 = 19, "bip_3";
-        /// Four bips.
         Bip4 = 20, "bip_4";
         /// The uploaded music file.
         Music = 64, "music";

@@ -1,13 +1,12 @@
-//! The battery: drains faster while driving, charges on the station, and provides the level for
-//! POWER.
+//! The battery: drains faster while driving and charges on the station; and when the robot sends its
+//! level as POWER (how often a real robot does is not known: `PROTOCOL.md`, *Not known*).
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
+use crate::sim::world::settings::BatterySettings;
 use crate::wire::Power;
 
-use crate::sim::world::settings::BatterySettings;
-
-/// A battery and its charge level.
 #[derive(Debug, Clone)]
 pub(crate) struct Battery {
     settings: BatterySettings,
@@ -17,7 +16,6 @@ pub(crate) struct Battery {
 }
 
 impl Battery {
-    /// Creates a battery with the level from the settings.
     pub(crate) fn new(settings: BatterySettings) -> Battery {
         Battery {
             settings,
@@ -46,7 +44,6 @@ impl Battery {
         self.charging
     }
 
-    /// Connects or disconnects the charger.
     pub(crate) fn set_charging(&mut self, charging: bool) {
         if charging != self.charging {
             self.full_reported = false;
@@ -86,6 +83,72 @@ impl Battery {
             percent: percent.max(u8::from(self.charging)),
             charging: self.charging,
         }
+    }
+}
+
+/// Maximum number of levels kept: far more than the changes within the longest delay.
+const MAX_LEVELS: usize = 1000;
+
+/// The last reported level, and when the next POWER is due.
+#[derive(Debug, Default)]
+pub(super) struct PowerReports {
+    session: bool,
+    last_reported: Option<Power>,
+    left: Duration,
+    /// How far the reported level lags behind.
+    lag: Duration,
+    /// The level to report, followed by the newer ones, each with its age.
+    levels: VecDeque<(Duration, Power)>,
+}
+
+impl PowerReports {
+    pub(super) fn new(lag: Duration) -> PowerReports {
+        PowerReports {
+            lag,
+            ..PowerReports::default()
+        }
+    }
+
+    /// Starts the session of a user; the first POWER follows after `delay`.
+    pub(super) fn begin_session(&mut self, delay: Duration) {
+        self.session = true;
+        self.last_reported = None;
+        self.left = delay;
+    }
+
+    pub(super) fn end_session(&mut self) {
+        self.session = false;
+    }
+
+    pub(super) fn step(&mut self, dt: Duration) {
+        self.left = self.left.saturating_sub(dt);
+        for (age, _) in &mut self.levels {
+            *age += dt;
+        }
+    }
+
+    /// Records the battery's current level and returns the level to report.
+    pub(super) fn level(&mut self, power: Power) -> Power {
+        if self.levels.back().is_none_or(|(_, last)| *last != power) {
+            self.levels.push_back((Duration::ZERO, power));
+        }
+        let old =
+            |entry: Option<&(Duration, Power)>| entry.is_some_and(|(age, _)| *age >= self.lag);
+        while old(self.levels.get(1)) || self.levels.len() > MAX_LEVELS {
+            self.levels.pop_front();
+        }
+        self.levels.front().map_or(power, |(_, level)| *level)
+    }
+
+    /// Whether this level must be sent now.
+    pub(super) fn due(&self, power: Power) -> bool {
+        let changed = self.last_reported.is_some_and(|last| last != power);
+        self.session && (changed || self.left.is_zero())
+    }
+
+    pub(super) fn sent(&mut self, power: Power, period: Duration) {
+        self.last_reported = Some(power);
+        self.left = period;
     }
 }
 
@@ -159,5 +222,28 @@ mod tests {
         assert_eq!(battery.percent(), 0.0);
         battery.set_percent(1e9);
         assert_eq!(battery.percent(), 100.0);
+    }
+
+    #[test]
+    fn a_level_is_reported_when_it_is_old_enough() {
+        let power = |percent| Power {
+            percent,
+            charging: false,
+        };
+        let second = Duration::from_secs(1);
+        let mut reports = PowerReports::new(3 * second);
+        assert_eq!(reports.level(power(50)), power(50));
+        reports.step(second);
+        assert_eq!(reports.level(power(49)), power(50));
+        reports.step(2 * second);
+        assert_eq!(reports.level(power(48)), power(50));
+        reports.step(second);
+        assert_eq!(reports.level(power(48)), power(49));
+        reports.step(2 * second);
+        assert_eq!(reports.level(power(48)), power(48));
+        let mut prompt = PowerReports::default();
+        for percent in [50, 49, 48] {
+            assert_eq!(prompt.level(power(percent)), power(percent));
+        }
     }
 }

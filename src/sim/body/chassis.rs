@@ -1,10 +1,14 @@
-//! The robot's body: two tracks with a speed ramp, and collisions that stop it. Independent of the
-//! protocol and of the battery.
+//! The robot's body: two tracks with a speed ramp, unequal motors and slip, and collisions that stop
+//! it. Independent of the protocol and of the battery.
 
 use std::time::Duration;
 
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Pose, RADIUS, TRACK_WIDTH, wrap};
+use crate::sim::world::settings::TrackSettings;
 
 /// A track's speed at [`FULL_POWER`], metres per second.
 pub const FULL_SPEED: f64 = 0.45;
@@ -46,7 +50,6 @@ fn speed_of(power: i8) -> f64 {
     share.clamp(-1.0, 1.0) * FULL_SPEED
 }
 
-/// The body, with its pose in a world.
 #[derive(Debug, Clone)]
 pub(crate) struct Chassis {
     pub(crate) pose: Pose,
@@ -57,7 +60,6 @@ pub(crate) struct Chassis {
 }
 
 impl Chassis {
-    /// Creates a body at rest.
     pub(crate) fn new(pose: Pose) -> Chassis {
         Chassis {
             pose,
@@ -89,12 +91,10 @@ impl Chassis {
         (self.speeds.right - self.speeds.left) / TRACK_WIDTH
     }
 
-    /// Whether an obstacle blocks the robot.
     pub(crate) fn blocked(&self) -> bool {
         self.blocked
     }
 
-    /// Returns the number of collisions so far.
     pub(crate) fn collisions(&self) -> u64 {
         self.collisions
     }
@@ -110,8 +110,8 @@ impl Chassis {
         let seconds = dt.as_secs_f64();
         self.speeds.left = ramp(self.speeds.left, self.wanted.left, ACCELERATION * seconds);
         self.speeds.right = ramp(self.speeds.right, self.wanted.right, ACCELERATION * seconds);
-        let forward = (self.speeds.left + self.speeds.right) / 2.0 * seconds;
-        let turned = (self.speeds.right - self.speeds.left) / TRACK_WIDTH * seconds;
+        let forward = self.forward_speed() * seconds;
+        let turned = self.turning_speed() * seconds;
         let way = self.pose.heading + turned / 2.0;
         self.pose.heading = wrap(self.pose.heading + turned);
         self.advance(way, forward, obstacles);
@@ -154,10 +154,57 @@ fn ramp(from: f64, to: f64, most: f64) -> f64 {
     from + (to - from).clamp(-most, most)
 }
 
+/// How long a slip value applies until the next one is drawn.
+const SLIP_PERIOD: Duration = Duration::from_millis(400);
+
+#[derive(Debug)]
+pub(crate) struct TrackSlip {
+    settings: TrackSettings,
+    random: StdRng,
+    motors: Tracks<f64>,
+    slip: Tracks<f64>,
+    left: Duration,
+}
+
+impl TrackSlip {
+    /// The seed determines by how much each track is slower, and how it slips.
+    pub(crate) fn new(settings: TrackSettings, seed: u64) -> TrackSlip {
+        // A separate random sequence, independent of the noise of the frames.
+        let mut random = StdRng::seed_from_u64(seed ^ 0x7472_6163_6b73);
+        let mut motor = || 1.0 - settings.unequal * random.random_range(0.0..=1.0);
+        let motors = Tracks::new(motor(), motor());
+        TrackSlip {
+            settings,
+            random,
+            motors,
+            slip: Tracks::new(1.0, 1.0),
+            left: Duration::ZERO,
+        }
+    }
+
+    /// Returns the actual speeds for the wanted ones.
+    pub(crate) fn step(&mut self, wanted: Tracks<f64>, dt: Duration) -> Tracks<f64> {
+        if self.settings == TrackSettings::default() {
+            return wanted;
+        }
+        self.left = self.left.saturating_sub(dt);
+        if self.left.is_zero() {
+            self.left = SLIP_PERIOD;
+            let most = self.settings.slip;
+            let mut slip = || 1.0 + most * self.random.random_range(-1.0..=1.0);
+            self.slip = Tracks::new(slip(), slip());
+        }
+        Tracks::new(
+            wanted.left * self.motors.left * self.slip.left,
+            wanted.right * self.motors.right * self.slip.right,
+        )
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::World;
+    use crate::sim::world::World;
     use std::f64::consts::PI;
 
     const TICK: Duration = Duration::from_millis(20);
@@ -242,5 +289,36 @@ mod tests {
         assert_eq!(Tracks::new(4i8, -4).speeds(), Tracks::default());
         let turned = driven(Pose::new(1.0, 3.0, PI), 4, 4, 2);
         assert_eq!(turned.pose, Pose::new(1.0, 3.0, PI));
+    }
+
+    fn speeds(settings: TrackSettings, seed: u64) -> Vec<Tracks<f64>> {
+        let mut track_slip = TrackSlip::new(settings, seed);
+        let wanted = Tracks::new(1.0, 1.0);
+        (0..100)
+            .map(|_| track_slip.step(wanted, Duration::from_millis(20)))
+            .collect()
+    }
+
+    #[test]
+    fn tracks_differ_by_seed_and_within_their_limits() {
+        let settings = TrackSettings {
+            unequal: 0.1,
+            slip: 0.05,
+        };
+        assert_eq!(speeds(settings, 1), speeds(settings, 1));
+        assert_ne!(speeds(settings, 1), speeds(settings, 2));
+        let seen = speeds(settings, 3);
+        assert!(
+            seen.iter()
+                .all(|s| (0.85..=1.05).contains(&s.left) && (0.85..=1.05).contains(&s.right))
+        );
+        assert!(seen.iter().any(|s| s.left != seen[0].left), "no slip");
+        assert!(seen.iter().all(|s| s.left != s.right));
+    }
+
+    #[test]
+    fn perfect_tracks_reach_the_wanted_speeds() {
+        let perfect = speeds(TrackSettings::default(), 1);
+        assert!(perfect.iter().all(|s| *s == Tracks::new(1.0, 1.0)));
     }
 }

@@ -26,12 +26,10 @@ const RECEIVER_VIEW: f64 = 0.6;
 /// Clearance between body and obstacles during the approach, metres.
 const MARGIN: f64 = 0.03;
 
-/// The inputs of a manoeuvre from the world.
 pub(crate) struct DockingInputs<'a> {
     pub(crate) pose: Pose,
     pub(crate) station: &'a Station,
     pub(crate) obstacles: &'a Obstacles,
-    /// The station's beacon is on.
     pub(crate) beacon: bool,
 }
 
@@ -48,16 +46,13 @@ impl DockingInputs<'_> {
     }
 }
 
-/// Result of one step of a manoeuvre.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum DockingStep {
     /// No manoeuvre is active: the commanded speeds apply.
     Free,
     /// Speeds of the tracks, metres per second.
     Drive(Tracks<f64>),
-    /// The search has failed and is over.
     NotFound,
-    /// The robot has backed out of the station.
     Left,
 }
 
@@ -71,7 +66,6 @@ enum DockingPhase {
     Leaving { since: Duration },
 }
 
-/// The current manoeuvre, if any.
 #[derive(Debug, Clone)]
 pub(crate) struct Docking {
     phase: DockingPhase,
@@ -83,17 +77,14 @@ pub(crate) struct Docking {
 impl Docking {
     /// Creates an idle state. A search fails after `search_limit` without the beacon.
     pub(crate) fn new(search_limit: Duration) -> Docking {
-        let elapsed = Duration::ZERO;
-        let unseen = Duration::ZERO;
         Docking {
             phase: DockingPhase::Idle,
             search_limit,
-            elapsed,
-            unseen,
+            elapsed: Duration::ZERO,
+            unseen: Duration::ZERO,
         }
     }
 
-    /// Starts searching for the station.
     pub(crate) fn find_base(&mut self) {
         *self = Docking {
             phase: DockingPhase::Searching,
@@ -101,19 +92,16 @@ impl Docking {
         };
     }
 
-    /// Starts backing out of the station.
     pub(crate) fn leave(&mut self) {
         self.phase = DockingPhase::Leaving {
             since: Duration::ZERO,
         };
     }
 
-    /// Ends any manoeuvre.
     pub(crate) fn stop(&mut self) {
         self.phase = DockingPhase::Idle;
     }
 
-    /// Whether the robot is on its way to the station, searching included.
     pub(crate) fn searching(&self) -> bool {
         !matches!(
             self.phase,
@@ -121,12 +109,10 @@ impl Docking {
         )
     }
 
-    /// Whether the robot is backing out.
     pub(crate) fn leaving(&self) -> bool {
         matches!(self.phase, DockingPhase::Leaving { .. })
     }
 
-    /// Advances by `dt` and returns what the tracks must do.
     pub(crate) fn step(&mut self, dt: Duration, inputs: &DockingInputs<'_>) -> DockingStep {
         if self.searching() && self.given_up(dt, inputs) {
             self.stop();
@@ -247,11 +233,57 @@ fn free_direction(inputs: &DockingInputs<'_>, target: Point) -> f64 {
         .unwrap_or(direct)
 }
 
+#[derive(Debug)]
+pub(super) struct Contacts {
+    touching: bool,
+    docked: bool,
+    /// The station's infrared beacon is on.
+    pub(super) beacon: bool,
+    /// The station charges when the contacts touch.
+    pub(super) charger_works: bool,
+}
+
+impl Contacts {
+    pub(super) fn new(touching: bool) -> Contacts {
+        Contacts {
+            touching,
+            docked: touching,
+            beacon: true,
+            charger_works: true,
+        }
+    }
+
+    pub(super) fn touching(&self) -> bool {
+        self.touching
+    }
+
+    /// Whether the robot is docked; while it backs out, true until it has left the station.
+    pub(super) fn docked(&self) -> bool {
+        self.docked
+    }
+
+    pub(super) fn charging(&self) -> bool {
+        self.touching && self.charger_works
+    }
+
+    pub(super) fn update(&mut self, station: &Station, pose: Pose) {
+        self.touching = station.touched(pose, self.touching);
+    }
+
+    /// Returns whether the robot is docked, if that has changed since the last call.
+    pub(super) fn take_change(&mut self, docking: &Docking) -> Option<bool> {
+        let docked = self.touching || (self.docked && docking.leaving());
+        let changed = docked != self.docked;
+        self.docked = docked;
+        if changed { Some(docked) } else { None }
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::chassis::Chassis;
     use super::*;
-    use crate::sim::World;
+    use crate::sim::body::chassis::Chassis;
+    use crate::sim::world::World;
 
     const TICK: Duration = Duration::from_millis(20);
 

@@ -6,8 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::sim::yaml::document::{self, DocumentError, DocumentKind};
-use crate::sim::yaml::{locate, number};
+use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
 
 /// Settings for the unknown parts of the firmware. Where one case is the worst for a client that
 /// drives the robot, that case is the default.
@@ -82,7 +81,7 @@ impl Firmware {
     /// # Errors
     /// [`DocumentError::Invalid`] with line and column: unknown keys, values out of range.
     pub fn from_yaml(text: &str, name: &str) -> Result<Firmware, DocumentError> {
-        locate::read::<Option<Firmware>>(text, name).map(Option::unwrap_or_default)
+        yaml::read::<Option<Firmware>>(text, name).map(Option::unwrap_or_default)
     }
 
     /// Reads firmware settings from a file.
@@ -90,7 +89,7 @@ impl Firmware {
     /// # Errors
     /// As [`Firmware::from_yaml`], or the file cannot be read.
     pub fn load(path: &Path) -> Result<Firmware, DocumentError> {
-        document::load(path, DocumentKind::Firmware, Firmware::from_yaml)
+        yaml::load(path, DocumentKind::Firmware, Firmware::from_yaml)
     }
 }
 

@@ -1,9 +1,12 @@
-//! The persistent data of the simulated robot: settings (CONFIG) and uploaded sounds (FILE).
-//! Which settings the real robot has is not known; these are made up.
+//! The robot's memory: settings (CONFIG), uploaded sounds (FILE) and the log (LOG). Which settings the
+//! real robot has is not known; these are made up.
+
+use std::collections::VecDeque;
+use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 
-use crate::wire::{FileChunk, parse_settings};
+use crate::wire::{Command, FileChunk, parse_settings, to_latin1};
 
 /// Maximum size of an upload in bytes; longer ones are discarded.
 const MAX_UPLOAD: usize = 4 << 20;
@@ -18,7 +21,6 @@ const SETTINGS: [(&str, &str); 5] = [
     ("wifi-key", "made-up-key"),
 ];
 
-/// Settings and uploads.
 #[derive(Debug, Clone)]
 pub(crate) struct Memory {
     version: String,
@@ -27,7 +29,6 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
-    /// Creates a memory with factory settings.
     pub(crate) fn new(version: &str) -> Memory {
         Memory {
             version: version.to_owned(),
@@ -46,7 +47,7 @@ impl Memory {
             .map(|(key, value)| format!("{key}={value}"))
             .collect();
         let first = format!("version={}&volume={volume}", self.version);
-        [first, listed.join("&")].map(|text| latin1_bytes(&text))
+        [first, listed.join("&")].map(|text| to_latin1(&text).collect())
     }
 
     /// Changes the known settings and returns a line for the log; unknown ones have no effect.
@@ -67,8 +68,7 @@ impl Memory {
         format!("config set: {}", changed.join(" "))
     }
 
-    /// Stores a chunk of an upload; returns a line for the log at the end of the file or on an
-    /// error.
+    /// Stores a chunk of an upload; returns a line for the log at its end or on an error.
     pub(crate) fn store(&mut self, chunk: &FileChunk) -> Option<String> {
         let id = chunk.id();
         if chunk.flags() & FileChunk::FIRST != 0 {
@@ -91,10 +91,45 @@ impl Memory {
     }
 }
 
-/// The inverse of the parser: encodes text as ISO-8859-1, one byte per character.
-fn latin1_bytes(text: &str) -> Bytes {
-    let byte = |c| u8::try_from(u32::from(c)).unwrap_or(b'?');
-    text.chars().map(byte).collect()
+const MAX_LINES: usize = 64;
+
+/// The most recent lines, oldest first.
+#[derive(Debug, Default)]
+pub(super) struct RobotLog {
+    lines: VecDeque<String>,
+}
+
+impl RobotLog {
+    pub(super) fn write(&mut self, time: Duration, line: &str) {
+        let seconds = time.as_secs_f64();
+        tracing::debug!(target: "spykee::sim", seconds, "{line}");
+        if self.lines.len() == MAX_LINES {
+            self.lines.pop_front();
+        }
+        self.lines.push_back(format!("[{seconds:.1}] {line}"));
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.lines.clear();
+    }
+
+    /// Returns all lines in the format of LOG.
+    pub(super) fn text(&self) -> Bytes {
+        let lines: Vec<&str> = self.lines.iter().map(String::as_str).collect();
+        Bytes::from(lines.join("\n"))
+    }
+}
+
+/// Describes a command in one short line, without payloads, which may be long or secret.
+pub(crate) fn describe(command: &Command) -> String {
+    match command {
+        Command::MotorSpeed(payload) => format!("motor speed ({} bytes)", payload.len()),
+        Command::Mute(payload) => format!("mute ({} bytes)", payload.len()),
+        Command::Unknown(packet) => {
+            format!("type {} ({} bytes)", packet.kind, packet.payload.len())
+        }
+        other => format!("{other:?}"),
+    }
 }
 
 #[cfg(test)]

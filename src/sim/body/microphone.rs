@@ -37,7 +37,6 @@ const BURST_HERTZ: f64 = 700.0;
 /// Share of a source's loudness that passes through walls.
 const WALL_TRANSMISSION: f64 = 0.25;
 
-/// The microphone, which records while its stream is on.
 #[derive(Debug)]
 pub(crate) struct Microphone {
     random: StdRng,
@@ -54,7 +53,6 @@ pub(crate) struct Microphone {
     burst: Option<Burst>,
 }
 
-/// A temporary loud sound at the microphone.
 #[derive(Debug)]
 struct Burst {
     amplitude: f64,
@@ -62,7 +60,6 @@ struct Burst {
     phase: f64,
 }
 
-/// A sound source, with its current loudness at the microphone.
 #[derive(Debug)]
 struct Source {
     noise: Noise,
@@ -71,7 +68,6 @@ struct Source {
 }
 
 impl Microphone {
-    /// Creates a microphone whose noise depends on `seed`, in a world with these sources.
     pub(crate) fn new(seed: u64, sources: &[Noise]) -> Microphone {
         let source = |noise: &Noise| Source {
             noise: noise.clone(),
@@ -101,7 +97,6 @@ impl Microphone {
         });
     }
 
-    /// Updates the loudness of all sources for this time and this place of the microphone.
     pub(crate) fn update_sources(&mut self, time: Duration, here: Point, obstacles: &Obstacles) {
         if self.burst.as_ref().is_some_and(|burst| time >= burst.until) {
             self.burst = None;
@@ -150,7 +145,6 @@ impl Microphone {
         self.waiting.pop_front().map(|(_, chunk)| chunk)
     }
 
-    /// Queues the message being filled, which is full, and starts the next one.
     fn queue_chunk(&mut self) {
         let chunk = self.chunk.split_to(self.length * 2).freeze();
         let due = self.message_rng.random_range(0.0..MAX_DELAY);
@@ -162,7 +156,6 @@ impl Microphone {
         };
     }
 
-    /// Discards all unsent audio.
     pub(crate) fn clear(&mut self) {
         self.chunk.clear();
         self.waiting.clear();

@@ -48,7 +48,6 @@ struct Playing {
     length: Duration,
 }
 
-/// The speaker with its volume.
 #[derive(Debug, Clone)]
 pub(crate) struct Speaker {
     volume: u8,
@@ -58,7 +57,6 @@ pub(crate) struct Speaker {
 }
 
 impl Speaker {
-    /// Creates a silent speaker; the uploaded music lasts `music`.
     pub(crate) fn new(music: Duration) -> Speaker {
         Speaker {
             volume: 80,
@@ -68,7 +66,6 @@ impl Speaker {
         }
     }
 
-    /// Returns the volume, 0..=100 percent.
     pub(crate) fn volume(&self) -> u8 {
         self.volume
     }
@@ -78,26 +75,22 @@ impl Speaker {
         self.volume = percent.min(100);
     }
 
-    /// Returns the sound that is playing.
     pub(crate) fn playing(&self) -> Option<Sound> {
         self.playing.as_ref().map(|playing| playing.sound)
     }
 
     /// Plays a sound, replacing the current one. Unknown sounds are silent.
     pub(crate) fn play(&mut self, sound: Sound) {
-        let length = |tone: Tone| match sound {
-            Sound::Music => self.music,
-            _ => Duration::from_millis(tone.millis),
-        };
-        let played = Duration::ZERO;
         self.playing = tone(sound).map(|tone| Playing {
             sound,
-            played,
-            length: length(tone),
+            played: Duration::ZERO,
+            length: match sound {
+                Sound::Music => self.music,
+                _ => Duration::from_millis(tone.millis),
+            },
         });
     }
 
-    /// Stops the sound.
     pub(crate) fn stop(&mut self) {
         self.playing = None;
     }

@@ -2,10 +2,9 @@
 
 use std::time::Duration;
 
-use crate::wire::{Led, Power, Sound, Stream};
-
 use super::chassis::Tracks;
 use crate::sim::geometry::Pose;
+use crate::wire::{Led, Power, Sound, Stream};
 
 /// Which lights are on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]

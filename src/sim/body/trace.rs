@@ -3,9 +3,8 @@
 
 use std::time::Duration;
 
+use crate::sim::geometry::{Point, Pose, wrap};
 use crate::wire::{Led, Sound};
-
-use crate::sim::geometry::{Point, Pose};
 
 /// Maximum number of samples; at this number, every other one is dropped.
 const MAX_SAMPLES: usize = 16_384;
@@ -67,14 +66,8 @@ pub enum TraceEventKind {
     Note(String),
 }
 
-/// The places of everything that moves besides the robot: first `balls` balls, then people.
-pub(crate) struct ObjectPositions<I> {
-    pub(crate) places: I,
-    pub(crate) balls: usize,
-}
-
 /// The trace of one robot so far.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Trace {
     samples: Vec<Sample>,
     /// One in this many strides is kept.
@@ -88,44 +81,40 @@ pub struct Trace {
     distance: f64,
 }
 
-impl Default for Sample {
-    fn default() -> Sample {
-        Sample {
-            at: Duration::ZERO,
-            pose: Pose::default(),
-            placed: true,
-        }
-    }
-}
-
 impl Trace {
-    /// Creates a trace that starts at `pose`.
     pub(crate) fn from(pose: Pose) -> Trace {
         let start = Sample {
+            at: Duration::ZERO,
             pose,
-            ..Sample::default()
+            placed: true,
         };
         Trace {
             samples: vec![start],
             thin: 1,
+            skipped: 0,
+            events: Vec::new(),
+            missed: 0,
             now: start,
-            ..Trace::default()
+            balls: Vec::new(),
+            walkers: Vec::new(),
+            distance: 0.0,
         }
     }
 
-    /// Records the robot's current pose, and the places of everything else that moves.
+    /// Records the robot's current pose, and the places of everything else that moves: first
+    /// `balls` balls, then people.
     pub(crate) fn add_sample(
         &mut self,
         at: Duration,
         pose: Pose,
-        positions: ObjectPositions<impl Iterator<Item = Point>>,
+        places: impl Iterator<Item = Point>,
+        balls: usize,
     ) {
         let placed = pose.point().distance(self.now.pose.point()) > MAX_STEP;
         if !placed {
             self.distance += pose.point().distance(self.now.pose.point());
         }
         self.now = Sample { at, pose, placed };
-        let ObjectPositions { places, balls } = positions;
         self.balls.clear();
         self.walkers.clear();
         for (index, place) in places.enumerate() {
@@ -139,7 +128,7 @@ impl Trace {
         let Some(last) = self.samples.last() else {
             return;
         };
-        let turned = crate::sim::geometry::wrap(pose.heading - last.pose.heading).abs();
+        let turned = wrap(pose.heading - last.pose.heading).abs();
         if !placed && turned < TURN && last.pose.point().distance(pose.point()) < STRIDE {
             return;
         }
@@ -160,15 +149,16 @@ impl Trace {
         }
     }
 
-    /// Records an event at the current time.
     pub(crate) fn add_event(&mut self, kind: TraceEventKind) {
         if self.events.len() == MAX_EVENTS {
             self.missed += 1;
             return;
         }
-        let at = self.now.at;
-        let pose = self.now.pose;
-        self.events.push(TraceEvent { at, pose, kind });
+        self.events.push(TraceEvent {
+            at: self.now.at,
+            pose: self.now.pose,
+            kind,
+        });
     }
 
     /// Returns the samples, oldest first, a few centimetres apart; the last one is the current
@@ -220,13 +210,6 @@ impl Trace {
 mod tests {
     use super::*;
 
-    fn nothing() -> ObjectPositions<std::iter::Empty<Point>> {
-        ObjectPositions {
-            places: std::iter::empty(),
-            balls: 0,
-        }
-    }
-
     fn pose(x: f64) -> Pose {
         Pose::new(x, 1.0, 0.0)
     }
@@ -236,7 +219,7 @@ mod tests {
         let mut trace = Trace::from(pose(0.0));
         for step in 1..=200_000 {
             let at = Duration::from_millis(20) * step;
-            trace.add_sample(at, pose(f64::from(step) * 0.021), nothing());
+            trace.add_sample(at, pose(f64::from(step) * 0.021), std::iter::empty(), 0);
         }
         let samples: Vec<Sample> = trace.samples().collect();
         assert!(
@@ -259,7 +242,7 @@ mod tests {
     #[test]
     fn placing_the_robot_does_not_count_as_driving() {
         let mut trace = Trace::from(pose(0.0));
-        trace.add_sample(Duration::from_secs(1), pose(3.0), nothing());
+        trace.add_sample(Duration::from_secs(1), pose(3.0), std::iter::empty(), 0);
         assert_eq!(trace.distance(), 0.0);
         assert!(trace.samples().last().is_some_and(|sample| sample.placed));
     }

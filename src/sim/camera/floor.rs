@@ -1,16 +1,22 @@
-//! Renders the floor of a frame, row by row.
+//! The floor of a frame, rendered row by row, and its texture: planks, tiles or concrete, rugs and
+//! lines, and the soft shadows of the things on it.
 
-use super::ground;
-use super::light::Lighting;
-use super::shading::light;
+use kurbo::{BezPath, PathEl};
+use tiny_skia::{Path, PathBuilder, PixmapMut, Stroke, Transform};
+
+use super::light::{Lighting, light};
+use super::surface::{Rgb, rgb, scaled, scatter};
 use super::texture::{Pixel, Texture, between, lit};
 use super::view::{HEIGHT, Row, View, WIDTH};
-use crate::sim::world::document::World;
+use crate::sim::geometry::Point;
+use crate::sim::geometry::obstacles::Obstacles;
+use crate::sim::world::World;
+use crate::sim::world::fixtures::Tape;
+use crate::sim::world::objects::{self, Rug};
 
 /// Number of columns that share one sample of the light on the floor.
 const PATCH: usize = 16;
 
-/// The floor of a world.
 pub(super) struct Floor {
     world: World,
     /// Created for the first frame: most simulated robots never take one.
@@ -41,7 +47,7 @@ impl Floor {
     ) {
         let floor = self
             .texture
-            .get_or_insert_with(|| ground::picture(&self.world));
+            .get_or_insert_with(|| floor_texture(&self.world));
         let even = lighting.is_uniform() && !view.flash;
         let edges = [view.column(0), view.column(1)];
         for row in HEIGHT / 2..HEIGHT {
@@ -51,8 +57,7 @@ impl Floor {
                 flash,
             } = self.rows[row - HEIGHT / 2];
             let level = floor.level(depth / view.focal);
-            let [x, y] = level.scale.map(|scale| scale * 256.0);
-            let (x, y) = (y, x);
+            let [y, x] = level.scale.map(|scale| scale * 256.0);
             let start = view.place(edges[0], depth);
             let next = view.place(edges[1], depth);
             let step = ((next.0 - start.0) * x, (next.1 - start.1) * y);
@@ -97,5 +102,207 @@ fn stride(pixels: f32) -> usize {
         _ if pixels < 0.25 => 4,
         _ if pixels < 0.6 => 2,
         _ => 1,
+    }
+}
+
+/// Side of a cell of the shadow map, metres.
+const CELL: f32 = 0.05;
+/// Distance from a thing at which its shadow ends, metres.
+const SHADOW: f32 = 0.16;
+
+/// Side of a texel of the floor, metres, in rooms of usual size.
+const PIXEL: f32 = 0.01;
+/// Approximate maximum number of texels of the floor.
+const MAX_PIXELS: f32 = 2e6;
+
+/// Paints the texture of a room's floor, with rugs, lines and the soft shadows of the things on it.
+/// Its first axis is y.
+fn floor_texture(world: &World) -> Texture {
+    let width = world.room.width as f32;
+    let depth = world.room.depth as f32;
+    let size = PIXEL.max((width * depth / MAX_PIXELS).sqrt());
+    let count = [depth, width].map(|side| ((side / size).ceil() as usize).max(1));
+    let scale = [count[0] as f32 / depth, count[1] as f32 / width];
+    let rugs: Vec<Carpet> = world.rugs.iter().map(Carpet::new).collect();
+    let floor = |x: f32, y: f32| {
+        let rug = rugs.iter().rev().find_map(|rug| rug.colour(x, y));
+        rug.unwrap_or_else(|| match world.room.floor {
+            objects::Floor::Wood => wood(x, y),
+            objects::Floor::Tiles => tiles(x, y),
+            objects::Floor::Concrete => concrete(x, y),
+        })
+    };
+    let mut pixels = Vec::with_capacity(count[0] * count[1]);
+    for row in 0..count[0] {
+        let y = (row as f32 + 0.5) / scale[0];
+        let colours = (0..count[1]).map(|column| floor((column as f32 + 0.5) / scale[1], y));
+        pixels.extend(colours.map(|[r, g, b]| [r as u8, g as u8, b as u8, 255]));
+    }
+    draw_tapes(&world.lines, pixels.as_flattened_mut(), count, scale);
+    let shadows = Shadows::new(world, &world.fixed_obstacles());
+    for (row, line) in pixels.chunks_mut(count[1]).enumerate() {
+        let y = (row as f32 + 0.5) / scale[0];
+        for (column, pixel) in line.iter_mut().enumerate() {
+            let light = shadows.at((column as f32 + 0.5) / scale[1], y);
+            *pixel = pixel.map(|channel| (f32::from(channel) * light) as u8);
+        }
+    }
+    Texture::new(pixels, count, scale)
+}
+
+/// Draws tapes onto a floor texture with `count` rows and columns, at `scale` texels per metre.
+fn draw_tapes(tapes: &[Tape], pixels: &mut [u8], count: [usize; 2], scale: [f32; 2]) {
+    let size = (count[1] as u32, count[0] as u32);
+    let Some(mut floor) = PixmapMut::from_bytes(pixels, size.0, size.1) else {
+        return;
+    };
+    for tape in tapes {
+        let Some(path) = drawing_path(&tape.path()) else {
+            continue;
+        };
+        let mut paint = tiny_skia::Paint::default();
+        let [r, g, b] = tape.colour.0;
+        paint.set_color_rgba8(r, g, b, 255);
+        let stroke = Stroke {
+            width: tape.width as f32,
+            ..Stroke::default()
+        };
+        let scaled = Transform::from_scale(scale[1], scale[0]);
+        floor.stroke_path(&path, &paint, &stroke, scaled, None);
+    }
+}
+
+pub(crate) fn drawing_path(path: &BezPath) -> Option<Path> {
+    let mut builder = PathBuilder::new();
+    for element in path.elements() {
+        let xy = |point: kurbo::Point| (point.x as f32, point.y as f32);
+        match *element {
+            PathEl::MoveTo(to) => builder.move_to(xy(to).0, xy(to).1),
+            PathEl::LineTo(to) => builder.line_to(xy(to).0, xy(to).1),
+            PathEl::QuadTo(a, to) => builder.quad_to(xy(a).0, xy(a).1, xy(to).0, xy(to).1),
+            PathEl::CurveTo(a, b, to) => {
+                builder.cubic_to(xy(a).0, xy(a).1, xy(b).0, xy(b).1, xy(to).0, xy(to).1);
+            }
+            PathEl::ClosePath => builder.close(),
+        }
+    }
+    builder.finish()
+}
+
+#[derive(Debug)]
+struct Carpet {
+    middle: (f32, f32),
+    half: (f32, f32),
+    paint: Rgb,
+}
+
+impl Carpet {
+    fn new(rug: &Rug) -> Carpet {
+        let middle = rug.at.point();
+        Carpet {
+            middle: (middle.x as f32, middle.y as f32),
+            half: (rug.width as f32 / 2.0, rug.depth as f32 / 2.0),
+            paint: rgb(rug.colour),
+        }
+    }
+
+    fn colour(&self, x: f32, y: f32) -> Option<Rgb> {
+        let inside_x = self.half.0 - (x - self.middle.0).abs();
+        let inside_y = self.half.1 - (y - self.middle.1).abs();
+        let inside = inside_x.min(inside_y);
+        let weave = 0.95 + 0.10 * scatter((x * 70.0) as i32, (y * 70.0) as i32);
+        let border = if (0.08..0.14).contains(&inside) {
+            1.25
+        } else {
+            1.0
+        };
+        if inside < 0.0 {
+            return None;
+        }
+        Some(scaled(self.paint, weave * border))
+    }
+}
+
+fn wood(x: f32, y: f32) -> Rgb {
+    const PLANK: (f32, f32) = (1.3, 0.13);
+    let (row, across) = split_number(y * (1.0 / PLANK.1));
+    let (board, along) = split_number(x * (1.0 / PLANK.0) + scatter(row, 11));
+    let tone = 0.86 + 0.22 * scatter(row, board);
+    let streak = scatter((x * 14.0) as i32, (y * 160.0) as i32);
+    let grain = 1.0 + 0.10 * (streak - 0.5);
+    let seam = across < 0.035 || along < 0.004;
+    let line = if seam { 1.0 - 0.38 } else { 1.0 };
+    scaled([154.0, 137.0, 118.0], tone * grain * line)
+}
+
+fn tiles(x: f32, y: f32) -> Rgb {
+    const TILE: f32 = 0.25;
+    let (column, along) = split_number(x * (1.0 / TILE));
+    let (row, across) = split_number(y * (1.0 / TILE));
+    let joint = if along.min(across) < 0.02 {
+        1.0 - 0.25
+    } else {
+        1.0
+    };
+    let tone = 0.96 + 0.06 * scatter(column, row);
+    let dark = (column + row) % 2 != 0;
+    let paint = if dark {
+        [138.0, 140.0, 142.0]
+    } else {
+        [204.0, 203.0, 198.0]
+    };
+    scaled(paint, joint * tone)
+}
+
+fn concrete(x: f32, y: f32) -> Rgb {
+    let coarse = scatter((x * 5.0) as i32, (y * 5.0) as i32);
+    let fine = scatter((x * 60.0) as i32, (y * 60.0) as i32);
+    scaled([150.0, 150.0, 147.0], 0.93 + 0.05 * coarse + 0.08 * fine)
+}
+
+/// Splits a positive number into its integer and fractional parts.
+fn split_number(number: f32) -> (i32, f32) {
+    let whole = number as i32;
+    (whole, number - whole as f32)
+}
+
+/// The share of light that reaches each place, on a coarse grid with interpolation.
+#[derive(Debug)]
+struct Shadows {
+    columns: usize,
+    rows: usize,
+    light: Vec<f32>,
+}
+
+impl Shadows {
+    fn new(world: &World, obstacles: &Obstacles) -> Shadows {
+        let columns = (world.room.width as f32 / CELL).ceil() as usize + 2;
+        let rows = (world.room.depth as f32 / CELL).ceil() as usize + 2;
+        let light = |i: usize| {
+            let column = (i % columns) as f64;
+            let row = (i / columns) as f64;
+            let point = Point::new(column * f64::from(CELL), row * f64::from(CELL));
+            let clear = obstacles.clearance(point) as f32 / SHADOW;
+            0.55 + 0.45 * clear.clamp(0.0, 1.0).sqrt()
+        };
+        Shadows {
+            columns,
+            rows,
+            light: (0..columns * rows).map(light).collect(),
+        }
+    }
+
+    fn at(&self, x: f32, y: f32) -> f32 {
+        let x = (x * (1.0 / CELL)).clamp(0.0, (self.columns - 2) as f32);
+        let y = (y * (1.0 / CELL)).clamp(0.0, (self.rows - 2) as f32);
+        let column = x as usize;
+        let row = y as usize;
+        let dx = x - column as f32;
+        let dy = y - row as f32;
+        let near = row * self.columns + column;
+        let far = near + self.columns;
+        let front = self.light[near] * (1.0 - dx) + self.light[near + 1] * dx;
+        let back = self.light[far] * (1.0 - dx) + self.light[far + 1] * dx;
+        front * (1.0 - dy) + back * dy
     }
 }

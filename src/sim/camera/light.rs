@@ -2,8 +2,10 @@
 
 use crate::sim::geometry::Point;
 use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::world::document::World;
+use crate::sim::world::World;
 use crate::sim::world::fixtures::Lamp;
+
+use super::texture::Pixel;
 
 /// Maximum number of points of the light map along the longer side of a room.
 const MAX_POINTS: usize = 96;
@@ -15,7 +17,14 @@ const SPILL: f32 = 0.06;
 /// Light per colour channel; 1 is full.
 pub(crate) type Light = [f32; 3];
 
-/// The light of a world.
+/// The value of a light channel in a pixel that means full light.
+const FULL: f32 = 128.0;
+
+pub(super) fn light(light: Light) -> Pixel {
+    let [r, g, b] = light.map(|channel| (channel * FULL) as u8);
+    [r, g, b, 0]
+}
+
 #[derive(Debug)]
 pub(crate) struct Lighting {
     day: f32,
@@ -32,7 +41,6 @@ pub(crate) struct Lighting {
 }
 
 impl Lighting {
-    /// Creates the lighting at the start of a world.
     pub(crate) fn new(world: &World) -> Lighting {
         let room = &world.room;
         let cell = (room.width.max(room.depth) / MAX_POINTS as f64).max(FINEST);
@@ -79,7 +87,6 @@ impl Lighting {
         switched
     }
 
-    /// Multiplies the world's own light by `gain`.
     pub(crate) fn set_gain(&mut self, gain: f32) {
         self.gain = gain;
         self.draw();
@@ -106,7 +113,6 @@ impl Lighting {
         self.map = (0..self.columns * self.rows).map(light).collect();
     }
 
-    /// Returns the light at a place.
     pub(crate) fn at(&self, x: f32, y: f32) -> Light {
         if self.lamps.is_empty() {
             return [self.day * self.gain; 3];
@@ -126,7 +132,6 @@ impl Lighting {
         })
     }
 
-    /// Whether the light is the same everywhere.
     pub(crate) fn is_uniform(&self) -> bool {
         self.lamps.is_empty()
     }

@@ -1,21 +1,21 @@
 //! Renders frames: upright things column by column from near to far, then the floor row by row, and
 //! finally balls and signs on top.
 
+use std::ops::Range;
+
 use super::floor::Floor;
-use super::light::{Light, Lighting};
+use super::light::{Light, Lighting, light};
 use super::scene::{Hit, Round, RoundKind, Scene, Thing};
-use super::shading::{self, light};
-use super::surface::{Rgb, Surface};
+use super::surface::{Rgb, Surface, scaled};
 use super::texture::{Pixel, lit, motion_blur};
 use super::view::{Column, EYE, HEIGHT, HORIZON, View, WIDTH, lamps};
 use crate::sim::geometry::{Point, Pose};
-use crate::sim::world::document::World;
+use crate::sim::world::World;
 
 const CEILING: Pixel = [224, 223, 218, 0];
 /// Maximum length of the motion blur, pixels.
 const MAX_BLUR: usize = 24;
 
-/// The renderer of a world.
 pub(super) struct Renderer {
     pub(super) scene: Scene,
     pub(super) lighting: Lighting,
@@ -25,7 +25,6 @@ pub(super) struct Renderer {
     exposure: f32,
     frame: Vec<Pixel>,
     ceiling: Vec<Pixel>,
-    /// Buffer for the motion blur.
     sums: Vec<u64>,
     standing: Vec<Vec<Hit>>,
     overlays: Vec<Vec<Hit>>,
@@ -63,7 +62,6 @@ impl Renderer {
         }
     }
 
-    /// Returns the last rendered frame.
     pub(super) fn frame(&self) -> &[Pixel] {
         &self.frame
     }
@@ -93,7 +91,6 @@ impl Renderer {
         }
     }
 
-    /// Finds the things in each column, nearest first.
     fn find_things(&mut self, view: &View) {
         let standing = &mut self.standing;
         let overlays = &mut self.overlays;
@@ -103,20 +100,16 @@ impl Renderer {
             .for_each(Vec::clear);
         let scene = &self.scene;
         for (index, panel) in scene.panels.iter().enumerate() {
-            let stands = !matches!(panel.surface, Surface::Sign(_));
-            let columns = if stands {
-                &mut *standing
-            } else {
-                &mut *overlays
+            let columns = match panel.surface {
+                Surface::Sign(_) => &mut *overlays,
+                _ => &mut *standing,
             };
             scene.columns_of_panel(index, view, |column, hit| columns[column].push(hit));
         }
         for (index, round) in scene.rounds.iter().enumerate() {
-            let stands = round.kind != RoundKind::Ball;
-            let columns = if stands {
-                &mut *standing
-            } else {
-                &mut *overlays
+            let columns = match round.kind {
+                RoundKind::Ball => &mut *overlays,
+                _ => &mut *standing,
             };
             scene.columns_of_round(index, view, |column, hit| columns[column].push(hit));
         }
@@ -146,14 +139,14 @@ impl Renderer {
             }
         }
         self.floor_tops[column.index] = floor_top.max(HEIGHT / 2);
-        self.paint_ceiling(
-            column,
-            if standing.is_empty() {
-                HEIGHT / 2
-            } else {
-                limit
-            },
-        );
+        let ceiling_rows = if standing.is_empty() {
+            HEIGHT / 2
+        } else {
+            limit
+        };
+        for (row, colour) in self.ceiling[..ceiling_rows].iter().enumerate() {
+            self.frame[row * WIDTH + column.index] = *colour;
+        }
         self.standing[column.index] = standing;
     }
 
@@ -168,14 +161,14 @@ impl Renderer {
     }
 
     fn is_wall(&self, thing: Thing) -> bool {
-        let panel = match thing {
-            Thing::Panel { index, .. } => self.scene.panels.get(index),
-            Thing::Round { .. } => None,
-        };
-        panel.is_some_and(|panel| matches!(panel.surface, Surface::Wall { .. }))
+        match thing {
+            Thing::Panel { index, .. } => {
+                matches!(self.scene.panels[index].surface, Surface::Wall { .. })
+            }
+            Thing::Round { .. } => false,
+        }
     }
 
-    /// Computes the ceiling's colour in each row.
     fn light_ceiling(&mut self) {
         let x = self.lamp.at.x as f32;
         let y = self.lamp.at.y as f32;
@@ -186,26 +179,13 @@ impl Renderer {
         }
     }
 
-    fn paint_ceiling(&mut self, column: Column, rows: usize) {
-        for (row, colour) in self.ceiling[..rows].iter().enumerate() {
-            self.frame[row * WIDTH + column.index] = *colour;
-        }
-    }
-
-    fn paint_standing(
-        &mut self,
-        view: &View,
-        column: Column,
-        hit: Hit,
-        rows: std::ops::Range<usize>,
-    ) {
-        let light = self.light_on(view, column, hit.depth);
+    fn paint_standing(&mut self, view: &View, column: Column, hit: Hit, rows: Range<usize>) {
         match hit.thing {
             Thing::Panel { index, share } => {
-                self.paint_panel(view, column, (hit.depth, light), (index, share), rows);
+                self.paint_panel(view, column, hit.depth, index, share, rows);
             }
             Thing::Round { index, aside } => {
-                self.paint_pillar(view, column, (hit.depth, light), (index, aside), rows);
+                self.paint_pillar(view, column, hit.depth, index, aside, rows);
             }
         }
     }
@@ -223,10 +203,12 @@ impl Renderer {
         &mut self,
         view: &View,
         column: Column,
-        (depth, room): (f32, Light),
-        (index, share): (usize, f32),
-        rows: std::ops::Range<usize>,
+        depth: f32,
+        index: usize,
+        share: f32,
+        rows: Range<usize>,
     ) {
+        let room = self.light_on(view, column, depth);
         let panel = &self.scene.panels[index];
         let length = panel.length;
         let bottom = panel.bottom;
@@ -251,10 +233,12 @@ impl Renderer {
         &mut self,
         view: &View,
         column: Column,
-        (depth, room): (f32, Light),
-        (index, aside): (usize, f32),
-        rows: std::ops::Range<usize>,
+        depth: f32,
+        index: usize,
+        aside: f32,
+        rows: Range<usize>,
     ) {
+        let room = self.light_on(view, column, depth);
         let Round {
             kind,
             paint,
@@ -267,11 +251,10 @@ impl Renderer {
         let off = aside.asin() - lamp;
         let facing = off.cos().max(0.0);
         let light = light(room.map(|channel| channel * (0.62 + 0.38 * facing)));
-        let shine = (off / 0.25) * (off / 0.25);
-        let shine = 40.0 * (-shine).exp();
+        let shine = 40.0 * (-(off / 0.25) * (off / 0.25)).exp();
         for row in rows {
             let height = view.height(row, depth);
-            let colour = shading::pillar(kind, paint, height, aside, shine);
+            let colour = pillar_colour(kind, paint, height, aside, shine);
             self.put(column.index, row, colour, light);
         }
     }
@@ -287,11 +270,9 @@ impl Renderer {
             match hit.thing {
                 Thing::Panel { index, share } => {
                     let panel = &self.scene.panels[index];
-                    let top = panel.top;
-                    let bottom = panel.bottom;
-                    let rows = view.row(top, hit.depth)..view.row(bottom, hit.depth).min(limit);
-                    let light = self.light_on(view, column, hit.depth);
-                    self.paint_panel(view, column, (hit.depth, light), (index, share), rows);
+                    let top = view.row(panel.top, hit.depth);
+                    let rows = top..view.row(panel.bottom, hit.depth).min(limit);
+                    self.paint_panel(view, column, hit.depth, index, share, rows);
                 }
                 Thing::Round { index, .. } => self.paint_ball(view, column, index, limit),
             }
@@ -311,28 +292,22 @@ impl Renderer {
         if nearest < 0.02 {
             return;
         }
-        let lamp = self.lamp_from(view, (ahead, right), radius);
-        let room = light(self.light_on(view, column, ahead));
-        for row in view.row(2.0 * radius, nearest)..view.row(-radius, nearest).min(limit) {
-            let down = (row as f32 + 0.5 - HORIZON) / view.focal;
-            let ray = [1.0, column.slope, down];
-            let Some(normal) = shading::sphere_normal(ray, [ahead, right, EYE - radius], radius)
-            else {
-                continue;
-            };
-            self.put(column.index, row, shading::ball(paint, normal, lamp), room);
-        }
-    }
-
-    /// Returns the direction from a ball to the lamp in camera axes: ahead, right, down.
-    fn lamp_from(&self, view: &View, (ahead, right): (f32, f32), radius: f32) -> Rgb {
         let (lamp_ahead, lamp_right) = view.relative(self.lamp.at);
         let way = [
             lamp_ahead - ahead,
             lamp_right - right,
             radius - self.lamp.height,
         ];
-        shading::direction(way)
+        let lamp = scaled(way, 1.0 / dot(way, way).sqrt().max(1e-3));
+        let room = light(self.light_on(view, column, ahead));
+        for row in view.row(2.0 * radius, nearest)..view.row(-radius, nearest).min(limit) {
+            let down = (row as f32 + 0.5 - HORIZON) / view.focal;
+            let ray = [1.0, column.slope, down];
+            let Some(normal) = sphere_normal(ray, [ahead, right, EYE - radius], radius) else {
+                continue;
+            };
+            self.put(column.index, row, ball_colour(paint, normal, lamp), room);
+        }
     }
 
     fn put(&mut self, column: usize, row: usize, [r, g, b]: Rgb, light: Pixel) {
@@ -340,4 +315,58 @@ impl Renderer {
         let index = row * WIDTH + column;
         self.frame[index] = lit([r as u8, g as u8, b as u8, 0], light);
     }
+}
+
+/// `aside` is the offset from the middle as a share of the radius, `shine` the lamp's reflection.
+fn pillar_colour(kind: RoundKind, paint: Rgb, height: f32, aside: f32, shine: f32) -> Rgb {
+    match kind {
+        RoundKind::Person { top } => clothes(paint, height / top, aside),
+        RoundKind::Post { top } => {
+            let foot = 0.7 + 0.3 * (height / 0.06).clamp(0.0, 1.0);
+            let cap = if top - height < 0.02 { 1.15 } else { 1.0 };
+            scaled(paint, foot * cap).map(|channel| channel + shine)
+        }
+        RoundKind::Ball => paint,
+    }
+}
+
+/// Returns the colour of a ball at a surface normal; `lamp` is the direction of the lamp.
+fn ball_colour(paint: Rgb, normal: Rgb, lamp: Rgb) -> Rgb {
+    let facing = dot(normal, lamp);
+    let lit = facing.max(0.0);
+    let lit4 = lit * lit * lit * lit;
+    let lit8 = lit * lit * lit * lit * lit * lit * lit * lit;
+    let shine = lit4 * lit4 * lit8 * lit8 * 90.0;
+    let body = scaled(paint, 0.50 + 0.28 * (facing + 1.0) * 0.5 + 0.34 * lit);
+    body.map(|channel| channel + shine)
+}
+
+/// Returns the colour of a person, clothes included, at a share of their height.
+fn clothes(paint: Rgb, share: f32, aside: f32) -> Rgb {
+    match share {
+        _ if share < 0.05 => [40.0, 36.0, 34.0],
+        _ if share < 0.45 && aside.abs() < 0.08 => [38.0, 40.0, 46.0],
+        _ if share < 0.45 => scaled(paint, 0.62),
+        _ if share < 0.82 => paint,
+        _ if share > 0.95 => [70.0, 56.0, 44.0],
+        _ => [186.0, 158.0, 140.0],
+    }
+}
+
+/// Returns the surface normal of a sphere where a ray from the origin hits it; `None` if it misses.
+fn sphere_normal(ray: Rgb, middle: Rgb, radius: f32) -> Option<Rgb> {
+    let a = dot(ray, ray);
+    let b = dot(ray, middle);
+    let under = b * b - a * (dot(middle, middle) - radius * radius);
+    if under < 0.0 {
+        return None;
+    }
+    let depth = (b - under.sqrt()) / a;
+    Some(std::array::from_fn(|i| {
+        (depth * ray[i] - middle[i]) / radius
+    }))
+}
+
+fn dot(a: Rgb, b: Rgb) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

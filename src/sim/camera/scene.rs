@@ -1,17 +1,14 @@
 //! The scene for the camera: upright panels, posts, people and balls, and the columns of the frame
 //! in which they appear.
 
-use super::sign;
 use super::surface::{Rgb, Surface, SurfacePoint, rgb};
 use super::texture::Texture;
 use super::view::View;
 use crate::sim::geometry::obstacles::Obstacles;
 use crate::sim::geometry::{Point, Segment};
-use crate::sim::world::code::Code;
-use crate::sim::world::document::World;
-use crate::sim::world::fixtures::Sign;
-use crate::sim::world::paint::Paint;
-use crate::sim::world::station;
+use crate::sim::world::fixtures::{Code, Sign};
+use crate::sim::world::objects::Paint;
+use crate::sim::world::{World, station};
 
 /// Depth of the near plane: nothing nearer is drawn, metres.
 const NEAR: f32 = 0.01;
@@ -24,7 +21,6 @@ const SIGN_DISTANCE: f64 = 0.01;
 /// Maximum thickness of a thing on which a sign hangs, metres.
 const MAX_THICKNESS: f64 = 0.6;
 
-/// An upright rectangle.
 #[derive(Debug)]
 pub(crate) struct Panel {
     line: Segment,
@@ -37,7 +33,6 @@ pub(crate) struct Panel {
     picture: Option<Texture>,
 }
 
-/// Kinds of round things.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum RoundKind {
     Ball,
@@ -45,7 +40,6 @@ pub(crate) enum RoundKind {
     Person { top: f32 },
 }
 
-/// A post, a person or a ball.
 #[derive(Debug)]
 pub(crate) struct Round {
     pub(crate) middle: Point,
@@ -54,7 +48,6 @@ pub(crate) struct Round {
     pub(crate) paint: Rgb,
 }
 
-/// Everything that stands in a world.
 #[derive(Debug)]
 pub(crate) struct Scene {
     pub(crate) panels: Vec<Panel>,
@@ -80,7 +73,6 @@ pub(crate) enum Thing {
 }
 
 impl Scene {
-    /// Creates the scene of a world.
     pub(crate) fn new(world: &World) -> Scene {
         let mut scene = Scene {
             panels: Vec::new(),
@@ -128,7 +120,7 @@ impl Scene {
         panel.picture.get_or_insert_with(|| {
             if let Surface::Sign(code) = surface {
                 let (code, sign) = &codes[code];
-                return sign::picture(code, sign);
+                return sign_texture(code, sign);
             }
             let size = PIXEL.max((length * height / MAX_TEXELS).sqrt());
             Texture::paint([length, height], size, |along| {
@@ -159,10 +151,9 @@ impl Scene {
 
     fn mark_station(&mut self, station: &station::Station) {
         let front = station.sides()[0];
-        let panel = self.panels.iter_mut().rfind(|panel| panel.line == front);
-        panel
-            .into_iter()
-            .for_each(|panel| panel.surface = Surface::StationFront);
+        if let Some(panel) = self.panels.iter_mut().rfind(|panel| panel.line == front) {
+            panel.surface = Surface::StationFront;
+        }
     }
 
     fn add_signs(&mut self, world: &World) {
@@ -283,8 +274,7 @@ fn outside(world: &World, obstacles: &Obstacles, at: Point, heading: f64) -> Poi
     if let Some(post) = on_post {
         return post.at.point().ahead(heading, post.radius + SIGN_DISTANCE);
     }
-    let inside = |point: Point| world.solid(point);
-    let out = if inside(at) {
+    let out = if world.solid(at) {
         let beyond = at.ahead(heading, MAX_THICKNESS);
         obstacles
             .first_side(at, beyond)
@@ -321,6 +311,28 @@ impl Round {
             paint: rgb(colour),
         }
     }
+}
+
+/// Width of the quiet zone around a code, in modules; readers need four.
+const MARGIN: usize = 4;
+/// Texels along one module.
+const FINE: f32 = 4.0;
+
+/// Paints the board with the code; the first axis runs from left to right, the second upwards.
+fn sign_texture(code: &Code, sign: &Sign) -> Texture {
+    let side = sign.side as f32;
+    let dot = side / (code.width() + 2 * MARGIN) as f32;
+    let index = move |place: f32| ((place / dot) as usize).checked_sub(MARGIN);
+    Texture::paint([side; 2], dot / FINE, |along| {
+        move |up| {
+            let column = index(along);
+            let row = index(side - up);
+            let dark = column
+                .zip(row)
+                .is_some_and(|(column, row)| code.dark(column, row));
+            [if dark { 22.0 } else { 240.0 }; 3]
+        }
+    })
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //! station. Everything except balls, posts and colours set in the world file is pale, so that a
 //! behaviour that searches for a colour finds only the things meant to have it.
 
-use crate::sim::world::paint::Paint;
+use crate::sim::world::objects::Paint;
 
 /// A colour under full light, 0..=255 for each of red, green and blue.
 pub(crate) type Rgb = [f32; 3];
@@ -12,16 +12,17 @@ const BAY: f32 = 1.7;
 /// Height of a door, metres; walls that are less than 0.1 m higher stay bare.
 const DOOR: f32 = 2.0;
 
-/// Kinds of vertical surfaces.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Surface {
     /// A wall; the number varies its look.
-    Wall { paint: Rgb, number: u32 },
-    /// A side of a piece of furniture.
-    Furniture { paint: Rgb },
-    /// The side of the station that the robot drives up to.
+    Wall {
+        paint: Rgb,
+        number: u32,
+    },
+    Furniture {
+        paint: Rgb,
+    },
     StationFront,
-    /// The other sides of the station.
     StationSide,
     /// A sign; the number is the index of its code.
     Sign(usize),
@@ -32,9 +33,7 @@ pub(crate) enum Surface {
 pub(crate) struct SurfacePoint {
     /// Distance from the left end of the surface.
     pub(crate) along: f32,
-    /// Length of the surface.
     pub(crate) length: f32,
-    /// Height of the surface.
     pub(crate) top: f32,
 }
 
@@ -57,7 +56,6 @@ pub(crate) enum Strip {
     Plain(Rgb),
 }
 
-/// A thing on a wall.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Thing {
     /// A picture; the number, 0..1, varies its look.
@@ -67,7 +65,6 @@ pub(crate) enum Thing {
 }
 
 impl Surface {
-    /// Returns the strip at a place.
     pub(crate) fn strip(self, place: SurfacePoint) -> Strip {
         match self {
             Surface::Wall { paint, number } => Strip::Wall {
@@ -79,7 +76,7 @@ impl Surface {
                 aside: (place.along - place.length / 2.0).abs(),
                 top: place.top,
             },
-            // `sign` paints the code of a sign; this is its back.
+            // `scene` paints the code of a sign; this is its back.
             Surface::StationSide | Surface::Sign(_) => Strip::Plain([46.0, 48.0, 54.0]),
         }
     }
@@ -103,12 +100,10 @@ impl From<Paint> for Surface {
     }
 }
 
-/// Converts a colour to floating point.
 pub(crate) fn rgb(paint: Paint) -> Rgb {
     paint.0.map(f32::from)
 }
 
-/// Scales the brightness of a colour.
 pub(crate) fn scaled(colour: Rgb, gain: f32) -> Rgb {
     colour.map(|channel| channel * gain)
 }
@@ -156,11 +151,11 @@ fn wall_decoration(number: u32, place: SurfacePoint) -> Option<(Thing, f32)> {
     }
     let aside = place.along - middle;
     let kind = scatter(number as i32, bay + 100);
-    let thing = match () {
-        () if kind < 0.30 => Thing::Picture(kind / 0.30),
-        () if kind < 0.55 => Thing::Window,
-        () if kind < 0.70 => Thing::Door,
-        () => return None,
+    let thing = match kind {
+        _ if kind < 0.30 => Thing::Picture(kind / 0.30),
+        _ if kind < 0.55 => Thing::Window,
+        _ if kind < 0.70 => Thing::Door,
+        _ => return None,
     };
     Some((thing, aside))
 }
@@ -221,10 +216,12 @@ fn furniture(paint: Rgb, place: SurfacePoint) -> Strip {
 }
 
 fn cabinet(paint: Rgb, top: f32, grain: i32, height: f32) -> Rgb {
-    let gain = match () {
-        () if top - height < 0.035 => 1.18,
-        () if height < 0.06 => 0.45,
-        () => 0.96 + 0.06 * scatter(grain, (height * 12.0) as i32),
+    let gain = if top - height < 0.035 {
+        1.18
+    } else if height < 0.06 {
+        0.45
+    } else {
+        0.96 + 0.06 * scatter(grain, (height * 12.0) as i32)
     };
     scaled(paint, gain * contact_shadow(height))
 }
@@ -233,13 +230,13 @@ fn cabinet(paint: Rgb, top: f32, grain: i32, height: f32) -> Rgb {
 /// afar and has no colour of a ball.
 fn station(aside: f32, top: f32, height: f32) -> Rgb {
     let from_middle = aside.max((height - 0.18).abs());
-    match () {
-        () if height < 0.05 => [30.0, 31.0, 34.0],
-        () if aside > 0.165 || top - height < 0.025 => [52.0, 54.0, 60.0],
-        () if (0.115..0.15).contains(&aside) => [24.0, 24.0, 26.0],
-        () if from_middle < 0.03 => [240.0, 240.0, 236.0],
-        () if from_middle < 0.07 => [24.0, 24.0, 26.0],
-        () => [238.0, 238.0, 234.0],
+    match height {
+        _ if height < 0.05 => [30.0, 31.0, 34.0],
+        _ if aside > 0.165 || top - height < 0.025 => [52.0, 54.0, 60.0],
+        _ if (0.115..0.15).contains(&aside) => [24.0, 24.0, 26.0],
+        _ if from_middle < 0.03 => [240.0, 240.0, 236.0],
+        _ if from_middle < 0.07 => [24.0, 24.0, 26.0],
+        _ => [238.0, 238.0, 234.0],
     }
 }
 

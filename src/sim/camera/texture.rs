@@ -43,7 +43,6 @@ impl Texture {
         Texture::new(pixels, count, scale)
     }
 
-    /// Creates a texture from existing pixels.
     pub(crate) fn new(pixels: Vec<Pixel>, [first, second]: [usize; 2], scale: [f32; 2]) -> Texture {
         let full = Level {
             first,
@@ -52,7 +51,10 @@ impl Texture {
             pixels,
         };
         let halves = std::iter::successors(Some(full), |level| {
-            (level.first > 8 && level.second > 8).then(|| level.half())
+            if level.first <= 8 || level.second <= 8 {
+                return None;
+            }
+            Some(level.half())
         });
         Texture {
             levels: halves.take(6).collect(),

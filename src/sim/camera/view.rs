@@ -15,7 +15,6 @@ const AHEAD: f64 = 0.10;
 /// The row at which points at the height of the lens appear.
 pub(crate) const HORIZON: f32 = HEIGHT as f32 / 2.0;
 
-/// The camera's view for one frame.
 #[derive(Clone, Copy)]
 pub(crate) struct View {
     pub(crate) eye: Point,
@@ -35,7 +34,6 @@ pub(crate) struct Row {
     pub(crate) flash: f32,
 }
 
-/// One column of the frame.
 #[derive(Clone, Copy)]
 pub(crate) struct Column {
     pub(crate) index: usize,
@@ -57,7 +55,6 @@ impl View {
         }
     }
 
-    /// Returns the column with this index, from the left.
     pub(crate) fn column(&self, index: usize) -> Column {
         Column {
             index,

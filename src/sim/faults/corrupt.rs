@@ -4,9 +4,8 @@ use bytes::{BufMut, Bytes, BytesMut};
 use rand::rngs::StdRng;
 use rand::{Rng, RngExt};
 
+use super::{Fault, FaultKind};
 use crate::wire::{Decoder, HEADER_LEN, MAX_PAYLOAD_LEN, Packet, Power, kind};
-
-use super::fault::{Fault, FaultKind};
 
 /// Position of the payload's length in a header (`PROTOCOL.md`, *TCP messages*).
 const LENGTH: std::ops::Range<usize> = 3..5;
@@ -17,10 +16,8 @@ const COMMENT: [u8; 2] = [0xFF, 0xFE];
 /// Length of the marker and of the length field, which counts itself.
 const COMMENT_OVERHEAD: usize = 4;
 
-/// A section of a byte stream.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Section {
-    /// A complete message.
     Message(Packet),
     /// Bytes of a stream that is out of sync, passed on unchanged.
     Raw(Bytes),
@@ -50,7 +47,10 @@ impl Splitter {
                     self.partial.extend_from_slice(before);
                     return sections;
                 }
-                Err(_) => (self.out_of_sync, input) = (true, before),
+                Err(_) => {
+                    self.out_of_sync = true;
+                    input = before;
+                }
             }
         }
         self.partial.extend_from_slice(input);
@@ -58,10 +58,12 @@ impl Splitter {
         sections
     }
 
-    /// Returns the buffered bytes of an incomplete message.
     pub(crate) fn rest(&mut self) -> Option<Section> {
         let rest = self.partial.split().freeze();
-        (!rest.is_empty()).then_some(Section::Raw(rest))
+        if rest.is_empty() {
+            return None;
+        }
+        Some(Section::Raw(rest))
     }
 }
 
@@ -132,14 +134,12 @@ fn flip(payload: &Bytes, count: usize, rng: &mut StdRng) -> Bytes {
     flipped.freeze()
 }
 
-/// Returns `count` random bytes.
 pub(crate) fn garbage(count: usize, rng: &mut StdRng) -> Bytes {
     let mut bytes = vec![0; count];
     rng.fill_bytes(&mut bytes);
     Bytes::from(bytes)
 }
 
-/// Writes a wrong length into a message's header.
 pub(crate) fn falsify_length(message: &mut [u8], claim: Option<u16>, rng: &mut StdRng) {
     let truth = message.len().saturating_sub(HEADER_LEN) as u16;
     let claim = claim.unwrap_or_else(|| truth.wrapping_add(rng.random_range(1..=u16::MAX)));

@@ -7,10 +7,9 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::time::timeout;
 
-use super::fault::Direction;
-use super::proxy_direction::ProxyDirection;
+use super::Direction;
+use super::proxy_direction::{End, ProxyDirection};
 use super::scheduler::FaultFeed;
-use super::throttled_writer::End;
 
 /// When one end has closed, the other one gets this long to close too.
 const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
@@ -36,18 +35,19 @@ pub(crate) async fn forward(
 ) {
     let (client_reader, client_writer) = tokio::io::split(client);
     let (robot_reader, robot_writer) = tokio::io::split(robot);
-    let FaultFeed {
-        mut active_faults,
-        beginnings,
-        seed,
-        unacknowledged,
-    } = feed;
-    let direction = |towards, beginnings, seed| {
-        ProxyDirection::new(towards, active_faults.clone(), beginnings, seed)
+    let mut active_faults = feed.active_faults.clone();
+    let robot_feed = FaultFeed {
+        active_faults: feed.active_faults.clone(),
+        beginnings: feed.beginnings.resubscribe(),
+        ..feed
     };
-    let mut to_robot = direction(Direction::Robot, beginnings.resubscribe(), seed);
-    to_robot.unacknowledged = unacknowledged;
-    let to_client = direction(Direction::Client, beginnings, seed.wrapping_add(1));
+    let client_feed = FaultFeed {
+        seed: feed.seed.wrapping_add(1),
+        unacknowledged: None,
+        ..feed
+    };
+    let to_robot = ProxyDirection::new(Direction::Robot, robot_feed);
+    let to_client = ProxyDirection::new(Direction::Client, client_feed);
     let mut to_robot = Box::pin(to_robot.run(client_reader, robot_writer));
     let mut to_client = Box::pin(to_client.run(robot_reader, client_writer));
     let end = tokio::select! {
@@ -77,10 +77,9 @@ impl End {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fault::{Fault, FaultKind};
-    use super::super::scheduler::FaultScheduler;
-    use super::super::timing::Timing;
     use super::*;
+    use crate::sim::faults::scheduler::FaultScheduler;
+    use crate::sim::faults::{Fault, FaultKind, Timing};
     use tokio::io::{AsyncReadExt, AsyncWriteExt, DuplexStream};
     use tokio::task::JoinHandle;
     use tokio::time::{Instant, sleep};

@@ -1,27 +1,23 @@
 //! Tracks all faults over time: which are active, which begin now, and which changes the robot must
 //! apply. Uses no clock; informs the connections through channels that never block.
 
-use std::time::Duration;
-
 use std::sync::Arc;
+use std::time::Duration;
 
 use rand::rngs::StdRng;
 use rand::{RngExt, SeedableRng};
 use tokio::sync::{broadcast, watch};
 use tokio::time::Instant;
 
-use super::fault::{Direction, Fault, FaultKind};
-use super::timing::{TimingState, Transition};
+use super::{Direction, Fault, FaultKind, Timing};
 
 /// Maximum number of unread beginnings of faults per connection; it misses older ones.
 const MAX_UNREAD: usize = 64;
 
-/// The active faults.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ActiveFaults(Arc<[Fault]>);
 
 impl ActiveFaults {
-    /// Creates a list of active faults.
     pub(crate) fn new(faults: impl IntoIterator<Item = Fault>) -> ActiveFaults {
         ActiveFaults(faults.into_iter().collect())
     }
@@ -38,13 +34,11 @@ impl ActiveFaults {
     }
 }
 
-/// The channels through which a connection receives faults.
 #[derive(Debug)]
 pub(crate) struct FaultFeed {
     pub(crate) active_faults: watch::Receiver<ActiveFaults>,
     /// Each fault when it begins; how momentary ones take effect.
     pub(crate) beginnings: broadcast::Receiver<Fault>,
-    /// Seed of the connection's random numbers.
     pub(crate) seed: u64,
     /// See [`Options::unacknowledged`](crate::sim::Options::unacknowledged).
     pub(crate) unacknowledged: Option<Duration>,
@@ -57,7 +51,6 @@ struct ScheduledFault {
     on: bool,
 }
 
-/// The state of all faults.
 pub(crate) struct FaultScheduler {
     scheduled: Vec<ScheduledFault>,
     active_faults: watch::Sender<ActiveFaults>,
@@ -78,7 +71,6 @@ impl FaultScheduler {
         }
     }
 
-    /// Adds a fault whose times count from `now`.
     pub(crate) fn begin(&mut self, fault: Fault, now: Instant) {
         let timing = TimingState::new(fault.timing, now);
         let on = false;
@@ -94,7 +86,6 @@ impl FaultScheduler {
             .collect()
     }
 
-    /// Returns the feed for a new connection.
     pub(crate) fn feed(&mut self) -> FaultFeed {
         FaultFeed {
             active_faults: self.active_faults.subscribe(),
@@ -137,11 +128,71 @@ fn draw_occurrence(rng: &mut StdRng, fault: &Fault) -> bool {
     fault.kind.alters_messages() || rng.random_bool(fault.chance.clamp(0.0, 1.0))
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Transition {
+    Begins,
+    /// The fault ends, possibly only until its next occurrence.
+    Ends,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum TimingPhase {
+    Waiting { until: Instant },
+    On { since: Instant },
+    Over,
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct TimingState {
+    timing: Timing,
+    phase: TimingPhase,
+}
+
+impl TimingState {
+    pub(crate) fn new(timing: Timing, now: Instant) -> TimingState {
+        let until = now + timing.after;
+        TimingState {
+            timing,
+            phase: TimingPhase::Waiting { until },
+        }
+    }
+
+    /// Returns the next change due by `now`. Call it until it returns `None`.
+    pub(crate) fn poll(&mut self, now: Instant) -> Option<Transition> {
+        match self.phase {
+            TimingPhase::Waiting { until } if until <= now => {
+                self.phase = TimingPhase::On { since: until };
+                Some(Transition::Begins)
+            }
+            TimingPhase::On { since } if since + self.timing.lasts? <= now => {
+                self.phase = self.after(since, now);
+                Some(Transition::Ends)
+            }
+            _ => None,
+        }
+    }
+
+    pub(crate) fn is_over(&self) -> bool {
+        self.phase == TimingPhase::Over
+    }
+
+    /// Returns the phase after an occurrence. Skips missed beginnings, so that they do not all
+    /// happen at once after a suspend.
+    fn after(&self, since: Instant, now: Instant) -> TimingPhase {
+        let Some(every) = self.timing.every.filter(|every| !every.is_zero()) else {
+            return TimingPhase::Over;
+        };
+        let missed = now.duration_since(since).as_nanos() / every.as_nanos();
+        let periods = u32::try_from(missed).unwrap_or(u32::MAX - 1) + 1;
+        TimingPhase::Waiting {
+            until: since + every * periods,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::timing::Timing;
     use super::*;
-    use std::time::Duration;
 
     const SECOND: Duration = Duration::from_secs(1);
 
@@ -209,5 +260,49 @@ mod tests {
         scheduler.poll(now + SECOND);
         assert_eq!(scheduler.clear(), [(FaultKind::NoCharge, Transition::Ends)]);
         assert_eq!(scheduler.poll(now + 60 * SECOND), []);
+    }
+
+    /// Returns the changes at each whole second, starting at 0.
+    fn transitions(after: u64, lasts: Option<u64>, every: Option<u64>) -> Vec<(u64, Transition)> {
+        let seconds = |count: Option<u64>| count.map(Duration::from_secs);
+        let timing = Timing {
+            after: Duration::from_secs(after),
+            lasts: seconds(lasts),
+            every: seconds(every),
+        };
+        let start = Instant::now();
+        let mut state = TimingState::new(timing, start);
+        let mut transitions = Vec::new();
+        for second in 0..10 {
+            while let Some(transition) = state.poll(start + SECOND * second) {
+                transitions.push((u64::from(second), transition));
+            }
+        }
+        transitions
+    }
+
+    #[test]
+    fn a_fault_begins_ends_and_repeats() {
+        use Transition::{Begins, Ends};
+        assert_eq!(transitions(2, None, None), [(2, Begins)]);
+        assert_eq!(transitions(2, Some(0), None), [(2, Begins), (2, Ends)]);
+        let twice = [(1, Begins), (3, Ends), (5, Begins), (7, Ends), (9, Begins)];
+        assert_eq!(transitions(1, Some(2), Some(4)), twice);
+    }
+
+    #[test]
+    fn missed_beginnings_are_skipped() {
+        let timing = Timing {
+            after: SECOND,
+            lasts: Some(Duration::ZERO),
+            every: Some(SECOND),
+        };
+        let start = Instant::now();
+        let mut state = TimingState::new(timing, start);
+        let late = start + SECOND * 3600;
+        assert_eq!(state.poll(late), Some(Transition::Begins));
+        assert_eq!(state.poll(late), Some(Transition::Ends));
+        assert_eq!(state.poll(late), None);
+        assert_eq!(state.poll(late + SECOND), Some(Transition::Begins));
     }
 }

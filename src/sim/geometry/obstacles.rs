@@ -3,7 +3,6 @@
 
 use super::{Point, Segment};
 
-/// A round thing, seen from above.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Circle {
     pub(crate) middle: Point,
@@ -11,7 +10,6 @@ pub(crate) struct Circle {
 }
 
 impl Circle {
-    /// Creates a circle; `radius` is in metres.
     pub(crate) fn new(middle: Point, radius: f64) -> Circle {
         Circle { middle, radius }
     }
@@ -36,7 +34,6 @@ pub(crate) enum Obstacle {
 /// The shapes of obstacles, each list in the order of the world's own.
 #[derive(Debug, Clone)]
 pub(crate) struct Shapes {
-    /// Sides of walls.
     pub(crate) walls: Vec<Segment>,
     /// The four sides of each piece of furniture.
     pub(crate) furniture: Vec<[Segment; 4]>,
@@ -46,13 +43,11 @@ pub(crate) struct Shapes {
     pub(crate) people: Vec<Circle>,
 }
 
-/// Everything that a robot can run into.
 #[derive(Debug, Clone)]
 pub(crate) struct Obstacles {
     /// Walls and furniture, which are high enough to hide the station. Walls come first.
     high: Vec<Segment>,
     walls: usize,
-    /// The station's body.
     station: [Segment; 4],
     /// Posts, which hide the station.
     posts: Vec<Circle>,
@@ -62,7 +57,6 @@ pub(crate) struct Obstacles {
 }
 
 impl Obstacles {
-    /// Creates obstacles from the shapes of a world.
     pub(crate) fn new(shapes: Shapes) -> Obstacles {
         let mut high = shapes.walls;
         let walls = high.len();
@@ -80,7 +74,6 @@ impl Obstacles {
         }
     }
 
-    /// Removes balls and people.
     pub(crate) fn without_movers(mut self) -> Obstacles {
         self.round.clear();
         self.balls = 0;
@@ -92,8 +85,7 @@ impl Obstacles {
         self.round[index].middle = place;
     }
 
-    /// Returns the distance in metres from a point to the nearest obstacle; negative inside a round
-    /// one.
+    /// Returns the distance to the nearest obstacle, metres; negative inside a round one.
     pub(crate) fn clearance(&self, point: Point) -> f64 {
         let lines = self.lines().map(|line| line.distance(point));
         let circles = self
@@ -115,7 +107,6 @@ impl Obstacles {
             && circles.all(|circle| circle.gap(wanted) >= 0.0)
     }
 
-    /// Returns the obstacle nearest to a point.
     pub(crate) fn nearest(&self, point: Point) -> Obstacle {
         let here = Circle::new(point, 0.0);
         let lines = self.high.iter().enumerate().map(|(index, line)| {
@@ -141,7 +132,6 @@ impl Obstacles {
         nearest.map_or(Obstacle::Wall, |(_, what)| what)
     }
 
-    /// Whether there is a line of sight from `a` to `b`.
     pub(crate) fn has_line_of_sight(&self, a: Point, b: Point) -> bool {
         let way = Segment { from: a, to: b };
         let people = &self.round[self.balls..];
@@ -195,7 +185,7 @@ impl Obstacles {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::World;
+    use crate::sim::world::World;
 
     fn world() -> World {
         let text = "room: {width: 6, depth: 4}\nstation: {at: [0, 2], heading_degrees: 0}\n\

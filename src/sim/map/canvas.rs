@@ -1,18 +1,75 @@
-//! The canvas of maps: draws shapes given in metres, and text, to an image.
+//! The canvas of maps: draws shapes given in metres, and text in a built-in font, to an image.
 
 use image::RgbImage;
-use tiny_skia::{Path, Transform};
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
+use tiny_skia::{
+    Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash,
+    Transform,
+};
 
-use crate::canvas::Canvas;
-pub(crate) use crate::canvas::{Ink, TextStyle};
 use crate::sim::geometry::Point;
+
+/// Red, green, blue and opacity.
+pub(crate) type Ink = [u8; 4];
+
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TextStyle {
+    ink: Ink,
+    /// 20 pixels high, instead of 16.
+    large: bool,
+    bold: bool,
+}
+
+impl TextStyle {
+    pub(crate) const fn small(ink: Ink) -> TextStyle {
+        TextStyle {
+            ink,
+            large: false,
+            bold: false,
+        }
+    }
+
+    /// Large bold text.
+    pub(crate) const fn title(ink: Ink) -> TextStyle {
+        TextStyle {
+            ink,
+            large: true,
+            bold: true,
+        }
+    }
+
+    fn height(self) -> RasterHeight {
+        if self.large {
+            RasterHeight::Size20
+        } else {
+            RasterHeight::Size16
+        }
+    }
+
+    fn weight(self) -> FontWeight {
+        if self.bold {
+            FontWeight::Bold
+        } else {
+            FontWeight::Regular
+        }
+    }
+
+    /// Width and height of a text in this style, pixels.
+    pub(crate) fn size(self, text: &str) -> (f32, f32) {
+        let letter = get_raster_width(self.weight(), self.height());
+        (
+            (letter * text.chars().count()) as f32,
+            self.height().val() as f32,
+        )
+    }
+}
 
 /// An axis-aligned rectangle in pixels: left, top, right, bottom.
 type Frame = [f32; 4];
 
-/// A canvas with a transform from world coordinates to pixels.
+/// A white canvas with a transform from world coordinates to pixels.
 pub(crate) struct MapCanvas {
-    canvas: Canvas,
+    pixels: Pixmap,
     /// Pixels per metre.
     pub(crate) scale: f32,
     /// The pixel of the world's (0, 0).
@@ -23,13 +80,13 @@ pub(crate) struct MapCanvas {
 impl MapCanvas {
     /// Creates a white canvas of a size in pixels; `None` if the size is invalid.
     pub(crate) fn new(size: (u32, u32), scale: f32, origin: (f32, f32)) -> Option<MapCanvas> {
-        let canvas = Canvas::new(size.0, size.1)?;
-        let taken = Vec::new();
+        let mut pixels = Pixmap::new(size.0, size.1)?;
+        pixels.fill(Color::WHITE);
         Some(MapCanvas {
-            canvas,
+            pixels,
             scale,
             origin,
-            taken,
+            taken: Vec::new(),
         })
     }
 
@@ -43,7 +100,6 @@ impl MapCanvas {
         )
     }
 
-    /// Fills a polygon.
     pub(crate) fn fill(&mut self, corners: &[Point], ink: Ink) {
         let corners: Vec<(f32, f32)> = corners.iter().map(|corner| self.at(*corner)).collect();
         self.fill_pixels(&corners, ink);
@@ -51,42 +107,67 @@ impl MapCanvas {
 
     /// Fills a polygon given in pixels.
     pub(crate) fn fill_pixels(&mut self, corners: &[(f32, f32)], ink: Ink) {
-        self.canvas.fill(corners, ink);
+        if let Some(path) = through(corners, true) {
+            self.fill_path(&path, ink);
+        }
     }
 
     /// Draws a line through places; the width and the optional dash length are in pixels.
     pub(crate) fn line(&mut self, places: &[Point], width: f32, dash: Option<f32>, ink: Ink) {
         let places: Vec<(f32, f32)> = places.iter().map(|place| self.at(*place)).collect();
-        self.canvas.line(&places, width, dash, ink);
+        if let Some(path) = through(&places, false) {
+            self.stroke(&path, width, dash, ink, Transform::identity());
+        }
     }
 
     /// Draws a path; path and width are in metres.
     pub(crate) fn tape(&mut self, path: &Path, width: f32, ink: Ink) {
         let (x, y) = self.origin;
         let transform = Transform::from_row(self.scale, 0.0, 0.0, -self.scale, x, y);
-        self.canvas.stroke(path, width, None, ink, transform);
+        self.stroke(path, width, None, ink, transform);
     }
 
     /// Draws a filled circle with a radius in pixels.
     pub(crate) fn dot(&mut self, place: Point, radius: f32, ink: Ink) {
-        self.canvas.dot(self.at(place), radius, ink);
+        let (x, y) = self.at(place);
+        if let Some(path) = PathBuilder::from_circle(x, y, radius.max(0.5)) {
+            self.fill_path(&path, ink);
+        }
     }
 
     /// Draws a circle outline with a radius in pixels.
     pub(crate) fn ring(&mut self, place: Point, radius: f32, width: f32, ink: Ink) {
-        self.canvas.ring(self.at(place), radius, width, ink);
+        let (x, y) = self.at(place);
+        if let Some(path) = PathBuilder::from_circle(x, y, radius.max(0.5)) {
+            self.stroke(&path, width, None, ink, Transform::identity());
+        }
     }
 
     /// Draws a line given in pixels.
     pub(crate) fn rule(&mut self, from: (f32, f32), to: (f32, f32), width: f32, ink: Ink) {
-        self.canvas.line(&[from, to], width, None, ink);
+        if let Some(path) = through(&[from, to], false) {
+            self.stroke(&path, width, None, ink, Transform::identity());
+        }
     }
 
     /// Writes a text with its top left corner at a pixel.
     pub(crate) fn write(&mut self, (x, y): (f32, f32), text: &str, style: TextStyle) {
         let (width, height) = style.size(text);
         self.taken.push([x, y, x + width, y + height]);
-        self.canvas.write((x, y), text, style);
+        let mut left = x.round() as i32;
+        for letter in text.chars() {
+            let raster = |letter| get_raster(letter, style.weight(), style.height());
+            let Some(raster) = raster(letter).or_else(|| raster('?')) else {
+                continue;
+            };
+            for (row, line) in raster.rows().enumerate() {
+                for (column, shade) in line.iter().enumerate() {
+                    let place = (left + column as i32, y.round() as i32 + row as i32);
+                    self.blend(place, style.ink, *shade);
+                }
+            }
+            left += raster.width() as i32;
+        }
     }
 
     /// Writes a label beside a place, on a side without other text, or below the place if there is
@@ -113,8 +194,10 @@ impl MapCanvas {
         text: &str,
         style: TextStyle,
     ) -> Option<(f32, f32)> {
-        let ((x, y), (width, height)) = (self.at(place), style.size(text));
-        let (edge_x, edge_y) = self.canvas.size();
+        let (x, y) = self.at(place);
+        let (width, height) = style.size(text);
+        let edge_x = self.pixels.width() as f32;
+        let edge_y = self.pixels.height() as f32;
         let left = x - away.abs() - width;
         let right = x + away.abs();
         let sides = [
@@ -151,10 +234,83 @@ impl MapCanvas {
         self.write((x, y), text, style);
     }
 
-    /// Returns the image.
     pub(crate) fn finish(self) -> RgbImage {
-        self.canvas.finish()
+        let width = self.pixels.width();
+        let height = self.pixels.height();
+        let pixels = self.pixels.pixels().iter();
+        let bytes = pixels.flat_map(|pixel| [pixel.red(), pixel.green(), pixel.blue()]);
+        // The canvas is opaque, so premultiplied and plain colours are the same; the buffer always
+        // has the right size.
+        RgbImage::from_raw(width, height, bytes.collect()).unwrap_or_default()
     }
+
+    fn blend(&mut self, (x, y): (i32, i32), ink: Ink, shade: u8) {
+        let width = self.pixels.width() as i32;
+        let height = self.pixels.height() as i32;
+        if shade == 0 || !(0..width).contains(&x) || !(0..height).contains(&y) {
+            return;
+        }
+        let index = (y * width + x) as usize * 4;
+        for (channel, ink) in self.pixels.data_mut()[index..index + 3].iter_mut().zip(ink) {
+            let old = u32::from(*channel);
+            let new = u32::from(ink);
+            let share = u32::from(shade);
+            *channel = ((old * (255 - share) + new * share) / 255) as u8;
+        }
+    }
+
+    fn fill_path(&mut self, path: &Path, ink: Ink) {
+        let transform = Transform::identity();
+        self.pixels
+            .fill_path(path, &paint(ink), FillRule::Winding, transform, None);
+    }
+
+    /// Strokes a path given in its own units; `transform` maps it to pixels.
+    fn stroke(
+        &mut self,
+        path: &Path,
+        width: f32,
+        dash: Option<f32>,
+        ink: Ink,
+        transform: Transform,
+    ) {
+        let stroke = Stroke {
+            width,
+            line_cap: if dash.is_some() {
+                LineCap::Butt
+            } else {
+                LineCap::Round
+            },
+            line_join: LineJoin::Round,
+            dash: dash.and_then(|dash| StrokeDash::new(vec![dash, dash], 0.0)),
+            ..Stroke::default()
+        };
+        self.pixels
+            .stroke_path(path, &paint(ink), &stroke, transform, None);
+    }
+}
+
+fn paint(ink: Ink) -> Paint<'static> {
+    let mut paint = Paint::default();
+    let [r, g, b, a] = ink;
+    paint.set_color_rgba8(r, g, b, a);
+    paint.anti_alias = true;
+    paint
+}
+
+fn through(corners: &[(f32, f32)], closed: bool) -> Option<Path> {
+    let mut path = PathBuilder::new();
+    for (index, (x, y)) in corners.iter().enumerate() {
+        if index == 0 {
+            path.move_to(*x, *y);
+        } else {
+            path.line_to(*x, *y);
+        }
+    }
+    if closed {
+        path.close();
+    }
+    path.finish()
 }
 
 fn overlap(a: &Frame, b: &Frame) -> bool {

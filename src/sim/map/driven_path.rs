@@ -3,10 +3,10 @@
 use image::RgbImage;
 
 use super::canvas::{Ink, MapCanvas, TextStyle};
-use super::plan;
 use crate::sim::body::trace::{Sample, Trace, TraceEvent, TraceEventKind};
-use crate::sim::geometry::{Point, Pose};
-use crate::sim::world::document::World;
+use crate::sim::geometry::{Point, Pose, RADIUS};
+use crate::sim::map;
+use crate::sim::world::World;
 
 /// Width of the legend beside the map, pixels.
 const BESIDE: u32 = 320;
@@ -18,6 +18,34 @@ const SAME: f64 = 0.08;
 const START: Ink = [20, 150, 90, 255];
 const END: Ink = [30, 90, 200, 255];
 const PALE: Ink = [110, 112, 118, 255];
+
+// Outlines of marks, 1 is their size.
+const HOUSE: [(f32, f32); 5] = [
+    (0.0, -1.2),
+    (1.0, -0.2),
+    (1.0, 1.0),
+    (-1.0, 1.0),
+    (-1.0, -0.2),
+];
+const SQUARE: [(f32, f32); 4] = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+const DIAMOND: [(f32, f32); 4] = [(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)];
+const STAR: [(f32, f32); 8] = [
+    (0.0, -1.0),
+    (0.3, -0.3),
+    (1.0, 0.0),
+    (0.3, 0.3),
+    (0.0, 1.0),
+    (-0.3, 0.3),
+    (-1.0, 0.0),
+    (-0.3, -0.3),
+];
+const FLAG: [(f32, f32); 5] = [
+    (0.0, 1.0),
+    (0.0, -1.2),
+    (1.4, -0.7),
+    (0.2, -0.2),
+    (0.2, 1.0),
+];
 
 /// Kinds of marks, with a row in the legend for each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,10 +77,10 @@ impl Trace {
     /// Draws the path on the map of its world, green at the start and blue at the end, with times,
     /// marks for events, and a legend.
     pub fn draw(&self, world: &World) -> RgbImage {
-        let Some(mut canvas) = plan::blank_canvas(world, BESIDE) else {
+        let Some(mut canvas) = map::blank_canvas(world, BESIDE) else {
             return RgbImage::new(1, 1);
         };
-        plan::draw_onto(world, &mut canvas);
+        map::draw_onto(world, &mut canvas);
         let samples: Vec<Sample> = self.samples().collect();
         draw_path(&mut canvas, &samples);
         for (ball, place) in world.balls.iter().zip(self.balls()) {
@@ -61,8 +89,8 @@ impl Trace {
         }
         draw_marks(&mut canvas, self.events());
         if let (Some(first), Some(last)) = (samples.first(), samples.last()) {
-            plan::robot(&mut canvas, first.pose, START);
-            plan::robot(&mut canvas, last.pose, END);
+            map::robot(&mut canvas, first.pose, START);
+            map::robot(&mut canvas, last.pose, END);
         }
         draw_clocks(&mut canvas, &samples);
         draw_legend(&mut canvas, world, self);
@@ -77,18 +105,14 @@ fn draw_path(canvas: &mut MapCanvas, samples: &[Sample]) {
         let places: Vec<Point> = leg.iter().map(|sample| sample.pose.point()).collect();
         canvas.line(&places, 5.0, None, [255, 255, 255, 220]);
     }
-    let end = samples
-        .last()
-        .map_or(0.0, |last| last.at.as_secs_f64())
-        .max(1e-3);
+    let last = samples.last();
+    let end = last.map_or(1e-3, |last| last.at.as_secs_f64().max(1e-3));
     for leg in legs {
         for piece in 0..leg.len().div_ceil(PIECES) {
             // One more sample at the end connects the piece to the next one.
             let part = &leg[piece * PIECES..leg.len().min((piece + 1) * PIECES + 1)];
             let places: Vec<Point> = part.iter().map(|sample| sample.pose.point()).collect();
-            let share = part
-                .first()
-                .map_or(0.0, |first| first.at.as_secs_f64() / end);
+            let share = part[0].at.as_secs_f64() / end;
             canvas.line(&places, 2.5, None, between(share as f32));
         }
     }
@@ -98,10 +122,10 @@ fn draw_path(canvas: &mut MapCanvas, samples: &[Sample]) {
     }
 }
 
-/// Returns the colour of the path after a share of the time.
 fn between(share: f32) -> Ink {
     std::array::from_fn(|i| {
-        let (from, to) = (f32::from(START[i]), f32::from(END[i]));
+        let from = f32::from(START[i]);
+        let to = f32::from(END[i]);
         (from + (to - from) * share.clamp(0.0, 1.0)) as u8
     })
 }
@@ -117,19 +141,14 @@ fn draw_clocks(canvas: &mut MapCanvas, samples: &[Sample]) {
         }
         canvas.dot(sample.pose.point(), 3.5, PALE);
         let style = TextStyle::small([60, 62, 70, 255]);
-        canvas.label_if_room(
-            sample.pose.point(),
-            8.0,
-            &clock(sample.at.as_secs_f64()),
-            style,
-        );
+        let text = clock(sample.at.as_secs_f64());
+        canvas.label_if_room(sample.pose.point(), 8.0, &text, style);
         while due <= sample.at {
             due += last.at / CLOCKS;
         }
     }
 }
 
-/// Formats a time as minutes and seconds.
 fn clock(seconds: f64) -> String {
     let seconds = seconds.round() as u64;
     format!("{}:{:02}", seconds / 60, seconds % 60)
@@ -176,9 +195,7 @@ fn draw_marks(canvas: &mut MapCanvas, events: &[TraceEvent]) {
 /// Returns the place of a mark: collisions at the bumper, all others at the robot's centre.
 fn mark_place(mark: Mark, pose: Pose) -> Point {
     match mark {
-        Mark::Collision => pose
-            .point()
-            .ahead(pose.heading, crate::sim::geometry::RADIUS * 0.8),
+        Mark::Collision => pose.point().ahead(pose.heading, RADIUS * 0.8),
         _ => pose.point(),
     }
 }
@@ -190,32 +207,6 @@ fn symbol(canvas: &mut MapCanvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
             .map(|(dx, dy)| (x + dx * size, y + dy * size))
             .collect()
     };
-    let house = [
-        (0.0, -1.2),
-        (1.0, -0.2),
-        (1.0, 1.0),
-        (-1.0, 1.0),
-        (-1.0, -0.2),
-    ];
-    let square = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
-    let diamond = [(0.0, -1.0), (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0)];
-    let star = [
-        (0.0, -1.0),
-        (0.3, -0.3),
-        (1.0, 0.0),
-        (0.3, 0.3),
-        (0.0, 1.0),
-        (-0.3, 0.3),
-        (-1.0, 0.0),
-        (-0.3, -0.3),
-    ];
-    let flag = [
-        (0.0, 1.0),
-        (0.0, -1.2),
-        (1.4, -0.7),
-        (0.2, -0.2),
-        (0.2, 1.0),
-    ];
     let (shape, size): (&[(f32, f32)], f32) = match mark {
         Mark::Collision | Mark::NotFound => {
             for sign in [-1.0, 1.0] {
@@ -226,11 +217,11 @@ fn symbol(canvas: &mut MapCanvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
             }
             return;
         }
-        Mark::FindBase | Mark::Docked | Mark::Undocked => (&house, 7.0),
-        Mark::Photo => (&square, 5.0),
-        Mark::Sound => (&diamond, 6.5),
-        Mark::Light => (&star, 8.0),
-        Mark::Note => (&flag, 8.0),
+        Mark::FindBase | Mark::Docked | Mark::Undocked => (&HOUSE, 7.0),
+        Mark::Photo => (&SQUARE, 5.0),
+        Mark::Sound => (&DIAMOND, 6.5),
+        Mark::Light => (&STAR, 8.0),
+        Mark::Note => (&FLAG, 8.0),
     };
     let white = polygon(size + 1.5, shape);
     canvas.fill_pixels(&white, [255, 255, 255, 230]);
@@ -241,29 +232,16 @@ fn symbol(canvas: &mut MapCanvas, mark: Mark, (x, y): (f32, f32), ink: Ink) {
 fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
     let left = canvas.at(Point::new(world.room.width, 0.0)).0 + 28.0;
     let mut y = 14.0;
-    let title = TextStyle {
-        ink: END,
-        large: true,
-        bold: true,
-    };
-    canvas.write(
-        (left, y),
-        &format!("run of {}", clock(trace.duration().as_secs_f64())),
-        title,
-    );
+    let text = format!("run of {}", clock(trace.duration().as_secs_f64()));
+    canvas.write((left, y), &text, TextStyle::title(END));
     y += 28.0;
-    canvas.write(
-        (left, y),
-        &format!("{:.1} m driven", trace.distance()),
-        TextStyle::small(PALE),
-    );
+    let text = format!("{:.1} m driven", trace.distance());
+    canvas.write((left, y), &text, TextStyle::small(PALE));
     y += 32.0;
     for (ink, text) in [(START, "start"), (END, "end")] {
-        canvas.fill_pixels(
-            &[(left, y + 3.0), (left + 12.0, y + 8.0), (left, y + 13.0)],
-            ink,
-        );
-        canvas.write((left + 26.0, y), text, plan::NAME);
+        let arrow = [(left, y + 3.0), (left + 12.0, y + 8.0), (left, y + 13.0)];
+        canvas.fill_pixels(&arrow, ink);
+        canvas.write((left + 26.0, y), text, map::NAME);
         y += 24.0;
     }
     for (mark, name, ink) in MARKS {
@@ -275,11 +253,8 @@ fn draw_legend(canvas: &mut MapCanvas, world: &World, trace: &Trace) {
             continue;
         }
         symbol(canvas, mark, (left + 6.0, y + 8.0), ink);
-        canvas.write(
-            (left + 26.0, y),
-            &format!("{name}: {}", events.len()),
-            plan::NAME,
-        );
+        let text = format!("{name}: {}", events.len());
+        canvas.write((left + 26.0, y), &text, map::NAME);
         y += 20.0;
         for line in details(&events) {
             canvas.write((left + 26.0, y), &line, TextStyle::small(PALE));

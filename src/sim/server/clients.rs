@@ -8,9 +8,8 @@ use std::time::Duration;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
+use super::connection::ReportQueue;
 use crate::wire::{Login, Refusal, Report};
-
-use super::report_queue::ReportQueue;
 
 /// Maximum number of simultaneous connections, including those that have not logged in.
 const MAX_CLIENTS: usize = 8;
@@ -23,7 +22,6 @@ struct Client {
     since: Instant,
 }
 
-/// All connections.
 #[derive(Default)]
 pub(crate) struct Clients {
     all: BTreeMap<u64, Client>,
@@ -44,19 +42,16 @@ impl Clients {
         if self.all.len() >= MAX_CLIENTS {
             return None;
         }
+        let client = Client {
+            reports: Arc::new(ReportQueue::new()),
+            cut: CancellationToken::new(),
+            since: now,
+        };
         let id = self.next;
-        let reports = Arc::new(ReportQueue::new());
-        let cut = CancellationToken::new();
+        let admission = (id, client.reports.clone(), client.cut.clone());
         self.next += 1;
-        self.all.insert(
-            id,
-            Client {
-                reports: reports.clone(),
-                cut: cut.clone(),
-                since: now,
-            },
-        );
-        Some((id, reports, cut))
+        self.all.insert(id, client);
+        Some(admission)
     }
 
     /// Whether `id` is the user, who may command the robot.
@@ -64,12 +59,10 @@ impl Clients {
         self.user.as_ref().is_some_and(|(user, _)| *user == id)
     }
 
-    /// Whether the client is still registered.
     pub(crate) fn contains(&self, id: u64) -> bool {
         self.all.contains_key(&id)
     }
 
-    /// Returns the name of the connected user.
     pub(crate) fn user(&self) -> Option<&str> {
         self.user.as_ref().map(|(_, name)| name.as_str())
     }
@@ -86,15 +79,13 @@ impl Clients {
         Ok(())
     }
 
-    /// Makes a user without a connection here the current user; returns true if this disconnected
-    /// another user.
+    /// Makes a user without a connection here the user; returns whether another was disconnected.
     pub(crate) fn take_over(&mut self, name: &str) -> bool {
         let disconnected = self.user_id().is_some_and(|id| self.disconnect(id));
         self.user = Some((EXTERNAL_USER, name.to_owned()));
         disconnected
     }
 
-    /// Ends the session of that user.
     pub(crate) fn give_back(&mut self) {
         if self.is_user(EXTERNAL_USER) {
             self.user = None;
@@ -109,8 +100,7 @@ impl Clients {
         }
     }
 
-    /// Sends a report to the user; returns false if the user does not read and must be
-    /// disconnected.
+    /// Sends a report to the user; false if the user does not read and must be disconnected.
     pub(crate) fn send_report(&self, report: &Report) -> bool {
         let Some(client) = self.user.as_ref().and_then(|(id, _)| self.all.get(id)) else {
             return true;
@@ -131,12 +121,10 @@ impl Clients {
         was_user
     }
 
-    /// Returns the ids of all clients.
     pub(crate) fn ids(&self) -> Vec<u64> {
         self.all.keys().copied().collect()
     }
 
-    /// Returns the user's id.
     pub(crate) fn user_id(&self) -> Option<u64> {
         self.user.as_ref().map(|(id, _)| *id)
     }
@@ -144,20 +132,15 @@ impl Clients {
     /// Returns the clients that have exceeded the time limit for logging in.
     pub(crate) fn overdue(&self, now: Instant) -> Vec<u64> {
         let late = |client: &Client| now.duration_since(client.since) > LOGIN_LIMIT;
-        let all = self
-            .all
-            .iter()
-            .filter(|(id, client)| !self.is_user(**id) && late(client));
-        all.map(|(id, _)| *id).collect()
+        let all = self.all.iter();
+        all.filter(|(id, client)| !self.is_user(**id) && late(client))
+            .map(|(id, _)| *id)
+            .collect()
     }
 
     /// Returns the number of frames and audio chunks dropped so far, over all connections.
     pub(crate) fn dropped(&self) -> u64 {
-        self.dropped
-            + self
-                .all
-                .values()
-                .map(|client| client.reports.dropped())
-                .sum::<u64>()
+        let connected = self.all.values().map(|client| client.reports.dropped());
+        self.dropped + connected.sum::<u64>()
     }
 }

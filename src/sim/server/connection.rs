@@ -1,18 +1,19 @@
 //! One client's connection over any byte stream: decodes commands for the server and writes the
-//! queued reports.
+//! queued reports. A client that does not read uses little memory, and gets the newest frame when it
+//! reads again.
 
-use std::sync::Arc;
+use std::collections::VecDeque;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{Notify, mpsc, watch};
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 
-use crate::wire::{Command, Decoder, FramingError};
-
-use super::report_queue::ReportQueue;
+use crate::wire::{Command, Decoder, FramingError, Report};
 
 const READ_LEN: usize = 8 * 1024;
 /// Minimum time between two messages.
@@ -25,7 +26,6 @@ pub trait Transport: AsyncRead + AsyncWrite + Send + Unpin + 'static {}
 
 impl<T: AsyncRead + AsyncWrite + Send + Unpin + 'static> Transport for T {}
 
-/// An event that a connection sends to the server.
 #[derive(Debug)]
 pub(crate) enum Event {
     /// The commands of one read.
@@ -36,11 +36,11 @@ pub(crate) enum Event {
         opened: bool,
         commands: Vec<Command>,
     },
-    /// The connection has ended.
-    Gone { client: u64 },
+    Gone {
+        client: u64,
+    },
 }
 
-/// A connection's channels to the server.
 pub(crate) struct Channels {
     pub(crate) client: u64,
     pub(crate) reports: Arc<ReportQueue>,
@@ -68,12 +68,8 @@ pub(crate) async fn serve(transport: impl Transport, channels: Channels) {
     if refused {
         let _ = tokio::time::timeout(CLOSE_TIMEOUT, close_orderly(&mut reader, &mut writer)).await;
     }
-    let _ = channels
-        .events
-        .send(Event::Gone {
-            client: channels.client,
-        })
-        .await;
+    let client = channels.client;
+    let _ = channels.events.send(Event::Gone { client }).await;
 }
 
 async fn read(
@@ -104,8 +100,7 @@ async fn read(
     }
 }
 
-/// Decodes the complete commands in `bytes`; returns them with the error that ended decoding, if
-/// any.
+/// Decodes the complete commands in `bytes`; also returns the error that ended decoding, if any.
 fn decode_all(decoder: &mut Decoder, mut bytes: &[u8]) -> (Vec<Command>, Result<(), FramingError>) {
     let mut commands = Vec::new();
     loop {
@@ -146,10 +141,223 @@ async fn close_orderly(
 }
 
 impl Channels {
-    /// Waits while the robot is muted.
     async fn unmuted(&self) {
         let mut muted = self.muted.clone();
         // The sender lives as long as the server, whose end also ends this task.
         let _ = muted.wait_for(|muted| !*muted).await;
+    }
+}
+
+/// Maximum number of queued bytes, frames and audio not counted. A client that requests more
+/// without reading is disconnected.
+const MAX_QUEUED_BYTES: usize = 256 * 1024;
+/// Maximum number of queued audio chunks; older ones are dropped.
+const MAX_AUDIO: usize = 8;
+
+/// Progress of the messages that must be sent before a client may drive (`PROTOCOL.md`, *Order
+/// after login*).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
+enum Handshake {
+    Waiting,
+    Accepted,
+    Done,
+}
+
+#[derive(Debug)]
+struct Queue {
+    messages: VecDeque<(Handshake, Bytes)>,
+    length: usize,
+    audio: VecDeque<Bytes>,
+    frame: Option<Bytes>,
+    dropped: u64,
+    handshake: Handshake,
+    closing: bool,
+}
+
+#[derive(Debug)]
+pub(crate) struct ReportQueue {
+    queue: Mutex<Queue>,
+    changed: Notify,
+}
+
+/// The client does not read the reports that it requested.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Overflow;
+
+impl ReportQueue {
+    pub(crate) fn new() -> ReportQueue {
+        let queue = Queue {
+            messages: VecDeque::new(),
+            length: 0,
+            audio: VecDeque::new(),
+            frame: None,
+            dropped: 0,
+            handshake: Handshake::Waiting,
+            closing: false,
+        };
+        ReportQueue {
+            queue: Mutex::new(queue),
+            changed: Notify::new(),
+        }
+    }
+
+    /// Queues a report. A frame replaces a queued frame.
+    pub(crate) fn push(&self, report: &Report) -> Result<(), Overflow> {
+        let mut queue = self.lock();
+        match report {
+            Report::Video(_) => queue.put_frame(report.to_bytes()),
+            Report::Audio(_) => queue.put_audio(report.to_bytes()),
+            Report::Accepted(_) => queue.put_message(Handshake::Accepted, report.to_bytes()),
+            Report::Power(_) => queue.put_message(Handshake::Done, report.to_bytes()),
+            _ => queue.put_message(Handshake::Waiting, report.to_bytes()),
+        }
+        self.changed.notify_one();
+        if queue.length > MAX_QUEUED_BYTES {
+            Err(Overflow)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Closes the connection after everything has been written.
+    pub(crate) fn close(&self) {
+        self.lock().closing = true;
+        self.changed.notify_one();
+    }
+
+    /// Whether AUTH_REPLY and the first POWER after it have been taken from the queue.
+    pub(crate) fn opened(&self) -> bool {
+        self.lock().handshake == Handshake::Done
+    }
+
+    pub(crate) fn dropped(&self) -> u64 {
+        self.lock().dropped
+    }
+
+    /// Waits for the next message to write; `None` when the connection must be closed.
+    pub(crate) async fn next(&self) -> Option<Bytes> {
+        loop {
+            let changed = self.changed.notified();
+            match self.lock().take() {
+                (Some(message), _) => return Some(message),
+                (None, true) => return None,
+                (None, false) => {}
+            }
+            changed.await;
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Queue {
+    fn put_frame(&mut self, bytes: Bytes) {
+        self.dropped += u64::from(self.frame.is_some());
+        self.frame = Some(bytes);
+    }
+
+    fn put_audio(&mut self, bytes: Bytes) {
+        if self.audio.len() == MAX_AUDIO {
+            self.audio.pop_front();
+            self.dropped += 1;
+        }
+        self.audio.push_back(bytes);
+    }
+
+    fn put_message(&mut self, handshake: Handshake, bytes: Bytes) {
+        self.length += bytes.len();
+        self.messages.push_back((handshake, bytes));
+    }
+
+    /// Takes the next message, audio and frames last; also returns whether the queue is closing.
+    fn take(&mut self) -> (Option<Bytes>, bool) {
+        let stream = |queue: &mut Queue| {
+            let sound = queue.audio.pop_front();
+            sound.or_else(|| queue.frame.take())
+        };
+        let Some((handshake, bytes)) = self.messages.pop_front() else {
+            return (stream(self), self.closing);
+        };
+        self.length -= bytes.len();
+        self.handshake = match (self.handshake, handshake) {
+            (Handshake::Waiting, Handshake::Accepted) => Handshake::Accepted,
+            (Handshake::Accepted, Handshake::Done) => Handshake::Done,
+            (before, _) => before,
+        };
+        (Some(bytes), self.closing)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::{Accepted, Power};
+
+    fn frame(byte: u8) -> Report {
+        Report::Video(Bytes::from(vec![byte; 100]))
+    }
+
+    fn power() -> Report {
+        Report::Power(Power {
+            percent: 50,
+            charging: false,
+        })
+    }
+
+    #[tokio::test]
+    async fn only_the_newest_frame_is_queued_and_messages_go_first() {
+        let reports = ReportQueue::new();
+        for report in [frame(1), frame(2), power(), frame(3)] {
+            reports.push(&report).unwrap();
+        }
+        assert_eq!(reports.next().await.unwrap(), power().to_bytes());
+        assert_eq!(reports.next().await.unwrap(), frame(3).to_bytes());
+        assert_eq!(reports.dropped(), 2);
+    }
+
+    #[tokio::test]
+    async fn queued_reports_are_written_before_the_end() {
+        let reports = ReportQueue::new();
+        reports.push(&power()).unwrap();
+        reports.close();
+        assert_eq!(reports.next().await.unwrap(), power().to_bytes());
+        assert_eq!(reports.next().await, None);
+    }
+
+    #[tokio::test]
+    async fn driving_is_allowed_after_the_reply_and_then_a_power() {
+        let accepted = Accepted {
+            uid: "S".into(),
+            name: String::new(),
+            place: String::new(),
+            firmware: String::new(),
+            docked: false,
+            tail: Bytes::new(),
+        };
+        let reports = ReportQueue::new();
+        reports.push(&power()).unwrap();
+        reports.push(&Report::Accepted(accepted)).unwrap();
+        reports.next().await.unwrap();
+        reports.next().await.unwrap();
+        assert!(!reports.opened());
+        reports.push(&power()).unwrap();
+        assert!(!reports.opened());
+        reports.next().await.unwrap();
+        assert!(reports.opened());
+    }
+
+    #[test]
+    fn only_messages_overflow_the_queue_of_a_client_that_never_reads() {
+        let reports = ReportQueue::new();
+        for _ in 0..10_000 {
+            reports.push(&frame(0)).unwrap();
+            reports
+                .push(&Report::Audio(Bytes::from(vec![0; 1600])))
+                .unwrap();
+        }
+        let log = Report::Log(Bytes::from(vec![b'x'; 60_000]));
+        assert!((0..10).any(|_| reports.push(&log) == Err(Overflow)));
     }
 }

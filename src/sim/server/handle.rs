@@ -1,30 +1,25 @@
-//! The handle with which tests and the command line observe and change a running simulator.
+//! The handle with which tests and the command line observe and change a running simulator, and the
+//! bounded journal of received commands.
 
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
 
-use crate::wire::{Command, Report};
-
 use super::connection::Transport;
-use super::journal::{Journal, ReceivedCommand};
-use crate::sim::body::robot::Robot;
+use crate::sim::body::Robot;
 use crate::sim::body::state::State;
 use crate::sim::body::trace::{Trace, TraceEventKind};
-use crate::sim::faults::fault::Fault;
+use crate::sim::faults::Fault;
 use crate::sim::geometry::{Point, Pose};
-use crate::sim::world::document::World;
+use crate::sim::world::World;
+use crate::wire::{Command, Report};
 
 /// Capacity of the request queue; further requests are dropped with a warning.
 const MAX_REQUESTS: usize = 256;
 
-/// A request from a handle to the server.
 pub(crate) enum Request {
-    Battery(f64),
-    ChargerWorks(bool),
-    Place(Pose),
-    Beacon(bool),
     Inject(Report),
     DisconnectAll,
     Begin(Fault),
@@ -45,7 +40,6 @@ pub struct Handle {
     world: Arc<World>,
 }
 
-/// The server's ends of a handle's channels.
 pub(crate) struct Ends {
     pub(crate) muted: watch::Receiver<bool>,
     pub(crate) state: watch::Sender<State>,
@@ -93,14 +87,10 @@ impl Handle {
     /// timeout.
     pub async fn wait_state(&self, wanted: impl Fn(&State) -> bool) -> State {
         let mut state = self.state.clone();
-        let found = state
-            .wait_for(|state| wanted(state))
-            .await
-            .map(|state| state.clone());
-        match found {
-            Ok(state) => state,
-            Err(_) => std::future::pending().await,
+        if let Ok(state) = state.wait_for(|state| wanted(state)).await {
+            return state.clone();
         }
+        std::future::pending().await
     }
 
     /// Returns the commands that the robot has received, oldest first; of very many, only the
@@ -161,41 +151,37 @@ impl Handle {
 
     /// Puts a ball at a place, at rest; `index` is its index in the world's list.
     pub fn put_ball(&self, index: usize, place: Point) {
-        self.request(Request::Alter(Box::new(move |robot| {
-            robot.put_ball(index, place)
-        })));
+        self.alter(move |robot| robot.put_ball(index, place));
     }
 
     /// Sets the battery's level, percent; the change is reported immediately.
     pub fn set_battery(&self, percent: f64) {
-        self.request(Request::Battery(percent));
+        self.alter(move |robot| robot.set_battery(percent));
     }
 
     /// Multiplies all light of the world by `gain`, 0..=100.
     pub fn set_light(&self, gain: f64) {
-        self.request(Request::Alter(Box::new(move |robot| robot.set_light(gain))));
+        self.alter(move |robot| robot.set_light(gain));
     }
 
     /// Plays a tone of this level, dBFS, at the microphone for `time`.
     pub fn disturb(&self, dbfs: f64, time: Duration) {
-        self.request(Request::Alter(Box::new(move |robot| {
-            robot.disturb(dbfs, time);
-        })));
+        self.alter(move |robot| robot.disturb(dbfs, time));
     }
 
     /// Breaks or repairs the charger; with a broken one the robot docks but does not charge.
     pub fn set_charging_broken(&self, broken: bool) {
-        self.request(Request::ChargerWorks(!broken));
+        self.alter(move |robot| robot.set_charger_works(!broken));
     }
 
     /// Moves the robot to a pose. At the station's dock pose it is docked.
     pub fn place(&self, pose: Pose) {
-        self.request(Request::Place(pose));
+        self.alter(move |robot| robot.place(pose));
     }
 
     /// Hides the station, so that BASE_FIND ends with BASE_NOT_FOUND, or shows it again.
     pub fn hide_station(&self, hidden: bool) {
-        self.request(Request::Beacon(!hidden));
+        self.alter(move |robot| robot.set_beacon(!hidden));
     }
 
     /// Sends any report to the connected user, whether or not it is true.
@@ -229,9 +215,113 @@ impl Handle {
         self.request(Request::Connect(Box::new(transport)));
     }
 
+    fn alter(&self, alter: impl FnOnce(&mut Robot) + Send + 'static) {
+        self.request(Request::Alter(Box::new(alter)));
+    }
+
     fn request(&self, request: Request) {
         if self.requests.try_send(request).is_err() {
             tracing::warn!(target: "spykee::sim", "the simulator does not run or is overrun");
         }
+    }
+}
+
+/// Maximum number of entries; older ones are dropped.
+const MAX_ENTRIES: usize = 16_384;
+/// Maximum total of payload bytes; older entries are dropped.
+const MAX_BYTES: usize = 4 * 1024 * 1024;
+
+/// One command that reached the robot.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ReceivedCommand {
+    /// Index of the command since the start, from 0.
+    pub index: usize,
+    /// Time since the start of the server.
+    pub at: Duration,
+    /// Index of the read, counted over all connections. Commands of one client write share it,
+    /// unless the network split that write.
+    pub write: u64,
+    /// Index of the connection, from 0.
+    pub client: u64,
+    /// The command.
+    pub command: Command,
+}
+
+#[derive(Debug, Default)]
+pub(crate) struct Journal {
+    entries: VecDeque<ReceivedCommand>,
+    next: usize,
+    bytes: usize,
+}
+
+impl Journal {
+    /// Adds a command and assigns its index.
+    pub(crate) fn write(&mut self, at: Duration, write: u64, client: u64, command: Command) {
+        self.bytes += weight(&command);
+        self.entries.push_back(ReceivedCommand {
+            index: self.next,
+            at,
+            write,
+            client,
+            command,
+        });
+        self.next += 1;
+        while self.entries.len() > MAX_ENTRIES || self.bytes > MAX_BYTES {
+            let Some(oldest) = self.entries.pop_front() else {
+                break;
+            };
+            self.bytes -= weight(&oldest.command);
+        }
+    }
+
+    /// Returns the entries from an index on, as far as they have been kept.
+    pub(crate) fn since(&self, index: usize) -> impl Iterator<Item = &ReceivedCommand> {
+        let forgotten = self.next - self.entries.len();
+        self.entries.iter().skip(index.saturating_sub(forgotten))
+    }
+
+    pub(crate) fn count(&self) -> usize {
+        self.next
+    }
+}
+
+/// Returns the number of payload bytes that a command keeps in memory.
+fn weight(command: &Command) -> usize {
+    match command {
+        Command::Audio(payload)
+        | Command::Mute(payload)
+        | Command::ConfigSet(payload)
+        | Command::MotorSpeed(payload) => payload.len(),
+        Command::File(chunk) => chunk.content().len(),
+        Command::Unknown(packet) => packet.payload.len(),
+        _ => 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytes::Bytes;
+
+    #[test]
+    fn the_journal_drops_the_oldest_entries_and_keeps_counting() {
+        let mut journal = Journal::default();
+        for _ in 0..MAX_ENTRIES + 10 {
+            journal.write(Duration::ZERO, 0, 0, Command::None);
+        }
+        assert_eq!(journal.count(), MAX_ENTRIES + 10);
+        assert_eq!(journal.since(0).next().unwrap().index, 10);
+        assert_eq!(journal.since(MAX_ENTRIES).count(), 10);
+        assert_eq!(journal.since(usize::MAX).count(), 0);
+    }
+
+    #[test]
+    fn long_payloads_do_not_accumulate() {
+        let mut journal = Journal::default();
+        for _ in 0..1000 {
+            let payload = Bytes::from(vec![0; 60_000]);
+            journal.write(Duration::ZERO, 0, 0, Command::Audio(payload));
+        }
+        assert!(journal.bytes <= MAX_BYTES && journal.since(0).count() > 10);
     }
 }

@@ -10,19 +10,17 @@ use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 
-use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
-
 use super::clients::Clients;
-use super::connection::{self, Channels, Event, Transport};
-use super::handle::{self, Ends, Request};
-use super::options::Options;
-use crate::sim::body::log::describe;
-use crate::sim::body::robot::Robot;
-use crate::sim::faults::fault::{Fault, FaultKind};
-use crate::sim::faults::proxy::{self, Breaker};
-use crate::sim::faults::scheduler::FaultScheduler;
-use crate::sim::faults::timing::Transition;
+use super::connection::{Channels, Event, Transport};
+use super::handle::{Ends, Request};
+use super::{Options, connection, handle};
+use crate::sim::body::Robot;
+use crate::sim::body::memory::describe;
+use crate::sim::faults::proxy::Breaker;
+use crate::sim::faults::scheduler::{FaultScheduler, Transition};
+use crate::sim::faults::{Fault, FaultKind, proxy};
 use crate::sim::geometry::Pose;
+use crate::wire::{Accepted, Command, Login, Refusal, Report, discovery};
 
 /// The physics time step.
 pub(crate) const STEP: Duration = Duration::from_millis(20);
@@ -35,7 +33,6 @@ const SECOND_USER: &str = "second-user";
 /// How far the robot slides when it loses its station, metres.
 const SLIDE: f64 = 0.12;
 
-/// The robot with its clients.
 pub(crate) struct RobotServer {
     robot: Robot,
     clients: Clients,
@@ -89,10 +86,12 @@ impl RobotServer {
         }
     }
 
-    /// Starts the simulated time, and that of these faults.
     pub(crate) fn begin(&mut self, faults: impl IntoIterator<Item = Fault>) {
-        (self.started, self.stepped) = (Instant::now(), Instant::now());
-        faults.into_iter().for_each(|fault| self.begin_fault(fault));
+        self.started = Instant::now();
+        self.stepped = self.started;
+        for fault in faults {
+            self.begin_fault(fault);
+        }
     }
 
     /// Whether the robot is rebooting and cannot be reached.
@@ -107,7 +106,6 @@ impl RobotServer {
         }
     }
 
-    /// Returns the discovery reply.
     pub(crate) fn discovery_reply(&self) -> discovery::Reply {
         let connected_user = self.clients.user().map(str::to_owned);
         discovery::Reply {
@@ -131,22 +129,16 @@ impl RobotServer {
         if now.duration_since(self.stepped) >= STEP {
             self.stepped = now;
         }
-        self.clients
-            .overdue(now)
-            .into_iter()
-            .for_each(|id| self.disconnect(id));
+        for client in self.clients.overdue(now) {
+            self.disconnect(client);
+        }
         let transitions = self.scheduler.as_mut().map(|scheduler| scheduler.poll(now));
         self.apply_transitions(transitions.unwrap_or_default());
         self.publish();
     }
 
-    /// Handles a request from a handle.
     pub(super) fn handle_request(&mut self, request: Request) {
         match request {
-            Request::Battery(percent) => self.robot.set_battery(percent),
-            Request::ChargerWorks(works) => self.robot.set_charger_works(works),
-            Request::Place(pose) => self.robot.place(pose),
-            Request::Beacon(on) => self.robot.set_beacon(on),
             Request::Inject(report) => self.send_report(&report),
             Request::DisconnectAll => self.disconnect_all(),
             Request::Begin(fault) => self.begin_fault(fault),
@@ -161,7 +153,6 @@ impl RobotServer {
         self.publish();
     }
 
-    /// Handles an event from a connection.
     pub(crate) fn handle_event(&mut self, event: Event) {
         match event {
             Event::Gone { client } => self.disconnect(client),
@@ -218,8 +209,7 @@ impl RobotServer {
         self.apply_transitions(transitions);
     }
 
-    /// Applies beginnings and ends of faults to the robot; the proxy handles faults of the byte
-    /// stream.
+    /// Applies faults that begin or end to the robot; the proxy handles those of the byte stream.
     fn apply_transitions(&mut self, transitions: Vec<(FaultKind, Transition)>) {
         for (kind, transition) in transitions {
             tracing::info!(target: "spykee::sim", trouble = ?kind, turn = ?transition, "a fault");
@@ -234,10 +224,14 @@ impl RobotServer {
                     }
                 }
                 FaultKind::TakeOver => self.hand_over(begins),
-                FaultKind::RefuseLogin(refusal) => self.refusing = begins.then_some(refusal),
+                FaultKind::RefuseLogin(refusal) => {
+                    self.refusing = if begins { Some(refusal) } else { None };
+                }
                 FaultKind::BaseNotFound => self.robot.set_beacon(!begins),
                 FaultKind::NoCharge => self.robot.set_charger_works(!begins),
-                FaultKind::DockLost { after } => self.slides_after = begins.then_some(after),
+                FaultKind::DockLost { after } => {
+                    self.slides_after = if begins { Some(after) } else { None };
+                }
                 _ => {}
             }
         }
@@ -265,13 +259,13 @@ impl RobotServer {
             .is_some_and(|after| self.docked_for > after)
         {
             let Pose { x, y, heading } = self.robot.state().pose;
-            let back = (x - SLIDE * heading.cos(), y - SLIDE * heading.sin());
-            self.robot.place(Pose::new(back.0, back.1, heading));
+            let x = x - SLIDE * heading.cos();
+            let y = y - SLIDE * heading.sin();
+            self.robot.place(Pose::new(x, y, heading));
         }
     }
 
-    /// Handles a command from a client: records it in the journal, and executes it if the client is
-    /// allowed to command the robot.
+    /// Records a client's command, and executes it if the client may command the robot.
     fn receive(&mut self, client: u64, write: u64, opened: bool, command: Command) {
         if !self.clients.contains(client) {
             return;
@@ -326,10 +320,9 @@ impl RobotServer {
     }
 
     fn disconnect_all(&mut self) {
-        self.clients
-            .ids()
-            .into_iter()
-            .for_each(|id| self.disconnect(id));
+        for client in self.clients.ids() {
+            self.disconnect(client);
+        }
     }
 
     fn disconnect(&mut self, client: u64) {
@@ -338,7 +331,6 @@ impl RobotServer {
         }
     }
 
-    /// Sends the robot's reports to the user, if there is one.
     fn deliver(&mut self) {
         for report in self.robot.take_reports() {
             self.send_report(&report);
@@ -351,10 +343,9 @@ impl RobotServer {
         }
         if !self.clients.send_report(report) {
             tracing::info!(target: "spykee::sim", "the client sends requests but never reads: disconnected");
-            self.clients
-                .user_id()
-                .into_iter()
-                .for_each(|id| self.disconnect(id));
+            if let Some(user) = self.clients.user_id() {
+                self.disconnect(user);
+            }
         }
     }
 

@@ -19,7 +19,6 @@ const PORT_TRIES: usize = 16;
 /// Pause after a failure to accept a connection, for example for lack of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// The sockets of a simulator.
 pub(super) struct Sockets {
     tcp: Option<TcpListener>,
     udp: Option<UdpSocket>,
@@ -44,7 +43,6 @@ impl Sockets {
         }
     }
 
-    /// Returns the address to which clients connect.
     pub(super) fn address(&self) -> SocketAddr {
         self.address
     }
@@ -56,26 +54,19 @@ impl Sockets {
         for _ in 0..tries {
             let tcp = TcpListener::bind(listen).await?;
             let address = tcp.local_addr()?;
+            let mut sockets = Sockets {
+                tcp: Some(tcp),
+                discovery,
+                ..Sockets::none(address)
+            };
             if !discovery {
-                return Ok(Sockets {
-                    tcp: Some(tcp),
-                    udp: None,
-                    broadcasts: Vec::new(),
-                    address,
-                    discovery,
-                    hidden: false,
-                });
+                return Ok(sockets);
             }
             match UdpSocket::bind(address).await {
                 Ok(udp) => {
-                    return Ok(Sockets {
-                        tcp: Some(tcp),
-                        udp: Some(udp),
-                        broadcasts: broadcasts(address),
-                        address,
-                        discovery,
-                        hidden: false,
-                    });
+                    sockets.udp = Some(udp);
+                    sockets.broadcasts = broadcasts(address);
+                    return Ok(sockets);
                 }
                 Err(error) => last = Some(error),
             }
@@ -87,7 +78,8 @@ impl Sockets {
     /// that fails.
     pub(super) async fn set_visible(&mut self, visible: bool) {
         if !visible && self.tcp.is_some() {
-            (self.tcp, self.udp) = (None, None);
+            self.tcp = None;
+            self.udp = None;
             self.broadcasts.clear();
             self.hidden = true;
         }
@@ -137,7 +129,6 @@ impl Sockets {
         .await
     }
 
-    /// Answers a datagram if it is a discovery request.
     pub(super) async fn answer(&self, reply: &discovery::Reply, datagram: &[u8], from: SocketAddr) {
         if let Some(udp) = &self.udp
             && discovery::is_request(datagram)
@@ -179,14 +170,16 @@ fn targets(own: Ipv4Addr) -> Vec<(Ipv4Addr, Option<String>)> {
         return vec![(Ipv4Addr::new(127, 255, 255, 255), None)];
     }
     let interfaces = if_addrs::get_if_addrs().unwrap_or_default();
-    let here = interfaces
-        .into_iter()
-        .find_map(|interface| match interface.addr {
-            if_addrs::IfAddr::V4(v4) if v4.ip == own => Some((v4.broadcast?, interface.name)),
-            _ => None,
-        });
-    let both = |(directed, name)| vec![(directed, None), (Ipv4Addr::BROADCAST, Some(name))];
-    here.map_or_else(Vec::new, both)
+    for interface in interfaces {
+        if let if_addrs::IfAddr::V4(v4) = interface.addr
+            && v4.ip == own
+            && let Some(directed) = v4.broadcast
+        {
+            let all = (Ipv4Addr::BROADCAST, Some(interface.name));
+            return vec![(directed, None), all];
+        }
+    }
+    Vec::new()
 }
 
 fn listen(address: SocketAddr, device: Option<&str>) -> io::Result<UdpSocket> {

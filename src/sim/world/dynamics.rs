@@ -1,10 +1,58 @@
-//! Moving things of a world besides the robot: balls, which roll along their paths or when pushed,
-//! and people on their paths.
+//! The current state of a world: balls, which roll along their paths or when pushed, and people on
+//! their paths.
 
-use super::document::World;
-use super::route::Trip;
-use crate::sim::geometry::Point;
+use super::World;
+use super::objects::Route;
 use crate::sim::geometry::obstacles::{Circle, Obstacles};
+use crate::sim::geometry::{Point, Pose, RADIUS};
+
+pub(crate) struct Environment {
+    /// The world in its initial state.
+    pub(crate) world: World,
+    pub(crate) obstacles: Obstacles,
+    dynamics: Dynamics,
+}
+
+impl Environment {
+    pub(crate) fn new(world: World) -> Environment {
+        Environment {
+            obstacles: world.obstacles(),
+            dynamics: Dynamics::new(&world),
+            world,
+        }
+    }
+
+    /// Returns the places of balls and people, balls first.
+    pub(crate) fn places(&self) -> impl Iterator<Item = Point> {
+        self.dynamics.places()
+    }
+
+    /// Puts a ball at a place, at rest; `index` is its index in the world's list.
+    pub(crate) fn put_ball(&mut self, index: usize, place: Point) {
+        if index < self.world.balls.len() && place.x.is_finite() && place.y.is_finite() {
+            self.dynamics.put_ball(index, place);
+            self.obstacles.move_round(index, place);
+        }
+    }
+
+    /// Advances everything that moves besides the robot, and pushes balls out of the way of a robot
+    /// that drives at this speed, metres per second.
+    pub(crate) fn step(&mut self, seconds: f64, robot: Pose, speed: f64) {
+        let here = Circle::new(robot.point(), RADIUS);
+        self.dynamics.step(seconds, here, &mut self.obstacles);
+        if speed != 0.0 {
+            // Looks a little farther than the robot gets in this step, so that a ball rolls away
+            // before it can block the robot.
+            let next = here.middle.ahead(robot.heading, 1.5 * speed * seconds);
+            let robot = Circle::new(next, RADIUS);
+            self.dynamics.push_balls(robot, speed, &mut self.obstacles);
+        }
+    }
+
+    pub(crate) fn name_at(&self, point: Point) -> String {
+        self.world.name_of(self.obstacles.nearest(point))
+    }
+}
 
 /// Deceleration of a rolling ball, metres per second squared.
 const FRICTION: f64 = 0.35;
@@ -13,7 +61,6 @@ const ROBOT_CLEARANCE: f64 = 0.05;
 /// Minimum gap between touching things, metres.
 const MIN_GAP: f64 = 0.001;
 
-/// Everything that moves.
 #[derive(Debug, Clone)]
 pub(crate) struct Dynamics {
     /// Balls first, then people, as in [`Obstacles`].
@@ -30,20 +77,13 @@ struct MovingObject {
 }
 
 impl Dynamics {
-    /// Creates the moving objects of a world, at their initial places.
     pub(crate) fn new(world: &World) -> Dynamics {
-        let balls = world.balls.iter().map(|ball| MovingObject {
-            body: Circle::new(ball.at.point(), ball.radius),
-            ball: true,
-            trip: ball.path.as_ref().map(Trip::new),
-            rolling: Point::default(),
-        });
-        let people = world.walkers.iter().map(|walker| MovingObject {
-            body: Circle::new(walker.at.point(), walker.radius),
-            ball: false,
-            trip: walker.path.as_ref().map(Trip::new),
-            rolling: Point::default(),
-        });
+        let balls = world.balls.iter();
+        let balls = balls
+            .map(|ball| MovingObject::new(ball.at.point(), ball.radius, true, ball.path.as_ref()));
+        let people = world.walkers.iter();
+        let people = people
+            .map(|who| MovingObject::new(who.at.point(), who.radius, false, who.path.as_ref()));
         Dynamics {
             all: balls.chain(people).collect(),
         }
@@ -56,9 +96,10 @@ impl Dynamics {
 
     /// Puts a ball at a place, at rest; a ball on a path leaves it permanently.
     pub(crate) fn put_ball(&mut self, index: usize, place: Point) {
-        let balls = self.all.iter_mut().filter(|mover| mover.ball);
-        if let Some(ball) = balls.skip(index).take(1).next() {
-            (ball.body.middle, ball.rolling) = (place, Point::default());
+        let mut balls = self.all.iter_mut().filter(|mover| mover.ball);
+        if let Some(ball) = balls.nth(index) {
+            ball.body.middle = place;
+            ball.rolling = Point::default();
             ball.trip = None;
         }
     }
@@ -109,6 +150,15 @@ impl Dynamics {
 }
 
 impl MovingObject {
+    fn new(place: Point, radius: f64, ball: bool, path: Option<&Route>) -> MovingObject {
+        MovingObject {
+            body: Circle::new(place, radius),
+            ball,
+            trip: path.map(Trip::new),
+            rolling: Point::default(),
+        }
+    }
+
     /// Returns the mover's place after so many seconds.
     fn next(&mut self, seconds: f64) -> Point {
         let here = self.body.middle;
@@ -121,8 +171,73 @@ impl MovingObject {
                 here.y + self.rolling.y * seconds,
             );
         }
-        let trip = self.trip.as_mut();
-        trip.map_or(here, |trip| trip.step(here, seconds))
+        match &mut self.trip {
+            Some(trip) => trip.step(here, seconds),
+            None => here,
+        }
+    }
+}
+
+#[derive(Debug, Clone)]
+pub(crate) struct Trip {
+    corners: Vec<Point>,
+    speed: f64,
+    pause: f64,
+    closed: bool,
+    next: usize,
+    back: bool,
+    rested: f64,
+}
+
+impl Trip {
+    /// Creates a trip that starts towards the first corner.
+    pub(crate) fn new(route: &Route) -> Trip {
+        Trip {
+            corners: route.through.iter().map(|spot| spot.point()).collect(),
+            speed: route.speed,
+            pause: route.pause,
+            closed: route.closed,
+            next: 0,
+            back: false,
+            rested: 0.0,
+        }
+    }
+
+    /// Returns the place, after so many seconds, of something that is at `here`.
+    pub(crate) fn step(&mut self, here: Point, seconds: f64) -> Point {
+        let Some(&target) = self.corners.get(self.next) else {
+            return here;
+        };
+        let left = here.distance(target);
+        let stride = self.speed * seconds;
+        if left > stride {
+            return here.towards(target, stride / left);
+        }
+        self.rested += seconds;
+        if self.rested >= self.pause {
+            self.rested = 0.0;
+            self.turn();
+        }
+        target
+    }
+
+    fn turn(&mut self) {
+        let last = self.corners.len() - 1;
+        if last == 0 {
+            return;
+        }
+        if self.closed {
+            self.next = (self.next + 1) % (last + 1);
+            return;
+        }
+        if self.next == 0 || self.next == last {
+            self.back = self.next == last;
+        }
+        self.next = if self.back {
+            self.next - 1
+        } else {
+            self.next + 1
+        };
     }
 }
 
@@ -196,5 +311,42 @@ mod tests {
         let robot = Circle::new(Point::new(5.7, 2.0), 0.15);
         dynamics.push_balls(robot, 0.4, &mut obstacles);
         assert_eq!(dynamics.places().next(), Some(Point::new(5.9, 2.0)));
+    }
+
+    fn visited(closed: bool) -> Vec<(i32, i32)> {
+        let yaml = format!("{{through: [[1, 1], [2, 1], [2, 2]], speed: 1, closed: {closed}}}");
+        let mut trip = Trip::new(&serde_yaml::from_str(&yaml).unwrap());
+        let mut here = Point::new(1.0, 1.0);
+        let mut seen = Vec::new();
+        for _ in 0..110 {
+            here = trip.step(here, 0.05);
+            let corner = (here.x * 10.0).round() as i32 % 10 == 0
+                && (here.y * 10.0).round() as i32 % 10 == 0;
+            let at = (here.x.round() as i32, here.y.round() as i32);
+            if corner && seen.last() != Some(&at) {
+                seen.push(at);
+            }
+        }
+        seen
+    }
+
+    #[test]
+    fn a_route_goes_back_and_forth_or_around() {
+        assert_eq!(
+            visited(false),
+            [(1, 1), (2, 1), (2, 2), (2, 1), (1, 1), (2, 1)]
+        );
+        assert_eq!(
+            visited(true),
+            [(1, 1), (2, 1), (2, 2), (1, 1), (2, 1), (2, 2)]
+        );
+    }
+
+    #[test]
+    fn a_route_with_one_corner_ends_there() {
+        let mut trip = Trip::new(&serde_yaml::from_str("{through: [[1, 1]], speed: 1}").unwrap());
+        let mut here = Point::new(1.5, 1.0);
+        (0..100).for_each(|_| here = trip.step(here, 0.05));
+        assert_eq!(here, Point::new(1.0, 1.0));
     }
 }

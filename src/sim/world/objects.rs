@@ -1,12 +1,10 @@
-//! The things in a world as defined in YAML, with their shapes.
+//! The things in a world as defined in YAML, with their places, shapes, colours and routes.
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
-use super::paint::Paint;
-use super::route::Route;
-use super::spot::Spot;
-use crate::sim::geometry::{Point, Segment, in_rectangle, rectangle};
+use crate::sim::geometry::{Point, Pose, Segment, in_rectangle, rectangle};
 use crate::sim::yaml::number;
+use crate::yaml;
 
 /// The outer walls, from (0, 0) to (`width`, `depth`), and the floor between them.
 #[derive(Debug, Clone, Deserialize)]
@@ -135,14 +133,12 @@ impl Room {
         rectangle(middle, self.width, self.depth, 0.0)
     }
 
-    /// Whether a place is within the outer walls.
     pub(crate) fn holds(&self, point: Point) -> bool {
         (0.0..=self.width).contains(&point.x) && (0.0..=self.depth).contains(&point.y)
     }
 }
 
 impl Wall {
-    /// Whether a place is inside the wall.
     pub(crate) fn covers(&self, place: Point) -> bool {
         let from = self.from.point();
         let to = self.to.point();
@@ -152,7 +148,6 @@ impl Wall {
         in_rectangle(place, middle, length, self.thickness, heading)
     }
 
-    /// Returns its four sides as seen from above.
     pub(crate) fn sides(&self) -> [Segment; 4] {
         let from = self.from.point();
         let to = self.to.point();
@@ -167,14 +162,12 @@ impl Wall {
 }
 
 impl Furniture {
-    /// Whether a place is inside the piece of furniture.
     pub(crate) fn covers(&self, place: Point) -> bool {
         let middle = self.at.point();
         let heading = self.heading_degrees.to_radians();
         in_rectangle(place, middle, self.length, self.width, heading)
     }
 
-    /// Returns its four sides as seen from above.
     pub(crate) fn sides(&self) -> [Segment; 4] {
         rectangle(
             self.at.point(),
@@ -207,4 +200,145 @@ fn post_radius() -> f64 {
 
 fn post_height() -> f64 {
     0.6
+}
+
+/// The robot's start place and heading.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Start {
+    /// The place.
+    pub at: Spot,
+    /// Heading in degrees, left positive; 0 is along x.
+    #[serde(default, deserialize_with = "number::degrees")]
+    pub heading_degrees: f64,
+}
+
+impl Start {
+    /// Returns the start as a pose.
+    pub fn pose(&self) -> Pose {
+        Pose::at(self.at.point(), self.heading_degrees.to_radians())
+    }
+}
+
+/// `[x, y]` in metres.
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub struct Spot([Coordinate; 2]);
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+struct Coordinate(#[serde(deserialize_with = "number::coordinate")] f64);
+
+impl Spot {
+    /// Returns the place on the floor.
+    pub fn point(self) -> Point {
+        Point::new(self.0[0].0, self.0[1].0)
+    }
+}
+
+const NAMED: [(&str, [u8; 3]); 12] = [
+    ("red", [206, 28, 36]),
+    ("orange", [238, 120, 20]),
+    ("yellow", [240, 208, 24]),
+    ("green", [36, 160, 60]),
+    ("cyan", [30, 190, 210]),
+    ("blue", [32, 76, 200]),
+    ("magenta", [200, 40, 160]),
+    ("white", [236, 236, 232]),
+    ("black", [26, 26, 28]),
+    ("grey", [128, 128, 126]),
+    ("brown", [112, 74, 44]),
+    ("beige", [206, 188, 154]),
+];
+
+/// A colour: red, green and blue, 0..=255, under full light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Paint(pub [u8; 3]);
+
+impl Paint {
+    /// Parses a colour name or `#rrggbb`.
+    pub fn parse(text: &str) -> Option<Paint> {
+        if let Some((_, rgb)) = NAMED.iter().find(|(name, _)| *name == text) {
+            return Some(Paint(*rgb));
+        }
+        let digits = text.strip_prefix('#').filter(|digits| digits.len() == 6)?;
+        if !digits.bytes().all(|digit| digit.is_ascii_hexdigit()) {
+            return None;
+        }
+        let number = u32::from_str_radix(digits, 16).ok()?;
+        let [_, red, green, blue] = number.to_be_bytes();
+        Some(Paint([red, green, blue]))
+    }
+}
+
+impl<'de> Deserialize<'de> for Paint {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Paint, D::Error> {
+        let names = NAMED.map(|(name, _)| name).join(", ");
+        let expected = format!("a colour: {names}, or \"#rrggbb\" in quotes");
+        yaml::known_text(from, &expected, Paint::parse)
+    }
+}
+
+/// A route through the room.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Route {
+    /// Its corners, in order.
+    pub through: Vec<Spot>,
+    /// Speed, metres per second.
+    #[serde(deserialize_with = "number::speed")]
+    pub speed: f64,
+    /// Pause at each corner, seconds.
+    #[serde(default, deserialize_with = "number::span")]
+    pub pause: f64,
+    /// Whether to continue from the last corner to the first; otherwise the route is reversed.
+    #[serde(default)]
+    pub closed: bool,
+}
+
+/// A person who stands or walks: a visible obstacle.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Walker {
+    /// Their name.
+    #[serde(default)]
+    pub name: String,
+    /// Their place without a `path`, or their start with one.
+    pub at: Spot,
+    /// Radius in metres.
+    #[serde(default = "walker_radius", deserialize_with = "number::radius")]
+    pub radius: f64,
+    /// Height in metres.
+    #[serde(default = "walker_height", deserialize_with = "number::height")]
+    pub height: f64,
+    /// Colour of the clothes.
+    #[serde(default = "clothes")]
+    pub colour: Paint,
+    /// Their route.
+    #[serde(default)]
+    pub path: Option<Route>,
+}
+
+fn walker_radius() -> f64 {
+    0.2
+}
+
+fn walker_height() -> f64 {
+    1.7
+}
+
+fn clothes() -> Paint {
+    Paint([92, 96, 112])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_parsed_from_names_and_hex() {
+        assert_eq!(Paint::parse("#0A141e"), Some(Paint([10, 20, 30])));
+        assert_eq!(Paint::parse("red"), Some(Paint([206, 28, 36])));
+        for wrong in ["rot", "#12", "#gg0000", "", "#+12345"] {
+            assert_eq!(Paint::parse(wrong), None, "{wrong}");
+        }
+    }
 }

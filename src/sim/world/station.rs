@@ -5,10 +5,9 @@ use std::f64::consts::PI;
 
 use serde::Deserialize;
 
-use super::spot::Spot;
-use crate::sim::geometry::RADIUS;
+use super::objects::Spot;
 use crate::sim::geometry::obstacles::Obstacles;
-use crate::sim::geometry::{Point, Pose, Segment, rectangle, wrap};
+use crate::sim::geometry::{Point, Pose, RADIUS, Segment, rectangle, wrap};
 use crate::sim::yaml::number;
 
 /// Depth of the station's body, from back to front, metres.
@@ -92,13 +91,11 @@ impl Station {
         rectangle(middle, DEPTH, WIDTH, self.heading())
     }
 
-    /// Returns the place of the beacon.
     pub(crate) fn beacon(&self) -> Point {
         self.at.point().ahead(self.heading(), DEPTH + 0.01)
     }
 
-    /// Whether a robot at `point` is within the beam and range of the beacon, with a clear line of
-    /// sight.
+    /// Whether a robot at `point` is in the beam, in range and in the line of sight of the beacon.
     pub(crate) fn beacon_reaches(&self, point: Point, obstacles: &Obstacles) -> bool {
         let beacon = self.beacon();
         let distance = beacon.distance(point);

@@ -4,10 +4,9 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use super::document::World;
-use crate::sim::geometry::Point;
-use crate::sim::geometry::RADIUS;
+use super::World;
 use crate::sim::geometry::obstacles::Obstacles;
+use crate::sim::geometry::{Point, RADIUS};
 
 /// Distance between two neighbours on the grid, metres.
 const GRID: f64 = 0.05;
@@ -51,7 +50,11 @@ impl StationDistances {
             let place = place(column, row);
             let further = metres(self.lengths[self.index(column, row)?]?);
             let free = self.obstacles.is_path_free(from, place, RADIUS);
-            free.then(|| from.distance(place) + further)
+            if free {
+                Some(from.distance(place) + further)
+            } else {
+                None
+            }
         });
         near.min_by(f64::total_cmp)
     }
@@ -110,7 +113,10 @@ impl StationDistances {
 
     fn index(&self, column: i64, row: i64) -> Option<usize> {
         let inside = (0..self.columns).contains(&column) && (0..self.rows).contains(&row);
-        inside.then(|| (row * self.columns + column) as usize)
+        if !inside {
+            return None;
+        }
+        Some((row * self.columns + column) as usize)
     }
 }
 

@@ -1,11 +1,11 @@
 //! Validates a world as a whole: too many things, things outside the room, a start inside
 //! something.
 
-use super::code::{Code, MAX_TEXT};
-use super::document::World;
-use super::spot::Spot;
+use super::World;
+use super::fixtures::{Code, MAX_TEXT};
+use super::objects::Spot;
 use crate::sim::geometry::{Point, Pose, RADIUS};
-use crate::sim::yaml::locate::Step;
+use crate::sim::yaml::Step::{self, Index, Key};
 
 /// Maximum number of things of one kind, and of corners of one line or path; each takes time in
 /// every frame.
@@ -13,15 +13,21 @@ pub(super) const MAX_OBJECTS: usize = 200;
 /// Maximum number of lamps; each has its own light map.
 pub(super) const MAX_LAMPS: usize = 16;
 
-/// An error in a world.
 pub(super) struct ValidationError {
-    /// Its place in the document.
     pub(super) path: Vec<Step>,
     /// What was found, what was expected, what to do.
     pub(super) message: String,
 }
 
-/// Returns the first error that cannot be detected in a single value.
+impl ValidationError {
+    fn new(path: &[Step], message: impl Into<String>) -> ValidationError {
+        ValidationError {
+            path: path.to_vec(),
+            message: message.into(),
+        }
+    }
+}
+
 pub(super) fn check(world: &World) -> Result<(), ValidationError> {
     check_counts(world)?;
     check_corners(world)?;
@@ -45,16 +51,13 @@ fn check_counts(world: &World) -> Result<(), ValidationError> {
         ("lamps", world.lamps.len()),
     ];
     for (list, count) in counts {
-        let most = if list == "lamps" {
-            MAX_LAMPS
-        } else {
-            MAX_OBJECTS
+        let most = match list {
+            "lamps" => MAX_LAMPS,
+            _ => MAX_OBJECTS,
         };
         if count > most {
-            return Err(ValidationError {
-                path: vec![Step::Key(list)],
-                message: format!("{count} {list} are too many: at most {most}"),
-            });
+            let message = format!("{count} {list} are too many: at most {most}");
+            return Err(ValidationError::new(&[Key(list)], message));
         }
     }
     Ok(())
@@ -68,10 +71,9 @@ fn check_corners(world: &World) -> Result<(), ValidationError> {
     let routes = routes.map(|(list, i, route)| (list, i, "path", route.through.len(), 1));
     for (list, index, key, count, least) in lines.chain(routes) {
         if !(least..=MAX_OBJECTS).contains(&count) {
-            return Err(ValidationError {
-                path: vec![Step::Key(list), Step::Index(index), Step::Key(key)],
-                message: format!("{count} corners; expected {least} to {MAX_OBJECTS}"),
-            });
+            let path = [Key(list), Index(index), Key(key)];
+            let message = format!("{count} corners; expected {least} to {MAX_OBJECTS}");
+            return Err(ValidationError::new(&path, message));
         }
     }
     Ok(())
@@ -83,10 +85,9 @@ fn check_signs(world: &World) -> Result<(), ValidationError> {
         return Ok(());
     };
     let long = sign.text.len();
-    Err(ValidationError {
-        path: vec![Step::Key("signs"), Step::Index(index), Step::Key("text")],
-        message: format!("{long} bytes are too many for a sign: at most {MAX_TEXT}"),
-    })
+    let message = format!("{long} bytes are too many for a sign: at most {MAX_TEXT}");
+    let path = [Key("signs"), Index(index), Key("text")];
+    Err(ValidationError::new(&path, message))
 }
 
 /// Checks that the lens does not fold the image: it would show two directions at one place.
@@ -95,13 +96,12 @@ fn check_lens(world: &World) -> Result<(), ValidationError> {
         return Ok(());
     }
     let [k1, k2] = world.camera.distortion();
-    Err(ValidationError {
-        path: vec![Step::Key("camera"), Step::Key("distortion")],
-        message: format!("[{k1}, {k2}] folds the image: use values nearer to 0 or a narrower view"),
-    })
+    let message =
+        format!("[{k1}, {k2}] folds the image: use values nearer to 0 or a narrower view");
+    let path = [Key("camera"), Key("distortion")];
+    Err(ValidationError::new(&path, message))
 }
 
-/// Checks that everything is in the room.
 fn check_places(world: &World) -> Result<(), ValidationError> {
     let mut spots = spots(world).into_iter();
     let Some((path, point)) = spots.find(|(_, point)| !world.room.holds(*point)) else {
@@ -116,24 +116,15 @@ fn check_places(world: &World) -> Result<(), ValidationError> {
 
 /// Returns every place that must be in the room, with its path in the document.
 fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
-    let mut spots = vec![(
-        vec![Step::Key("station"), Step::Key("at")],
-        world.station.at.point(),
-    )];
-    spots.extend(
-        world
-            .start
-            .map(|s| (vec![Step::Key("start"), Step::Key("at")], s.at.point())),
-    );
-    let mut add = |kind, index, key, spot: Spot| {
-        spots.push((
-            vec![Step::Key(kind), Step::Index(index), Step::Key(key)],
-            spot.point(),
-        ));
-    };
+    let station = world.station.at.point();
+    let mut spots = vec![(vec![Key("station"), Key("at")], station)];
+    if let Some(start) = world.start {
+        spots.push((vec![Key("start"), Key("at")], start.at.point()));
+    }
+    let mut add = |path: &[Step], spot: Spot| spots.push((path.to_vec(), spot.point()));
     for (index, wall) in world.walls.iter().enumerate() {
-        add("walls", index, "from", wall.from);
-        add("walls", index, "to", wall.to);
+        add(&[Key("walls"), Index(index), Key("from")], wall.from);
+        add(&[Key("walls"), Index(index), Key("to")], wall.to);
     }
     let lists: [(&'static str, Vec<Spot>); 8] = [
         (
@@ -143,41 +134,29 @@ fn spots(world: &World) -> Vec<(Vec<Step>, Point)> {
         ("rugs", world.rugs.iter().map(|rug| rug.at).collect()),
         ("balls", world.balls.iter().map(|ball| ball.at).collect()),
         ("posts", world.posts.iter().map(|post| post.at).collect()),
-        (
-            "walkers",
-            world.walkers.iter().map(|walker| walker.at).collect(),
-        ),
+        ("walkers", world.walkers.iter().map(|who| who.at).collect()),
         ("lamps", world.lamps.iter().map(|lamp| lamp.at).collect()),
         ("signs", world.signs.iter().map(|sign| sign.at).collect()),
         (
             "sounds",
-            world.sounds.iter().map(|sound| sound.at).collect(),
+            world.sounds.iter().map(|noise| noise.at).collect(),
         ),
     ];
     for (kind, places) in lists {
-        let places = places.into_iter().enumerate();
-        places.for_each(|(index, spot)| add(kind, index, "at", spot));
+        for (index, spot) in places.into_iter().enumerate() {
+            add(&[Key(kind), Index(index), Key("at")], spot);
+        }
     }
     for (index, line) in world.lines.iter().enumerate() {
+        let path = [Key("lines"), Index(index), Key("through")];
         for (corner, spot) in line.through.iter().enumerate() {
-            let [kind, key] = [Step::Key("lines"), Step::Key("through")];
-            spots.push((
-                vec![kind, Step::Index(index), key, Step::Index(corner)],
-                spot.point(),
-            ));
+            add(&[&path[..], &[Index(corner)]].concat(), *spot);
         }
     }
     for (kind, index, route) in world.routes() {
+        let path = [Key(kind), Index(index), Key("path"), Key("through")];
         for (corner, spot) in route.through.iter().enumerate() {
-            let [path, through] = [Step::Key("path"), Step::Key("through")];
-            let steps = [
-                Step::Key(kind),
-                Step::Index(index),
-                path,
-                through,
-                Step::Index(corner),
-            ];
-            spots.push((steps.to_vec(), spot.point()));
+            add(&[&path[..], &[Index(corner)]].concat(), *spot);
         }
     }
     spots
@@ -191,20 +170,18 @@ fn check_start(world: &World) -> Result<(), ValidationError> {
         clear && !world.solid(pose.point())
     };
     if !free(world.station.dock_pose()) || !free(world.station.staging_pose()) {
-        return Err(ValidationError {
-            path: vec![Step::Key("station"), Step::Key("at")],
-            message: "something blocks the station: keep a lane of 0.4 m width and 1 m \
-                      length free, in the direction of its heading_degrees"
-                .into(),
-        });
+        return Err(ValidationError::new(
+            &[Key("station"), Key("at")],
+            "something blocks the station: keep a lane of 0.4 m width and 1 m length free, in the \
+             direction of its heading_degrees",
+        ));
     }
     if free(world.start_pose()) {
         return Ok(());
     }
-    Err(ValidationError {
-        path: vec![Step::Key("start"), Step::Key("at")],
-        message: "the robot would start inside something: move `start` at least 0.15 m away from \
-                  walls and things"
-            .into(),
-    })
+    Err(ValidationError::new(
+        &[Key("start"), Key("at")],
+        "the robot would start inside something: move `start` at least 0.15 m away from walls and \
+         things",
+    ))
 }

@@ -51,19 +51,15 @@ macro_rules! ranges {
 }
 
 ranges! {
-    /// Width or depth of a room.
     room_side = 1.0..=30.0, "metres";
-    /// A coordinate.
     coordinate = 0.0..=30.0, "metres";
     /// Height of a thing; higher than the camera at 0.2 m, which never sees a top surface.
     height = 0.25..=5.0, "metres";
     /// Length or width of furniture.
     side = 0.02..=10.0, "metres";
-    /// Thickness of an inner wall.
     thickness = 0.02..=0.5, "metres";
     /// Radius of a ball or a post.
     radius = 0.02..=0.5, "metres";
-    /// A direction.
     degrees = -360.0..=360.0, "degrees";
     /// Horizontal field of view of the camera.
     view_degrees = 20.0..=120.0, "degrees";
@@ -71,11 +67,8 @@ ranges! {
     distortion = -2.0..=2.0, "0 is no distortion";
     /// Brightness.
     share = 0.0..=1.0, "1 is full";
-    /// A battery's level.
     percent = 0.0..=100.0, "percent";
-    /// Rate at which a battery drains or charges.
     percent_per_minute = 0.0..=6000.0, "percent a minute";
-    /// Frames per second.
     frames = 1.0..=60.0, "frames a second";
     /// Range of the station's beacon.
     reach = 0.0..=50.0, "metres";
@@ -83,26 +76,17 @@ ranges! {
     tape = 0.005..=0.3, "metres";
     /// Radius of a line's rounded corners.
     rounding = 0.0..=15.0, "metres";
-    /// Speed of a moving thing.
     speed = 0.0..=2.0, "metres a second";
-    /// Height of a sign's centre.
     sign_height = 0.05..=4.0, "metres";
-    /// Side of a sign.
     sign_side = 0.05..=2.0, "metres";
-    /// Reach of a lamp's light.
     lamp_reach = 0.2..=30.0, "metres";
-    /// Frequency of a sound.
     hertz = 40.0..=7000.0, "hertz";
-    /// Quality of a JPEG.
     quality = 1.0..=100.0, "100 is best";
-    /// A short duration.
     moment = 0.0..=2.0, "seconds";
     /// Share by which tracks differ or slip.
     slip = 0.0..=0.5, "1 is all";
     /// A time or duration of a fault, of a schedule or of the firmware.
     span = 0.0..=86_400.0, "seconds";
-    /// A probability.
     chance = 0.0..=1.0, "1 is always";
-    /// A number of bytes, or of bytes per second.
     bytes = 0.0..=65_535.0, "bytes";
 }

@@ -1,19 +1,198 @@
-//! Reads worlds: the built-in default, from a text, or from a file.
+//! A world as defined in YAML: a room with its things, the charging station, and the robot's battery
+//! and camera. `geometry::obstacles` uses them for driving, `camera` for rendering.
+
+pub(crate) mod dynamics;
+pub(crate) mod fixtures;
+pub(crate) mod objects;
+pub(crate) mod settings;
+pub(crate) mod station;
+pub(crate) mod station_distances;
+mod validate;
 
 use std::path::Path;
 
-use super::document::World;
-use super::validate;
-use crate::sim::yaml::document::{self, DocumentError, DocumentKind};
-use crate::sim::yaml::locate;
+use serde::Deserialize;
 
-const DEFAULT_WORLD: &str = include_str!("../../../behaviours/worlds/living_room.yaml");
+use self::fixtures::{Lamp, Noise, Sign, Tape};
+use self::objects::{Ball, Furniture, Post, Room, Route, Rug, Spot, Start, Walker, Wall};
+use self::settings::{BatterySettings, CameraSettings, TrackSettings};
+use self::station::Station;
+use crate::sim::geometry::obstacles::{Circle, Obstacle, Obstacles, Shapes};
+use crate::sim::geometry::{Point, Pose};
+use crate::sim::yaml::{self, DocumentError, DocumentKind, number};
+
+/// Name and YAML of each world; the names are those of the files in `behaviours/worlds/`.
+const BUILTIN: [(&str, &str); 8] = [
+    (
+        "living_room",
+        include_str!("../../behaviours/worlds/living_room.yaml"),
+    ),
+    (
+        "playpen",
+        include_str!("../../behaviours/worlds/playpen.yaml"),
+    ),
+    ("yard", include_str!("../../behaviours/worlds/yard.yaml")),
+    (
+        "line_loop",
+        include_str!("../../behaviours/worlds/line_loop.yaml"),
+    ),
+    (
+        "classroom",
+        include_str!("../../behaviours/worlds/classroom.yaml"),
+    ),
+    ("hall", include_str!("../../behaviours/worlds/hall.yaml")),
+    ("night", include_str!("../../behaviours/worlds/night.yaml")),
+    (
+        "gallery",
+        include_str!("../../behaviours/worlds/gallery.yaml"),
+    ),
+];
+
+/// A simulated place.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct World {
+    /// The world's name.
+    #[serde(default)]
+    pub name: String,
+    /// The four outer walls and the floor.
+    pub room: Room,
+    /// Inner walls, as high as the room.
+    #[serde(default)]
+    pub walls: Vec<Wall>,
+    /// Furniture: boxes that stand on the floor.
+    #[serde(default)]
+    pub furniture: Vec<Furniture>,
+    /// Flat carpets: visible, but not obstacles.
+    #[serde(default)]
+    pub rugs: Vec<Rug>,
+    /// Balls that lie on the floor.
+    #[serde(default)]
+    pub balls: Vec<Ball>,
+    /// Round posts.
+    #[serde(default)]
+    pub posts: Vec<Post>,
+    /// Lines of tape on the floor.
+    #[serde(default)]
+    pub lines: Vec<Tape>,
+    /// People who stand or walk.
+    #[serde(default)]
+    pub walkers: Vec<Walker>,
+    /// Lamps, in addition to the daylight `light`.
+    #[serde(default)]
+    pub lamps: Vec<Lamp>,
+    /// QR codes on boards.
+    #[serde(default)]
+    pub signs: Vec<Sign>,
+    /// Sound sources that the microphone hears besides the robot.
+    #[serde(default)]
+    pub sounds: Vec<Noise>,
+    /// The charging station.
+    pub station: Station,
+    /// The robot's start pose; on the station if omitted.
+    #[serde(default)]
+    pub start: Option<Start>,
+    /// Brightness of the ambient light, 0..=1.
+    #[serde(default = "full", deserialize_with = "number::share")]
+    pub light: f64,
+    /// How the battery drains and charges.
+    #[serde(default)]
+    pub battery: BatterySettings,
+    /// The camera's properties.
+    #[serde(default)]
+    pub camera: CameraSettings,
+    /// How much the tracks differ and slip.
+    #[serde(default)]
+    pub tracks: TrackSettings,
+}
 
 impl World {
+    /// Returns the robot's start pose.
+    pub fn start_pose(&self) -> Pose {
+        self.start
+            .map_or_else(|| self.station.dock_pose(), |start| start.pose())
+    }
+
+    pub(crate) fn solid(&self, place: Point) -> bool {
+        self.walls.iter().any(|wall| wall.covers(place))
+            || self.furniture.iter().any(|item| item.covers(place))
+    }
+
+    pub(crate) fn name_of(&self, obstacle: Obstacle) -> String {
+        let (kind, name) = match obstacle {
+            Obstacle::Wall => ("wall", ""),
+            Obstacle::Station => ("station", ""),
+            Obstacle::Furniture(index) => (
+                "furniture",
+                self.furniture.get(index).map_or("", |item| &item.name),
+            ),
+            Obstacle::Post(_) => ("post", ""),
+            Obstacle::Ball(_) => ("ball", ""),
+            Obstacle::Walker(index) => (
+                "walker",
+                self.walkers.get(index).map_or("", |who| &who.name),
+            ),
+        };
+        let name = if name.is_empty() { kind } else { name };
+        name.to_owned()
+    }
+
+    /// Returns everything that a robot can run into, at its initial place.
+    pub(crate) fn obstacles(&self) -> Obstacles {
+        let inner = self.walls.iter().flat_map(|wall| wall.sides());
+        let circle = |at: Spot, radius| Circle::new(at.point(), radius);
+        let posts = self.posts.iter();
+        let balls = self.balls.iter();
+        let people = self.walkers.iter();
+        Obstacles::new(Shapes {
+            walls: self.room.sides().into_iter().chain(inner).collect(),
+            furniture: self.furniture.iter().map(|item| item.sides()).collect(),
+            station: self.station.sides(),
+            posts: posts.map(|post| circle(post.at, post.radius)).collect(),
+            balls: balls.map(|ball| circle(ball.at, ball.radius)).collect(),
+            people: people.map(|who| circle(who.at, who.radius)).collect(),
+        })
+    }
+
+    pub(crate) fn fixed_obstacles(&self) -> Obstacles {
+        self.obstacles().without_movers()
+    }
+
+    /// Returns all routes of balls and walkers, each with its list and index in the document.
+    pub(super) fn routes(&self) -> impl Iterator<Item = (&'static str, usize, &Route)> {
+        let balls = self.balls.iter().enumerate();
+        let balls = balls.filter_map(|(i, ball)| Some(("balls", i, ball.path.as_ref()?)));
+        let walkers = self.walkers.iter().enumerate();
+        balls.chain(walkers.filter_map(|(i, who)| Some(("walkers", i, who.path.as_ref()?))))
+    }
+
+    /// Returns the names of the built-in worlds; the first is the default.
+    pub fn builtin_names() -> impl Iterator<Item = &'static str> {
+        BUILTIN.iter().map(|(name, _)| *name)
+    }
+
+    /// Returns the built-in world with this name.
+    pub fn builtin(name: &str) -> Option<World> {
+        World::from_yaml(World::builtin_yaml(name)?, &format!("{name}.yaml")).ok()
+    }
+
+    /// Returns the YAML of the built-in world with this name.
+    pub fn builtin_yaml(name: &str) -> Option<&'static str> {
+        let (_, yaml) = BUILTIN.iter().find(|(known, _)| *known == name)?;
+        Some(yaml)
+    }
+
+    /// Returns the leading comment of a built-in world, which describes its content and purpose.
+    pub fn builtin_description(name: &str) -> Option<String> {
+        let lines = World::builtin_yaml(name)?.lines();
+        let comment = lines.map_while(|line| line.strip_prefix("# "));
+        Some(comment.collect::<Vec<_>>().join(" "))
+    }
+
     /// Returns the built-in default world: a living room.
     pub fn default_world() -> World {
         #[expect(clippy::expect_used, reason = "a test parses this text")]
-        World::from_yaml(DEFAULT_WORLD, "living_room.yaml").expect("the built-in world is valid")
+        World::builtin(BUILTIN[0].0).expect("the built-in world is valid")
     }
 
     /// Parses a world; `name` is the name of the text in errors, usually its file name.
@@ -22,9 +201,9 @@ impl World {
     /// [`DocumentError::Invalid`] with line and column: unknown keys, wrong types, values out of
     /// range, things outside the room, a blocked station or start.
     pub fn from_yaml(text: &str, name: &str) -> Result<World, DocumentError> {
-        let world: World = locate::read(text, name)?;
+        let world: World = yaml::read(text, name)?;
         validate::check(&world).map_err(|error| {
-            DocumentError::invalid(name, locate::find(text, &error.path), error.message)
+            DocumentError::invalid(name, yaml::find(text, &error.path), error.message)
         })?;
         Ok(world)
     }
@@ -34,16 +213,42 @@ impl World {
     /// # Errors
     /// As [`World::from_yaml`], or the file cannot be read.
     pub fn load(path: &Path) -> Result<World, DocumentError> {
-        document::load(path, DocumentKind::World, World::from_yaml)
+        yaml::load(path, DocumentKind::World, World::from_yaml)
     }
+}
+
+fn full() -> f64 {
+    1.0
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::code;
-    use super::super::settings::BatterySettings;
-    use super::super::validate::{MAX_LAMPS, MAX_OBJECTS};
     use super::*;
+    use crate::sim::world::validate::{MAX_LAMPS, MAX_OBJECTS};
+
+    #[test]
+    fn every_built_in_world_is_valid_and_has_a_description() {
+        for (name, yaml) in BUILTIN {
+            let world = World::from_yaml(yaml, &format!("{name}.yaml"));
+            let world = world.unwrap_or_else(|error| panic!("{error}"));
+            assert!(!world.name.is_empty());
+            assert!(World::builtin(name).is_some());
+            assert!(
+                World::builtin_description(name).unwrap().len() > 40,
+                "{name}"
+            );
+        }
+        assert!(World::builtin("nowhere").is_none());
+    }
+
+    #[test]
+    fn the_example_in_the_readme_is_valid() {
+        let page = include_str!("../../behaviours/worlds/README.md");
+        let (_, yaml) = page.split_once("```yaml\n").unwrap();
+        let yaml = yaml.split("```").next().unwrap();
+        let world = World::from_yaml(yaml, "README.md").unwrap();
+        assert!(!world.lamps.is_empty() && !world.walkers.is_empty() && !world.sounds.is_empty());
+    }
 
     const ROOM: &str = "room: {width: 6, depth: 4}\n";
     const STATION: &str = "station: {at: [0, 2], heading_degrees: 0}\n";
@@ -58,7 +263,7 @@ mod tests {
     #[test]
     fn the_built_in_worlds_are_valid() {
         assert_eq!(World::default_world().name, "living room");
-        let playpen = include_str!("../../../behaviours/worlds/playpen.yaml");
+        let playpen = include_str!("../../behaviours/worlds/playpen.yaml");
         let playpen = World::from_yaml(playpen, "playpen.yaml").unwrap();
         assert_eq!(playpen.start_pose(), playpen.station.dock_pose());
     }
@@ -199,7 +404,7 @@ mod tests {
                 "{more}{text}"
             );
         }
-        let long = "x".repeat(code::MAX_TEXT + 1);
+        let long = "x".repeat(crate::sim::world::fixtures::MAX_TEXT + 1);
         let text = fault(&format!(
             "signs: [{{at: [1, 1], heading_degrees: 0, text: {long}}}]\n"
         ));

@@ -1,31 +1,40 @@
 //! The simulated robot: takes commands and time steps, and returns reports. Handles no sockets, no
 //! clock and no logins; `server` decides which client controls it.
 
-mod commands;
+mod battery;
+pub(crate) mod chassis;
+mod docking;
+pub(crate) mod firmware;
+pub(crate) mod memory;
+mod microphone;
+mod speaker;
+pub(crate) mod state;
+pub(crate) mod trace;
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use crate::wire::{EngineReport, Report, Sound};
+use bytes::Bytes;
 
-use super::battery::Battery;
-use super::chassis::{Chassis, Tracks};
-use super::contacts::Contacts;
-use super::docking::{Docking, DockingInputs, DockingStep};
-use super::environment::Environment;
-use super::firmware::Firmware;
-use super::log::RobotLog;
-use super::memory::Memory;
-use super::microphone::Microphone;
-use super::power::PowerReports;
-use super::speaker::Speaker;
-use super::state::{Leds, State, Streams};
-use super::trace::{ObjectPositions, Trace, TraceEventKind};
-use super::track_slip::TrackSlip;
-use super::video::Video;
-use crate::sim::camera::Shot;
+use self::battery::{Battery, PowerReports};
+use self::chassis::{Chassis, TrackSlip, Tracks};
+use self::docking::{Contacts, Docking, DockingInputs, DockingStep};
+use self::firmware::{Firmware, FirmwareBehaviour};
+use self::memory::{Memory, RobotLog, describe};
+use self::microphone::Microphone;
+use self::speaker::Speaker;
+use self::state::{Leds, State, Streams};
+use self::trace::{Trace, TraceEventKind};
+use crate::sim::camera::{Shot, Video};
 use crate::sim::geometry::{Point, Pose, RADIUS};
-use crate::sim::world::document::World;
+use crate::sim::world::World;
+use crate::sim::world::dynamics::Environment;
+use crate::wire::{Command, Engage, EngineReport, Report, Sound};
+
+/// ENGINE 1 sent to the robot, as one client does (`PROTOCOL.md`, *Not known*).
+const ACTIVATE: u8 = 1;
+/// The reply to WIRELESS_NETWORKS.
+const NETWORKS: &[u8] = b"home:wpa:82;neighbour:wpa:41;SPYKEE0001:none:100";
 
 /// A robot in a world.
 pub struct Robot {
@@ -92,7 +101,6 @@ impl Robot {
         std::mem::take(&mut self.reports)
     }
 
-    /// Returns the trace so far, shared with handles.
     pub(crate) fn trace_cell(&self) -> Arc<Mutex<Trace>> {
         self.trace.clone()
     }
@@ -155,11 +163,7 @@ impl Robot {
         self.update_contacts();
         let places = self.environment.places();
         let balls = self.environment.world.balls.len();
-        lock(&self.trace).add_sample(
-            self.time,
-            self.chassis.pose,
-            ObjectPositions { places, balls },
-        );
+        lock(&self.trace).add_sample(self.time, self.chassis.pose, places, balls);
         self.battery.step(dt, self.chassis.effort());
         if self.battery.take_full() {
             self.report_engine(EngineReport::Charged);
@@ -214,10 +218,7 @@ impl Robot {
 
     /// Moves the robot to a pose. Ignores a pose that is not finite.
     pub fn place(&mut self, pose: Pose) {
-        if ![pose.x, pose.y, pose.heading]
-            .iter()
-            .all(|number| number.is_finite())
-        {
+        if !(pose.x.is_finite() && pose.y.is_finite() && pose.heading.is_finite()) {
             return;
         }
         self.chassis.pose = pose;
@@ -277,23 +278,22 @@ impl Robot {
         self.step_motion(dt);
     }
 
-    /// Moves the robot and everything else that moves, for `dt`.
     fn step_motion(&mut self, dt: Duration) {
-        self.environment.step(dt.as_secs_f64(), &self.chassis);
         let speed = self.chassis.forward_speed();
+        self.environment
+            .step(dt.as_secs_f64(), self.chassis.pose, speed);
         let before = self.chassis.collisions();
         self.chassis.step(dt, &self.environment.obstacles);
         if self.chassis.collisions() != before {
             let reach = if speed < 0.0 { -RADIUS } else { RADIUS };
-            let Pose { heading, .. } = self.chassis.pose;
-            let bumper = self.chassis.pose.point().ahead(heading, reach);
+            let pose = self.chassis.pose;
+            let bumper = pose.point().ahead(pose.heading, reach);
             let name = self.environment.name_at(bumper);
             self.note(&format!("ran into: {name}"));
             self.mark(TraceEventKind::Collision(name));
         }
     }
 
-    /// Updates the contacts with the station, and reports changes.
     fn update_contacts(&mut self) {
         let station = &self.environment.world.station;
         self.contacts.update(station, self.chassis.pose);
@@ -345,7 +345,6 @@ impl Robot {
         }
     }
 
-    /// Sends POWER if it is due.
     fn report_power(&mut self) {
         let power = self.power.level(self.battery.power());
         if self.power.due(power) {
@@ -377,6 +376,108 @@ impl Robot {
 
     fn note(&mut self, line: &str) {
         self.log.write(self.time, line);
+    }
+
+    /// Executes a command. Logins have no effect here; the server handles them.
+    pub fn execute(&mut self, command: &Command) {
+        match command {
+            Command::Move { left, right } => self.execute_move(*left, *right),
+            Command::Engine(engage) => self.execute_engine(*engage),
+            Command::Led { led, on } => {
+                self.mark(TraceEventKind::Light { led: *led, on: *on });
+                if !self.leds.switch(*led, *on) {
+                    self.note(&format!("no such light: {}", led.to_byte()));
+                }
+            }
+            Command::Play(sound) => self.execute_play(*sound),
+            Command::StopSound => self.speaker.stop(),
+            Command::Volume(percent) => self.speaker.set_volume(*percent),
+            Command::Stream { stream, on } => {
+                self.video.trigger_frame();
+                if !self.streams.switch(*stream, *on) {
+                    self.note(&format!("no such stream: {}", stream.to_byte()));
+                }
+            }
+            Command::PowerQuery => self.send_power(),
+            Command::ConfigQuery => self.send_config(),
+            Command::ConfigSet(text) => {
+                let line = self.memory.configure(text);
+                self.note(&line);
+            }
+            Command::File(chunk) => {
+                if let Some(line) = self.memory.store(chunk) {
+                    self.note(&line);
+                }
+            }
+            Command::NetworksQuery => {
+                let networks = Bytes::from_static(NETWORKS);
+                self.reports.push(Report::Networks(networks));
+            }
+            Command::LogQuery => self.reports.push(Report::Log(self.log.text())),
+            Command::Audio(_) | Command::None | Command::Login(_) => {}
+            other => self.note(&format!("accepted without effect: {}", describe(other))),
+        }
+    }
+
+    /// Executes a MOVE. A docked robot is no special case: driving backwards or turning breaks the
+    /// contact, driving forwards pushes against the station.
+    fn execute_move(&mut self, left: i8, right: i8) {
+        let answer = if self.docking.searching() {
+            self.firmware.move_while_searching
+        } else if self.docking.leaving() {
+            self.firmware.move_while_undocking
+        } else {
+            FirmwareBehaviour::Ends
+        };
+        match answer {
+            FirmwareBehaviour::Ends => self.docking.stop(),
+            FirmwareBehaviour::Ignored => return,
+            FirmwareBehaviour::Obeyed => {}
+        }
+        self.commanded = Tracks::new(left, right);
+        self.since_move = Duration::ZERO;
+    }
+
+    fn execute_engine(&mut self, engage: Engage) {
+        match engage {
+            Engage::Dock if self.contacts.touching() => self.report_engine(EngineReport::Docked),
+            Engage::Dock => {
+                self.mark(TraceEventKind::FindBase);
+                self.commanded = Tracks::default();
+                self.docking.find_base();
+            }
+            Engage::CancelDock if self.docking.searching() => {
+                self.commanded = Tracks::default();
+                self.docking.stop();
+            }
+            undock if self.contacts.docked() && self.undocks(undock) => {
+                self.commanded = Tracks::default();
+                self.docking.leave();
+            }
+            other => self.note(&format!("engine {} has no effect now", other.to_byte())),
+        }
+    }
+
+    /// Whether this ENGINE value makes a docked robot back out of its station.
+    fn undocks(&self, engage: Engage) -> bool {
+        let activate = engage == Engage::Unknown(ACTIVATE);
+        engage == Engage::Undock || (activate && self.firmware.activate_undocks)
+    }
+
+    fn execute_play(&mut self, sound: Sound) {
+        self.mark(match sound {
+            Sound::Snapshot => TraceEventKind::Photo,
+            sound => TraceEventKind::Sound(sound),
+        });
+        self.speaker.play(sound);
+        if self.speaker.playing().is_none() {
+            self.note(&format!("no such sound: {}", sound.to_byte()));
+        }
+    }
+
+    fn send_config(&mut self) {
+        let messages = self.memory.settings(self.speaker.volume());
+        self.reports.extend(messages.map(Report::Config));
     }
 }
 

@@ -1,14 +1,17 @@
 //! Faults of the connection between a client and the robot, and of the robot itself, with their
-//! times. Only describes them: `proxy_direction` and `throttled_writer` apply them to the bytes,
-//! `server::robot_server` to the robot. `list` and `entry` read them from YAML.
+//! times. The submodules read them from YAML and apply them to bytes, `server` to the robot.
+
+mod corrupt;
+mod list;
+pub(crate) mod proxy;
+mod proxy_direction;
+pub(crate) mod scheduler;
 
 use std::time::Duration;
 
 use serde::Deserialize;
 
 use crate::wire::Refusal;
-
-use super::timing::Timing;
 
 /// Which direction of a connection a fault affects.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -119,15 +122,13 @@ impl Fault {
     /// Creates a fault that starts immediately, lasts for the default time of its kind and affects
     /// both directions.
     pub fn new(kind: FaultKind) -> Fault {
-        let timing = Timing {
-            lasts: kind.default_duration(),
-            ..Timing::default()
-        };
-        let towards = Direction::Both;
         Fault {
             kind,
-            towards,
-            timing,
+            towards: Direction::Both,
+            timing: Timing {
+                lasts: kind.default_duration(),
+                ..Timing::default()
+            },
             chance: 1.0,
         }
     }
@@ -158,4 +159,16 @@ impl FaultKind {
                 | FaultKind::PowerGarbage
         )
     }
+}
+
+/// The timing of one fault, relative to the time at which it is added.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Timing {
+    /// Time until the fault begins.
+    pub after: Duration,
+    /// Duration of each occurrence; zero means momentary, `None` unlimited.
+    pub lasts: Option<Duration>,
+    /// Period from one beginning to the next, longer than `lasts`; `None` if the fault occurs only
+    /// once.
+    pub every: Option<Duration>,
 }

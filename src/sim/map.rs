@@ -1,16 +1,17 @@
 //! The map of a world: drawn to scale, with names.
 
+mod canvas;
+mod driven_path;
+
 use std::f64::consts::PI;
 
 use image::RgbImage;
 
-use super::canvas::{Ink, MapCanvas, TextStyle};
-use crate::sim::camera::ground;
-use crate::sim::geometry::RADIUS;
-use crate::sim::geometry::{Point, Pose, Segment};
-use crate::sim::world::document::World;
-use crate::sim::world::paint::Paint;
-use crate::sim::world::route::Route;
+use self::canvas::{Ink, MapCanvas, TextStyle};
+use crate::sim::camera::floor::drawing_path;
+use crate::sim::geometry::{Point, Pose, RADIUS, Segment};
+use crate::sim::world::World;
+use crate::sim::world::objects::{Paint, Route};
 
 /// Approximate length of the longer side of the room, pixels.
 const SIDE: f64 = 1000.0;
@@ -41,12 +42,9 @@ impl World {
         };
         draw_onto(self, &mut canvas);
         robot(&mut canvas, self.start_pose(), ROBOT);
-        canvas.label(
-            self.start_pose().point(),
-            0.2 * canvas.scale,
-            "start",
-            TextStyle::small(ROBOT),
-        );
+        let start = self.start_pose().point();
+        let style = TextStyle::small(ROBOT);
+        canvas.label(start, 0.2 * canvas.scale, "start", style);
         canvas.finish()
     }
 }
@@ -63,7 +61,6 @@ pub(crate) fn blank_canvas(world: &World, beside: u32) -> Option<MapCanvas> {
     MapCanvas::new(size, scale as f32, (MARGIN, HEAD + pixels(depth)))
 }
 
-/// Draws everything except the robot.
 pub(crate) fn draw_onto(world: &World, canvas: &mut MapCanvas) {
     floor(world, canvas);
     station(world, canvas);
@@ -90,17 +87,14 @@ fn floor(world: &World, canvas: &mut MapCanvas) {
         if along < width {
             canvas.line(&[low, high], 1.0, None, GRID);
         }
+        let left = Point::new(0.0, along);
+        let right = Point::new(width, along);
         if along < depth {
-            canvas.line(
-                &[Point::new(0.0, along), Point::new(width, along)],
-                1.0,
-                None,
-                GRID,
-            );
+            canvas.line(&[left, right], 1.0, None, GRID);
         }
     }
     for line in &world.lines {
-        if let Some(path) = ground::outline(&line.path()) {
+        if let Some(path) = drawing_path(&line.path()) {
             let least = 2.0 / f64::from(canvas.scale);
             canvas.tape(&path, line.width.max(least) as f32, ink(line.colour, 255));
         }
@@ -127,7 +121,6 @@ impl World {
     }
 }
 
-/// Draws the station and the area that its beacon reaches.
 fn station(world: &World, canvas: &mut MapCanvas) {
     let station = &world.station;
     let cone = world.beacon_cone();
@@ -141,7 +134,9 @@ fn walls(world: &World, canvas: &mut MapCanvas) {
     }
     for item in &world.furniture {
         canvas.fill(&corners(&item.sides()), ink(item.colour, 210));
-        outline(canvas, &item.sides());
+        for side in item.sides() {
+            canvas.line(&[side.from, side.to], 1.5, None, PALE);
+        }
     }
     for post in &world.posts {
         let radius = post.radius as f32 * canvas.scale;
@@ -160,8 +155,7 @@ fn walls(world: &World, canvas: &mut MapCanvas) {
         canvas.line(&ends, 6.0, None, SIGN);
         canvas.line(&[at, at.ahead(heading, 0.18)], 2.0, None, SIGN);
     }
-    let sides = world.room.sides();
-    for side in sides {
+    for side in world.room.sides() {
         canvas.line(&[side.from, side.to], 5.0, None, WALL);
     }
 }
@@ -189,12 +183,8 @@ fn lamps_and_sounds(world: &World, canvas: &mut MapCanvas) {
 
 fn moving_objects(world: &World, canvas: &mut MapCanvas) {
     for ball in &world.balls {
-        draw_route(
-            canvas,
-            ball.at.point(),
-            ball.path.as_ref(),
-            ink(ball.colour, 200),
-        );
+        let route_ink = ink(ball.colour, 200);
+        draw_route(canvas, ball.at.point(), ball.path.as_ref(), route_ink);
         let radius = ball.radius as f32 * canvas.scale;
         canvas.dot(ball.at.point(), radius, ink(ball.colour, 255));
         canvas.ring(ball.at.point(), radius, 1.0, PALE);
@@ -207,15 +197,14 @@ fn moving_objects(world: &World, canvas: &mut MapCanvas) {
     }
 }
 
-/// Draws the dashed path of a moving thing, with its corners.
 fn draw_route(canvas: &mut MapCanvas, from: Point, route: Option<&Route>, ink: Ink) {
     let Some(route) = route else {
         return;
     };
     let mut corners: Vec<Point> = route.through.iter().map(|spot| spot.point()).collect();
-    corners
-        .iter()
-        .for_each(|corner| canvas.dot(*corner, 3.5, ink));
+    for corner in &corners {
+        canvas.dot(*corner, 3.5, ink);
+    }
     if route.closed {
         corners.extend(corners.first().copied());
     }
@@ -228,25 +217,14 @@ fn draw_route(canvas: &mut MapCanvas, from: Point, route: Option<&Route>, ink: I
 /// Draws the title, the numbers along the walls and the scale.
 fn frame(world: &World, canvas: &mut MapCanvas) {
     let room = &world.room;
-    let title = TextStyle {
-        ink: DARK,
-        large: true,
-        bold: true,
-    };
-    let name = if world.name.is_empty() {
-        "a world"
-    } else {
-        &world.name
-    };
+    let title = TextStyle::title(DARK);
+    let name = name_or(&world.name, "a world");
     canvas.write((MARGIN, 14.0), name, title);
     let after = MARGIN + title.size(name).0 + 20.0;
     let size = format!("{} m x {} m", room.width, room.depth);
     canvas.write((after, 17.0), &size, TextStyle::small(PALE));
-    let every = if room.width.max(room.depth) > 15.0 {
-        5
-    } else {
-        1
-    };
+    let is_large = room.width.max(room.depth) > 15.0;
+    let every = if is_large { 5 } else { 1 };
     for metre in (0..=room.width as u32).step_by(every) {
         let (x, y) = canvas.at(Point::new(f64::from(metre), 0.0));
         let text = metre.to_string();
@@ -257,11 +235,8 @@ fn frame(world: &World, canvas: &mut MapCanvas) {
         let (x, y) = canvas.at(Point::new(0.0, f64::from(metre)));
         let text = metre.to_string();
         let (width, height) = TextStyle::small(PALE).size(&text);
-        canvas.write(
-            (x - width - 10.0, y - height / 2.0),
-            &text,
-            TextStyle::small(PALE),
-        );
+        let at = (x - width - 10.0, y - height / 2.0);
+        canvas.write(at, &text, TextStyle::small(PALE));
     }
     let (x, y) = canvas.at(Point::new(0.0, 0.0));
     let y = y + 54.0;
@@ -289,17 +264,10 @@ fn draw_beacon_key(canvas: &mut MapCanvas, (x, y): (f32, f32)) {
 fn names(world: &World, canvas: &mut MapCanvas) {
     let scale = canvas.scale;
     let away = |metres: f64| metres as f32 * scale + 4.0;
-    let station = world
-        .station
-        .at
-        .point()
-        .ahead(world.station.heading(), 0.05);
-    canvas.label(
-        station,
-        away(0.19),
-        "station",
-        TextStyle::small([170, 20, 40, 255]),
-    );
+    let station = &world.station;
+    let at = station.at.point().ahead(station.heading(), 0.05);
+    let style = TextStyle::small([170, 20, 40, 255]);
+    canvas.label(at, away(0.19), "station", style);
     for sign in &world.signs {
         let text = format!("\"{}\"", short(&sign.text));
         canvas.label(sign.at.point(), 12.0, &text, TextStyle::small(SIGN));
@@ -308,34 +276,22 @@ fn names(world: &World, canvas: &mut MapCanvas) {
         canvas.label(item.at.point(), -8.0, &item.name, NAME);
     }
     for walker in &world.walkers {
-        let name = if walker.name.is_empty() {
-            "walker"
-        } else {
-            &walker.name
-        };
+        let name = name_or(&walker.name, "walker");
         canvas.label(walker.at.point(), away(walker.radius), name, NAME);
     }
     for lamp in &world.lamps {
-        let name = if lamp.name.is_empty() {
-            "lamp"
-        } else {
-            &lamp.name
-        };
-        canvas.label(
-            lamp.at.point(),
-            16.0,
-            name,
-            TextStyle::small([140, 96, 0, 255]),
-        );
+        let name = name_or(&lamp.name, "lamp");
+        let style = TextStyle::small([140, 96, 0, 255]);
+        canvas.label(lamp.at.point(), 16.0, name, style);
     }
     for sound in &world.sounds {
-        let name = if sound.name.is_empty() {
-            "sound"
-        } else {
-            &sound.name
-        };
+        let name = name_or(&sound.name, "sound");
         canvas.label(sound.at.point(), 18.0, name, TextStyle::small(SOUND));
     }
+}
+
+fn name_or<'a>(name: &'a str, kind: &'a str) -> &'a str {
+    if name.is_empty() { kind } else { name }
 }
 
 /// Draws the robot from above, with an arrow for its heading.
@@ -350,12 +306,6 @@ pub(crate) fn robot(canvas: &mut MapCanvas, pose: Pose, ink: Ink) {
 
 fn corners(sides: &[Segment; 4]) -> [Point; 4] {
     sides.map(|side| side.from)
-}
-
-fn outline(canvas: &mut MapCanvas, sides: &[Segment; 4]) {
-    for side in sides {
-        canvas.line(&[side.from, side.to], 1.5, None, PALE);
-    }
 }
 
 fn ink(paint: Paint, opaque: u8) -> Ink {

@@ -1,30 +1,28 @@
-//! The simulator as a server: connects one [`Robot`] to sockets, clients and the clock. One task
-//! owns all state; the connections' tasks only transfer bytes.
+//! The simulator as a server: connects one [`Robot`] to sockets, clients and the clock. One task owns
+//! all state; the connections' tasks only transfer bytes.
 
 mod clients;
 pub(crate) mod connection;
 pub(crate) mod handle;
-pub(crate) mod journal;
-mod options;
-mod report_queue;
 mod robot_server;
 mod sockets;
 
 use std::io;
-use std::net::SocketAddr;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::time::Duration;
 
 use tokio::sync::mpsc;
 use tokio::time::{MissedTickBehavior, interval};
 
-use crate::sim::body::robot::Robot;
-use crate::sim::faults::fault::Fault;
-use crate::sim::world::document::World;
-
 use self::connection::Event;
 use self::handle::{Handle, Request};
-pub use self::options::Options;
 use self::robot_server::{RobotServer, STEP};
 use self::sockets::Sockets;
+use crate::sim::body::Robot;
+use crate::sim::body::firmware::Firmware;
+use crate::sim::faults::Fault;
+use crate::sim::world::World;
+use crate::wire::Login;
 
 /// Capacity of the queue of connection events; when it is full, the connections wait.
 const MAX_EVENTS: usize = 64;
@@ -85,35 +83,69 @@ impl Server {
     ///
     /// # Errors
     /// None at present: an error of one client only disconnects that client.
-    pub async fn run(self) -> io::Result<()> {
-        let Server {
-            mut sockets,
-            mut robot_server,
-            faults,
-            mut events,
-            mut requests,
-            handle: _handle,
-        } = self;
+    pub async fn run(mut self) -> io::Result<()> {
         let mut ticks = interval(STEP);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        robot_server.begin(faults);
+        self.robot_server.begin(std::mem::take(&mut self.faults));
         let mut datagram = [0; 64];
         loop {
             // The clock has priority: a flood of commands must not stop the simulated time.
             tokio::select! {
                 biased;
                 _ = ticks.tick() => {
-                    robot_server.advance();
-                    sockets.set_visible(!robot_server.is_rebooting()).await;
+                    self.robot_server.advance();
+                    self.sockets.set_visible(!self.robot_server.is_rebooting()).await;
                 }
-                Some(request) = requests.recv() => robot_server.handle_request(request),
-                Some(event) = events.recv() => robot_server.handle_event(event),
-                (stream, breaker) = sockets.accept() => robot_server.admit(stream, breaker),
-                Some((length, from)) = sockets.receive(&mut datagram) => {
-                    sockets.answer(&robot_server.discovery_reply(), &datagram[..length], from).await;
+                Some(request) = self.requests.recv() => self.robot_server.handle_request(request),
+                Some(event) = self.events.recv() => self.robot_server.handle_event(event),
+                (stream, breaker) = self.sockets.accept() => self.robot_server.admit(stream, breaker),
+                Some((length, from)) = self.sockets.receive(&mut datagram) => {
+                    let reply = self.robot_server.discovery_reply();
+                    self.sockets.answer(&reply, &datagram[..length], from).await;
                 }
-                () = robot_server.reap() => {}
+                () = self.robot_server.reap() => {}
             }
+        }
+    }
+}
+
+/// Options of a simulated robot and its server.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Address for TCP, and for UDP discovery; port 0 selects a free port.
+    pub listen: SocketAddr,
+    /// The one login that is accepted.
+    pub login: Login,
+    /// Seed of everything random: the same seed and the same commands give the same run.
+    pub seed: u64,
+    /// The firmware's behaviour where the real one's is not known.
+    pub firmware: Firmware,
+    /// Whether to answer discovery datagrams on the same port.
+    pub discovery: bool,
+    /// Frames per second, overriding the world's setting.
+    pub fps: Option<f64>,
+    /// The robot's id in AUTH_REPLY and discovery.
+    pub uid: String,
+    /// The faults, with times relative to [`Server::run`](crate::sim::Server::run). With `None` no
+    /// fault is possible, not even through [`Handle::begin`](crate::sim::Handle::begin).
+    pub faults: Option<Vec<Fault>>,
+    /// Simulates the TCP_USER_TIMEOUT of the client's system: a connection is reset when bytes
+    /// towards the robot have been dropped for this long; `None` disables it.
+    pub unacknowledged: Option<Duration>,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            listen: SocketAddr::from((Ipv4Addr::LOCALHOST, 0)),
+            login: Login::new("admin", "admin"),
+            seed: 0,
+            firmware: Firmware::default(),
+            discovery: true,
+            fps: None,
+            uid: "SPYKEE0001".into(),
+            faults: None,
+            unacknowledged: None,
         }
     }
 }

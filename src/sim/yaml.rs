@@ -1,20 +1,129 @@
-//! Locates a value in a YAML text by line and column, for errors found after parsing, and adds
-//! suggestions to the errors of serde_yaml.
+//! Reads worlds, faults and firmware settings from YAML: size limits, and errors with line, column
+//! and a suggestion for misspelt names.
+
+pub(crate) mod number;
 
 use std::fmt;
+use std::path::Path;
 
 use serde::de::{
     DeserializeOwned, DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess,
     Visitor,
 };
 
-use super::document::DocumentError;
-use crate::yaml;
+use crate::files::ReadError;
+use crate::{files, yaml};
 
-/// One step of a path into a YAML document.
+/// What a document describes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DocumentKind {
+    /// A simulated world.
+    World,
+    /// The behaviour of a simulated robot's firmware.
+    Firmware,
+    /// A list of faults.
+    Faults,
+}
+
+impl DocumentKind {
+    fn question(self) -> &'static str {
+        match self {
+            DocumentKind::World => "is it a world?",
+            DocumentKind::Firmware => "does it describe a firmware?",
+            DocumentKind::Faults => "is it a list of faults?",
+        }
+    }
+}
+
+impl fmt::Display for DocumentKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            DocumentKind::World => "world",
+            DocumentKind::Firmware => "firmware",
+            DocumentKind::Faults => "faults",
+        })
+    }
+}
+
+/// A document that cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum DocumentError {
+    /// The file cannot be read.
+    #[error("cannot read the {kind} {name}: {source}")]
+    Read {
+        /// The expected content of the file.
+        kind: DocumentKind,
+        /// The file.
+        name: String,
+        /// The cause.
+        source: std::io::Error,
+    },
+    /// The file is too long.
+    #[error("{name} is longer than {} bytes: {}", yaml::MAX_LEN, .kind.question())]
+    TooLong {
+        /// The expected content of the file.
+        kind: DocumentKind,
+        /// The file.
+        name: String,
+    },
+    /// The YAML is not a valid document of the expected kind.
+    #[error("{name}:{line}:{column}: {message}")]
+    Invalid {
+        /// The file, or another source of the text.
+        name: String,
+        /// Line, from 1.
+        line: usize,
+        /// Column, from 1.
+        column: usize,
+        /// What was found, what was expected, what to do.
+        message: String,
+    },
+}
+
+impl DocumentError {
+    /// Creates an error in the text `name` at a line and column.
+    pub(crate) fn invalid(
+        name: &str,
+        place: (usize, usize),
+        message: impl Into<String>,
+    ) -> DocumentError {
+        DocumentError::Invalid {
+            name: name.to_owned(),
+            line: place.0,
+            column: place.1,
+            message: message.into(),
+        }
+    }
+
+    /// Returns the message without the place, for texts that are not from a file.
+    pub fn into_message(self) -> String {
+        match self {
+            DocumentError::Invalid { message, .. } => message,
+            other => other.to_string(),
+        }
+    }
+}
+
+/// Reads a file of limited length and passes its text and its name to `parse`.
+pub(crate) fn load<T>(
+    path: &Path,
+    kind: DocumentKind,
+    parse: impl FnOnce(&str, &str) -> Result<T, DocumentError>,
+) -> Result<T, DocumentError> {
+    let name = path.display().to_string();
+    match files::read_text(path, yaml::MAX_LEN) {
+        Ok(text) => parse(&text, &name),
+        Err(ReadError::TooLong { .. }) => Err(DocumentError::TooLong { kind, name }),
+        Err(error) => Err(DocumentError::Read {
+            kind,
+            name,
+            source: error.into(),
+        }),
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Step {
-    /// The value of a key.
     Key(&'static str),
     /// An entry of a list, counted from 0.
     Index(usize),
@@ -31,9 +140,6 @@ pub(crate) fn find(text: &str, path: &[Step]) -> (usize, usize) {
 }
 
 /// Parses a document; `name` is the name of the text in errors.
-///
-/// # Errors
-/// [`DocumentError::Invalid`] with line and column.
 pub(crate) fn read<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, DocumentError> {
     yaml::examine(text)
         .map_err(|no| DocumentError::invalid(name, (no.line, no.column), no.what))?;
@@ -41,16 +147,14 @@ pub(crate) fn read<T: DeserializeOwned>(text: &str, name: &str) -> Result<T, Doc
         .map_err(|error| DocumentError::invalid(name, place_of(&error), explain(&error)))
 }
 
-/// Returns line and column, from 1, of an error, or of the document's start if the error has no
-/// place.
+/// Returns line and column, from 1, of an error; without them, the document's start.
 pub(crate) fn place_of(error: &serde_yaml::Error) -> (usize, usize) {
     error
         .location()
         .map_or((1, 1), |place| (place.line(), place.column()))
 }
 
-/// Returns the message of an error in plain words, without its place, with a suggestion for a
-/// misspelt name.
+/// Returns an error in plain words, without its place, with a suggestion for a misspelt name.
 fn explain(error: &serde_yaml::Error) -> String {
     let mut text = error.to_string();
     if let Some(place) = error.location() {
@@ -74,7 +178,7 @@ fn suggested_name(text: &str) -> Option<&str> {
     let near = quoted
         .map(|name| (strsim::damerau_levenshtein(found, name), name))
         .min()?;
-    (near.0 <= 2).then_some(near.1)
+    if near.0 <= 2 { Some(near.1) } else { None }
 }
 
 /// Follows a path and deliberately fails at its end, because the error contains the place.

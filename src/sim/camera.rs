@@ -1,0 +1,451 @@
+//! The camera: the world as seen from the robot's pose, as JPEGs with motion blur and noise.
+
+pub(crate) mod floor;
+mod lens;
+mod light;
+mod renderer;
+mod scene;
+mod surface;
+mod texture;
+pub(crate) mod view;
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use bytes::Bytes;
+use rand::rngs::StdRng;
+use rand::{Rng, RngExt, SeedableRng};
+
+use self::lens::Lens;
+use self::renderer::Renderer;
+use self::texture::Pixel;
+use self::view::{HEIGHT, WIDTH};
+use crate::sim::geometry::{Point, Pose};
+use crate::sim::world::World;
+use crate::sim::world::settings::CameraSettings;
+use crate::vision::JpegEncoder;
+
+pub(crate) struct Camera {
+    settings: CameraSettings,
+    lens: Lens,
+    renderer: Renderer,
+    exposure: Exposure,
+    /// Inputs of the last rendered frame, unless it is outdated.
+    last_inputs: Option<FrameInputs>,
+    grain: Grain,
+    grainy: Vec<Pixel>,
+    /// Created for the first frame: most simulated robots never take one.
+    encoder: Option<JpegEncoder>,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Shot {
+    pub(crate) pose: Pose,
+    pub(crate) flash: bool,
+    /// The robot's turning speed, radians per second.
+    pub(crate) turning: f64,
+    pub(crate) time: Duration,
+}
+
+/// All inputs of a frame except the scene and its lights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct FrameInputs {
+    pose: Pose,
+    flash: bool,
+    turning: f64,
+    exposure: f32,
+}
+
+impl Camera {
+    pub(crate) fn new(world: &World, seed: u64) -> Camera {
+        let lens = Lens::new(&world.camera);
+        Camera {
+            settings: world.camera,
+            renderer: Renderer::new(world, lens.focal),
+            lens,
+            exposure: Exposure::new(world.camera.exposure),
+            last_inputs: None,
+            grain: Grain::new(world.camera.noise, seed),
+            grainy: vec![[0; 4]; WIDTH * HEIGHT],
+            encoder: None,
+        }
+    }
+
+    pub(crate) fn set_light(&mut self, gain: f32) {
+        self.renderer.lighting.set_gain(gain);
+        self.last_inputs = None;
+    }
+
+    pub(crate) fn move_rounds(&mut self, places: impl Iterator<Item = Point>) {
+        if self.renderer.scene.move_rounds(places) {
+            self.last_inputs = None;
+        }
+    }
+
+    pub(crate) fn frame(&mut self, shot: Shot) -> Bytes {
+        self.render(shot);
+        let frame = self.lens.output(self.renderer.frame());
+        let grainy = &mut self.grainy;
+        self.grain
+            .add_to(frame.as_flattened(), grainy.as_flattened_mut());
+        let quality = self.settings.quality as u8;
+        let subsampling = self.settings.subsampling;
+        self.encoder
+            .get_or_insert_with(|| {
+                JpegEncoder::new(quality, subsampling, (WIDTH as u16, HEIGHT as u16))
+            })
+            .encode(&self.grainy)
+    }
+
+    /// Renders the frame, unless nothing has changed since the last one; then only the grain
+    /// differs.
+    fn render(&mut self, shot: Shot) {
+        let seconds = shot.time.as_secs_f64();
+        let changed = self.renderer.lighting.advance_to(seconds);
+        let exposure = self.exposure.gain();
+        let inputs = Some(FrameInputs {
+            pose: shot.pose,
+            flash: shot.flash,
+            turning: shot.turning,
+            exposure,
+        });
+        if changed || self.last_inputs != inputs {
+            let turned = shot.turning.abs() * self.settings.shutter;
+            self.renderer
+                .render(shot.pose, shot.flash, exposure, turned);
+            self.lens.distort(self.renderer.frame());
+            self.last_inputs = inputs;
+        }
+        self.exposure
+            .update(self.lens.output(self.renderer.frame()), shot.time);
+    }
+}
+
+/// Target for the mean brightness of a frame, 0..=255.
+const MIDDLE_GREY: f32 = 105.0;
+const GAINS: std::ops::RangeInclusive<f32> = 0.5..=2.5;
+/// One in this many pixels is measured.
+const SAMPLE_STEP: usize = 37;
+
+/// The exposure control: amplifies the light of a frame.
+#[derive(Debug)]
+pub(super) struct Exposure {
+    /// Time constant, seconds; 0 switches it off.
+    slowness: f64,
+    gain: f32,
+    last: Option<Duration>,
+}
+
+impl Exposure {
+    pub(super) fn new(slowness: f64) -> Exposure {
+        Exposure {
+            slowness,
+            gain: 1.0,
+            last: None,
+        }
+    }
+
+    /// Returns the gain; 1 leaves the light unchanged.
+    pub(super) fn gain(&self) -> f32 {
+        self.gain
+    }
+
+    /// Adjusts the gain to the brightness of a frame taken at `time`.
+    pub(super) fn update(&mut self, frame: &[Pixel], time: Duration) {
+        if self.slowness <= 0.0 {
+            return;
+        }
+        let some = frame.iter().step_by(SAMPLE_STEP);
+        let sum: u32 = some.map(|pixel| u32::from(pixel[1])).sum();
+        let mean = (sum as f32 * SAMPLE_STEP as f32 / frame.len() as f32).max(1.0);
+        let wanted = (self.gain * MIDDLE_GREY / mean).clamp(*GAINS.start(), *GAINS.end());
+        let share = self.last.map_or(1.0, |before| {
+            let passed = time.saturating_sub(before).as_secs_f64();
+            passed / (passed + self.slowness)
+        });
+        self.gain += (wanted - self.gain) * share as f32;
+        self.last = Some(time);
+    }
+}
+
+/// Bytes of a frame before it is encoded.
+const LEN: usize = WIDTH * HEIGHT * 4;
+/// Number of possible offsets, in pixels, of the noise of a frame.
+const SHIFTS: usize = 4096;
+/// Range of the noise at strength 1, on the scale 0..=255.
+const MAX_RANGE: f64 = 32.0;
+
+/// Noise for frames: generated once, and added to each frame at a random offset.
+pub(crate) struct Grain {
+    /// 0..=`middle` * 2 for each byte of a frame, the same for all channels of a pixel.
+    noise: Vec<u8>,
+    middle: u8,
+    random: StdRng,
+}
+
+impl Grain {
+    /// Creates noise of this strength, 0..=1.
+    pub(crate) fn new(strength: f64, seed: u64) -> Grain {
+        let mut random = StdRng::seed_from_u64(seed);
+        let middle = (strength.clamp(0.0, 1.0) * MAX_RANGE / 2.0).round() as u8;
+        let mut bytes = vec![0; LEN / 4 + SHIFTS];
+        random.fill_bytes(&mut bytes);
+        let level = |byte: u8| (u16::from(byte) * (2 * u16::from(middle) + 1) / 256) as u8;
+        let noise = bytes
+            .into_iter()
+            .flat_map(|byte| [level(byte); 4])
+            .collect();
+        Grain {
+            noise,
+            middle,
+            random,
+        }
+    }
+
+    /// Writes the frame with added noise to `grainy`.
+    pub(crate) fn add_to(&mut self, pixels: &[u8], grainy: &mut [u8]) {
+        if self.middle == 0 {
+            return grainy.copy_from_slice(pixels);
+        }
+        let noise = &self.noise[self.random.random_range(0..SHIFTS) * 4..];
+        for ((grainy, channel), noise) in grainy.iter_mut().zip(pixels).zip(noise) {
+            *grainy = channel.saturating_add(*noise).saturating_sub(self.middle);
+        }
+    }
+}
+
+/// The camera, with the frames that wait to be sent.
+pub(super) struct Video {
+    pub(super) camera: Camera,
+    fps: f64,
+    latency: Duration,
+    /// Elapsed share of the frame period; the next frame is due at 1.
+    due: f64,
+    frames: u64,
+    /// Frames delayed by the latency, each with the time at which it is sent.
+    waiting: VecDeque<(Duration, Bytes)>,
+}
+
+impl Video {
+    pub(super) fn new(world: &World, seed: u64) -> Video {
+        Video {
+            camera: Camera::new(world, seed),
+            fps: world.camera.fps,
+            latency: Duration::from_secs_f64(world.camera.latency),
+            due: 0.0,
+            frames: 0,
+            waiting: VecDeque::new(),
+        }
+    }
+
+    pub(super) fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// Makes the next frame due immediately.
+    pub(super) fn trigger_frame(&mut self) {
+        self.due = 1.0;
+    }
+
+    pub(super) fn stop(&mut self) {
+        self.waiting.clear();
+    }
+
+    /// Advances by `dt` and renders a frame if one is due. `prepare` updates the camera and returns
+    /// the shot.
+    pub(super) fn step(&mut self, dt: Duration, prepare: impl FnOnce(&mut Camera) -> Shot) {
+        self.due += dt.as_secs_f64() * self.fps;
+        if self.due >= 1.0 {
+            self.due = (self.due - 1.0).min(1.0);
+            self.frames += 1;
+            let shot = prepare(&mut self.camera);
+            let sent_at = shot.time + self.latency;
+            self.waiting.push_back((sent_at, self.camera.frame(shot)));
+        }
+    }
+
+    pub(super) fn take(&mut self, now: Duration) -> Option<Bytes> {
+        let (sent_at, _) = self.waiting.front()?;
+        if *sent_at > now {
+            return None;
+        }
+        self.waiting.pop_front().map(|(_, jpeg)| jpeg)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    #[test]
+    fn grain_is_weak_and_has_no_bias() {
+        let mut pixels = vec![0; LEN];
+        Grain::new(0.25, 5).add_to(&vec![100; LEN], &mut pixels);
+        assert!(pixels.iter().all(|channel| (96..=104).contains(channel)));
+        let mean = pixels
+            .iter()
+            .map(|channel| f64::from(*channel))
+            .sum::<f64>()
+            / LEN as f64;
+        assert!((mean - 100.0).abs() < 0.5, "{mean}");
+    }
+
+    #[test]
+    fn strength_zero_adds_no_grain() {
+        let mut pixels = vec![0; LEN];
+        Grain::new(0.0, 5).add_to(&vec![100; LEN], &mut pixels);
+        assert!(pixels.iter().all(|channel| *channel == 100));
+    }
+
+    const RED: fn([u8; 3]) -> bool = |[r, g, b]| r > 110 && g < 80 && b < 80;
+
+    fn still(pose: Pose, flash: bool) -> Shot {
+        Shot {
+            pose,
+            flash,
+            turning: 0.0,
+            time: Duration::ZERO,
+        }
+    }
+
+    fn shot(world: &World, pose: Pose, flash: bool) -> image::RgbImage {
+        let jpeg = Camera::new(world, 1).frame(still(pose, flash));
+        image::load_from_memory(&jpeg).unwrap().to_rgb8()
+    }
+
+    /// Returns the number and mean position of the pixels of a colour.
+    fn find(image: &image::RgbImage, wanted: fn([u8; 3]) -> bool) -> (usize, f64, f64) {
+        let found: Vec<_> = image
+            .enumerate_pixels()
+            .filter(|(.., p)| wanted(p.0))
+            .collect();
+        let count = found.len().max(1) as f64;
+        let x = found.iter().map(|(x, ..)| f64::from(*x)).sum::<f64>() / count;
+        let y = found.iter().map(|(_, y, _)| f64::from(*y)).sum::<f64>() / count;
+        (found.len(), x, y)
+    }
+
+    fn pen(thing: &str) -> World {
+        let text = format!(
+            "room: {{width: 6, depth: 4}}\nstation: {{at: [0, 2], heading_degrees: 0}}\n{thing}\n"
+        );
+        World::from_yaml(&text, "pen").unwrap()
+    }
+
+    #[test]
+    fn a_red_ball_ahead_is_red_pixels_near_the_centre() {
+        let world = pen("balls: [{at: [3, 2], colour: red}]");
+        let image = shot(&world, Pose::new(1.9, 2.0, 0.0), false);
+        assert_eq!(image.dimensions(), (320, 240));
+        let (count, x, y) = find(&image, RED);
+        // A radius of 0.1 m at 1 m, focal length 381 pixels: a disc of about 4,500 pixels.
+        assert!((3600..5000).contains(&count), "{count}");
+        assert!((x - 159.5).abs() < 3.0, "{x}");
+        assert!((y - 158.0).abs() < 6.0, "{y}");
+    }
+
+    #[test]
+    fn a_thing_on_the_left_appears_on_the_left() {
+        let world = pen("balls: [{at: [3, 2.3], colour: red}]");
+        let (count, x, _) = find(&shot(&world, Pose::new(1.9, 2.0, 0.0), false), RED);
+        assert!(count > 1000 && x < 100.0, "{count} at {x}");
+    }
+
+    #[test]
+    fn posts_are_upright_and_hide_things_behind_them() {
+        let world = pen(
+            "balls: [{at: [3, 2], colour: red}]\nposts: [{at: [2.6, 2], radius: 0.15, colour: blue}]",
+        );
+        let image = shot(&world, Pose::new(1.9, 2.0, 0.0), false);
+        let (blue, x, y) = find(&image, |[r, g, b]| b > 110 && r < 80 && g < 120);
+        assert!(
+            blue > 8000 && (x - 159.5).abs() < 4.0 && y < 160.0,
+            "{blue} at {x}, {y}"
+        );
+        assert_eq!(find(&image, RED).0, 0);
+    }
+
+    #[test]
+    fn low_furniture_hides_the_ball_but_not_the_post_behind_it() {
+        let world = pen(
+            "furniture: [{at: [3, 2], length: 0.4, width: 1, height: 0.3, colour: grey}]\n\
+         balls: [{at: [3.5, 2], colour: green}]\nposts: [{at: [3.5, 2], height: 1, colour: red}]",
+        );
+        let image = shot(&world, Pose::new(1.5, 2.0, 0.0), false);
+        let (red, _, y) = find(&image, RED);
+        assert!(red > 300 && y < 115.0, "{red} at row {y}");
+        assert_eq!(find(&image, |[r, g, _]| g > 110 && r < 80).0, 0);
+    }
+
+    #[test]
+    fn the_headlight_brightens_near_things_and_the_lamps_everything() {
+        let brightness = |light: f64, flash: bool| {
+            let image = shot(
+                &pen(&format!("light: {light}")),
+                Pose::new(1.0, 2.0, PI),
+                flash,
+            );
+            image
+                .as_raw()
+                .iter()
+                .map(|channel| u64::from(*channel))
+                .sum::<u64>()
+        };
+        assert!(brightness(0.2, true) > brightness(0.2, false) * 5 / 4);
+        assert!(brightness(1.0, false) > brightness(0.2, false) * 3);
+    }
+
+    #[test]
+    fn frames_are_small_and_the_same_for_the_same_seed() {
+        let world = World::default_world();
+        let frame = |seed| Camera::new(&world, seed).frame(still(world.start_pose(), false));
+        assert_eq!(frame(1), frame(1));
+        assert_ne!(frame(1), frame(2));
+        assert!(
+            (3_500..7_000).contains(&frame(1).len()),
+            "{}",
+            frame(1).len()
+        );
+    }
+
+    #[test]
+    fn a_robot_at_rest_sees_changes() {
+        let world = pen("balls: [{at: [3, 2], colour: red}]");
+        let mut camera = Camera::new(&world, 1);
+        let look = |camera: &mut Camera, flash| {
+            let jpeg = camera.frame(still(Pose::new(1.9, 2.0, 0.0), flash));
+            image::load_from_memory(&jpeg).unwrap().to_rgb8()
+        };
+        let bright = |image: &image::RgbImage| {
+            let channels = image.as_raw().iter();
+            channels.map(|channel| u64::from(*channel)).sum::<u64>()
+        };
+        let (_, middle, _) = find(&look(&mut camera, false), RED);
+        camera.move_rounds([Point::new(3.0, 2.3)].into_iter());
+        let moved = look(&mut camera, false);
+        let (_, left, _) = find(&moved, RED);
+        assert!(left < middle - 30.0, "{left} from {middle}");
+        let lit = look(&mut camera, true);
+        assert!(bright(&lit) > bright(&moved));
+        camera.set_light(0.3);
+        let dim = look(&mut camera, true);
+        assert!(bright(&dim) < bright(&lit) * 9 / 10);
+        assert_eq!(
+            find(&look(&mut camera, true), RED).0 > 0,
+            find(&dim, RED).0 > 0
+        );
+    }
+
+    #[test]
+    fn every_pose_gives_a_frame_even_inside_things() {
+        let world = World::default_world();
+        let mut camera = Camera::new(&world, 1);
+        for i in 0..120 {
+            let x = f64::from(i % 12) * 0.7 - 0.5;
+            let y = f64::from(i / 12) * 0.6 - 0.3;
+            let jpeg = camera.frame(still(Pose::new(x, y, f64::from(i)), i % 2 == 0));
+            assert!(jpeg.starts_with(&[0xFF, 0xD8]) && jpeg.ends_with(&[0xFF, 0xD9]));
+        }
+    }
+}
