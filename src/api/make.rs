@@ -1,8 +1,7 @@
 //! Short constructors for the rows of the API table, and methods that add further properties to a
 //! row.
 
-use super::bounds::Bounds;
-use super::model::{Choice, Function, Literal, Object, Requirement, Type, Value};
+use super::model::{Bounds, Choice, Function, Literal, Object, Requirement, Type, Value};
 
 impl Value {
     /// Sets the unit.

@@ -1,11 +1,10 @@
 //! `vision.*`: colours, trackers, motion detectors.
 
-use super::bounds::Bounds;
 use super::frame::{FRAME, MOTION, TRACK};
 use super::make::{
     bounded, call, count, number, object, options, range, strict, table, text, value,
 };
-use super::model::{Availability, Function, Namespace, Object, Type, Value};
+use super::model::{Availability, Bounds, Function, Namespace, Object, Type, Value};
 use crate::vision::{MotionOptions, TrackerOptions};
 
 const TRACKS: TrackerOptions = TrackerOptions::DEFAULT;

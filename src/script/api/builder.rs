@@ -14,7 +14,7 @@ use super::super::arguments::{Args, Refusal, describe};
 use super::super::budget;
 use super::super::failure::printable;
 use super::super::sandbox::{self, Prelude};
-use super::super::scheduler::CANCELLED;
+use super::super::state::CANCELLED;
 use super::{Call, Native, NativeResult, Natives, Reply, Shared, convert};
 use crate::api::{self, Function};
 
@@ -77,7 +77,6 @@ impl Builder<'_> {
         })
     }
 
-    /// Builds the function that the script sees.
     pub(super) fn function(
         &self,
         row: &'static Function,
@@ -257,7 +256,6 @@ pub(in super::super) fn every_path(lua: &Lua) -> BTreeSet<String> {
     paths
 }
 
-/// The names that exist in a namespace, or globally.
 fn known_names(lua: &Lua, owner: &str) -> Vec<String> {
     let mut names = Vec::new();
     let mut collect = |table: &LuaTable| {

@@ -4,14 +4,12 @@ use std::rc::Rc;
 
 use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 
-use super::super::Script;
-use super::super::arguments::Refusal;
+use super::super::arguments::{Refusal, describe};
 use super::super::events::EventName;
 use super::super::failure::{VmError, is_runtime_frame, printable};
-use super::super::ids::ModuleId;
-use super::super::modules::{ModuleFile, ModuleName, NoModule, Progress, Target, resolve};
+use super::super::modules::{Progress, Target, resolve};
 use super::super::sandbox;
-use super::super::task::{Cancel, MAX_TASKS, TaskId, Wait, Wakeup};
+use super::super::task::{Cancel, MAX_TASKS, ModuleId, TaskId, Wait, Wakeup};
 use super::{Builder, Call, NativeResult, Natives};
 use crate::api::{self, Function, Namespace};
 
@@ -27,7 +25,7 @@ pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
         let (owner, key, table): (String, LuaValue, LuaTable) = (owner, key, table);
         let key = match &key {
             LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
-            other => super::describe(other),
+            other => describe(other),
         };
         Ok(sandbox::unknown(&owner, &key, &names(&table)?))
     })?;
@@ -53,7 +51,6 @@ pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
     globals.raw_set("require", require)
 }
 
-/// The string keys of a table, sorted.
 fn names(table: &LuaTable) -> LuaResult<Vec<String>> {
     let mut names = Vec::new();
     table.for_each(|key: LuaValue, _: LuaValue| {
@@ -157,7 +154,6 @@ fn record_wait(
     recorded.map_err(|why| call.args.misuse(&why.to_string()))
 }
 
-/// Adds a module that is required for the first time.
 fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
     let added = match target {
         Target::Library(name, source) => {
@@ -224,8 +220,8 @@ fn done(call: &mut Call<'_>) -> NativeResult {
     let Some(id) = call.state.modules.find(&key) else {
         return call.reply(());
     };
-    let is_cancelled = |task: &mut super::super::task::Task| task.cancel != Cancel::No;
-    let cancelled = call.state.tasks.running().is_some_and(is_cancelled);
+    let running = call.state.tasks.running();
+    let cancelled = running.is_some_and(|task| task.cancel != Cancel::No);
     let progress = match (failed, call.state.modules.progress(id)) {
         (None, _) => Progress::Loaded,
         // The next task that requires it runs it again.
@@ -237,12 +233,8 @@ fn done(call: &mut Call<'_>) -> NativeResult {
         let from = requiring_module(call);
         call.state.modules.remove_wait(from, id, task);
     }
-    wake(call.state, id);
+    call.state.answer(Wait::Module(id), || Wakeup::Again);
     call.reply(())
-}
-
-fn wake(state: &mut super::super::state::State, id: ModuleId) {
-    state.answer(Wait::Module(id), || Wakeup::Again);
 }
 
 /// Creates a module's own globals, with the shared ones behind them.
@@ -260,35 +252,7 @@ fn environment(lua: &Lua) -> LuaResult<LuaTable> {
     Ok(own)
 }
 
-impl Script {
-    /// Delivers a module that the script has requested, or the reason why it cannot be loaded.
-    pub fn deliver_module(
-        &mut self,
-        name: &ModuleName,
-        file: Result<ModuleFile, NoModule>,
-        now: tokio::time::Instant,
-    ) {
-        let mut state = self.state.borrow_mut();
-        state.tick(now);
-        let Some(id) = state.modules.find(name.as_str()) else {
-            return;
-        };
-        if state.has_ended() || !matches!(state.modules.progress(id), Progress::Requested) {
-            return;
-        }
-        let progress = match file {
-            Err(NoModule(words)) => Progress::Missing(printable(&words, 400)),
-            Ok(file) => match state.modules.record_file(id, &file) {
-                Err(why) => Progress::Missing(why.to_string()),
-                Ok(chunk) => compile(&self.lua, &file.source, &chunk),
-            },
-        };
-        state.modules.set(id, progress);
-        wake(&mut state, id);
-    }
-}
-
-fn compile(lua: &Lua, source: &[u8], chunk: &str) -> Progress {
+pub(in crate::script) fn compile(lua: &Lua, source: &[u8], chunk: &str) -> Progress {
     let text = match sandbox::check_source(source, chunk) {
         Ok(text) => text,
         Err(failure) => return Progress::Failed(failure.to_string()),
