@@ -60,7 +60,6 @@ const FADING: f64 = 0.995;
 /// Another delay replaces the current one only if its misfit is less than this share of the current
 /// misfit.
 const BETTER: f64 = 0.9;
-/// How far back the history goes.
 const KEPT: Duration = Duration::from_secs(3);
 /// Least time between an entry and the next but one, which bounds the number of entries.
 const APART: Duration = Duration::from_millis(10);
@@ -102,7 +101,6 @@ pub(crate) struct Odometry {
     /// The skyline of the last frame that was examined while the robot turned, and when that frame
     /// arrived.
     skyline: Option<(Instant, Skyline)>,
-    /// The poses at the times when frames arrived, the oldest first.
     marks: VecDeque<(Instant, Pose)>,
 }
 
@@ -166,7 +164,6 @@ impl Odometry {
         self.travel.add(end, turn, way);
     }
 
-    /// Records the pose at the time of a frame.
     pub(crate) fn mark(&mut self, at: Instant) {
         let is_old = |mark: &(Instant, Pose)| mark.0 + OLDEST < at;
         while self.marks.len() >= MAX_MARKS || self.marks.front().is_some_and(is_old) {
@@ -282,12 +279,10 @@ pub(super) struct PictureDelay {
 }
 
 impl PictureDelay {
-    /// The delays that are compared, the shortest first.
     pub(super) fn candidates() -> [Duration; CANDIDATES] {
         std::array::from_fn(|step| STEP * step as u32)
     }
 
-    /// The index of the delay that is used.
     pub(super) fn selected(&self) -> usize {
         self.selected
     }
@@ -312,7 +307,6 @@ impl PictureDelay {
     }
 }
 
-/// Sums of the tracks' motion.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Totals {
     /// Radians to the left; turns to the right count as negative.
@@ -323,7 +317,6 @@ pub(super) struct Totals {
     pub(super) way: f64,
 }
 
-/// The sums over time.
 #[derive(Debug)]
 pub(super) struct Travel {
     /// The oldest first; never empty.
@@ -331,7 +324,6 @@ pub(super) struct Travel {
 }
 
 impl Travel {
-    /// Creates a history that begins now.
     pub(super) fn new(now: Instant) -> Travel {
         Travel {
             totals: VecDeque::from([(now, Totals::default())]),
@@ -422,7 +414,6 @@ mod tests {
         (one - other).abs() < 1e-6
     }
 
-    /// Advances time in steps of a hundredth of a second.
     fn drive(odometry: &mut Odometry, now: &mut Instant, driver: Driver, seconds: u32) {
         for _ in 0..seconds * 100 {
             *now += Duration::from_millis(10);
@@ -468,7 +459,6 @@ mod tests {
         );
     }
 
-    /// What tracks do in a turn on the spot.
     fn turn(radians: f64) -> Totals {
         Totals {
             turn: radians,

@@ -42,7 +42,6 @@ const NEAREST: f64 = 0.3;
 /// Least distance in metres from the lens to an object whose foot has just left the picture;
 /// smaller results are mistakes.
 const LEAST_ROOM: f64 = 0.15;
-/// Largest number of pictures that are kept.
 const MAX_VIEWS: usize = 16;
 
 /// Most pictures of an approach that are kept, and the least number and least distance driven (in
@@ -56,7 +55,6 @@ const SAME_FOOT: std::ops::RangeInclusive<f64> = 0.7..=1.05;
 /// The square of the correlation with the distance driven must be greater than this.
 const FITS: f64 = 0.95;
 
-/// The timed motion that is active when a picture arrives.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TimedMotion {
     pub(crate) motion: MotionId,
@@ -70,26 +68,20 @@ pub(crate) struct TimedMotion {
 pub(crate) struct Blockage {
     motion: Option<MotionId>,
     views: VecDeque<View>,
-    /// Set while the pictures show that the robot stands.
     standing: Option<Standing>,
-    /// Set while the robot is close to a plain surface.
     close: Option<Close>,
     approach: Approach,
     /// Buffers of a dropped picture, for reuse.
     spare: Option<Profiles>,
 }
 
-/// The evidence of the pictures that the robot stands.
 #[derive(Debug, Clone, Copy)]
 struct Standing {
     since: Instant,
-    /// When a picture last showed it.
     last: Instant,
-    /// Number of pictures that showed it.
     pictures: u32,
 }
 
-/// A picture that later ones are compared with.
 #[derive(Debug)]
 struct View {
     at: Instant,
@@ -97,7 +89,6 @@ struct View {
     profiles: Profiles,
 }
 
-/// Something plain fills the picture ahead.
 #[derive(Debug, Clone, Copy)]
 struct Close {
     /// When it began to, and the odometer then, in metres.
@@ -149,7 +140,6 @@ impl Blockage {
         self.stood(at).or_else(|| self.arrived(timed))
     }
 
-    /// Since when the robot has stood, if enough pictures show it.
     fn stood(&self, at: Instant) -> Option<Instant> {
         let standing = self.standing?;
         let is_long = at.saturating_duration_since(standing.since) >= STOOD;

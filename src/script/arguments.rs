@@ -218,10 +218,7 @@ impl Args {
         let mut wrong = None;
         // The first unknown key is enough; the visit stops there.
         let _ = table.for_each(|key: LuaValue, _: LuaValue| {
-            let text = match &key {
-                LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
-                other => describe(other),
-            };
+            let text = describe_key(&key);
             if keys.iter().any(|known| known.name == text) {
                 return Ok(());
             }
@@ -292,6 +289,14 @@ pub(super) fn describe(value: &LuaValue) -> String {
         LuaValue::Buffer(_) => "a buffer".to_owned(),
         LuaValue::Vector(_) => "a vector".to_owned(),
         _ => "an object".to_owned(),
+    }
+}
+
+/// The name of a key in messages.
+pub(super) fn describe_key(key: &LuaValue) -> String {
+    match key {
+        LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
+        other => describe(other),
     }
 }
 

@@ -194,16 +194,13 @@ pub(super) fn without_addresses(text: &str) -> Cow<'_, str> {
             .bytes()
             .take_while(u8::is_ascii_hexdigit)
             .count();
-        let length = if DIGITS.contains(&digits) && ends_with_type_name(before) {
-            MARK.len() + digits
+        out.push_str(before);
+        if DIGITS.contains(&digits) && ends_with_type_name(before) {
+            rest = &marked[MARK.len() + digits..];
         } else {
-            out.push_str(before);
             out.push_str(MARK);
             rest = &marked[MARK.len()..];
-            continue;
-        };
-        out.push_str(before);
-        rest = &marked[length..];
+        }
     }
     if out.is_empty() && rest.len() == text.len() {
         return Cow::Borrowed(text);
@@ -228,7 +225,8 @@ fn ends_with_type_name(before: &str) -> bool {
 /// Returns `None` if the failure is not in the file `chunk`, or if there is nothing to add.
 pub type Explain = fn(text: &str, chunk: &str, source: &str) -> Option<String>;
 
-/// How often failures of the script are logged: explained the first time, then ever more rarely for the same place.
+/// How often failures of the script are logged: explained the first time, then ever more rarely for
+/// the same place.
 #[derive(Default)]
 pub(super) struct FailureLog {
     pub(super) explain: Option<Explain>,

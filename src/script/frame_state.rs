@@ -111,29 +111,24 @@ pub(super) struct DetectionsRecorder {
     kept: Option<AnnotatedFrame>,
 }
 
-impl Default for DetectionsRecorder {
-    fn default() -> DetectionsRecorder {
-        let period = PERIOD;
-        let begun = None;
-        let kept = None;
-        DetectionsRecorder {
-            period,
-            begun,
-            kept,
-        }
-    }
-}
-
 impl DetectionsRecorder {
     /// Creates a recorder if the options say that somebody wants to see what the script sees.
     pub(super) fn from_options(options: &Options) -> Option<DetectionsRecorder> {
-        let live = options.detections;
-        let kept = options.annotate_dir.is_some();
-        let period = if live { LIVE_PERIOD } else { PERIOD };
-        (live || kept).then(|| DetectionsRecorder {
+        if options.detections {
+            Some(DetectionsRecorder::new(LIVE_PERIOD))
+        } else if options.annotate_dir.is_some() {
+            Some(DetectionsRecorder::new(PERIOD))
+        } else {
+            None
+        }
+    }
+
+    fn new(period: Duration) -> DetectionsRecorder {
+        DetectionsRecorder {
             period,
-            ..DetectionsRecorder::default()
-        })
+            begun: None,
+            kept: None,
+        }
     }
 
     /// Records what was found in a frame. All detections in one frame are kept together.
@@ -187,7 +182,7 @@ mod tests {
 
     #[test]
     fn detections_in_one_frame_are_kept_together() {
-        let mut recorder = DetectionsRecorder::default();
+        let mut recorder = DetectionsRecorder::new(PERIOD);
         let now = Instant::now();
         for (seq, count) in [(1, 2), (1, 1), (2, 5), (1, 100)] {
             recorder.record(&frame(seq, now), now, seen(count));
@@ -200,7 +195,7 @@ mod tests {
 
     #[test]
     fn at_most_two_frames_a_second_are_kept() {
-        let mut recorder = DetectionsRecorder::default();
+        let mut recorder = DetectionsRecorder::new(PERIOD);
         let start = Instant::now();
         let shown = (0..300).filter(|&seq| {
             let now = start + Duration::from_millis(10) * seq;

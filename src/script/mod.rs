@@ -163,11 +163,10 @@ impl Script {
             .borrow_mut()
             .tasks
             .add(main, TaskKind::Main, start, None, now);
-        let used_after_collection = 0;
         Ok(Script {
             lua,
             state,
-            used_after_collection,
+            used_after_collection: 0,
         })
     }
 
@@ -337,9 +336,8 @@ impl Script {
         };
         let thread = self.lua.create_thread(subscription.function.clone())?;
         let answer = Wakeup::Deliver(payload);
-        let task = state
-            .tasks
-            .add_running(thread, TaskKind::Handler(id), answer, now);
+        let kind = TaskKind::Handler(id);
+        let task = state.tasks.insert(thread, kind, answer, now).id;
         if let Some(subscription) = state.subscriptions.get_mut(&id) {
             subscription.busy = Busy::Running(task);
             if subscription.once {
@@ -453,7 +451,9 @@ impl Script {
         let mut state = self.state.borrow_mut();
         state.usage.cpu += cost.wall;
         state.usage.worst_callback = state.usage.worst_callback.max(cost.wall);
-        state.count_stopping_time(cost.wall);
+        if let Life::Stopping(stopping) = &mut state.life {
+            stopping.spent += cost.wall;
+        }
     }
 
     /// Begins to stop the script if the slice has called `script.stop`; how the slice ended does
@@ -529,7 +529,7 @@ impl Script {
     fn check_frames(&self, before: SliceStart) -> LuaResult<()> {
         let (held, limit) = {
             let state = self.state.borrow();
-            let held = std::rc::Rc::clone(&state.frames.held_bytes);
+            let held = Rc::clone(&state.frames.held_bytes);
             (held, state.options.limits.frame_bytes)
         };
         if held.get() <= limit {
@@ -604,7 +604,7 @@ impl Script {
                 let start = Wakeup::Start(LuaMultiValue::new());
                 state.tasks.add(thread, TaskKind::Line, start, None, now);
             }
-            Err(answer) => state.output.answer(answer),
+            Err(answer) => state.output.push(Output::Evaluated(answer)),
         }
     }
 

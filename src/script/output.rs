@@ -145,9 +145,9 @@ impl OutputQueue {
         }
     }
 
-    /// Requests a module; not bounded, since there are only a few.
-    pub(super) fn request_module(&mut self, name: ModuleName) {
-        self.waiting.push(Output::Module(name));
+    /// Queues output whose number the caller bounds.
+    pub(super) fn push(&mut self, output: Output) {
+        self.waiting.push(output);
     }
 
     /// Queues a log line, or counts it if there were too many lines this second.
@@ -161,19 +161,10 @@ impl OutputQueue {
         }
     }
 
-    /// Queues a report; the caller bounds their number.
-    pub(super) fn report(&mut self, report: HostReport) {
-        self.waiting.push(Output::HostReport(report));
-    }
-
     pub(super) fn params(&mut self, params: Vec<DeclaredParam>) {
         self.waiting
             .retain(|output| !matches!(output, Output::Params(_)));
         self.waiting.push(Output::Params(params));
-    }
-
-    pub(super) fn answer(&mut self, evaluated: Evaluated) {
-        self.waiting.push(Output::Evaluated(evaluated));
     }
 
     /// Starts a new period once the last one is over, and reports how many lines were dropped in

@@ -133,9 +133,10 @@ impl PictureStore {
         let deleted = self.make_room(&folder, name, heavy)?;
         folder.replace(name, bytes)?;
         self.keep(&folder, name)?;
-        let notice = (deleted > 0)
-            .then(|| self.removal_notice(MessageKind::Removed, deleted, now))
-            .flatten();
+        let notice = match deleted {
+            0 => None,
+            deleted => self.removal_notice(deleted, now),
+        };
         Ok(Saved {
             path: path.join(name),
             notice,
@@ -181,8 +182,8 @@ impl PictureStore {
         NotSaved::Quota(words)
     }
 
-    fn removal_notice(&mut self, kind: MessageKind, deleted: u64, now: Instant) -> Option<String> {
-        let before = self.messages.record(kind, now)?;
+    fn removal_notice(&mut self, deleted: u64, now: Instant) -> Option<String> {
+        let before = self.messages.record(MessageKind::Removed, now)?;
         let quota = self.quota;
         Some(format!(
             "the pictures have reached {quota} bytes: {} of the oldest deleted since the last such \

@@ -25,7 +25,7 @@ use super::frame_state::{AnnotatedFrame, FrameState, HeldFrame, LabelledBlob, Mo
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
 use super::options::{Options, ScenarioApi};
-use super::output::{DailyLimits, Evaluated, Level, LogLine, OutputQueue, QueuePosition};
+use super::output::{DailyLimits, Evaluated, Level, LogLine, Output, OutputQueue, QueuePosition};
 use super::picture_store::PictureStore;
 use super::sound::Loudness;
 use super::store::Store;
@@ -328,12 +328,13 @@ impl State {
             Life::Running => None,
             Life::Ended(_) => return None,
         };
-        let timers = [self.tasks.next_timer(), self.output.window_end(), exit];
-        timers
-            .into_iter()
-            .chain([self.next_stream_end()])
-            .flatten()
-            .min()
+        let timers = [
+            self.tasks.next_timer(),
+            self.output.window_end(),
+            exit,
+            self.next_stream_end(),
+        ];
+        timers.into_iter().flatten().min()
     }
 
     pub(super) fn deliver(&mut self, event: Event) {
@@ -401,7 +402,7 @@ impl State {
     }
 
     /// Publishes a `noise` event if this audio begins a loud sound and something listens for it.
-    pub(super) fn detect_noise(&mut self, samples: &[u8]) {
+    fn detect_noise(&mut self, samples: &[u8]) {
         if self.has_listener(EventName::Noise) {
             let dbfs = Loudness::from_samples(samples).dbfs();
             if dbfs > self.options.limits.noise_dbfs && self.becomes_loud() {
@@ -413,13 +414,13 @@ impl State {
 
     /// Records a loud sound; returns whether it was quiet before. So a bell is one noise, however
     /// long it rings, together with the motors that a script starts because of it.
-    pub(super) fn becomes_loud(&mut self) -> bool {
+    fn becomes_loud(&mut self) -> bool {
         let before = self.last_loud.replace(self.now);
         before.is_none_or(|at| self.now.saturating_duration_since(at) >= QUIET)
     }
 
     /// Whether a sound may come from the robot's own motors or speaker.
-    pub(super) fn may_be_own_sound(&self) -> bool {
+    fn may_be_own_sound(&self) -> bool {
         let lately = |at: Instant| self.now.saturating_duration_since(at) < SOUND;
         self.has_moved_within(MOTOR) || self.last_sounded.is_some_and(lately)
     }
@@ -441,7 +442,7 @@ impl State {
         }
     }
 
-    pub(super) fn publish(&mut self, name: EventName, payload: Payload) {
+    fn publish(&mut self, name: EventName, payload: Payload) {
         self.answer(Wait::Event(name), || Wakeup::Event(payload.clone()));
         let listeners: Vec<SubscriptionId> = self
             .subscriptions
@@ -479,14 +480,14 @@ impl State {
     }
 
     /// Whether a handler listens to a stream or a task waits for it.
-    pub(super) fn is_used(&self, stream: Stream) -> bool {
+    fn is_used(&self, stream: Stream) -> bool {
         let mut events = EventName::ALL.iter().copied();
         events.any(|event| event.stream() == Some(stream) && self.has_listener(event))
     }
 
     /// Records the use of each stream that is listened to. Called when time advances, before
     /// anything else happens.
-    pub(super) fn note_used_streams(&mut self) {
+    fn note_used_streams(&mut self) {
         for stream in self.streams.temporary() {
             if self.is_used(stream) {
                 self.streams.note_use(stream, self.now);
@@ -504,7 +505,7 @@ impl State {
     }
 
     /// When the next stream is switched off because nothing uses it.
-    pub(super) fn next_stream_end(&self) -> Option<Instant> {
+    fn next_stream_end(&self) -> Option<Instant> {
         let unused = |stream: &Stream| !self.is_used(*stream);
         let temporary = self.streams.temporary().into_iter().filter(unused);
         temporary
@@ -599,10 +600,13 @@ impl State {
             (TaskKind::Handler(subscription), outcome) => {
                 self.handler_ended(subscription, &outcome)
             }
-            (TaskKind::Main, Outcome::Failed(text)) => self.fail(text),
+            (TaskKind::Main, Outcome::Failed(text)) => {
+                let text = self.explained(&text);
+                self.begin_stop(EndReason::Error, Some(text));
+            }
             (TaskKind::Line, outcome) => {
                 let answer = self.evaluated(outcome);
-                self.output.answer(answer);
+                self.output.push(Output::Evaluated(answer));
             }
             (TaskKind::Spawned | TaskKind::StopHandler, Outcome::Failed(text)) => {
                 self.log_failure(&text)
@@ -670,11 +674,6 @@ impl State {
         }
     }
 
-    fn fail(&mut self, text: String) {
-        let text = self.explained(&text);
-        self.begin_stop(EndReason::Error, Some(text));
-    }
-
     /// Logs the error of a cancelled task, unless it is the cancellation's own error.
     pub(super) fn log_clean_up_failure(&mut self, text: &str) {
         if !text.ends_with(CANCELLED) {
@@ -684,13 +683,13 @@ impl State {
 
     /// Whether nothing is left that could run: no tasks and no subscriptions.
     pub(super) fn is_finished(&self) -> bool {
-        matches!(self.life, Life::Running)
+        self.is_running()
             && !self.options.interactive
             && self.tasks.is_empty()
             && self.subscriptions.is_empty()
     }
 
-    pub(super) fn child_ended(&mut self, id: GroupId, index: usize, outcome: Outcome) {
+    fn child_ended(&mut self, id: GroupId, index: usize, outcome: Outcome) {
         let Some(group) = self.groups.get_mut(&id) else {
             return;
         };
@@ -708,7 +707,7 @@ impl State {
 
     /// Ends a group: children that have not ended are cancelled, and run their clean-up before
     /// their parent continues.
-    pub(super) fn end_group(&mut self, id: GroupId) {
+    fn end_group(&mut self, id: GroupId) {
         if let Some(group) = self.groups.remove(&id) {
             for child in group.children {
                 self.cancel(child);
@@ -756,12 +755,6 @@ impl State {
         }
         for id in self.tasks.ids() {
             self.cancel(id);
-        }
-    }
-
-    pub(super) fn count_stopping_time(&mut self, time: Duration) {
-        if let Life::Stopping(stopping) = &mut self.life {
-            stopping.spent += time;
         }
     }
 

@@ -306,7 +306,8 @@ impl Tasks {
         handle
     }
 
-    fn insert(
+    /// Adds a task without putting it into the queue.
+    pub(super) fn insert(
         &mut self,
         thread: LuaThread,
         kind: TaskKind,
@@ -335,18 +336,6 @@ impl Tasks {
         };
         self.all.insert(id, task);
         handle
-    }
-
-    /// Adds a task that is run at once, without passing through the queue.
-    pub(super) fn add_running(
-        &mut self,
-        thread: LuaThread,
-        kind: TaskKind,
-        answer: Wakeup,
-        now: Instant,
-    ) -> TaskId {
-        let handle = self.insert(thread, kind, answer, now);
-        handle.id
     }
 
     pub(super) fn remove(&mut self, id: TaskId) -> Option<Task> {

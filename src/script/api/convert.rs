@@ -194,9 +194,13 @@ fn returned(lua: &Lua, answer: Wakeup) -> LuaResult<LuaMultiValue> {
             info.raw_set("attempts", attempts)?;
             info.raw_set("seconds", took.as_secs_f64())?;
             let info = of_row("DockInfo", info);
-            (is_docked(end), end.name(), info).into_lua_multi(lua)
+            let docked = matches!(end, DockEnd::Done | DockEnd::AlreadyDocked);
+            (docked, end.name(), info).into_lua_multi(lua)
         }
-        Wakeup::Undock(end) => (is_undocked(end), end.name()).into_lua_multi(lua),
+        Wakeup::Undock(end) => {
+            let undocked = matches!(end, DockEnd::Done | DockEnd::NotDocked);
+            (undocked, end.name()).into_lua_multi(lua)
+        }
         Wakeup::Joined(status, Some(text)) => {
             (status == Status::Done, status.name(), text).into_lua_multi(lua)
         }
@@ -207,14 +211,4 @@ fn returned(lua: &Lua, answer: Wakeup) -> LuaResult<LuaMultiValue> {
             Ok(LuaMultiValue::new())
         }
     }
-}
-
-/// Whether the robot is where the script wanted it to be.
-fn is_docked(end: DockEnd) -> bool {
-    matches!(end, DockEnd::Done | DockEnd::AlreadyDocked)
-}
-
-/// Whether the robot is where the script wanted it to be.
-fn is_undocked(end: DockEnd) -> bool {
-    matches!(end, DockEnd::Done | DockEnd::NotDocked)
 }

@@ -15,7 +15,7 @@ use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 use super::super::arguments::{Argument, Given, Refusal};
 use super::super::events::EventName;
 use super::super::frame_state::{HeldFrame, LabelledBlob};
-use super::super::output::Level;
+use super::super::output::{Level, Output};
 use super::super::picture_store::{self, NotSaved};
 use super::vision::Colours;
 use super::{Builder, Call, NativeResult, Natives, events, of_row};
@@ -105,7 +105,9 @@ fn save(call: &mut Call<'_>) -> NativeResult {
             if let Some(notice) = saved.notice {
                 call.state.log(Level::Info, &notice);
             }
-            call.state.output.report(HostReport::Picture { name });
+            call.state
+                .output
+                .push(Output::HostReport(HostReport::Picture { name }));
             call.reply(saved.path.to_string_lossy().into_owned())
         }
         Err(NotSaved::Quota(words)) => {
@@ -240,8 +242,10 @@ fn line(call: &mut Call<'_>) -> NativeResult {
     let size = call.state.image(&held).map(Image::size);
     if let Some(whole) = size {
         let part = part.unwrap_or(whole.into()).within(whole);
-        call.state
-            .record_detections(&held, line.zip(part).map(line_mark));
+        call.state.record_detections(
+            &held,
+            line.zip(part).map(|(line, part)| line_mark(line, part)),
+        );
     }
     let Some(line) = line else {
         return call.reply(LuaValue::Nil);
@@ -255,7 +259,7 @@ fn line(call: &mut Call<'_>) -> NativeResult {
 
 /// The mark of a line, for people who see the frame: a narrow box around the column given by
 /// `offset`, as high as the examined part.
-fn line_mark((line, part): (Line, Roi)) -> LabelledBlob {
+fn line_mark(line: Line, part: Roi) -> LabelledBlob {
     let column = f64::from(part.x) + (line.offset + 1.0) / 2.0 * f64::from(part.w) - 0.5;
     let blob = Blob {
         x: (column - LINE_MARGIN).max(0.0).round() as u32,

@@ -4,10 +4,11 @@ use std::rc::Rc;
 
 use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 
-use super::super::arguments::{Refusal, describe};
+use super::super::arguments::{Refusal, describe_key};
 use super::super::events::EventName;
 use super::super::failure::{VmError, is_runtime_frame, printable};
 use super::super::modules::{Progress, Target, resolve};
+use super::super::output::Output;
 use super::super::sandbox;
 use super::super::task::{Cancel, MAX_TASKS, ModuleId, TaskId, Wait, Wakeup};
 use super::{Builder, Call, NativeResult, Natives};
@@ -21,18 +22,18 @@ pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
     let row = api::function("require").ok_or_else(|| LuaError::runtime("no require"))?;
     let open: LuaFunction = globals.raw_get("require")?;
     let done = builder.function_with_shim("plain", row, done)?;
-    let nearest = builder.lua.create_function(|_, (owner, key, table)| {
-        let (owner, key, table): (String, LuaValue, LuaTable) = (owner, key, table);
-        let key = match &key {
-            LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
-            other => describe(other),
-        };
-        Ok(sandbox::unknown(&owner, &key, &names(&table)?))
-    })?;
-    let mismatch = builder.lua.create_function(|_, (owner, table)| {
-        let (owner, table): (String, LuaTable) = (owner, table);
-        mismatch(&owner, &names(&table)?)
-    })?;
+    type Unknown = (String, LuaValue, LuaTable);
+    let nearest = builder
+        .lua
+        .create_function(|_, (owner, key, table): Unknown| {
+            let key = describe_key(&key);
+            Ok(sandbox::unknown(&owner, &key, &names(&table)?))
+        })?;
+    let mismatch = builder
+        .lua
+        .create_function(|_, (owner, table): (String, LuaTable)| {
+            mismatch(&owner, &names(&table)?)
+        })?;
     let events = builder.lua.create_table()?;
     for event in EventName::ALL {
         events.raw_set(event.name(), true)?;
@@ -51,7 +52,8 @@ pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
     globals.raw_set("require", require)
 }
 
-fn names(table: &LuaTable) -> LuaResult<Vec<String>> {
+/// The string keys of a table, sorted.
+pub(super) fn names(table: &LuaTable) -> LuaResult<Vec<String>> {
     let mut names = Vec::new();
     table.for_each(|key: LuaValue, _: LuaValue| {
         names.extend(key.as_string().map(|name| name.to_string_lossy()));
@@ -165,7 +167,7 @@ fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
             call.may_wait()?;
             let added = call.state.modules.add(name.as_str(), Progress::Requested);
             if added.is_ok() {
-                call.state.output.request_module(name);
+                call.state.output.push(Output::Module(name));
             }
             added
         }

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 
-use super::super::arguments::{Refusal, describe};
+use super::super::arguments::{Refusal, describe, describe_key};
 use super::super::budget;
 use super::super::declaration::{self, Declaration, ParamValue};
 use super::super::failure::{printable, suggestion};
@@ -236,10 +236,7 @@ impl ParamReader<'_> {
 
     fn check_keys(&self, table: &LuaTable) -> Result<(), Refusal> {
         for (key, _) in pairs(self.call, table, self.name)? {
-            let text = match &key {
-                LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
-                other => describe(other),
-            };
+            let text = describe_key(&key);
             let keys = self.keys();
             if !keys.contains(&text.as_str()) {
                 let near = suggestion(&text, keys.iter().copied());

@@ -5,7 +5,7 @@ use std::path::Path;
 use mlua::prelude::LuaValue;
 
 use super::super::arguments::Refusal;
-use super::super::output::{MAX_ENTRY, MAX_KIND};
+use super::super::output::{MAX_ENTRY, MAX_KIND, Output};
 use super::super::store::QUOTA;
 use super::super::{picture_store, plain};
 use super::{Call, NativeResult, Natives};
@@ -94,7 +94,8 @@ fn add(call: &mut Call<'_>) -> NativeResult {
         .daily_limits
         .take_entry(kind.len() + json.len(), now);
     if kept {
-        call.state.output.report(HostReport::Entry { kind, json });
+        let report = HostReport::Entry { kind, json };
+        call.state.output.push(Output::HostReport(report));
     }
     call.reply(kept)
 }
@@ -113,9 +114,8 @@ fn send(call: &mut Call<'_>) -> NativeResult {
     let now = call.state.now;
     let sent = call.state.daily_limits.take_notice(now);
     if sent {
-        call.state
-            .output
-            .report(HostReport::Notify { text, picture });
+        let report = HostReport::Notify { text, picture };
+        call.state.output.push(Output::HostReport(report));
     }
     call.reply(sent)
 }

@@ -79,7 +79,8 @@ fn spawn(call: &mut Call<'_>) -> NativeResult {
 }
 
 fn delay(call: &mut Call<'_>) -> NativeResult {
-    let (time, function): (Duration, _) = (call.args.get(0)?, call.args.get(1)?);
+    let time: Duration = call.args.get(0)?;
+    let function = call.args.get(1)?;
     let values = call.args.rest();
     let start = call.state.now + time.max(SHORTEST_WAIT);
     begin(call, &function, values, Some(start))
@@ -174,7 +175,8 @@ fn group(call: &mut Call<'_>, rule: Rule) -> NativeResult {
 
 /// `task.timeout(seconds, fn, ...)` returns `true` and the results, or `false, "timeout"`.
 fn timeout(call: &mut Call<'_>) -> NativeResult {
-    let (time, function): (Duration, _) = (call.args.get(0)?, call.args.get(1)?);
+    let time: Duration = call.args.get(0)?;
+    let function = call.args.get(1)?;
     let values = call.args.rest();
     call.may_wait()?;
     run_group(call, Rule::Timeout, vec![(function, values)], Some(time))
