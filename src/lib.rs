@@ -32,9 +32,9 @@
 //! 2. `pilot.rs` makes it a `Frame` with a number and a time, and stores it, still
 //!    encoded, as the newest one: older frames that no reader has taken are dropped;
 //! 3. `behaviour/supervisor.rs` sends the `Frame` through the pipe when its host asks for one;
-//! 4. `behaviour/host.rs` gives it to the VM; `script/state/delivery.rs` validates its markers
+//! 4. `behaviour/host.rs` gives it to the VM; `script/state.rs` validates its markers
 //!    (only here) and queues it for the script's handler as a `HeldFrame`;
-//! 5. `frame:find_blobs` (`script/api/looking.rs`) decodes it, once and on demand, and finds its
+//! 5. `frame:find_blobs` (`script/api/frame.rs`) decodes it, once and on demand, and finds its
 //!    blobs (`vision/frame_analyser.rs`);
 //! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`,
 //!    which goes back through the pipe;

@@ -2,25 +2,21 @@
 //! camera. Knows nothing of scripts.
 //!
 //! The pose is dead reckoning, corrected by the turns that the camera sees. A picture shows what
-//! the tracks did earlier, by the delay estimated in `picture_delay`. The heading follows camera or
+//! the tracks did earlier, by the delay that `PictureDelay` estimates. The heading follows camera or
 //! tracks, whichever is more accurate for the motion at hand.
 
-mod approach;
 mod blockage;
-mod picture_delay;
-mod travel;
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;
+use std::ops::Sub;
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-use self::picture_delay::PictureDelay;
-use self::travel::{Totals, Travel};
 use crate::vision::{Drive, Skyline};
 
-pub(crate) use self::blockage::{Blockage, TimedMotion};
+pub(crate) use blockage::{Blockage, TimedMotion};
 
 /// Slip of the tracks on an unknown floor: metres per metre, radians per radian, and radians by
 /// which they veer per metre.
@@ -51,6 +47,23 @@ const GRACE: Duration = Duration::from_millis(300);
 const MAX_MARKS: usize = 128;
 const OLDEST: Duration = Duration::from_secs(4);
 
+/// The number of delays that are compared, and the step between them: from 0 to 0.4 seconds.
+pub(super) const CANDIDATES: usize = 9;
+const STEP: Duration = Duration::from_millis(50);
+/// A picture is used if the turns that the delays predict differ by at least this, in radians.
+const MIN_SPREAD: f64 = 0.01;
+/// Largest squared error of one picture that counts, in radians squared, so that an outlier does
+/// not dominate for long.
+const MAX_SQUARED_ERROR: f64 = 0.05;
+/// The weight of earlier pictures is multiplied by this with each picture that is used.
+const FADING: f64 = 0.995;
+/// Another delay replaces the current one only if its misfit is less than this share of the current
+/// misfit.
+const BETTER: f64 = 0.9;
+const KEPT: Duration = Duration::from_secs(3);
+/// Least time between an entry and the next but one, which bounds the number of entries.
+const APART: Duration = Duration::from_millis(10);
+
 /// A place in the plane and its uncertainty. It starts at zero, facing along x.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Pose {
@@ -65,7 +78,6 @@ pub(crate) struct Pose {
     pub(crate) heading_error: f64,
 }
 
-/// The source of the robot's motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Driver {
     None,
@@ -74,7 +86,6 @@ pub(crate) enum Driver {
     Other,
 }
 
-/// See the module documentation.
 #[derive(Debug)]
 pub(crate) struct Odometry {
     pose: Pose,
@@ -90,12 +101,10 @@ pub(crate) struct Odometry {
     /// The skyline of the last frame that was examined while the robot turned, and when that frame
     /// arrived.
     skyline: Option<(Instant, Skyline)>,
-    /// The poses at the times when frames arrived, the oldest first.
     marks: VecDeque<(Instant, Pose)>,
 }
 
 impl Odometry {
-    /// Creates the odometry with the pose at zero.
     pub(crate) fn new(now: Instant, full_speed: f64) -> Odometry {
         Odometry {
             pose: Pose::default(),
@@ -110,7 +119,6 @@ impl Odometry {
         }
     }
 
-    /// Resets the pose to zero.
     pub(crate) fn reset(&mut self) {
         self.pose = Pose::default();
         self.marks.clear();
@@ -156,7 +164,6 @@ impl Odometry {
         self.travel.add(end, turn, way);
     }
 
-    /// Records the pose at the time of a frame.
     pub(crate) fn mark(&mut self, at: Instant) {
         let is_old = |mark: &(Instant, Pose)| mark.0 + OLDEST < at;
         while self.marks.len() >= MAX_MARKS || self.marks.front().is_some_and(is_old) {
@@ -177,7 +184,7 @@ impl Odometry {
 
     /// What the tracks did between the moments that two frames show, for each possible delay of the
     /// pictures.
-    fn motions(&self, before: Instant, now: Instant) -> [Totals; picture_delay::CANDIDATES] {
+    fn motions(&self, before: Instant, now: Instant) -> [Totals; CANDIDATES] {
         PictureDelay::candidates().map(|delay| {
             let times = before.checked_sub(delay).zip(now.checked_sub(delay));
             let totals = times.and_then(|(from, to)| self.travel.between(from, to));
@@ -264,5 +271,330 @@ impl Pose {
     }
 }
 
+/// How well each delay fits the pictures so far.
+#[derive(Debug, Default)]
+pub(super) struct PictureDelay {
+    misfits: [f64; CANDIDATES],
+    selected: usize,
+}
+
+impl PictureDelay {
+    pub(super) fn candidates() -> [Duration; CANDIDATES] {
+        std::array::from_fn(|step| STEP * step as u32)
+    }
+
+    pub(super) fn selected(&self) -> usize {
+        self.selected
+    }
+
+    /// Records the turn that two frames show and the turn that each delay predicts; all in radians.
+    pub(super) fn note(&mut self, seen: f64, expected: &[f64; CANDIDATES]) {
+        let largest = expected.iter().copied().fold(f64::MIN, f64::max);
+        let smallest = expected.iter().copied().fold(f64::MAX, f64::min);
+        if largest - smallest < MIN_SPREAD {
+            return;
+        }
+        for (misfit, turn) in self.misfits.iter_mut().zip(expected) {
+            *misfit = *misfit * FADING + (seen - turn).powi(2).min(MAX_SQUARED_ERROR);
+        }
+        let best = (0..CANDIDATES).min_by(|one, other| {
+            let misfit = |index: usize| self.misfits[index];
+            misfit(*one).total_cmp(&misfit(*other))
+        });
+        self.selected = best
+            .filter(|best| self.misfits[*best] < BETTER * self.misfits[self.selected])
+            .unwrap_or(self.selected);
+    }
+}
+
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Totals {
+    /// Radians to the left; turns to the right count as negative.
+    pub(super) turn: f64,
+    /// Radians to either side.
+    pub(super) turned: f64,
+    /// Metres, forwards or backwards.
+    pub(super) way: f64,
+}
+
+#[derive(Debug)]
+pub(super) struct Travel {
+    /// The oldest first; never empty.
+    totals: VecDeque<(Instant, Totals)>,
+}
+
+impl Travel {
+    pub(super) fn new(now: Instant) -> Travel {
+        Travel {
+            totals: VecDeque::from([(now, Totals::default())]),
+        }
+    }
+
+    /// Adds the motion since the last entry, at a constant rate until `now`: the turn in radians and
+    /// the distance in metres.
+    pub(super) fn add(&mut self, now: Instant, turn: f64, way: f64) {
+        let last = self.totals.back().map(|(_, totals)| *totals);
+        let last = last.unwrap_or_default();
+        let sum = Totals {
+            turn: last.turn + turn,
+            turned: last.turned + turn.abs(),
+            way: last.way + way.abs(),
+        };
+        let count = self.totals.len();
+        let close = |(at, _): &(Instant, Totals)| *at + APART > now;
+        if count >= 2 && self.totals.get(count - 2).is_some_and(close) {
+            self.totals.pop_back();
+        }
+        self.totals.push_back((now, sum));
+        while self.totals.get(1).is_some_and(|(at, _)| *at + KEPT < now) {
+            self.totals.pop_front();
+        }
+    }
+
+    /// The motion between two times; `None` if the first is too long ago.
+    pub(super) fn between(&self, from: Instant, to: Instant) -> Option<Totals> {
+        Some(self.until(to)? - self.until(from)?)
+    }
+
+    fn until(&self, time: Instant) -> Option<Totals> {
+        let later = self.totals.partition_point(|(at, _)| *at < time);
+        let Some((end, after)) = self.totals.get(later) else {
+            return self.totals.back().map(|(_, totals)| *totals);
+        };
+        if *end == time {
+            return Some(*after);
+        }
+        let (begin, before) = self.totals.get(later.checked_sub(1)?)?;
+        let part = (time - *begin).as_secs_f64() / (*end - *begin).as_secs_f64();
+        let between = |before: f64, after: f64| before + (after - before) * part;
+        Some(Totals {
+            turn: between(before.turn, after.turn),
+            turned: between(before.turned, after.turned),
+            way: between(before.way, after.way),
+        })
+    }
+}
+
+impl Sub for Totals {
+    type Output = Totals;
+
+    fn sub(self, before: Totals) -> Totals {
+        Totals {
+            turn: self.turn - before.turn,
+            turned: self.turned - before.turned,
+            way: self.way - before.way,
+        }
+    }
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use image::{Rgb, RgbImage};
+
+    use super::*;
+    use crate::vision::{Camera, Image, Size};
+
+    const AHEAD: Driver = Driver::Script(Drive {
+        forward: 0.2,
+        turn: 0.0,
+    });
+    const LEFT: Driver = Driver::Script(Drive {
+        forward: 0.0,
+        turn: FRAC_PI_2,
+    });
+
+    fn odometry() -> (Odometry, Instant) {
+        let now = Instant::now();
+        (Odometry::new(now, 0.45), now)
+    }
+
+    fn near(one: f64, other: f64) -> bool {
+        (one - other).abs() < 1e-6
+    }
+
+    fn drive(odometry: &mut Odometry, now: &mut Instant, driver: Driver, seconds: u32) {
+        for _ in 0..seconds * 100 {
+            *now += Duration::from_millis(10);
+            odometry.advance(*now, driver);
+        }
+    }
+
+    #[test]
+    fn a_line_a_turn_and_an_arc_end_where_geometry_says() {
+        let (mut odometry, mut now) = odometry();
+        let arc = Driver::Script(Drive {
+            forward: FRAC_PI_2 / 10.0,
+            turn: FRAC_PI_2 / 10.0,
+        });
+        for (driver, seconds, x, y) in [
+            (AHEAD, 1, 0.2, 0.0),
+            (LEFT, 1, 0.2, 0.0),
+            (AHEAD, 1, 0.2, 0.2),
+            (arc, 10, -0.8, 1.2),
+        ] {
+            drive(&mut odometry, &mut now, driver, seconds);
+            let pose = odometry.pose();
+            assert!((pose.x - x).hypot(pose.y - y) < 0.02, "{pose:?}");
+        }
+        assert!(near(odometry.pose().heading, PI));
+        odometry.reset();
+        assert_eq!(odometry.pose(), Pose::default());
+    }
+
+    #[test]
+    fn the_error_grows_with_the_distance_and_less_if_the_camera_saw_the_turn() {
+        let (mut odometry, start) = odometry();
+        odometry.advance(start + Duration::from_secs(1), AHEAD);
+        let straight = odometry.pose();
+        assert!(straight.error > 0.0 && straight.heading_error > 0.0);
+        odometry.advance(start + Duration::from_secs(2), LEFT);
+        let unseen = odometry.pose();
+        odometry.correct_turn(1.4 / PARALLAX, turn(FRAC_PI_2), 0.0);
+        let seen = odometry.pose();
+        assert!(
+            seen.heading < unseen.heading && seen.heading_error < unseen.heading_error,
+            "{seen:?}"
+        );
+    }
+
+    fn turn(radians: f64) -> Totals {
+        Totals {
+            turn: radians,
+            turned: radians.abs(),
+            way: 0.0,
+        }
+    }
+
+    /// The view of a camera in a round room that is turned to the left by this many radians.
+    fn room(turned: f64) -> Skyline {
+        let camera = Camera::default();
+        let size = Size {
+            width: 160,
+            height: 120,
+        };
+        let picture = RgbImage::from_fn(160, 120, |x, _| {
+            let angle = turned + camera.bearing(f64::from(x), 52.0, size);
+            let value = 120.0
+                + 50.0 * (angle * 3.0).sin()
+                + 40.0 * (angle * 7.0).sin()
+                + 20.0 * (angle * 17.0).cos();
+            Rgb([value as u8; 3])
+        });
+        Skyline::from_image(&Image::from_rgb(&picture), camera)
+    }
+
+    #[test]
+    fn turns_that_pictures_show_late_are_neither_lost_nor_counted_twice() {
+        let (mut odometry, start) = odometry();
+        let mut turned = 0.0;
+        let mut shown = VecDeque::from([0.0; 20]);
+        for tick in 0..800 {
+            let now = start + Duration::from_millis(10) * (tick + 1);
+            let turn = if tick % 200 < 100 { 1.5 } else { 0.0 };
+            let forward = if turn == 0.0 { 0.2 } else { 0.0 };
+            odometry.advance(now, Driver::Script(Drive { forward, turn }));
+            // The tracks slip by a tenth, and pictures are 0.2 s late.
+            turned += 0.9 * turn * 0.01;
+            shown.push_back(turned);
+            let seen = shown.pop_front().unwrap_or_default();
+            if tick % 12 == 0 {
+                odometry.mark(now);
+                odometry.look(now, Some(room(seen * PARALLAX)));
+            }
+        }
+        let pose = odometry.pose();
+        // The tracks alone say four turns of 1.5 radians.
+        assert!((turned - 5.4).abs() < 1e-6, "{turned}");
+        assert!((pose.heading - turned).abs() < 0.25, "{pose:?}");
+    }
+
+    #[test]
+    fn a_person_walking_by_is_not_taken_for_a_turn() {
+        let (mut odometry, mut now) = odometry();
+        drive(&mut odometry, &mut now, AHEAD, 1);
+        let straight = Totals {
+            turn: 0.0,
+            turned: 0.0,
+            way: 0.2,
+        };
+        odometry.correct_turn(0.3, straight, 0.0);
+        assert!(near(odometry.pose().heading, 0.0));
+    }
+
+    #[test]
+    fn motion_by_others_makes_the_place_uncertain_but_late_reports_of_own_motion_do_not() {
+        let (mut odometry, start) = odometry();
+        odometry.advance(start + Duration::from_secs(1), AHEAD);
+        let own = odometry.pose();
+        odometry.advance(start + Duration::from_millis(1200), Driver::Other);
+        let echo = odometry.pose();
+        assert!(
+            near(echo.x, 0.2) && echo.error < own.error + 0.01,
+            "{echo:?}"
+        );
+        odometry.advance(start + Duration::from_secs(9), Driver::Other);
+        let pose = odometry.pose();
+        assert!(pose.error > 1.0 && near(pose.heading_error, PI), "{pose:?}");
+        assert!(near(pose.x, echo.x));
+    }
+
+    #[test]
+    fn a_blocked_robot_has_not_advanced() {
+        let (mut odometry, mut now) = odometry();
+        let start = now;
+        for _ in 0..3 {
+            drive(&mut odometry, &mut now, AHEAD, 1);
+            odometry.mark(now);
+        }
+        odometry.rewind(start + Duration::from_secs(2));
+        assert!((odometry.pose().x - 0.4).abs() < 0.02);
+    }
+
+    /// Radians that a robot has turned by `time` if it alternately turns for a second and stands
+    /// for a second.
+    fn turned(time: f64) -> f64 {
+        let time = time.max(0.0);
+        (time / 2.0).floor() + (time % 2.0).min(1.0)
+    }
+
+    #[test]
+    fn the_delay_of_pictures_is_found_in_two_turns() {
+        for (late, found) in [(0.0, 0), (0.1, 2), (0.22, 4), (0.4, 8)] {
+            let mut delay = PictureDelay::default();
+            for frame in 1..=30 {
+                let now = f64::from(frame) / 8.0;
+                let turn = |late: f64| turned(now - late) - turned(now - 0.125 - late);
+                let expected = PictureDelay::candidates().map(|delay| turn(delay.as_secs_f64()));
+                delay.note(0.9 * turn(late), &expected);
+            }
+            assert_eq!(delay.selected(), found, "{late} s");
+        }
+    }
+
+    #[test]
+    fn constant_predictions_are_not_used() {
+        let mut delay = PictureDelay::default();
+        for seen in [0.3, -0.2, 0.0] {
+            delay.note(seen, &[0.1; CANDIDATES]);
+        }
+        assert_eq!(delay.misfits, [0.0; CANDIDATES]);
+    }
+
+    #[test]
+    fn the_motion_between_two_times_is_known_for_a_while_in_little_memory() {
+        let start = Instant::now();
+        let mut travel = Travel::new(start);
+        for millis in 1..=10_000 {
+            travel.add(start + Duration::from_millis(millis), 0.001, -0.002);
+        }
+        let at = |millis| start + Duration::from_millis(millis);
+        let Some(done) = travel.between(at(9_205), at(9_709)) else {
+            panic!("too long ago");
+        };
+        assert!((done.turn - 0.504).abs() < 1e-6 && (done.way - 1.008).abs() < 1e-6);
+        assert_eq!(travel.between(at(5_000), at(9_000)), None);
+        assert!(travel.totals.len() < 700, "{}", travel.totals.len());
+    }
+}

@@ -1,11 +1,10 @@
 //! Frames, and the tables that describe what is found in them.
 
-use super::bounds::Bounds;
 use super::make::{
     boolean, bounded, call, count, number, object, options, short_text, strict, table, text, value,
     whole,
 };
-use super::model::{Function, Object, Type, Value};
+use super::model::{Bounds, Function, Object, Type, Value};
 use crate::vision::BlobOptions;
 
 const ROI: Value = value("roi", Type::Roi, "search or measure only this part").optional();

@@ -1,46 +1,38 @@
 //! Short constructors for the rows of the API table, and methods that add further properties to a
 //! row.
 
-use super::bounds::Bounds;
-use super::model::{Choice, Function, Literal, Object, Requirement, Type, Value};
+use super::model::{Bounds, Choice, Function, Literal, Object, Requirement, Type, Value};
 
 impl Value {
-    /// Sets the unit.
     pub(super) const fn unit(self, unit: &'static str) -> Value {
         Value { unit, ..self }
     }
 
     /// Marks the value as optional: it may be left out, or may be nil.
     pub(super) const fn optional(self) -> Value {
-        let requirement = Requirement::Optional;
         Value {
-            requirement,
+            requirement: Requirement::Optional,
             ..self
         }
     }
 
     pub(super) const fn required(self) -> Value {
-        let requirement = Requirement::Required;
         Value {
-            requirement,
+            requirement: Requirement::Required,
             ..self
         }
     }
 
-    /// Sets the number that is used if none is given.
     pub(super) const fn default(self, number: f64) -> Value {
-        let requirement = Requirement::Default(Literal::Number(number));
         Value {
-            requirement,
+            requirement: Requirement::Default(Literal::Number(number)),
             ..self
         }
     }
 
-    /// Sets the boolean that is used if none is given.
     pub(super) const fn default_is(self, on: bool) -> Value {
-        let requirement = Requirement::Default(Literal::Boolean(on));
         Value {
-            requirement,
+            requirement: Requirement::Default(Literal::Boolean(on)),
             ..self
         }
     }
@@ -122,14 +114,13 @@ pub(super) const fn options(keys: &'static [Value]) -> Value {
 }
 
 /// `{low, high}`; the default is the full range.
-pub(super) const fn range(name: &'static str, (low, high): (f64, f64), doc: &'static str) -> Value {
+pub(super) const fn range(name: &'static str, full: Literal, doc: &'static str) -> Value {
     Value {
-        requirement: Requirement::Default(Literal::Range(low, high)),
+        requirement: Requirement::Default(full),
         ..value(name, Type::Range, doc)
     }
 }
 
-/// A function that does not wait.
 pub(super) const fn call(
     path: &'static str,
     parameters: &'static [Value],
@@ -149,7 +140,6 @@ pub(super) const fn call(
     }
 }
 
-/// A plain table.
 pub(super) const fn table(
     name: &'static str,
     doc: &'static str,

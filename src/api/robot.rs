@@ -1,12 +1,10 @@
 //! `robot.*`, and the subscriptions that it returns.
 
-use super::bounds::{Bounds, SECONDS};
 use super::choices::{DOCK_CODE, LIGHT, MOTION_CODE, QUEUE, SOUND, STREAM};
-use super::events::EVENT;
+use super::events::{BATTERY, DOCK_INFO, EVENT, INFO, POSE_ESTIMATE};
 use super::frame::FRAME;
 use super::make::{boolean, bounded, call, choice, count, object, options, strict, value};
-use super::model::{Availability, Function, Namespace, Object, Type, Value};
-use super::tables::{BATTERY, DOCK_INFO, INFO, POSE_ESTIMATE};
+use super::model::{Availability, Bounds, Function, Namespace, Object, SECONDS, Type, Value};
 use super::task::TASK;
 use crate::robot::DockPlan;
 

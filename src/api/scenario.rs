@@ -1,12 +1,11 @@
 //! The API of scenarios, in `*_test.lua` files: `scenario`, `expect`, and `sim`, the simulated
 //! robot.
 
-use super::bounds::{Bounds, SECONDS};
 use super::make::{
     boolean, bounded, call, count, function, number, object, options, short_text, strict, table,
     text, value, whole,
 };
-use super::model::{Availability, Namespace, Object, Type, Value};
+use super::model::{Availability, Bounds, Namespace, Object, SECONDS, Type, Value};
 
 /// The limits of coordinates, in metres, and of headings, in radians.
 const FAR: Bounds = Bounds::Between(-1000.0, 1000.0);

@@ -1,11 +1,10 @@
 //! `task.*` and the Task object.
 
-use super::bounds::{Bounds, SECONDS};
 use super::choices::TASK_STATUS;
 use super::make::{
     boolean, bounded, call, choice, function, number, object, strict, text, value, whole,
 };
-use super::model::{Availability, Function, Namespace, Object, Type, Value};
+use super::model::{Availability, Bounds, Function, Namespace, Object, SECONDS, Type, Value};
 
 const FUNCTION: Value = function("fn", "(...any) -> ...any", "the function to run");
 const HANDLE: Value = object("task", &TASK, "");

@@ -1,19 +1,18 @@
 //! `vision.*`: colours, trackers, motion detectors.
 
-use super::bounds::Bounds;
 use super::frame::{FRAME, MOTION, TRACK};
 use super::make::{
     bounded, call, count, number, object, options, range, strict, table, text, value,
 };
-use super::model::{Availability, Function, Namespace, Object, Type, Value};
+use super::model::{Availability, Bounds, Function, Literal, Namespace, Object, Type, Value};
 use crate::vision::{MotionOptions, TrackerOptions};
 
 const TRACKS: TrackerOptions = TrackerOptions::DEFAULT;
 const MOVES: MotionOptions = MotionOptions::DEFAULT;
-const LIGHTNESS: (f64, f64) = (0.0, 100.0);
-const OPPONENT: (f64, f64) = (-128.0, 127.0);
-const HUE: (f64, f64) = (0.0, 360.0);
-const PERCENT: (f64, f64) = (0.0, 100.0);
+const LIGHTNESS: Literal = Literal::Range(0.0, 100.0);
+const OPPONENT: Literal = Literal::Range(-128.0, 127.0);
+const HUE: Literal = Literal::Range(0.0, 360.0);
+const PERCENT: Literal = Literal::Range(0.0, 100.0);
 const NEXT: Value = object("frame", &FRAME, "the next frame");
 
 pub(super) const COLOUR: Object = strict(

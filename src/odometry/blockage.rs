@@ -4,15 +4,15 @@
 //!
 //! Close to something plain there is nothing left in the picture that could change. Then the tracks
 //! tell: once they have covered more than the distance that there was when the last floor left the
-//! picture, the robot must have arrived. `approach` measures that distance. This relies on the height of the lens above the floor, on
-//! the camera being level, on its field of view and on the calibration of the tracks.
+//! picture, the robot must have arrived. `Approach` measures that distance. This
+//! relies on the height of the lens above the floor, on the camera being level, on its field of view
+//! and on the calibration of the tracks.
 
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-use super::approach::Approach;
 use crate::robot::MotionId;
 use crate::vision::{Camera, Drive, Image, Profiles, Verdict, compare_profiles};
 
@@ -42,10 +42,19 @@ const NEAREST: f64 = 0.3;
 /// Least distance in metres from the lens to an object whose foot has just left the picture;
 /// smaller results are mistakes.
 const LEAST_ROOM: f64 = 0.15;
-/// Largest number of pictures that are kept.
 const MAX_VIEWS: usize = 16;
 
-/// The timed motion that is active when a picture arrives.
+/// Most pictures of an approach that are kept, and the least number and least distance driven (in
+/// metres) for a result.
+const MAX_SEEN: usize = 24;
+const FEWEST_SEEN: usize = 5;
+const SHORTEST: f64 = 0.08;
+/// From one picture to the next, the inverse of a foot's rows falls by less than this share and
+/// does not rise by more than that; otherwise it is another foot.
+const SAME_FOOT: std::ops::RangeInclusive<f64> = 0.7..=1.05;
+/// The square of the correlation with the distance driven must be greater than this.
+const FITS: f64 = 0.95;
+
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TimedMotion {
     pub(crate) motion: MotionId,
@@ -55,31 +64,24 @@ pub(crate) struct TimedMotion {
     pub(crate) odometer: f64,
 }
 
-/// See the module documentation.
 #[derive(Debug, Default)]
 pub(crate) struct Blockage {
     motion: Option<MotionId>,
     views: VecDeque<View>,
-    /// Set while the pictures show that the robot stands.
     standing: Option<Standing>,
-    /// Set while the robot is close to a plain surface.
     close: Option<Close>,
     approach: Approach,
     /// Buffers of a dropped picture, for reuse.
     spare: Option<Profiles>,
 }
 
-/// The evidence of the pictures that the robot stands.
 #[derive(Debug, Clone, Copy)]
 struct Standing {
     since: Instant,
-    /// When a picture last showed it.
     last: Instant,
-    /// Number of pictures that showed it.
     pictures: u32,
 }
 
-/// A picture that later ones are compared with.
 #[derive(Debug)]
 struct View {
     at: Instant,
@@ -87,7 +89,6 @@ struct View {
     profiles: Profiles,
 }
 
-/// Something plain fills the picture ahead.
 #[derive(Debug, Clone, Copy)]
 struct Close {
     /// When it began to, and the odometer then, in metres.
@@ -139,7 +140,6 @@ impl Blockage {
         self.stood(at).or_else(|| self.arrived(timed))
     }
 
-    /// Since when the robot has stood, if enough pictures show it.
     fn stood(&self, at: Instant) -> Option<Instant> {
         let standing = self.standing?;
         let is_long = at.saturating_duration_since(standing.since) >= STOOD;
@@ -257,6 +257,50 @@ impl Blockage {
     }
 }
 
+/// Measures the distance to what is ahead from how fast its foot moves down in the picture while the robot drives towards it. Depends neither on the height of the lens nor on whether the foot is that of the wall or the edge of a skirting board.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Approach {
+    /// Odometer readings in metres, each with the inverse of the rows below the horizon.
+    seen: VecDeque<(f64, f64)>,
+}
+
+impl Approach {
+    /// Adds a foot seen this many rows below the horizon at this odometer reading.
+    pub(super) fn note(&mut self, odometer: f64, rows: f64) {
+        let inverse = 1.0 / rows.max(1.0);
+        let last = self.seen.back().map(|(_, last)| *last);
+        if last.is_none_or(|last| !SAME_FOOT.contains(&(inverse / last))) {
+            self.seen.clear();
+        }
+        if self.seen.len() == MAX_SEEN {
+            self.seen.pop_front();
+        }
+        self.seen.push_back((odometer, inverse));
+    }
+
+    /// The odometer reading at which the lens is at the foot, metres; `None` while it is uncertain.
+    pub(super) fn arrival(&self) -> Option<f64> {
+        let first = self.seen.front()?;
+        let last = self.seen.back()?;
+        if self.seen.len() < FEWEST_SEEN || last.0 - first.0 < SHORTEST {
+            return None;
+        }
+        let count = self.seen.len() as f64;
+        let x = self.seen.iter().map(|(x, _)| x).sum::<f64>() / count;
+        let y = self.seen.iter().map(|(_, y)| y).sum::<f64>() / count;
+        let mut xx = 0.0;
+        let mut xy = 0.0;
+        let mut yy = 0.0;
+        for (one, other) in &self.seen {
+            xx += (one - x).powi(2);
+            xy += (one - x) * (other - y);
+            yy += (other - y).powi(2);
+        }
+        // The line falls and fits well; where it reaches zero, the foot is below the lens.
+        (xy < 0.0 && xy * xy > FITS * xx * yy).then(|| x - y * xx / xy)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use image::{Rgb, RgbImage};
@@ -335,5 +379,27 @@ mod tests {
             turn: 0.0,
         };
         assert_eq!(reported(back, 1000.0, |_| 0.3), None);
+    }
+
+    #[test]
+    fn the_foot_of_a_wall_that_comes_down_tells_where_the_wall_is() {
+        let mut approach = Approach::default();
+        for step in 0..20 {
+            let odometer = 3.0 + 0.02 * f64::from(step);
+            assert!(approach.arrival().is_none() || step > 4, "{step}");
+            approach.note(odometer, 190.0 * 0.2 / (4.2 - odometer));
+        }
+        assert!((approach.arrival().unwrap() - 4.2).abs() < 0.01);
+        approach.note(3.5, 12.0);
+        assert_eq!(approach.arrival(), None, "another foot");
+    }
+
+    #[test]
+    fn a_foot_that_stays_where_it_is_tells_nothing() {
+        let mut approach = Approach::default();
+        for step in 0..20 {
+            approach.note(0.02 * f64::from(step), 40.0);
+        }
+        assert_eq!(approach.arrival(), None);
     }
 }

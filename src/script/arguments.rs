@@ -2,20 +2,19 @@
 //! message if a value is wrong. Never runs code of the script: tables are read raw, and messages
 //! quote values only in short form.
 
-mod read;
+use std::time::Duration;
 
 use mlua::prelude::{LuaError, LuaFunction, LuaMultiValue, LuaTable, LuaValue};
 
-use super::failure::printable;
-use super::nearest::suggestion;
+use super::failure::{printable, suggestion};
 use crate::api::{Bounds, Choice, Function, Literal, Requirement, Type, Value};
+use crate::wire::{Sound, Stream};
 
 /// Why a native function refuses a call.
 #[derive(Debug)]
 pub(super) enum Refusal {
     /// A mistake in the script, raised as an error with its place.
     Misuse(String),
-    /// The task was cancelled.
     Cancelled,
     /// A failure of the VM itself, such as too little memory.
     Vm(LuaError),
@@ -37,7 +36,6 @@ const UNNAMED: &Value = &Value {
     doc: "",
 };
 
-/// The arguments of one call.
 pub(super) struct Args {
     pub(super) function: &'static Function,
     pub(super) values: LuaMultiValue,
@@ -61,7 +59,6 @@ impl Args {
         self.values.iter().skip(skipped).cloned().collect()
     }
 
-    /// Creates an error about this call.
     pub(super) fn misuse(&self, words: &str) -> Refusal {
         Refusal::Misuse(format!("{}: {words}", self.function.path))
     }
@@ -71,7 +68,6 @@ impl Args {
         T::read(self.given(index))
     }
 
-    /// The argument of a parameter, not converted yet.
     pub(super) fn given(&self, index: usize) -> Given<'_> {
         Given {
             args: self,
@@ -93,19 +89,16 @@ pub(super) struct Given<'a> {
     pub(super) value: LuaValue,
 }
 
-/// A type that arguments can be converted to.
 pub(super) trait Argument: Sized {
     /// Converts the given value, or returns an error message if it has the wrong type.
     fn read(given: Given<'_>) -> Result<Self, Refusal>;
 }
 
 impl<'a> Given<'a> {
-    /// Creates an error that says what was expected.
     pub(super) fn wrong(&self, expected: &str) -> Refusal {
         self.args.wrong(self.row.label(), expected, &self.value)
     }
 
-    /// The default, if there is one and no value was given.
     fn default(&self) -> Option<Literal> {
         match self.row.requirement {
             Requirement::Default(literal) if self.value.is_nil() => Some(literal),
@@ -129,7 +122,6 @@ impl<'a> Given<'a> {
         })
     }
 
-    /// Reads one of a set of names.
     fn name(&self) -> Result<&'static str, Refusal> {
         match self.row.kind {
             Type::Choice(choice) => self.choice(choice),
@@ -143,7 +135,6 @@ impl<'a> Given<'a> {
         find(name).ok_or_else(|| self.wrong("another name"))
     }
 
-    /// Reads the options table and checks its keys.
     fn options(self) -> Result<OptionTable<'a>, Refusal> {
         let keys = match self.row.kind {
             Type::Options(keys) => keys,
@@ -227,10 +218,7 @@ impl Args {
         let mut wrong = None;
         // The first unknown key is enough; the visit stops there.
         let _ = table.for_each(|key: LuaValue, _: LuaValue| {
-            let text = match &key {
-                LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
-                other => describe(other),
-            };
+            let text = describe_key(&key);
             if keys.iter().any(|known| known.name == text) {
                 return Ok(());
             }
@@ -245,7 +233,6 @@ impl Args {
     }
 }
 
-/// An options table whose keys were checked.
 pub(super) struct OptionTable<'a> {
     args: &'a Args,
     keys: &'static [Value],
@@ -270,12 +257,10 @@ impl OptionTable<'_> {
         })
     }
 
-    /// The value of an option, not converted.
     pub(super) fn value(&self, key: &str) -> Result<LuaValue, Refusal> {
         Ok(self.given(key)?.value)
     }
 
-    /// The defaults of the options that are left out.
     pub(super) fn defaults(&self) -> Result<Vec<(&'static str, Literal)>, Refusal> {
         let mut found = Vec::new();
         for key in self.keys {
@@ -304,5 +289,135 @@ pub(super) fn describe(value: &LuaValue) -> String {
         LuaValue::Buffer(_) => "a buffer".to_owned(),
         LuaValue::Vector(_) => "a vector".to_owned(),
         _ => "an object".to_owned(),
+    }
+}
+
+/// The name of a key in messages.
+pub(super) fn describe_key(key: &LuaValue) -> String {
+    match key {
+        LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
+        other => describe(other),
+    }
+}
+
+impl<T: Argument> Argument for Option<T> {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        if given.value.is_nil() && given.default().is_none() {
+            return Ok(None);
+        }
+        T::read(given).map(Some)
+    }
+}
+
+impl Argument for f64 {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        if let Some(Literal::Number(number)) = given.default() {
+            return Ok(number);
+        }
+        let bounds = match given.row.kind {
+            Type::Number(bounds) | Type::Whole(bounds) => bounds,
+            _ => None,
+        };
+        let args = given.args;
+        args.check_number(given.row.label(), &given.value, bounds)
+    }
+}
+
+impl Argument for u32 {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        let args = given.args;
+        let name = given.row.label();
+        let number = f64::read(given)?;
+        if number.fract() == 0.0 {
+            return Ok(number as u32);
+        }
+        Err(args.misuse(&format!("{name} must be a whole number, got {number}")))
+    }
+}
+
+/// In seconds.
+impl Argument for Duration {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        let args = given.args;
+        let name = given.row.label();
+        Duration::try_from_secs_f64(f64::read(given)?)
+            .map_err(|_| args.misuse(&format!("{name} is not a time")))
+    }
+}
+
+impl Argument for bool {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        match (&given.value, given.default()) {
+            (LuaValue::Boolean(on), _) => Ok(*on),
+            (_, Some(Literal::Boolean(on))) => Ok(on),
+            _ => Err(given.wrong("true or false")),
+        }
+    }
+}
+
+impl Argument for LuaFunction {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        match &given.value {
+            LuaValue::Function(function) => Ok(function.clone()),
+            _ => Err(given.wrong("a function")),
+        }
+    }
+}
+
+impl Argument for String {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        let LuaValue::String(text) = &given.value else {
+            return Err(given.wrong("a string"));
+        };
+        let bytes = text.as_bytes();
+        if let Type::Text(Some(most)) = given.row.kind
+            && bytes.len() > most
+        {
+            let words = format!("{} is too long: at most {most} bytes", given.row.label());
+            return Err(given.args.misuse(&words));
+        }
+        Ok(String::from_utf8_lossy(&bytes).into_owned())
+    }
+}
+
+impl Argument for &'static str {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        given.name()
+    }
+}
+
+impl Argument for Sound {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        given.named(Sound::from_name)
+    }
+}
+
+impl Argument for Stream {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        given.named(Stream::from_name)
+    }
+}
+
+/// `{low, high}`
+impl Argument for [f64; 2] {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        if let Some(Literal::Range(low, high)) = given.default() {
+            return Ok([low, high]);
+        }
+        let name = given.row.name;
+        let wrong = || {
+            let words = format!("{name} must be two numbers, such as {name}={{20, 80}}");
+            given.args.misuse(&words)
+        };
+        let table = given.value.as_table().ok_or_else(wrong)?;
+        if table.raw_len() != 2 {
+            return Err(wrong());
+        }
+        let number = |index: usize| -> Result<f64, Refusal> {
+            let value: LuaValue = table.raw_get(index)?;
+            let whole = || value.as_integer().map(|number| number as f64);
+            value.as_number().or_else(whole).ok_or_else(wrong)
+        };
+        Ok([number(1)?, number(2)?])
     }
 }

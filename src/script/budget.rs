@@ -17,16 +17,15 @@
 //! In a host process, the agent ends the process. Where a script runs in a command's own process,
 //! [`when_stuck`] reports which script it is, so that the command can end.
 
-mod watcher;
-
 use std::cell::{Cell, RefCell};
 use std::ffi::CStr;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 use rustix::time::{ClockId, clock_gettime};
 
-use self::watcher::{CHECK_CLOCKS, CHECK_INTERVAL, STUCK, Slot, Stuck, WITHIN_BUDGET, Watcher};
 use super::failure::SourceLocation;
 
 /// A slice that took this many budgets by the wall clock is over, whatever the CPU clock says.
@@ -36,7 +35,6 @@ const SIMULATED_WALL_FACTOR: u32 = 100;
 
 /// The running task was cancelled and tried to wait again: it must not continue.
 const CANCELLED: u8 = 2;
-/// Over the budget.
 const OVER_BUDGET: u8 = 3;
 /// The script has called `script.stop`.
 const STOPPED: u8 = 4;
@@ -45,6 +43,12 @@ const STOPPED: u8 = 4;
 const OVER_BUDGET_TEXT: &CStr = c"ran too long without waiting";
 const CANCELLED_TEXT: &CStr = c"cancelled";
 const STOPPED_TEXT: &CStr = c"the script has stopped itself";
+
+pub(super) const CHECK_INTERVAL: Duration = Duration::from_millis(10);
+/// The slice is within its budget.
+pub(super) const WITHIN_BUDGET: u8 = 0;
+/// Set by the watcher: the interrupt must check the clocks.
+pub(super) const CHECK_CLOCKS: u8 = 1;
 
 /// Calls `report`, on the watcher's thread, with the file of a script that runs for `after` beyond
 /// its budget and cannot be interrupted. Only the first call of this function has an effect.
@@ -57,7 +61,6 @@ pub(crate) fn when_stuck(after: Duration, report: impl Fn(&str) + Send + Sync + 
     let _ = STUCK.set(stuck);
 }
 
-/// The message about a script that is stuck.
 pub(crate) fn stuck(file: &str) -> String {
     format!("{file}: the script is stuck in one call that cannot be interrupted; split its work")
 }
@@ -87,7 +90,6 @@ thread_local! {
     static RUNNING: RefCell<Option<Running>> = const { RefCell::new(None) };
 }
 
-/// The slice that this thread is running.
 struct Running {
     began: Instant,
     processor: Duration,
@@ -134,18 +136,14 @@ fn processor_time() -> Duration {
     )
 }
 
-/// The cost of a slice.
 #[derive(Debug, Default)]
 pub(super) struct SliceCost {
-    /// By the wall clock.
     pub(super) wall: Duration,
-    /// Over the budget.
     pub(super) over: bool,
     /// Where the slice was when it was found over its budget.
     pub(super) location: Option<SourceLocation>,
 }
 
-/// Begins a slice of the script of this file on this thread.
 pub(super) fn begin(limit: Duration, script: &str) {
     let slot = SLOT_GUARD.with(|guard| guard.0);
     {
@@ -163,7 +161,6 @@ pub(super) fn begin(limit: Duration, script: &str) {
     SLOT.set(Some(slot));
 }
 
-/// Ends the slice of this thread.
 pub(super) fn end() -> SliceCost {
     let flag = match SLOT.take() {
         Some(slot) => {
@@ -203,7 +200,6 @@ pub(super) fn is_flagged() -> bool {
         .is_some_and(|slot| slot.flag.load(Ordering::Relaxed) != WITHIN_BUDGET)
 }
 
-/// What the interrupt must do.
 pub(super) enum BudgetVerdict {
     Continue,
     Raise(&'static CStr),
@@ -211,7 +207,6 @@ pub(super) enum BudgetVerdict {
     RaiseFirst(&'static CStr),
 }
 
-/// Whether the running slice may go on.
 pub(super) fn verdict() -> BudgetVerdict {
     let Some(slot) = SLOT.get() else {
         return BudgetVerdict::Continue;
@@ -248,5 +243,237 @@ pub(super) fn record_place(file: String, line: u32) {
     });
 }
 
+/// Shared between the thread of a VM and the watcher.
+#[derive(Default)]
+pub(super) struct Slot {
+    /// When to check, in nanoseconds since the watcher's start; 0 if no slice is running.
+    pub(super) check_at: AtomicU64,
+    pub(super) flag: AtomicU8,
+    /// How many checks in a row found the flag unanswered by the VM.
+    pub(super) unanswered: AtomicU32,
+    /// The file of the script whose slice is running.
+    script: Mutex<String>,
+}
+
+impl Slot {
+    pub(super) fn check(&self, now: u64) {
+        let check_at = self.check_at.load(Ordering::Acquire);
+        if check_at == 0 || now < check_at {
+            return self.unanswered.store(0, Ordering::Relaxed);
+        }
+        // A flag that is already latched stays.
+        let _ = self.flag.compare_exchange(
+            WITHIN_BUDGET,
+            CHECK_CLOCKS,
+            Ordering::AcqRel,
+            Ordering::Relaxed,
+        );
+        // Counted, not timed: time in which the whole process is stopped must not count.
+        let count = self.unanswered.load(Ordering::Relaxed).saturating_add(1);
+        self.unanswered.store(count, Ordering::Relaxed);
+    }
+
+    pub(super) fn is_running(&self) -> bool {
+        self.check_at.load(Ordering::Acquire) != 0
+    }
+
+    pub(super) fn script(&self) -> MutexGuard<'_, String> {
+        self.script.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The thread that checks all slots, and what it knows.
+pub(super) struct Watcher {
+    start: Instant,
+    slots: Mutex<Slots>,
+    /// The smallest limit of any slice so far, in nanoseconds.
+    smallest_limit: AtomicU64,
+    thread: OnceLock<Thread>,
+}
+
+/// All slots. A slot lives as long as the process, so that the interrupt can read it without
+/// reference counting; a thread returns its slot when it ends.
+#[derive(Default)]
+pub(super) struct Slots {
+    pub(super) all: Vec<&'static Slot>,
+    pub(super) free: Vec<&'static Slot>,
+}
+
+impl Watcher {
+    /// The process's watcher, started at the first call. If the system refuses to start the thread,
+    /// slices are only checked when they end.
+    pub(super) fn get() -> &'static Watcher {
+        static WATCHER: OnceLock<&'static Watcher> = OnceLock::new();
+        WATCHER.get_or_init(|| {
+            let watcher: &'static Watcher = Box::leak(Box::new(Watcher {
+                start: Instant::now(),
+                slots: Mutex::default(),
+                smallest_limit: AtomicU64::new(u64::MAX),
+                thread: OnceLock::new(),
+            }));
+            let spawned = std::thread::Builder::new()
+                .name("script-budget".to_owned())
+                .spawn(|| watcher.watch());
+            if let Ok(handle) = spawned {
+                let _ = watcher.thread.set(handle.thread().clone());
+            }
+            watcher
+        })
+    }
+
+    fn watch(&self) {
+        let mut pause = CHECK_INTERVAL;
+        loop {
+            std::thread::park_timeout(pause);
+            let now = self.nanoseconds(Instant::now());
+            let slots = self.slots().all.clone();
+            for slot in &slots {
+                slot.check(now);
+            }
+            if let Some(stuck) = STUCK.get() {
+                let is_stuck =
+                    |slot: &&&Slot| slot.unanswered.load(Ordering::Relaxed) == stuck.checks;
+                if let Some(slot) = slots.iter().find(is_stuck) {
+                    let script = slot.script().clone();
+                    (stuck.report)(&script);
+                }
+            }
+            let checks = slots
+                .iter()
+                .map(|slot| slot.check_at.load(Ordering::Acquire));
+            let smallest_limit = self.smallest_limit.load(Ordering::Acquire);
+            pause = pause_until_next_check(checks, smallest_limit, now);
+        }
+    }
+
+    /// Takes in the limit of a slice that begins.
+    pub(super) fn note_limit(&self, limit: Duration) {
+        let limit = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
+        let before = self.smallest_limit.fetch_min(limit, Ordering::AcqRel);
+        // It may be in a pause that is too long for this slice.
+        if limit < before
+            && let Some(thread) = self.thread.get()
+        {
+            thread.unpark();
+        }
+    }
+
+    pub(super) fn nanoseconds(&self, at: Instant) -> u64 {
+        let since = at.saturating_duration_since(self.start).as_nanos();
+        u64::try_from(since).unwrap_or(u64::MAX).max(1)
+    }
+
+    pub(super) fn slots(&self) -> MutexGuard<'_, Slots> {
+        self.slots.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn take_slot(&self) -> &'static Slot {
+        let mut slots = self.slots();
+        slots.free.pop().unwrap_or_else(|| {
+            let slot: &'static Slot = Box::leak(Box::default());
+            slots.all.push(slot);
+            slot
+        })
+    }
+}
+
+/// How long no slice can reach its limit: one that is running reaches it at its time in `checks` (0
+/// if none is running), one that begins later not before the smallest limit has passed.
+pub(super) fn pause_until_next_check(
+    checks: impl Iterator<Item = u64>,
+    smallest_limit: u64,
+    now: u64,
+) -> Duration {
+    let running = checks.filter(|check_at| *check_at != 0);
+    let pauses = running.map(|check_at| check_at.saturating_sub(now));
+    let pause = pauses.min().unwrap_or(u64::MAX).min(smallest_limit);
+    Duration::from_nanos(pause).max(CHECK_INTERVAL)
+}
+
+/// How to report a script that passes no safepoint.
+pub(super) struct Stuck {
+    pub(super) checks: u32,
+    pub(super) report: Box<dyn Fn(&str) + Send + Sync>,
+}
+
+pub(super) static STUCK: OnceLock<Stuck> = OnceLock::new();
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slice_without_cpu_time_is_over_late_and_in_a_simulation_later() {
+        let limit = Duration::from_millis(100);
+        let is_over = |wall: u64, processor: u64, wall_factor| {
+            let [wall, processor] = [wall, processor].map(Duration::from_millis);
+            is_too_long(wall, processor, limit, wall_factor)
+        };
+        for wall_factor in [WALL_FACTOR, SIMULATED_WALL_FACTOR] {
+            assert!(is_over(100, 50, wall_factor));
+            assert!(!is_over(499, 49, wall_factor));
+        }
+        assert!(is_over(500, 0, WALL_FACTOR));
+        assert!(!is_over(9_999, 49, SIMULATED_WALL_FACTOR));
+        assert!(is_over(10_000, 0, SIMULATED_WALL_FACTOR));
+    }
+
+    #[test]
+    fn checks_without_an_answer_are_counted_until_the_vm_answers() {
+        let slot = Slot::default();
+        slot.script().push_str("stuck.lua");
+        let checks = |count: u64, from: u64| (from..from + count).for_each(|now| slot.check(now));
+        checks(100, 1);
+        assert_eq!(slot.unanswered.load(Ordering::Relaxed), 0, "nothing runs");
+        slot.check_at.store(150, Ordering::Release);
+        checks(50, 100);
+        assert_eq!(
+            slot.unanswered.load(Ordering::Relaxed),
+            0,
+            "within its budget"
+        );
+        checks(20, 150);
+        assert_eq!(slot.unanswered.load(Ordering::Relaxed), 20);
+        // The VM has answered and may go on for a while.
+        slot.check_at.store(180, Ordering::Release);
+        slot.flag.store(WITHIN_BUDGET, Ordering::Release);
+        checks(10, 170);
+        assert_eq!(slot.unanswered.load(Ordering::Relaxed), 0);
+    }
+
+    #[test]
+    fn a_stuck_slice_is_reported_with_its_file() {
+        let (sender, reports) = std::sync::mpsc::channel();
+        when_stuck(Duration::from_millis(100), move |file| {
+            let _ = sender.send((file.to_owned(), running()));
+        });
+        begin(Duration::from_millis(1), "stuck.lua");
+        let (file, running) = reports.recv_timeout(Duration::from_secs(60)).unwrap();
+        let _ = end();
+        assert_eq!(file, "stuck.lua");
+        assert!(running.contains(&file), "{running:?}");
+    }
+
+    #[test]
+    fn a_thread_of_simulations_uses_the_larger_factor() {
+        assert_eq!(WALL_TIME_FACTOR.get(), WALL_FACTOR);
+        set_simulated_wall_factor();
+        assert_eq!(WALL_TIME_FACTOR.get(), SIMULATED_WALL_FACTOR);
+    }
+
+    #[test]
+    fn the_watcher_pauses_while_no_slice_can_reach_its_limit() {
+        let [limit, now] = [100, 5000].map(|millis| millis * 1_000_000);
+        let pause = |checks: &[u64], smallest| {
+            let checks = checks.iter().map(|millis| millis * 1_000_000);
+            pause_until_next_check(checks, smallest, now).as_millis()
+        };
+        assert_eq!(pause(&[0, 0], limit), 100, "none is running");
+        assert_eq!(pause(&[0, 5040], limit), 40);
+        assert_eq!(pause(&[5900, 5600], limit), 100, "another may begin");
+        for reached in [5003, 5000, 4000] {
+            assert_eq!(pause(&[reached], limit), 10);
+        }
+        assert!(pause(&[0], u64::MAX) > 1_000_000, "there was none yet");
+    }
+}

@@ -1,14 +1,14 @@
-//! The parameters that a script declares, and the check of the values given for them.
+//! The parameters that a script declares, and the values that a person gives for them.
 
 use std::collections::BTreeMap;
 
-use super::failure::printable;
-use super::nearest::suggestion;
+use serde::{Deserialize, Serialize};
+
+use super::failure::{printable, suggestion};
 use crate::robot::DeclaredParam;
 
-use super::params::{GivenParam, ParamOrigin, ParamValue};
+pub use crate::robot::ParamValue;
 
-/// A contradiction in a declaration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(crate) enum DeclarationError {
     #[error("min and max are for numbers only")]
@@ -72,13 +72,10 @@ impl Declaration {
         }
     }
 
-    /// Describes the allowed values, for messages.
     pub(crate) fn expected(&self) -> String {
         self.declared("", self.default.clone()).expected()
     }
 
-    /// Checks that the restrictions fit the type of the default and that the default satisfies
-    /// them.
     pub(crate) fn check(&self) -> Result<(), DeclarationError> {
         let is_number = matches!(self.default, ParamValue::Number(_));
         let is_text = matches!(self.default, ParamValue::Text(_));
@@ -184,6 +181,24 @@ fn written(name: &str, param: &GivenParam) -> String {
         ParamOrigin::CommandLine => format!("--param {name}={value}"),
         ParamOrigin::Config(file) => format!("{file}: params: {name}: {value}"),
     }
+}
+
+/// Where a value was written.
+#[derive(Serialize, Deserialize, Clone, Debug, PartialEq, Eq)]
+pub enum ParamOrigin {
+    /// `--param NAME=VALUE`: always a text, converted to the type that the script has declared.
+    CommandLine,
+    /// The config file of this name, such as `spykee.yaml`, with the line if it is known.
+    Config(String),
+}
+
+/// A value and where it was written, for messages.
+#[derive(Serialize, Deserialize, Clone, Debug, PartialEq)]
+pub struct GivenParam {
+    /// The value.
+    pub value: ParamValue,
+    /// Where it was written.
+    pub origin: ParamOrigin,
 }
 
 #[cfg(test)]

@@ -4,16 +4,11 @@
 //! their setpoint, so that the robot keeps moving while the person types the next one.
 
 use mlua::prelude::{Lua, LuaError, LuaFunction, LuaMultiValue, LuaTable, LuaValue};
-use tokio::time::Instant;
 
-use super::Script;
 use super::arguments::describe;
 use super::failure::{VmError, printable};
 use super::output::Evaluated;
 use super::sandbox;
-use super::scheduler::Outcome;
-use super::state::State;
-use super::task::{TaskKind, Wakeup};
 
 /// Largest number of entries shown of a table.
 const MAX_ENTRIES: usize = 16;
@@ -22,72 +17,13 @@ const MAX_VALUES: usize = 16;
 /// Largest number of characters shown of a text.
 const MAX_TEXT: usize = 200;
 
-impl State {
-    /// Converts the outcome of an evaluated line to text.
-    pub(super) fn evaluated(&self, outcome: Outcome) -> Evaluated {
-        match outcome {
-            Outcome::Done(values) => Evaluated::Values(shown(&values)),
-            Outcome::Failed(text) => Evaluated::Failed(self.explained(&text)),
-            Outcome::Cancelled => Evaluated::Cancelled,
-        }
-    }
-
-    /// Gives each input its own chunk name, so that messages refer to lines of the right input.
-    fn next_input(&mut self, text: &str) -> String {
-        self.inputs += 1;
-        self.options.chunk = format!("input{}", self.inputs);
-        text.clone_into(&mut self.failure_log.source);
-        self.options.chunk.clone()
-    }
-}
-
-impl Script {
-    /// Runs what a person typed: an expression, or statements. The answer is
-    /// [`Output::Evaluated`](super::Output::Evaluated), sent when the line has finished, which may
-    /// involve waiting. Does nothing if the script is ending.
-    ///
-    /// `more` allows the answer [`Evaluated::Incomplete`].
-    pub fn evaluate(&mut self, text: &str, more: bool, now: Instant) {
-        let chunk = {
-            let mut state = self.state.borrow_mut();
-            state.tick(now);
-            if !state.is_running() {
-                return;
-            }
-            state.next_input(text)
-        };
-        let begun = compile(&self.lua, text, &chunk, more).and_then(|function| {
-            let thread = self.lua.create_thread(function);
-            thread.map_err(|error| refused(&error))
-        });
-        let mut state = self.state.borrow_mut();
-        match begun {
-            Ok(thread) => {
-                let start = Wakeup::Start(LuaMultiValue::new());
-                state.tasks.add(thread, TaskKind::Line, start, None, now);
-            }
-            Err(answer) => state.output.answer(answer),
-        }
-    }
-
-    /// Stops everything that the lines have started: the motion ends now, tasks end as soon as they
-    /// have cleaned up, handlers are removed. Variables and functions stay.
-    pub fn interrupt(&mut self, now: Instant) {
-        {
-            let mut state = self.state.borrow_mut();
-            state.tick(now);
-            if !state.is_running() {
-                return;
-            }
-            state.cancel_all();
-            state.output.send_stop();
-        }
-        self.advance_ending();
-    }
-}
-
 /// Compiles the text as an expression if it is one, else as statements.
-fn compile(lua: &Lua, text: &str, chunk: &str, more: bool) -> Result<LuaFunction, Evaluated> {
+pub(super) fn compile(
+    lua: &Lua,
+    text: &str,
+    chunk: &str,
+    more: bool,
+) -> Result<LuaFunction, Evaluated> {
     let text = sandbox::check_source(text.as_bytes(), chunk)
         .map_err(|failure| Evaluated::Failed(failure.to_string()))?;
     let first = match sandbox::compile(lua, &format!("return {text}"), chunk) {
@@ -116,7 +52,7 @@ fn is_incomplete(error: &LuaError) -> bool {
     )
 }
 
-fn refused(error: &LuaError) -> Evaluated {
+pub(super) fn refused(error: &LuaError) -> Evaluated {
     Evaluated::Failed(match VmError::from_lua(error) {
         VmError::Memory => "not enough memory for this line".to_owned(),
         VmError::Text(text) => text,
@@ -124,7 +60,7 @@ fn refused(error: &LuaError) -> Evaluated {
 }
 
 /// Formats values for people: shallow, bounded, and without running code of the script.
-fn shown(values: &LuaMultiValue) -> Vec<String> {
+pub(super) fn shown(values: &LuaMultiValue) -> Vec<String> {
     let mut texts: Vec<String> = values.iter().take(MAX_VALUES).map(show).collect();
     if values.len() > MAX_VALUES {
         texts.push(format!("… and {} more", values.len() - MAX_VALUES));

@@ -8,14 +8,13 @@ use mlua::prelude::LuaFunction;
 use tokio::time::Instant;
 
 use super::frame_state::HeldFrame;
-use super::ids::{SubscriptionId, TaskId, Timer};
-pub(super) use crate::api::EventName;
+use super::task::{SubscriptionId, TaskId, Timer};
 use crate::robot::Event;
 
-/// Largest number of subscriptions at once.
+pub(super) use crate::api::EventName;
+
 pub(super) const MAX_SUBSCRIPTIONS: usize = 64;
 
-/// Largest number of events queued for one subscription.
 const MAX_QUEUE: usize = 64;
 
 impl EventName {
@@ -55,7 +54,6 @@ impl EventName {
     }
 }
 
-/// The payload of an event.
 #[derive(Clone)]
 pub(super) enum Payload {
     Event(Rc<Event>),
@@ -68,7 +66,6 @@ pub(super) struct Subscription {
     pub(super) event: EventName,
     pub(super) function: LuaFunction,
     pub(super) once: bool,
-    /// Only the newest event is kept in the queue.
     pub(super) latest: bool,
     /// The least time between the starts of two runs.
     pub(super) interval: Option<Duration>,
@@ -81,7 +78,6 @@ pub(super) struct Subscription {
     dropped: u64,
 }
 
-/// What a subscription is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Busy {
     No,

@@ -1,11 +1,15 @@
-//! Converts a script's errors to messages for people: where, what, and what to do.
+//! How a script fails and ends, and messages about it for people: where, what, and what to do.
 
+use std::borrow::Cow;
+use std::collections::{BTreeMap, VecDeque};
 use std::fmt;
+use std::time::Duration;
 
-use mlua::prelude::LuaError;
+use mlua::prelude::{LuaError, LuaFunction};
 use serde::{Deserialize, Serialize};
+use tokio::time::Instant;
 
-use super::address::without_addresses;
+use super::events::is_round;
 use crate::robot::EndReason;
 
 /// The longest error text, in characters.
@@ -18,6 +22,12 @@ const RESUMED_BY_OTHERS: &str = "a task's coroutine was resumed or closed by the
 
 /// The prelude's name in stack frames.
 pub(super) const PRELUDE: &str = "spykee";
+
+const MARK: &str = ": 0x";
+/// Digits of an address: some of Luau's functions print leading zeros, some do not.
+const DIGITS: std::ops::RangeInclusive<usize> = 11..=16;
+/// Number of places whose failures are counted; failures of further places are logged each time.
+const MAX_PLACES: usize = 256;
 
 /// Whether a stack frame does not belong to the script: it is in the prelude, in the VM's binding,
 /// or in a built-in module.
@@ -93,7 +103,6 @@ impl fmt::Display for SourceLocation {
     }
 }
 
-/// What ended a coroutine.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum VmError {
     /// The script exceeded its memory limit.
@@ -175,6 +184,140 @@ pub(crate) fn printable(text: &str, longest: usize) -> String {
     kept
 }
 
+/// Returns the text with `table` in place of `table: 0x00007f42c8a0b3d0`.
+pub(super) fn without_addresses(text: &str) -> Cow<'_, str> {
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some(at) = rest.find(MARK) {
+        let (before, marked) = rest.split_at(at);
+        let digits = marked[MARK.len()..]
+            .bytes()
+            .take_while(u8::is_ascii_hexdigit)
+            .count();
+        out.push_str(before);
+        if DIGITS.contains(&digits) && ends_with_type_name(before) {
+            rest = &marked[MARK.len() + digits..];
+        } else {
+            out.push_str(MARK);
+            rest = &marked[MARK.len()..];
+        }
+    }
+    if out.is_empty() && rest.len() == text.len() {
+        return Cow::Borrowed(text);
+    }
+    out.push_str(rest);
+    Cow::Owned(out)
+}
+
+/// Whether the last word is a Luau type, or one of our objects, whose names are capitalised.
+fn ends_with_type_name(before: &str) -> bool {
+    let word = before
+        .rsplit(|letter: char| !letter.is_ascii_alphanumeric())
+        .next();
+    let word = word.unwrap_or_default();
+    matches!(
+        word,
+        "table" | "function" | "thread" | "userdata" | "buffer"
+    ) || word.starts_with(|letter: char| letter.is_ascii_uppercase())
+}
+
+/// Explains the VM's text of a failure, such as `a.lua:3: attempt to index nil`, in plain words.
+/// Returns `None` if the failure is not in the file `chunk`, or if there is nothing to add.
+pub type Explain = fn(text: &str, chunk: &str, source: &str) -> Option<String>;
+
+/// How often failures of the script are logged: explained the first time, then ever more rarely for
+/// the same place.
+#[derive(Default)]
+pub(super) struct FailureLog {
+    pub(super) explain: Option<Explain>,
+    pub(super) source: String,
+    counts: BTreeMap<String, u64>,
+}
+
+pub(super) enum LogForm {
+    /// With its explanation: it is the first at its place.
+    Explained,
+    /// Without an explanation or a count.
+    Plain,
+    /// With the number of times that it has happened.
+    Counted(u64),
+    Silent,
+}
+
+impl FailureLog {
+    /// Counts a failure at the place that its text begins with, and returns how to log it.
+    pub(super) fn count(&mut self, text: &str) -> LogForm {
+        let location = text.split(": ").next().unwrap_or(text);
+        let known = self.counts.contains_key(location);
+        if !known && self.counts.len() >= MAX_PLACES {
+            return LogForm::Plain;
+        }
+        let count = self.counts.entry(location.to_owned()).or_default();
+        *count += 1;
+        match *count {
+            1 => LogForm::Explained,
+            count if is_round(count) => LogForm::Counted(count),
+            _ => LogForm::Silent,
+        }
+    }
+}
+
+#[derive(Debug)]
+pub(super) enum Life {
+    Running,
+    Stopping(Stopping),
+    Ended(ScriptExit),
+}
+
+/// The last half second, in which a stopping script may clean up.
+#[derive(Debug)]
+pub(super) struct Stopping {
+    pub(super) exit: ScriptExit,
+    pub(super) deadline: Instant,
+    /// Real time that its slices took; needed since the clock of the deadline may be virtual and
+    /// stand still.
+    pub(super) spent: Duration,
+}
+
+#[derive(Default)]
+pub(super) struct Exit {
+    pub(super) stop_handlers: VecDeque<LuaFunction>,
+    /// Set when the running task has called `script.stop`; holds its message.
+    pub(super) stop_requested: Option<Option<String>>,
+    /// A native function has panicked: the state of the script can no longer be trusted.
+    pub(super) broken: bool,
+}
+
+/// Whether a script that ends for this reason must not run another line.
+pub(super) fn is_kill(reason: EndReason) -> bool {
+    matches!(
+        reason,
+        EndReason::Cpu | EndReason::Memory | EndReason::Safety
+    )
+}
+
+/// Returns `; did you mean 'x'?`, or an empty text if no name is near.
+pub fn suggestion<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> String {
+    nearest(wrong, known).map_or_else(String::new, |name| format!("; did you mean '{name}'?"))
+}
+
+/// The nearest of `known`, if a person could have meant it: it may differ by one edit, or by one
+/// edit per three letters; letter case does not count.
+pub fn nearest<'a>(wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    // Known names are short, but a script can ask for a name of any length.
+    if wrong.chars().count() > 40 {
+        return None;
+    }
+    let lower = wrong.to_lowercase();
+    let most = (lower.chars().count() / 3).max(1);
+    known
+        .into_iter()
+        .map(|name| (strsim::osa_distance(&lower, &name.to_lowercase()), name))
+        .filter(|(distance, _)| *distance <= most)
+        .min()
+        .map(|(_, name)| name)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -206,5 +349,35 @@ mod tests {
             };
         }
         assert_eq!(VmError::from_lua(&error), VmError::Memory);
+    }
+
+    #[test]
+    fn addresses_of_values_are_removed_and_other_hex_numbers_stay() {
+        for (text, shown) in [
+            ("table: 0x00007fa3d80b2b70", "table"),
+            ("a.lua:3: table: 0x7fa3d80b2a50", "a.lua:3: table"),
+            (
+                "{} function: 0x00007fa3d8099520 Task: 0x00007fa3d80b2bb0 x",
+                "{} function Task x",
+            ),
+            ("id: 0x00007fa3d8099520", "id: 0x00007fa3d8099520"),
+            ("table: 0xff", "table: 0xff"),
+            ("table: 0x00007fa3d80b2b7000", "table: 0x00007fa3d80b2b7000"),
+            ("table: 0xtable: 0x00007fa3d80b2b70", "table: 0xtable"),
+            (": 0x", ": 0x"),
+            ("", ""),
+        ] {
+            assert_eq!(without_addresses(text), shown);
+        }
+    }
+
+    #[test]
+    fn near_names_are_suggested_and_far_ones_are_not() {
+        let known = ["move", "drive", "battery", "docked"];
+        assert_eq!(nearest("moev", known), Some("move"));
+        assert_eq!(nearest("Battery", known), Some("battery"));
+        assert_eq!(nearest("dockd", known), Some("docked"));
+        assert_eq!(nearest("fly", known), None);
+        assert_eq!(nearest(&"m".repeat(100_000), known), None);
     }
 }

@@ -85,7 +85,6 @@ unsafe fn where_is(state: *mut ffi::lua_State) -> Option<(String, u32)> {
     None
 }
 
-/// Raises `message` as a plain string.
 unsafe fn raise(state: *mut ffi::lua_State, message: &'static CStr) {
     // SAFETY: one stack slot is reserved and one value is pushed; `lua_error` does not return.
     unsafe {

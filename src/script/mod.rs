@@ -10,41 +10,26 @@
 //! process has to handle it.
 //!
 //! The parts: `sandbox` creates a restricted VM; `budget` and `interrupt` end slices that run too
-//! long; `task`, `queue` and `scheduler` decide which task runs next; `slice` runs it; `exit`
-//! ends the script; `api/` contains the native functions of each Lua namespace; `stdlib/` contains
-//! the part of the library that is written in Lua.
+//! long; `task` decides which task runs next; `state` is what all native functions share; `api/`
+//! contains the native functions of each Lua namespace; `stdlib/` contains the part of the library
+//! that is written in Lua.
 
-mod address;
-mod annotated_frame;
 mod api;
 mod arguments;
 mod budget;
-mod daily_limits;
 mod declaration;
 mod eval;
 mod events;
-mod exit;
 mod failure;
-mod failure_log;
 mod frame_state;
-mod group;
-mod ids;
 mod interrupt;
-mod life;
 mod modules;
 mod motion;
-mod nearest;
 mod options;
 mod output;
-mod pace;
-mod params;
 mod picture_store;
 mod plain;
-mod queue;
 mod sandbox;
-mod scenario_api;
-mod scheduler;
-mod slice;
 mod sound;
 mod state;
 pub mod stdlib;
@@ -57,33 +42,37 @@ pub(crate) mod tests;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use mlua::prelude::{Lua, LuaMultiValue, LuaResult};
+use mlua::prelude::{Lua, LuaMultiValue, LuaResult, LuaThread};
+use mlua::thread::ThreadStatus;
 use tokio::time::Instant;
 
-use crate::robot::EndReason;
+use crate::robot::{EndReason, Event, Frame};
+use crate::wire::Stream;
+use api::{Shared, resume_values};
+use budget::SliceCost;
+use declaration::no_declaration_error;
+use events::{Busy, EventName};
+use failure::{Life, VmError, is_kill};
+use modules::Progress;
+use state::{Outcome, SliceStart, State};
+use task::{Cancel, Ready, SubscriptionId, TaskId, TaskKind, TaskPhase, Wait, Wakeup};
 
-use api::Shared;
-use life::{Life, is_kill};
-use state::State;
-use task::{TaskKind, Wakeup};
-
-pub use annotated_frame::{AnnotatedFrame, LabelledBlob};
 pub(crate) use budget::{running, set_simulated_wall_factor, stuck, when_stuck};
-pub(crate) use daily_limits::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub(crate) use declaration::{Declaration, param_values};
+pub use declaration::{GivenParam, ParamOrigin, ParamValue};
 pub(crate) use failure::printable;
-pub use failure::{Failure, ScriptExit, SourceLocation};
-pub use failure_log::Explain;
+pub use failure::{Explain, Failure, ScriptExit, SourceLocation, nearest, suggestion};
+pub use frame_state::{AnnotatedFrame, LabelledBlob};
 pub use modules::{ModuleFile, ModuleName, NoModule};
 pub(crate) use modules::{Target, resolve};
-pub use nearest::{nearest, suggestion};
-pub use options::{Calibration, Limits, Options};
+pub use options::{
+    Calibration, Limits, Options, ScenarioApi, ScenarioCall, ScenarioCallError, ScenarioCallResult,
+};
 pub use output::{Evaluated, Level, LogLine, Output};
-pub use params::{GivenParam, ParamOrigin, ParamValue};
+pub(crate) use output::{MAX_ENTRY, MAX_KIND, MAX_NOTICE};
 pub(crate) use picture_store::{NAMES as PICTURE_NAMES, file_name as picture_name};
 pub use sandbox::MAX_SOURCE;
 pub(crate) use sandbox::{check_source as read_text, compile_error};
-pub use scenario_api::{ScenarioApi, ScenarioCall, ScenarioCallError, ScenarioCallResult};
 pub use state::Usage;
 pub use stdlib::RESCUE;
 
@@ -174,11 +163,10 @@ impl Script {
             .borrow_mut()
             .tasks
             .add(main, TaskKind::Main, start, None, now);
-        let used_after_collection = 0;
         Ok(Script {
             lua,
             state,
-            used_after_collection,
+            used_after_collection: 0,
         })
     }
 
@@ -319,6 +307,395 @@ impl Script {
         usage.memory_bytes = self.lua.used_memory() as u64;
         usage
     }
+
+    /// Runs one slice of a task or handler that is ready.
+    fn run(&mut self, next: Ready) {
+        let before = self.state.borrow().slice_start();
+        let result = match next {
+            Ready::Task(id) => self.run_task(id, before),
+            Ready::Handler(id) => match self.begin_handler(id) {
+                Ok(Some(task)) => self.run_task(task, before),
+                Ok(None) => Ok(()),
+                Err(error) => Err(error),
+            },
+        };
+        if let Err(error) = result {
+            self.vm_failed(&error, before);
+        }
+    }
+
+    fn begin_handler(&mut self, id: SubscriptionId) -> LuaResult<Option<TaskId>> {
+        let mut state = self.state.borrow_mut();
+        let now = state.now;
+        let Some(subscription) = state.subscriptions.get_mut(&id) else {
+            return Ok(None);
+        };
+        subscription.busy = Busy::No;
+        let Some(payload) = subscription.pop(now) else {
+            return Ok(None);
+        };
+        let thread = self.lua.create_thread(subscription.function.clone())?;
+        let answer = Wakeup::Deliver(payload);
+        let kind = TaskKind::Handler(id);
+        let task = state.tasks.insert(thread, kind, answer, now).id;
+        if let Some(subscription) = state.subscriptions.get_mut(&id) {
+            subscription.busy = Busy::Running(task);
+            if subscription.once {
+                state.subscriptions.remove(&id);
+            }
+        }
+        Ok(Some(task))
+    }
+
+    fn run_task(&mut self, id: TaskId, before: SliceStart) -> LuaResult<()> {
+        let Some((thread, answer)) = self.take_answer(id) else {
+            return Ok(());
+        };
+        let values = resume_values(&self.lua, answer)?;
+        let (slice, cost) = self.resume(id, &thread, values);
+        self.account(&cost);
+        if self.state.borrow().exit.broken {
+            self.kill_broken(before);
+            return Ok(());
+        }
+        if let Some(words) = self.refused_params(id, &slice) {
+            let mut state = self.state.borrow_mut();
+            state.kill(EndReason::Error, Some(words), before);
+            return Ok(());
+        }
+        if cost.over {
+            self.kill_over_budget(cost, before);
+            return Ok(());
+        }
+        match slice {
+            Slice::Memory => self.kill_out_of_memory(before),
+            Slice::Waits => {}
+            Slice::Over(outcome) => {
+                let stopped = self.stop_if_requested();
+                let outcome = if stopped { Outcome::Cancelled } else { outcome };
+                self.state.borrow_mut().finish(id, outcome);
+            }
+        }
+        self.check_frames(before)
+    }
+
+    fn take_answer(&mut self, id: TaskId) -> Option<(LuaThread, Wakeup)> {
+        let mut state = self.state.borrow_mut();
+        let task = state.tasks.get_mut(id)?;
+        if !matches!(task.phase, TaskPhase::Ready(_)) {
+            return None;
+        }
+        task.started = true;
+        match std::mem::replace(&mut task.phase, TaskPhase::Running) {
+            TaskPhase::Ready(answer) => Some((task.thread.clone(), answer)),
+            TaskPhase::Waiting(_) | TaskPhase::Running => None,
+        }
+    }
+
+    fn resume(
+        &mut self,
+        id: TaskId,
+        thread: &LuaThread,
+        values: LuaMultiValue,
+    ) -> (Slice, SliceCost) {
+        {
+            let mut state = self.state.borrow_mut();
+            state.tasks.current = Some(id);
+            state.can_wait = true;
+            let limit = state.options.limits.callback_budget();
+            budget::begin(limit, &state.options.chunk);
+        }
+        let mut result = thread.resume::<LuaMultiValue>(values);
+        while let Ok(yielded) = &result
+            && thread.status() == ThreadStatus::Resumable
+            && yielded.front() != Some(&sandbox::mark())
+        {
+            // The script has yielded by itself, not through a waiting call: raise an error at that
+            // line.
+            result = thread.resume::<LuaMultiValue>(sandbox::mark());
+        }
+        let cost = budget::end();
+        self.state.borrow_mut().tasks.current = None;
+        let slice = match result {
+            Ok(_) if thread.status() == ThreadStatus::Resumable => Slice::Waits,
+            Ok(values) => Slice::Over(self.done(id, values)),
+            Err(error) => match VmError::from_lua(&error) {
+                VmError::Memory => Slice::Memory,
+                VmError::Text(text) => Slice::Over(self.failed(id, text)),
+            },
+        };
+        (slice, cost)
+    }
+
+    fn done(&self, id: TaskId, values: LuaMultiValue) -> Outcome {
+        match self.cancel_of(id) {
+            Cancel::No => Outcome::Done(values),
+            Cancel::Requested | Cancel::Raised => Outcome::Cancelled,
+        }
+    }
+
+    fn failed(&self, id: TaskId, text: String) -> Outcome {
+        if self.cancel_of(id) == Cancel::No {
+            return Outcome::Failed(text);
+        }
+        self.state.borrow_mut().log_clean_up_failure(&text);
+        Outcome::Cancelled
+    }
+
+    fn cancel_of(&self, id: TaskId) -> Cancel {
+        let state = self.state.borrow();
+        state.tasks.get(id).map_or(Cancel::No, |task| task.cancel)
+    }
+
+    fn account(&self, cost: &SliceCost) {
+        let mut state = self.state.borrow_mut();
+        state.usage.cpu += cost.wall;
+        state.usage.worst_callback = state.usage.worst_callback.max(cost.wall);
+        if let Life::Stopping(stopping) = &mut state.life {
+            stopping.spent += cost.wall;
+        }
+    }
+
+    /// Begins to stop the script if the slice has called `script.stop`; how the slice ended does
+    /// not matter then.
+    fn stop_if_requested(&self) -> bool {
+        let mut state = self.state.borrow_mut();
+        let Some(reason) = state.exit.stop_requested.take() else {
+            return false;
+        };
+        state.begin_stop(EndReason::Done, reason);
+        true
+    }
+
+    /// The message if values were given for parameters that the script refuses or does not declare.
+    /// Checked before any output of the first slice is sent.
+    fn refused_params(&self, id: TaskId, slice: &Slice) -> Option<String> {
+        let mut state = self.state.borrow_mut();
+        if let Some(words) = state.params.refused.take() {
+            return Some(words);
+        }
+        let loads = |wait: &TaskPhase| matches!(wait, TaskPhase::Waiting(Wait::Module(_)));
+        let loading = matches!(slice, Slice::Waits)
+            && state.tasks.get(id).is_some_and(|task| loads(&task.phase));
+        let fails = matches!(slice, Slice::Over(Outcome::Failed(_)));
+        if state.params.names.is_some() || loading || fails {
+            return None;
+        }
+        no_declaration_error(&state.options.params)
+    }
+
+    fn kill_broken(&self, before: SliceStart) {
+        let text = "a fault inside spykee, not of the script: please report it, with the script";
+        let mut state = self.state.borrow_mut();
+        state.kill(EndReason::Error, Some(text.to_owned()), before);
+    }
+
+    fn kill_over_budget(&self, cost: SliceCost, before: SliceStart) {
+        let mut state = self.state.borrow_mut();
+        let limit = state.options.limits.callback_budget_ms;
+        let location = match cost.location {
+            Some(location) => location.to_string(),
+            None => state.options.chunk.clone(),
+        };
+        let text = format!(
+            "{location}: ran longer than {limit} ms without waiting; put task.wait() into long loops"
+        );
+        state.kill(EndReason::Cpu, Some(text), before);
+    }
+
+    fn kill_out_of_memory(&self, before: SliceStart) {
+        let mut state = self.state.borrow_mut();
+        let limit = state.options.limits.memory_bytes / 1024;
+        let text = format!(
+            "{}: wanted more than the {limit} KiB of memory that a script may have; keep less, and set to nil what is not needed any more",
+            state.options.chunk
+        );
+        state.kill(EndReason::Memory, Some(text), before);
+    }
+
+    /// Kills the script because the VM failed outside the script's own lines.
+    fn vm_failed(&self, error: &mlua::Error, before: SliceStart) {
+        match VmError::from_lua(error) {
+            VmError::Memory => self.kill_out_of_memory(before),
+            VmError::Text(text) => {
+                let mut state = self.state.borrow_mut();
+                state.kill(EndReason::Error, Some(text), before);
+            }
+        }
+    }
+
+    /// Kills the script if it holds too many frames even after a garbage collection, as for too
+    /// much memory: frames are outside the VM's memory.
+    fn check_frames(&self, before: SliceStart) -> LuaResult<()> {
+        let (held, limit) = {
+            let state = self.state.borrow();
+            let held = Rc::clone(&state.frames.held_bytes);
+            (held, state.options.limits.frame_bytes)
+        };
+        if held.get() <= limit {
+            return Ok(());
+        }
+        self.lua.gc_collect()?;
+        if held.get() > limit {
+            let mut state = self.state.borrow_mut();
+            let text = format!(
+                "{}: holds on to more than {} KiB of frames; keep fewer",
+                state.options.chunk,
+                limit / 1024
+            );
+            state.kill(EndReason::Memory, Some(text), before);
+        }
+        Ok(())
+    }
+
+    /// Advances the end of the script after a slice: a script whose last task has ended begins to
+    /// stop, runs its next `script.on_stop` function, or ends.
+    fn advance_ending(&mut self) {
+        let mut state = self.state.borrow_mut();
+        if state.is_finished() {
+            state.begin_stop(EndReason::Done, None);
+        }
+        if state.is_out_of_time() {
+            return state.end_stopped();
+        }
+        let Life::Stopping(stopping) = &state.life else {
+            return;
+        };
+        if !state.tasks.is_empty() {
+            return;
+        }
+        let reason = stopping.exit.reason.name();
+        let Some(handler) = state.exit.stop_handlers.pop_front() else {
+            return state.end_stopped();
+        };
+        let now = state.now;
+        let thread = self.lua.create_thread(handler);
+        let reason = self.lua.create_string(reason);
+        if let (Ok(thread), Ok(reason)) = (thread, reason) {
+            let values = LuaMultiValue::from_iter([mlua::Value::String(reason)]);
+            let start = Wakeup::Start(values);
+            state
+                .tasks
+                .add(thread, TaskKind::StopHandler, start, None, now);
+        }
+    }
+
+    /// Runs what a person typed: an expression, or statements. The answer is
+    /// [`Output::Evaluated`](Output::Evaluated), sent when the line has finished, which may
+    /// involve waiting. Does nothing if the script is ending.
+    ///
+    /// `more` allows the answer [`Evaluated::Incomplete`].
+    pub fn evaluate(&mut self, text: &str, more: bool, now: Instant) {
+        let chunk = {
+            let mut state = self.state.borrow_mut();
+            state.tick(now);
+            if !state.is_running() {
+                return;
+            }
+            state.next_input(text)
+        };
+        let begun = eval::compile(&self.lua, text, &chunk, more).and_then(|function| {
+            let thread = self.lua.create_thread(function);
+            thread.map_err(|error| eval::refused(&error))
+        });
+        let mut state = self.state.borrow_mut();
+        match begun {
+            Ok(thread) => {
+                let start = Wakeup::Start(LuaMultiValue::new());
+                state.tasks.add(thread, TaskKind::Line, start, None, now);
+            }
+            Err(answer) => state.output.push(Output::Evaluated(answer)),
+        }
+    }
+
+    /// Stops everything that the lines have started: the motion ends now, tasks end as soon as they
+    /// have cleaned up, handlers are removed. Variables and functions stay.
+    pub fn interrupt(&mut self, now: Instant) {
+        {
+            let mut state = self.state.borrow_mut();
+            state.tick(now);
+            if !state.is_running() {
+                return;
+            }
+            state.cancel_all();
+            state.output.send_stop();
+        }
+        self.advance_ending();
+    }
+
+    /// Returns the script's output since the last call, in order. It is bounded: a script that
+    /// sends too much gets errors, and excess log lines are replaced by their number.
+    pub fn take_output(&mut self) -> Vec<Output> {
+        self.state.borrow_mut().output.take()
+    }
+
+    /// Delivers an event to the script.
+    pub fn deliver(&mut self, event: Event, now: Instant) {
+        let mut state = self.state.borrow_mut();
+        state.tick(now);
+        if !state.has_ended() {
+            state.deliver(event);
+        }
+    }
+
+    /// Delivers a frame to the script; it replaces one that no handler has taken. Returns `false`
+    /// if its markers show that it is not a valid picture; the script then does not get it.
+    pub fn deliver_frame(&mut self, frame: Frame, now: Instant) -> bool {
+        let mut state = self.state.borrow_mut();
+        state.tick(now);
+        state.has_ended() || state.deliver_frame(frame)
+    }
+
+    /// Decodes the part of the next frame that has already arrived, so that examining the whole
+    /// frame takes less time.
+    pub fn decode_ahead(&mut self, beginning: &[u8]) {
+        self.state
+            .borrow_mut()
+            .frames
+            .analyser
+            .decode_ahead(beginning);
+    }
+
+    /// Whether the script has examined the newest frame, rather than ignored or only saved it.
+    pub fn examines_frames(&self) -> bool {
+        let state = self.state.borrow();
+        let newest = state.frames.newest.as_ref().map(|held| held.frame.seq);
+        newest.is_some() && newest == state.frames.analyser.last_frame()
+    }
+
+    /// Whether the script needs frames: something listens to them or waits for one, or the script
+    /// has switched the video on.
+    pub fn wants_frames(&self) -> bool {
+        let state = self.state.borrow();
+        !state.has_ended()
+            && (state.streams.is_on(Stream::Video) || state.has_listener(EventName::Frame))
+    }
+
+    /// Delivers a module that the script has requested, or the reason why it cannot be loaded.
+    pub fn deliver_module(
+        &mut self,
+        name: &ModuleName,
+        file: Result<ModuleFile, NoModule>,
+        now: Instant,
+    ) {
+        let mut state = self.state.borrow_mut();
+        state.tick(now);
+        let Some(id) = state.modules.find(name.as_str()) else {
+            return;
+        };
+        if state.has_ended() || !matches!(state.modules.progress(id), Progress::Requested) {
+            return;
+        }
+        let progress = match file {
+            Err(NoModule(words)) => Progress::Missing(printable(&words, 400)),
+            Ok(file) => match state.modules.record_file(id, &file) {
+                Err(why) => Progress::Missing(why.to_string()),
+                Ok(chunk) => api::compile_module(&self.lua, &file.source, &chunk),
+            },
+        };
+        state.modules.set(id, progress);
+        state.answer(Wait::Module(id), || Wakeup::Again);
+    }
 }
 
 /// A scenario API that refuses every call; enough to list the names that scripts can use.
@@ -336,4 +713,10 @@ impl std::fmt::Debug for Script {
         let state = self.state.borrow();
         f.debug_tuple("Script").field(&state.options.name).finish()
     }
+}
+
+enum Slice {
+    Waits,
+    Over(Outcome),
+    Memory,
 }

@@ -4,17 +4,15 @@
 use mlua::prelude::LuaFunction;
 use serde::{Deserialize, Serialize};
 
-use super::ids::{ModuleId, TaskId};
-use super::nearest::suggestion;
+use super::failure::suggestion;
 use super::stdlib;
+use super::task::{ModuleId, TaskId};
 
-/// Largest length of a module's name, in bytes.
 const LONGEST: usize = 200;
 /// Largest number of modules of one script, whether they were found or not.
 const MAX_MODULES: usize = 128;
 /// Largest total size of the modules' sources, in bytes.
 const MAX_BYTES: usize = 1 << 20;
-/// Prefix of the built-in modules.
 const LIBRARY: &str = "@spykee/";
 
 /// The path of a module's file within the behaviour's folder, without its extension, such as
@@ -70,7 +68,6 @@ pub struct ModuleFile {
     pub source: Vec<u8>,
 }
 
-/// The module that a path names.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Target {
     Library(&'static str, &'static str),
@@ -168,18 +165,13 @@ fn library(path: &str) -> Result<Target, RequireError> {
         })
 }
 
-/// The loading state of a module.
 #[derive(Debug, Clone)]
 pub(super) enum Progress {
-    /// The file is being read.
     Requested,
-    /// Compiled.
     Ready(LuaFunction),
-    /// Being run by this task.
     Running(TaskId, LuaFunction),
     /// The VM has its value.
     Loaded,
-    /// There is no such file.
     Missing(String),
     /// It does not compile, or it failed; with the place.
     Failed(String),
@@ -188,14 +180,12 @@ pub(super) enum Progress {
 struct Module {
     /// Unique: `lib/pid` or `@spykee/pid`.
     key: String,
-    /// Its name in messages.
     chunk: String,
     progress: Progress,
     /// The source, to show its lines in messages; empty until the file has arrived.
     source: String,
 }
 
-/// The module `from` requires the module `to`.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct ModuleWait {
     from: ModuleId,
@@ -203,7 +193,6 @@ struct ModuleWait {
     task: TaskId,
 }
 
-/// See the module documentation. The behaviour's own file is the first.
 pub(super) struct Modules {
     all: Vec<Module>,
     waits: Vec<ModuleWait>,
@@ -212,7 +201,6 @@ pub(super) struct Modules {
     prefix: String,
 }
 
-/// The behaviour's own file.
 pub(super) const MAIN: ModuleId = ModuleId(0);
 
 impl Modules {
@@ -286,7 +274,6 @@ impl Modules {
         files.map(|module| (module.chunk.as_str(), module.source.as_str()))
     }
 
-    /// Records a module's file; returns its name in messages.
     pub(super) fn record_file(
         &mut self,
         id: ModuleId,
@@ -375,7 +362,6 @@ impl Modules {
         Some(rest)
     }
 
-    /// Forgets the values of the VM.
     pub(super) fn clear(&mut self) {
         for module in &mut self.all {
             module.progress = Progress::Loaded;
@@ -385,4 +371,63 @@ impl Modules {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn file(folder: &str, path: &str) -> Result<String, String> {
+        match resolve(folder, path) {
+            Ok(Target::File(name)) => Ok(name.into()),
+            Ok(Target::Library(name, _)) => Ok(name.to_owned()),
+            Err(error) => Err(error.to_string()),
+        }
+    }
+
+    #[test]
+    fn paths_are_relative_to_the_requiring_file() {
+        assert_eq!(file("", "./lib/pid").unwrap(), "lib/pid");
+        assert_eq!(file("lib", "./pid.lua").unwrap(), "lib/pid");
+        assert_eq!(file("lib/a", "../../b.luau").unwrap(), "b");
+        assert_eq!(file("lib", "@spykee/pid").unwrap(), "@spykee/pid");
+    }
+
+    #[test]
+    fn no_path_leaves_the_folder() {
+        for (folder, path) in [
+            ("", "../x"),
+            ("lib", "../../x"),
+            ("", "./lib/../../x"),
+            ("", "/etc/passwd"),
+            ("", "./lib//x"),
+            ("", "./.hidden"),
+            ("", "./.."),
+            ("", "./lib/..\\..\\x"),
+            ("", "./x\0"),
+            ("", "lib/pid"),
+            ("", "@spykee/../x"),
+            ("", "@spikee/pid"),
+            ("", ""),
+            ("", "./"),
+        ] {
+            assert!(file(folder, path).is_err(), "{path:?}");
+        }
+        assert!(
+            file("", "@spykee/pidd")
+                .unwrap_err()
+                .contains("did you mean '@spykee/pid'")
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn resolved_paths_stay_inside_the_folder(folder in "([a-z]{1,3}/){0,3}", path in "[./a-z@\\\\]{0,30}") {
+            if let Ok(Target::File(name)) = resolve(&folder, &path) {
+                for segment in name.segments() {
+                    prop_assert!(!segment.is_empty() && !segment.starts_with('.'));
+                }
+                prop_assert!(ModuleName::try_from(String::from(name.clone())).is_ok());
+            }
+        }
+    }
+}

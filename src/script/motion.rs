@@ -2,9 +2,8 @@
 
 use tokio::time::Instant;
 
+use super::task::{SubscriptionId, TaskId};
 use crate::robot::{MotionId, Setpoint};
-
-use super::ids::{SubscriptionId, TaskId};
 
 /// The owner of a setpoint; a setpoint ends with its owner. A handler's setpoint belongs to its
 /// subscription, so it outlives the single run.
@@ -25,7 +24,6 @@ struct Current {
     since: Instant,
 }
 
-/// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct Motion {
     last: u64,
@@ -33,7 +31,6 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// Sets a new setpoint, which replaces the last one.
     pub(super) fn set(
         &mut self,
         owner: Owner,
@@ -81,12 +78,10 @@ impl Motion {
         }
     }
 
-    /// The current motion.
     pub(super) fn current(&self) -> Option<MotionId> {
         self.current.map(|current| current.motion)
     }
 
-    /// The setpoint of the current motion.
     pub(super) fn setpoint(&self) -> Option<Setpoint> {
         self.current.map(|current| current.setpoint)
     }
@@ -97,7 +92,6 @@ impl Motion {
         Some((current.motion, current.setpoint, current.since))
     }
 
-    /// Whether the current setpoint turns a track.
     pub(super) fn is_on(&self) -> bool {
         self.current
             .is_some_and(|current| !current.setpoint.is_stop())

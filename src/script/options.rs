@@ -1,16 +1,17 @@
-//! The options that a script is started with.
+//! The options that a script is started with, and the interface of scenario scripts.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
-use super::params::GivenParam;
+use super::declaration::GivenParam;
+use super::failure::SourceLocation;
 use crate::robot::{Setpoint, Streams};
 use crate::vision::{Camera, Colour, Drive};
 
-/// One mebibyte.
 const MIB: u64 = 1024 * 1024;
 
 /// Everything that a script is started with, apart from its source.
@@ -241,4 +242,32 @@ impl Default for Calibration {
             full_speed: 0.45,
         }
     }
+}
+
+/// An error in a call, for the script's author.
+pub type ScenarioCallError = Box<dyn std::error::Error>;
+
+/// The answer of the scenario API, as plain data.
+pub type ScenarioCallResult = Result<Value, ScenarioCallError>;
+
+/// One call of the script.
+#[derive(Debug, Clone, Copy)]
+pub struct ScenarioCall<'a> {
+    /// Its name, such as `sim:location`.
+    pub name: &'a str,
+    /// As plain data.
+    pub arguments: &'a [Value],
+    /// The line of the script.
+    pub location: Option<&'a SourceLocation>,
+}
+
+/// What a scenario script calls through `scenario`, `expect` and `sim`.
+pub trait ScenarioApi {
+    /// Answers one call at once.
+    ///
+    /// # Errors
+    ///
+    /// If the call is wrong, with a message for the script's author; it is raised as an error at
+    /// that line.
+    fn answer(&self, call: ScenarioCall<'_>) -> ScenarioCallResult;
 }

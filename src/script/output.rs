@@ -5,12 +5,12 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 use tokio::time::Instant;
 
-use super::Script;
 use super::failure::printable;
 use super::modules::ModuleName;
+use super::options::Limits;
+use crate::rate_limit::Budget;
 use crate::robot::{DeclaredParam, HostReport, Intent};
 
-/// Largest number of intents in the queue.
 const MAX_INTENTS: usize = 256;
 /// Largest number of bytes of `Intent::Say` in the queue.
 const MAX_SPEECH: usize = 256 * 1024;
@@ -18,8 +18,16 @@ const MAX_SPEECH: usize = 256 * 1024;
 const MAX_LINES: u32 = 100;
 /// The period of [`MAX_LINES`].
 const WINDOW: Duration = Duration::from_secs(1);
-/// The longest log text, in characters.
 const LONGEST_TEXT: usize = 1024;
+
+/// The longest `kind` of an entry, in bytes.
+pub(crate) const MAX_KIND: usize = 40;
+/// The longest entry, in bytes of JSON.
+pub(crate) const MAX_ENTRY: usize = 4096;
+/// The longest message, in bytes.
+pub(crate) const MAX_NOTICE: usize = 1000;
+/// Bytes of a journal entry besides its texts.
+const OVERHEAD: usize = 100;
 
 /// One item of a script's output.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -90,15 +98,6 @@ impl LogLine {
     }
 }
 
-impl Script {
-    /// Returns the script's output since the last call, in order. It is bounded: a script that
-    /// sends too much gets errors, and excess log lines are replaced by their number.
-    pub fn take_output(&mut self) -> Vec<Output> {
-        self.state.borrow_mut().output.take()
-    }
-}
-
-/// The queue of output.
 #[derive(Debug)]
 pub(super) struct OutputQueue {
     waiting: Vec<Output>,
@@ -146,9 +145,9 @@ impl OutputQueue {
         }
     }
 
-    /// Requests a module; not bounded, since there are only a few.
-    pub(super) fn request_module(&mut self, name: ModuleName) {
-        self.waiting.push(Output::Module(name));
+    /// Queues output whose number the caller bounds.
+    pub(super) fn push(&mut self, output: Output) {
+        self.waiting.push(output);
     }
 
     /// Queues a log line, or counts it if there were too many lines this second.
@@ -162,21 +161,10 @@ impl OutputQueue {
         }
     }
 
-    /// Queues a report; the caller bounds their number.
-    pub(super) fn report(&mut self, report: HostReport) {
-        self.waiting.push(Output::HostReport(report));
-    }
-
-    /// Queues the parameters, in place of older ones that are still in the queue.
     pub(super) fn params(&mut self, params: Vec<DeclaredParam>) {
         self.waiting
             .retain(|output| !matches!(output, Output::Params(_)));
         self.waiting.push(Output::Params(params));
-    }
-
-    /// Queues the result of a line that a person typed.
-    pub(super) fn answer(&mut self, evaluated: Evaluated) {
-        self.waiting.push(Output::Evaluated(evaluated));
     }
 
     /// Starts a new period once the last one is over, and reports how many lines were dropped in
@@ -194,7 +182,6 @@ impl OutputQueue {
         (self.dropped > 0).then(|| self.window + WINDOW)
     }
 
-    /// Reports how many lines were dropped.
     pub(super) fn report_dropped(&mut self) {
         if self.dropped > 0 {
             let text = format!("... and {} more lines", self.dropped);
@@ -226,5 +213,32 @@ impl OutputQueue {
         self.intents = 0;
         self.speech = 0;
         std::mem::take(&mut self.waiting)
+    }
+}
+
+/// The script's daily limits for what it sends to people besides its log: journal entries with the names of pictures, and messages. The agent enforces the same limits.
+#[derive(Debug)]
+pub(super) struct DailyLimits {
+    bytes: Budget,
+    notices: Budget,
+}
+
+impl DailyLimits {
+    pub(super) fn new(limits: &Limits) -> DailyLimits {
+        DailyLimits {
+            bytes: Budget::new(limits.journal_bytes_a_day),
+            notices: Budget::new(limits.notices_a_day),
+        }
+    }
+
+    /// Takes the share of a journal entry with texts of this many bytes; `false` if too little is
+    /// left today.
+    pub(super) fn take_entry(&mut self, length: usize, now: Instant) -> bool {
+        self.bytes.take((OVERHEAD + length) as u64, now)
+    }
+
+    /// Takes the share of one message; `false` if none is left.
+    pub(super) fn take_notice(&mut self, now: Instant) -> bool {
+        self.notices.take(1, now)
     }
 }

@@ -19,12 +19,10 @@ const LEAST: u64 = 4096;
 /// How often deleted and refused pictures are reported.
 const MESSAGE_INTERVAL: Duration = Duration::from_secs(3600);
 
-/// Why a picture was not saved.
 #[derive(Debug)]
 pub(super) enum NotSaved {
     /// A limit is reached; the message, once an hour.
     Quota(Option<String>),
-    /// The error of the operating system.
     Io(io::Error),
 }
 
@@ -34,7 +32,6 @@ impl From<io::Error> for NotSaved {
     }
 }
 
-/// A picture that was saved.
 #[derive(Debug)]
 pub(super) struct Saved {
     pub(super) path: PathBuf,
@@ -42,7 +39,6 @@ pub(super) struct Saved {
     pub(super) notice: Option<String>,
 }
 
-/// The kinds of messages, each reported once an hour.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum MessageKind {
     Removed,
@@ -51,7 +47,6 @@ enum MessageKind {
     TooLarge,
 }
 
-/// See the module documentation.
 #[derive(Debug)]
 pub(super) struct PictureStore {
     folder: Option<PathBuf>,
@@ -63,12 +58,10 @@ pub(super) struct PictureStore {
     messages: Repeats<MessageKind>,
 }
 
-/// The content of the folder.
 #[derive(Debug, Default)]
 struct FolderContent {
     /// Oldest first.
     pictures: VecDeque<Item>,
-    /// The total weight of the pictures and of all other files.
     weight: u64,
 }
 
@@ -140,9 +133,10 @@ impl PictureStore {
         let deleted = self.make_room(&folder, name, heavy)?;
         folder.replace(name, bytes)?;
         self.keep(&folder, name)?;
-        let notice = (deleted > 0)
-            .then(|| self.removal_notice(MessageKind::Removed, deleted, now))
-            .flatten();
+        let notice = match deleted {
+            0 => None,
+            deleted => self.removal_notice(deleted, now),
+        };
         Ok(Saved {
             path: path.join(name),
             notice,
@@ -188,8 +182,8 @@ impl PictureStore {
         NotSaved::Quota(words)
     }
 
-    fn removal_notice(&mut self, kind: MessageKind, deleted: u64, now: Instant) -> Option<String> {
-        let before = self.messages.record(kind, now)?;
+    fn removal_notice(&mut self, deleted: u64, now: Instant) -> Option<String> {
+        let before = self.messages.record(MessageKind::Removed, now)?;
         let quota = self.quota;
         Some(format!(
             "the pictures have reached {quota} bytes: {} of the oldest deleted since the last such \
@@ -228,10 +222,11 @@ fn weight(bytes: u64) -> u64 {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::fs;
     use std::os::unix::fs::{PermissionsExt as _, symlink};
     use std::path::Path;
+
+    use super::*;
 
     fn limits(pictures: u64) -> Limits {
         Limits {

@@ -8,12 +8,10 @@ use mlua::prelude::{Lua, LuaError, LuaResult, LuaTable, LuaValue};
 
 use super::arguments::describe;
 
-/// Largest nesting depth of tables.
 const MAX_DEPTH: u32 = 16;
 /// Largest number of values within one value.
 const MAX_NODES: usize = 20_000;
 
-/// Why a value cannot be converted.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum NotPlain {
     #[error("{0} cannot be stored; only true, false, numbers, strings and tables of them can")]

@@ -11,8 +11,8 @@ use mlua::prelude::{Lua, LuaFunction, LuaLightUserData, LuaResult, LuaTable, Lua
 use mlua::state::{GcIncParams, GcMode};
 use mlua::{LuaOptions, StdLib};
 
-use super::failure::{Failure, PRELUDE, VmError};
-use super::{interrupt, nearest};
+use super::failure::{Failure, PRELUDE, VmError, printable, suggestion};
+use super::interrupt;
 use crate::api;
 
 /// The largest source, in bytes: the compiler's time and memory are outside the VM's limits.
@@ -131,7 +131,6 @@ pub(super) fn open() -> LuaResult<Lua> {
     Ok(lua)
 }
 
-/// Seeds `math.random`.
 pub(super) fn seed(lua: &Lua, seed: u64) -> LuaResult<()> {
     let math: LuaTable = lua.globals().raw_get("math")?;
     // Luau takes 32 bits of seed.
@@ -161,7 +160,6 @@ fn set_flags() {
     });
 }
 
-/// The functions of `stdlib/prelude.luau`.
 pub(super) struct Prelude(LuaTable);
 
 impl Prelude {
@@ -211,14 +209,14 @@ pub(super) fn close(lua: &Lua, strict: LuaFunction, memory: usize) -> LuaResult<
 
 /// The message for a global, or a field of `owner`, that does not exist.
 pub(super) fn unknown(owner: &str, key: &str, known: &[String]) -> String {
-    let suggestion = nearest::suggestion(key, known.iter().map(String::as_str));
-    let key = super::failure::printable(key, 40);
+    let near = suggestion(key, known.iter().map(String::as_str));
+    let key = printable(key, 40);
     if !owner.is_empty() {
-        return format!("{owner}.{key} does not exist{suggestion}");
+        return format!("{owner}.{key} does not exist{near}");
     }
     let in_scenario = known.iter().any(|name| name == api::SCENARIO);
     match api::elsewhere(&key, in_scenario) {
         Some(elsewhere) => format!("unknown name '{key}'; {elsewhere}"),
-        None => format!("unknown name '{key}'{suggestion}"),
+        None => format!("unknown name '{key}'{near}"),
     }
 }

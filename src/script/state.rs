@@ -1,44 +1,66 @@
-//! The state that a script's native functions and its scheduler share.
-
-mod delivery;
-mod robot_state;
-mod streams;
+//! The state that a script's native functions and its scheduler share, and the scheduler's rules:
+//! which task runs next, how a task is cancelled, and what follows from its end. Everything here
+//! works without running a line of the script.
+//!
+//! The order is the same in every run: ready tasks are queued, timers fire by time and then in the
+//! order in which they were set, and tasks that wait for the same event wake in the order of their
+//! creation.
+//!
+//! A script ends in two ways. One that is asked to stop has its tasks cancelled; they may clean up,
+//! and its `script.on_stop` functions run. One that is killed runs no further line, and the output
+//! of its last slice is discarded, except log lines, parameters and saved pictures.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 use std::time::Duration;
 
+use mlua::prelude::LuaMultiValue;
 use tokio::time::Instant;
 
-use self::robot_state::RobotState;
-use super::annotated_frame::{AnnotatedFrame, LabelledBlob};
-use super::daily_limits::DailyLimits;
-use super::declaration::Declaration;
-use super::events::{EventName, Subscriptions};
-use super::failure_log::{FailureLog, LogForm};
-use super::frame_state::{FrameState, HeldFrame, MotionCheck};
-use super::group::Group;
-use super::life::{Exit, Life};
+use super::declaration::{Declaration, ParamValue};
+use super::eval;
+use super::events::{Busy, EventName, Payload, Subscriptions};
+use super::failure::{Exit, FailureLog, Life, LogForm, ScriptExit, Stopping};
+use super::frame_state::{AnnotatedFrame, FrameState, HeldFrame, LabelledBlob, MotionCheck};
 use super::modules::Modules;
 use super::motion::{Motion, Owner};
-use super::options::Options;
-use super::output::{Level, LogLine, OutputQueue};
-use super::params::ParamValue;
+use super::options::{Options, ScenarioApi};
+use super::output::{DailyLimits, Evaluated, Level, LogLine, Output, OutputQueue, QueuePosition};
 use super::picture_store::PictureStore;
-use super::queue::Tasks;
-use super::scenario_api::ScenarioApi;
+use super::sound::Loudness;
 use super::store::Store;
-use super::streams::WantedStreams;
-use super::task::{GroupId, TaskKind, Wait, Wakeup};
+use super::streams::{Demand, WantedStreams};
+use super::task::{
+    Cancel, Due, Group, GroupId, Status, SubscriptionId, TaskId, TaskKind, TaskPhase, Tasks, Wait,
+    Wakeup,
+};
 use crate::odometry::{Blockage, Driver, Odometry, TimedMotion};
-use crate::robot::{Intent, MotionEnd, MotionId};
-use crate::vision::Skyline;
+use crate::robot::{
+    Battery, EndReason, Event, Frame, Intent, MotionEnd, MotionId, RobotInfo, StreamOff,
+};
+use crate::vision::{
+    Blob, BlobOptions, Colour, FrameError, Image, Line, Roi, Skyline, validate_markers,
+};
+use crate::wire::Stream;
 
 /// Least turn between two frames, in radians, that is searched for in the pictures.
 const LEAST_TURN: f64 = 0.02;
 /// How long after the tracks have stopped the pictures may still show a turn, because tracks and
 /// pictures are late.
 const COASTING_TIME: Duration = Duration::from_millis(500);
+
+/// After this long without a loud sound the next one is a new noise.
+const QUIET: Duration = Duration::from_secs(1);
+/// The motors may be heard for this long after the robot has moved.
+const MOTOR: Duration = Duration::from_secs(1);
+/// A sound of the robot may be heard for this long after it has begun.
+const SOUND: Duration = Duration::from_secs(5);
+/// The error that the wait of a cancelled task raises.
+pub(super) const CANCELLED: &str = "cancelled";
+/// This many failures of a subscription's function in a row end the script.
+const MAX_FAILURES: u32 = 5;
+/// Time limit for clean-up and `script.on_stop` together.
+const STOP_TIME: Duration = Duration::from_millis(500);
 
 /// The resources that a script has used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -51,18 +73,15 @@ pub struct Usage {
     pub memory_bytes: u64,
 }
 
-/// The parameters that the script has declared with `params.declare`.
 #[derive(Default)]
 pub(super) struct Declared {
     /// The names; `None` before `params.declare` was called.
     pub(super) names: Option<Vec<String>>,
-    /// All of them with their values.
     pub(super) all: BTreeMap<String, (Declaration, ParamValue)>,
     /// The error message if the given values were refused.
     pub(super) refused: Option<String>,
 }
 
-/// The state that native functions and the scheduler share.
 pub(super) struct State {
     pub(super) options: Options,
     pub(super) failure_log: FailureLog,
@@ -83,7 +102,6 @@ pub(super) struct State {
     pub(super) store: Store,
     pub(super) daily_limits: DailyLimits,
     pub(super) modules: Modules,
-    /// The API of a scenario script.
     pub(super) scenario_api: Option<Rc<dyn ScenarioApi>>,
     pub(super) params: Declared,
     pub(super) output: OutputQueue,
@@ -93,18 +111,14 @@ pub(super) struct State {
     pub(super) can_wait: bool,
     pub(super) usage: Usage,
     pub(super) last_call: u64,
-    /// When the robot last moved, whatever the cause.
     last_moved: Option<Instant>,
-    /// When there was last a loud sound.
     last_loud: Option<Instant>,
-    /// When the robot was last told to make a sound.
     last_sounded: Option<Instant>,
     /// Events that the script listens to although the config prevents them; each is logged once.
     pub(super) unavailable_events: BTreeSet<EventName>,
 }
 
 impl State {
-    /// Sends the parameters to the people who are watching.
     pub(super) fn show_params(&mut self) {
         let all = self.params.all.iter();
         let params =
@@ -212,7 +226,6 @@ impl State {
         self.frames.motion_check = Some(MotionCheck { held, timed, turns });
     }
 
-    /// Examines the last frame as planned, once.
     pub(super) fn examine_frame_for_motion(&mut self) {
         let Some(MotionCheck { held, timed, turns }) = self.frames.motion_check.take() else {
             return;
@@ -243,7 +256,6 @@ impl State {
         self.answer(Wait::Motion(motion), || Wakeup::Motion(MotionEnd::Blocked));
     }
 
-    /// Records what the script has found in a frame.
     pub(super) fn record_detections(
         &mut self,
         held: &HeldFrame,
@@ -254,7 +266,6 @@ impl State {
         }
     }
 
-    /// See [`Script::take_annotated_frame`](super::Script::take_annotated_frame).
     pub(super) fn take_annotated_frame(&mut self) -> Option<AnnotatedFrame> {
         let newest = self.frames.newest.as_ref().map(|held| held.frame.seq);
         let busy = !self.has_ended() && self.tasks.is_ready();
@@ -262,7 +273,6 @@ impl State {
         recorder.take_if(|annotated| !busy || newest != Some(annotated.frame.seq))
     }
 
-    /// Writes a message of the runtime to the script's log.
     pub(super) fn log(&mut self, level: Level, text: &str) {
         self.output.log(LogLine::new(level, text), self.now);
     }
@@ -301,31 +311,657 @@ impl State {
         })
     }
 
-    /// Releases the setpoint of an owner that has ended.
     pub(super) fn release(&mut self, owner: Owner) {
         if let Some(motion) = self.motion.release(owner) {
             self.output.send(Intent::Release { motion });
         }
     }
 
-    /// Returns an id for a docking or undocking.
     pub(super) fn next_call(&mut self) -> crate::robot::CallId {
         self.last_call += 1;
         crate::robot::CallId(self.last_call)
     }
 
-    /// When the next timer is due.
     pub(super) fn next_deadline(&self) -> Option<Instant> {
         let exit = match &self.life {
             Life::Stopping(stopping) => Some(stopping.deadline),
             Life::Running => None,
             Life::Ended(_) => return None,
         };
-        let timers = [self.tasks.next_timer(), self.output.window_end(), exit];
-        timers
-            .into_iter()
-            .chain([self.next_stream_end()])
-            .flatten()
+        let timers = [
+            self.tasks.next_timer(),
+            self.output.window_end(),
+            exit,
+            self.next_stream_end(),
+        ];
+        timers.into_iter().flatten().min()
+    }
+
+    pub(super) fn deliver(&mut self, event: Event) {
+        self.robot.record(&event, self.now);
+        if shows_motion(&event) {
+            self.last_moved = Some(self.now);
+        }
+        if event == Event::Sounding {
+            self.last_sounded = Some(self.now);
+        }
+        match event {
+            Event::MotionEnded { motion, end } => {
+                self.motion.ended(motion);
+                self.answer(Wait::Motion(motion), || Wakeup::Motion(end));
+            }
+            Event::DockEnded {
+                call,
+                end,
+                attempts,
+                took,
+            } => self.answer(Wait::Dock(call), || Wakeup::Dock {
+                end,
+                attempts,
+                took,
+            }),
+            Event::UndockEnded { call, end } => {
+                self.answer(Wait::Undock(call), || Wakeup::Undock(end));
+            }
+            Event::Audio(ref samples) => {
+                self.detect_noise(samples);
+                self.publish(EventName::Audio, Payload::Event(Rc::new(event)));
+            }
+            event => {
+                if let Some(name) = EventName::from_event(&event) {
+                    self.publish(name, Payload::Event(Rc::new(event)));
+                }
+            }
+        }
+    }
+
+    /// Delivers a frame; it replaces those that no handler has taken. A frame whose markers show
+    /// that it is not a valid picture is only counted: `false`.
+    pub(super) fn deliver_frame(&mut self, frame: Frame) -> bool {
+        // For a script that is always busy: examine the last frame before its buffers are reused.
+        self.examine_frame_for_motion();
+        let size = match validate_markers(&frame.jpeg) {
+            Ok(size) => size,
+            Err(error) => {
+                self.note_damage(frame.seq, &error);
+                return false;
+            }
+        };
+        let held = Rc::new(HeldFrame::new(frame, size, &self.frames.held_bytes));
+        self.frames.newest = Some(Rc::clone(&held));
+        self.plan_motion_check(&held);
+        self.publish(EventName::Frame, Payload::Frame(held));
+        true
+    }
+
+    /// Counts a frame that is not a valid picture; this is logged now and then.
+    pub(super) fn note_damage(&mut self, seq: u64, error: &FrameError) {
+        if let Some(text) = self.frames.damage.record(seq, &error.to_string(), self.now) {
+            self.log(Level::Warn, &text);
+        }
+    }
+
+    /// Publishes a `noise` event if this audio begins a loud sound and something listens for it.
+    fn detect_noise(&mut self, samples: &[u8]) {
+        if self.has_listener(EventName::Noise) {
+            let dbfs = Loudness::from_samples(samples).dbfs();
+            if dbfs > self.options.limits.noise_dbfs && self.becomes_loud() {
+                let own = self.may_be_own_sound();
+                self.publish(EventName::Noise, Payload::Noise { dbfs, own });
+            }
+        }
+    }
+
+    /// Records a loud sound; returns whether it was quiet before. So a bell is one noise, however
+    /// long it rings, together with the motors that a script starts because of it.
+    fn becomes_loud(&mut self) -> bool {
+        let before = self.last_loud.replace(self.now);
+        before.is_none_or(|at| self.now.saturating_duration_since(at) >= QUIET)
+    }
+
+    /// Whether a sound may come from the robot's own motors or speaker.
+    fn may_be_own_sound(&self) -> bool {
+        let lately = |at: Instant| self.now.saturating_duration_since(at) < SOUND;
+        self.has_moved_within(MOTOR) || self.last_sounded.is_some_and(lately)
+    }
+
+    /// Whether a handler listens to this event or a task waits for it.
+    pub(super) fn has_listener(&self, name: EventName) -> bool {
+        let listens = self.subscriptions.values().any(|one| one.event == name);
+        listens
+            || !self
+                .tasks
+                .waiting_for(|wait| *wait == Wait::Event(name))
+                .is_empty()
+    }
+
+    /// Wakes the tasks that wait for exactly this.
+    pub(super) fn answer(&mut self, awaited: Wait, answer: impl Fn() -> Wakeup) {
+        for id in self.tasks.waiting_for(|wait| *wait == awaited) {
+            self.tasks.wake(id, answer(), self.now);
+        }
+    }
+
+    fn publish(&mut self, name: EventName, payload: Payload) {
+        self.answer(Wait::Event(name), || Wakeup::Event(payload.clone()));
+        let listeners: Vec<SubscriptionId> = self
+            .subscriptions
+            .iter()
+            .filter(|(_, one)| one.event == name)
+            .map(|(id, _)| *id)
+            .collect();
+        for id in listeners {
+            let dropped = self
+                .subscriptions
+                .get_mut(&id)
+                .and_then(|one| one.push(payload.clone()));
+            if let Some(count) = dropped {
+                let name = name.name();
+                self.log(
+                    Level::Warn,
+                    &format!("'{name}' events come faster than they are handled: {count} dropped"),
+                );
+            }
+            self.schedule(id);
+        }
+    }
+
+    /// Switches a stream on unless it is on already.
+    ///
+    /// # Errors
+    ///
+    /// If the config keeps the stream off.
+    pub(super) fn need_stream(&mut self, stream: Stream, by: Demand) -> Result<(), StreamOff> {
+        self.options.streams.allow(stream)?;
+        if self.streams.switch_on(stream, by, self.now) {
+            self.output.send(Intent::Stream { stream, on: true });
+        }
+        Ok(())
+    }
+
+    /// Whether a handler listens to a stream or a task waits for it.
+    fn is_used(&self, stream: Stream) -> bool {
+        let mut events = EventName::ALL.iter().copied();
+        events.any(|event| event.stream() == Some(stream) && self.has_listener(event))
+    }
+
+    /// Records the use of each stream that is listened to. Called when time advances, before
+    /// anything else happens.
+    fn note_used_streams(&mut self) {
+        for stream in self.streams.temporary() {
+            if self.is_used(stream) {
+                self.streams.note_use(stream, self.now);
+            }
+        }
+    }
+
+    /// Switches off the streams that nothing has used for a while.
+    pub(super) fn drop_unused_streams(&mut self) {
+        for stream in self.streams.temporary() {
+            if !self.is_used(stream) && self.streams.drop_if_unused(stream, self.now) {
+                self.output.send(Intent::Stream { stream, on: false });
+            }
+        }
+    }
+
+    /// When the next stream is switched off because nothing uses it.
+    fn next_stream_end(&self) -> Option<Instant> {
+        let unused = |stream: &Stream| !self.is_used(*stream);
+        let temporary = self.streams.temporary().into_iter().filter(unused);
+        temporary
+            .filter_map(|stream| self.streams.end_of(stream))
             .min()
     }
+
+    pub(super) fn fire_due_timers(&mut self) {
+        while let Some(due) = self.tasks.next_due(self.now) {
+            match due {
+                Due::Wait(id) => self.time_out(id),
+                Due::Run(id) => self.tasks.enqueue_due(id),
+                Due::Handle(id) => {
+                    if let Some(subscription) = self.subscriptions.get_mut(&id) {
+                        subscription.busy = Busy::No;
+                    }
+                    self.schedule(id);
+                }
+            }
+        }
+    }
+
+    fn time_out(&mut self, id: TaskId) {
+        let Some(TaskPhase::Waiting(wait)) = self.tasks.get(id).map(|task| &task.phase) else {
+            return;
+        };
+        let answer = match *wait {
+            Wait::Time { since } => Wakeup::Slept(self.now.saturating_duration_since(since)),
+            Wait::Beat { missed } => Wakeup::Beat(missed),
+            Wait::Event(_) => Wakeup::NoEvent,
+            Wait::Group(group) => {
+                self.end_group(group);
+                Wakeup::Refused("timeout")
+            }
+            Wait::Module(_) => Wakeup::Again,
+            Wait::Join(_) | Wait::Motion(_) | Wait::Dock(_) | Wait::Undock(_) => {
+                Wakeup::Refused("timeout")
+            }
+        };
+        self.tasks.wake(id, answer, self.now);
+    }
+
+    /// Cancels a task: its motion ends now, its wait fails, and what it waits for is cancelled too.
+    /// A task that has not started never starts.
+    pub(super) fn cancel(&mut self, id: TaskId) {
+        self.release(Owner::Task(id));
+        let Some(task) = self.tasks.get_mut(id) else {
+            return;
+        };
+        if task.cancel != Cancel::No {
+            return;
+        }
+        task.cancel = Cancel::Raised;
+        match &mut task.phase {
+            TaskPhase::Running => task.cancel = Cancel::Requested,
+            TaskPhase::Ready(_) if !task.started => self.finish(id, Outcome::Cancelled),
+            TaskPhase::Ready(answer) => *answer = Wakeup::Cancelled,
+            TaskPhase::Waiting(wait) => {
+                let wait = *wait;
+                self.cancel_wait(wait);
+                self.tasks.wake(id, Wakeup::Cancelled, self.now);
+            }
+        }
+    }
+
+    fn cancel_wait(&mut self, wait: Wait) {
+        match wait {
+            Wait::Motion(motion) if self.motion.current() == Some(motion) => {
+                self.motion.ended(motion);
+                self.output.send(Intent::Release { motion });
+            }
+            Wait::Dock(_) => self.output.send(Intent::CancelDock),
+            Wait::Group(group) => self.end_group(group),
+            _ => {}
+        }
+    }
+
+    /// Handles the end of a task: ends its motion and wakes the tasks that wait for it.
+    pub(super) fn finish(&mut self, id: TaskId, outcome: Outcome) {
+        let Some(task) = self.tasks.remove(id) else {
+            return;
+        };
+        let status = outcome.status();
+        task.handle.status.set(status);
+        self.release(Owner::Task(id));
+        for waiter in self.tasks.waiting_for(|wait| *wait == Wait::Join(id)) {
+            let answer = Wakeup::Joined(status, outcome.text());
+            self.tasks.wake(waiter, answer, self.now);
+        }
+        match (task.kind, outcome) {
+            (TaskKind::Child(group, index), outcome) => self.child_ended(group, index, outcome),
+            (TaskKind::Handler(subscription), outcome) => {
+                self.handler_ended(subscription, &outcome)
+            }
+            (TaskKind::Main, Outcome::Failed(text)) => {
+                let text = self.explained(&text);
+                self.begin_stop(EndReason::Error, Some(text));
+            }
+            (TaskKind::Line, outcome) => {
+                let answer = self.evaluated(outcome);
+                self.output.push(Output::Evaluated(answer));
+            }
+            (TaskKind::Spawned | TaskKind::StopHandler, Outcome::Failed(text)) => {
+                self.log_failure(&text)
+            }
+            _ => {}
+        }
+    }
+
+    fn handler_ended(&mut self, id: SubscriptionId, outcome: &Outcome) {
+        if let Outcome::Failed(text) = outcome {
+            self.log_failure(text);
+        }
+        let Some(subscription) = self.subscriptions.get_mut(&id) else {
+            // The subscription was removed meanwhile, or was for one event only.
+            return self.release(Owner::Subscription(id));
+        };
+        subscription.busy = Busy::No;
+        match outcome {
+            Outcome::Failed(text) => {
+                subscription.failures += 1;
+                if subscription.failures >= MAX_FAILURES {
+                    let name = subscription.event.name();
+                    let text = self.explained(text);
+                    let text = format!(
+                        "{text}\n(the '{name}' handler failed {MAX_FAILURES} times in a row)"
+                    );
+                    return self.begin_stop(EndReason::Error, Some(text));
+                }
+            }
+            Outcome::Done(_) | Outcome::Cancelled => subscription.failures = 0,
+        }
+        self.schedule(id);
+    }
+
+    /// Queues a subscription's next run if an event is waiting, or sets a timer if it is too early
+    /// for the run.
+    pub(super) fn schedule(&mut self, id: SubscriptionId) {
+        let Some(subscription) = self.subscriptions.get_mut(&id) else {
+            return;
+        };
+        if subscription.busy != Busy::No || !subscription.has_waiting() {
+            return;
+        }
+        subscription.busy = match subscription.delayed_until(self.now) {
+            Some(at) => Busy::Timed(self.tasks.call_handler_at(id, at)),
+            None => {
+                self.tasks.call_handler(id);
+                Busy::Queued
+            }
+        };
+    }
+
+    /// Ends a subscription. A run in progress continues, and so does its motion.
+    pub(super) fn unsubscribe(&mut self, id: SubscriptionId) {
+        let Some(subscription) = self.subscriptions.remove(&id) else {
+            return;
+        };
+        match subscription.busy {
+            Busy::Running(_) => {}
+            Busy::Timed(timer) => {
+                self.tasks.cancel_timer(timer);
+                self.release(Owner::Subscription(id));
+            }
+            Busy::No | Busy::Queued => self.release(Owner::Subscription(id)),
+        }
+    }
+
+    /// Logs the error of a cancelled task, unless it is the cancellation's own error.
+    pub(super) fn log_clean_up_failure(&mut self, text: &str) {
+        if !text.ends_with(CANCELLED) {
+            self.log(Level::Warn, &format!("while cleaning up: {text}"));
+        }
+    }
+
+    /// Whether nothing is left that could run: no tasks and no subscriptions.
+    pub(super) fn is_finished(&self) -> bool {
+        self.is_running()
+            && !self.options.interactive
+            && self.tasks.is_empty()
+            && self.subscriptions.is_empty()
+    }
+
+    fn child_ended(&mut self, id: GroupId, index: usize, outcome: Outcome) {
+        let Some(group) = self.groups.get_mut(&id) else {
+            return;
+        };
+        let parent = group.parent;
+        let answer = match outcome {
+            Outcome::Done(values) => group.child_done(index, values).map(Wakeup::Values),
+            Outcome::Failed(text) => Some(Wakeup::Failed(text)),
+            Outcome::Cancelled => Some(Wakeup::Cancelled),
+        };
+        if let Some(answer) = answer {
+            self.end_group(id);
+            self.tasks.wake(parent, answer, self.now);
+        }
+    }
+
+    /// Ends a group: children that have not ended are cancelled, and run their clean-up before
+    /// their parent continues.
+    fn end_group(&mut self, id: GroupId) {
+        if let Some(group) = self.groups.remove(&id) {
+            for child in group.children {
+                self.cancel(child);
+            }
+        }
+    }
+
+    pub(super) fn is_running(&self) -> bool {
+        matches!(self.life, Life::Running)
+    }
+
+    pub(super) fn has_ended(&self) -> bool {
+        matches!(self.life, Life::Ended(_))
+    }
+
+    pub(super) fn slice_start(&self) -> SliceStart {
+        SliceStart {
+            output: self.output.position(),
+            motion: self.motion.current(),
+        }
+    }
+
+    /// Asks the script to stop: its motion ends now, every task is cancelled, and nothing new can
+    /// be started.
+    pub(super) fn begin_stop(&mut self, reason: EndReason, message: Option<String>) {
+        if !self.is_running() {
+            return;
+        }
+        self.life = Life::Stopping(Stopping {
+            exit: ScriptExit { reason, message },
+            deadline: self.now + STOP_TIME,
+            spent: Duration::ZERO,
+        });
+        self.cancel_all();
+    }
+
+    /// Ends the motion now, cancels every task and removes every subscription.
+    pub(super) fn cancel_all(&mut self) {
+        if let Some(motion) = self.motion.release_any() {
+            self.output.send(Intent::Release { motion });
+        }
+        let subscriptions: Vec<_> = self.subscriptions.keys().copied().collect();
+        for id in subscriptions {
+            self.unsubscribe(id);
+        }
+        for id in self.tasks.ids() {
+            self.cancel(id);
+        }
+    }
+
+    pub(super) fn is_out_of_time(&self) -> bool {
+        match &self.life {
+            Life::Stopping(stopping) => {
+                self.now >= stopping.deadline || stopping.spent >= STOP_TIME
+            }
+            _ => false,
+        }
+    }
+
+    pub(super) fn end_stopped(&mut self) {
+        if let Life::Stopping(stopping) = &self.life {
+            let exit = stopping.exit.clone();
+            self.cancel_docking();
+            self.end(exit);
+        }
+    }
+
+    /// Kills the script and undoes what it did since `before`. A script that was already stopping
+    /// keeps its original reason.
+    pub(super) fn kill(&mut self, reason: EndReason, message: Option<String>, before: SliceStart) {
+        let exit = match &self.life {
+            Life::Running => ScriptExit { reason, message },
+            Life::Stopping(stopping) => {
+                let exit = stopping.exit.clone();
+                let text = message.unwrap_or_else(|| reason.sentence().to_owned());
+                self.log(Level::Warn, &format!("while stopping: {text}"));
+                exit
+            }
+            Life::Ended(_) => return,
+        };
+        self.output.withdraw_since(before.output);
+        let _ = self.motion.release_any();
+        if let Some(motion) = before.motion {
+            self.output.send(Intent::Release { motion });
+        }
+        self.cancel_docking();
+        self.end(exit);
+    }
+
+    fn cancel_docking(&mut self) {
+        let docks = |wait: &Wait| matches!(wait, Wait::Dock(_));
+        if !self.tasks.waiting_for(docks).is_empty() {
+            self.output.send(Intent::CancelDock);
+        }
+    }
+
+    fn end(&mut self, exit: ScriptExit) {
+        self.tasks.clear();
+        self.groups.clear();
+        self.subscriptions.clear();
+        self.exit.stop_handlers.clear();
+        self.modules.clear();
+        self.frames.newest = None;
+        if let Some(text) = self.frames.damage.rest() {
+            self.log(Level::Warn, &text);
+        }
+        self.output.report_dropped();
+        self.life = Life::Ended(exit);
+    }
+
+    pub(super) fn evaluated(&self, outcome: Outcome) -> Evaluated {
+        match outcome {
+            Outcome::Done(values) => Evaluated::Values(eval::shown(&values)),
+            Outcome::Failed(text) => Evaluated::Failed(self.explained(&text)),
+            Outcome::Cancelled => Evaluated::Cancelled,
+        }
+    }
+
+    /// Gives each input its own chunk name, so that messages refer to lines of the right input.
+    pub(super) fn next_input(&mut self, text: &str) -> String {
+        self.inputs += 1;
+        self.options.chunk = format!("input{}", self.inputs);
+        text.clone_into(&mut self.failure_log.source);
+        self.options.chunk.clone()
+    }
+
+    /// The picture of a frame; `None` for a damaged one, which is counted.
+    pub(super) fn image(&mut self, held: &HeldFrame) -> Option<&Image> {
+        if let Err(error) = self
+            .frames
+            .analyser
+            .decode(held.frame.seq, &held.frame.jpeg)
+        {
+            self.note_damage(held.frame.seq, &error);
+            return None;
+        }
+        // The frame is decoded already: this only borrows it again.
+        self.frames
+            .analyser
+            .decode(held.frame.seq, &held.frame.jpeg)
+            .ok()
+    }
+
+    /// The blobs of a frame; none in a damaged one.
+    pub(super) fn find_blobs(
+        &mut self,
+        held: &HeldFrame,
+        colours: &[Colour],
+        options: &BlobOptions,
+    ) -> Vec<Blob> {
+        let frame = &held.frame;
+        let found = self
+            .frames
+            .analyser
+            .find_blobs(frame.seq, &frame.jpeg, colours, options);
+        match found {
+            Ok(blobs) => blobs.to_vec(),
+            Err(error) => {
+                self.note_damage(held.frame.seq, &error);
+                Vec::new()
+            }
+        }
+    }
+
+    /// The line of a frame; none in a damaged one.
+    pub(super) fn find_line(
+        &mut self,
+        held: &HeldFrame,
+        colours: &[Colour],
+        part: Option<Roi>,
+    ) -> Option<Line> {
+        let frame = &held.frame;
+        let found = self
+            .frames
+            .analyser
+            .find_line(frame.seq, &frame.jpeg, colours, part);
+        found.unwrap_or_else(|error| {
+            self.note_damage(frame.seq, &error);
+            None
+        })
+    }
+}
+
+/// The state of the robot as known from the events that the script has received.
+#[derive(Debug, Default)]
+pub(super) struct RobotState {
+    pub(super) info: Option<RobotInfo>,
+    pub(super) connected: bool,
+    pub(super) docked: bool,
+    pub(super) battery: Option<(Battery, Instant)>,
+    /// Whether something moves the robot, this script or something else.
+    pub(super) moving: bool,
+}
+
+impl RobotState {
+    pub(super) fn record(&mut self, event: &Event, now: Instant) {
+        match event {
+            Event::Connected { info, docked } => {
+                self.info = Some(info.clone());
+                self.connected = true;
+                self.docked = *docked;
+            }
+            Event::Disconnected { .. } => self.connected = false,
+            Event::Battery(battery) | Event::BatteryLow(battery) | Event::BatteryOk(battery) => {
+                self.battery = Some((*battery, now));
+                self.docked |= battery.charging;
+            }
+            Event::Charging { on } => self.docked |= on,
+            Event::Docked => self.docked = true,
+            Event::Undocked => self.docked = false,
+            Event::Moving { on } => self.moving = *on,
+            _ => {}
+        }
+    }
+}
+
+/// Whether an event shows that the robot moves or may have moved.
+pub(super) fn shows_motion(event: &Event) -> bool {
+    matches!(
+        event,
+        Event::Moving { .. }
+            | Event::Connected { .. }
+            | Event::Docked
+            | Event::Undocked
+            | Event::BaseNotFound
+    )
+}
+
+pub(super) enum Outcome {
+    Done(LuaMultiValue),
+    Failed(String),
+    Cancelled,
+}
+
+impl Outcome {
+    fn status(&self) -> Status {
+        match self {
+            Outcome::Done(_) => Status::Done,
+            Outcome::Failed(_) => Status::Failed,
+            Outcome::Cancelled => Status::Cancelled,
+        }
+    }
+
+    fn text(&self) -> Option<String> {
+        match self {
+            Outcome::Failed(text) => Some(text.clone()),
+            _ => None,
+        }
+    }
+}
+
+/// The state before a slice, to undo the slice if the script is killed in it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SliceStart {
+    output: QueuePosition,
+    motion: Option<MotionId>,
 }

@@ -21,7 +21,6 @@ pub(super) struct StoreFull {
     wanted: usize,
 }
 
-/// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct Store {
     values: BTreeMap<String, Box<RawValue>>,
@@ -30,7 +29,6 @@ pub(super) struct Store {
 }
 
 impl Store {
-    /// Restores the values of an earlier run.
     pub(super) fn restore(&mut self, file: &[u8]) -> Result<(), serde_json::Error> {
         let values: BTreeMap<String, Box<RawValue>> = serde_json::from_slice(file)?;
         self.bytes = values
@@ -45,7 +43,6 @@ impl Store {
         self.values.get(key).map(|value| value.get())
     }
 
-    /// Stores a JSON text.
     pub(super) fn set(&mut self, key: String, json: String) -> Result<(), StoreFull> {
         let before = self.values.get(&key);
         if before.is_some_and(|before| before.get() == json) {
@@ -66,7 +63,6 @@ impl Store {
         Ok(())
     }
 
-    /// Deletes a key; returns whether it existed.
     pub(super) fn delete(&mut self, key: &str) -> bool {
         let Some(value) = self.values.remove(key) else {
             return false;
@@ -118,8 +114,9 @@ fn quoted(key: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use proptest::prelude::*;
+
+    use super::*;
 
     #[test]
     fn a_full_store_keeps_its_values_and_its_file_is_within_the_quota() {

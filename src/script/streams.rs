@@ -13,7 +13,6 @@ use crate::wire::Stream;
 /// How long after its last use a stream is switched off.
 pub(super) const LINGER: Duration = Duration::from_secs(2);
 
-/// Why a stream is on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Demand {
     /// `robot.stream(name, true)`: until it is switched off by the same call.
@@ -22,7 +21,6 @@ pub(super) enum Demand {
     WhileUsed,
 }
 
-/// See the module documentation.
 #[derive(Debug, Default)]
 pub(super) struct WantedStreams {
     explicit: BTreeSet<Stream>,
@@ -31,7 +29,6 @@ pub(super) struct WantedStreams {
 }
 
 impl WantedStreams {
-    /// Whether a stream is on.
     pub(super) fn is_on(&self, stream: Stream) -> bool {
         self.on.contains_key(&stream)
     }
@@ -57,7 +54,6 @@ impl WantedStreams {
             .collect()
     }
 
-    /// Records that a stream is in use now.
     pub(super) fn note_use(&mut self, stream: Stream, now: Instant) {
         if let Some(used) = self.on.get_mut(&stream) {
             *used = now;

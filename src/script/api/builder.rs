@@ -14,8 +14,8 @@ use super::super::arguments::{Args, Refusal, describe};
 use super::super::budget;
 use super::super::failure::printable;
 use super::super::sandbox::{self, Prelude};
-use super::super::scheduler::CANCELLED;
-use super::{Call, Native, NativeResult, Natives, Reply, Shared, convert};
+use super::super::state::CANCELLED;
+use super::{Call, Native, NativeResult, Natives, Reply, Shared, convert, modules};
 use crate::api::{self, Function};
 
 /// Builds Lua tables from rows and native functions.
@@ -77,7 +77,6 @@ impl Builder<'_> {
         })
     }
 
-    /// Builds the function that the script sees.
     pub(super) fn function(
         &self,
         row: &'static Function,
@@ -257,27 +256,18 @@ pub(in super::super) fn every_path(lua: &Lua) -> BTreeSet<String> {
     paths
 }
 
-/// The names that exist in a namespace, or globally.
 fn known_names(lua: &Lua, owner: &str) -> Vec<String> {
-    let mut names = Vec::new();
-    let mut collect = |table: &LuaTable| {
-        let _ = table.for_each(|key: LuaValue, _: LuaValue| {
-            if let LuaValue::String(text) = key {
-                names.push(text.to_string_lossy());
-            }
-            Ok(())
-        });
-    };
     let globals = lua.globals();
     let builtins = globals
         .metatable()
         .and_then(|meta| meta.raw_get::<LuaTable>("__index").ok());
-    if owner.is_empty() {
-        collect(&globals);
-        builtins.iter().for_each(&mut collect);
-    } else if let Some(Ok(table)) = builtins.map(|all| all.raw_get::<LuaTable>(owner)) {
-        collect(&table);
-    }
+    let tables = if owner.is_empty() {
+        std::iter::once(globals).chain(builtins).collect()
+    } else {
+        Vec::from_iter(builtins.and_then(|all| all.raw_get::<LuaTable>(owner).ok()))
+    };
+    let names = tables.iter().map(|table| modules::names(table));
+    let mut names: Vec<String> = names.flat_map(Result::unwrap_or_default).collect();
     names.sort();
     names
 }

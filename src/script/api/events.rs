@@ -19,7 +19,6 @@ pub(super) const CALLS: &Natives = &[
 
 const METHODS: &Natives = &[("Subscription:off", off)];
 
-/// The script's object for a subscription.
 struct SubscriptionObject(SubscriptionId);
 
 pub(super) fn register_handle(builder: &Builder<'_>) -> LuaResult<()> {
@@ -32,7 +31,6 @@ impl Argument for EventName {
     }
 }
 
-/// `robot.on(name, fn, {rate=, queue=})`
 fn on(call: &mut Call<'_>) -> NativeResult {
     let mut subscription = Subscription::new(call.args.get(0)?, call.args.get(1)?);
     let options = call.args.options(2)?;
@@ -44,7 +42,6 @@ fn on(call: &mut Call<'_>) -> NativeResult {
     subscribe(call, subscription)
 }
 
-/// `robot.once(name, fn)`
 fn once(call: &mut Call<'_>) -> NativeResult {
     let mut subscription = Subscription::new(call.args.get(0)?, call.args.get(1)?);
     subscription.once = true;
@@ -102,7 +99,6 @@ pub(super) fn listen(call: &mut Call<'_>, event: EventName) {
     }
 }
 
-/// `Subscription:off()`
 fn off(call: &mut Call<'_>) -> NativeResult {
     let id = call.receiver::<SubscriptionObject>()?.0;
     call.state.unsubscribe(id);

@@ -1,19 +1,29 @@
-//! `robot.frame`, `robot.wait_frame` and the Frame object: its data, and `frame:save`. The methods
-//! that examine the picture are in [`looking`](super::looking).
+//! `robot.frame`, `robot.wait_frame` and the Frame object: its data, `frame:save`, and the methods
+//! that examine the picture. Each frame is decoded at the first such call, into one buffer for all
+//! frames.
+//!
+//! Most damaged frames are rejected earlier (`State::deliver_frame`). A frame whose damage is found
+//! only in decoding has no results: no blobs, no line, no brightness. Such frames are counted, and
+//! this is logged now and then.
 
 use std::rc::Rc;
 use std::time::Duration;
 
 use mlua::UserDataFields as _;
-use mlua::prelude::{Lua, LuaResult, LuaValue};
+use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Argument, Given, Refusal};
 use super::super::events::EventName;
-use super::super::frame_state::HeldFrame;
-use super::super::output::Level;
+use super::super::frame_state::{HeldFrame, LabelledBlob};
+use super::super::output::{Level, Output};
 use super::super::picture_store::{self, NotSaved};
-use super::{Builder, Call, NativeResult, Natives, events};
+use super::vision::Colours;
+use super::{Builder, Call, NativeResult, Natives, events, of_row};
+use crate::api::PIXELS;
 use crate::robot::HostReport;
+use crate::vision::{
+    Blob, BlobOptions, Direction, Image, Line, Roi, Size, brightness, find_qrcodes, sharpness,
+};
 
 pub(super) const CALLS: &Natives = &[("robot.frame", newest), ("robot.wait_frame", wait_frame)];
 
@@ -22,19 +32,19 @@ pub(super) const METHODS: &Natives = &[("Frame:save", save)];
 /// `robot.frame` does not return older frames, since the stream has stopped then.
 const STALE: Duration = Duration::from_secs(1);
 
-/// Creates the Frame object of a frame.
+/// Distance from a line's column to the sides of its box, in pixels.
+const LINE_MARGIN: f64 = 4.0;
+
 pub(super) fn to_lua(lua: &Lua, held: &Rc<HeldFrame>) -> LuaResult<LuaValue> {
     let object = lua.create_any_userdata(Rc::clone(held))?;
     Ok(LuaValue::UserData(object))
 }
 
-/// The frame of a script's Frame object.
 pub(super) fn of_value(value: &LuaValue) -> Option<Rc<HeldFrame>> {
     let object = value.as_userdata()?.borrow::<Rc<HeldFrame>>().ok()?;
     Some(Rc::clone(&object))
 }
 
-/// The frame that a method was called on.
 pub(super) fn receiver(call: &Call<'_>) -> Result<Rc<HeldFrame>, Refusal> {
     Ok(Rc::clone(&*call.receiver::<Rc<HeldFrame>>()?))
 }
@@ -95,7 +105,9 @@ fn save(call: &mut Call<'_>) -> NativeResult {
             if let Some(notice) = saved.notice {
                 call.state.log(Level::Info, &notice);
             }
-            call.state.output.report(HostReport::Picture { name });
+            call.state
+                .output
+                .push(Output::HostReport(HostReport::Picture { name }));
             call.reply(saved.path.to_string_lossy().into_owned())
         }
         Err(NotSaved::Quota(words)) => {
@@ -109,5 +121,255 @@ fn save(call: &mut Call<'_>) -> NativeResult {
                 .log(Level::Warn, &format!("{name} was not saved: {reason}"));
             call.reply((LuaValue::Nil, "io"))
         }
+    }
+}
+
+pub(super) const EXAMINE: &Natives = &[
+    ("Frame:find_blobs", blobs),
+    ("Frame:find_line", line),
+    ("Frame:find_qrcodes", qrcodes),
+    ("Frame:brightness", |call| measure(call, brightness)),
+    ("Frame:sharpness", |call| measure(call, sharpness)),
+    ("Frame:get_pixel", pixel),
+];
+
+fn blobs(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
+    let colours = Colours::parse(call, call.args.value(0))?;
+    let options = blob_options(call)?;
+    let blobs = call.state.find_blobs(&held, &colours.colours, &options);
+    let marks = blobs.iter().map(|blob| mark(blob, colours.name_of(blob)));
+    call.state.record_detections(&held, marks);
+    let list = call.lua.create_table_with_capacity(blobs.len(), 0)?;
+    for blob in &blobs {
+        let table = blob_table(call.lua, blob, &colours.names)?;
+        list.raw_push(of_row("Blob", table))?;
+    }
+    call.reply(list)
+}
+
+pub(super) fn mark(blob: &Blob, text: &str) -> LabelledBlob {
+    LabelledBlob {
+        blob: *blob,
+        text: text.to_owned(),
+    }
+}
+
+fn blob_options(call: &Call<'_>) -> Result<BlobOptions, Refusal> {
+    let options = call.args.options(1)?;
+    Ok(BlobOptions {
+        roi: options.get("roi")?,
+        invert: options.get("invert")?,
+        area_threshold: options.get("area_threshold")?,
+        pixels_threshold: options.get("pixels_threshold")?,
+        merge: options.get("merge")?,
+        margin: options.get("margin")?,
+        max_blobs: options.get::<u32>("max_blobs")? as usize,
+    })
+}
+
+/// `{x, y, w, h}`, or any table with fields of these names, such as a blob.
+impl Argument for Roi {
+    fn read(given: Given<'_>) -> Result<Self, Refusal> {
+        let LuaValue::Table(table) = &given.value else {
+            return Err(given.wrong("a table {x, y, w, h}"));
+        };
+        let mut numbers = [0.0; 4];
+        for (index, (number, name)) in numbers.iter_mut().zip(["x", "y", "w", "h"]).enumerate() {
+            let mut value: LuaValue = table.raw_get(index + 1)?;
+            if value.is_nil() {
+                value = table.raw_get(name)?;
+            }
+            let name = format!("roi's {name}");
+            *number = given.args.check_number(&name, &value, Some(PIXELS))?;
+        }
+        Ok(clipped(numbers))
+    }
+}
+
+/// Cuts off the part of a rectangle that is left of or above the picture.
+fn clipped([x, y, w, h]: [f64; 4]) -> Roi {
+    let side = |start: f64, length: f64| {
+        let end = (start + length).max(0.0);
+        let start = start.max(0.0);
+        (start.floor() as u32, (end - start).max(0.0).round() as u32)
+    };
+    let ((x, w), (y, h)) = (side(x, w), side(y, h));
+    Roi { x, y, w, h }
+}
+
+pub(super) fn blob_table(lua: &Lua, blob: &Blob, names: &[Option<String>]) -> LuaResult<LuaTable> {
+    let table = lua.create_table_with_capacity(0, 24)?;
+    let whole = [
+        ("x", blob.x),
+        ("y", blob.y),
+        ("w", blob.w),
+        ("h", blob.h),
+        ("pixels", blob.pixels),
+        ("area", blob.area),
+        ("perimeter", blob.perimeter),
+        ("code", blob.code),
+        ("count", blob.count),
+    ];
+    let real = [
+        ("cx", blob.cx),
+        ("cy", blob.cy),
+        ("density", blob.density),
+        ("rotation", blob.rotation),
+        ("elongation", blob.elongation),
+        ("roundness", blob.roundness),
+        ("bearing", blob.bearing),
+    ];
+    for (name, number) in whole {
+        table.raw_set(name, number)?;
+    }
+    for (name, number) in real {
+        table.raw_set(name, number)?;
+    }
+    table.raw_set("edge", blob.edge)?;
+    if let Some(Some(name)) = names.get(blob.colour) {
+        table.raw_set("colour", name.as_str())?;
+    }
+    Ok(table)
+}
+
+/// `frame:find_line(colour, {roi=})`: `{offset, angle, strength}`, or nil.
+fn line(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
+    let colours = Colours::parse(call, call.args.value(0))?;
+    let part: Option<Roi> = call.args.options(1)?.get("roi")?;
+    let line = call.state.find_line(&held, &colours.colours, part);
+    let size = call.state.image(&held).map(Image::size);
+    if let Some(whole) = size {
+        let part = part.unwrap_or(whole.into()).within(whole);
+        call.state.record_detections(
+            &held,
+            line.zip(part).map(|(line, part)| line_mark(line, part)),
+        );
+    }
+    let Some(line) = line else {
+        return call.reply(LuaValue::Nil);
+    };
+    let table = call.lua.create_table_with_capacity(0, 3)?;
+    table.raw_set("offset", line.offset)?;
+    table.raw_set("angle", line.angle)?;
+    table.raw_set("strength", line.strength)?;
+    call.reply(of_row("Line", table))
+}
+
+/// The mark of a line, for people who see the frame: a narrow box around the column given by
+/// `offset`, as high as the examined part.
+fn line_mark(line: Line, part: Roi) -> LabelledBlob {
+    let column = f64::from(part.x) + (line.offset + 1.0) / 2.0 * f64::from(part.w) - 0.5;
+    let blob = Blob {
+        x: (column - LINE_MARGIN).max(0.0).round() as u32,
+        y: part.y,
+        w: 2 * LINE_MARGIN as u32 + 1,
+        h: part.h,
+        cx: column,
+        cy: f64::from(part.y) + f64::from(part.h) / 2.0,
+        ..Blob::default()
+    };
+    mark(&blob, "line")
+}
+
+/// `frame:find_qrcodes()`: a list of `{text, corners}`.
+fn qrcodes(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
+    let codes = call
+        .state
+        .image(&held)
+        .map(find_qrcodes)
+        .unwrap_or_default();
+    let list = call.lua.create_table()?;
+    for code in codes {
+        let corners = call.lua.create_table()?;
+        for [x, y] in code.corners {
+            let corner = call.lua.create_table_with_capacity(0, 2)?;
+            corner.raw_set("x", x)?;
+            corner.raw_set("y", y)?;
+            corners.raw_push(of_row("Corner", corner))?;
+        }
+        let table = call.lua.create_table_with_capacity(0, 2)?;
+        table.raw_set("text", code.text)?;
+        table.raw_set("corners", corners)?;
+        list.raw_push(of_row("QrCode", table))?;
+    }
+    call.reply(list)
+}
+
+fn measure(call: &mut Call<'_>, figure: fn(&Image, Option<Roi>) -> f64) -> NativeResult {
+    let held = receiver(call)?;
+    let part = call.args.get(0)?;
+    let figure = call
+        .state
+        .image(&held)
+        .map_or(0.0, |image| figure(image, part));
+    call.reply(figure)
+}
+
+/// `frame:get_pixel(x, y)`: `r, g, b`, or nil outside the picture.
+fn pixel(call: &mut Call<'_>) -> NativeResult {
+    let held = receiver(call)?;
+    let (x, y): (f64, f64) = (call.args.get(0)?, call.args.get(1)?);
+    let x = x.floor();
+    let y = y.floor();
+    if x < 0.0 || y < 0.0 {
+        return call.reply(LuaValue::Nil);
+    }
+    let image = call.state.image(&held);
+    match image.and_then(|image| image.pixel(x as u32, y as u32)) {
+        Some([r, g, b]) => call.reply((r, g, b)),
+        None => call.reply(LuaValue::Nil),
+    }
+}
+
+pub(super) const GEOMETRY: &Natives =
+    &[("Frame:direction", direction), ("Frame:pixel_at", pixel_at)];
+
+/// `frame:direction(x, y)`: `bearing, elevation`, or nil in a damaged picture.
+fn direction(call: &mut Call<'_>) -> NativeResult {
+    let x = call.args.get(0)?;
+    let y = call.args.get(1)?;
+    let Some(size) = size(call)? else {
+        return call.reply(LuaValue::Nil);
+    };
+    let seen = call.state.options.camera.direction(x, y, size);
+    call.reply((seen.bearing, seen.elevation))
+}
+
+/// `frame:pixel_at(bearing, elevation)`: `x, y`, or nil for a direction that is not in front of the
+/// camera.
+fn pixel_at(call: &mut Call<'_>) -> NativeResult {
+    let bearing = call.args.get(0)?;
+    let elevation = call.args.get(1)?;
+    let Some(size) = size(call)? else {
+        return call.reply(LuaValue::Nil);
+    };
+    let direction = Direction { bearing, elevation };
+    match call.state.options.camera.pixel(direction, size) {
+        Some((x, y)) => call.reply((x, y)),
+        None => call.reply(LuaValue::Nil),
+    }
+}
+
+fn size(call: &mut Call<'_>) -> Result<Option<Size>, Refusal> {
+    let held = receiver(call)?;
+    Ok(call.state.image(&held).map(|image| image.size()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_outside_the_picture_are_cut_off() {
+        let roi = |numbers| {
+            let Roi { x, y, w, h } = clipped(numbers);
+            [x, y, w, h]
+        };
+        assert_eq!(roi([10.0, 20.0, 30.0, 40.0]), [10, 20, 30, 40]);
+        assert_eq!(roi([-10.0, -50.0, 30.0, 40.0]), [0, 0, 20, 0]);
+        assert_eq!(roi([5.0, 5.0, -3.0, 0.4]), [5, 5, 0, 0]);
     }
 }

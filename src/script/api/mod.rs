@@ -6,22 +6,12 @@
 //! Lua error. A wait is registered with the scheduler and answered later ([`answer`]).
 
 mod builder;
-mod clock;
-mod colours;
 mod convert;
-mod dock;
 mod events;
 mod frame;
-mod geometry;
-mod log;
-mod looking;
-mod messages;
 mod modules;
 mod motion;
 mod params;
-mod payload;
-mod wakeup;
-pub(super) use params::set_live as set_live_param;
 mod robot;
 mod scenario;
 mod script;
@@ -38,27 +28,26 @@ use mlua::prelude::{
     LuaValue,
 };
 
-use super::arguments::{Args, Refusal, describe};
+use super::arguments::{Args, Refusal};
 use super::budget;
 use super::failure::{SourceLocation, is_runtime_frame};
+use super::options::ScenarioApi;
 use super::sandbox::{self, Prelude};
-use super::scenario_api::ScenarioApi;
 use super::state::State;
 use super::streams::Demand;
 use super::task::{Cancel, SHORTEST_WAIT, Wait};
-
 use crate::wire::Stream;
-use builder::Builder;
+use builder::{Builder, of_row};
 
 pub(super) use builder::every_path;
-use builder::of_row;
-pub(super) use wakeup::resume_values;
+pub(super) use convert::resume_values;
+pub(super) use modules::compile as compile_module;
+pub(super) use params::set_live as set_live_param;
 
 /// The state that native functions and the scheduler share. It is borrowed only while no line of
 /// the script runs.
 pub(super) type Shared = Rc<RefCell<State>>;
 
-/// One call of a native function.
 pub(super) struct Call<'a> {
     lua: &'a Lua,
     state: &'a mut State,
@@ -67,7 +56,6 @@ pub(super) struct Call<'a> {
     yieldable: bool,
 }
 
-/// The answer of a native function.
 enum Reply {
     Values(LuaMultiValue),
     /// The scheduler will answer later.
@@ -80,7 +68,6 @@ type Native = fn(&mut Call<'_>) -> NativeResult;
 type Natives = [(&'static str, Native)];
 
 impl Call<'_> {
-    /// Answers with values.
     fn reply(&self, values: impl IntoLuaMulti) -> NativeResult {
         Ok(Reply::Values(values.into_lua_multi(self.lua)?))
     }
@@ -119,14 +106,12 @@ impl Call<'_> {
         Ok(Reply::Wait)
     }
 
-    /// The object that a method was called on.
     fn receiver<T: 'static>(&self) -> Result<LuaUserDataRef<T>, Refusal> {
         let object = self.args.receiver().as_userdata();
         let object = object.and_then(|object| object.borrow().ok());
         object.ok_or_else(|| self.no_receiver())
     }
 
-    /// The object that a method was called on, mutably.
     fn receiver_mut<T: 'static>(&self) -> Result<LuaUserDataRefMut<T>, Refusal> {
         let object = self.args.receiver().as_userdata();
         let object = object.and_then(|object| object.borrow_mut().ok());
@@ -175,11 +160,8 @@ impl Call<'_> {
     }
 }
 
-/// The API that a script gets.
 pub(super) enum ApiSet {
-    /// The API of behaviours, with a robot to drive.
     Robot,
-    /// The API of scenario scripts.
     Scenario(Rc<dyn ScenarioApi>),
 }
 
@@ -195,8 +177,8 @@ pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<
     objects(&builder)?;
     let mut tables = vec![
         ("script", script::namespace(&builder)?),
-        ("log", builder.namespace("log", &[log::CALLS])?),
-        ("clock", builder.namespace("clock", &[clock::CALLS])?),
+        ("log", builder.namespace("log", &[script::LOG])?),
+        ("clock", builder.namespace("clock", &[script::CLOCK])?),
         ("task", tasks::namespace(&builder)?),
     ];
     if let ApiSet::Robot = api_set {
@@ -205,11 +187,8 @@ pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<
             ("vision", builder.namespace("vision", &[vision::CALLS])?),
             ("params", params::namespace(&builder)?),
             ("store", builder.namespace("store", &[store::CALLS])?),
-            (
-                "journal",
-                builder.namespace("journal", &[messages::JOURNAL])?,
-            ),
-            ("notify", builder.namespace("notify", &[messages::NOTIFY])?),
+            ("journal", builder.namespace("journal", &[store::JOURNAL])?),
+            ("notify", builder.namespace("notify", &[store::NOTIFY])?),
         ]);
     }
     for (name, table) in tables {
@@ -225,20 +204,15 @@ pub(super) fn install(lua: &Lua, shared: &Shared, api_set: ApiSet) -> LuaResult<
     sandbox::close(lua, builder.strict("")?, memory)
 }
 
-/// The types of the script's objects.
 fn objects(builder: &Builder<'_>) -> LuaResult<()> {
     tasks::register_handle(builder)?;
     events::register_handle(builder)?;
-    frame::register(
-        builder,
-        &[frame::METHODS, geometry::METHODS, looking::METHODS],
-    )?;
+    frame::register(builder, &[frame::METHODS, frame::GEOMETRY, frame::EXAMINE])?;
     vision::register(builder)
 }
 
-/// The functions without a namespace.
 fn globals(builder: &Builder<'_>) -> LuaResult<()> {
-    let table = builder.namespace("", &[log::PRINT, modules::REQUIRE])?;
+    let table = builder.namespace("", &[script::PRINT, modules::REQUIRE])?;
     modules::wrap(builder, &table)?;
     table.for_each(|name: LuaValue, function: LuaValue| {
         builder.lua.globals().raw_set(name, function)

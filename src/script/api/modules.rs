@@ -4,14 +4,13 @@ use std::rc::Rc;
 
 use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 
-use super::super::Script;
-use super::super::arguments::Refusal;
+use super::super::arguments::{Refusal, describe_key};
 use super::super::events::EventName;
 use super::super::failure::{VmError, is_runtime_frame, printable};
-use super::super::ids::ModuleId;
-use super::super::modules::{ModuleFile, ModuleName, NoModule, Progress, Target, resolve};
+use super::super::modules::{Progress, Target, resolve};
+use super::super::output::Output;
 use super::super::sandbox;
-use super::super::task::{Cancel, MAX_TASKS, TaskId, Wait, Wakeup};
+use super::super::task::{Cancel, MAX_TASKS, ModuleId, TaskId, Wait, Wakeup};
 use super::{Builder, Call, NativeResult, Natives};
 use crate::api::{self, Function, Namespace};
 
@@ -23,18 +22,18 @@ pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
     let row = api::function("require").ok_or_else(|| LuaError::runtime("no require"))?;
     let open: LuaFunction = globals.raw_get("require")?;
     let done = builder.function_with_shim("plain", row, done)?;
-    let nearest = builder.lua.create_function(|_, (owner, key, table)| {
-        let (owner, key, table): (String, LuaValue, LuaTable) = (owner, key, table);
-        let key = match &key {
-            LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
-            other => super::describe(other),
-        };
-        Ok(sandbox::unknown(&owner, &key, &names(&table)?))
-    })?;
-    let mismatch = builder.lua.create_function(|_, (owner, table)| {
-        let (owner, table): (String, LuaTable) = (owner, table);
-        mismatch(&owner, &names(&table)?)
-    })?;
+    type Unknown = (String, LuaValue, LuaTable);
+    let nearest = builder
+        .lua
+        .create_function(|_, (owner, key, table): Unknown| {
+            let key = describe_key(&key);
+            Ok(sandbox::unknown(&owner, &key, &names(&table)?))
+        })?;
+    let mismatch = builder
+        .lua
+        .create_function(|_, (owner, table): (String, LuaTable)| {
+            mismatch(&owner, &names(&table)?)
+        })?;
     let events = builder.lua.create_table()?;
     for event in EventName::ALL {
         events.raw_set(event.name(), true)?;
@@ -54,7 +53,7 @@ pub(super) fn wrap(builder: &Builder<'_>, globals: &LuaTable) -> LuaResult<()> {
 }
 
 /// The string keys of a table, sorted.
-fn names(table: &LuaTable) -> LuaResult<Vec<String>> {
+pub(super) fn names(table: &LuaTable) -> LuaResult<Vec<String>> {
     let mut names = Vec::new();
     table.for_each(|key: LuaValue, _: LuaValue| {
         names.extend(key.as_string().map(|name| name.to_string_lossy()));
@@ -157,7 +156,6 @@ fn record_wait(
     recorded.map_err(|why| call.args.misuse(&why.to_string()))
 }
 
-/// Adds a module that is required for the first time.
 fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
     let added = match target {
         Target::Library(name, source) => {
@@ -169,7 +167,7 @@ fn add(call: &mut Call<'_>, target: Target) -> Result<ModuleId, Refusal> {
             call.may_wait()?;
             let added = call.state.modules.add(name.as_str(), Progress::Requested);
             if added.is_ok() {
-                call.state.output.request_module(name);
+                call.state.output.push(Output::Module(name));
             }
             added
         }
@@ -224,8 +222,8 @@ fn done(call: &mut Call<'_>) -> NativeResult {
     let Some(id) = call.state.modules.find(&key) else {
         return call.reply(());
     };
-    let is_cancelled = |task: &mut super::super::task::Task| task.cancel != Cancel::No;
-    let cancelled = call.state.tasks.running().is_some_and(is_cancelled);
+    let running = call.state.tasks.running();
+    let cancelled = running.is_some_and(|task| task.cancel != Cancel::No);
     let progress = match (failed, call.state.modules.progress(id)) {
         (None, _) => Progress::Loaded,
         // The next task that requires it runs it again.
@@ -237,12 +235,8 @@ fn done(call: &mut Call<'_>) -> NativeResult {
         let from = requiring_module(call);
         call.state.modules.remove_wait(from, id, task);
     }
-    wake(call.state, id);
+    call.state.answer(Wait::Module(id), || Wakeup::Again);
     call.reply(())
-}
-
-fn wake(state: &mut super::super::state::State, id: ModuleId) {
-    state.answer(Wait::Module(id), || Wakeup::Again);
 }
 
 /// Creates a module's own globals, with the shared ones behind them.
@@ -260,35 +254,7 @@ fn environment(lua: &Lua) -> LuaResult<LuaTable> {
     Ok(own)
 }
 
-impl Script {
-    /// Delivers a module that the script has requested, or the reason why it cannot be loaded.
-    pub fn deliver_module(
-        &mut self,
-        name: &ModuleName,
-        file: Result<ModuleFile, NoModule>,
-        now: tokio::time::Instant,
-    ) {
-        let mut state = self.state.borrow_mut();
-        state.tick(now);
-        let Some(id) = state.modules.find(name.as_str()) else {
-            return;
-        };
-        if state.has_ended() || !matches!(state.modules.progress(id), Progress::Requested) {
-            return;
-        }
-        let progress = match file {
-            Err(NoModule(words)) => Progress::Missing(printable(&words, 400)),
-            Ok(file) => match state.modules.record_file(id, &file) {
-                Err(why) => Progress::Missing(why.to_string()),
-                Ok(chunk) => compile(&self.lua, &file.source, &chunk),
-            },
-        };
-        state.modules.set(id, progress);
-        wake(&mut state, id);
-    }
-}
-
-fn compile(lua: &Lua, source: &[u8], chunk: &str) -> Progress {
+pub(in crate::script) fn compile(lua: &Lua, source: &[u8], chunk: &str) -> Progress {
     let text = match sandbox::check_source(source, chunk) {
         Ok(text) => text,
         Err(failure) => return Progress::Failed(failure.to_string()),

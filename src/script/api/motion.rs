@@ -1,13 +1,13 @@
-//! `robot.move`, `robot.drive`, `robot.forward`, `robot.turn`, `robot.stop`; and the resulting
-//! pose: `robot.pose`, `robot.reset_pose`.
+//! `robot.move`, `robot.drive`, `robot.forward`, `robot.turn`, `robot.stop`, docking, and the
+//! resulting pose.
 
 use std::time::Duration;
 
 use super::super::options::Calibration;
-use super::super::task::{Cancel, Wait};
+use super::super::task::{Cancel, Task, Wait};
 use super::{Call, NativeResult, Natives, of_row};
 use crate::api::LONGEST_DRIVE;
-use crate::robot::{Intent, MotionEnd, Setpoint};
+use crate::robot::{DockPlan, Intent, MotionEnd, Setpoint};
 
 pub(super) const CALLS: &Natives = &[
     ("robot.move", move_tracks),
@@ -54,7 +54,6 @@ impl Tracks {
     }
 }
 
-/// `robot.move(left, right [, seconds])`
 fn move_tracks(call: &mut Call<'_>) -> NativeResult {
     let left = call.args.get(0)?;
     let right = call.args.get(1)?;
@@ -62,7 +61,6 @@ fn move_tracks(call: &mut Call<'_>) -> NativeResult {
     start_motion(call, Setpoint::from_percent(left, right), time)
 }
 
-/// `robot.drive(linear, angular [, seconds])`
 fn drive(call: &mut Call<'_>) -> NativeResult {
     let linear = call.args.get(0)?;
     let angular = call.args.get(1)?;
@@ -72,7 +70,6 @@ fn drive(call: &mut Call<'_>) -> NativeResult {
     start_motion(call, setpoint, time)
 }
 
-/// `robot.forward(metres [, speed])`
 fn forward(call: &mut Call<'_>) -> NativeResult {
     let calibration = call.state.options.calibration;
     let metres = call.args.get(0)?;
@@ -87,7 +84,6 @@ fn forward(call: &mut Call<'_>) -> NativeResult {
     )
 }
 
-/// `robot.turn(angle [, speed])`
 fn turn(call: &mut Call<'_>) -> NativeResult {
     let calibration = call.state.options.calibration;
     let angle = call.args.get(0)?;
@@ -157,7 +153,7 @@ fn start_motion(
 
 /// Whether the task may move the robot: not if the script is ending or the task was cancelled.
 pub(super) fn may_move(call: &mut Call<'_>) -> bool {
-    let cancelled = |task: &mut super::super::task::Task| task.cancel != Cancel::No;
+    let cancelled = |task: &mut Task| task.cancel != Cancel::No;
     call.state.is_running() && !call.state.tasks.running().is_none_or(cancelled)
 }
 
@@ -177,7 +173,6 @@ fn stop(call: &mut Call<'_>) -> NativeResult {
     call.reply(())
 }
 
-/// `robot.pose()`
 fn pose(call: &mut Call<'_>) -> NativeResult {
     let pose = call.state.odometry.pose();
     let table = call.lua.create_table_with_capacity(0, 5)?;
@@ -187,6 +182,46 @@ fn pose(call: &mut Call<'_>) -> NativeResult {
     table.raw_set("error", pose.error)?;
     table.raw_set("heading_error", pose.heading_error)?;
     call.reply(of_row("PoseEstimate", table))
+}
+
+pub(super) const DOCK: &Natives = &[
+    ("robot.dock", dock),
+    ("robot.undock", undock),
+    ("robot.cancel_dock", cancel_dock),
+];
+
+/// `robot.dock{timeout=180, retries=2, charge_timeout=30}` returns `ok, code, {attempts, seconds}`.
+fn dock(call: &mut Call<'_>) -> NativeResult {
+    let options = call.args.options(0)?;
+    let plan = DockPlan {
+        timeout: options.get("timeout")?,
+        retries: options.get("retries")?,
+        charge_timeout: options.get("charge_timeout")?,
+    };
+    if !may_move(call) {
+        return refused(call, true);
+    }
+    call.may_wait()?;
+    let id = call.state.next_call();
+    call.send(Intent::Dock { call: id, plan })?;
+    call.wait(Wait::Dock(id), None)
+}
+
+/// `robot.undock{timeout=20}` returns `ok, code`.
+fn undock(call: &mut Call<'_>) -> NativeResult {
+    let timeout = call.args.options(0)?.get("timeout")?;
+    if !may_move(call) {
+        return refused(call, true);
+    }
+    call.may_wait()?;
+    let id = call.state.next_call();
+    call.send(Intent::Undock { call: id, timeout })?;
+    call.wait(Wait::Undock(id), None)
+}
+
+fn cancel_dock(call: &mut Call<'_>) -> NativeResult {
+    call.send(Intent::CancelDock)?;
+    call.reply(())
 }
 
 #[cfg(test)]

@@ -5,14 +5,12 @@ use std::rc::Rc;
 
 use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 
-use super::super::arguments::Refusal;
+use super::super::arguments::{Refusal, describe, describe_key};
 use super::super::budget;
-use super::super::declaration::{self, Declaration};
-use super::super::failure::printable;
-use super::super::nearest::suggestion;
-use super::super::params::ParamValue;
+use super::super::declaration::{self, Declaration, ParamValue};
+use super::super::failure::{printable, suggestion};
 use super::super::state::State;
-use super::{Builder, Call, NativeResult, Natives, describe};
+use super::{Builder, Call, NativeResult, Natives};
 use crate::api::Type;
 
 const CALLS: &Natives = &[("params.declare", declare)];
@@ -21,9 +19,7 @@ const CALLS: &Natives = &[("params.declare", declare)];
 const MAX_PARAMS: usize = 64;
 /// Largest length of a text, in bytes.
 const LONGEST: usize = 1000;
-/// Registry key of the function for unknown names.
 const STRICT: &str = "spykee.params";
-/// Registry key of the table of values.
 const VALUES: &str = "spykee.params.values";
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
@@ -76,7 +72,6 @@ fn set(table: &LuaTable, name: &str, value: &ParamValue) -> LuaResult<()> {
     }
 }
 
-/// Why a parameter was not changed.
 #[derive(Debug, thiserror::Error)]
 pub(in crate::script) enum SetParamError {
     #[error("the script declares no parameter '{0}'")]
@@ -195,7 +190,6 @@ fn is_name(text: &str) -> bool {
     text.starts_with(is_start) && text.chars().all(|c| is_start(c) || c.is_ascii_digit())
 }
 
-/// The table of one parameter, while it is read.
 struct ParamReader<'a> {
     call: &'a Call<'a>,
     name: &'a str,
@@ -242,10 +236,7 @@ impl ParamReader<'_> {
 
     fn check_keys(&self, table: &LuaTable) -> Result<(), Refusal> {
         for (key, _) in pairs(self.call, table, self.name)? {
-            let text = match &key {
-                LuaValue::String(text) => printable(&text.to_string_lossy(), 40),
-                other => describe(other),
-            };
+            let text = describe_key(&key);
             let keys = self.keys();
             if !keys.contains(&text.as_str()) {
                 let near = suggestion(&text, keys.iter().copied());

@@ -5,9 +5,7 @@ use std::time::Duration;
 use mlua::prelude::{IntoLua, LuaFunction, LuaMultiValue, LuaResult, LuaTable, LuaValue};
 
 use super::super::arguments::{Argument, Given, Refusal};
-use super::{
-    Builder, Call, NativeResult, Natives, dock, events, frame, motion, of_row, payload, tasks,
-};
+use super::{Builder, Call, NativeResult, Natives, convert, events, frame, motion, of_row, tasks};
 use crate::robot::{Intent, Percent, Use};
 use crate::wire::{Led, Stream};
 
@@ -37,7 +35,7 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     let parts = [
         CALLS,
         motion::CALLS,
-        dock::CALLS,
+        motion::DOCK,
         events::CALLS,
         frame::CALLS,
     ];
@@ -48,7 +46,6 @@ pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
     Ok(table)
 }
 
-/// The lights that a name stands for.
 impl Argument for &'static [Led] {
     fn read(given: Given<'_>) -> Result<Self, Refusal> {
         given.named(|name| match name {
@@ -61,7 +58,6 @@ impl Argument for &'static [Led] {
     }
 }
 
-/// `robot.led(name, on)`
 fn led(call: &mut Call<'_>) -> NativeResult {
     let (lights, on): (&[Led], _) = (call.args.get(0)?, call.args.get(1)?);
     for &led in lights {
@@ -85,20 +81,17 @@ fn blink(call: &mut Call<'_>) -> NativeResult {
     tasks::begin(call, &blinker, values, None)
 }
 
-/// `robot.play(sound)`
 fn play(call: &mut Call<'_>) -> NativeResult {
     let sound = call.args.get(0)?;
     call.send(Intent::Play(sound))?;
     call.reply(())
 }
 
-/// `robot.stop_sound()`
 fn stop_sound(call: &mut Call<'_>) -> NativeResult {
     call.send(Intent::StopSound)?;
     call.reply(())
 }
 
-/// `robot.volume(percent)`
 fn volume(call: &mut Call<'_>) -> NativeResult {
     let percent: f64 = call.args.get(0)?;
     // The bounds of the row keep it within 0..=100.
@@ -108,7 +101,6 @@ fn volume(call: &mut Call<'_>) -> NativeResult {
     call.reply(())
 }
 
-/// `robot.say(samples)`
 fn say(call: &mut Call<'_>) -> NativeResult {
     let LuaValue::Buffer(samples) = call.args.value(0) else {
         return Err(call
@@ -133,7 +125,6 @@ fn say(call: &mut Call<'_>) -> NativeResult {
     call.reply(())
 }
 
-/// `robot.stream(name, on)`
 fn stream(call: &mut Call<'_>) -> NativeResult {
     let stream = call.args.get(0)?;
     let on = call.args.get(1)?;
@@ -153,7 +144,7 @@ fn battery(call: &mut Call<'_>) -> NativeResult {
         return call.reply(LuaValue::Nil);
     };
     let age: Duration = call.state.now.saturating_duration_since(at);
-    let table = payload::battery_table(call.lua, battery, age)?;
+    let table = convert::battery_table(call.lua, battery, age)?;
     call.reply(table)
 }
 

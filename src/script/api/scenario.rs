@@ -4,9 +4,8 @@ use mlua::prelude::{Lua, LuaError, LuaFunction, LuaResult, LuaTable, LuaValue};
 use serde_json::Value as Json;
 
 use super::super::arguments::{Args, Refusal};
-use super::super::plain as data;
-use super::super::scenario_api::{ScenarioCall, ScenarioCallError};
-use super::super::stdlib;
+use super::super::options::{ScenarioCall, ScenarioCallError};
+use super::super::{plain as data, stdlib};
 use super::tasks::wait_function;
 use super::{Builder, Call, NativeResult, location, of_row};
 use crate::api::{self, Function, Literal, Type};
@@ -14,7 +13,6 @@ use crate::api::{self, Function, Literal, Type};
 /// Largest size of one argument of a call, in bytes of JSON.
 const LONGEST: usize = 64 * 1024;
 
-/// Adds the globals.
 pub(super) fn install(builder: &Builder<'_>) -> LuaResult<()> {
     let lua = builder.lua;
     let row = api::function("scenario").ok_or_else(|| LuaError::runtime("no scenarios"))?;

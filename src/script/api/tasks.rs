@@ -8,10 +8,8 @@ use mlua::prelude::{LuaError, LuaFunction, LuaMultiValue, LuaResult, LuaTable, L
 use tokio::time::Instant;
 
 use super::super::arguments::{Refusal, describe};
-use super::super::group::{Group, Rule};
-
 use super::super::task::{
-    GroupId, Handle, MAX_TASKS, SHORTEST_WAIT, Status, TaskKind, Wait, Wakeup,
+    Group, GroupId, Handle, MAX_TASKS, Rule, SHORTEST_WAIT, Status, TaskKind, Wait, Wakeup,
 };
 use super::{Builder, Call, NativeResult, Natives};
 use crate::api;
@@ -32,7 +30,6 @@ const EVERY: &str = "task.every";
 
 const METHODS: &Natives = &[("Task:cancel", cancel), ("Task:join", join)];
 
-/// The script's object for a task.
 pub(super) struct TaskObject(Rc<Handle>);
 
 pub(super) fn namespace(builder: &Builder<'_>) -> LuaResult<LuaTable> {
@@ -75,22 +72,20 @@ fn now(call: &mut Call<'_>) -> NativeResult {
     call.reply(time.as_secs_f64())
 }
 
-/// `task.spawn(fn, ...)`
 fn spawn(call: &mut Call<'_>) -> NativeResult {
     let function = call.args.get(0)?;
     let values = call.args.rest();
     begin(call, &function, values, None)
 }
 
-/// `task.delay(seconds, fn, ...)`
 fn delay(call: &mut Call<'_>) -> NativeResult {
-    let (time, function): (Duration, _) = (call.args.get(0)?, call.args.get(1)?);
+    let time: Duration = call.args.get(0)?;
+    let function = call.args.get(1)?;
     let values = call.args.rest();
     let start = call.state.now + time.max(SHORTEST_WAIT);
     begin(call, &function, values, Some(start))
 }
 
-/// `task.every(seconds, fn)`
 fn every(call: &mut Call<'_>) -> NativeResult {
     let seconds = call.args.get(0)?;
     let function = call.args.get(1)?;
@@ -122,7 +117,6 @@ fn missed_beats(due: Instant, period: Duration, now: Instant) -> u64 {
     (late.as_secs_f64() / period.as_secs_f64()).ceil() as u64
 }
 
-/// Starts a separate task and returns its Task object.
 pub(super) fn begin(
     call: &mut Call<'_>,
     function: &LuaFunction,
@@ -155,7 +149,6 @@ fn add(
         .add(thread, kind, Wakeup::Start(values), start, now))
 }
 
-/// `task.all(fn, ...)` and `task.race(fn, ...)`
 fn group(call: &mut Call<'_>, rule: Rule) -> NativeResult {
     let count = call.args.values.len();
     let functions = (0..count)
@@ -182,7 +175,8 @@ fn group(call: &mut Call<'_>, rule: Rule) -> NativeResult {
 
 /// `task.timeout(seconds, fn, ...)` returns `true` and the results, or `false, "timeout"`.
 fn timeout(call: &mut Call<'_>) -> NativeResult {
-    let (time, function): (Duration, _) = (call.args.get(0)?, call.args.get(1)?);
+    let time: Duration = call.args.get(0)?;
+    let function = call.args.get(1)?;
     let values = call.args.rest();
     call.may_wait()?;
     run_group(call, Rule::Timeout, vec![(function, values)], Some(time))
@@ -216,12 +210,10 @@ fn run_group(
     call.wait(Wait::Group(id), time)
 }
 
-/// The task that a method was called on.
 fn receiver(call: &Call<'_>) -> Result<Rc<Handle>, Refusal> {
     Ok(Rc::clone(&call.receiver::<TaskObject>()?.0))
 }
 
-/// `Task:cancel()`
 fn cancel(call: &mut Call<'_>) -> NativeResult {
     let id = receiver(call)?.id;
     call.state.cancel(id);

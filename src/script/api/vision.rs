@@ -4,22 +4,22 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::time::Duration;
 
+use mlua::UserDataMethods as _;
 use mlua::prelude::{Lua, LuaResult, LuaTable, LuaValue};
 
-use super::super::annotated_frame::LabelledBlob;
-use super::super::arguments::Refusal;
-use super::super::frame_state::HeldFrame;
-use super::colours::{self, ColourObject, Colours};
-use super::frame;
-use super::looking::{blob_table, mark};
+use super::super::arguments::{Refusal, describe};
+use super::super::failure::{printable, suggestion};
+use super::super::frame_state::{HeldFrame, LabelledBlob};
+use super::frame::{self, blob_table, mark};
 use super::{Builder, Call, NativeResult, Natives, of_row};
 use crate::vision::{
-    BlobOptions, Image, MotionDetector, MotionOptions, Track, Tracker, TrackerOptions, learn,
+    Blob, BlobOptions, Colour, Image, MAX_COLOURS, MotionDetector, MotionOptions, Track, Tracker,
+    TrackerOptions, learn,
 };
 
 pub(super) const CALLS: &Natives = &[
-    ("vision.lab", colours::lab),
-    ("vision.hsv", colours::hsv),
+    ("vision.lab", lab),
+    ("vision.hsv", hsv),
     ("vision.tracker", tracker),
     ("vision.motion", detector),
     ("vision.learn", learn_colour),
@@ -62,7 +62,7 @@ struct DetectorObject {
 }
 
 pub(super) fn register(builder: &Builder<'_>) -> LuaResult<()> {
-    colours::register(builder)?;
+    register_colour(builder)?;
     builder.object::<TrackerObject>("Tracker", &[TRACKER], |_| {})?;
     builder.object::<DetectorObject>("Detector", &[DETECTOR], |_| {})
 }
@@ -82,7 +82,6 @@ fn count(call: &Call<'_>) -> Result<CountGuard, Refusal> {
     Ok(CountGuard(Rc::clone(watchers)))
 }
 
-/// `vision.tracker{colour=, min_age=3, max_lost=5, max_jump=80}`
 fn tracker(call: &mut Call<'_>) -> NativeResult {
     let table = call.args.options(0)?;
     let colours = Colours::parse(call, &table.value("colour")?)?;
@@ -100,7 +99,6 @@ fn tracker(call: &mut Call<'_>) -> NativeResult {
     call.reply(object)
 }
 
-/// Runs `work` with the tracker that a method was called on.
 fn with_tracker<R>(
     call: &mut Call<'_>,
     work: impl FnOnce(&mut Call<'_>, &mut TrackerObject) -> Result<R, Refusal>,
@@ -115,7 +113,7 @@ fn track(call: &mut Call<'_>) -> NativeResult {
     with_tracker(call, |call, object| {
         let blobs = call
             .state
-            .find_blobs(&held, &object.colours, &BlobOptions::default());
+            .find_blobs(&held, &object.colours.colours, &BlobOptions::default());
         // A damaged frame is skipped: it does not count as a frame in which the blobs are lost.
         let size = call.state.image(&held).map(Image::size);
         let at = held.frame.at.saturating_duration_since(call.state.start);
@@ -165,7 +163,6 @@ fn best(call: &mut Call<'_>) -> NativeResult {
     })
 }
 
-/// `Tracker:reset()`
 fn reset(call: &mut Call<'_>) -> NativeResult {
     with_tracker(call, |call, object| {
         object.tracker.reset();
@@ -173,7 +170,6 @@ fn reset(call: &mut Call<'_>) -> NativeResult {
     })
 }
 
-/// `vision.motion{threshold=15, min_pixels=150}`
 fn detector(call: &mut Call<'_>) -> NativeResult {
     let table = call.args.options(0)?;
     let options = MotionOptions {
@@ -248,7 +244,6 @@ fn learn_colour(call: &mut Call<'_>) -> NativeResult {
     }
 }
 
-/// Reads a frame or a list of frames.
 fn learn_frames(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
     let wrong = || {
         call.args.misuse(&format!(
@@ -268,4 +263,104 @@ fn learn_frames(call: &Call<'_>) -> Result<Vec<Rc<HeldFrame>>, Refusal> {
     (1..=length)
         .map(|index| frame::of_value(&list.raw_get::<LuaValue>(index)?).ok_or_else(wrong))
         .collect()
+}
+
+pub(super) struct ColourObject(pub(super) Colour);
+
+/// The colours of one search, with the names under which their blobs are reported.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Colours {
+    pub(super) colours: Vec<Colour>,
+    pub(super) names: Vec<Option<String>>,
+}
+
+pub(super) fn register_colour(builder: &Builder<'_>) -> LuaResult<()> {
+    builder.object::<ColourObject>("Colour", &[], |registry| {
+        registry.add_meta_method("__tostring", |_, colour, ()| Ok(colour.0.to_string()));
+    })
+}
+
+impl Colours {
+    pub(super) fn parse(call: &Call<'_>, value: &LuaValue) -> Result<Colours, Refusal> {
+        let mut colours = Colours::default();
+        match value {
+            LuaValue::Table(list) => colours.add_list(call, list)?,
+            one => colours.add(call, one)?,
+        }
+        Ok(colours)
+    }
+
+    /// The colour name of a blob; empty if its colour has no name.
+    pub(super) fn name_of(&self, blob: &Blob) -> &str {
+        let name = self.names.get(blob.colour).and_then(Option::as_deref);
+        name.unwrap_or_default()
+    }
+
+    fn add_list(&mut self, call: &Call<'_>, list: &LuaTable) -> Result<(), Refusal> {
+        let count = list.raw_len();
+        if count == 0 || count > MAX_COLOURS {
+            return Err(call.args.misuse(&format!(
+                "a list of colours has 1 to {MAX_COLOURS} of them, got {count}"
+            )));
+        }
+        for index in 1..=count {
+            self.add(call, &list.raw_get(index)?)?;
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, call: &Call<'_>, value: &LuaValue) -> Result<(), Refusal> {
+        let (colour, name) = match value {
+            LuaValue::String(text) => {
+                let name = text.to_string_lossy();
+                (named(call, &name)?, Some(name))
+            }
+            other => (unnamed(call, other)?, None),
+        };
+        self.colours.push(colour);
+        self.names.push(name);
+        Ok(())
+    }
+}
+
+fn named(call: &Call<'_>, name: &str) -> Result<Colour, Refusal> {
+    let own = &call.state.options.colours;
+    let found = own.get(name).copied().or_else(|| Colour::named(name));
+    found.ok_or_else(|| {
+        let known = || own.keys().map(String::as_str).chain(Colour::NAMES);
+        let near = suggestion(name, known());
+        let name = printable(name, 40);
+        let known = known().collect::<Vec<_>>().join(", ");
+        call.args
+            .misuse(&format!("unknown colour '{name}'{near} (known: {known})"))
+    })
+}
+
+fn unnamed(call: &Call<'_>, value: &LuaValue) -> Result<Colour, Refusal> {
+    let object = value.as_userdata();
+    let object = object.and_then(|object| object.borrow::<ColourObject>().ok());
+    object.map(|object| object.0).ok_or_else(|| {
+        call.args.misuse(&format!(
+            "a colour must be a name, vision.lab{{...}} or vision.hsv{{...}}, got {}",
+            describe(value)
+        ))
+    })
+}
+
+pub(super) fn lab(call: &mut Call<'_>) -> NativeResult {
+    let options = call.args.options(0)?;
+    let colour = Colour::lab(options.get("l")?, options.get("a")?, options.get("b")?);
+    made(call, colour)
+}
+
+pub(super) fn hsv(call: &mut Call<'_>) -> NativeResult {
+    let options = call.args.options(0)?;
+    let colour = Colour::hsv(options.get("h")?, options.get("s")?, options.get("v")?);
+    made(call, colour)
+}
+
+fn made(call: &Call<'_>, colour: Result<Colour, crate::vision::ColourError>) -> NativeResult {
+    let colour = colour.map_err(|error| call.args.misuse(&error.to_string()))?;
+    let object = call.lua.create_any_userdata(ColourObject(colour))?;
+    call.reply(object)
 }

@@ -1,10 +1,12 @@
 //! Runs the examples of the API table, and reads the fields of its objects.
 
+use tokio::time::Instant;
+
+use super::super::{Level, Options, Script};
 use super::vision::{RED, picture, show};
 use super::{Rig, connected};
 use crate::api;
 use crate::robot::EndReason;
-use crate::script::Level;
 
 /// Runs an example on a robot whose camera sees a red object.
 #[track_caller]
@@ -79,5 +81,32 @@ fn every_field_of_an_object_can_be_read() {
         let reads: Vec<_> = reads.collect();
         let source = format!("local it = {made}\nif it then {} end", reads.join(" "));
         runs(name, &source);
+    }
+}
+
+const GUIDE: &str = include_str!("../../../behaviours/README.md");
+
+#[test]
+fn the_guide_names_all_that_a_scenario_can_call_and_nothing_else() {
+    let script = Script::empty_scenario(Options::new("test", "test.lua"), Instant::now()).unwrap();
+    let names = script.known_names();
+    let calls = names.iter().filter_map(|name| name.strip_prefix("sim."));
+    let calls: Vec<&str> = calls.collect();
+    assert!(calls.len() > 20, "{calls:?}");
+    for call in &calls {
+        assert!(
+            GUIDE.contains(&format!("`sim:{call}(")),
+            "sim:{call} is not documented"
+        );
+    }
+    let documented = GUIDE
+        .split("`sim:")
+        .skip(1)
+        .filter_map(|rest| rest.split('(').next());
+    for name in documented {
+        assert!(calls.contains(&name), "sim:{name} does not exist");
+    }
+    for absent in ["robot", "store", "vision", "params"] {
+        assert!(!names.contains(absent), "{absent}");
     }
 }
