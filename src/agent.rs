@@ -1,13 +1,9 @@
 //! Wiring and lifetimes of a run: loads the scripts, connects, runs them in parallel, and ends
 //! everything within two seconds, even if something hangs.
 
-mod active;
 mod behaviour_set;
-mod connect_attempts;
-mod loading;
 mod pilot_client;
 mod repl_session;
-mod rescue;
 mod restart_loop;
 mod roster;
 mod running_pilot;
@@ -20,15 +16,15 @@ use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 
 use self::behaviour_set::BehaviourSet;
-pub use self::connect_attempts::{ConnectAttempts, retry_until_connected};
 pub use self::pilot_client::{Docked, PilotClient, PilotClientError};
 pub use self::repl_session::{ReplError, ReplSession};
-pub use self::rescue::{RESCUE_NAME, rescue};
 use self::restart_loop::LaunchContext;
 pub use self::roster::{
     BehaviourSpec, BehaviourSpecError, BehaviourState, BehaviourStatus, Roster, RosterError,
 };
-pub use self::running_pilot::{PilotSetup, RunningPilot};
+pub use self::running_pilot::{
+    ConnectAttempts, PilotSetup, RESCUE_NAME, RunningPilot, rescue, retry_until_connected,
+};
 use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy};
 use crate::link::LinkError;
 use crate::pilot::{Connector, Heartbeat, Reactions, Settings, Status};

@@ -15,10 +15,8 @@
 
 mod client;
 mod dead_man;
-mod first_power;
 mod message;
 mod process;
-mod starter;
 
 pub use client::{Guardian, HEARTBEAT_INTERVAL};
 pub use process::{GUARDIAN_ARGUMENT, guardian_main};

@@ -7,10 +7,9 @@
 //! restrictions are missing, which is logged once; all others still apply.
 
 mod calls;
-mod command;
 mod confine;
 mod worker;
 
-pub use command::command;
+pub use confine::command;
 pub use confine::{Landlock, Restrictions, SandboxPolicy, confine, keep_descriptors};
 pub use worker::{Reply, WORKER_ARGUMENT, Worker, WorkerError, answer};

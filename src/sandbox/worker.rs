@@ -14,7 +14,7 @@ use std::process::{Child, ExitCode};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::command::command;
+use super::confine::command;
 use super::confine::{SandboxPolicy, confine};
 
 /// The hidden argument that makes the executable answer one question.
