@@ -1,6 +1,5 @@
-//! The behaviours that run side by side in one agent. Executes the commands of the
-//! [`Roster`](super::roster), loads scripts, and accompanies each behaviour to its end. Nothing
-//! here is on the driving core, and nothing here can move the robot.
+//! The behaviours that run side by side in one agent: executes the commands of the
+//! [`Roster`](super::roster). Nothing here is on the driving core or can move the robot.
 
 use std::time::Duration;
 
@@ -24,17 +23,14 @@ use crate::script::ScriptExit;
 
 /// The most behaviours that run at the same time: each is a process.
 const MAX_BEHAVIOURS: usize = 32;
-/// Behaviours are numbered from 0 to below this; persons and the rescue behaviour have higher
-/// numbers.
+/// Behaviours have numbers below this; persons and the rescue behaviour have higher ones.
 const NUMBERS: u16 = 0xF000;
 
 /// A behaviour with its first host, or why it could not be started.
 type PreparedBehaviour = (RestartLoop, Result<Prepared, ScriptExit>);
 
-/// The result of loading a script.
 type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 
-/// The behaviours of an agent; see the module.
 pub(super) struct BehaviourSet {
     context: LaunchContext,
     commands: mpsc::Receiver<RosterCommand>,
@@ -50,7 +46,6 @@ pub(super) struct BehaviourSet {
 }
 
 impl BehaviourSet {
-    /// Begins without running behaviours. Also returns the handle.
     pub(super) fn new(
         context: LaunchContext,
         status: watch::Receiver<Status>,
@@ -74,8 +69,7 @@ impl BehaviourSet {
         (behaviour_set, roster)
     }
 
-    /// Loads all scripts; returns the first that cannot be loaded, and that no file watch can
-    /// reload, with its ending.
+    /// Fails with the first script that cannot be loaded, and that no file watch can reload.
     pub(super) async fn prepare(
         &mut self,
         behaviours: Vec<Behaviour>,
@@ -106,7 +100,6 @@ impl BehaviourSet {
         Ok(prepared)
     }
 
-    /// Starts the prepared behaviours.
     pub(super) fn begin(&mut self, prepared: Vec<PreparedBehaviour>) {
         for (restart_loop, first) in prepared {
             self.run(restart_loop, first);
@@ -114,13 +107,11 @@ impl BehaviourSet {
         self.publish();
     }
 
-    /// Whether no behaviour runs or is about to.
     pub(super) fn is_empty(&self) -> bool {
         self.active.is_empty()
     }
 
-    /// Executes commands while the run waits for the robot: nothing can be started before. Never
-    /// returns; cancel-safe.
+    /// Executes commands while nothing can be started. Never returns; cancel-safe.
     pub(super) async fn wait_for_robot(&mut self) -> std::convert::Infallible {
         while let Some(command) = self.commands.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
@@ -142,9 +133,7 @@ impl BehaviourSet {
 
     /// Handles the next event: a command, a script that is loaded, a behaviour that has ended.
     /// Cancel-safe.
-    ///
-    /// # Errors
-    /// [`AgentError::Broken`] if a task of this program panicked.
+    /// Fails with [`AgentError::Broken`] if a task of this program panicked.
     pub(super) async fn handle_next(&mut self) -> Result<(), AgentError> {
         let next = self
             .active
@@ -168,7 +157,6 @@ impl BehaviourSet {
         Ok(())
     }
 
-    /// Ends all behaviours with this reason, in bounded time; returns each one's last ending.
     pub(super) async fn end(mut self, reason: EndReason) -> Vec<(String, ScriptExit)> {
         self.commands.close();
         for one in &mut self.active {
@@ -326,7 +314,6 @@ impl BehaviourSet {
         }
     }
 
-    /// Ends the behaviours whose time is over.
     fn end_overdue(&mut self, now: Instant) {
         for one in &self.active {
             if one.deadline().is_some_and(|deadline| deadline <= now) {
@@ -390,8 +377,7 @@ fn refuse(reply: Reply, why: RosterError) {
 /// How long a loaded behaviour waits for the robot.
 const REACH: Duration = Duration::from_millis(3500);
 
-/// Creates a behaviour and has a host load it. A behaviour that is told to end meanwhile does not
-/// run.
+/// A behaviour that is told to end meanwhile does not run.
 pub(super) async fn load(
     context: LaunchContext,
     by: BehaviourId,
@@ -418,28 +404,22 @@ fn describe(exit: &ScriptExit) -> String {
     words.unwrap_or(exit.reason.sentence()).to_owned()
 }
 
-/// Tells one behaviour to end, and why.
 pub(super) type Stop = watch::Sender<Option<EndReason>>;
 
-/// A behaviour from the command to start it until its end.
 pub(super) struct ActiveBehaviour {
     pub(super) by: BehaviourId,
     pub(super) name: String,
     pub(super) stop: Stop,
     /// When it began; `None`: it is being loaded.
     pub(super) since: Option<Instant>,
-    /// How long it may run before it is ended.
     pub(super) time_limit: Option<Duration>,
-    /// The callers that wait for its start.
     pub(super) started: Vec<Reply>,
-    /// The callers that wait for its end.
     pub(super) ended: Vec<Reply>,
     /// Present if it is to be started again when it has ended; receives the outcome.
     pub(super) restart_reply: Option<Reply>,
 }
 
 impl ActiveBehaviour {
-    /// A behaviour whose script is being loaded.
     pub(super) fn new(
         by: BehaviourId,
         name: String,
@@ -485,7 +465,6 @@ impl ActiveBehaviour {
         }
     }
 
-    /// The state of the behaviour.
     pub(super) fn state(&self) -> BehaviourState {
         match self.since {
             _ if self.stop.borrow().is_some() => BehaviourState::Ending,
@@ -495,8 +474,7 @@ impl ActiveBehaviour {
     }
 }
 
-/// All behaviours of a set: those of its specs first, then those that still run but are no
-/// longer in the config. `exits` holds each behaviour's last ending, by name.
+/// Those of the specs first, then those that still run but are no longer in the config.
 pub(super) fn statuses(
     specs: &[BehaviourSpec],
     active: &[ActiveBehaviour],

@@ -107,22 +107,24 @@ impl PilotSetup {
         &self.core
     }
 
-    /// Runs the rescue behaviour from now on whenever the watchdog wants it. Its hosts are started
-    /// on the calling task's runtime.
-    pub fn stand_by(&mut self, launcher: Launcher, launch: Launch) {
-        // The rescue behaviour is ended separately.
-        let (_, stop) = watch::channel(None);
-        let context = LaunchContext {
+    /// What behaviours are launched with; each one is given its own `stop`.
+    pub(super) fn launch_context(&self, launcher: Launcher) -> LaunchContext {
+        LaunchContext {
             launcher,
             core: self.core.clone(),
             requests: self.requests(),
             frames: self.frames(),
-            stop,
+            stop: watch::channel(None).1,
             longest_silence: self.longest_silence(),
             viewers: ViewerChannel::default(),
             bus: self.bus.clone(),
-        };
-        let standing_by = stand_by(context, launch, self.status());
+        }
+    }
+
+    /// Runs the rescue behaviour from now on whenever the watchdog wants it. Its hosts are started
+    /// on the calling task's runtime.
+    pub fn stand_by(&mut self, launcher: Launcher, launch: Launch) {
+        let standing_by = stand_by(self.launch_context(launcher), launch, self.status());
         self.rescue = Some(AbortOnDropHandle::new(tokio::spawn(standing_by)));
     }
 
@@ -156,7 +158,6 @@ impl PilotSetup {
 /// A running pilot. Dropping it drops the pilot, whose writer sends the watchdog's last words.
 pub struct RunningPilot {
     pilot: AbortOnDropHandle<Result<Delivery, LinkError>>,
-    /// The pilot has ended.
     ended: bool,
     shutdown: pilot::Shutdown,
     status: watch::Receiver<Status>,
@@ -172,9 +173,6 @@ impl RunningPilot {
     }
 
     /// Waits until the robot is connected. Cancel-safe.
-    ///
-    /// # Errors
-    /// See [`RunningPilot::failure`].
     pub async fn connected(&mut self) -> Result<(), AgentError> {
         let mut status = self.status.clone();
         tokio::select! {
@@ -212,7 +210,15 @@ impl RunningPilot {
     /// Waits until a robot with a low battery is home, also across lost links; returns at once if
     /// none is away, or the pilot has ended. Returns whether one was away. Cancel-safe.
     pub fn wait_until_home(&self) -> impl Future<Output = bool> + Send + use<> {
-        wait_until_home(self.status.clone())
+        let mut status = self.status.clone();
+        async move {
+            if !is_away(&status.borrow_and_update()) {
+                return false;
+            }
+            info!("battery low: staying until the robot is on its station (Ctrl-C leaves now)");
+            let _ = status.wait_for(|status| !is_away(status)).await;
+            true
+        }
     }
 
     /// Stops the tracks, then closes the link when the last commands are acknowledged, or the time
@@ -241,24 +247,13 @@ fn is_away(status: &Status) -> bool {
     status.low && !status.docked
 }
 
-async fn wait_until_home(mut status: watch::Receiver<Status>) -> bool {
-    if !is_away(&status.borrow_and_update()) {
-        return false;
-    }
-    info!("battery low: staying until the robot is on its station (Ctrl-C leaves now)");
-    let _ = status.wait_for(|status| !is_away(status)).await;
-    true
-}
-
 /// Its name in the log.
 pub const RESCUE_NAME: &str = "rescue";
 /// Other behaviours are numbered from 0.
 pub(super) const RESCUER: BehaviourId = BehaviourId(u16::MAX);
 
 /// The rescue behaviour to launch, with `options` for its VM; `None`: the config has none.
-///
-/// # Errors
-/// If its file cannot be read.
+/// Fails if its file cannot be read.
 pub fn rescue(choice: &Rescue, options: script::Options) -> io::Result<Option<Launch>> {
     let (source, library) = match choice {
         Rescue::Off => return Ok(None),

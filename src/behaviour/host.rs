@@ -29,8 +29,7 @@ const IDLE_BEAT: Duration = Duration::from_millis(500);
 /// a debug build.
 pub const STACK: usize = 8 << 20;
 
-/// Runs a host process, from its confinement to its exit code. The arguments describe its
-/// `SandboxPolicy`.
+/// Runs a host process; the arguments describe its `SandboxPolicy`.
 pub fn host_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
     let life = std::thread::Builder::new()
         .name("vm".into())
@@ -68,9 +67,7 @@ fn over_stdin() -> io::Result<()> {
 
 /// Serves one script over any byte streams. Returns when the script has ended or the agent has
 /// closed the stream.
-///
-/// # Errors
-/// If the stream breaks or carries an invalid message.
+/// Fails if the stream breaks or carries an invalid message.
 pub async fn host(
     reader: impl AsyncRead + Send + Unpin + 'static,
     writer: impl AsyncWrite + Send + Unpin + 'static,
@@ -78,7 +75,6 @@ pub async fn host(
     serve(reader, writer, Time::Real).await
 }
 
-/// Whether the host runs in real or in virtual time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Time {
     Real,
@@ -151,17 +147,12 @@ struct Host {
     script: Script,
     inbox: Receiver<ToHost>,
     outbox: Sender<FromHost>,
-    /// A frame was requested and has not arrived yet.
     frame_asked: bool,
-    /// The last frame that arrived was damaged.
     damaged: bool,
     /// The bytes of the next frame received so far.
     partial_frame: Vec<u8>,
-    /// Saves marked frames for people to view.
     gallery: Option<Gallery>,
-    /// Whether to report detections to viewers.
     detections: bool,
-    /// Writes the script's store to its file.
     store: Option<StoreWriter>,
     /// In virtual time no idle sign of life is sent.
     time: Time,
@@ -179,7 +170,6 @@ fn restore(script: &mut Script, store: &StoreWriter) -> Option<String> {
         .map(|error| store.set_aside(&error.to_string()))
 }
 
-/// A warning of the host in the script's log.
 fn warning(text: String) -> FromHost {
     FromHost::Output(Output::Log(LogLine {
         level: Level::Warn,
@@ -190,8 +180,7 @@ fn warning(text: String) -> FromHost {
 }
 
 impl Host {
-    /// Processes the initial messages until the agent sends `Run`. Returns false if the agent has
-    /// closed the stream.
+    /// Handles messages until the agent sends `Run`; false if the agent has closed the stream.
     async fn prepare(&mut self) -> io::Result<bool> {
         while let Some(message) = self.inbox.next().await? {
             if let ToHost::Run = message {
@@ -285,8 +274,7 @@ impl Host {
         }
     }
 
-    /// Reports and saves the frame that the script analysed. Runs after the output, which must not
-    /// wait for pictures.
+    /// Runs after the output, which must not wait for pictures.
     async fn report_sighting(&mut self) -> io::Result<()> {
         let annotated = self.script.take_annotated_frame();
         if let Some(annotated) = &annotated
@@ -364,7 +352,6 @@ mod tests {
 
     const JPEG: &[u8] = include_bytes!("../../tests/fixtures/ball-422.jpg");
 
-    /// Starts a host for a script; returns the agent's ends of its pipe.
     async fn host_of(source: &str) -> (Sender<ToHost>, Receiver<FromHost>) {
         host_in(Time::Virtual, source).await
     }
@@ -392,8 +379,6 @@ mod tests {
         ToHost::Frame(Frame { seq, at, jpeg })
     }
 
-    /// Waits for the next frame request. Returns whether it asks for partial frames, and the lines the
-    /// script logged before it.
     async fn next_request(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
         let mut lines = Vec::new();
         loop {

@@ -108,14 +108,12 @@ fn codec() -> LengthDelimitedCodec {
         .new_codec()
 }
 
-/// The end that sends messages of type `M`.
 pub(super) struct Sender<M> {
     sink: FramedWrite<Box<dyn AsyncWrite + Send + Unpin>, LengthDelimitedCodec>,
     message: PhantomData<fn(M)>,
 }
 
 impl<M: Serialize> Sender<M> {
-    /// Sends over any byte stream.
     pub(super) fn new(io: impl AsyncWrite + Send + Unpin + 'static) -> Sender<M> {
         let io: Box<dyn AsyncWrite + Send + Unpin> = Box::new(io);
         Sender {
@@ -130,12 +128,10 @@ impl<M: Serialize> Sender<M> {
         self.sink.feed(Bytes::from(bytes)).await
     }
 
-    /// Sends the content of the buffer.
     pub(super) async fn flush(&mut self) -> io::Result<()> {
         SinkExt::<Bytes>::flush(&mut self.sink).await
     }
 
-    /// Sends one message.
     pub(super) async fn send(&mut self, message: &M) -> io::Result<()> {
         self.feed(message).await?;
         self.flush().await
@@ -153,7 +149,6 @@ impl<M: Serialize> Sender<M> {
     }
 }
 
-/// The end that receives messages of type `M`.
 pub(super) struct Receiver<M> {
     stream: FramedRead<Box<dyn AsyncRead + Send + Unpin>, LengthDelimitedCodec>,
     message: PhantomData<fn() -> M>,
@@ -166,7 +161,6 @@ impl<M> std::fmt::Debug for Receiver<M> {
 }
 
 impl<M: DeserializeOwned> Receiver<M> {
-    /// Over any byte stream.
     pub(super) fn new(io: impl AsyncRead + Send + Unpin + 'static) -> Receiver<M> {
         let io: Box<dyn AsyncRead + Send + Unpin> = Box::new(io);
         Receiver {
@@ -176,9 +170,7 @@ impl<M: DeserializeOwned> Receiver<M> {
     }
 
     /// Returns the next message; `None` at the end of the stream. Cancel-safe.
-    ///
-    /// # Errors
-    /// If the stream breaks or its bytes are not a valid message.
+    /// Fails if the stream breaks or its bytes are not a valid message.
     pub(super) async fn next(&mut self) -> io::Result<Option<M>> {
         let Some(bytes) = self.stream.next().await.transpose()? else {
             return Ok(None);

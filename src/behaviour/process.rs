@@ -37,9 +37,7 @@ const MAX_LAST_WORDS: u64 = 4096;
 /// Capacity of an in-memory pipe in bytes: a few frames. A writer waits while it is full.
 const PIPE_LEN: usize = 64 * 1024;
 
-/// The agent's reading end of a host's pipe.
 pub(super) type PipeReader = Box<dyn AsyncRead + Send + Unpin>;
-/// The agent's writing end of a host's pipe.
 pub(super) type PipeWriter = Box<dyn AsyncWrite + Send + Unpin>;
 
 /// How to start a host.
@@ -65,9 +63,7 @@ impl Launcher {
     }
 
     /// Starts hosts from the running executable.
-    ///
-    /// # Errors
-    /// If the path of the executable cannot be determined.
+    /// Fails if the path of the executable cannot be determined.
     pub fn this_executable() -> io::Result<Launcher> {
         std::env::current_exe().map(Launcher::new)
     }
@@ -83,15 +79,10 @@ impl Launcher {
         self.executable.is_none()
     }
 
-    /// Starts a host that can open only files in `folders`, which are created if necessary. Also
-    /// returns the agent's ends of its pipe, which the runtime `core` serves.
-    ///
-    /// Blocks on the disk and on the new process, so it must not be called on the driving core. The
-    /// calling thread must live as long as the agent: the host dies with the thread that started
-    /// it.
-    ///
-    /// # Errors
-    /// Any error of the system; a folder that is a symbolic link.
+    /// Starts a host that can open only files in `folders`, which are created if necessary. The
+    /// runtime `core` serves the agent's ends of its pipe. Blocks on the disk and on the new
+    /// process: not for the driving core. The calling thread must live as long as the agent: the
+    /// host dies with it. Fails if a folder is a symbolic link.
     pub(super) fn start(
         &self,
         folders: &[&Path],
@@ -139,12 +130,9 @@ fn start_task() -> (HostProcess, PipeReader, PipeWriter) {
     (process, Box::new(from_host), Box::new(to_host))
 }
 
-/// Creates a folder that only its user can access; an existing one is left unchanged. If it cannot
-/// be created nothing can be saved, but the behaviour runs anyway.
-///
-/// # Errors
-/// If there is a symbolic link in its place: the author of the link would decide where this user's
-/// files are written.
+/// Creates a folder that only its user can access. If it cannot be created nothing can be saved,
+/// but the behaviour runs anyway; a symbolic link in its place is an error, because its author
+/// would decide where this user's files are written.
 fn make_private(folder: &Path) -> io::Result<()> {
     match Folder::make(folder) {
         Ok(_) => Ok(()),
@@ -166,11 +154,9 @@ pub struct HostProcess {
 enum Life {
     Child(Child),
     Task(JoinHandle<io::Result<()>>),
-    /// A task that has ended and whose result was taken.
     Over,
 }
 
-/// How a host ended.
 #[derive(Debug)]
 pub(super) enum Exit {
     Process(ExitStatus),
@@ -189,8 +175,7 @@ impl fmt::Display for Exit {
 }
 
 impl HostProcess {
-    /// Sends SIGKILL and waits until the process is reaped; a task is aborted at its current await
-    /// point.
+    /// Sends SIGKILL and reaps the process; a task is aborted at its current await point.
     pub(super) async fn kill(&mut self) -> io::Result<Exit> {
         match &mut self.life {
             Life::Child(child) => child.start_kill()?,
@@ -266,11 +251,8 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// Starts a host and lets it load the script. The runtime `core` serves its pipe.
-    ///
-    /// # Errors
-    /// An [`ScriptExit`], in words for the script's author, if the script fails to load or the host
-    /// cannot be started.
+    /// Starts a host and lets it load the script; the runtime `core` serves its pipe. The error is
+    /// in words for the script's author.
     pub async fn start(
         launcher: &Launcher,
         core: &Runtime,
@@ -354,8 +336,8 @@ fn connect(
     (Receiver::new(reader), to_host, pump)
 }
 
-/// Reads modules for a host, one after the other, on a thread that may block on the disk; with
-/// `here`, for virtual time, on the current thread. Ends with the behaviour.
+/// Reads modules for a host, one by one, on a thread that may block on the disk; with `here`, for
+/// virtual time, on the current thread.
 fn serve_modules(
     library: Library,
     to_host: mpsc::Sender<ToHost>,

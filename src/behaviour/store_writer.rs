@@ -1,10 +1,6 @@
-//! Reads and writes the file of a script's store, in its data folder. The file is read at the start
-//! and written by a separate thread, so that neither the script nor a frame ever waits for the
-//! disk.
-//!
-//! Writes are atomic: the new content goes to a temporary file, which is synced to the disk and
-//! then renamed. Content whose write failed is written again, unless there is newer content. A
-//! damaged file is kept as `.bad`.
+//! Reads and writes the file of a script's store. A separate thread writes it, so that neither the
+//! script nor a frame waits for the disk: atomically, by renaming a synced temporary file, and
+//! again after a failure, unless there is newer content. A damaged file is kept as `.bad`.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -18,7 +14,6 @@ use crate::files::Folder;
 use crate::rate_limit::Budget;
 use crate::script::Limits;
 
-/// The file's name.
 const NAME: &str = "store.json";
 /// The name given to a damaged file.
 const BAD: &str = "store.json.bad";
@@ -31,17 +26,14 @@ const PACE: Duration = Duration::from_millis(900);
 /// Interval between writes when the daily budget is used up.
 const SLOW_PACE: Duration = Duration::from_secs(60);
 
-/// See the module.
 #[derive(Debug)]
 pub(super) struct StoreWriter {
     folder: PathBuf,
     /// `None` before the first write, and at the end.
     writer: Option<Writer>,
-    /// Starts the thread.
     start: fn(PathBuf, u64) -> io::Result<Writer>,
     /// The last problem, until [`StoreWriter::take_error`] takes it.
     error: Option<String>,
-    /// Earliest time of the next write.
     next: Option<Instant>,
     /// Content that the thread has not taken yet, or could not write.
     unsent: Option<Vec<u8>>,
@@ -52,7 +44,6 @@ pub(super) struct StoreWriter {
     /// Writes only at the end: see [`StoreWriter::at_the_end`].
     write_at_end: bool,
     day: Budget,
-    /// Bytes of the disk that must stay free.
     free: u64,
     /// `Some` if the daily budget was exceeded: whether that was reported.
     slow: Option<bool>,
@@ -66,7 +57,6 @@ struct Writer {
     thread: JoinHandle<()>,
 }
 
-/// A write that failed, and the content that it was to write.
 #[derive(Debug)]
 struct Failure {
     number: u64,
@@ -75,7 +65,6 @@ struct Failure {
 }
 
 impl StoreWriter {
-    /// Creates the writer of the store in this folder.
     pub(super) fn new(folder: PathBuf, limits: &Limits) -> StoreWriter {
         StoreWriter {
             folder,
@@ -102,9 +91,7 @@ impl StoreWriter {
     }
 
     /// Returns the content that an earlier run saved; `None` if there is none.
-    ///
-    /// # Errors
-    /// If the file exists and cannot be read.
+    /// Fails if the file exists and cannot be read.
     pub(super) fn read(&self) -> io::Result<Option<Vec<u8>>> {
         match Folder::open(&self.folder) {
             Ok(folder) => Ok(folder.read(NAME, LONGEST)?),
@@ -132,12 +119,10 @@ impl StoreWriter {
         self.next
     }
 
-    /// Whether content is waiting to be written.
     pub(super) fn is_behind(&self) -> bool {
         self.unsent.is_some() && !self.write_at_end
     }
 
-    /// Whether [`StoreWriter::offer`] may be called now.
     pub(super) fn is_due(&self, now: Instant) -> bool {
         self.next.is_none_or(|next| now >= next)
     }
@@ -272,8 +257,7 @@ impl Writer {
     }
 }
 
-/// Replaces the file atomically: afterwards it holds either all of the new content or all of the
-/// old.
+/// Afterwards the file holds either all of the new content or all of the old.
 fn replace(folder: &Path, content: &[u8], free: u64) -> io::Result<()> {
     let folder = Folder::make(folder)?;
     if folder.free()? < free.saturating_add(content.len() as u64) {
@@ -439,7 +423,6 @@ mod tests {
         (writer, obstacle)
     }
 
-    /// Waits until this is true.
     fn wait_until(mut done: impl FnMut() -> bool) {
         for _ in 0..6000 {
             if done() {

@@ -1,8 +1,6 @@
-//! The agent side of one running behaviour: forwards messages in both directions, and ensures that
-//! a host that has ended, for whatever reason, no longer moves the robot.
-//!
-//! The driving core forwards the messages. Work that may block on the system (starting a host,
-//! reading a module for it, finding out why it ended) runs on the caller's runtime.
+//! The agent side of one running behaviour: forwards messages on the driving core, and ensures that
+//! a host that has ended, for whatever reason, no longer moves the robot. Work that may block on
+//! the system runs on the caller's runtime.
 
 use std::time::Duration;
 
@@ -322,8 +320,7 @@ impl Supervisor {
         }
     }
 
-    /// Passes on the newest frame if it is newer than the last one passed on, or else the received
-    /// part of the next frame.
+    /// Passes on the newest frame, unless it was already, or else the received part of the next.
     fn pass_picture(&mut self) {
         let pictures = self.frames.borrow().clone();
         let Some(frame) = pictures.newest.filter(|frame| frame.seq > self.last_frame) else {
@@ -440,8 +437,7 @@ impl Liveness {
             .or(self.last_message.map(|last| last + self.limit))
     }
 
-    /// To be called when the deadline has passed. Returns whether the host must be ended; grants
-    /// the extra time the first time.
+    /// To be called at the deadline. Whether the host must be ended; first grants the extra time.
     pub(super) fn is_over(&mut self) -> bool {
         self.grace.replace(Instant::now() + SILENCE_GRACE).is_some()
     }
@@ -455,8 +451,7 @@ pub(super) struct FrameProgress {
 }
 
 impl FrameProgress {
-    /// Returns the bytes received since the last call and their offset in the frame; `None` if
-    /// there are none.
+    /// The bytes received since the last call and their offset, if there are any.
     pub(super) fn rest(
         &mut self,
         PartialFrame { seq, jpeg }: &PartialFrame,

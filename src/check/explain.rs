@@ -1,6 +1,5 @@
-//! Explains a failed run in plain words: which expression was nil, why that may be, and the source
-//! line with a caret. The VM reports the line and the failed operation; the syntax tree shows the
-//! expressions on that line.
+//! Explains a failed run in plain words. The VM reports the line and the failed operation; the
+//! syntax tree shows the expressions on that line, and why one of them may be nil.
 
 mod failures;
 
@@ -13,7 +12,6 @@ use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree
 use super::{CheckContext, parser, walk};
 use crate::api::{self, Requirement};
 
-/// What failed, and where.
 struct Explanation {
     at: Span,
     message: String,
@@ -68,7 +66,6 @@ pub fn explanation(text: &str, chunk: &str, source: &str) -> Option<Diagnostic> 
     Some(diagnostic.help(explanation.help))
 }
 
-/// Returns the span of a line, without its indentation.
 fn line_span(source: &str, number: usize) -> Option<Span> {
     let start: usize = source
         .split_inclusive('\n')
@@ -149,7 +146,6 @@ fn general(words: &str, at: Span) -> Option<Explanation> {
 
 struct ErrorSite<'a> {
     source: &'a str,
-    /// The expressions that overlap the line, in the order of the text.
     exprs: Vec<&'a Expr>,
     statements: Vec<&'a Statement>,
     kinds: Kinds<'a>,
@@ -258,7 +254,6 @@ fn each_statement<'a>(block: &'a Block, visit: &mut dyn FnMut(&'a Statement)) {
     }
 }
 
-/// Collects the blocks of the functions in an expression, without functions nested in them.
 fn outer_functions<'a>(expr: &'a Expr, bodies: &mut Vec<&'a Block>) {
     if let ExprKind::Function(body) = &expr.kind {
         return bodies.push(&body.block);

@@ -10,7 +10,6 @@ mod explain;
 mod foreign;
 mod kinds;
 mod lexer;
-mod loops;
 mod parser;
 mod passing;
 mod required;
@@ -38,15 +37,12 @@ pub use required::{Required, required};
 pub struct CheckContext {
     /// Every path (such as `robot.move`) that exists in a live VM.
     paths: BTreeSet<String>,
-    /// The colours defined in the config.
     colours: Vec<String>,
     /// The script's file; relative module paths start from its folder.
     file: Option<PathBuf>,
     /// Accept every global: there is no VM that knows them.
     open_globals: bool,
-    /// Values given for the parameters that the script declares.
     params: BTreeMap<String, GivenParam>,
-    /// The config's settings for the robot's streams.
     streams: Streams,
 }
 
@@ -70,7 +66,6 @@ impl CheckContext {
         }
     }
 
-    /// Creates a context from the API definitions only, without a VM.
     fn defined() -> CheckContext {
         let functions = api::functions();
         let constants = api::constants().map(|one| one.path.to_owned());
@@ -107,8 +102,7 @@ impl CheckContext {
     }
 }
 
-/// Whether this is a file. True also if permission is denied, since this process may have fewer
-/// rights than its user.
+/// True also if permission is denied: this process may have fewer rights than its user.
 fn may_be_file(path: &Path) -> bool {
     match path.metadata() {
         Ok(metadata) => metadata.is_file(),
@@ -125,8 +119,7 @@ pub fn errors(source: &[u8], options: &Options) -> Vec<Diagnostic> {
     diagnostics
 }
 
-/// Whether a file is a scenario that tests behaviours: `*_test.lua`, or the `check.lua` of a
-/// lesson.
+/// `*_test.lua`, or the `check.lua` of a lesson.
 fn is_scenario(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     name.ends_with("_test.lua") || name == "check.lua"
@@ -153,7 +146,6 @@ fn reads(source: &str) -> bool {
     parser::parse(source).is_ok()
 }
 
-/// The diagnostic for a file that is not a text.
 fn unreadable(source: &[u8], chunk: &str, failure: &Failure) -> Diagnostic {
     let text = String::from_utf8_lossy(source);
     let line = match failure {
@@ -254,7 +246,8 @@ mod tests {
             .collect()
     }
 
-    /// Reads the expectation of a script in the corpus: who reports the error, its line and its words.
+    /// Reads the expectation of a script in the corpus: who reports the error, its line and its
+    /// words.
     fn promise(source: &str) -> (String, u32, String) {
         let line = source
             .lines()

@@ -9,7 +9,6 @@ use super::tree::{
     Block, Body, Entry, Expr, ExprKind, Local, LocalId, MAX_DEPTH, Statement, StatementKind, Tree,
 };
 
-/// The position where parsing failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct ParseError {
     pub(super) at: Span,
@@ -39,7 +38,6 @@ const OPERATORS: [(&str, u8, u8); 16] = [
 /// Binding power of `not`, `-` and `#`.
 const UNARY: u8 = 14;
 
-/// Parses a source into a tree.
 pub(crate) fn parse(source: &str) -> Parsed<Tree> {
     let mut parser = Parser {
         source,
@@ -184,9 +182,7 @@ impl<'a> Parser<'a> {
         self.scopes.pop();
         parsed
     }
-}
 
-impl<'a> Parser<'a> {
     fn type_statement(&mut self) -> Parsed<StatementKind> {
         if self.accept("function") {
             self.name()?;
@@ -274,9 +270,7 @@ impl<'a> Parser<'a> {
             }
         }
     }
-}
 
-impl<'a> Parser<'a> {
     fn block(&mut self) -> Parsed<Block> {
         self.deeper(|parser| {
             let mut block = Vec::new();
@@ -421,7 +415,6 @@ impl<'a> Parser<'a> {
         Ok(StatementKind::Local(ids, values))
     }
 
-    /// Parses a list of names, with or without types.
     fn names(&mut self) -> Parsed<Vec<(&'a str, Span)>> {
         let mut names = Vec::new();
         loop {
@@ -501,7 +494,6 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// Parses a function from its parameters to its `end`.
     fn body(&mut self) -> Parsed<Body> {
         self.skip_generics()?;
         self.expect("(")?;
@@ -532,9 +524,7 @@ impl<'a> Parser<'a> {
             Ok(Body { parameters, block })
         })
     }
-}
 
-impl<'a> Parser<'a> {
     fn exprs(&mut self) -> Parsed<Vec<Expr>> {
         let mut exprs = vec![self.expr()?];
         while self.accept(",") {
@@ -716,8 +706,6 @@ impl<'a> Parser<'a> {
         Ok(Entry::Item(self.expr()?))
     }
 
-    /// Parses a name or a parenthesised expression with the field accesses and calls that follow
-    /// it.
     fn suffixed(&mut self) -> Parsed<Expr> {
         let start = self.token().span;
         let mut expr = if self.accept("(") {

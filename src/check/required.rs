@@ -22,8 +22,7 @@ pub struct Required {
 }
 
 impl Required {
-    /// Creates the diagnostic that this module cannot be loaded, at the position where it is
-    /// required.
+    /// The diagnostic that this module cannot be loaded.
     pub fn refused(&self, (source, chunk): (&[u8], &str), why: &str) -> Option<Diagnostic> {
         let text = std::str::from_utf8(source).ok()?;
         Some(Diagnostic::new(
@@ -70,8 +69,7 @@ fn path(expr: &Expr) -> Option<(&str, Span)> {
     }
 }
 
-/// Returns what is wrong with the given values; `None` also if the declaration cannot be evaluated
-/// without running the script.
+/// `None` also if the declaration cannot be evaluated without running the script.
 pub(super) fn refused(
     kinds: &Kinds<'_>,
     table: &Expr,

@@ -17,15 +17,13 @@ struct ErrorSite<'a> {
     ends: Vec<usize>,
 }
 
-/// What is wrong, and what to do.
 struct Explanation {
     at: Span,
     message: String,
     help: String,
 }
 
-/// Returns the diagnostic for an error such as `a.lua:3: Expected 'then' when parsing if
-/// statement`.
+/// For an error such as `a.lua:3: Expected 'then' when parsing if statement`.
 pub(super) fn diagnostic((chunk, source): (&str, &str), complaint: &str) -> Diagnostic {
     let rest = complaint.strip_prefix(chunk).unwrap_or(complaint);
     let rest = rest.strip_prefix(':').unwrap_or(rest);
@@ -93,7 +91,6 @@ impl ErrorSite<'_> {
         self.ends.partition_point(|end| *end < position) + 1
     }
 
-    /// Returns the tokens of the line that the compiler reports.
     fn on_line(&self) -> Vec<Token> {
         self.of_line(self.line)
     }
@@ -122,8 +119,7 @@ impl ErrorSite<'_> {
         before.map_or_else(Vec::new, |token| self.of_line(self.line_of(token)))
     }
 
-    /// Returns the position of the error: where our own parser failed, if that is on the line;
-    /// otherwise the whole line.
+    /// Where our own parser failed, if that is on the line; otherwise the whole line.
     fn location(&self) -> Span {
         if let Err(error) = parser::parse(self.source)
             && self.line_at(error.at.start) == self.line
@@ -293,7 +289,10 @@ impl ErrorSite<'_> {
             .lines()
             .next()
             .unwrap_or_default();
-        (name.kind == TokenKind::Name && behind.starts_with("--")).then(|| Explanation {
+        if name.kind != TokenKind::Name || !behind.starts_with("--") {
+            return None;
+        }
+        Some(Explanation {
             at: name.span,
             message: "there is no operator --: it begins a comment".to_owned(),
             help: format!("write {} -= 1", self.text(name)),
@@ -355,7 +354,10 @@ impl ErrorSite<'_> {
         let equals = tokens[begins..]
             .iter()
             .find(|token| matches!(self.text(token), "=" | "then" | "do"))?;
-        (self.text(equals) == "=").then(|| Explanation {
+        if self.text(equals) != "=" {
+            return None;
+        }
+        Some(Explanation {
             at: equals.span,
             message: "a single = sets a variable".to_owned(),
             help: "to compare, write ==".to_owned(),

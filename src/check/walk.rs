@@ -6,15 +6,16 @@ mod calls;
 use super::diagnostic::{Diagnostic, Severity};
 use super::kinds::{Kinds, ValueKind, of_type, parameters};
 use super::lexer::Span;
-use super::tree::{Block, Body, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
-use super::{CheckContext, foreign, loops};
-use crate::api;
+use super::tree::{
+    Block, Body, Expr, ExprKind, LocalId, Statement, StatementKind, Tree, each_in_expr,
+};
+use super::{CheckContext, foreign};
+use crate::api::{self, Function};
 use crate::script::suggestion;
 
 pub(super) struct Walk<'a> {
     pub(super) kinds: Kinds<'a>,
     pub(super) context: &'a CheckContext,
-    /// File and source.
     text: (&'a str, &'a str),
     diagnostics: Vec<Diagnostic>,
     /// Diagnostics beyond the maximum, which are only counted.
@@ -24,7 +25,6 @@ pub(super) struct Walk<'a> {
 /// Maximum number of diagnostics per file.
 const MAX_DIAGNOSTICS: usize = 200;
 
-/// See [`Walk::surplus`].
 #[derive(Default)]
 struct Surplus {
     errors: usize,
@@ -55,7 +55,6 @@ impl Surplus {
     }
 }
 
-/// Returns all diagnostics of a tree, in the order of the text.
 pub(super) fn walk<'a>(
     tree: &'a Tree,
     text: (&'a str, &'a str),
@@ -116,8 +115,7 @@ impl<'a> Walk<'a> {
         self.diagnostics.len() >= MAX_DIAGNOSTICS
     }
 
-    /// Suggests a similar name; empty when the maximum of diagnostics is reached, as the search
-    /// takes long.
+    /// Empty when the maximum of diagnostics is reached, as the search takes long.
     pub(super) fn near<'n>(&self, wrong: &str, known: impl IntoIterator<Item = &'n str>) -> String {
         if self.is_full() {
             String::new()
@@ -316,7 +314,7 @@ impl<'a> Walk<'a> {
     }
 
     fn endless(&mut self, statement: &'a Statement, condition: &'a Expr, block: &'a Block) {
-        if loops::always_true(condition) && !loops::may_pause(&self.kinds, block) {
+        if always_true(condition) && !may_pause(&self.kinds, block) {
             let line_end = Span {
                 start: statement.span.start,
                 end: condition.span.end,
@@ -356,9 +354,7 @@ impl<'a> Walk<'a> {
         }
         self.exprs(expr.parts());
     }
-}
 
-impl<'a> Walk<'a> {
     fn global(&mut self, name: &'a str, span: Span) {
         let paths = &self.context.paths;
         if paths.contains(name) || self.kinds.globals.contains(name) || self.context.open_globals {
@@ -443,8 +439,7 @@ impl<'a> Walk<'a> {
         paths.contains(&format!("{owner}.{name}"))
     }
 
-    /// Whether this is a namespace of the API. These are strict; unknown fields of Luau's own are
-    /// nil.
+    /// These are strict; unknown fields of Luau's own are nil.
     fn is_ours(&self, owner: &str) -> bool {
         !owner.is_empty() && api::namespace(owner).is_some()
     }
@@ -490,5 +485,119 @@ impl<'a> Walk<'a> {
             self.error(span, "lists begin at 1: there is nothing at 0")
                 .help = Some(format!("the first is {}[1]", self.source_text(list.span)));
         }
+    }
+}
+
+/// Maximum depth to which calls of the script's own functions are followed.
+const DEEPEST: u32 = 8;
+
+pub(super) fn always_true(condition: &Expr) -> bool {
+    matches!(
+        condition.bare().kind,
+        ExprKind::Boolean(true) | ExprKind::Number(_) | ExprKind::Text(_)
+    )
+}
+
+/// Whether anything in a loop's block may wait or leave the loop.
+pub(super) fn may_pause(kinds: &Kinds<'_>, block: &Block) -> bool {
+    block.iter().any(|statement| pauses(kinds, statement, 0))
+}
+
+fn pauses(kinds: &Kinds<'_>, statement: &Statement, depth: u32) -> bool {
+    if matches!(
+        statement.kind,
+        StatementKind::Leave | StatementKind::Return(_)
+    ) && depth == 0
+    {
+        return true;
+    }
+    if matches!(
+        statement.kind,
+        StatementKind::Function(..) | StatementKind::LocalFunction(..)
+    ) {
+        return false;
+    }
+    let mut found = false;
+    for expr in statement.exprs() {
+        let mut visit = |part: &Expr| found |= call_pauses(kinds, part, depth);
+        each_in_expr_outside_functions(expr, &mut visit);
+    }
+    let inner = || {
+        statement
+            .blocks()
+            .into_iter()
+            .flatten()
+            .any(|inner| pauses(kinds, inner, depth))
+    };
+    found || inner()
+}
+
+fn each_in_expr_outside_functions(expr: &Expr, visit: &mut dyn FnMut(&Expr)) {
+    if matches!(expr.kind, ExprKind::Function(_)) {
+        return;
+    }
+    visit(expr);
+    for part in expr.parts() {
+        each_in_expr_outside_functions(part, visit);
+    }
+}
+
+fn call_pauses(kinds: &Kinds<'_>, expr: &Expr, depth: u32) -> bool {
+    match &expr.kind {
+        ExprKind::Call(callee, arguments) => match kinds.kind_of(callee) {
+            ValueKind::Native(function) => native_pauses(function, arguments),
+            ValueKind::Function(Some(body)) if depth < DEEPEST => body
+                .block
+                .iter()
+                .any(|statement| pauses(kinds, statement, depth + 1)),
+            _ => !is_quick(kinds, callee),
+        },
+        ExprKind::Method(object, name, ..) => match kinds.method(kinds.kind_of(object), name) {
+            Some(function) => function.waits,
+            None => true,
+        },
+        _ => false,
+    }
+}
+
+fn native_pauses(function: &Function, arguments: &[Expr]) -> bool {
+    match function.path {
+        "robot.move" | "robot.drive" => match arguments.last() {
+            Some(last) => arguments.len() > 2 || is_call(last),
+            None => true,
+        },
+        "script.stop" => true,
+        _ => function.waits,
+    }
+}
+
+fn is_call(expr: &Expr) -> bool {
+    let mut found = false;
+    each_in_expr(expr, &mut |part| {
+        found |= matches!(
+            part.kind,
+            ExprKind::Call(..) | ExprKind::Method(..) | ExprKind::Varargs
+        );
+    });
+    found
+}
+
+/// Whether this is a standard function that never waits, raises no error and calls no script
+/// function.
+fn is_quick(kinds: &Kinds<'_>, callee: &Expr) -> bool {
+    match &callee.kind {
+        ExprKind::Global(name) => {
+            let quick = [
+                "type", "tostring", "tonumber", "ipairs", "pairs", "next", "rawlen", "select",
+            ];
+            quick.contains(&name.as_str()) && !kinds.globals.contains(name.as_str())
+        }
+        ExprKind::Field(object, ..) => match kinds.kind_of(object) {
+            ValueKind::Namespace(owner) => {
+                matches!(owner, "math" | "bit32" | "utf8" | "buffer" | "vector")
+            }
+            _ => false,
+        },
+        _ => false,
     }
 }

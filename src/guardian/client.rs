@@ -42,16 +42,12 @@ pub struct Guardian {
 struct Link {
     words: LastWordsData,
     robot: Option<OwnedFd>,
-    /// The login is not complete.
     login: bool,
 }
 
 impl Guardian {
-    /// Starts the guardian's process from this executable, which must be `spykee`. Blocks until the
-    /// process is started: must not be called on the driving core.
-    ///
-    /// # Errors
-    /// Any error of the system; then there is no guardian.
+    /// Starts the guardian from this executable, which must be `spykee`. Blocks until the process
+    /// is started: not for the driving core.
     pub fn start(executable: &Path) -> io::Result<Guardian> {
         let (starter, socket) = Starter::start(executable)?;
         Ok(Guardian {
@@ -69,7 +65,7 @@ impl Guardian {
     }
 
     /// Guards a link whose login the robot has accepted, but which obeys only after its first
-    /// POWER: with [`Guardian::guard`] the agent says that it has received that.
+    /// POWER.
     pub fn watch_login(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>) {
         self.begin(socket, last_words, true);
     }
@@ -90,8 +86,7 @@ impl Guardian {
         self.send_link();
     }
 
-    /// Updates the data to send: the rest of a partly written message, then the last words. Sends
-    /// only changes to the guardian.
+    /// Sends only changes to the guardian: the rest of a partly written message, then last words.
     pub fn set_last_words(&mut self, rest: &[u8], last_words: &[u8]) {
         let Some(Link { words, .. }) = &mut self.link else {
             return;
@@ -207,7 +202,6 @@ impl Guardian {
     }
 }
 
-/// Sends a message; does nothing if no guardian runs.
 fn send(
     to: &Option<OwnedFd>,
     message: &GuardianMessage,
@@ -223,7 +217,8 @@ const FIRST_PAUSE: Duration = Duration::from_millis(50);
 /// The count of attempts restarts after a guardian that has lived this long.
 const GOOD_LIFE: Duration = Duration::from_secs(60);
 
-/// The channel to the thread. When it is dropped the thread ends; the guardian lives on until its
+/// Starts guardian processes on a thread, because that takes time that the driving core does not
+/// have. When it is dropped the thread ends; the guardian lives on until its
 /// agent is gone.
 #[derive(Debug)]
 pub(super) struct Starter {
@@ -231,22 +226,16 @@ pub(super) struct Starter {
     started: Receiver<OwnedFd>,
 }
 
-/// The state of a requested guardian.
 #[derive(Debug)]
 pub(super) enum Started {
-    /// It runs: the agent's end of its socket.
     Yes(OwnedFd),
-    /// Not yet.
     NotYet,
     /// None will be started.
     Never,
 }
 
 impl Starter {
-    /// Starts the first guardian, and the thread. Blocks until the process is started.
-    ///
-    /// # Errors
-    /// Any error of the system; then there is no guardian.
+    /// Blocks until the first guardian's process is started.
     pub(super) fn start(executable: &Path) -> io::Result<(Starter, OwnedFd)> {
         let first = Process::start(executable)?;
         let (lost, losses) = sync_channel(1);
@@ -275,7 +264,6 @@ impl Starter {
     }
 }
 
-/// The thread's main loop.
 fn replace(
     executable: &Path,
     mut process: Process,
@@ -307,7 +295,6 @@ fn replace(
     }
 }
 
-/// A guardian's process. Dropping it leaves the process running.
 #[derive(Debug)]
 struct Process {
     child: Child,
@@ -330,7 +317,6 @@ impl Process {
         Ok((Process { child, began }, ours))
     }
 
-    /// Kills the process with SIGKILL, and reaps it.
     fn kill(&mut self) {
         let _ = self.child.kill();
         let _ = self.child.wait();

@@ -210,13 +210,13 @@ fn wait(socket: &impl AsFd, ready: PollFlags, until: Option<Instant>) -> io::Res
     }
 }
 
-/// How long to wait for it, as long as an agent does by default; the robot's only connection is held
-/// open meanwhile.
+/// How long to wait for it, as long as an agent does by default; the robot's only connection is
+/// held open meanwhile.
 const FIRST_POWER_LIMIT: Duration = Duration::from_secs(10);
-/// The beginning of a POWER message.
 const POWER: [u8; 5] = [b'P', b'K', 3, 0, 1];
 
-/// Waits for it, but for at most [`FIRST_POWER_LIMIT`].
+/// Waits for the first POWER of a robot that has accepted a login. If the robot is sent a MOVE
+/// before, it disconnects, and may drive on (`PROTOCOL.md`, *Order after login*).
 fn wait_for_first_power(robot: &OwnedFd) {
     let until = Instant::now() + FIRST_POWER_LIMIT;
     while !has_first_power(robot) && Instant::now() < until {

@@ -1,9 +1,5 @@
 //! The connection to the robot: discovery, connecting, logging in, and the two halves of an open
 //! connection. Knows bytes, time limits and pauses; what to send to the robot is decided elsewhere.
-//!
-//! [`connect`] returns a [`Session`] whose first command was a stop of the tracks. [`Backoff`]
-//! computes the pause before the next attempt, [`discover`] finds robots. [`open`] does the same
-//! over any transport that reads and writes bytes.
 
 pub mod discover;
 mod error;

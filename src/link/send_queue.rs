@@ -96,8 +96,7 @@ impl SendQueue {
         self.commands.push_back(Message { bytes, kind, since });
     }
 
-    /// Drops the queued MOVEs that these commands replace; returns since when the oldest of them
-    /// was queued.
+    /// Drops the MOVEs that these commands replace; returns since when the oldest was queued.
     fn supersede(&mut self, commands: &[Command]) -> Option<Instant> {
         let mut kinds = commands.iter().map(CommandKind::from_command);
         if kinds.find(|kind| *kind != CommandKind::Other) != Some(CommandKind::Move) {
@@ -123,7 +122,6 @@ impl SendQueue {
         self.speech.push(samples)
     }
 
-    /// Drops the speech of which no byte is written.
     pub(super) fn drop_audio(&mut self) {
         self.speech.clear();
     }
@@ -187,8 +185,7 @@ impl SendQueue {
         bytes.freeze()
     }
 
-    /// Notes that `count` bytes of the last [`SendQueue::offer`] were written; nothing may be done
-    /// in between.
+    /// `count` bytes of the last [`SendQueue::offer`] were written; nothing may be done between.
     pub(super) fn advance(&mut self, count: usize, now: Instant) {
         if count == 0 {
             return;
@@ -213,7 +210,6 @@ impl SendQueue {
         }
     }
 
-    /// Whether nothing is queued.
     pub(super) fn is_empty(&self) -> bool {
         self.urgent() == 0 && self.speech.is_empty()
     }
@@ -228,8 +224,7 @@ impl SendQueue {
         !self.partly_written.is_empty()
     }
 
-    /// Since when the oldest command has been queued, or no bytes were accepted, whichever is
-    /// earlier.
+    /// Since when the oldest command is queued or no byte was accepted, whichever is earlier.
     pub(super) fn waits_since(&self) -> Option<Instant> {
         let oldest = self.commands.front().map(|message| message.since);
         oldest.into_iter().chain(self.stalled).min()
@@ -251,7 +246,9 @@ const PER_BYTE: Duration = Duration::from_nanos(31_250);
 /// How far ahead of that pace data may be sent, so that a late packet makes no gap.
 const LEAD: Duration = Duration::from_millis(200);
 
-/// The queue of speech; see the module.
+/// Queued samples for the speaker: in small messages, bounded, and written no faster than the speed
+/// of speech. Data that the robot has acknowledged but not read yet delays the next stop, and no
+/// counter of this computer's system shows it: only the pace limits it.
 #[derive(Debug, Default)]
 pub(super) struct Speech {
     waiting: VecDeque<Bytes>,
@@ -273,7 +270,6 @@ impl Speech {
         true
     }
 
-    /// Drops all queued samples.
     pub(super) fn clear(&mut self) {
         self.waiting.clear();
         self.bytes = 0;
@@ -283,13 +279,11 @@ impl Speech {
         self.waiting.is_empty()
     }
 
-    /// When the first message may be written, `None` if none is queued. A time in the past means
-    /// now.
+    /// When the first message may be written; a time in the past means now.
     pub(super) fn due(&self, now: Instant) -> Option<Instant> {
         self.waiting.front().map(|_| self.due.unwrap_or(now))
     }
 
-    /// The first message.
     pub(super) fn first(&self) -> Option<Bytes> {
         let samples = self.waiting.front()?.clone();
         Some(Command::Audio(samples).to_bytes())
@@ -364,7 +358,6 @@ mod tests {
             while self.write(usize::MAX) > 0 {}
         }
 
-        /// The commands written so far.
         fn written(&self) -> Vec<Command> {
             let mut decoder = Decoder::new();
             let mut input = &self.out[..];
@@ -610,8 +603,8 @@ mod tests {
                         let partly_written = rig.queue.partly_written.len();
                         prop_assert!(partly_written <= 1029);
                         prop_assert!(rig.push(&commands));
-                        // If it were written now, nothing but the rest of that message would precede
-                        // it.
+                        // If it were written now, nothing but the rest of that message would
+                        // precede it.
                         let offer = rig.queue.offer(rig.now, || Some(0));
                         if rig.queue.waiting > 0 {
                             prop_assert_eq!(offer.len(), partly_written + rig.queue.waiting);

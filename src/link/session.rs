@@ -50,9 +50,6 @@ pub struct Session {
 ///
 /// From the robot's acceptance of the login on, it is sent the newest last words of `supervision`
 /// if anything fails, until the writer is given others (see [`Writer::set_last_words`]).
-///
-/// # Errors
-/// Every kind of [`LinkError`].
 pub async fn connect(
     target: &Target,
     login: &Login,
@@ -130,7 +127,6 @@ async fn log_in(
     }
 }
 
-/// The reports received since the login was sent.
 #[derive(Default)]
 struct Answers {
     accepted: Option<Accepted>,
@@ -314,9 +310,9 @@ impl fmt::Display for Delivery {
     }
 }
 
-/// Ends a connection: waits up to `limit` until the written data is acknowledged, discarding what
-/// the robot sends meanwhile; then closes the write half, and waits briefly until the robot has
-/// closed its half. Queued speech is dropped. Send the last words before; on failure, the writer's
+/// Ends a connection: waits up to `limit` until the written data is acknowledged, reading on
+/// meanwhile, because closing a socket with unread data resets the connection and discards what is
+/// not acknowledged. Queued speech is dropped. Send the last words before; on failure, the writer's
 /// drop sends them again.
 pub async fn close_gracefully(mut reader: Reader, mut writer: Writer, limit: Duration) -> Delivery {
     writer.drop_audio();

@@ -216,7 +216,6 @@ pub struct TimedEvent {
 pub struct Bus(broadcast::Sender<Arc<TimedEvent>>);
 
 impl Default for Bus {
-    /// Creates a bus without listeners.
     fn default() -> Bus {
         Bus(broadcast::Sender::new(MAX_WAITING))
     }

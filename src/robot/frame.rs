@@ -107,9 +107,7 @@ impl Streams {
     }
 
     /// Checks that a script may have a stream.
-    ///
-    /// # Errors
-    /// [`StreamOff`] if the config keeps it off.
+    /// Fails with [`StreamOff`] if the config keeps it off.
     pub fn allow(&self, stream: Stream) -> Result<(), StreamOff> {
         if self.usage(stream) == Use::Off {
             return Err(StreamOff(stream.name()));

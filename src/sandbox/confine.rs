@@ -1,9 +1,5 @@
-//! The restrictions that the kernel enforces on a confined process: it dies with its parent, its
-//! resources are limited, it has no capabilities, and it reaches only its pipe, its standard error
-//! and the files that its policy allows.
-//!
-//! The resource limits are mandatory: without them no script runs. Landlock and seccomp are used
-//! where the kernel supports them.
+//! The restrictions that the kernel enforces on a confined process. The resource limits are
+//! mandatory: without them no script runs; landlock and seccomp are used where they are supported.
 
 use std::ffi::OsString;
 use std::io;
@@ -173,11 +169,8 @@ pub fn keep_descriptors() {
     close_fds::set_fds_cloexec(3, &[]);
 }
 
-/// Permanently restricts this thread and everything it starts. Must be called at the start of a
-/// process, before it starts a second thread.
-///
-/// # Errors
-/// If the kernel refuses a limit: then no script may run. Also if the parent has already exited.
+/// Permanently restricts this thread and everything it starts, so it must be called before a
+/// process starts a second thread. Fails if the kernel refuses a limit, or the parent has exited.
 pub fn confine(parent: u32, policy: &SandboxPolicy) -> io::Result<Restrictions> {
     raise_oom_score();
     rustix::thread::set_no_new_privs(true)?;
@@ -206,7 +199,6 @@ fn raise_oom_score() {
     let _ = std::fs::write("/proc/self/oom_score_adj", OOM_SCORE_ADJ);
 }
 
-/// Drops all capabilities, also those of root.
 fn drop_capabilities() -> io::Result<()> {
     for capability in CapabilitySet::all().iter() {
         // Only a process with capabilities can limit those of its children; without any, this call
@@ -263,8 +255,7 @@ fn threads() -> Option<u64> {
     all.parse().ok()
 }
 
-/// Restricts access to files, the network and other processes with landlock. Returns whether the
-/// kernel enforces the rules.
+/// Files, network and other processes; returns whether the kernel enforces the rules.
 fn restrict_files(policy: &SandboxPolicy) -> Result<bool, RulesetError> {
     let ruleset = Ruleset::default()
         .handle_access(AccessFs::from_all(LANDLOCK))?
@@ -304,9 +295,7 @@ fn allow(
 /// itself by the policy, and our end of the socket that is its standard input. The process has an
 /// empty environment (except for one setting of the C library) and inherits no other descriptors.
 /// Logs once per process which restrictions the kernel does not support.
-///
-/// # Errors
-/// If the system cannot create the socket pair.
+/// Fails if the system cannot create the socket pair.
 pub fn command(
     executable: &Path,
     hidden: &[&str],

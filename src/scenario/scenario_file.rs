@@ -21,7 +21,6 @@ use crate::script::{
 };
 use crate::sim::World;
 
-/// Maximum number of scenarios in one file.
 const MAX_SCENARIOS: usize = 1000;
 /// CPU budget of a scenario's own script between waits. It can be long, because this script does
 /// not control a robot.
@@ -76,9 +75,6 @@ pub enum ScenarioFileError {
 
 impl ScenarioFile {
     /// Reads a file and its declarations.
-    ///
-    /// # Errors
-    /// See [`ScenarioFileError`].
     pub fn read(file: &Path) -> Result<ScenarioFile, ScenarioFileError> {
         let source = read_source(file).map_err(|source| ScenarioFileError::Read {
             path: file.display().to_string(),
@@ -90,9 +86,7 @@ impl ScenarioFile {
 
     /// Creates a scenario file from a text that is not in a file, for example one built into the
     /// program. It can use no other files: no modules, and only built-in worlds.
-    ///
-    /// # Errors
-    /// [`ScenarioFileError::Invalid`].
+    /// Fails with [`ScenarioFileError::Invalid`].
     pub fn of_text(name: &str, text: &str) -> Result<ScenarioFile, ScenarioFileError> {
         ScenarioFile::new(Path::new(name), None, text.into())
     }
@@ -107,7 +101,6 @@ impl ScenarioFile {
         Ok(scenario_file.with_scenarios(scenarios))
     }
 
-    /// Creates a scenario file without reading its declarations.
     pub(super) fn undeclared(
         file: &Path,
         folder: Option<PathBuf>,
@@ -121,7 +114,6 @@ impl ScenarioFile {
         }
     }
 
-    /// Sets the declarations.
     pub(super) fn with_scenarios(self, scenarios: Vec<Scenario>) -> ScenarioFile {
         ScenarioFile { scenarios, ..self }
     }
@@ -152,7 +144,6 @@ impl ScenarioFile {
         file.is_file().then_some(file)
     }
 
-    /// Returns a line of the source, counted from 1.
     pub(super) fn line(&self, number: u32) -> Option<String> {
         let text = String::from_utf8_lossy(&self.source);
         let line = text.lines().nth(number.checked_sub(1)? as usize)?;

@@ -60,10 +60,8 @@ pub struct Simulation {
     options: Options,
 }
 
-/// Sets up A simulation in this world and runs `work` in it, in virtual time.
-///
-/// # Errors
-/// If the system cannot create a thread or a runtime.
+/// Sets up a simulation in this world and runs `work` in it, in virtual time.
+/// Fails if the system cannot create a thread or a runtime.
 pub fn run<T: Send>(
     world: World,
     options: Options,

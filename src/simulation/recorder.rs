@@ -25,7 +25,6 @@ pub fn now() -> Option<Duration> {
     BEGAN.get().map(|began| began.elapsed())
 }
 
-/// Starts this thread's virtual time at zero.
 pub(super) fn begin() -> Instant {
     let began = Instant::now();
     BEGAN.set(Some(began));
@@ -39,8 +38,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Creates a recorder that calls `take` with each event. `take` must neither block nor write to
-    /// the program's log.
+    /// `take` must neither block nor write to the program's log.
     pub fn new(take: impl FnMut(Event) + Send + 'static) -> Recorder {
         Recorder {
             take: Arc::new(Mutex::new(take)),

@@ -105,9 +105,6 @@ impl Running {
 
     /// Waits until the agent has ended. Without a limit, a call to [`Running::stop`] or behaviours
     /// that end, this never returns.
-    ///
-    /// # Errors
-    /// The errors of [`Agent::run`].
     pub async fn outcome(mut self) -> Result<Outcome, AgentError> {
         match (&mut self.agent).await {
             Ok(outcome) => outcome,
@@ -122,7 +119,6 @@ impl Drop for Running {
     }
 }
 
-/// Creates the plan of an agent for this robot.
 pub(super) fn plan(sim: Handle, options: &Options, behaviours: Vec<Behaviour>) -> Plan {
     Plan {
         behaviours,

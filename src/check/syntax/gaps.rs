@@ -46,8 +46,10 @@ impl ErrorSite<'_> {
             });
         }
         let complains = !word.is_empty() && self.words.contains(&format!("'{word}'"));
-        let missing = complains && !behind.iter().any(|token| self.text(token) == word);
-        missing.then(|| Explanation {
+        if !complains || behind.iter().any(|token| self.text(token) == word) {
+            return None;
+        }
+        Some(Explanation {
             at: Span {
                 start: last.span.end,
                 end: last.span.end,
@@ -283,9 +285,7 @@ impl ErrorSite<'_> {
             help: String::new(),
         })
     }
-}
 
-impl ErrorSite<'_> {
     /// `Expected 'end' (to close 'function' at line 3), got <eof>`; the same with `'until'`.
     pub(super) fn missing_end(&self) -> Option<Explanation> {
         let (_, rest) = self.words.split_once("Expected '")?;
@@ -317,8 +317,8 @@ impl ErrorSite<'_> {
         Some(misplaced.unwrap_or_else(|| self.without_end(opened, self.line)))
     }
 
-    /// An `elseif` or `else` after the `else` of its `if`, which is this token. One that is indented
-    /// less belongs to an outer `if`.
+    /// An `elseif` or `else` after the `else` of its `if`, which is this token. One that is
+    /// indented less belongs to an outer `if`.
     fn branch_after_else(&self, opened: &Token) -> Option<Explanation> {
         if self.text(opened) != "else" || !self.words.contains("got 'else") {
             return None;
@@ -328,8 +328,10 @@ impl ErrorSite<'_> {
                 && self.line_of(token) == self.line
                 && matches!(self.text(token), "elseif" | "else")
         })?;
-        let is_own = self.indent_of(late) >= self.indent_of(self.head(opened));
-        is_own.then(|| Explanation {
+        if self.indent_of(late) < self.indent_of(self.head(opened)) {
+            return None;
+        }
+        Some(Explanation {
             at: late.span,
             message: format!(
                 "this `{}` comes after the `else` on line {}",
@@ -411,8 +413,7 @@ impl ErrorSite<'_> {
         Some(inner.unwrap_or(innermost))
     }
 
-    /// Returns the keyword at the beginning of the statement whose block this token opens: `if` for
-    /// `then` and `else`, `while` or `for` for `do`.
+    /// The keyword of the statement: `if` for `then` and `else`, `while` or `for` for `do`.
     fn head<'a>(&'a self, opened: &'a Token) -> &'a Token {
         match self.text(opened) {
             "then" | "else" => {
@@ -479,8 +480,7 @@ impl ErrorSite<'_> {
         })
     }
 
-    /// Returns the first line after the beginning of a block that is no further indented than that;
-    /// `None` if there is none, or if the block is not indented.
+    /// The first line after the beginning of an indented block that is no further indented.
     fn first_line_outside(&self, head: &Token) -> Option<usize> {
         let begins = self.line_of(head);
         let indent = self.indent_of(head);
@@ -559,8 +559,7 @@ impl ErrorSite<'_> {
         self.tokens.iter().enumerate().map(classify).collect()
     }
 
-    /// Whether the token of this index begins a statement: an `if` elsewhere is an expression,
-    /// which has no `end`.
+    /// An `if` elsewhere is an expression, which has no `end`.
     fn begins_statement(&self, index: usize) -> bool {
         let Some(before) = index.checked_sub(1).map(|at| &self.tokens[at]) else {
             return true;
@@ -585,7 +584,6 @@ impl ErrorSite<'_> {
     }
 }
 
-/// Returns the number that follows these words.
 fn number_after(text: &str, words: &str) -> Option<usize> {
     let (_, rest) = text.split_once(words)?;
     let end = rest.find(|c: char| !c.is_ascii_digit());

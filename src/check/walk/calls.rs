@@ -51,8 +51,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Checks calls that are not API functions: unknown standard functions, and methods called with
-    /// a dot.
+    /// Unknown standard functions, and methods called with a dot.
     pub(super) fn library(&mut self, callee: &'a Expr, arguments: &'a [Expr]) {
         let ExprKind::Field(object, name, at) = &callee.kind else {
             return;
@@ -125,8 +124,7 @@ impl<'a> Walk<'a> {
         self.warning(first.span, message).help = Some(help);
     }
 
-    /// Records the kind of the first parameter of an inline handler function: an event's payload,
-    /// or the object that the API's definition names.
+    /// The first parameter of an inline handler: an event's payload, or an object of the API.
     pub(super) fn handler(&mut self, function: &'static Function, arguments: &'a [Expr]) {
         let mut forms = function.forms();
         let short = forms.len() > 1 && forms[1].len() == arguments.len();
@@ -202,8 +200,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Checks arithmetic, comparison and concatenation of values that are neither numbers nor
-    /// strings.
+    /// Values that are neither numbers nor strings.
     pub(super) fn operands(&mut self, operator: &str, left: &'a Expr, right: &'a Expr) {
         let compares = matches!(operator, "<" | ">" | "<=" | ">=");
         let counts = matches!(operator, "+" | "-" | "*" | "/" | "//" | "%" | "^");
@@ -272,8 +269,6 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Warns of a comparison of a value from a fixed set of names with a text that is not in the
-    /// set.
     fn one_of_names(&mut self, named: &'a Expr, text: &'a Expr) {
         let (Some(choice), ValueKind::Text(Some(said))) =
             (self.kinds.choice(named), self.kinds.kind_of(text))
@@ -328,7 +323,6 @@ fn first_parameter<'a>(luau: &str) -> ValueKind<'a> {
     api::object(name).map_or(ValueKind::Unknown, ValueKind::Object)
 }
 
-/// The call that is checked.
 #[derive(Clone, Copy)]
 pub(super) struct CallSite<'a> {
     pub(super) function: &'static Function,
@@ -377,8 +371,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Warns of the use of a stream that the config keeps off. Only a warning: the script may
-    /// handle that case.
+    /// Only a warning: the script may handle a stream that the config keeps off.
     fn stream(&mut self, site: CallSite<'a>) {
         let text = |index: usize| match site.arguments.get(index).map(|one| self.kinds.kind_of(one))
         {
@@ -403,8 +396,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Checks one argument or option against its definition; `whole` is the call, if it is an
-    /// argument.
+    /// `whole` is the call, if this is an argument and not an option.
     fn argument(
         &mut self,
         call: &str,
@@ -445,8 +437,6 @@ impl<'a> Walk<'a> {
         passing::help(self.text.1, argument, whole, value.kind.wants_result())
     }
 
-    /// Returns the path of the API function that an argument calls, if its result is not a
-    /// function.
     fn answered_by(&self, argument: &'a Expr) -> Option<&'static str> {
         let ValueKind::Native(function) = self.kinds.callee(argument.bare()) else {
             return None;
