@@ -1,13 +1,9 @@
 //! Wiring and lifetimes of a run: loads the scripts, connects, runs them in parallel, and ends
 //! everything within two seconds, even if something hangs.
 
-mod active;
 mod behaviour_set;
-mod connect_attempts;
-mod loading;
 mod pilot_client;
 mod repl_session;
-mod rescue;
 mod restart_loop;
 mod roster;
 mod running_pilot;
@@ -20,24 +16,22 @@ use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 
 use self::behaviour_set::BehaviourSet;
-pub use self::connect_attempts::{ConnectAttempts, retry_until_connected};
 pub use self::pilot_client::{Docked, PilotClient, PilotClientError};
 pub use self::repl_session::{ReplError, ReplSession};
-pub use self::rescue::{RESCUE_NAME, rescue};
-use self::restart_loop::LaunchContext;
 pub use self::roster::{
     BehaviourSpec, BehaviourSpecError, BehaviourState, BehaviourStatus, Roster, RosterError,
 };
-pub use self::running_pilot::{PilotSetup, RunningPilot};
+pub use self::running_pilot::{
+    ConnectAttempts, PilotSetup, RESCUE_NAME, RunningPilot, rescue, retry_until_connected,
+};
 use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy};
 use crate::link::LinkError;
 use crate::pilot::{Connector, Heartbeat, Reactions, Settings, Status};
 use crate::robot::channel::Request;
 pub use crate::robot::{AgentEvent, Bus, BusMessage, Listener, TimedEvent};
-use crate::robot::{EndReason, Pictures, Priority, ViewerChannel};
+use crate::robot::{EndReason, Pictures, Priority};
 use crate::script::ScriptExit;
 
-/// The total time for the scripts' last words and the end of their hosts.
 const SCRIPTS_END: Duration = Duration::from_millis(1100);
 
 /// A script and how to run it.
@@ -124,19 +118,9 @@ impl Agent {
     /// Prepares a run. Also returns the newest status of robot and watchdog.
     pub fn new(plan: Plan) -> (Agent, watch::Receiver<Status>) {
         let setup = PilotSetup::new(plan.settings, plan.connector, plan.core, plan.heartbeat)
-            .with_bus(plan.bus.clone());
+            .with_bus(plan.bus);
         let status = setup.status();
-        let context = LaunchContext {
-            launcher: plan.launcher.clone(),
-            core: setup.core().clone(),
-            requests: setup.requests(),
-            frames: setup.frames(),
-            // Each behaviour has its own.
-            stop: watch::channel(None).1,
-            longest_silence: setup.longest_silence(),
-            viewers: ViewerChannel::default(),
-            bus: plan.bus,
-        };
+        let context = setup.launch_context(plan.launcher.clone());
         let (behaviour_set, roster) = BehaviourSet::new(context, status.clone(), plan.specs);
         let agent = Agent {
             behaviours: plan.behaviours,
@@ -174,9 +158,6 @@ impl Agent {
     /// Runs until every behaviour has ended (unless the plan says that the run stays), the time is
     /// over, or `stop` is cancelled. A script that cannot be loaded and is not watched ends the run
     /// before it connects to the robot.
-    ///
-    /// # Errors
-    /// See [`AgentError`].
     pub async fn run(self, stop: CancellationToken) -> Result<Outcome, AgentError> {
         let Agent {
             behaviours,
@@ -193,7 +174,13 @@ impl Agent {
         }
         let prepared = match behaviour_set.prepare(behaviours).await {
             Ok(prepared) => prepared,
-            Err(refused) => return Ok(Outcome::refused(refused)),
+            Err(refused) => {
+                return Ok(Outcome {
+                    exits: vec![refused],
+                    safety: false,
+                    interrupted: false,
+                });
+            }
         };
         let mut run = Run {
             pilot: setup.launch(&stop),
@@ -221,18 +208,6 @@ impl Agent {
     }
 }
 
-impl Outcome {
-    /// The outcome for a script that cannot be loaded.
-    fn refused(exit: (String, ScriptExit)) -> Outcome {
-        Outcome {
-            exits: vec![exit],
-            safety: false,
-            interrupted: false,
-        }
-    }
-}
-
-/// A run under way.
 struct Run {
     pilot: RunningPilot,
     behaviour_set: BehaviourSet,
@@ -240,7 +215,6 @@ struct Run {
 }
 
 impl Run {
-    /// Waits for the first connection.
     async fn reach(&mut self) -> Result<(), AgentError> {
         tokio::select! {
             biased;

@@ -10,15 +10,13 @@
 //! It handles bytes only: the watchdog decides what they mean, and the writer knows where a message
 //! ends; it gives the guardian the rest of a partly written message.
 //!
-//! It has a link from the robot's acceptance of the login on, until the last words of a lost one are
-//! delivered.
+//! It has a link from the robot's acceptance of the login on, until the last words of a lost one
+//! are delivered.
 
 mod client;
 mod dead_man;
-mod first_power;
 mod message;
 mod process;
-mod starter;
 
 pub use client::{Guardian, HEARTBEAT_INTERVAL};
 pub use process::{GUARDIAN_ARGUMENT, guardian_main};

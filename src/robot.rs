@@ -3,28 +3,23 @@
 //! rule, no socket, no VM.
 
 mod agent_event;
-mod bus;
 pub mod channel;
 mod detection;
-mod ends;
 mod event;
 mod frame;
 mod intent;
 mod param;
 mod quantity;
-mod streams;
 
-pub use agent_event::{AgentEvent, HostReport, WatchdogState};
-pub use bus::{Bus, BusMessage, Listener, TimedEvent};
+pub use agent_event::{
+    AgentEvent, Bus, BusMessage, HostReport, Listener, TimedEvent, WatchdogState,
+};
 pub use detection::{Detection, Detections, ViewerChannel};
-pub use ends::{DockEnd, EndReason, MotionEnd, SafetyAction};
-pub use event::Event;
-pub use frame::{Frame, PartialFrame, Pictures};
+pub use event::{DockEnd, EndReason, Event, MotionEnd, SafetyAction};
+pub use frame::{Frame, PartialFrame, Pictures, StreamOff, Streams, Use};
 pub use intent::{DockPlan, Intent};
 pub use param::{DeclaredParam, DeclaredParams, ParamBoard, ParamChange, ParamValue};
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
-pub use streams::{StreamOff, Streams, Use};
-
 use serde::{Deserialize, Serialize};
 
 use crate::wire::{Command, Power};

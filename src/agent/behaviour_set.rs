@@ -1,39 +1,36 @@
-//! The behaviours that run side by side in one agent. Executes the commands of the
-//! [`Roster`](super::roster), loads scripts, and accompanies each behaviour to its end. Nothing
-//! here is on the driving core, and nothing here can move the robot.
+//! The behaviours that run side by side in one agent: executes the commands of the
+//! [`Roster`](super::roster). Nothing here is on the driving core or can move the robot.
 
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
-use tokio::task::JoinSet;
+use tokio::task::{JoinSet, spawn_blocking};
 use tokio::time::{Instant, timeout};
 use tracing::{error, info, warn};
 
-use super::active::{ActiveBehaviour, Stop, request_stop, statuses};
-use super::loading::load;
 use super::restart_loop::{LaunchContext, RestartLoop, report};
-use super::roster::{BehaviourSpec, BehaviourStatus, Reply, Roster, RosterCommand, RosterError};
+use super::roster::{
+    BehaviourSpec, BehaviourSpecError, BehaviourState, BehaviourStatus, Reply, Roster,
+    RosterCommand, RosterError,
+};
 use super::{AgentError, Behaviour, SCRIPTS_END};
 use crate::behaviour::Prepared;
 use crate::clock::until;
 use crate::pilot::{LinkState, Status};
 use crate::robot::channel::Role;
-use crate::robot::{AgentEvent, BehaviourId, EndReason};
+use crate::robot::{AgentEvent, BehaviourId, EndReason, Priority};
 use crate::script::ScriptExit;
 
 /// The most behaviours that run at the same time: each is a process.
 const MAX_BEHAVIOURS: usize = 32;
-/// Behaviours are numbered from 0 to below this; persons and the rescue behaviour have higher
-/// numbers.
+/// Behaviours have numbers below this; persons and the rescue behaviour have higher ones.
 const NUMBERS: u16 = 0xF000;
 
 /// A behaviour with its first host, or why it could not be started.
 type PreparedBehaviour = (RestartLoop, Result<Prepared, ScriptExit>);
 
-/// The result of loading a script.
 type Loaded = (BehaviourId, Result<(RestartLoop, Prepared), RosterError>);
 
-/// The behaviours of an agent; see the module.
 pub(super) struct BehaviourSet {
     context: LaunchContext,
     commands: mpsc::Receiver<RosterCommand>,
@@ -49,7 +46,6 @@ pub(super) struct BehaviourSet {
 }
 
 impl BehaviourSet {
-    /// Begins without running behaviours. Also returns the handle.
     pub(super) fn new(
         context: LaunchContext,
         status: watch::Receiver<Status>,
@@ -73,8 +69,7 @@ impl BehaviourSet {
         (behaviour_set, roster)
     }
 
-    /// Loads all scripts; returns the first that cannot be loaded, and that no file watch can
-    /// reload, with its ending.
+    /// Fails with the first script that cannot be loaded, and that no file watch can reload.
     pub(super) async fn prepare(
         &mut self,
         behaviours: Vec<Behaviour>,
@@ -105,7 +100,6 @@ impl BehaviourSet {
         Ok(prepared)
     }
 
-    /// Starts the prepared behaviours.
     pub(super) fn begin(&mut self, prepared: Vec<PreparedBehaviour>) {
         for (restart_loop, first) in prepared {
             self.run(restart_loop, first);
@@ -113,13 +107,11 @@ impl BehaviourSet {
         self.publish();
     }
 
-    /// Whether no behaviour runs or is about to.
     pub(super) fn is_empty(&self) -> bool {
         self.active.is_empty()
     }
 
-    /// Executes commands while the run waits for the robot: nothing can be started before. Never
-    /// returns; cancel-safe.
+    /// Executes commands while nothing can be started. Never returns; cancel-safe.
     pub(super) async fn wait_for_robot(&mut self) -> std::convert::Infallible {
         while let Some(command) = self.commands.recv().await {
             let offline = self.status.borrow().link != LinkState::Up;
@@ -141,9 +133,7 @@ impl BehaviourSet {
 
     /// Handles the next event: a command, a script that is loaded, a behaviour that has ended.
     /// Cancel-safe.
-    ///
-    /// # Errors
-    /// [`AgentError::Broken`] if a task of this program panicked.
+    /// Fails with [`AgentError::Broken`] if a task of this program panicked.
     pub(super) async fn handle_next(&mut self) -> Result<(), AgentError> {
         let next = self
             .active
@@ -167,7 +157,6 @@ impl BehaviourSet {
         Ok(())
     }
 
-    /// Ends all behaviours with this reason, in bounded time; returns each one's last ending.
     pub(super) async fn end(mut self, reason: EndReason) -> Vec<(String, ScriptExit)> {
         self.commands.close();
         for one in &mut self.active {
@@ -325,7 +314,6 @@ impl BehaviourSet {
         }
     }
 
-    /// Ends the behaviours whose time is over.
     fn end_overdue(&mut self, now: Instant) {
         for one in &self.active {
             if one.deadline().is_some_and(|deadline| deadline <= now) {
@@ -384,4 +372,148 @@ impl BehaviourSet {
 
 fn refuse(reply: Reply, why: RosterError) {
     let _ = reply.send(Err(why));
+}
+
+/// How long a loaded behaviour waits for the robot.
+const REACH: Duration = Duration::from_millis(3500);
+
+/// A behaviour that is told to end meanwhile does not run.
+pub(super) async fn load(
+    context: LaunchContext,
+    by: BehaviourId,
+    spec: BehaviourSpec,
+    mut status: watch::Receiver<Status>,
+) -> Result<(RestartLoop, Prepared), RosterError> {
+    let made = spawn_blocking(move || spec.make()).await;
+    let behaviour = made
+        .unwrap_or(Err(BehaviourSpecError::Internal))
+        .map_err(|error| RosterError::CannotLoad(error.to_string()))?;
+    let restart_loop = RestartLoop::new(context, by, Role::Behaviour, behaviour);
+    let prepared = restart_loop.prepare().await;
+    let host = prepared.map_err(|exit| RosterError::CannotLoad(describe(&exit)))?;
+    // A robot whose link was released is being dialled meanwhile.
+    let up = status.wait_for(|status| status.link == LinkState::Up);
+    match timeout(REACH, up).await {
+        Ok(Ok(_)) => Ok((restart_loop, host)),
+        _ => Err(RosterError::Offline),
+    }
+}
+
+fn describe(exit: &ScriptExit) -> String {
+    let words = exit.message.as_deref();
+    words.unwrap_or(exit.reason.sentence()).to_owned()
+}
+
+pub(super) type Stop = watch::Sender<Option<EndReason>>;
+
+pub(super) struct ActiveBehaviour {
+    pub(super) by: BehaviourId,
+    pub(super) name: String,
+    pub(super) stop: Stop,
+    /// When it began; `None`: it is being loaded.
+    pub(super) since: Option<Instant>,
+    pub(super) time_limit: Option<Duration>,
+    pub(super) started: Vec<Reply>,
+    pub(super) ended: Vec<Reply>,
+    /// Present if it is to be started again when it has ended; receives the outcome.
+    pub(super) restart_reply: Option<Reply>,
+}
+
+impl ActiveBehaviour {
+    pub(super) fn new(
+        by: BehaviourId,
+        name: String,
+        stop: Stop,
+        time_limit: Option<Duration>,
+    ) -> ActiveBehaviour {
+        ActiveBehaviour {
+            by,
+            name,
+            stop,
+            since: None,
+            time_limit,
+            started: Vec::new(),
+            ended: Vec::new(),
+            restart_reply: None,
+        }
+    }
+
+    /// When its time is over; `None`: it has no limit, or is ending already.
+    pub(super) fn deadline(&self) -> Option<Instant> {
+        if self.stop.borrow().is_some() {
+            return None;
+        }
+        Some(self.since? + self.time_limit?)
+    }
+
+    /// Tells it to end, and not to start again.
+    pub(super) fn stop_for_good(&mut self, reason: EndReason) {
+        request_stop(&self.stop, reason);
+        if let Some(again) = self.restart_reply.take() {
+            let _ = again.send(Err(RosterError::StoppedFirst(self.name.clone())));
+        }
+    }
+
+    /// Why it was not started. A missing robot is no reason if it was stopped as well: nobody must
+    /// start it when the robot is back.
+    pub(super) fn refusal(&self, why: RosterError) -> RosterError {
+        match why {
+            RosterError::Offline if self.stop.borrow().is_some() => {
+                RosterError::StoppedFirst(self.name.clone())
+            }
+            why => why,
+        }
+    }
+
+    pub(super) fn state(&self) -> BehaviourState {
+        match self.since {
+            _ if self.stop.borrow().is_some() => BehaviourState::Ending,
+            Some(since) => BehaviourState::Running { by: self.by, since },
+            None => BehaviourState::Loading,
+        }
+    }
+}
+
+/// Those of the specs first, then those that still run but are no longer in the config.
+pub(super) fn statuses(
+    specs: &[BehaviourSpec],
+    active: &[ActiveBehaviour],
+    exits: &[(String, ScriptExit)],
+) -> Vec<BehaviourStatus> {
+    let known = |name: &str| specs.iter().any(|one| one.name() == name);
+    let rest = active.iter().filter(|one| !known(&one.name));
+    let rest = rest.map(|one| (one.name.as_str(), Priority::default()));
+    let all = specs.iter().map(|one| (one.name(), one.priority()));
+    let behaviour_status = |(name, priority): (&str, Priority)| {
+        let running = active.iter().find(|one| one.name == name);
+        let exit = exits.iter().find(|(of, _)| of == name);
+        BehaviourStatus {
+            name: name.to_owned(),
+            priority,
+            state: running.map_or(BehaviourState::Idle, ActiveBehaviour::state),
+            exit: exit.map(|(_, exit)| exit.clone()),
+        }
+    };
+    all.chain(rest).map(behaviour_status).collect()
+}
+
+/// Tells a behaviour to end; an earlier reason is kept.
+pub(super) fn request_stop(stop: &Stop, reason: EndReason) {
+    stop.send_if_modified(|stop| stop.is_none() && stop.replace(reason).is_none());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_behaviour_that_was_stopped_is_not_said_to_wait_for_the_robot() {
+        let one = ActiveBehaviour::new(BehaviourId(1), "go".to_owned(), Stop::new(None), None);
+        assert_eq!(one.refusal(RosterError::Offline), RosterError::Offline);
+        request_stop(&one.stop, EndReason::Cancelled);
+        let stopped = RosterError::StoppedFirst("go".to_owned());
+        assert_eq!(one.refusal(RosterError::Offline), stopped);
+        let broken = RosterError::CannotLoad("broken".to_owned());
+        assert_eq!(one.refusal(broken.clone()), broken);
+    }
 }

@@ -21,8 +21,7 @@ const SPEECH: usize = 16_000;
 /// The duration of that speech.
 const SPEECH_TIME: Duration = Duration::from_millis(500);
 
-/// A person's client of the pilot; see the module. Dropping it leaves the pilot: everything it has
-/// requested ends.
+/// A person's client of the pilot. Dropping it ends everything it has requested.
 #[derive(Debug)]
 pub struct PilotClient {
     by: BehaviourId,
@@ -55,9 +54,6 @@ pub struct Docked {
 
 impl PilotClient {
     /// Joins the pilot.
-    ///
-    /// # Errors
-    /// [`PilotClientError::Closed`].
     pub async fn join(
         requests: mpsc::Sender<Request>,
         by: BehaviourId,
@@ -86,9 +82,6 @@ impl PilotClient {
     }
 
     /// Drives for `duration`; returns how the motion ended.
-    ///
-    /// # Errors
-    /// See [`PilotClientError`].
     pub async fn run(
         &mut self,
         setpoint: Setpoint,
@@ -110,9 +103,6 @@ impl PilotClient {
     }
 
     /// Goes to the station, and returns the outcome.
-    ///
-    /// # Errors
-    /// See [`PilotClientError`].
     pub async fn dock(&mut self, plan: DockPlan) -> Result<Docked, PilotClientError> {
         let call = CallId(self.next());
         self.send_intent(Intent::Dock { call, plan }).await?;
@@ -133,9 +123,6 @@ impl PilotClient {
     }
 
     /// Leaves the station, and returns how that ended.
-    ///
-    /// # Errors
-    /// See [`PilotClientError`].
     pub async fn undock(&mut self, timeout: Duration) -> Result<DockEnd, PilotClientError> {
         let call = CallId(self.next());
         self.send_intent(Intent::Undock { call, timeout }).await?;
@@ -147,9 +134,6 @@ impl PilotClient {
     }
 
     /// Speaks samples: s16 little-endian, mono, 16 kHz. Takes as long as they play.
-    ///
-    /// # Errors
-    /// See [`PilotClientError`].
     pub async fn say(&mut self, samples: &[u8]) -> Result<(), PilotClientError> {
         let stream = Stream::AudioOut;
         let on = true;
@@ -165,9 +149,6 @@ impl PilotClient {
 
     /// Sets the setpoint until the next command. The driver must keep showing life: see
     /// [`PilotClient::alive`].
-    ///
-    /// # Errors
-    /// [`PilotClientError::Closed`].
     pub async fn drive(&mut self, setpoint: Setpoint) -> Result<(), PilotClientError> {
         let motion = MotionId(self.next());
         let duration = None;
@@ -180,25 +161,16 @@ impl PilotClient {
     }
 
     /// Shows life; a driver must call it at least four times a second.
-    ///
-    /// # Errors
-    /// [`PilotClientError::Closed`].
     pub async fn alive(&self) -> Result<(), PilotClientError> {
         self.ask(Request::Alive(self.by)).await
     }
 
     /// Waits for the next event from the pilot. Cancel-safe.
-    ///
-    /// # Errors
-    /// See [`PilotClientError`].
     pub async fn next_event(&mut self) -> Result<Event, PilotClientError> {
         into_event(self.inbox.next().await)
     }
 
     /// Sends a request without waiting for an answer.
-    ///
-    /// # Errors
-    /// [`PilotClientError::Closed`].
     pub async fn send_intent(&self, intent: Intent) -> Result<(), PilotClientError> {
         self.ask(Request::Intent(self.by, intent)).await
     }

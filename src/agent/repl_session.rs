@@ -41,7 +41,6 @@ pub enum ReplError {
     Host(ScriptExit),
 }
 
-/// A running session.
 struct RunningSession {
     launch: Launch,
     launcher: Launcher,
@@ -58,9 +57,6 @@ impl ReplSession {
     /// Runs until `stop` is cancelled, or until the command sender is dropped and a robot with a
     /// low battery is home. In either case the robot is stopped. Returns whether the watchdog
     /// controlled the robot at the end.
-    ///
-    /// # Errors
-    /// See [`ReplError`].
     pub async fn run(
         mut self,
         mut commands: mpsc::Receiver<PromptCommand>,

@@ -21,10 +21,8 @@ use crate::robot::channel::{Request, Role};
 use crate::robot::{AgentEvent, BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
 use crate::script::ScriptExit;
 
-/// The reason to end the behaviour, once there is one.
 type Stop = watch::Receiver<Option<EndReason>>;
 
-/// The context that every behaviour of a run needs.
 #[derive(Clone)]
 pub(super) struct LaunchContext {
     pub(super) launcher: Launcher,
@@ -35,12 +33,10 @@ pub(super) struct LaunchContext {
     pub(super) stop: Stop,
     /// The longest silence of a host that does not drive.
     pub(super) longest_silence: Duration,
-    /// The channel to viewers.
     pub(super) viewers: ViewerChannel,
     pub(super) bus: Bus,
 }
 
-/// A saved text that a host has loaded.
 struct Loaded {
     host: Prepared,
     source: Vec<u8>,
@@ -48,7 +44,6 @@ struct Loaded {
 
 type Loading = Pin<Box<dyn Future<Output = Result<Loaded, ScriptExit>> + Send>>;
 
-/// A behaviour and its restarts.
 pub(super) struct RestartLoop {
     context: LaunchContext,
     by: BehaviourId,
@@ -100,8 +95,7 @@ impl RestartLoop {
         self.by
     }
 
-    /// Whether the file is watched, so that a text that cannot be loaded may be corrected during
-    /// the run.
+    /// A text that cannot be loaded may be corrected during the run.
     pub(super) fn is_watched(&self) -> bool {
         self.reloads.is_some()
     }
@@ -134,8 +128,8 @@ impl RestartLoop {
         }
     }
 
-    /// Runs a behaviour from its first line to its last. Returns its ending, and a text that was
-    /// saved and loaded meanwhile. The old text runs until the new one is loaded.
+    /// Returns how it has ended, and a text that was saved and loaded meanwhile. The old text runs
+    /// until the new one is loaded.
     async fn live(&mut self, host: Prepared) -> (ScriptExit, Option<Loaded>) {
         let LaunchContext {
             requests,
@@ -222,7 +216,6 @@ impl RestartLoop {
         }
     }
 
-    /// Publishes on the bus how it has ended, after running for `ran`.
     pub(super) fn publish_ended(&self, exit: &ScriptExit, ran: Duration) {
         self.context.bus.publish(AgentEvent::Ended {
             behaviour: self.name().to_owned(),
@@ -232,7 +225,6 @@ impl RestartLoop {
         });
     }
 
-    /// Gives the behaviour up, with an alarm and a log message for people.
     async fn give_up(&self, exit: &ScriptExit) {
         let behaviour = self.name();
         let reason = exit.reason;
@@ -288,8 +280,7 @@ impl RestartLoop {
         }
     }
 
-    /// Waits for a text that is being loaded while nothing runs; `None`: it cannot be loaded, or
-    /// the run ends.
+    /// `None`: the text cannot be loaded, or the run ends.
     async fn finish(&mut self, loading: Loading) -> Option<Loaded> {
         tokio::select! {
             biased;
@@ -370,7 +361,6 @@ fn check_text(launch: &Launch, inspector: Option<Inspector>) -> Result<(), Scrip
     })
 }
 
-/// Logs how a behaviour ended.
 pub(super) fn report(name: &str, exit: &ScriptExit) {
     let reason = exit.reason;
     let message = exit.message.as_deref().unwrap_or(reason.sentence());
@@ -382,7 +372,6 @@ pub(super) fn report(name: &str, exit: &ScriptExit) {
     }
 }
 
-/// Waits until the behaviour is to end.
 async fn stopped(stop: &mut Stop) -> EndReason {
     let reason = stop.wait_for(Option::is_some).await;
     reason

@@ -19,8 +19,7 @@ use crate::script::{ScriptExit, suggestion};
 
 /// The most queued commands; with a full queue a command is refused.
 const MAX_COMMANDS: usize = 32;
-/// The longest time that a person waits for a command: a script's last words, and the loading of
-/// the next one.
+/// How long a person waits: for a script's last words and the loading of the next one.
 const ANSWER: Duration = Duration::from_secs(10);
 
 /// Why a behaviour cannot be created from its file.
@@ -189,19 +188,15 @@ impl RosterError {
     }
 }
 
-/// The channel for a command's outcome.
 pub(super) type Reply = oneshot::Sender<Result<(), RosterError>>;
 
-/// A command to the behaviour set.
 #[derive(Debug)]
 pub(super) enum RosterCommand {
     /// Start the behaviour, and end it after this time if it still runs then.
     Start(String, Option<Duration>, Reply),
-    /// End it, with this reason.
     Stop(String, EndReason, Reply),
     /// End all of them, also those that are to be started again. The reply does not wait for that.
     StopAll(Reply),
-    /// End it if it runs, then start it.
     Restart(String, Reply),
     /// Replace the known behaviours. Running behaviours continue.
     Define(Vec<BehaviourSpec>, Reply),
@@ -247,9 +242,6 @@ impl Roster {
     }
 
     /// Starts a behaviour; returns when its script is loaded and begins.
-    ///
-    /// # Errors
-    /// See [`RosterError`].
     pub async fn start(&self, name: &str) -> Result<(), RosterError> {
         self.send_command(|reply| RosterCommand::Start(name.to_owned(), None, reply))
             .await
@@ -257,18 +249,12 @@ impl Roster {
 
     /// Starts a behaviour, and ends it after it has run for `time_limit`, unless it has ended
     /// before. A restart resets the time.
-    ///
-    /// # Errors
-    /// See [`RosterError`].
     pub async fn start_for(&self, name: &str, time_limit: Duration) -> Result<(), RosterError> {
         self.send_command(|reply| RosterCommand::Start(name.to_owned(), Some(time_limit), reply))
             .await
     }
 
     /// Ends a behaviour; returns when it has ended, after its last words. It is not restarted.
-    ///
-    /// # Errors
-    /// See [`RosterError`].
     pub async fn stop(&self, name: &str) -> Result<(), RosterError> {
         let reason = EndReason::Cancelled;
         self.send_command(|reply| RosterCommand::Stop(name.to_owned(), reason, reply))
@@ -280,11 +266,8 @@ impl Roster {
         self.stops.subscribe()
     }
 
-    /// Ends all behaviours, also those that an earlier command starts or restarts; returns when they
-    /// have ended.
-    ///
-    /// # Errors
-    /// See [`RosterError`].
+    /// Ends all behaviours, also those that an earlier command starts or restarts; returns when
+    /// they have ended.
     pub async fn stop_all(&self) -> Result<(), RosterError> {
         self.stops.send_modify(|stops| *stops += 1);
         self.send_command(RosterCommand::StopAll).await?;
@@ -300,18 +283,12 @@ impl Roster {
 
     /// Ends a behaviour if it runs, and starts it from the present text of its file. If the text
     /// cannot be loaded, the behaviour stays ended.
-    ///
-    /// # Errors
-    /// See [`RosterError`].
     pub async fn restart(&self, name: &str) -> Result<(), RosterError> {
         self.send_command(|reply| RosterCommand::Restart(name.to_owned(), reply))
             .await
     }
 
     /// Replaces the known behaviours; running behaviours continue.
-    ///
-    /// # Errors
-    /// See [`RosterError`].
     pub async fn define(&self, specs: Vec<BehaviourSpec>) -> Result<(), RosterError> {
         self.send_command(|reply| RosterCommand::Define(specs, reply))
             .await
@@ -335,9 +312,6 @@ impl Roster {
 
     /// Changes a parameter of a running behaviour, until it is restarted. The behaviour makes the
     /// final decision: it logs a value that it refuses.
-    ///
-    /// # Errors
-    /// See [`RosterError`].
     pub fn change_param(
         &self,
         behaviour: &str,
@@ -396,4 +370,47 @@ impl Roster {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use tokio::time::sleep;
+
+    use super::*;
+
+    impl Roster {
+        /// A roster without behaviours: for each start and stop the test gets its text and the
+        /// channel for its outcome.
+        pub(crate) fn fake(
+            statuses: watch::Receiver<Vec<BehaviourStatus>>,
+        ) -> (Roster, mpsc::UnboundedReceiver<(String, Reply)>) {
+            let (roster, mut commands) = Roster::new(statuses, ViewerChannel::default());
+            let (shown, taken) = mpsc::unbounded_channel();
+            tokio::spawn(async move {
+                while let Some(command) = commands.recv().await {
+                    let text = format!("{command:?}");
+                    let (RosterCommand::Start(_, _, reply) | RosterCommand::Stop(_, _, reply)) =
+                        command
+                    else {
+                        continue;
+                    };
+                    let _ = shown.send((text, reply));
+                }
+            });
+            (roster, taken)
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_patient_command_waits_for_its_outcome_longer_than_a_person_does() {
+        let (roster, mut commands) = Roster::fake(watch::Sender::new(Vec::new()).subscribe());
+        let slow = async {
+            let (_, first) = commands.recv().await.unwrap();
+            let (_, second) = commands.recv().await.unwrap();
+            sleep(2 * ANSWER).await;
+            for reply in [first, second] {
+                let _ = reply.send(Ok(()));
+            }
+        };
+        let patient = roster.without_timeout();
+        let (hasty, patient, ()) = tokio::join!(roster.start("go"), patient.start("go"), slow);
+        assert_eq!((hasty, patient), (Err(RosterError::Busy), Ok(())));
+    }
+}

@@ -2,25 +2,32 @@
 //! on the driving core, stops all motion at the first signal, and ends when its last commands are
 //! acknowledged.
 
+use std::io;
+use std::pin::pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
+use rand::SeedableRng as _;
+use rand::rngs::StdRng;
 use tokio::runtime;
-use tokio::sync::{mpsc, watch};
-use tokio::time::timeout;
+use tokio::sync::{Mutex, mpsc, watch};
+use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{info, warn};
 
-use super::AgentError;
-use super::rescue;
-use super::restart_loop::LaunchContext;
-use crate::behaviour::{Launch, Launcher};
-use crate::link::LinkError;
+use super::restart_loop::{LaunchContext, RestartLoop};
+use super::{AgentError, Behaviour};
+use crate::behaviour::{Launch, Launcher, Library, RestartPolicy};
+use crate::link::{Backoff, LinkError, Options, Session, Supervision};
 use crate::pilot::{
     self, Connector, Delivery, Heartbeat, LinkState, Pilot, Reactions, Settings, Status,
 };
-use crate::robot::channel::{MAX_REQUESTS, Request};
-use crate::robot::{Bus, Pictures, ViewerChannel};
+use crate::robot::channel::{MAX_REQUESTS, Request, Role};
+use crate::robot::{BehaviourId, Bus, EndReason, Pictures, Priority, ViewerChannel};
+use crate::safety::Rescue;
+use crate::script;
 
 /// How long the last writes and the closing of the link may take.
 const LINK_END: Duration = Duration::from_millis(2500);
@@ -100,22 +107,24 @@ impl PilotSetup {
         &self.core
     }
 
-    /// Runs the rescue behaviour from now on whenever the watchdog wants it. Its hosts are started
-    /// on the calling task's runtime.
-    pub fn stand_by(&mut self, launcher: Launcher, launch: Launch) {
-        // The rescue behaviour is ended separately.
-        let (_, stop) = watch::channel(None);
-        let context = LaunchContext {
+    /// What behaviours are launched with; each one is given its own `stop`.
+    pub(super) fn launch_context(&self, launcher: Launcher) -> LaunchContext {
+        LaunchContext {
             launcher,
             core: self.core.clone(),
             requests: self.requests(),
             frames: self.frames(),
-            stop,
+            stop: watch::channel(None).1,
             longest_silence: self.longest_silence(),
             viewers: ViewerChannel::default(),
             bus: self.bus.clone(),
-        };
-        let standing_by = rescue::stand_by(context, launch, self.status());
+        }
+    }
+
+    /// Runs the rescue behaviour from now on whenever the watchdog wants it. Its hosts are started
+    /// on the calling task's runtime.
+    pub fn stand_by(&mut self, launcher: Launcher, launch: Launch) {
+        let standing_by = stand_by(self.launch_context(launcher), launch, self.status());
         self.rescue = Some(AbortOnDropHandle::new(tokio::spawn(standing_by)));
     }
 
@@ -149,7 +158,6 @@ impl PilotSetup {
 /// A running pilot. Dropping it drops the pilot, whose writer sends the watchdog's last words.
 pub struct RunningPilot {
     pilot: AbortOnDropHandle<Result<Delivery, LinkError>>,
-    /// The pilot has ended.
     ended: bool,
     shutdown: pilot::Shutdown,
     status: watch::Receiver<Status>,
@@ -165,9 +173,6 @@ impl RunningPilot {
     }
 
     /// Waits until the robot is connected. Cancel-safe.
-    ///
-    /// # Errors
-    /// See [`RunningPilot::failure`].
     pub async fn connected(&mut self) -> Result<(), AgentError> {
         let mut status = self.status.clone();
         tokio::select! {
@@ -205,7 +210,15 @@ impl RunningPilot {
     /// Waits until a robot with a low battery is home, also across lost links; returns at once if
     /// none is away, or the pilot has ended. Returns whether one was away. Cancel-safe.
     pub fn wait_until_home(&self) -> impl Future<Output = bool> + Send + use<> {
-        wait_until_home(self.status.clone())
+        let mut status = self.status.clone();
+        async move {
+            if !is_away(&status.borrow_and_update()) {
+                return false;
+            }
+            info!("battery low: staying until the robot is on its station (Ctrl-C leaves now)");
+            let _ = status.wait_for(|status| !is_away(status)).await;
+            true
+        }
     }
 
     /// Stops the tracks, then closes the link when the last commands are acknowledged, or the time
@@ -234,11 +247,137 @@ fn is_away(status: &Status) -> bool {
     status.low && !status.docked
 }
 
-async fn wait_until_home(mut status: watch::Receiver<Status>) -> bool {
-    if !is_away(&status.borrow_and_update()) {
-        return false;
+/// Its name in the log.
+pub const RESCUE_NAME: &str = "rescue";
+/// Other behaviours are numbered from 0.
+pub(super) const RESCUER: BehaviourId = BehaviourId(u16::MAX);
+
+/// The rescue behaviour to launch, with `options` for its VM; `None`: the config has none.
+/// Fails if its file cannot be read.
+pub fn rescue(choice: &Rescue, options: script::Options) -> io::Result<Option<Launch>> {
+    let (source, library) = match choice {
+        Rescue::Off => return Ok(None),
+        Rescue::Builtin => (script::RESCUE.into(), Library::default()),
+        Rescue::File(path) => {
+            let folder = path.parent().unwrap_or(path);
+            (
+                crate::behaviour::read_source(path)?,
+                Library::new(folder.to_owned()),
+            )
+        }
+    };
+    Ok(Some(Launch {
+        source,
+        options,
+        library,
+    }))
+}
+
+/// Runs the rescue behaviour whenever the watchdog wants it. Never returns while the pilot runs.
+pub(super) async fn stand_by(
+    context: LaunchContext,
+    launch: Launch,
+    mut status: watch::Receiver<Status>,
+) {
+    while until(true, &mut status).await {
+        info!("starts the rescue behaviour, which looks for the way to the station");
+        let stop = watch::Sender::new(None);
+        let context = LaunchContext {
+            stop: stop.subscribe(),
+            ..context.clone()
+        };
+        let restart_loop =
+            RestartLoop::new(context, RESCUER, Role::Rescuer, behaviour(launch.clone()));
+        let first = restart_loop.prepare().await;
+        let mut life = pin!(restart_loop.run(first));
+        let mut unwanted = status.clone();
+        tokio::select! {
+            biased;
+            // It has failed permanently: the watchdog continues without it.
+            _ = &mut life => {}
+            _ = until(false, &mut unwanted) => {
+                stop.send_replace(Some(EndReason::Cancelled));
+                life.await;
+            }
+        }
+        until(false, &mut status).await;
     }
-    info!("battery low: staying until the robot is on its station (Ctrl-C leaves now)");
-    let _ = status.wait_for(|status| !is_away(status)).await;
-    true
+}
+
+/// Waits until the watchdog wants it, or no longer does; `false`: the pilot has ended.
+async fn until(wanted: bool, status: &mut watch::Receiver<Status>) -> bool {
+    let changed = status.wait_for(|status| status.rescue == wanted).await;
+    changed.is_ok()
+}
+
+fn behaviour(launch: Launch) -> Behaviour {
+    Behaviour {
+        priority: Priority::default(),
+        launch,
+        checked: false,
+        restart: RestartPolicy::OnFailure(Default::default()),
+        reloads: None,
+    }
+}
+
+/// Counts the failed attempts to reach a robot. Cheap to clone.
+#[derive(Debug, Clone, Default)]
+pub struct ConnectAttempts(Arc<AtomicU32>);
+
+impl ConnectAttempts {
+    /// The number of failed attempts.
+    pub fn count(&self) -> u32 {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Returns a connector whose first call repeats `connector`, with growing pauses, until the robot
+/// accepts the login; only a refused password ends that. Later calls make one attempt each.
+pub fn retry_until_connected(
+    connector: Connector,
+    options: Options,
+    seed: u64,
+    attempts: ConnectAttempts,
+) -> Connector {
+    // The pilot makes one call after the other, so this lock is never contended.
+    let connector = Arc::new(Mutex::new(connector));
+    let mut first = true;
+    Box::new(move |supervision| {
+        let connector = connector.clone();
+        let options = options.clone();
+        let attempts = attempts.clone();
+        let is_first = std::mem::take(&mut first);
+        Box::pin(async move {
+            let mut connector = connector.lock().await;
+            if is_first {
+                connect_with_retries(&mut connector, supervision, &options, seed, &attempts).await
+            } else {
+                (*connector)(supervision).await
+            }
+        })
+    })
+}
+
+async fn connect_with_retries(
+    connector: &mut Connector,
+    supervision: Supervision,
+    options: &Options,
+    seed: u64,
+    attempts: &ConnectAttempts,
+) -> Result<Session, LinkError> {
+    let mut backoff = Backoff::new(options);
+    let mut rng = StdRng::seed_from_u64(seed);
+    let mut logged = String::new();
+    loop {
+        let error = match connector(supervision.clone()).await {
+            Err(error) if !error.is_final() => error.to_string(),
+            answered => return answered,
+        };
+        attempts.0.fetch_add(1, Ordering::Relaxed);
+        if error != logged {
+            tracing::info!("{error}; trying until it answers, Ctrl-C ends");
+            logged = error;
+        }
+        sleep(backoff.next(&mut rng)).await;
+    }
 }

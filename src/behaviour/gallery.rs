@@ -1,7 +1,6 @@
-//! Saves marked copies of the frames that a script analysed, for people to view: the newest
-//! hundred, in a folder. A separate thread draws and writes them, so that they neither use the
-//! script's budget nor delay the reaction to a frame. Frames that arrive while that thread is busy
-//! are not saved.
+//! Saves marked copies of the newest hundred frames that a script analysed. A separate thread draws
+//! and writes them, at the cost of neither the script's budget nor its reaction to a frame; frames
+//! that arrive while it is busy are skipped.
 
 use std::io;
 use std::path::PathBuf;
@@ -19,13 +18,12 @@ use crate::vision::{Annotation, Decoder, annotate};
 
 /// Maximum number of pictures in the folder; after that the oldest is overwritten.
 const PICTURES: usize = 100;
-/// Maximum length of a file, in bytes.
 const LONGEST: usize = 512 * 1024;
 /// JPEG qualities, tried in this order until the file is short enough.
 const QUALITIES: [u8; 2] = [85, 40];
 
-/// See the module. Dropping it waits until the last pictures are written, since the last frame a
-/// script saw is usually the most interesting one.
+/// Dropping it waits until the last pictures are written: the last frame that a script saw is
+/// usually the most interesting one.
 #[derive(Debug)]
 pub(super) struct Gallery {
     /// Taken in `drop`, which ends the thread.
@@ -38,10 +36,6 @@ pub(super) struct Gallery {
 }
 
 impl Gallery {
-    /// Starts the thread that writes to this folder.
-    ///
-    /// # Errors
-    /// If the system cannot start a thread.
     pub(super) fn open(folder: PathBuf, limits: &Limits) -> io::Result<Gallery> {
         let (frames, waiting) = sync_channel::<AnnotatedFrame>(1);
         let (complaints, trouble) = sync_channel(1);
@@ -73,8 +67,7 @@ impl Gallery {
         gallery
     }
 
-    /// Queues a picture to be written; skips it if the queue is full. Never waits, unless the
-    /// gallery is blocking.
+    /// Skips the picture if the queue is full; never waits, unless the gallery is blocking.
     pub(super) fn offer(&self, annotated: AnnotatedFrame) {
         let Some(frames) = &self.frames else {
             return;
@@ -86,8 +79,7 @@ impl Gallery {
         }
     }
 
-    /// Returns why a picture was not saved, once: for the first failure. Later pictures are tried
-    /// regardless.
+    /// Why a picture was not saved, once: for the first failure.
     pub(super) fn take_error(&mut self) -> Option<String> {
         let trouble = self.trouble.as_ref()?.try_recv().ok()?;
         self.trouble = None;
@@ -163,8 +155,7 @@ fn name(number: usize) -> String {
     format!("{number:02}.jpg")
 }
 
-/// The number after the newest file of an earlier run, so that the folder always holds the newest
-/// pictures.
+/// The number after the newest file of an earlier run: the newest pictures are kept.
 fn behind_newest(folder: &Folder) -> io::Result<usize> {
     let mut written = [None; PICTURES];
     for item in folder.items()? {

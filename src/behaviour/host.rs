@@ -12,7 +12,7 @@ use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::gallery::Gallery;
 use super::message::{FromHost, Launch, ToHost};
-use super::pipe::{Receiver, Sender};
+use super::message::{Receiver, Sender};
 use super::store_writer::StoreWriter;
 use crate::check;
 use crate::clock::until;
@@ -29,8 +29,7 @@ const IDLE_BEAT: Duration = Duration::from_millis(500);
 /// a debug build.
 pub const STACK: usize = 8 << 20;
 
-/// Runs a host process, from its confinement to its exit code. The arguments describe its
-/// `SandboxPolicy`.
+/// Runs a host process; the arguments describe its `SandboxPolicy`.
 pub fn host_main(arguments: impl Iterator<Item = OsString>) -> ExitCode {
     let life = std::thread::Builder::new()
         .name("vm".into())
@@ -68,9 +67,7 @@ fn over_stdin() -> io::Result<()> {
 
 /// Serves one script over any byte streams. Returns when the script has ended or the agent has
 /// closed the stream.
-///
-/// # Errors
-/// If the stream breaks or carries an invalid message.
+/// Fails if the stream breaks or carries an invalid message.
 pub async fn host(
     reader: impl AsyncRead + Send + Unpin + 'static,
     writer: impl AsyncWrite + Send + Unpin + 'static,
@@ -78,7 +75,6 @@ pub async fn host(
     serve(reader, writer, Time::Real).await
 }
 
-/// Whether the host runs in real or in virtual time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Time {
     Real,
@@ -151,17 +147,12 @@ struct Host {
     script: Script,
     inbox: Receiver<ToHost>,
     outbox: Sender<FromHost>,
-    /// A frame was requested and has not arrived yet.
     frame_asked: bool,
-    /// The last frame that arrived was damaged.
     damaged: bool,
     /// The bytes of the next frame received so far.
     partial_frame: Vec<u8>,
-    /// Saves marked frames for people to view.
     gallery: Option<Gallery>,
-    /// Whether to report detections to viewers.
     detections: bool,
-    /// Writes the script's store to its file.
     store: Option<StoreWriter>,
     /// In virtual time no idle sign of life is sent.
     time: Time,
@@ -179,7 +170,6 @@ fn restore(script: &mut Script, store: &StoreWriter) -> Option<String> {
         .map(|error| store.set_aside(&error.to_string()))
 }
 
-/// A warning of the host in the script's log.
 fn warning(text: String) -> FromHost {
     FromHost::Output(Output::Log(LogLine {
         level: Level::Warn,
@@ -190,8 +180,7 @@ fn warning(text: String) -> FromHost {
 }
 
 impl Host {
-    /// Processes the initial messages until the agent sends `Run`. Returns false if the agent has
-    /// closed the stream.
+    /// Handles messages until the agent sends `Run`; false if the agent has closed the stream.
     async fn prepare(&mut self) -> io::Result<bool> {
         while let Some(message) = self.inbox.next().await? {
             if let ToHost::Run = message {
@@ -285,8 +274,7 @@ impl Host {
         }
     }
 
-    /// Reports and saves the frame that the script analysed. Runs after the output, which must not
-    /// wait for pictures.
+    /// Runs after the output, which must not wait for pictures.
     async fn report_sighting(&mut self) -> io::Result<()> {
         let annotated = self.script.take_annotated_frame();
         if let Some(annotated) = &annotated
@@ -351,4 +339,93 @@ fn unwritten(trouble: &str) -> FromHost {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use std::time::Duration;
+
+    use bytes::Bytes;
+    use tokio::time::timeout;
+
+    use super::*;
+    use crate::behaviour::Library;
+    use crate::robot::Frame;
+    use crate::script::Options;
+
+    const JPEG: &[u8] = include_bytes!("../../tests/fixtures/ball-422.jpg");
+
+    async fn host_of(source: &str) -> (Sender<ToHost>, Receiver<FromHost>) {
+        host_in(Time::Virtual, source).await
+    }
+
+    async fn host_in(time: Time, source: &str) -> (Sender<ToHost>, Receiver<FromHost>) {
+        let (near, far) = tokio::io::duplex(1 << 20);
+        let (reader, writer) = tokio::io::split(far);
+        tokio::task::spawn_local(serve(reader, writer, time));
+        let (reader, writer) = tokio::io::split(near);
+        let mut to = Sender::new(writer);
+        let from = Receiver::new(reader);
+        let launch = Launch {
+            source: source.into(),
+            options: Options::new("test", "test.lua"),
+            library: Library::default(),
+        };
+        to.send(&ToHost::Load(Box::new(launch))).await.unwrap();
+        to.send(&ToHost::Run).await.unwrap();
+        (to, from)
+    }
+
+    fn frame(seq: u64) -> ToHost {
+        let at = Instant::now();
+        let jpeg = Bytes::from_static(JPEG);
+        ToHost::Frame(Frame { seq, at, jpeg })
+    }
+
+    async fn next_request(from: &mut Receiver<FromHost>) -> (bool, Vec<String>) {
+        let mut lines = Vec::new();
+        loop {
+            let message = timeout(Duration::from_secs(60), from.next()).await.unwrap();
+            match message.unwrap().unwrap() {
+                FromHost::Output(Output::Log(line)) => lines.push(line.text),
+                FromHost::WantFrame { partial, .. } => return (partial, lines),
+                _ => {}
+            }
+        }
+    }
+
+    #[tokio::test(flavor = "local")]
+    async fn a_script_sees_the_same_frame_however_it_is_split_into_parts() {
+        let look = "robot.on('frame', function(f) print(f:find_blobs('red')[1].pixels) end)";
+        let (mut to, mut from) = host_of(look).await;
+        assert!(!next_request(&mut from).await.0);
+        to.send(&frame(1)).await.unwrap();
+        let (partial, seen) = next_request(&mut from).await;
+        assert!(partial && seen.len() == 1, "{partial} {seen:?}");
+        for (number, cuts) in [[700, 1500], [100, JPEG.len() - 1], [0, 0]]
+            .iter()
+            .enumerate()
+        {
+            let mut at = 0;
+            for &cut in cuts {
+                let jpeg = Bytes::from_static(&JPEG[at..cut]);
+                to.send(&ToHost::PartialFrame { at, jpeg }).await.unwrap();
+                at = cut;
+            }
+            to.send(&frame(number as u64 + 2)).await.unwrap();
+            assert_eq!(next_request(&mut from).await, (true, seen.clone()));
+        }
+        // A part in the middle was lost.
+        let jpeg = Bytes::from_static(&JPEG[900..]);
+        to.send(&ToHost::PartialFrame { at: 900, jpeg })
+            .await
+            .unwrap();
+        to.send(&frame(9)).await.unwrap();
+        assert_eq!(next_request(&mut from).await, (true, seen));
+    }
+
+    #[tokio::test(flavor = "local")]
+    async fn partial_frames_are_not_requested_for_a_script_without_vision() {
+        let (mut to, mut from) = host_of("robot.on('frame', function(f) print(f.seq) end)").await;
+        next_request(&mut from).await;
+        to.send(&frame(1)).await.unwrap();
+        assert_eq!(next_request(&mut from).await, (false, vec!["1".to_owned()]));
+    }
+}

@@ -58,18 +58,13 @@ impl Inspector {
     }
 
     /// Uses the running executable.
-    ///
-    /// # Errors
-    /// If the path of the executable cannot be determined.
+    /// Fails if the path of the executable cannot be determined.
     pub fn of_this_executable() -> io::Result<Inspector> {
         Worker::of_this_executable(INSPECTION).map(Inspector)
     }
 
     /// Inspects a text. `folder` is the folder of its file, relative to the behaviour's folder.
     /// Blocks.
-    ///
-    /// # Errors
-    /// See [`InspectionError`].
     pub fn inspect(
         &self,
         source: &[u8],
@@ -92,9 +87,6 @@ impl Inspector {
 
     /// Returns the errors that prevent the script from running with these options, without the
     /// warnings.
-    ///
-    /// # Errors
-    /// See [`Inspector::inspect`].
     pub fn errors(
         &self,
         source: &[u8],

@@ -10,7 +10,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::files::{Folder, ReadError};
 use crate::script::{MAX_SOURCE, ModuleFile, ModuleName, suggestion};
 
-/// Extensions of module files.
 const ENDINGS: [&str; 2] = [".lua", ".luau"];
 
 /// Why a module cannot be loaded, in words for the script's author.
@@ -41,9 +40,6 @@ impl Library {
     }
 
     /// Reads a module. Blocks on disk access.
-    ///
-    /// # Errors
-    /// See [`LibraryError`].
     pub fn fetch(&self, name: &ModuleName) -> Result<ModuleFile, LibraryError> {
         let Some(root) = &self.folder else {
             let words = "this behaviour has no folder to load modules from";

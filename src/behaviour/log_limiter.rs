@@ -1,6 +1,5 @@
-//! Limits how many of a host's lines reach the log: lines per second, bytes per day, and the length
-//! of each line. An honest host limits its script's lines itself; this limit also holds for a
-//! compromised host.
+//! Limits a host's lines in the log, per second and per day, and the length of each. An honest host
+//! limits itself; this also holds for a compromised one.
 
 use std::time::Duration;
 
@@ -17,12 +16,10 @@ const REPORT_INTERVAL: Duration = Duration::from_secs(60);
 /// Maximum length of a text, a field name and a field value, in characters; an honest host cuts
 /// them shorter.
 const LONGEST: usize = 4096;
-/// Maximum number of fields per line.
 const MAX_FIELDS: usize = 64;
 /// Bytes counted for each line besides its text: time, level, names.
 const OVERHEAD: usize = 80;
 
-/// See the module.
 #[derive(Debug)]
 pub(super) struct LogLimiter {
     day: Budget,
@@ -31,13 +28,10 @@ pub(super) struct LogLimiter {
     reports: Repeats<()>,
 }
 
-/// The outcome for a line.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Admission {
-    /// The line is written, possibly shortened.
     Written(LogLine),
-    /// The line is dropped, and this must be reported, with the number of lines dropped since the
-    /// last report.
+    /// Dropped, to be reported with the number of lines dropped since the last report.
     Dropped(u64),
     /// The line is dropped; a recent report already said so.
     DroppedSilently,
@@ -98,7 +92,6 @@ fn cost(line: &LogLine) -> u64 {
     (OVERHEAD + line.text.len() + fields) as u64
 }
 
-/// Writes a script's line to the agent's log.
 pub(super) fn log(behaviour: &str, line: &LogLine) {
     let fields: Vec<String> = line
         .fields

@@ -2,18 +2,14 @@
 //! side) and the messages between them. The agent runs no Lua and no image decoder, so a crash in a
 //! host affects only its own behaviour.
 
-mod frame_progress;
 mod gallery;
 mod host;
 mod inspection;
 mod library;
-mod liveness;
 mod log_limiter;
 mod message;
 mod name;
-mod pipe;
 mod policy;
-mod prepared;
 mod process;
 mod repl_channel;
 mod report_limiter;
@@ -29,8 +25,7 @@ pub use name::{MAX_NAME, NameError, name_of, validate_name};
 pub use policy::{
     RestartDecision, RestartPolicy, RestartTracker, Restarts, UnknownPolicy, is_failure,
 };
-pub use prepared::Prepared;
-pub use process::{HOST_ARGUMENT, HostProcess, Launcher};
+pub use process::{HOST_ARGUMENT, HostProcess, Launcher, Prepared};
 pub use repl_channel::{PromptCommand, PromptMessage, ReplChannel};
 pub use supervisor::{Handle, Supervisor};
 pub use watch::{Reload, ScriptWatcher, read_source};

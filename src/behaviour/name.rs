@@ -17,9 +17,6 @@ pub struct NameError {
 }
 
 /// Returns the name of the behaviour in this file: the file name without its last extension.
-///
-/// # Errors
-/// See [`NameError`].
 pub fn name_of(file: &Path) -> Result<String, NameError> {
     let stem = file.file_stem().unwrap_or_default();
     match stem.to_str() {
@@ -29,9 +26,6 @@ pub fn name_of(file: &Path) -> Result<String, NameError> {
 }
 
 /// Checks that a behaviour may have this name.
-///
-/// # Errors
-/// See [`NameError`].
 pub fn validate_name(name: &str) -> Result<(), NameError> {
     let why = if name.is_empty() {
         "it is empty"

@@ -7,17 +7,27 @@ use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
+use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite};
 use tokio::net::UnixStream;
 use tokio::process::{Child, ChildStderr, Command};
-use tokio::runtime::Handle;
-use tokio::task::JoinHandle;
+use tokio::runtime::{Handle, Handle as Runtime};
+use tokio::sync::mpsc;
+use tokio::task::{AbortHandle, JoinHandle};
+use tokio::time::timeout;
 
 use super::host::{Time, serve};
 use super::inspection::Inspector;
+use super::library::Library;
+use super::log_limiter::LogLimiter;
+use super::message::{FromHost, Launch, Receiver, Sender, ToHost};
+use super::name::validate_name;
+use super::report_limiter::ReportLimiter;
 use crate::files::Folder;
+use crate::robot::{BehaviourId, EndReason, Priority};
 use crate::sandbox::{self, SandboxPolicy};
+use crate::script::{ModuleName, NoModule, ScriptExit};
 
 /// The hidden argument that makes the executable run as a host.
 pub const HOST_ARGUMENT: &str = "__host";
@@ -27,9 +37,7 @@ const MAX_LAST_WORDS: u64 = 4096;
 /// Capacity of an in-memory pipe in bytes: a few frames. A writer waits while it is full.
 const PIPE_LEN: usize = 64 * 1024;
 
-/// The agent's reading end of a host's pipe.
 pub(super) type PipeReader = Box<dyn AsyncRead + Send + Unpin>;
-/// The agent's writing end of a host's pipe.
 pub(super) type PipeWriter = Box<dyn AsyncWrite + Send + Unpin>;
 
 /// How to start a host.
@@ -55,9 +63,7 @@ impl Launcher {
     }
 
     /// Starts hosts from the running executable.
-    ///
-    /// # Errors
-    /// If the path of the executable cannot be determined.
+    /// Fails if the path of the executable cannot be determined.
     pub fn this_executable() -> io::Result<Launcher> {
         std::env::current_exe().map(Launcher::new)
     }
@@ -73,15 +79,10 @@ impl Launcher {
         self.executable.is_none()
     }
 
-    /// Starts a host that can open only files in `folders`, which are created if necessary. Also
-    /// returns the agent's ends of its pipe, which the runtime `core` serves.
-    ///
-    /// Blocks on the disk and on the new process, so it must not be called on the driving core. The
-    /// calling thread must live as long as the agent: the host dies with the thread that started
-    /// it.
-    ///
-    /// # Errors
-    /// Any error of the system; a folder that is a symbolic link.
+    /// Starts a host that can open only files in `folders`, which are created if necessary. The
+    /// runtime `core` serves the agent's ends of its pipe. Blocks on the disk and on the new
+    /// process: not for the driving core. The calling thread must live as long as the agent: the
+    /// host dies with it. Fails if a folder is a symbolic link.
     pub(super) fn start(
         &self,
         folders: &[&Path],
@@ -129,12 +130,9 @@ fn start_task() -> (HostProcess, PipeReader, PipeWriter) {
     (process, Box::new(from_host), Box::new(to_host))
 }
 
-/// Creates a folder that only its user can access; an existing one is left unchanged. If it cannot
-/// be created nothing can be saved, but the behaviour runs anyway.
-///
-/// # Errors
-/// If there is a symbolic link in its place: the author of the link would decide where this user's
-/// files are written.
+/// Creates a folder that only its user can access. If it cannot be created nothing can be saved,
+/// but the behaviour runs anyway; a symbolic link in its place is an error, because its author
+/// would decide where this user's files are written.
 fn make_private(folder: &Path) -> io::Result<()> {
     match Folder::make(folder) {
         Ok(_) => Ok(()),
@@ -156,11 +154,9 @@ pub struct HostProcess {
 enum Life {
     Child(Child),
     Task(JoinHandle<io::Result<()>>),
-    /// A task that has ended and whose result was taken.
     Over,
 }
 
-/// How a host ended.
 #[derive(Debug)]
 pub(super) enum Exit {
     Process(ExitStatus),
@@ -179,8 +175,7 @@ impl fmt::Display for Exit {
 }
 
 impl HostProcess {
-    /// Sends SIGKILL and waits until the process is reaped; a task is aborted at its current await
-    /// point.
+    /// Sends SIGKILL and reaps the process; a task is aborted at its current await point.
     pub(super) async fn kill(&mut self) -> io::Result<Exit> {
         match &mut self.life {
             Life::Child(child) => child.start_kill()?,
@@ -226,5 +221,157 @@ impl Drop for HostProcess {
         if let Life::Task(task) = &self.life {
             task.abort();
         }
+    }
+}
+
+/// Capacity of the queue of messages to a host.
+const MAX_WAITING: usize = 128;
+/// Maximum number of modules that a host may request in its lifetime; an honest one requests fewer.
+const MAX_MODULES: usize = 256;
+/// How long a host may take to load its script.
+const LOAD_TIME: Duration = Duration::from_secs(5);
+/// How long a host may take to exit after it reported its end.
+pub(super) const EXIT_TIME: Duration = Duration::from_millis(100);
+
+/// A behaviour whose script is loaded but does not run yet.
+#[derive(Debug)]
+pub struct Prepared {
+    pub(super) by: BehaviourId,
+    pub(super) name: String,
+    pub(super) priority: Priority,
+    pub(super) process: HostProcess,
+    pub(super) from_host: Receiver<FromHost>,
+    pub(super) to_host: mpsc::Sender<ToHost>,
+    pub(super) modules: mpsc::Sender<ModuleName>,
+    pump: AbortHandle,
+    /// False in virtual time, in which no sign of life is expected.
+    pub(super) in_real_time: bool,
+    pub(super) log_limiter: LogLimiter,
+    pub(super) report_limiter: ReportLimiter,
+}
+
+impl Prepared {
+    /// Starts a host and lets it load the script; the runtime `core` serves its pipe. The error is
+    /// in words for the script's author.
+    pub async fn start(
+        launcher: &Launcher,
+        core: &Runtime,
+        by: BehaviourId,
+        priority: Priority,
+        launch: Launch,
+    ) -> Result<Prepared, ScriptExit> {
+        let name = launch.options.name.clone();
+        let broken = |error: io::Error| {
+            exit(
+                EndReason::Error,
+                &format!("{name}: its host cannot be started: {error}"),
+            )
+        };
+        validate_name(&name).map_err(|error| exit(EndReason::Error, &error.to_string()))?;
+        let log_limiter = LogLimiter::new(launch.options.limits.log_bytes_a_day);
+        let folder = launch.options.data_dir.clone();
+        let report_limiter = ReportLimiter::new(name.clone(), folder, &launch.options.limits);
+        let started = launcher.start(&launch.options.folders(), core);
+        let (process, reader, writer) = started.map_err(broken)?;
+        let (from_host, to_host, pump) = connect(reader, writer, core);
+        let modules = serve_modules(
+            launch.library.clone(),
+            to_host.clone(),
+            launcher.is_in_this_thread(),
+        );
+        let mut prepared = Prepared {
+            by,
+            name: name.clone(),
+            priority,
+            process,
+            from_host,
+            to_host,
+            modules,
+            pump,
+            in_real_time: !launcher.is_in_this_thread(),
+            log_limiter,
+            report_limiter,
+        };
+        let _ = prepared.to_host.try_send(ToHost::Load(Box::new(launch)));
+        match timeout(LOAD_TIME, prepared.from_host.next()).await {
+            Ok(Ok(Some(FromHost::Ready))) => Ok(prepared),
+            Ok(Ok(Some(FromHost::Ended(exit)))) => Err(exit),
+            Ok(Ok(_)) => Err(prepared.failure_exit().await),
+            Ok(Err(error)) => Err(broken(error)),
+            Err(_) => Err(broken(io::ErrorKind::TimedOut.into())),
+        }
+    }
+
+    /// Describes the end of a host that exited without reporting a reason.
+    pub(super) async fn failure_exit(&mut self) -> ScriptExit {
+        let status = match timeout(EXIT_TIME, self.process.wait()).await {
+            Ok(status) => status,
+            Err(_) => self.process.kill().await,
+        };
+        let status = status.map_or_else(|error| error.to_string(), |status| status.to_string());
+        let words = timeout(EXIT_TIME, self.process.last_words())
+            .await
+            .unwrap_or_default();
+        let text = format!(
+            "{}: its process ended unexpectedly ({status}) {words}",
+            self.name
+        );
+        exit(EndReason::Error, text.trim_end())
+    }
+}
+
+impl Drop for Prepared {
+    fn drop(&mut self) {
+        self.pump.abort();
+    }
+}
+
+fn connect(
+    reader: PipeReader,
+    writer: PipeWriter,
+    core: &Runtime,
+) -> (Receiver<FromHost>, mpsc::Sender<ToHost>, AbortHandle) {
+    let (to_host, waiting) = mpsc::channel(MAX_WAITING);
+    let pump = core.spawn(Sender::new(writer).pump(waiting)).abort_handle();
+    (Receiver::new(reader), to_host, pump)
+}
+
+/// Reads modules for a host, one by one, on a thread that may block on the disk; with `here`, for
+/// virtual time, on the current thread.
+fn serve_modules(
+    library: Library,
+    to_host: mpsc::Sender<ToHost>,
+    here: bool,
+) -> mpsc::Sender<ModuleName> {
+    let (ask, mut asked) = mpsc::channel::<ModuleName>(MAX_MODULES);
+    tokio::spawn(async move {
+        let mut left = MAX_MODULES;
+        while let Some(name) = asked.recv().await {
+            left = match left.checked_sub(1) {
+                Some(left) => left,
+                None => return,
+            };
+            let source = library.clone();
+            let wanted = name.clone();
+            let refused = |error: &dyn std::fmt::Display| NoModule(error.to_string());
+            let fetch = move || source.fetch(&wanted).map_err(|error| refused(&error));
+            let file = if here {
+                fetch()
+            } else {
+                let fetched = tokio::task::spawn_blocking(fetch).await;
+                fetched.unwrap_or_else(|error| Err(refused(&error)))
+            };
+            if to_host.send(ToHost::Module(name, file)).await.is_err() {
+                return;
+            }
+        }
+    });
+    ask
+}
+
+pub(super) fn exit(reason: EndReason, message: &str) -> ScriptExit {
+    ScriptExit {
+        reason,
+        message: Some(message.to_owned()),
     }
 }

@@ -1,6 +1,5 @@
 //! Limits which of a host's reports reach the bus: a daily budget, short texts, and only files in
-//! its own data folder. An honest host limits its script's entries, messages and pictures itself;
-//! this limit also holds for a compromised host.
+//! its own data folder. An honest host limits itself; this also holds for a compromised one.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -18,7 +17,6 @@ const REPORT_INTERVAL: Duration = Duration::from_secs(60);
 /// Bytes counted for each entry besides its text.
 const OVERHEAD: usize = 100;
 
-/// See the module.
 #[derive(Debug)]
 pub(super) struct ReportLimiter {
     behaviour: String,
@@ -28,13 +26,10 @@ pub(super) struct ReportLimiter {
     reports: Repeats<()>,
 }
 
-/// The outcome for a report.
 #[derive(Debug, PartialEq)]
 pub(super) enum Admission {
-    /// It is passed on to the bus.
     Passed(AgentEvent),
-    /// It is dropped, and this must be reported, with the number of reports dropped since the last
-    /// report.
+    /// Dropped, to be reported with the number of reports dropped since the last one.
     Dropped(u64),
     /// It is dropped; a recent report already said so.
     DroppedSilently,
@@ -105,8 +100,7 @@ impl ReportLimiter {
         }
     }
 
-    /// Returns the path of a picture in the behaviour's own folder; `None` if `name` is not a valid
-    /// picture name.
+    /// The path of a picture in the own folder; `None` if `name` is not a picture's name.
     fn file(&self, name: &str) -> Option<PathBuf> {
         let folder = self.folder.as_ref()?;
         (script::picture_name(name).as_deref() == Some(name)).then(|| folder.join(name))

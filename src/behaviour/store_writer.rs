@@ -1,10 +1,6 @@
-//! Reads and writes the file of a script's store, in its data folder. The file is read at the start
-//! and written by a separate thread, so that neither the script nor a frame ever waits for the
-//! disk.
-//!
-//! Writes are atomic: the new content goes to a temporary file, which is synced to the disk and
-//! then renamed. Content whose write failed is written again, unless there is newer content. A
-//! damaged file is kept as `.bad`.
+//! Reads and writes the file of a script's store. A separate thread writes it, so that neither the
+//! script nor a frame waits for the disk: atomically, by renaming a synced temporary file, and
+//! again after a failure, unless there is newer content. A damaged file is kept as `.bad`.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -18,7 +14,6 @@ use crate::files::Folder;
 use crate::rate_limit::Budget;
 use crate::script::Limits;
 
-/// The file's name.
 const NAME: &str = "store.json";
 /// The name given to a damaged file.
 const BAD: &str = "store.json.bad";
@@ -31,17 +26,14 @@ const PACE: Duration = Duration::from_millis(900);
 /// Interval between writes when the daily budget is used up.
 const SLOW_PACE: Duration = Duration::from_secs(60);
 
-/// See the module.
 #[derive(Debug)]
 pub(super) struct StoreWriter {
     folder: PathBuf,
     /// `None` before the first write, and at the end.
     writer: Option<Writer>,
-    /// Starts the thread.
     start: fn(PathBuf, u64) -> io::Result<Writer>,
     /// The last problem, until [`StoreWriter::take_error`] takes it.
     error: Option<String>,
-    /// Earliest time of the next write.
     next: Option<Instant>,
     /// Content that the thread has not taken yet, or could not write.
     unsent: Option<Vec<u8>>,
@@ -52,7 +44,6 @@ pub(super) struct StoreWriter {
     /// Writes only at the end: see [`StoreWriter::at_the_end`].
     write_at_end: bool,
     day: Budget,
-    /// Bytes of the disk that must stay free.
     free: u64,
     /// `Some` if the daily budget was exceeded: whether that was reported.
     slow: Option<bool>,
@@ -66,7 +57,6 @@ struct Writer {
     thread: JoinHandle<()>,
 }
 
-/// A write that failed, and the content that it was to write.
 #[derive(Debug)]
 struct Failure {
     number: u64,
@@ -75,7 +65,6 @@ struct Failure {
 }
 
 impl StoreWriter {
-    /// Creates the writer of the store in this folder.
     pub(super) fn new(folder: PathBuf, limits: &Limits) -> StoreWriter {
         StoreWriter {
             folder,
@@ -102,9 +91,7 @@ impl StoreWriter {
     }
 
     /// Returns the content that an earlier run saved; `None` if there is none.
-    ///
-    /// # Errors
-    /// If the file exists and cannot be read.
+    /// Fails if the file exists and cannot be read.
     pub(super) fn read(&self) -> io::Result<Option<Vec<u8>>> {
         match Folder::open(&self.folder) {
             Ok(folder) => Ok(folder.read(NAME, LONGEST)?),
@@ -132,12 +119,10 @@ impl StoreWriter {
         self.next
     }
 
-    /// Whether content is waiting to be written.
     pub(super) fn is_behind(&self) -> bool {
         self.unsent.is_some() && !self.write_at_end
     }
 
-    /// Whether [`StoreWriter::offer`] may be called now.
     pub(super) fn is_due(&self, now: Instant) -> bool {
         self.next.is_none_or(|next| now >= next)
     }
@@ -272,8 +257,7 @@ impl Writer {
     }
 }
 
-/// Replaces the file atomically: afterwards it holds either all of the new content or all of the
-/// old.
+/// Afterwards the file holds either all of the new content or all of the old.
 fn replace(folder: &Path, content: &[u8], free: u64) -> io::Result<()> {
     let folder = Folder::make(folder)?;
     if folder.free()? < free.saturating_add(content.len() as u64) {
@@ -285,4 +269,216 @@ fn replace(folder: &Path, content: &[u8], free: u64) -> io::Result<()> {
 }
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+    use std::fs;
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+
+    #[test]
+    fn the_last_content_is_written_at_the_end_and_is_private() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("data");
+        let mut writer = StoreWriter::new(folder.clone(), &Limits::default());
+        assert!(writer.read().unwrap().is_none());
+        let now = Instant::now();
+        for number in 0..20 {
+            writer.offer(Some(format!("{number}").into_bytes()), now);
+        }
+        assert!(!writer.is_due(now) && writer.is_due(now + PACE));
+        assert_eq!(writer.finish(None), None);
+        assert_eq!(writer.read().unwrap().unwrap(), b"19");
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+        assert_eq!((mode(&folder), mode(&folder.join(NAME))), (0o700, 0o600));
+        assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn in_virtual_time_it_is_written_once_however_the_host_ends() {
+        let root = tempfile::tempdir().unwrap();
+        let file = root.path().join(NAME);
+        let mut writer = StoreWriter::at_the_end(root.path().to_owned(), &Limits::default());
+        writer.offer(Some(b"one".to_vec()), Instant::now());
+        writer.offer(Some(b"two".to_vec()), Instant::now());
+        assert!(!file.exists() && !writer.is_behind());
+        drop(writer);
+        assert_eq!(fs::read(&file).unwrap(), b"two");
+        let mut writer = StoreWriter::at_the_end(root.path().to_owned(), &Limits::default());
+        writer.offer(Some(b"three".to_vec()), Instant::now());
+        assert_eq!(writer.finish(None), None);
+        assert_eq!(fs::read(&file).unwrap(), b"three");
+        let mut writer = StoreWriter::at_the_end(root.path().to_owned(), &Limits::default());
+        writer.offer(Some(b"four".to_vec()), Instant::now());
+        assert_eq!(writer.finish(Some(b"five".to_vec())), None);
+        drop(writer);
+        assert_eq!(fs::read(&file).unwrap(), b"five");
+    }
+
+    #[test]
+    fn leftover_temporary_files_are_removed() {
+        let root = tempfile::tempdir().unwrap();
+        fs::write(root.path().join(".store-77"), "{\"a\": ").unwrap();
+        fs::write(root.path().join(NAME), "{}").unwrap();
+        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default());
+        assert_eq!(writer.read().unwrap().unwrap(), b"{}");
+        assert_eq!(writer.finish(Some(b"new".to_vec())), None);
+        assert_eq!(writer.read().unwrap().unwrap(), b"new");
+        assert_eq!(fs::read_dir(root.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_damaged_file_is_kept_aside() {
+        let root = tempfile::tempdir().unwrap();
+        fs::write(root.path().join(NAME), "{ torn").unwrap();
+        let warning =
+            StoreWriter::new(root.path().to_owned(), &Limits::default()).set_aside("torn");
+        assert!(
+            warning.contains("store.json.bad") && warning.contains("torn"),
+            "{warning}"
+        );
+        assert_eq!(fs::read(root.path().join(BAD)).unwrap(), b"{ torn");
+        assert!(!root.path().join(NAME).exists());
+    }
+
+    #[test]
+    fn a_symbolic_link_as_folder_or_file_is_not_followed() {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        fs::create_dir(path("elsewhere")).unwrap();
+        fs::write(path("elsewhere/store.json"), "{}").unwrap();
+        symlink(path("elsewhere"), path("data")).unwrap();
+        let mut writer = StoreWriter::new(path("data"), &Limits::default());
+        assert!(writer.read().is_err());
+        assert!(
+            writer
+                .finish(Some(b"1".to_vec()))
+                .unwrap()
+                .contains("symbolic link")
+        );
+        assert_eq!(fs::read(path("elsewhere/store.json")).unwrap(), b"{}");
+        fs::create_dir(path("own")).unwrap();
+        symlink(path("elsewhere/store.json"), path("own/store.json")).unwrap();
+        let mut writer = StoreWriter::new(path("own"), &Limits::default());
+        assert!(writer.read().is_err());
+        assert_eq!(writer.finish(Some(b"1".to_vec())), None);
+        assert_eq!(fs::read(path("elsewhere/store.json")).unwrap(), b"{}");
+        assert_eq!(fs::read(path("own/store.json")).unwrap(), b"1");
+    }
+
+    #[test]
+    fn a_store_over_its_daily_budget_is_written_once_a_minute() {
+        let root = tempfile::tempdir().unwrap();
+        let limits = Limits {
+            store_bytes_a_day: 48,
+            ..Limits::default()
+        };
+        let mut writer = StoreWriter::new(root.path().to_owned(), &limits);
+        let now = Instant::now();
+        writer.offer(Some(b"12".to_vec()), now);
+        assert!(writer.is_due(now + PACE) && writer.take_error().is_none());
+        writer.offer(Some(b"34".to_vec()), now + PACE);
+        assert!(!writer.is_due(now + PACE + PACE) && writer.is_due(now + PACE + SLOW_PACE));
+        assert!(writer.take_error().unwrap().contains("once per minute"));
+        assert!(writer.take_error().is_none());
+        assert_eq!(writer.finish(Some(b"56".to_vec())), None);
+        assert_eq!(writer.read().unwrap().unwrap(), b"56");
+    }
+
+    #[test]
+    fn nothing_is_written_to_a_full_disk() {
+        let root = tempfile::tempdir().unwrap();
+        let limits = Limits {
+            free_bytes: 1 << 50,
+            ..Limits::default()
+        };
+        let mut writer = StoreWriter::new(root.path().to_owned(), &limits);
+        let warning = writer.finish(Some(b"1".to_vec())).unwrap();
+        assert!(warning.contains("disk"), "{warning}");
+        assert!(!root.path().join(NAME).exists());
+    }
+
+    #[test]
+    fn a_thread_that_cannot_be_started_is_reported_and_tried_again() {
+        let root = tempfile::tempdir().unwrap();
+        let mut writer = StoreWriter::new(root.path().to_owned(), &Limits::default());
+        writer.start = |_, _| Err(io::Error::other("no more threads"));
+        let now = Instant::now();
+        writer.offer(Some(b"1".to_vec()), now);
+        let trouble = writer.take_error().unwrap();
+        assert!(trouble.contains("no more threads"), "{trouble}");
+        writer.offer(None, now + PACE);
+        assert_eq!((writer.is_behind(), writer.take_error()), (true, None));
+        writer.start = Writer::start;
+        assert_eq!(writer.finish(None), None);
+        assert_eq!(writer.read().unwrap().unwrap(), b"1");
+        writer.start = |_, _| Err(io::Error::other("no more threads"));
+        assert_eq!(writer.finish(Some(b"2".to_vec())), None);
+        assert_eq!(writer.read().unwrap().unwrap(), b"2");
+    }
+
+    /// A writer whose writes fail as long as the returned folder exists.
+    fn obstructed(root: &Path) -> (StoreWriter, PathBuf) {
+        let obstacle = root.join(".unfinished-store.json");
+        fs::create_dir(&obstacle).unwrap();
+        let writer = StoreWriter::new(root.to_owned(), &Limits::default());
+        (writer, obstacle)
+    }
+
+    fn wait_until(mut done: impl FnMut() -> bool) {
+        for _ in 0..6000 {
+            if done() {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        panic!("it did not happen within a minute");
+    }
+
+    #[test]
+    fn content_whose_write_failed_is_written_as_soon_as_that_is_possible() {
+        let root = tempfile::tempdir().unwrap();
+        let (mut writer, obstacle) = obstructed(root.path());
+        let now = Instant::now();
+        writer.offer(Some(b"1".to_vec()), now);
+        wait_until(|| writer.take_error().is_some());
+        assert!(writer.is_behind());
+        fs::remove_dir(obstacle).unwrap();
+        writer.offer(None, now + PACE);
+        assert!(!writer.is_behind());
+        wait_until(|| writer.read().unwrap().is_some());
+        assert_eq!(writer.read().unwrap().unwrap(), b"1");
+        assert_eq!((writer.take_error(), writer.finish(None)), (None, None));
+    }
+
+    #[test]
+    fn content_whose_write_failed_is_written_at_the_end() {
+        let root = tempfile::tempdir().unwrap();
+        let (mut writer, obstacle) = obstructed(root.path());
+        writer.offer(Some(b"1".to_vec()), Instant::now());
+        wait_until(|| writer.take_error().is_some());
+        fs::remove_dir(obstacle).unwrap();
+        assert_eq!(writer.finish(None), None);
+        assert_eq!(writer.read().unwrap().unwrap(), b"1");
+    }
+
+    #[test]
+    fn content_whose_write_failed_never_replaces_newer_content() {
+        let root = tempfile::tempdir().unwrap();
+        let (mut writer, obstacle) = obstructed(root.path());
+        let now = Instant::now();
+        writer.offer(Some(b"1".to_vec()), now);
+        writer.offer(Some(b"2".to_vec()), now + PACE);
+        wait_until(|| writer.take_error().is_some());
+        fs::remove_dir(obstacle).unwrap();
+        assert_eq!(writer.finish(None), None);
+        assert_eq!(writer.read().unwrap().unwrap(), b"2");
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_is_reported() {
+        let root = tempfile::tempdir().unwrap();
+        let file = root.path().join("file");
+        fs::write(&file, "").unwrap();
+        let mut writer = StoreWriter::new(file.join("data"), &Limits::default());
+        assert!(writer.finish(Some(b"1".to_vec())).is_some());
+    }
+}

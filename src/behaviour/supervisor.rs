@@ -1,22 +1,19 @@
-//! The agent side of one running behaviour: forwards messages in both directions, and ensures that
-//! a host that has ended, for whatever reason, no longer moves the robot.
-//!
-//! The driving core forwards the messages. Work that may block on the system (starting a host,
-//! reading a module for it, finding out why it ended) runs on the caller's runtime.
+//! The agent side of one running behaviour: forwards messages on the driving core, and ensures that
+//! a host that has ended, for whatever reason, no longer moves the robot. Work that may block on
+//! the system runs on the caller's runtime.
 
 use std::time::Duration;
 
+use bytes::Bytes;
 use tokio::runtime::Handle as Runtime;
 use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, timeout};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, warn};
 
-use super::frame_progress::FrameProgress;
-use super::liveness::Liveness;
 use super::log_limiter::{Admission, log};
 use super::message::{FromHost, ToHost};
-use super::prepared::{EXIT_TIME, Prepared, exit};
+use super::process::{EXIT_TIME, Prepared, exit};
 use super::repl_channel::{self, PromptMessage, ReplChannel};
 use super::report_limiter;
 use crate::clock::until;
@@ -323,8 +320,7 @@ impl Supervisor {
         }
     }
 
-    /// Passes on the newest frame if it is newer than the last one passed on, or else the received
-    /// part of the next frame.
+    /// Passes on the newest frame, unless it was already, or else the received part of the next.
     fn pass_picture(&mut self) {
         let pictures = self.frames.borrow().clone();
         let Some(frame) = pictures.newest.filter(|frame| frame.seq > self.last_frame) else {
@@ -405,4 +401,87 @@ impl Supervisor {
 async fn requested(stop: &mut watch::Receiver<Option<EndReason>>) -> Option<EndReason> {
     let reason = stop.wait_for(Option::is_some).await;
     reason.ok().and_then(|reason| *reason)
+}
+
+/// Extra time, granted once, to a host that was silent for too long: a stall of the whole machine
+/// must not end its scripts.
+const SILENCE_GRACE: Duration = Duration::from_millis(500);
+
+/// When a running host last sent a message, and how long it may be silent.
+#[derive(Debug)]
+pub(super) struct Liveness {
+    pub(super) limit: Duration,
+    /// Time of the last message; `None` until the host runs.
+    last_message: Option<Instant>,
+    /// End of the extra time, if it was granted.
+    grace: Option<Instant>,
+}
+
+impl Liveness {
+    /// Starts to count at the first call of [`Liveness::reset`].
+    pub(super) fn new(limit: Duration) -> Liveness {
+        Liveness {
+            limit,
+            last_message: None,
+            grace: None,
+        }
+    }
+
+    pub(super) fn reset(&mut self) {
+        (self.last_message, self.grace) = (Some(Instant::now()), None);
+    }
+
+    /// When the silence will have lasted too long.
+    pub(super) fn deadline(&self) -> Option<Instant> {
+        self.grace
+            .or(self.last_message.map(|last| last + self.limit))
+    }
+
+    /// To be called at the deadline. Whether the host must be ended; first grants the extra time.
+    pub(super) fn is_over(&mut self) -> bool {
+        self.grace.replace(Instant::now() + SILENCE_GRACE).is_some()
+    }
+}
+
+/// The part of the incoming frame that was already passed to a host.
+#[derive(Debug, Default)]
+pub(super) struct FrameProgress {
+    seq: u64,
+    passed: usize,
+}
+
+impl FrameProgress {
+    /// The bytes received since the last call and their offset, if there are any.
+    pub(super) fn rest(
+        &mut self,
+        PartialFrame { seq, jpeg }: &PartialFrame,
+    ) -> Option<(usize, Bytes)> {
+        // Fewer bytes than before: the number belongs to a frame of a new connection.
+        if *seq != self.seq || jpeg.len() < self.passed {
+            (self.seq, self.passed) = (*seq, 0);
+        }
+        let at = std::mem::replace(&mut self.passed, jpeg.len());
+        (at < jpeg.len()).then(|| (at, jpeg.slice(at..)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_byte_is_passed_once_and_each_frame_from_its_start() {
+        let mut progress = FrameProgress::default();
+        let mut rest = |seq, jpeg: &'static [u8]| {
+            let jpeg = Bytes::from_static(jpeg);
+            progress.rest(&PartialFrame { seq, jpeg })
+        };
+        let part = |at, bytes: &'static [u8]| Some((at, Bytes::from_static(bytes)));
+        assert_eq!(rest(1, b"ab"), part(0, b"ab"));
+        assert_eq!(rest(1, b"ab"), None);
+        assert_eq!(rest(1, b"abcd"), part(2, b"cd"));
+        assert_eq!(rest(2, b"abcdef"), part(0, b"abcdef"));
+        // After a lost connection the same number belongs to a different frame.
+        assert_eq!(rest(2, b"xy"), part(0, b"xy"));
+    }
 }

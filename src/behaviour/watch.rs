@@ -1,9 +1,5 @@
-//! Detects that a script's file, or a module that it has loaded, was saved, and reads the script
-//! again.
-//!
-//! Polls the file four times a second instead of using kernel notifications: polling costs next to
-//! nothing, and works on network folders and however an editor saves, in several writes or by
-//! renaming.
+//! Detects that a script's file, or a module that it has loaded, was saved. Polls four times a
+//! second, which costs next to nothing and works on network folders and however an editor saves.
 
 use std::collections::BTreeMap;
 use std::fs::Metadata;
@@ -21,7 +17,6 @@ use super::library::Library;
 use crate::files;
 use crate::script::MAX_SOURCE;
 
-/// Polling interval.
 const PERIOD: Duration = Duration::from_millis(250);
 /// A save is complete when the file has not changed for this long.
 const SETTLED: Duration = Duration::from_millis(200);
@@ -33,11 +28,8 @@ pub struct Reload {
     pub source: Vec<u8>,
 }
 
-/// Reads a script: at most one byte more than it may have, so that a longer one can be reported as
-/// too long.
-///
-/// # Errors
-/// Any error of the system; if it is not a regular file but, for example, a pipe.
+/// Reads a script: at most one byte more than it may have, so that a longer one can be reported.
+/// Fails if it is not a regular file but, for example, a pipe.
 pub fn read_source(file: &Path) -> io::Result<Vec<u8>> {
     Ok(files::read_beginning(file, MAX_SOURCE as u64 + 1)?)
 }
@@ -95,8 +87,7 @@ impl ScriptWatcher {
         }
     }
 
-    /// Whether a module was saved. A module that appears for the first time has just been read and
-    /// does not count.
+    /// Whether a module was saved; one that appears for the first time has just been read.
     fn is_module_saved(&mut self, states: Vec<(PathBuf, Option<FileState>)>, now: Instant) -> bool {
         let mut saved = false;
         for (file, state) in states {
@@ -148,7 +139,6 @@ impl From<Metadata> for FileState {
     }
 }
 
-/// Returns the file's current state; `None` if there is no such file.
 fn file_state(file: &Path) -> Option<FileState> {
     std::fs::metadata(file).ok().map(FileState::from)
 }
@@ -184,7 +174,6 @@ impl<M: Copy + PartialEq> SaveDetector<M> {
         now >= since + SETTLED
     }
 
-    /// Records that the file was read in this state.
     fn accept(&mut self, state: Option<M>) {
         (self.taken, self.seen) = (state, None);
     }

@@ -1,21 +1,17 @@
-//! Explains a failed run in plain words: which expression was nil, why that may be, and the source
-//! line with a caret. The VM reports the line and the failed operation; the syntax tree shows the
-//! expressions on that line.
+//! Explains a failed run in plain words. The VM reports the line and the failed operation; the
+//! syntax tree shows the expressions on that line, and why one of them may be nil.
 
 mod failures;
-mod reasons;
-#[cfg(test)]
-mod tests;
 
 use std::collections::BTreeMap;
 
 use super::diagnostic::{Diagnostic, Severity};
-use super::kinds::Kinds;
+use super::kinds::{Kinds, ValueKind};
 use super::lexer::Span;
-use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
+use super::tree::{Block, Expr, ExprKind, LocalId, Statement, StatementKind, Tree, each_in_expr};
 use super::{CheckContext, parser, walk};
+use crate::api::{self, Requirement};
 
-/// What failed, and where.
 struct Explanation {
     at: Span,
     message: String,
@@ -70,7 +66,6 @@ pub fn explanation(text: &str, chunk: &str, source: &str) -> Option<Diagnostic> 
     Some(diagnostic.help(explanation.help))
 }
 
-/// Returns the span of a line, without its indentation.
 fn line_span(source: &str, number: usize) -> Option<Span> {
     let start: usize = source
         .split_inclusive('\n')
@@ -151,7 +146,6 @@ fn general(words: &str, at: Span) -> Option<Explanation> {
 
 struct ErrorSite<'a> {
     source: &'a str,
-    /// The expressions that overlap the line, in the order of the text.
     exprs: Vec<&'a Expr>,
     statements: Vec<&'a Statement>,
     kinds: Kinds<'a>,
@@ -260,12 +254,265 @@ fn each_statement<'a>(block: &'a Block, visit: &mut dyn FnMut(&'a Statement)) {
     }
 }
 
-/// Collects the blocks of the functions in an expression, without functions nested in them.
 fn outer_functions<'a>(expr: &'a Expr, bodies: &mut Vec<&'a Block>) {
     if let ExprKind::Function(body) = &expr.kind {
         return bodies.push(&body.block);
     }
     for part in expr.parts() {
         outer_functions(part, bodies);
+    }
+}
+
+impl<'a> ErrorSite<'a> {
+    /// Whether an expression can have this Luau type.
+    fn may_be(&self, expr: &Expr, what: &str) -> bool {
+        let kind = self.kind(expr);
+        match what {
+            "nil" => match (kind, &expr.bare().kind) {
+                (ValueKind::Nothing, _) => true,
+                (ValueKind::Unknown, _) => {
+                    !matches!(expr.bare().kind, ExprKind::Function(_) | ExprKind::Table(_))
+                }
+                (
+                    ValueKind::Namespace(_)
+                    | ValueKind::Module(_)
+                    | ValueKind::Params(_)
+                    | ValueKind::Native(_)
+                    | ValueKind::Function(_)
+                    | ValueKind::Table(_),
+                    _,
+                ) => false,
+                (
+                    _,
+                    ExprKind::Number(_)
+                    | ExprKind::Text(_)
+                    | ExprKind::Boolean(_)
+                    | ExprKind::Pieces(_),
+                ) => false,
+                (_, ExprKind::Binary(operator, ..)) => matches!(operator.as_str(), "and" | "or"),
+                (
+                    ValueKind::Object(_)
+                    | ValueKind::List(_)
+                    | ValueKind::Number(_)
+                    | ValueKind::Text(_)
+                    | ValueKind::Boolean,
+                    _,
+                ) => true,
+            },
+            "number" => matches!(kind, ValueKind::Number(_) | ValueKind::Unknown),
+            "string" => matches!(kind, ValueKind::Text(_) | ValueKind::Unknown),
+            "boolean" => matches!(kind, ValueKind::Boolean | ValueKind::Unknown),
+            "table" => matches!(
+                kind,
+                ValueKind::Table(_)
+                    | ValueKind::Object(_)
+                    | ValueKind::List(_)
+                    | ValueKind::Unknown
+                    | ValueKind::Namespace(_)
+                    | ValueKind::Module(_)
+                    | ValueKind::Params(_)
+            ),
+            "function" => matches!(
+                kind,
+                ValueKind::Function(_) | ValueKind::Native(_) | ValueKind::Unknown
+            ),
+            _ => matches!(kind, ValueKind::Unknown | ValueKind::Object(_)),
+        }
+    }
+
+    fn kind(&self, expr: &Expr) -> ValueKind<'a> {
+        // Look up the same expression in the error site, where it has the lifetime of the tree.
+        let own = self.exprs.iter().find_map(|one| {
+            let mut found = None;
+            each_in_expr(one, &mut |part| {
+                if std::ptr::eq(part, expr) {
+                    found = Some(part);
+                }
+            });
+            found
+        });
+        own.map_or(ValueKind::Unknown, |expr| self.kinds.kind_of(expr))
+    }
+
+    fn is(&self, expr: &Expr, what: &str) -> String {
+        match expr.bare().kind {
+            ExprKind::Nil => "this is nil".to_owned(),
+            _ => format!("`{}` is {} here", self.text(expr), a(what)),
+        }
+    }
+
+    /// Says why the value may be nil, and what to do.
+    fn why(&self, expr: &Expr, what: &str) -> String {
+        if what != "nil" && what != "nothing" {
+            return match what {
+                "string" => format!(
+                    "tonumber({}) converts a string to a number",
+                    self.text(expr)
+                ),
+                _ => String::new(),
+            };
+        }
+        let name = self.text(expr);
+        match &expr.bare().kind {
+            ExprKind::Local(id) => match self.begins.get(id) {
+                Some((value, number)) => {
+                    let reason = self.reason(value, *number);
+                    format!("{reason}test it first: if {name} then ... end")
+                }
+                None if self.kinds.tree.locals[id.0].bound => {
+                    format!(
+                        "it is a parameter of the function; test it first: if {name} then ... end"
+                    )
+                }
+                None => format!("{name} has no value yet"),
+            },
+            ExprKind::Nil => String::new(),
+            ExprKind::Call(..) | ExprKind::Method(..) | ExprKind::Item(..) => {
+                let reason = self.reason(expr, 0);
+                format!(
+                    "{reason}put it in a variable and test it first: local it = {name}, then if it then ... end"
+                )
+            }
+            ExprKind::Field(object, field, _) => match self.kind(object) {
+                ValueKind::Object(_) => format!("test it first: if {name} then ... end"),
+                _ => format!(
+                    "{field} of {} has no value yet; check the spelling",
+                    self.text(object)
+                ),
+            },
+            _ => format!("test it first: if {name} then ... end"),
+        }
+    }
+
+    /// Says why the result of a call, or an item of a list, may be nil; empty if unknown.
+    fn reason(&self, value: &Expr, number: usize) -> String {
+        match &value.bare().kind {
+            ExprKind::Item(list, _) => match self.kind_anywhere(list) {
+                ValueKind::List(_) => format!("{} found none; ", self.called(list)),
+                _ => String::new(),
+            },
+            ExprKind::Call(..) | ExprKind::Method(..) => {
+                let Some(function) = self.native(value) else {
+                    return String::new();
+                };
+                match function.returns.get(number) {
+                    Some(result)
+                        if result.requirement != Requirement::Required
+                            && !result.doc.is_empty() =>
+                    {
+                        format!("{} returns {}; ", function.path, result.doc)
+                    }
+                    None if function.returns.is_empty() => {
+                        format!("{} returns nothing; ", function.path)
+                    }
+                    _ => String::new(),
+                }
+            }
+            _ => String::new(),
+        }
+    }
+
+    fn called(&self, list: &Expr) -> String {
+        let list = match &list.bare().kind {
+            ExprKind::Local(id) => self.begins.get(id).map_or(list, |(value, _)| value),
+            _ => list,
+        };
+        self.native(list)
+            .map_or_else(|| "it".to_owned(), |function| function.key().to_owned())
+    }
+
+    fn native(&self, call: &Expr) -> Option<&'static api::Function> {
+        match &call.bare().kind {
+            ExprKind::Call(callee, _) => match self.kind_anywhere(callee) {
+                ValueKind::Native(function) => Some(function),
+                _ => None,
+            },
+            ExprKind::Method(object, name, ..) => {
+                self.kinds.method(self.kind_anywhere(object), name)
+            }
+            _ => None,
+        }
+    }
+
+    /// Same as `kind`, but also for expressions on other lines.
+    fn kind_anywhere(&self, expr: &Expr) -> ValueKind<'a> {
+        let mut found = None;
+        self.kinds.tree.each_expr(&mut |part| {
+            if std::ptr::eq(part, expr) {
+                found = Some(part);
+            }
+        });
+        found.map_or(ValueKind::Unknown, |expr| self.kinds.kind_of(expr))
+    }
+}
+
+/// A Luau type with its article.
+fn a(what: &str) -> String {
+    match what {
+        "nil" | "nothing" | "no value" => "nil".to_owned(),
+        "string" => "a string".to_owned(),
+        "boolean" => "true or false".to_owned(),
+        other => format!("a {other}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::explain;
+    use crate::script::tests::failure_with;
+
+    /// The message with which a broken script fails on a robot that sees nothing.
+    fn failure_of(source: &str) -> String {
+        failure_with(source, explain)
+    }
+
+    #[test]
+    fn a_failure_shows_the_line_with_a_caret_below_what_was_nil() {
+        let message = failure_of("local battery\nprint('level', battery.percent)\nbattery = 1");
+        let expected = "test.lua:2: `battery` is nil here, so `battery.percent` cannot be read\n\
+                        2 | print('level', battery.percent)\n  |                ^^^^^^^\n  = help: ";
+        assert!(message.starts_with(expected), "{message}");
+        let message = failure_of("local b = robot.wait_for('docked', 0.1)\nprint(b.x)");
+        assert!(
+            message
+                .contains("robot.wait_for returns nil after a time-out; test it first: if b then"),
+            "{message}"
+        );
+        let message =
+            failure_of("local blobs = robot.wait_frame(5):find_blobs('red')\nprint(blobs[1].cx)");
+        assert!(message.contains("find_blobs found none"), "{message}");
+    }
+
+    #[test]
+    fn errors_of_the_vm_are_explained_in_plain_words() {
+        for (source, words) in [
+            (
+                "local f\nf()",
+                "test.lua:2: `f` is nil here, so it cannot be called\n2 | f()\n  | ^\n  = help: there is no function of that name here",
+            ),
+            (
+                "print(robot.battery().percent)",
+                "test.lua:1: `robot.battery()` is nil here, so `robot.battery().percent` cannot be read",
+            ),
+            (
+                "print(1 + nil)",
+                "test.lua:1: this is nil, so it cannot be used in arithmetic",
+            ),
+            (
+                "print(1 < nil)",
+                "test.lua:1: this is nil, so it cannot be compared with < or >",
+            ),
+            (
+                "table.sort({1, 'a'})",
+                "test.lua:1: only numbers can be compared with numbers",
+            ),
+            (
+                "print('a' .. {})",
+                "test.lua:1: `{}` is a table here, so it cannot be joined to a string",
+            ),
+        ] {
+            let text = failure_of(source);
+            assert!(text.contains(words), "{source}: {text:?} lacks {words:?}");
+        }
     }
 }

@@ -1,6 +1,5 @@
-//! Determines what kind of value an expression has, as far as the file itself shows: constants,
-//! results of API calls, payloads of events. What is not certain is [`ValueKind::Unknown`] and
-//! never leads to a diagnostic.
+//! Determines what kind of value an expression has, as far as the file itself shows. What is not
+//! certain is [`ValueKind::Unknown`] and never leads to a diagnostic.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -49,12 +48,10 @@ impl ValueKind<'_> {
     }
 }
 
-/// What is known about names.
 pub(super) struct Kinds<'a> {
     pub(super) tree: &'a Tree,
     /// Every path (such as `robot.move`) that exists in a live VM.
     pub(super) paths: &'a BTreeSet<String>,
-    /// Globals that the script sets.
     pub(super) globals: BTreeSet<&'a str>,
     /// Fields that the script sets on any table.
     pub(super) fields: BTreeSet<&'a str>,
@@ -234,8 +231,6 @@ impl<'a> Kinds<'a> {
         names.map_or(ValueKind::Unknown, |_| ValueKind::Params(table))
     }
 
-    /// Records that a local variable holds the result with this index of a call, if that result is
-    /// one of a fixed set of names.
     pub(super) fn bind_choice(&mut self, id: LocalId, call: &'a Expr, number: usize) {
         let ValueKind::Native(function) = self.callee(call) else {
             return;
@@ -355,7 +350,6 @@ pub(super) fn parameters(table: &Expr) -> Option<Vec<&str>> {
     names.collect()
 }
 
-/// Returns the value of a key in such a table.
 fn parameter<'a>(table: &'a Expr, name: &str) -> Option<&'a Expr> {
     let ExprKind::Table(entries) = &table.kind else {
         return None;
@@ -374,7 +368,6 @@ fn computed(operator: &str, a: f64, b: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-/// Returns the kind of a value of an API type.
 pub(super) fn of_type<'a>(kind: &'static Type) -> ValueKind<'a> {
     of_owned(*kind)
 }

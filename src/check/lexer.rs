@@ -21,13 +21,11 @@ impl Span {
     }
 }
 
-/// The kind of a token.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum TokenKind {
     Name,
     Keyword,
     Number,
-    /// A whole string, with its quotes.
     Text,
     /// From the backtick or the closing brace to the next opening brace.
     PieceBefore,
@@ -36,7 +34,6 @@ pub(super) enum TokenKind {
     /// An unterminated string or long comment.
     Unfinished,
     Symbol,
-    /// A character that is not part of any Luau token.
     Stray,
     End,
 }
@@ -185,7 +182,6 @@ impl Lexer<'_> {
         }
     }
 
-    /// Skips an escape sequence; `\z` includes the blanks after it.
     fn skip_escape(&mut self) {
         let z = self.byte(1) == b'z';
         self.at = (self.at + 2).min(self.source.len());

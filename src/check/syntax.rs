@@ -1,9 +1,7 @@
 //! Rephrases the compiler's error for people who write their first scripts: what was probably
 //! meant, and the position with its column, which the compiler does not report.
 
-mod ends;
 mod gaps;
-mod habits;
 
 use super::diagnostic::{Diagnostic, Severity};
 use super::lexer::{Span, Token, TokenKind, tokens};
@@ -19,15 +17,13 @@ struct ErrorSite<'a> {
     ends: Vec<usize>,
 }
 
-/// What is wrong, and what to do.
 struct Explanation {
     at: Span,
     message: String,
     help: String,
 }
 
-/// Returns the diagnostic for an error such as `a.lua:3: Expected 'then' when parsing if
-/// statement`.
+/// For an error such as `a.lua:3: Expected 'then' when parsing if statement`.
 pub(super) fn diagnostic((chunk, source): (&str, &str), complaint: &str) -> Diagnostic {
     let rest = complaint.strip_prefix(chunk).unwrap_or(complaint);
     let rest = rest.strip_prefix(':').unwrap_or(rest);
@@ -95,7 +91,6 @@ impl ErrorSite<'_> {
         self.ends.partition_point(|end| *end < position) + 1
     }
 
-    /// Returns the tokens of the line that the compiler reports.
     fn on_line(&self) -> Vec<Token> {
         self.of_line(self.line)
     }
@@ -124,8 +119,7 @@ impl ErrorSite<'_> {
         before.map_or_else(Vec::new, |token| self.of_line(self.line_of(token)))
     }
 
-    /// Returns the position of the error: where our own parser failed, if that is on the line;
-    /// otherwise the whole line.
+    /// Where our own parser failed, if that is on the line; otherwise the whole line.
     fn location(&self) -> Span {
         if let Err(error) = parser::parse(self.source)
             && self.line_at(error.at.start) == self.line
@@ -170,4 +164,251 @@ fn plain(words: &str) -> String {
     words
         .replace("<eof>", "the end of the file")
         .replace("identifier", "a name")
+}
+
+impl ErrorSite<'_> {
+    fn quotes(&self) -> Option<Explanation> {
+        let typographic = ['“', '”', '„', '‘', '’', '«', '»'];
+        let is_one = |token: &&Token| self.text(token).starts_with(typographic);
+        let token = self.around().into_iter().find(|token| is_one(&token))?;
+        Some(Explanation {
+            at: token.span,
+            message: "these are typographic quotes".to_owned(),
+            help: "a string is written in straight quotes: \"text\"".to_owned(),
+        })
+    }
+
+    fn unfinished(&self) -> Option<Explanation> {
+        let token = self
+            .tokens
+            .iter()
+            .find(|token| token.kind == TokenKind::Unfinished)?;
+        if self.line_of(token) > self.line {
+            return None;
+        }
+        let (message, help) = match self.text(token).chars().next() {
+            Some('-' | '[') => ("this has no end", "a long comment ends with ]]"),
+            Some('`') => (
+                "this string has no closing quote",
+                "a string in backticks ends with `",
+            ),
+            Some('}') => (
+                "this string has no closing quote",
+                "a string in backticks ends with `",
+            ),
+            Some('\'') => (
+                "this string has no closing quote",
+                "it ends with ', in the same line",
+            ),
+            _ => (
+                "this string has no closing quote",
+                "it ends with \", in the same line",
+            ),
+        };
+        Some(Explanation {
+            at: token.span,
+            message: message.to_owned(),
+            help: help.to_owned(),
+        })
+    }
+
+    /// Symbols that this language does not have.
+    fn unknown_symbols(&self) -> Option<Explanation> {
+        let tokens = self.around();
+        for (at, token) in tokens.iter().enumerate() {
+            let next = tokens.get(at + 1).map_or("", |next| self.text(next));
+            let help = match (self.text(token), next) {
+                ("!", "=") | ("!", "==") => "\"not equal\" is written ~=",
+                ("!", _) => "\"not\" is written not",
+                ("&", "&") => "\"and\" is written and",
+                ("|", "|") => "\"or\" is written or",
+                ("$" | "\\" | "~", _) => "this sign has no meaning here",
+                _ => continue,
+            };
+            let end = match (self.text(token), next) {
+                ("!", "=" | "==") | ("&", "&") | ("|", "|") => tokens[at + 1].span,
+                _ => token.span,
+            };
+            let whole = token.span.to(end);
+            return Some(Explanation {
+                at: whole,
+                message: format!("'{}' is not known here", whole.of(self.source)),
+                help: help.to_owned(),
+            });
+        }
+        None
+    }
+
+    fn comments(&self) -> Option<Explanation> {
+        let tokens = self.on_line();
+        let first = tokens.first()?;
+        let second = tokens.get(1).map_or("", |token| self.text(token));
+        let comment =
+            matches!(self.text(first), "//" | "#") || (self.text(first) == "/" && second == "*");
+        let behind = tokens
+            .iter()
+            .skip(1)
+            .find(|token| matches!(self.text(token), "//" | "#"));
+        let behind = behind.filter(|token| {
+            let next = tokens
+                .iter()
+                .filter(|other| other.span.start > token.span.end);
+            next.take(2)
+                .filter(|other| other.kind == TokenKind::Name)
+                .count()
+                == 2
+        });
+        let token = if comment { first } else { behind? };
+        Some(Explanation {
+            at: token.span,
+            message: "this is not a comment here".to_owned(),
+            help: "a comment begins with --".to_owned(),
+        })
+    }
+
+    /// `x++`, and `x--`, where `--` begins a comment.
+    fn increments(&self) -> Option<Explanation> {
+        for tokens in [self.last_line_before(), self.on_line()] {
+            for pair in tokens.windows(3) {
+                let [name, one, two] = pair else { continue };
+                if name.kind == TokenKind::Name && self.text(one) == "+" && self.text(two) == "+" {
+                    let text = self.text(name);
+                    return Some(Explanation {
+                        at: one.span.to(two.span),
+                        message: "there is no ++".to_owned(),
+                        help: format!("write {text} += 1"),
+                    });
+                }
+            }
+        }
+        let tokens = self.last_line_before();
+        let [name] = tokens.as_slice() else {
+            return None;
+        };
+        let behind = self.source[name.span.end..]
+            .lines()
+            .next()
+            .unwrap_or_default();
+        if name.kind != TokenKind::Name || !behind.starts_with("--") {
+            return None;
+        }
+        Some(Explanation {
+            at: name.span,
+            message: "there is no operator --: it begins a comment".to_owned(),
+            help: format!("write {} -= 1", self.text(name)),
+        })
+    }
+
+    /// A line that begins with a keyword of another language.
+    fn other_languages(&self) -> Option<Explanation> {
+        for tokens in [self.on_line(), self.last_line_before()] {
+            let Some(first) = tokens
+                .iter()
+                .find(|token| !matches!(self.text(token), "}" | "local"))
+            else {
+                continue;
+            };
+            let second = tokens
+                .iter()
+                .find(|token| token.span.start > first.span.start);
+            let named = second.is_some_and(|token| matches!(token.kind, TokenKind::Name));
+            let help = match self.text(first) {
+                "def" | "func" | "fn" | "fun" | "void" if named => {
+                    "a function begins with: function name(...), and ends with end"
+                }
+                "var" | "let" | "const" | "int" | "float" | "double" | "string" | "bool"
+                | "auto"
+                    if named =>
+                {
+                    "a variable begins with the word local: local name = value"
+                }
+                "import" | "from" | "include" | "using" if second.is_some() => {
+                    "load a module with local name = require(\"./name\")"
+                }
+                "elif" | "elsif" => "it is written elseif ... then",
+                "switch" | "case" | "match" => {
+                    "there is no such word; write if ... then ... elseif ... then ... end"
+                }
+                "try" | "except" | "catch" => {
+                    "there is no such word; pcall(fn) calls a function and tells whether it failed"
+                }
+                "class" if named => "there are no classes; use a table and functions",
+                "loop" | "forever" => "write while true do ... end",
+                "foreach" => "write for _, thing in list do ... end",
+                _ => continue,
+            };
+            return Some(Explanation {
+                at: first.span,
+                message: format!("'{}' is not a word of this language", self.text(first)),
+                help: help.to_owned(),
+            });
+        }
+        None
+    }
+
+    fn single_equals(&self) -> Option<Explanation> {
+        let tokens = self.on_line();
+        let begins = tokens
+            .iter()
+            .position(|token| matches!(self.text(token), "if" | "elseif" | "while" | "until"))?;
+        let equals = tokens[begins..]
+            .iter()
+            .find(|token| matches!(self.text(token), "=" | "then" | "do"))?;
+        if self.text(equals) != "=" {
+            return None;
+        }
+        Some(Explanation {
+            at: equals.span,
+            message: "a single = sets a variable".to_owned(),
+            help: "to compare, write ==".to_owned(),
+        })
+    }
+
+    /// `else if` opens a second `if`, which needs its own `end`.
+    fn else_if(&self) -> Option<Explanation> {
+        if !self.words.contains("'end'") {
+            return None;
+        }
+        let pair = self.tokens.windows(2).find(|pair| {
+            self.text(&pair[0]) == "else"
+                && self.text(&pair[1]) == "if"
+                && self.line_of(&pair[0]) == self.line_of(&pair[1])
+        })?;
+        Some(Explanation {
+            at: pair[0].span.to(pair[1].span),
+            message: "`else if` begins a second if, which needs its own end".to_owned(),
+            help: "write elseif, in one word".to_owned(),
+        })
+    }
+
+    /// A block in braces. The compiler notices it only at its end, because `f() {` is a call of `f`
+    /// with a table.
+    fn braces(&self) -> Option<Explanation> {
+        let lines = self
+            .tokens
+            .chunk_by(|a, b| self.line_of(a) == self.line_of(b));
+        let mut above = lines.filter(|line| {
+            line.first()
+                .is_some_and(|first| self.line_of(first) <= self.line)
+        });
+        let (keyword, brace) = above.find_map(|line| {
+            let first = line.iter().find(|token| self.text(token) != "}")?;
+            let opens = matches!(self.text(first), "if" | "elseif" | "else" | "while" | "for");
+            let closed = line
+                .iter()
+                .any(|token| matches!(self.text(token), "then" | "do"));
+            let last = line.iter().rfind(|token| token.kind != TokenKind::End)?;
+            (opens && !closed && self.text(last) == "{").then_some((first, last))
+        })?;
+        let begin = match self.text(keyword) {
+            "if" | "elseif" => "`then` here, and ",
+            "else" => "",
+            _ => "`do` here, and ",
+        };
+        Some(Explanation {
+            at: brace.span,
+            message: "'{' does not begin a block".to_owned(),
+            help: format!("write {begin}`end` where the block ends"),
+        })
+    }
 }

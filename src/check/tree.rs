@@ -79,17 +79,13 @@ pub(super) enum ExprKind {
     Function(Box<Body>),
     Local(LocalId),
     Global(String),
-    /// `object.name`
     Field(Box<Expr>, String, Span),
-    /// `object[index]`
     Item(Box<Expr>, Box<Expr>),
     Call(Box<Expr>, Vec<Expr>),
-    /// `object:name(...)`
     Method(Box<Expr>, String, Span, Vec<Expr>),
     Unary(String, Box<Expr>),
     Binary(String, Box<Expr>, Box<Expr>),
     Table(Vec<Entry>),
-    /// `if a then b else c`: conditions and values.
     Choose(Vec<Expr>),
     /// An expression in parentheses or with a type cast.
     Inner(Box<Expr>),
@@ -112,7 +108,6 @@ impl Expr {
         expr
     }
 
-    /// Returns the direct subexpressions; none for a function.
     pub(super) fn parts(&self) -> Vec<&Expr> {
         match &self.kind {
             ExprKind::Pieces(all) | ExprKind::Choose(all) => all.iter().collect(),
@@ -128,7 +123,6 @@ impl Expr {
 }
 
 impl Entry {
-    /// Returns the value, if the entry has this name.
     pub(super) fn named(&self, key: &str) -> Option<&Expr> {
         match self {
             Entry::Named(name, _, value) if name == key => Some(value),
@@ -151,7 +145,6 @@ impl Entry {
 }
 
 impl Statement {
-    /// Returns the direct subexpressions.
     pub(super) fn exprs(&self) -> Vec<&Expr> {
         use StatementKind as S;
         match &self.kind {

@@ -1,23 +1,21 @@
 //! Walks a tree and reports what cannot work: names that do not exist, calls with wrong arguments,
 //! loops that never wait. What depends on more than the file shows is left to the run.
 
-mod arguments;
 mod calls;
-mod names;
 
-use super::CheckContext;
 use super::diagnostic::{Diagnostic, Severity};
-use super::kinds::{Kinds, ValueKind, of_type};
+use super::kinds::{Kinds, ValueKind, of_type, parameters};
 use super::lexer::Span;
-use super::loops;
-use super::tree::{Block, Body, Expr, ExprKind, LocalId, Statement, StatementKind, Tree};
-use crate::api;
+use super::tree::{
+    Block, Body, Expr, ExprKind, LocalId, Statement, StatementKind, Tree, each_in_expr,
+};
+use super::{CheckContext, foreign};
+use crate::api::{self, Function};
 use crate::script::suggestion;
 
 pub(super) struct Walk<'a> {
     pub(super) kinds: Kinds<'a>,
     pub(super) context: &'a CheckContext,
-    /// File and source.
     text: (&'a str, &'a str),
     diagnostics: Vec<Diagnostic>,
     /// Diagnostics beyond the maximum, which are only counted.
@@ -27,7 +25,6 @@ pub(super) struct Walk<'a> {
 /// Maximum number of diagnostics per file.
 const MAX_DIAGNOSTICS: usize = 200;
 
-/// See [`Walk::surplus`].
 #[derive(Default)]
 struct Surplus {
     errors: usize,
@@ -58,7 +55,6 @@ impl Surplus {
     }
 }
 
-/// Returns all diagnostics of a tree, in the order of the text.
 pub(super) fn walk<'a>(
     tree: &'a Tree,
     text: (&'a str, &'a str),
@@ -119,8 +115,7 @@ impl<'a> Walk<'a> {
         self.diagnostics.len() >= MAX_DIAGNOSTICS
     }
 
-    /// Suggests a similar name; empty when the maximum of diagnostics is reached, as the search
-    /// takes long.
+    /// Empty when the maximum of diagnostics is reached, as the search takes long.
     pub(super) fn near<'n>(&self, wrong: &str, known: impl IntoIterator<Item = &'n str>) -> String {
         if self.is_full() {
             String::new()
@@ -319,7 +314,7 @@ impl<'a> Walk<'a> {
     }
 
     fn endless(&mut self, statement: &'a Statement, condition: &'a Expr, block: &'a Block) {
-        if loops::always_true(condition) && !loops::may_pause(&self.kinds, block) {
+        if always_true(condition) && !may_pause(&self.kinds, block) {
             let line_end = Span {
                 start: statement.span.start,
                 end: condition.span.end,
@@ -358,5 +353,251 @@ impl<'a> Walk<'a> {
             _ => {}
         }
         self.exprs(expr.parts());
+    }
+
+    fn global(&mut self, name: &'a str, span: Span) {
+        let paths = &self.context.paths;
+        if paths.contains(name) || self.kinds.globals.contains(name) || self.context.open_globals {
+            return;
+        }
+        let (message, help) = self.unknown_name(name, span);
+        self.error(span, message).help = help;
+    }
+
+    fn unknown_name(&self, name: &str, span: Span) -> (String, Option<String>) {
+        if self.is_full() {
+            return (String::new(), None);
+        }
+        let tree = self.kinds.tree;
+        let elsewhere = tree.locals.iter().find(|local| local.name == name);
+        if let Some(local) = elsewhere {
+            let line = self.text.1[..local.span.start].matches('\n').count() + 1;
+            let message = format!("'{name}' is not known here");
+            let help = if local.span.start > span.start {
+                format!("it is defined further down, in line {line}; move that above this line")
+            } else {
+                format!(
+                    "the '{name}' of line {line} is known only inside its own block; declare it before that block"
+                )
+            };
+            return (message, Some(help));
+        }
+        if let Some(meant) = foreign::meant(name) {
+            return (format!("unknown name '{name}'"), Some(meant.to_owned()));
+        }
+        if let Some(elsewhere) = api::elsewhere(name, self.context.paths.contains(api::SCENARIO)) {
+            return (format!("unknown name '{name}'"), Some(elsewhere));
+        }
+        let globals = self.context.paths.iter().map(String::as_str);
+        let globals = globals.filter(|path| !path.contains('.'));
+        let own = tree.locals.iter().map(|local| local.name.as_str());
+        let set = self.kinds.globals.iter().copied();
+        let near = self.near(name, globals.chain(own).chain(set));
+        let help = if near.is_empty() {
+            foreign::belongs_to(name, &self.context.paths)
+        } else {
+            None
+        };
+        (format!("unknown name '{name}'{near}"), help)
+    }
+
+    fn field(&mut self, object: &'a Expr, name: &str, at: Span) {
+        match self.kinds.kind_of(object) {
+            ValueKind::Namespace(owner) if self.is_ours(owner) && !self.has(owner, name) => {
+                self.unknown_field(owner, name, at);
+            }
+            ValueKind::Module(module) if module.function(name).is_none() => {
+                self.unknown_field(module.name, name, at);
+            }
+            ValueKind::Params(table) => {
+                let known = parameters(table).unwrap_or_default();
+                if !known.contains(&name) {
+                    let near = self.near(name, known.iter().copied());
+                    let message = format!("params.{name} does not exist{near}");
+                    self.error(at, message).help = Some(format!("declared: {}", known.join(", ")));
+                }
+            }
+            ValueKind::Object(of) => self.member(of, name, at),
+            ValueKind::List(_) if !self.kinds.fields.contains(name) => {
+                let list = self.source_text(object.span);
+                let message =
+                    format!("this is a list: its entries have '{name}', the list itself does not");
+                self.error(at, message).help = Some(format!(
+                    "take one of its entries: {list}[1].{name}; the list may be empty, so test it first"
+                ));
+            }
+            ValueKind::Native(function) => {
+                let message = format!("{} is a function: it has no '{name}'", function.path);
+                self.error(at, message).help = Some(format!("call it: {}", function.call()));
+            }
+            _ => {}
+        }
+    }
+
+    fn has(&self, owner: &str, name: &str) -> bool {
+        let paths = &self.context.paths;
+        paths.contains(&format!("{owner}.{name}"))
+    }
+
+    /// These are strict; unknown fields of Luau's own are nil.
+    fn is_ours(&self, owner: &str) -> bool {
+        !owner.is_empty() && api::namespace(owner).is_some()
+    }
+
+    fn unknown_field(&mut self, owner: &str, name: &str, at: Span) {
+        let inside = format!("{owner}.");
+        let paths = self.context.paths.iter();
+        let known: Vec<_> = match api::module(owner) {
+            Some(module) => module.members(),
+            None => paths
+                .filter_map(|path| path.strip_prefix(&inside))
+                .collect(),
+        };
+        let near = self.near(name, known);
+        let help = if near.is_empty() {
+            let members =
+                |module: &api::Namespace| format!("it has {}", module.members().join(", "));
+            foreign::belongs_to(name, &self.context.paths)
+                .or_else(|| foreign::meant(name).map(str::to_owned))
+                .or_else(|| api::module(owner).map(members))
+        } else {
+            None
+        };
+        self.error(at, format!("{owner}.{name} does not exist{near}"))
+            .help = help;
+    }
+
+    fn member(&mut self, object: &'static api::Object, name: &str, at: Span) {
+        let known = object.members();
+        let own = !object.strict && self.kinds.fields.contains(name);
+        if known.contains(&name) || own {
+            return;
+        }
+        let near = self.near(name, known.iter().copied());
+        let message = format!("{} has no '{name}'{near}", object.with_article());
+        self.error(at, message).help = Some(format!("it has {}", known.join(", ")));
+    }
+
+    fn item(&mut self, list: &'a Expr, index: &'a Expr, span: Span) {
+        if let (ValueKind::List(_), ValueKind::Number(Some(0.0))) =
+            (self.kinds.kind_of(list), self.kinds.kind_of(index))
+        {
+            self.error(span, "lists begin at 1: there is nothing at 0")
+                .help = Some(format!("the first is {}[1]", self.source_text(list.span)));
+        }
+    }
+}
+
+/// Maximum depth to which calls of the script's own functions are followed.
+const DEEPEST: u32 = 8;
+
+pub(super) fn always_true(condition: &Expr) -> bool {
+    matches!(
+        condition.bare().kind,
+        ExprKind::Boolean(true) | ExprKind::Number(_) | ExprKind::Text(_)
+    )
+}
+
+/// Whether anything in a loop's block may wait or leave the loop.
+pub(super) fn may_pause(kinds: &Kinds<'_>, block: &Block) -> bool {
+    block.iter().any(|statement| pauses(kinds, statement, 0))
+}
+
+fn pauses(kinds: &Kinds<'_>, statement: &Statement, depth: u32) -> bool {
+    if matches!(
+        statement.kind,
+        StatementKind::Leave | StatementKind::Return(_)
+    ) && depth == 0
+    {
+        return true;
+    }
+    if matches!(
+        statement.kind,
+        StatementKind::Function(..) | StatementKind::LocalFunction(..)
+    ) {
+        return false;
+    }
+    let mut found = false;
+    for expr in statement.exprs() {
+        let mut visit = |part: &Expr| found |= call_pauses(kinds, part, depth);
+        each_in_expr_outside_functions(expr, &mut visit);
+    }
+    let inner = || {
+        statement
+            .blocks()
+            .into_iter()
+            .flatten()
+            .any(|inner| pauses(kinds, inner, depth))
+    };
+    found || inner()
+}
+
+fn each_in_expr_outside_functions(expr: &Expr, visit: &mut dyn FnMut(&Expr)) {
+    if matches!(expr.kind, ExprKind::Function(_)) {
+        return;
+    }
+    visit(expr);
+    for part in expr.parts() {
+        each_in_expr_outside_functions(part, visit);
+    }
+}
+
+fn call_pauses(kinds: &Kinds<'_>, expr: &Expr, depth: u32) -> bool {
+    match &expr.kind {
+        ExprKind::Call(callee, arguments) => match kinds.kind_of(callee) {
+            ValueKind::Native(function) => native_pauses(function, arguments),
+            ValueKind::Function(Some(body)) if depth < DEEPEST => body
+                .block
+                .iter()
+                .any(|statement| pauses(kinds, statement, depth + 1)),
+            _ => !is_quick(kinds, callee),
+        },
+        ExprKind::Method(object, name, ..) => match kinds.method(kinds.kind_of(object), name) {
+            Some(function) => function.waits,
+            None => true,
+        },
+        _ => false,
+    }
+}
+
+fn native_pauses(function: &Function, arguments: &[Expr]) -> bool {
+    match function.path {
+        "robot.move" | "robot.drive" => match arguments.last() {
+            Some(last) => arguments.len() > 2 || is_call(last),
+            None => true,
+        },
+        "script.stop" => true,
+        _ => function.waits,
+    }
+}
+
+fn is_call(expr: &Expr) -> bool {
+    let mut found = false;
+    each_in_expr(expr, &mut |part| {
+        found |= matches!(
+            part.kind,
+            ExprKind::Call(..) | ExprKind::Method(..) | ExprKind::Varargs
+        );
+    });
+    found
+}
+
+/// Whether this is a standard function that never waits, raises no error and calls no script
+/// function.
+fn is_quick(kinds: &Kinds<'_>, callee: &Expr) -> bool {
+    match &callee.kind {
+        ExprKind::Global(name) => {
+            let quick = [
+                "type", "tostring", "tonumber", "ipairs", "pairs", "next", "rawlen", "select",
+            ];
+            quick.contains(&name.as_str()) && !kinds.globals.contains(name.as_str())
+        }
+        ExprKind::Field(object, ..) => match kinds.kind_of(object) {
+            ValueKind::Namespace(owner) => {
+                matches!(owner, "math" | "bit32" | "utf8" | "buffer" | "vector")
+            }
+            _ => false,
+        },
+        _ => false,
     }
 }

@@ -4,12 +4,16 @@
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::path::Path;
-use std::time::Duration;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
 
+use rustix::net::{AddressFamily, SocketFlags, SocketType, socketpair};
 use tracing::{error, info, warn};
 
 use super::message::{Datagram, GuardianMessage, LastWordsData};
-use super::starter::{Started, Starter};
+use super::process::GUARDIAN_ARGUMENT;
 
 /// How often the driving core must beat while there is a link; a third of the time after which the
 /// guardian acts.
@@ -38,16 +42,12 @@ pub struct Guardian {
 struct Link {
     words: LastWordsData,
     robot: Option<OwnedFd>,
-    /// The login is not complete.
     login: bool,
 }
 
 impl Guardian {
-    /// Starts the guardian's process from this executable, which must be `spykee`. Blocks until the
-    /// process is started: must not be called on the driving core.
-    ///
-    /// # Errors
-    /// Any error of the system; then there is no guardian.
+    /// Starts the guardian from this executable, which must be `spykee`. Blocks until the process
+    /// is started: not for the driving core.
     pub fn start(executable: &Path) -> io::Result<Guardian> {
         let (starter, socket) = Starter::start(executable)?;
         Ok(Guardian {
@@ -65,7 +65,7 @@ impl Guardian {
     }
 
     /// Guards a link whose login the robot has accepted, but which obeys only after its first
-    /// POWER: with [`Guardian::guard`] the agent says that it has received that.
+    /// POWER.
     pub fn watch_login(&mut self, socket: BorrowedFd<'_>, last_words: Vec<u8>) {
         self.begin(socket, last_words, true);
     }
@@ -86,8 +86,7 @@ impl Guardian {
         self.send_link();
     }
 
-    /// Updates the data to send: the rest of a partly written message, then the last words. Sends
-    /// only changes to the guardian.
+    /// Sends only changes to the guardian: the rest of a partly written message, then last words.
     pub fn set_last_words(&mut self, rest: &[u8], last_words: &[u8]) {
         let Some(Link { words, .. }) = &mut self.link else {
             return;
@@ -203,11 +202,123 @@ impl Guardian {
     }
 }
 
-/// Sends a message; does nothing if no guardian runs.
 fn send(
     to: &Option<OwnedFd>,
     message: &GuardianMessage,
     robot: Option<BorrowedFd<'_>>,
 ) -> io::Result<()> {
     to.as_ref().map_or(Ok(()), |to| message.send(to, robot))
+}
+
+/// The most consecutive attempts to start another guardian.
+const MAX_TRIES: u32 = 8;
+/// The pause before the first attempt; each further pause is twice as long.
+const FIRST_PAUSE: Duration = Duration::from_millis(50);
+/// The count of attempts restarts after a guardian that has lived this long.
+const GOOD_LIFE: Duration = Duration::from_secs(60);
+
+/// Starts guardian processes on a thread, because that takes time that the driving core does not
+/// have. When it is dropped the thread ends; the guardian lives on until its
+/// agent is gone.
+#[derive(Debug)]
+pub(super) struct Starter {
+    lost: SyncSender<OwnedFd>,
+    started: Receiver<OwnedFd>,
+}
+
+#[derive(Debug)]
+pub(super) enum Started {
+    Yes(OwnedFd),
+    NotYet,
+    /// None will be started.
+    Never,
+}
+
+impl Starter {
+    /// Blocks until the first guardian's process is started.
+    pub(super) fn start(executable: &Path) -> io::Result<(Starter, OwnedFd)> {
+        let first = Process::start(executable)?;
+        let (lost, losses) = sync_channel(1);
+        let (start, started) = sync_channel(1);
+        let executable = executable.to_owned();
+        let (process, socket) = first;
+        thread::Builder::new()
+            .name("guardian".into())
+            .spawn(move || replace(&executable, process, &losses, &start))?;
+        Ok((Starter { lost, started }, socket))
+    }
+
+    /// Requests another guardian in place of one that is gone, or is killed because it does not
+    /// answer. Never blocks. Only one request is pending at a time.
+    pub(super) fn replace(&self, socket: OwnedFd) {
+        let _ = self.lost.try_send(socket);
+    }
+
+    /// Whether the requested guardian runs. Never blocks.
+    pub(super) fn poll(&self) -> Started {
+        match self.started.try_recv() {
+            Ok(socket) => Started::Yes(socket),
+            Err(TryRecvError::Empty) => Started::NotYet,
+            Err(TryRecvError::Disconnected) => Started::Never,
+        }
+    }
+}
+
+fn replace(
+    executable: &Path,
+    mut process: Process,
+    losses: &Receiver<OwnedFd>,
+    started: &SyncSender<OwnedFd>,
+) {
+    let mut tries = 0;
+    while let Ok(socket) = losses.recv() {
+        if process.began.elapsed() >= GOOD_LIFE {
+            tries = 0;
+        }
+        process.kill();
+        // Only after its death: at the end of its socket it would write to the robot.
+        drop(socket);
+        let (next, socket) = loop {
+            if tries == MAX_TRIES {
+                return;
+            }
+            thread::sleep(FIRST_PAUSE * 2_u32.pow(tries));
+            tries += 1;
+            if let Ok(next) = Process::start(executable) {
+                break next;
+            }
+        };
+        process = next;
+        if started.send(socket).is_err() {
+            return;
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Process {
+    child: Child,
+    began: Instant,
+}
+
+impl Process {
+    fn start(executable: &Path) -> io::Result<(Process, OwnedFd)> {
+        let flags = SocketFlags::CLOEXEC;
+        let (ours, theirs) = socketpair(AddressFamily::UNIX, SocketType::SEQPACKET, flags, None)?;
+        let child = Command::new(executable)
+            .arg(GUARDIAN_ARGUMENT)
+            .env_clear()
+            .current_dir("/")
+            .stdin(Stdio::from(theirs))
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()?;
+        let began = Instant::now();
+        Ok((Process { child, began }, ours))
+    }
+
+    fn kill(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
 }

@@ -13,23 +13,19 @@ pub(super) const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(300);
 /// How often to check whether the robot obeys.
 pub(super) const LOOK: Duration = Duration::from_millis(50);
 
-/// The data that the guardian must write now.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct PendingWrite {
-    /// The bytes.
     pub(super) bytes: Vec<u8>,
     /// The data completes a message that the agent began. The agent, if it resumed, would complete
     /// it again and break the framing, so the link must be closed.
     pub(super) closes: bool,
 }
 
-/// The state of the dead man's switch; see the module.
 #[derive(Debug, Default)]
 pub(super) struct DeadMan {
     /// The data to send; present while there is a link.
     words: Option<LastWordsData>,
     beaten: Option<Instant>,
-    /// The login is not complete.
     login: bool,
     /// Nothing is written before this time.
     deferred: Option<Instant>,
@@ -38,7 +34,6 @@ pub(super) struct DeadMan {
 }
 
 impl DeadMan {
-    /// Handles a message.
     pub(super) fn handle(&mut self, message: GuardianMessage, now: Instant) {
         match message {
             GuardianMessage::Watch(words) => {

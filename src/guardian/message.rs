@@ -14,7 +14,6 @@ use serde::{Deserialize, Serialize};
 /// The longest message: last words of some bytes, and the rest of a partly written message.
 pub(super) const MAX_MESSAGE_LEN: usize = 128 * 1024;
 
-/// The data to write to the robot if the agent cannot.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct LastWordsData {
     /// The rest of a partly written message. Must come first, or the framing breaks.
@@ -23,7 +22,6 @@ pub(super) struct LastWordsData {
     pub(super) last: Vec<u8>,
 }
 
-/// A message of the agent to the guardian, or an answer.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum GuardianMessage {
     /// A link is open; its socket is sent along with this message.
@@ -31,7 +29,6 @@ pub(super) enum GuardianMessage {
     /// The robot has accepted a login, but obeys only after its first POWER; the socket is sent
     /// along with this message.
     Login(LastWordsData),
-    /// The data to write has changed.
     LastWords(LastWordsData),
     /// The driving core is alive; the answer: so is the guardian.
     Heartbeat,
@@ -41,22 +38,17 @@ pub(super) enum GuardianMessage {
     Wrote,
 }
 
-/// The result of a receive.
 #[derive(Debug)]
 pub(super) enum Datagram {
     /// A message, with the socket that was sent along.
     Message(GuardianMessage, Option<OwnedFd>),
-    /// No message is pending.
     Nothing,
     /// The agent is gone.
     End,
 }
 
 impl GuardianMessage {
-    /// Sends the message, with a socket if there is one, without blocking.
-    ///
-    /// # Errors
-    /// `WouldBlock` if the guardian does not read; any other error of the system.
+    /// Never blocks; fails with `WouldBlock` if the guardian does not read.
     pub(super) fn send(&self, to: impl AsFd, socket: Option<BorrowedFd<'_>>) -> io::Result<()> {
         let bytes = postcard::to_allocvec(self).map_err(io::Error::other)?;
         let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
@@ -70,10 +62,7 @@ impl GuardianMessage {
         Ok(())
     }
 
-    /// Receives the next message without blocking.
-    ///
-    /// # Errors
-    /// If the datagram is not a message; any error of the system.
+    /// Never blocks; fails if the datagram is not a message.
     pub(super) fn receive(from: impl AsFd, buffer: &mut [u8]) -> io::Result<Datagram> {
         let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(1))];
         let mut ancillary = RecvAncillaryBuffer::new(&mut space);

@@ -4,16 +4,16 @@ use std::fs::DirEntry;
 use std::io;
 use std::os::fd::{AsFd, OwnedFd, RawFd};
 use std::process::ExitCode;
+use std::thread::sleep;
 use std::time::Duration;
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
-use rustix::net::Shutdown;
+use rustix::net::{RecvFlags, Shutdown, recv};
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::time::Instant;
 
-use super::dead_man::{DeadMan, PendingWrite};
-use super::first_power;
+use super::dead_man::{DeadMan, LOOK, PendingWrite};
 use super::message::{Datagram, GuardianMessage, MAX_MESSAGE_LEN};
 use crate::socket_outq::unacknowledged;
 
@@ -54,7 +54,7 @@ pub fn guardian_main() -> ExitCode {
     if let Some(robot) = &robot
         && dead_man.is_login()
     {
-        first_power::wait(robot);
+        wait_for_first_power(robot);
     }
     // After an error, too: nobody else would stop the robot.
     if let Some(robot) = &robot {
@@ -127,7 +127,7 @@ fn serve(
                 Datagram::End => return Ok(()),
             }
         }
-        if dead_man.is_login() && !robot.as_ref().is_some_and(first_power::has_come) {
+        if dead_man.is_login() && !robot.as_ref().is_some_and(has_first_power) {
             dead_man.defer(Instant::now());
         }
         if let (Some(robot), Some(pending)) = (&*robot, dead_man.poll(Instant::now())) {
@@ -210,12 +210,43 @@ fn wait(socket: &impl AsFd, ready: PollFlags, until: Option<Instant>) -> io::Res
     }
 }
 
+/// How long to wait for it, as long as an agent does by default; the robot's only connection is
+/// held open meanwhile.
+const FIRST_POWER_LIMIT: Duration = Duration::from_secs(10);
+const POWER: [u8; 5] = [b'P', b'K', 3, 0, 1];
+
+/// Waits for the first POWER of a robot that has accepted a login. If the robot is sent a MOVE
+/// before, it disconnects, and may drive on (`PROTOCOL.md`, *Order after login*).
+fn wait_for_first_power(robot: &OwnedFd) {
+    let until = Instant::now() + FIRST_POWER_LIMIT;
+    while !has_first_power(robot) && Instant::now() < until {
+        sleep(LOOK);
+    }
+}
+
+/// Whether it has come, or the connection has ended, so that there is nothing to wait for. Reads
+/// nothing away from the agent, which may resume.
+fn has_first_power(robot: &OwnedFd) -> bool {
+    let mut chunk = [0_u8; 16 * 1024];
+    match recv(robot, &mut chunk[..], RecvFlags::PEEK | RecvFlags::DONTWAIT) {
+        Ok((0, _)) => true,
+        Ok((count, _)) => chunk[..count]
+            .windows(POWER.len())
+            .any(|part| part == POWER),
+        Err(Errno::AGAIN | Errno::INTR) => false,
+        Err(_) => true,
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use rustix::net::sockopt::set_socket_send_buffer_size;
     use std::io::{Read, Write};
+    use std::net::{TcpListener, TcpStream};
     use std::os::unix::net::UnixStream;
+
+    use rustix::net::sockopt::set_socket_send_buffer_size;
+
+    use super::*;
 
     /// Many times what the socket takes at once.
     const LONG: usize = 256 * 1024;
@@ -239,5 +270,29 @@ mod tests {
             assert_eq!(refused, closed, "{len} bytes, {closes}");
             assert!(far.write_all(b"video").is_ok());
         }
+    }
+
+    #[test]
+    fn the_battery_level_is_found_and_stays_to_be_read() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let near = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let (mut robot, _) = listener.accept().unwrap();
+        let near = OwnedFd::from(near);
+        assert!(!has_first_power(&near));
+        robot.write_all(b"PK\x10\x00\x01\x01").unwrap();
+        assert!(!has_first_power(&near));
+        robot.write_all(b"PK\x03\x00\x01\x50").unwrap();
+        wait_for_first_power(&near);
+        assert!(has_first_power(&near), "again");
+    }
+
+    #[test]
+    fn a_connection_that_has_ended_is_not_waited_for() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let near = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        drop(listener.accept().unwrap());
+        let near = OwnedFd::from(near);
+        wait_for_first_power(&near);
+        assert!(has_first_power(&near));
     }
 }

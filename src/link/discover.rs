@@ -33,9 +33,7 @@ pub struct Found {
 
 /// Asks every network of this computer, this computer itself (a simulator), and `extra`, and
 /// listens until `timeout` is over. Sorted by address; each robot appears once per address.
-///
-/// # Errors
-/// If no datagram socket can be created. A network that cannot be asked is not an error.
+/// Fails if no datagram socket can be created. A network that cannot be asked is not an error.
 pub async fn discover(timeout: Duration, extra: &[SocketAddr]) -> io::Result<Vec<Found>> {
     let targets = [&broadcast_targets(), extra].concat();
     ask(&targets, timeout).await
@@ -62,9 +60,7 @@ pub fn broadcast_targets() -> Vec<SocketAddr> {
 
 /// Asks only `targets`, and listens until `timeout` is over. IPv6 targets are asked only if all
 /// targets are IPv6.
-///
-/// # Errors
-/// If no datagram socket can be created.
+/// Fails if no datagram socket can be created.
 pub async fn ask(targets: &[SocketAddr], timeout: Duration) -> io::Result<Vec<Found>> {
     let mut found = BTreeMap::new();
     let listen = |reply: Found| {

@@ -89,8 +89,7 @@ impl LinkError {
         }
     }
 
-    /// Maps an error of an open connection: every kind of close by the peer becomes
-    /// [`LinkError::Closed`].
+    /// Every kind of close by the peer becomes [`LinkError::Closed`].
     pub(super) fn from_io(error: io::Error, dead_after: Duration) -> LinkError {
         match error.kind() {
             ErrorKind::ConnectionReset

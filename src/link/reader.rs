@@ -49,9 +49,6 @@ impl Reader {
     }
 
     /// Waits for the next report. Cancel-safe: a dropped wait loses nothing.
-    ///
-    /// # Errors
-    /// See [`Reader::receive`].
     pub async fn next(&mut self) -> Result<Report, LinkError> {
         loop {
             if let Incoming::Report(report) = self.receive().await? {

@@ -1,15 +1,20 @@
 //! Establishes a session: connects, logs in, waits for the two answers that allow motion
 //! (`PROTOCOL.md`, *Order after login*), and stops the tracks.
 
+use std::convert::Infallible;
+use std::fmt;
+use std::io;
 use std::net::SocketAddr;
+use std::os::fd::OwnedFd;
 use std::time::Duration;
 
+use socket2::{SockRef, TcpKeepalive};
 use tokio::io::{AsyncRead, AsyncWrite};
-use tokio::time::{Instant, timeout_at};
+use tokio::net::TcpStream;
+use tokio::sync::watch;
+use tokio::time::{Instant, timeout, timeout_at};
 
-use super::delivery::close_gracefully;
-use super::tcp_connect::{duplicate, open_tcp};
-use super::{LinkError, Options, Reader, Supervision, Target, Writer, discover};
+use super::{LinkError, Options, Reader, Target, Writer, discover};
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
 /// The most reports that [`Session::early`] holds; further ones are dropped.
@@ -45,9 +50,6 @@ pub struct Session {
 ///
 /// From the robot's acceptance of the login on, it is sent the newest last words of `supervision`
 /// if anything fails, until the writer is given others (see [`Writer::set_last_words`]).
-///
-/// # Errors
-/// Every kind of [`LinkError`].
 pub async fn connect(
     target: &Target,
     login: &Login,
@@ -125,7 +127,6 @@ async fn log_in(
     }
 }
 
-/// The reports received since the login was sent.
 #[derive(Default)]
 struct Answers {
     accepted: Option<Accepted>,
@@ -184,5 +185,182 @@ impl Answers {
             what: "the answer to the login",
             after,
         }
+    }
+}
+
+/// A caller's hold on a login in progress. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct Supervision {
+    last_words: watch::Receiver<Vec<Command>>,
+    accepted: watch::Sender<Option<OwnedFd>>,
+}
+
+impl Supervision {
+    /// With these last words: the newest ones count, also while a login is in progress.
+    pub fn new(last_words: watch::Receiver<Vec<Command>>) -> Supervision {
+        Supervision {
+            last_words,
+            accepted: watch::Sender::new(None),
+        }
+    }
+
+    /// A duplicate of the socket from the robot's acceptance of the login on, for a process that
+    /// sends the last words if this one cannot; `None` again when the login has failed.
+    pub fn accepted(&self) -> watch::Receiver<Option<OwnedFd>> {
+        self.accepted.subscribe()
+    }
+
+    pub(super) fn last_words(&self) -> watch::Receiver<Vec<Command>> {
+        self.last_words.clone()
+    }
+
+    /// The robot has accepted the login of this link.
+    pub(super) fn announce(&self, writer: &Writer) {
+        let socket = writer.socket();
+        if let Some(socket) = socket.and_then(|socket| socket.try_clone_to_owned().ok()) {
+            self.accepted.send_replace(Some(socket));
+        }
+    }
+
+    /// The link has ended, and its last words were sent.
+    pub(super) fn withdraw(&self) {
+        self.accepted
+            .send_if_modified(|socket| socket.take().is_some());
+    }
+}
+
+/// Last words that do not change during the login.
+impl From<Vec<Command>> for Supervision {
+    fn from(last_words: Vec<Command>) -> Supervision {
+        Supervision::new(watch::Sender::new(last_words).subscribe())
+    }
+}
+
+/// Keepalive probes before a silent robot is given up. All fit into `dead_after`.
+const PROBES: u32 = 3;
+
+/// Connects, and sets the socket's options before a byte is sent.
+pub(super) async fn open_tcp(target: &Target, options: &Options) -> Result<TcpStream, LinkError> {
+    let connecting = TcpStream::connect((target.host.as_str(), target.port));
+    let connected = timeout(options.connect_timeout, connecting).await;
+    let unreachable = |source| LinkError::Unreachable {
+        target: target.clone(),
+        source,
+    };
+    let stream = connected
+        .map_err(|_| LinkError::TimedOut {
+            what: "a connection",
+            after: options.connect_timeout,
+        })?
+        .map_err(unreachable)?;
+    set_options(&stream, options.dead_after).map_err(unreachable)?;
+    Ok(stream)
+}
+
+/// Sends small commands without delay; ends the connection after `dead_after` if data stays
+/// unacknowledged or a silent robot does not answer the kernel's probes.
+fn set_options(stream: &TcpStream, dead_after: Duration) -> io::Result<()> {
+    stream.set_nodelay(true)?;
+    let probe_interval = (dead_after / PROBES).max(Duration::from_secs(1));
+    let keepalive = TcpKeepalive::new()
+        .with_time(probe_interval)
+        .with_interval(probe_interval)
+        .with_retries(PROBES);
+    let socket = SockRef::from(stream);
+    socket.set_tcp_keepalive(&keepalive)?;
+    socket.set_tcp_user_timeout(Some(dead_after))
+}
+
+/// Duplicates the socket, for writes outside a runtime.
+pub(super) fn duplicate(stream: &TcpStream) -> Option<std::net::TcpStream> {
+    SockRef::from(stream).try_clone().ok().map(Into::into)
+}
+
+/// How long the robot may take to close its half, once it has acknowledged everything.
+const LINGER: Duration = Duration::from_millis(300);
+
+/// Whether the last data of a connection was delivered.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Delivery {
+    /// The robot's side has acknowledged everything written. Whether its program has read it is not
+    /// known. If the transport does not report acknowledgements: everything was written.
+    Acknowledged,
+    /// The robot's side has not acknowledged everything.
+    NotAcknowledged {
+        /// How long the wait was.
+        after: Duration,
+    },
+    /// There was no connection at the end.
+    Offline,
+}
+
+impl fmt::Display for Delivery {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Delivery::Acknowledged => f.write_str("the robot's side has acknowledged the stop"),
+            Delivery::NotAcknowledged { after } => write!(
+                f,
+                "the robot's side has not acknowledged the last stop within {:.1} s",
+                after.as_secs_f64()
+            ),
+            Delivery::Offline => {
+                f.write_str("the robot was out of reach at the end: no stop was sent")
+            }
+        }
+    }
+}
+
+/// Ends a connection: waits up to `limit` until the written data is acknowledged, reading on
+/// meanwhile, because closing a socket with unread data resets the connection and discards what is
+/// not acknowledged. Queued speech is dropped. Send the last words before; on failure, the writer's
+/// drop sends them again.
+pub async fn close_gracefully(mut reader: Reader, mut writer: Writer, limit: Duration) -> Delivery {
+    writer.drop_audio();
+    let acknowledged = tokio::select! {
+        biased;
+        _ = broken(&mut reader) => false,
+        acknowledged = timeout(limit, writer.acknowledged()) => matches!(acknowledged, Ok(Ok(()))),
+    };
+    if !acknowledged {
+        return Delivery::NotAcknowledged { after: limit };
+    }
+    let hanging_up = async {
+        writer.shut_down().await;
+        reader.discard().await
+    };
+    // A robot that does not close its half has received everything all the same.
+    let _ = timeout(LINGER, hanging_up).await;
+    Delivery::Acknowledged
+}
+
+/// Reads and discards; returns when the connection breaks, but not when the robot has only closed
+/// its half: it may still acknowledge ours.
+async fn broken(reader: &mut Reader) -> Result<Infallible, LinkError> {
+    reader.discard().await?;
+    std::future::pending().await
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn the_socket_is_set_to_detect_a_dead_robot() {
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let target: Target = listener.local_addr().unwrap().to_string().parse().unwrap();
+        let stream = open_tcp(&target, &Options::default()).await.unwrap();
+        let socket = SockRef::from(&stream);
+        assert!(socket.tcp_nodelay().unwrap());
+        assert!(socket.keepalive().unwrap());
+        assert_eq!(socket.tcp_keepalive_time().unwrap(), Duration::from_secs(1));
+        assert_eq!(
+            socket.tcp_keepalive_interval().unwrap(),
+            Duration::from_secs(1)
+        );
+        assert_eq!(socket.tcp_keepalive_retries().unwrap(), PROBES);
+        assert_eq!(
+            socket.tcp_user_timeout().unwrap(),
+            Some(Duration::from_secs(3))
+        );
     }
 }

@@ -40,7 +40,6 @@ pub struct Writer {
     dead_after: Duration,
     /// The tracks may be on: a drop must send the last words.
     armed: bool,
-    /// Something was written since the last flush.
     unflushed: bool,
     /// A message was cut, or the rest of a cut one has changed, since [`Writer::progress`] last
     /// returned.
@@ -109,9 +108,7 @@ impl Writer {
     }
 
     /// Like [`Writer::send`], but writes nothing yet: [`Writer::write_ready`] does.
-    ///
-    /// # Errors
-    /// [`LinkError::Dead`] when too much is queued.
+    /// Fails with [`LinkError::Dead`] when too much is queued.
     pub fn queue(&mut self, commands: &[Command], now: Instant) -> Result<(), LinkError> {
         if self.queue.push(commands, now) {
             Ok(())
@@ -123,9 +120,6 @@ impl Writer {
 
     /// Sends samples for the speaker, at the speed of speech and after all commands. Returns
     /// `false`, and does nothing, when four seconds of them are queued.
-    ///
-    /// # Errors
-    /// See [`Writer::send`].
     pub fn say(&mut self, samples: &Bytes) -> Result<bool, LinkError> {
         let taken = self.queue.say(samples);
         self.write_ready()?;
@@ -160,9 +154,6 @@ impl Writer {
     }
 
     /// Waits until the queue is empty, speech included. Cancel-safe.
-    ///
-    /// # Errors
-    /// See [`Writer::progress`].
     pub async fn written(&mut self) -> Result<(), LinkError> {
         self.write_ready()?;
         loop {
@@ -175,9 +166,6 @@ impl Writer {
     }
 
     /// Sends commands, and waits until the queue is empty.
-    ///
-    /// # Errors
-    /// See [`Writer::progress`].
     pub async fn write(&mut self, commands: &[Command]) -> Result<(), LinkError> {
         self.send(commands, Instant::now())?;
         self.written().await
@@ -264,9 +252,6 @@ impl Writer {
     }
 
     /// Writes the queued data that the robot accepts at once.
-    ///
-    /// # Errors
-    /// See [`Writer::send`].
     pub fn write_ready(&mut self) -> Result<(), LinkError> {
         let after = self.dead_after;
         match poll_once(|cx| self.poll_written(cx)) {

@@ -5,7 +5,6 @@ use std::time::Duration;
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 
-use super::ends::{DockEnd, MotionEnd, SafetyAction};
 use super::{Battery, CallId, MotionId, Percent, RobotInfo};
 
 /// An event for a behaviour.
@@ -113,5 +112,138 @@ impl Event {
             self,
             MotionEnded { .. } | DockEnded { .. } | UndockEnded { .. }
         )
+    }
+}
+
+/// Declares an enum whose values have names for scripts, logs and people.
+macro_rules! named {
+    ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $text:literal,)+ }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+        pub enum $name {
+            $($(#[$variant_doc])* #[doc = concat!(" (`", $text, "`)")] #[serde(rename = $text)] $variant,)+
+        }
+
+        impl $name {
+            /// Every value.
+            pub const ALL: &'static [$name] = &[$($name::$variant,)+];
+
+            /// The name in scripts and logs.
+            pub fn name(self) -> &'static str {
+                match self { $($name::$variant => $text,)+ }
+            }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+    };
+}
+
+named! {
+    /// How a setpoint ended.
+    MotionEnd {
+        /// Its time was over, or its task released it.
+        Done = "done",
+        /// A behaviour of higher priority drives, or a newer setpoint replaced it.
+        Preempted = "preempted",
+        /// The watchdog refuses motion.
+        Safety = "safety",
+        /// The robot stands on its station.
+        Docked = "docked",
+        /// According to the camera, the robot did not move.
+        Blocked = "blocked",
+        /// There is no link.
+        Disconnected = "disconnected",
+        /// Stopped by the behaviour itself.
+        Cancelled = "cancelled",
+    }
+}
+
+named! {
+    /// How docking or undocking ended.
+    DockEnd {
+        /// On the station and charging; or off it, for undocking.
+        Done = "done",
+        /// The robot was on the station already; nothing was sent.
+        AlreadyDocked = "already_docked",
+        /// Undocking off the station; nothing was sent.
+        NotDocked = "not_docked",
+        /// The robot did not find its station in any attempt.
+        BaseNotFound = "base_not_found",
+        /// The last attempt took too long.
+        Timeout = "timeout",
+        /// On the station, but charging did not begin.
+        NotCharging = "not_charging",
+        /// Cancelled by a behaviour.
+        Cancelled = "cancelled",
+        /// A behaviour of higher priority drives or docks.
+        Preempted = "preempted",
+        /// The link was lost.
+        Disconnected = "disconnected",
+        /// The watchdog refuses it.
+        Safety = "safety",
+    }
+}
+
+named! {
+    /// Why a behaviour ended.
+    EndReason {
+        /// Nothing was left to do, or `script.stop`.
+        Done = "done",
+        /// The script failed.
+        Error = "error",
+        /// The script did not yield within its time budget.
+        Cpu = "cpu",
+        /// The script exceeded its memory limit.
+        Memory = "memory",
+        /// Ended by a person.
+        Cancelled = "cancelled",
+        /// Ended by the watchdog.
+        Safety = "safety",
+        /// To be restarted from its changed file.
+        Reload = "reload",
+        /// The whole run ends.
+        Shutdown = "shutdown",
+    }
+}
+
+impl EndReason {
+    /// A sentence for the log.
+    pub fn sentence(self) -> &'static str {
+        match self {
+            EndReason::Done => "the script has finished",
+            EndReason::Error => "the script failed",
+            EndReason::Cpu => {
+                "the script ran too long without waiting: put task.wait() into its loops"
+            }
+            EndReason::Memory => "the script wanted more memory than it may have",
+            EndReason::Cancelled => "the script was ended from outside",
+            EndReason::Safety => "the watchdog ended the script",
+            EndReason::Reload => "the script is reloaded",
+            EndReason::Shutdown => "the run ends",
+        }
+    }
+}
+
+named! {
+    /// What the watchdog did.
+    SafetyAction {
+        /// Stopped the tracks.
+        Stop = "stop",
+        /// Sent the robot to its station.
+        Dock = "dock",
+        /// Refuses motion from now on.
+        Hold = "hold",
+        /// Allows motion again.
+        Release = "release",
+        /// Sounds the alarm: docking failed.
+        Alarm = "alarm",
+        /// Ended a behaviour.
+        Kill = "kill",
+        /// Closed a dead link.
+        Reconnect = "reconnect",
     }
 }

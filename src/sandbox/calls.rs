@@ -12,7 +12,6 @@ use seccompiler::{
 
 type Rules = BTreeMap<sys::c_long, Vec<SeccompRule>>;
 
-/// Allowed with any arguments.
 #[cfg(target_pointer_width = "64")]
 const ALLOWED: &[sys::c_long] = &[
     // Memory; the calls that map it have conditions.
@@ -181,7 +180,6 @@ fn filter(rules: Rules, otherwise: SeccompAction, then: SeccompAction) -> Option
     filter.ok()?.try_into().ok()
 }
 
-/// The system calls that are allowed only with certain arguments.
 #[cfg(target_pointer_width = "64")]
 fn conditional() -> Option<Rules> {
     let itself = i32::try_from(std::process::id()).ok()?;

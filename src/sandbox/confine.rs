@@ -1,13 +1,13 @@
-//! The restrictions that the kernel enforces on a confined process: it dies with its parent, its
-//! resources are limited, it has no capabilities, and it reaches only its pipe, its standard error
-//! and the files that its policy allows.
-//!
-//! The resource limits are mandatory: without them no script runs. Landlock and seccomp are used
-//! where the kernel supports them.
+//! The restrictions that the kernel enforces on a confined process. The resource limits are
+//! mandatory: without them no script runs; landlock and seccomp are used where they are supported.
 
 use std::ffi::OsString;
 use std::io;
+use std::os::fd::OwnedFd;
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt as _;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::sync::Once;
 
 use landlock::{
@@ -169,11 +169,8 @@ pub fn keep_descriptors() {
     close_fds::set_fds_cloexec(3, &[]);
 }
 
-/// Permanently restricts this thread and everything it starts. Must be called at the start of a
-/// process, before it starts a second thread.
-///
-/// # Errors
-/// If the kernel refuses a limit: then no script may run. Also if the parent has already exited.
+/// Permanently restricts this thread and everything it starts, so it must be called before a
+/// process starts a second thread. Fails if the kernel refuses a limit, or the parent has exited.
 pub fn confine(parent: u32, policy: &SandboxPolicy) -> io::Result<Restrictions> {
     raise_oom_score();
     rustix::thread::set_no_new_privs(true)?;
@@ -202,7 +199,6 @@ fn raise_oom_score() {
     let _ = std::fs::write("/proc/self/oom_score_adj", OOM_SCORE_ADJ);
 }
 
-/// Drops all capabilities, also those of root.
 fn drop_capabilities() -> io::Result<()> {
     for capability in CapabilitySet::all().iter() {
         // Only a process with capabilities can limit those of its children; without any, this call
@@ -259,8 +255,7 @@ fn threads() -> Option<u64> {
     all.parse().ok()
 }
 
-/// Restricts access to files, the network and other processes with landlock. Returns whether the
-/// kernel enforces the rules.
+/// Files, network and other processes; returns whether the kernel enforces the rules.
 fn restrict_files(policy: &SandboxPolicy) -> Result<bool, RulesetError> {
     let ruleset = Ruleset::default()
         .handle_access(AccessFs::from_all(LANDLOCK))?
@@ -296,5 +291,215 @@ fn allow(
     ruleset.add_rules(rules)
 }
 
+/// Returns the command that starts `executable` with its hidden arguments, so that it confines
+/// itself by the policy, and our end of the socket that is its standard input. The process has an
+/// empty environment (except for one setting of the C library) and inherits no other descriptors.
+/// Logs once per process which restrictions the kernel does not support.
+/// Fails if the system cannot create the socket pair.
+pub fn command(
+    executable: &Path,
+    hidden: &[&str],
+    policy: &SandboxPolicy,
+) -> io::Result<(Command, UnixStream)> {
+    Restrictions::warn_unsupported();
+    let (ours, theirs) = UnixStream::pair()?;
+    let mut command = Command::new(executable);
+    command
+        .args(hidden)
+        .args(policy.arguments())
+        .env_clear()
+        // Otherwise glibc reserves 64 MiB of address space for a separate heap for every thread.
+        .env("MALLOC_ARENA_MAX", "1")
+        .stdin(Stdio::from(OwnedFd::from(theirs)))
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        // Ctrl-C in a terminal is meant for the parent, which stops the child in an orderly way.
+        .process_group(0);
+    Ok((command, ours))
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use std::fs;
+    use std::net::{TcpListener, TcpStream, UdpSocket};
+    use std::os::unix::net::{UnixDatagram, UnixListener, UnixStream};
+    use std::os::unix::process::CommandExt;
+    use std::process::Command;
+
+    use rustix::process::{getppid, test_kill_process};
+
+    use super::*;
+
+    /// Set in the process that confines itself; the value is its folder.
+    const INSIDE: &str = "SPYKEE_TEST_CONFINED_TO";
+    const DONE: &str = "everything was tried";
+
+    fn refused<T>(what: &str, attempt: io::Result<T>) {
+        let error = attempt
+            .err()
+            .unwrap_or_else(|| panic!("{what} was possible"));
+        assert_eq!(
+            error.kind(),
+            io::ErrorKind::PermissionDenied,
+            "{what}: {error}"
+        );
+    }
+
+    /// File accesses that must be refused.
+    fn try_files(folder: &Path) {
+        let parent = folder.parent().unwrap();
+        refused("reading a file", fs::read("/etc/passwd"));
+        refused("reading itself", fs::read("/proc/self/exe"));
+        refused("reading its environment", fs::read("/proc/self/environ"));
+        refused(
+            "reading its agent's environment",
+            fs::read(format!("/proc/{}/environ", getppid().unwrap())),
+        );
+        refused("listing a folder", fs::read_dir("/"));
+        refused("listing the folder above", fs::read_dir(parent));
+        refused("a new file", fs::write(parent.join("other"), "x"));
+        refused(
+            "changing a neighbour",
+            fs::write(parent.join("neighbour"), "x"),
+        );
+        refused(
+            "removing a neighbour",
+            fs::remove_file(parent.join("neighbour")),
+        );
+        fs::write(folder.join("mine"), "x").unwrap();
+        let moved = fs::rename(folder.join("mine"), parent.join("mine"));
+        assert!(moved.is_err(), "moving a file out was possible");
+        let linked = std::os::unix::fs::symlink("/etc/passwd", folder.join("link"));
+        refused("a link to elsewhere", linked);
+    }
+
+    fn try_calls(folder: &Path) {
+        refused("a UDP socket", UdpSocket::bind("127.0.0.1:0"));
+        refused("a TCP server", TcpListener::bind("127.0.0.1:0"));
+        refused("a TCP client", TcpStream::connect("127.0.0.1:9"));
+        refused("a local server", UnixListener::bind(folder.join("socket")));
+        refused(
+            "a local client",
+            UnixStream::connect("/run/dbus/system_bus_socket"),
+        );
+        refused("a local datagram", UnixDatagram::unbound());
+        refused(
+            "another program",
+            Err::<(), _>(Command::new("/bin/true").exec()),
+        );
+        refused("a process", Command::new("/bin/true").spawn());
+        refused(
+            "a signal",
+            test_kill_process(getppid().unwrap()).map_err(Into::into),
+        );
+        let open = std::os::unix::fs::PermissionsExt::from_mode(0o777);
+        refused(
+            "other permissions",
+            fs::set_permissions(folder.parent().unwrap(), open),
+        );
+    }
+
+    /// Operations that must still work.
+    fn live(folder: &Path) {
+        let unfinished = folder.join("picture.part");
+        let picture = folder.join("picture.jpg");
+        fs::create_dir_all(folder).unwrap();
+        fs::write(&unfinished, vec![7; 100_000]).unwrap();
+        fs::rename(&unfinished, &picture).unwrap();
+        assert_eq!(fs::read(&picture).unwrap().len(), 100_000);
+        let mode =
+            std::os::unix::fs::PermissionsExt::mode(&fs::metadata(&picture).unwrap().permissions());
+        assert_eq!(mode & 0o077, 0, "others can read it: {mode:o}");
+        assert!(fs::read_dir(folder).unwrap().count() > 0);
+        fs::remove_file(picture).unwrap();
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .unwrap();
+        let waited = std::thread::spawn(move || {
+            let pause = std::time::Duration::from_millis(1);
+            runtime.block_on(async { tokio::time::sleep(pause).await });
+        });
+        waited.join().unwrap();
+        eprintln!("{DONE}");
+    }
+
+    fn inside(folder: &Path) {
+        let policy = SandboxPolicy {
+            write: vec![folder.to_owned()],
+            ..SandboxPolicy::default()
+        };
+        let supported = Restrictions::supported();
+        let parent = getppid().unwrap();
+        let elsewhere = confine(u32::MAX, &policy);
+        assert!(
+            elsewhere.is_err(),
+            "confined although the parent is another one"
+        );
+        let restrictions = confine(parent.as_raw_nonzero().get().unsigned_abs(), &policy).unwrap();
+        assert_eq!(restrictions, supported);
+        let rights = rustix::thread::capabilities(None);
+        assert!(rights.is_err() || rights.is_ok_and(|rights| rights.permitted.is_empty()));
+        if restrictions.files {
+            try_files(folder);
+        }
+        if restrictions.calls {
+            try_calls(folder);
+        }
+        live(folder);
+    }
+
+    #[test]
+    fn a_policy_survives_the_round_trip_over_a_command_line() {
+        let paths = |names: &[&str]| names.iter().map(PathBuf::from).collect::<Vec<_>>();
+        let policy = SandboxPolicy {
+            read: paths(&["a b", "--", ""]),
+            write: paths(&["/c"]),
+            cpu_seconds: 7,
+        };
+        let back = SandboxPolicy::of_arguments(policy.arguments().into_iter());
+        assert_eq!(back, Some((std::process::id(), policy)));
+        for wrong in [&["1", "2"][..], &["x", "0", "0"], &["1", "0", "2", "only"]] {
+            let arguments = wrong.iter().map(OsString::from);
+            assert_eq!(SandboxPolicy::of_arguments(arguments), None, "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn a_confined_process_reaches_its_own_folder_and_nothing_else() {
+        if let Some(folder) = std::env::var_os(INSIDE) {
+            return inside(Path::new(&folder));
+        }
+        let outside = Restrictions::supported();
+        if outside
+            != (Restrictions {
+                files: true,
+                calls: true,
+            })
+        {
+            eprintln!(
+                "this kernel does not support all restrictions, the others are checked: {outside:?}"
+            );
+        }
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("own");
+        fs::create_dir(&folder).unwrap();
+        fs::write(parent.path().join("neighbour"), "untouched").unwrap();
+        let test = concat!(
+            module_path!(),
+            "::a_confined_process_reaches_its_own_folder_and_nothing_else"
+        );
+        let (_, test) = test.split_once("::").unwrap();
+        let output = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", test, "--nocapture"])
+            .env(INSIDE, &folder)
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && stderr.contains(DONE), "{stderr}");
+        assert_eq!(
+            fs::read(parent.path().join("neighbour")).unwrap(),
+            b"untouched"
+        );
+    }
+}

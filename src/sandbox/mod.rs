@@ -1,16 +1,12 @@
-//! The kernel-enforced sandbox of a process that runs untrusted scripts: a behaviour's host, a
-//! check, a scenario. Code that breaks out of the VM is still confined by it.
-//!
-//! A confined process has no capabilities, no file descriptors except the pipe and standard error,
-//! no files except those that its policy allows, no network, a short allow-list of system calls, no
-//! new executable memory, and resource limits. On a kernel without landlock or seccomp these two
-//! restrictions are missing, which is logged once; all others still apply.
+//! The kernel's sandbox of a process that runs untrusted scripts: a behaviour's host, a check, a
+//! scenario. It has no capabilities, no descriptors but its pipe and standard error, no files but
+//! those of its policy, no network, few system calls, no new executable memory, and resource
+//! limits. On a kernel without landlock or seccomp these two are missing, which is logged once.
 
 mod calls;
-mod command;
 mod confine;
 mod worker;
 
-pub use command::command;
+pub use confine::command;
 pub use confine::{Landlock, Restrictions, SandboxPolicy, confine, keep_descriptors};
 pub use worker::{Reply, WORKER_ARGUMENT, Worker, WorkerError, answer};

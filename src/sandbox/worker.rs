@@ -1,8 +1,5 @@
-//! Asks a confined process of this program one question and returns its answer. Each question gets
-//! its own process, so that whatever a process does to itself cannot affect another answer.
-//!
-//! A process that hangs is killed at its deadline, and one that crashes or sends too much gives an
-//! error.
+//! Asks a confined process of this program one question. Each question gets its own process, which
+//! is killed at its deadline.
 
 use std::ffi::OsString;
 use std::io::{self, ErrorKind, Read, Write};
@@ -14,7 +11,7 @@ use std::process::{Child, ExitCode};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use super::command::command;
+use super::confine::command;
 use super::confine::{SandboxPolicy, confine};
 
 /// The hidden argument that makes the executable answer one question.
@@ -49,7 +46,6 @@ pub enum WorkerError {
     Broken(String),
 }
 
-/// When to stop waiting for the answer.
 struct Deadline<'a> {
     until: Instant,
     limit: Duration,
@@ -81,9 +77,7 @@ impl Drop for Process {
 
 impl Worker {
     /// A worker that starts the running executable.
-    ///
-    /// # Errors
-    /// If the system does not report the executable's path.
+    /// Fails if the system does not report the executable's path.
     pub fn of_this_executable(kind: &'static str) -> io::Result<Worker> {
         let executable = std::env::current_exe()?;
         Ok(Worker { executable, kind })
@@ -95,9 +89,6 @@ impl Worker {
     }
 
     /// Waits for the answer while `wanted` returns true, at most for `limit`.
-    ///
-    /// # Errors
-    /// See [`WorkerError`].
     pub fn ask(
         &self,
         policy: &SandboxPolicy,
@@ -164,7 +155,6 @@ fn exchange(
     }
 }
 
-/// Whether a retry may succeed.
 fn is_transient(error: &io::Error) -> bool {
     matches!(
         error.kind(),

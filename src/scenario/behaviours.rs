@@ -12,7 +12,6 @@ use crate::clock::Zone;
 use crate::config::{Config, Entry};
 use crate::script;
 
-/// Loads behaviours.
 pub(super) struct Behaviours {
     pub(super) config: Config,
     /// Base folder of relative paths; without it only the subject can be run.
@@ -27,7 +26,6 @@ pub(super) struct Behaviours {
 }
 
 impl Behaviours {
-    /// Loads the behaviours named in a call, or the subject.
     pub(super) fn load(&self, named: &[Value]) -> Result<Vec<Behaviour>, BehavioursError> {
         let mut entries = named
             .iter()

@@ -21,10 +21,7 @@
 //! [`ScenarioFile`] runs in this process, where only the VM confines the scripts;
 //! [`ScenarioProcess`] runs in processes confined by the kernel.
 
-mod arguments;
 mod behaviours;
-mod calls;
-mod options;
 mod process;
 mod refusal;
 mod run_record;
@@ -32,7 +29,6 @@ mod running_api;
 mod scenario_file;
 mod scenario_run;
 
-pub use options::Options;
 pub use process::{SCENARIO_PROCESS, ScenarioProcess, scenario_process_main};
-pub use scenario_file::{Scenario, ScenarioFile, ScenarioFileError};
+pub use scenario_file::{Options, Scenario, ScenarioFile, ScenarioFileError};
 pub use scenario_run::{Cause, Failure, RunSettings, ScenarioResult, Snapshot};

@@ -62,18 +62,13 @@ struct RunParameters {
 impl ScenarioProcess {
     /// Uses processes of the running executable, which must be `spykee`. `timeout` limits each
     /// run, in real time.
-    ///
-    /// # Errors
-    /// If the path of the executable cannot be determined.
+    /// Fails if the path of the executable cannot be determined.
     pub fn new(timeout: Duration) -> io::Result<ScenarioProcess> {
         let worker = Worker::of_this_executable(SCENARIO_PROCESS)?;
         Ok(ScenarioProcess { worker, timeout })
     }
 
     /// Like [`ScenarioFile::read`], in a confined process.
-    ///
-    /// # Errors
-    /// See [`ScenarioFileError`].
     pub fn read(&self, file: &Path) -> Result<ScenarioFile, ScenarioFileError> {
         let source = read_source(file).map_err(|source| ScenarioFileError::Read {
             path: file.display().to_string(),
@@ -84,9 +79,7 @@ impl ScenarioProcess {
     }
 
     /// Like [`ScenarioFile::of_text`], in a confined process.
-    ///
-    /// # Errors
-    /// [`ScenarioFileError::Invalid`].
+    /// Fails with [`ScenarioFileError::Invalid`].
     pub fn of_text(&self, name: &str, text: &str) -> Result<ScenarioFile, ScenarioFileError> {
         self.scenario_file(Path::new(name), None, text.into())
     }
@@ -112,9 +105,7 @@ impl ScenarioProcess {
 
     /// Like [`ScenarioFile::run`], in a confined process; `None` if it was cancelled by
     /// [`RunSettings::stop`].
-    ///
-    /// # Errors
-    /// If the system cannot create the behaviours' data folder.
+    /// Fails if the system cannot create the behaviours' data folder.
     pub fn run(
         &self,
         scenario_file: &ScenarioFile,

@@ -7,7 +7,6 @@ use crate::behaviour::NameError;
 use crate::clock::ClockError;
 use crate::sim::DocumentError;
 
-/// Errors of calls by a scenario's script.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum CallError {
     #[error("it does not exist")]
@@ -40,7 +39,6 @@ pub(super) enum CallError {
     Behaviours(#[from] BehavioursError),
 }
 
-/// Errors when loading a world.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum WorldError {
     #[error("{0} is not a world: it links to a file of another kind")]
@@ -58,7 +56,6 @@ pub(super) enum WorldError {
     },
 }
 
-/// Errors when loading a behaviour that a scenario names.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum BehavioursError {
     #[error("name a behaviour, such as sim:run(\"patrol.lua\")")]

@@ -11,9 +11,7 @@ use crate::behaviour::is_failure;
 use crate::robot::EndReason;
 use crate::simulation::{Event, EventKind, Recorder};
 
-/// Maximum number of log lines of behaviours kept.
 const MAX_LINES: usize = 10_000;
-/// Maximum number of endings kept.
 const MAX_ENDINGS: usize = 1_000;
 /// Number of most recent events kept for failure reports.
 const RECENT: usize = 8;
@@ -39,7 +37,6 @@ struct Line {
     time: f64,
 }
 
-/// How a behaviour ended.
 #[derive(Debug, Clone)]
 pub(super) struct Ended {
     pub(super) behaviour: String,
@@ -48,7 +45,6 @@ pub(super) struct Ended {
 }
 
 impl RunRecord {
-    /// Returns a recorder that adds events to this record.
     pub(super) fn recorder(&self) -> Recorder {
         let record = self.clone();
         Recorder::new(move |event| record.state().record(&event))
@@ -76,7 +72,6 @@ impl RunRecord {
         found.map(|ended| ended.reason.clone())
     }
 
-    /// Returns the first behaviour that failed.
     pub(super) fn failed(&self) -> Option<Ended> {
         self.state().failed.clone()
     }
@@ -99,7 +94,6 @@ impl RunRecord {
         Ok(lines.map(object).collect())
     }
 
-    /// Returns the most recent events, oldest first.
     pub(super) fn recent(&self) -> Vec<String> {
         self.state().recent.iter().cloned().collect()
     }

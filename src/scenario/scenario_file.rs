@@ -4,13 +4,14 @@ use std::cell::RefCell;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use tokio::time::Instant;
 
-use super::arguments::Arguments;
-use super::options::Options;
 use super::refusal::{CallError, WorldError};
+use super::running_api::{Arguments, seconds};
 use crate::behaviour::{Library, read_source};
 use crate::check;
 use crate::robot::EndReason;
@@ -20,7 +21,6 @@ use crate::script::{
 };
 use crate::sim::World;
 
-/// Maximum number of scenarios in one file.
 const MAX_SCENARIOS: usize = 1000;
 /// CPU budget of a scenario's own script between waits. It can be long, because this script does
 /// not control a robot.
@@ -75,9 +75,6 @@ pub enum ScenarioFileError {
 
 impl ScenarioFile {
     /// Reads a file and its declarations.
-    ///
-    /// # Errors
-    /// See [`ScenarioFileError`].
     pub fn read(file: &Path) -> Result<ScenarioFile, ScenarioFileError> {
         let source = read_source(file).map_err(|source| ScenarioFileError::Read {
             path: file.display().to_string(),
@@ -89,9 +86,7 @@ impl ScenarioFile {
 
     /// Creates a scenario file from a text that is not in a file, for example one built into the
     /// program. It can use no other files: no modules, and only built-in worlds.
-    ///
-    /// # Errors
-    /// [`ScenarioFileError::Invalid`].
+    /// Fails with [`ScenarioFileError::Invalid`].
     pub fn of_text(name: &str, text: &str) -> Result<ScenarioFile, ScenarioFileError> {
         ScenarioFile::new(Path::new(name), None, text.into())
     }
@@ -106,7 +101,6 @@ impl ScenarioFile {
         Ok(scenario_file.with_scenarios(scenarios))
     }
 
-    /// Creates a scenario file without reading its declarations.
     pub(super) fn undeclared(
         file: &Path,
         folder: Option<PathBuf>,
@@ -120,7 +114,6 @@ impl ScenarioFile {
         }
     }
 
-    /// Sets the declarations.
     pub(super) fn with_scenarios(self, scenarios: Vec<Scenario>) -> ScenarioFile {
         ScenarioFile { scenarios, ..self }
     }
@@ -151,7 +144,6 @@ impl ScenarioFile {
         file.is_file().then_some(file)
     }
 
-    /// Returns a line of the source, counted from 1.
     pub(super) fn line(&self, number: u32) -> Option<String> {
         let text = String::from_utf8_lossy(&self.source);
         let line = text.lines().nth(number.checked_sub(1)? as usize)?;
@@ -315,4 +307,39 @@ pub(super) fn load_world(name: Option<&str>, folder: Option<&Path>) -> Result<Wo
         near,
         known,
     })
+}
+
+/// Options of a scenario. The API table defines bounds and defaults.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Options {
+    /// Name of a built-in world, or a file in the scenario's folder; the default world if `None`.
+    pub world: Option<String>,
+    /// The battery's level at the start, 0..=100 percent; the world's if `None`.
+    pub battery: Option<f64>,
+    /// Number of seeds: the scenario is run with the seeds from 1 to this.
+    pub seeds: u64,
+    /// Limit in virtual time.
+    pub limit: Duration,
+    /// Points in a lesson.
+    pub points: u32,
+    /// Frames per second of the robot's camera; the world's if `None`.
+    pub fps: Option<f64>,
+    /// Whether the scenario continues when a behaviour fails.
+    pub may_fail: bool,
+}
+
+impl Options {
+    /// Reads the options from a validated table.
+    pub(super) fn parse(table: &Value) -> Options {
+        let number = |key: &str| table[key].as_f64();
+        Options {
+            world: table["world"].as_str().map(str::to_owned),
+            battery: number("battery"),
+            seeds: number("seeds").unwrap_or_default() as u64,
+            limit: seconds(&table["limit"]),
+            points: number("points").unwrap_or_default() as u32,
+            fps: number("fps"),
+            may_fail: table["may_fail"] == true,
+        }
+    }
 }

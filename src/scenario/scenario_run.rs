@@ -27,7 +27,6 @@ use crate::script::{Script, SourceLocation};
 use crate::sim::{self, Pose};
 use crate::simulation::{self, Simulation};
 
-/// Maximum number of lines kept from a scenario's script.
 const MAX_LINES: usize = 200;
 
 /// Settings common to all scenarios.
@@ -125,7 +124,6 @@ pub enum Cause {
     Scenario,
 }
 
-/// A failure without the robot's state.
 struct FailureReason {
     cause: Cause,
     message: String,
@@ -134,9 +132,7 @@ struct FailureReason {
 
 impl ScenarioFile {
     /// Runs a scenario of this file with a seed. Blocks until it is over.
-    ///
-    /// # Errors
-    /// If the system cannot create a thread or the behaviours' data folder.
+    /// Fails if the system cannot create a thread or the behaviours' data folder.
     pub fn run(
         &self,
         scenario: &Scenario,
@@ -203,13 +199,11 @@ impl ScenarioFile {
     }
 }
 
-/// A running agent.
 struct Agent {
     stop: CancellationToken,
     outcome: Pin<Box<dyn Future<Output = Result<Outcome, AgentError>>>>,
 }
 
-/// A scenario that is running.
 struct ScenarioRun<'a> {
     scenario_file: &'a ScenarioFile,
     scenario: &'a Scenario,
@@ -303,7 +297,6 @@ impl ScenarioRun<'_> {
         }
     }
 
-    /// Returns the result if the scenario is over.
     fn verdict(&self, script: &Script) -> Option<Result<(), FailureReason>> {
         if let Some(failed) = self.api.record.failed()
             && !self.scenario.options.may_fail

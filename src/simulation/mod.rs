@@ -33,8 +33,6 @@
 //! confines scripts, without landlock, seccomp and resource limits. Run only scripts that you trust
 //! with that.
 
-mod event;
-mod options;
 mod recorder;
 mod running;
 mod sim_clock;
@@ -43,6 +41,9 @@ use std::io;
 use std::panic::resume_unwind;
 use std::time::Duration;
 
+pub use recorder::{Event, EventKind, Recorder, now};
+pub use running::{Options, Running};
+pub use sim_clock::{ClockMode, SimClock, TimeScale};
 use tokio::runtime::{Builder, LocalOptions};
 use tokio::time::Instant;
 
@@ -52,12 +53,6 @@ use crate::clock;
 use crate::script;
 use crate::sim::{self, World};
 
-pub use event::{Event, EventKind};
-pub use options::Options;
-pub use recorder::{Recorder, now};
-pub use running::Running;
-pub use sim_clock::{ClockMode, SimClock, TimeScale};
-
 /// A running simulation.
 pub struct Simulation {
     sim: sim::Handle,
@@ -65,10 +60,8 @@ pub struct Simulation {
     options: Options,
 }
 
-/// Sets up A simulation in this world and runs `work` in it, in virtual time.
-///
-/// # Errors
-/// If the system cannot create a thread or a runtime.
+/// Sets up a simulation in this world and runs `work` in it, in virtual time.
+/// Fails if the system cannot create a thread or a runtime.
 pub fn run<T: Send>(
     world: World,
     options: Options,

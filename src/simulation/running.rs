@@ -8,15 +8,17 @@ use tokio::sync::{mpsc, watch};
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
-use super::options::Options;
+use super::recorder::Recorder;
+use super::sim_clock::SimClock;
 use crate::agent::{self, Agent, AgentError, Behaviour, Outcome, Plan, RESCUE_NAME, Roster};
 use crate::behaviour::{Launch, Launcher};
 use crate::link;
 use crate::pilot::{Connector, Reactions, Settings, Status};
-use crate::robot::Pictures;
 use crate::robot::channel::Request;
+use crate::robot::{Bus, Pictures, Streams};
+use crate::safety::Limits;
 use crate::script;
-use crate::sim::Handle;
+use crate::sim::{self, Handle};
 use crate::wire::Login;
 
 /// The nominal address of simulated robots.
@@ -103,9 +105,6 @@ impl Running {
 
     /// Waits until the agent has ended. Without a limit, a call to [`Running::stop`] or behaviours
     /// that end, this never returns.
-    ///
-    /// # Errors
-    /// The errors of [`Agent::run`].
     pub async fn outcome(mut self) -> Result<Outcome, AgentError> {
         match (&mut self.agent).await {
             Ok(outcome) => outcome,
@@ -120,7 +119,6 @@ impl Drop for Running {
     }
 }
 
-/// Creates the plan of an agent for this robot.
 pub(super) fn plan(sim: Handle, options: &Options, behaviours: Vec<Behaviour>) -> Plan {
     Plan {
         behaviours,
@@ -169,4 +167,31 @@ fn connector(sim: Handle, login: Login, options: link::Options) -> Connector {
             link::open(reader, writer, ADDRESS, &login, supervision, &options).await
         })
     })
+}
+
+/// Options of a simulation.
+#[derive(Default)]
+pub struct Options {
+    /// Seed of the simulator's noise and of the link's pauses; behaviours have their own seeds.
+    pub seed: u64,
+    /// The simulated robot: its login, firmware, frames per second and faults. Its `seed`,
+    /// `listen`, `discovery` and `unacknowledged` are not used.
+    pub sim: sim::Options,
+    /// The parameters of the safety rules.
+    pub limits: Limits,
+    /// Timing of the link.
+    pub link: link::Options,
+    /// When the robot's streams are on.
+    pub streams: Streams,
+    /// Ends every run of this simulation when cancelled, from any thread.
+    pub stop: CancellationToken,
+    /// Wall-clock time at the start; 2026-01-01 09:00 UTC if `None`.
+    pub date: Option<jiff::Timestamp>,
+    /// Receives all events.
+    pub events: Option<Recorder>,
+    /// Slows the virtual clock down for viewers. A run with a sim_clock continues after its
+    /// behaviours have ended. Without it, virtual time jumps ahead whenever all tasks wait.
+    pub sim_clock: Option<SimClock>,
+    /// The bus to which its agents publish.
+    pub bus: Bus,
 }

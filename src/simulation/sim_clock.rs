@@ -17,7 +17,6 @@ use tokio_util::sync::CancellationToken;
 /// Maximum time for which the thread sleeps at once, which is also the maximum delay of external
 /// requests.
 const MAX_BLOCK: Duration = Duration::from_millis(4);
-/// Length of one step in simulated time.
 const STEP: Duration = Duration::from_millis(100);
 /// Interval, in real time if possible, at which the virtual clock is compared with the real one.
 const CHECK_INTERVAL: Duration = Duration::from_millis(4);
@@ -56,7 +55,7 @@ pub struct ClockMode {
     pub factor: TimeScale,
 }
 
-/// Controls the clock from any thread; see the module. Clones control the same clock.
+/// Controls the clock from any thread. Clones control the same clock.
 #[derive(Debug, Clone)]
 pub struct SimClock(Arc<Mutex<ClockState>>);
 
@@ -90,7 +89,6 @@ impl ClockState {
         due.checked_sub(real).filter(|wait| !wait.is_zero())
     }
 
-    /// Returns the simulated time until the next comparison.
     fn check_interval(&self) -> Duration {
         if self.mode.paused {
             STEP / 10
@@ -99,15 +97,13 @@ impl ClockState {
         }
     }
 
-    fn change(&mut self, mode: ClockMode) {
-        self.mode = mode;
+    fn realign(&mut self) {
         self.aligned = None;
         self.allowed = self.now;
     }
 }
 
 impl Default for SimClock {
-    /// Runs in real time.
     fn default() -> SimClock {
         let mode = ClockMode {
             paused: false,
@@ -136,31 +132,22 @@ impl SimClock {
     /// Pauses or resumes the clock.
     pub fn pause(&self, paused: bool) {
         let mut state = self.state();
-        let mode = ClockMode {
-            paused,
-            ..state.mode
-        };
-        state.change(mode);
+        state.mode.paused = paused;
+        state.realign();
     }
 
     /// Sets the speed; a paused clock stays paused.
     pub fn set_time_scale(&self, factor: TimeScale) {
         let mut state = self.state();
-        let mode = ClockMode {
-            factor,
-            ..state.mode
-        };
-        state.change(mode);
+        state.mode.factor = factor;
+        state.realign();
     }
 
     /// Runs the clock for 0.1 s of simulated time, then pauses it.
     pub fn step(&self) {
         let mut state = self.state();
-        let mode = ClockMode {
-            paused: true,
-            ..state.mode
-        };
-        state.change(mode);
+        state.mode.paused = true;
+        state.realign();
         state.allowed = state.now + STEP;
     }
 

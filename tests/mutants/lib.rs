@@ -4,7 +4,6 @@
 
 pub mod link {
     mod send_queue;
-    mod speech;
 }
 pub mod pilot {
     mod silence;

@@ -3,7 +3,7 @@
 use super::super::kinds::ValueKind;
 use super::super::passing;
 use super::super::tree::{Expr, ExprKind, StatementKind};
-use super::reasons::a;
+use super::a;
 use super::{ErrorSite, Explanation};
 use crate::api::{self, Function, Value};
 
