@@ -119,7 +119,6 @@ impl Target {
         rule == Rule::Test || self.on.as_ref().is_none_or(|rules| rules.contains(&rule))
     }
 
-    /// Returns all texts in which placeholders are replaced.
     fn templates(&self) -> Vec<&str> {
         let mut texts: Vec<&str> = self
             .url

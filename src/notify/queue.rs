@@ -18,7 +18,6 @@ const FOLDER: &str = ".notify";
 /// Maximum length of a message as JSON, in bytes.
 const MAX_LEN: u64 = 64 * 1024;
 
-/// See the module.
 #[derive(Debug)]
 pub(super) struct Queue {
     folder: Folder,
@@ -27,7 +26,6 @@ pub(super) struct Queue {
     holds: bool,
 }
 
-/// A message and its file.
 #[derive(Debug)]
 pub(super) struct Waiting {
     pub(super) name: String,
@@ -35,7 +33,6 @@ pub(super) struct Waiting {
 }
 
 impl Queue {
-    /// Opens the queue of a target in this data folder.
     pub(super) fn open(data: &Path, target: &str) -> io::Result<Queue> {
         Folder::make(data)?;
         Folder::make(&data.join(FOLDER))?;
@@ -97,12 +94,10 @@ impl Queue {
         Ok(None)
     }
 
-    /// Number of waiting messages.
     pub(super) fn len(&self) -> usize {
         self.names().map_or(0, |names| names.len())
     }
 
-    /// Removes a message that was sent or will never be.
     pub(super) fn remove(&self, name: &str) {
         if let Err(error) = self.folder.remove(name) {
             tracing::debug!("the file of a message cannot be removed: {error}");

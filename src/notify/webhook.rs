@@ -5,7 +5,7 @@ use std::time::Duration;
 use ureq::http::{HeaderName, HeaderValue, Request};
 
 use super::content::content;
-use super::delivery::Delivery;
+use super::notice::Delivery;
 use super::notice::Notice;
 use super::options::Target;
 use super::template::{Slot, fill};
