@@ -4,7 +4,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::presence::Presence;
+use super::topics::Presence;
 use super::topics::Topics;
 use crate::robot::RobotInfo;
 
