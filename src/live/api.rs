@@ -45,7 +45,6 @@ const LONGEST_UNDOCKING: Duration = Duration::from_secs(600);
 type Shared = State<Arc<Broadcast>>;
 type Reply<T> = Result<Json<T>, Refusal>;
 
-/// Returns all routes except those of the page's files.
 pub(super) fn routes(broadcast: Arc<Broadcast>) -> Router {
     Router::new()
         .route("/healthz", get(healthz))

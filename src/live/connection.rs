@@ -48,7 +48,6 @@ const MAX_LINES: usize = 100;
 
 type Sink = SplitSink<WebSocket, Message>;
 
-/// The channels from the reader to the writer.
 struct Queues {
     watch: watch::Sender<Watch>,
     /// Number of frames taken.
@@ -110,7 +109,6 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
     }
 }
 
-/// The number of a command that cannot be understood.
 #[derive(Deserialize)]
 struct Numbered {
     id: u32,
@@ -227,7 +225,6 @@ impl Reader {
     }
 }
 
-/// Sends a page what it shows.
 struct Writer {
     broadcast: Arc<Broadcast>,
     watched: watch::Receiver<Watch>,
@@ -237,7 +234,6 @@ struct Writer {
     sent: u32,
 }
 
-/// The optional parts that the page shows.
 #[derive(Default)]
 struct Feeds {
     map: Option<watch::Receiver<Utf8Bytes>>,
@@ -246,7 +242,6 @@ struct Feeds {
 }
 
 impl Writer {
-    /// Runs until a message cannot be sent.
     async fn run(mut self, mut sink: Sink, hello: Utf8Bytes) {
         if self.show(&mut sink, hello).await.is_none() {
             let frame = CloseFrame {
@@ -305,7 +300,6 @@ impl Writer {
         }
     }
 
-    /// Number of frames sent and not yet taken.
     fn frames_under_way(&self) -> u32 {
         let under_way = self.sent.wrapping_sub(*self.taken.borrow());
         // A page that reports more frames taken than were sent gets no advantage.

@@ -153,7 +153,6 @@ impl Metrics {
         }
     }
 
-    /// Returns the metrics as text, with the current values.
     pub(super) fn text(&self, run: &Run, viewers: usize, bytes: u64) -> String {
         let status = *run.status.borrow();
         let battery = status.battery;

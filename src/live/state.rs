@@ -103,7 +103,6 @@ impl From<&RobotInfo> for Robot {
     }
 }
 
-/// Measures the frame rate.
 #[derive(Debug)]
 pub(super) struct Rate {
     since: Instant,
@@ -138,7 +137,6 @@ pub(super) struct People {
     pub(super) viewers: usize,
 }
 
-/// Returns the current state.
 pub(super) fn state(
     run: &Run,
     robot: Option<&RobotInfo>,
@@ -178,7 +176,6 @@ pub(super) fn state(
     }
 }
 
-/// Whether the config allows the camera.
 pub(super) fn has_camera(run: &Run) -> bool {
     run.streams.usage(Stream::Video) != Use::Off
 }
