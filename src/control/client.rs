@@ -25,7 +25,6 @@ pub struct Client {
     pub overview: Overview,
 }
 
-/// How the run is reached.
 #[derive(Debug, Clone)]
 enum Transport {
     /// Through its private socket in this data folder.

@@ -144,7 +144,6 @@ fn is_absent(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
 }
 
-/// The file, for the thread that writes it.
 struct StopFile {
     data: PathBuf,
     wanted: watch::Receiver<bool>,

@@ -197,7 +197,6 @@ async fn read<T: Send + 'static>(
     read.map_err(|_| broken())
 }
 
-/// The query of `/api/history`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Days {
@@ -234,7 +233,6 @@ async fn schedule(State(broadcast): Shared, _: Visitor) -> Json<Option<Vec<histo
     Json(definition.timetable.as_ref().map(starts))
 }
 
-/// Returns a picture that a behaviour has saved.
 async fn saved_picture(
     State(broadcast): Shared,
     _: Visitor,
@@ -396,7 +394,8 @@ fn out_of_reach() -> Refusal {
 }
 
 /// Converts a result: a failure is a 409 (conflict with the current state).
-fn outcome((ok, text): Done) -> Reply<Outcome> {
+fn outcome(result: Done) -> Reply<Outcome> {
+    let (ok, text) = result;
     if ok {
         Ok(Json(Outcome { ok, text }))
     } else {

@@ -29,7 +29,6 @@ use crate::robot::{
 use crate::vision::validate_markers;
 use crate::wire::Stream;
 
-/// Polling interval for changes.
 const STATE_POLL: Duration = Duration::from_millis(100);
 /// How often the behaviours are sent, to update their running times.
 const BEHAVIOURS: Duration = Duration::from_secs(1);
@@ -381,7 +380,6 @@ pub(super) struct Camera {
     bytes: AtomicU64,
 }
 
-/// A registered viewer of the camera, until dropped.
 #[derive(Debug)]
 pub(super) struct CameraViewer<'a>(&'a Camera);
 

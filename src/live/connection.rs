@@ -29,15 +29,12 @@ use crate::robot::{Frame, Setpoint};
 
 /// Maximum length of a page's message, in bytes.
 pub(super) const MAX_MESSAGE: usize = 16 * 1024;
-/// Timeout for sending one message.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 /// How long a page may be silent, without even a pong.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(20);
-/// Interval between pings.
 const PING: Duration = Duration::from_secs(5);
 /// Maximum number of a page's messages per second; an honest page sends twenty.
 const MAX_MESSAGES: u32 = 200;
-/// Maximum number of commands in progress.
 const MAX_COMMANDS: usize = 8;
 /// Capacity of the queue of messages for this viewer only.
 const MAX_WAITING: usize = 64;

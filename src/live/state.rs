@@ -130,7 +130,6 @@ impl Rate {
     }
 }
 
-/// The driver and the number of viewers.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct People {
     pub(super) driver: Option<Person>,

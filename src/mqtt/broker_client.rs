@@ -30,7 +30,6 @@ use crate::{control, link};
 
 /// Changes within this time are published together.
 const COALESCE: Duration = Duration::from_millis(100);
-/// Timeout for closing the connection.
 const CLOSING: Duration = Duration::from_secs(1);
 /// How long commands in progress at the end may take.
 const RESULTS_TIMEOUT: Duration = Duration::from_millis(500);
@@ -61,7 +60,6 @@ pub(super) struct BrokerClient {
     log: LimitedLog,
 }
 
-/// The state of the connection.
 enum Phase {
     /// The robot's uid is not known yet.
     NoRobot,
@@ -71,7 +69,6 @@ enum Phase {
     Up(Connection, Instant),
 }
 
-/// What was published on this connection.
 #[derive(Default)]
 struct Published {
     subscribed: bool,
@@ -80,7 +77,6 @@ struct Published {
     state: Option<Value>,
 }
 
-/// The next thing to handle.
 enum Input {
     Stop,
     Bus(BusMessage),
@@ -117,7 +113,6 @@ impl BrokerClient {
         }
     }
 
-    /// Runs until it is stopped or the agent has ended.
     pub(super) async fn run(mut self, stop: &CancellationToken) {
         let mut status = self.run.status.clone();
         let mut statuses = self.run.roster.statuses();
@@ -264,7 +259,6 @@ impl BrokerClient {
         Ok(())
     }
 
-    /// Publishes an event for Home Assistant's event entity and other subscribers.
     fn announce(&mut self, what: &AgentEvent) {
         let Phase::Up(connection, _) = &self.phase else {
             return;
@@ -383,7 +377,6 @@ fn topics(account: &Account, uid: &str) -> Topics {
     Topics::new(&options.prefix, &options.discovery_prefix, uid)
 }
 
-/// Parses the name of a chosen behaviour.
 fn choice(payload: &[u8]) -> Result<BrokerCommand, BrokerCommandError> {
     if payload.len() > LONGEST_CHOICE {
         return Err(BrokerCommandError::TooLong);
@@ -512,12 +505,9 @@ impl Drop for Mqtt {
 const MAX_TASKS: usize = 8;
 /// Maximum number of commands in progress including stops; another stop would change nothing.
 const MAX_STOPS: usize = 32;
-/// Timeout for an undocking.
 const UNDOCKING: Duration = Duration::from_secs(15);
-/// Timeout for a picture.
 const PICTURE: Duration = Duration::from_secs(5);
 
-/// A finished command.
 pub(super) struct FinishedCommand {
     pub(super) answer: CommandResult,
     /// The picture taken, if any.
@@ -589,7 +579,6 @@ impl CommandTasks {
         }
     }
 
-    /// Whether no command is in progress.
     pub(super) fn is_empty(&self) -> bool {
         self.tasks.is_empty()
     }

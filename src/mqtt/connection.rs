@@ -15,9 +15,7 @@ use tokio::time::timeout;
 
 use crate::config;
 
-/// Capacity of the queue to the broker.
 const MAX_WAITING: usize = 64;
-/// Capacity of the queue of received messages.
 const MAX_RECEIVED: usize = 64;
 /// Maximum length of a received message (a command, a state, a birth message), in bytes.
 const LONGEST_RECEIVED: usize = 64 << 10;
@@ -43,7 +41,6 @@ impl std::fmt::Debug for Account {
     }
 }
 
-/// A received message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Message {
     pub(super) topic: String,
@@ -52,7 +49,6 @@ pub(super) struct Message {
     pub(super) retained: bool,
 }
 
-/// An event on a connection.
 #[derive(Debug)]
 pub(super) enum ConnectionEvent {
     /// The broker has accepted the connection.
@@ -93,7 +89,6 @@ impl Drop for Connection {
 }
 
 impl Connection {
-    /// Starts to connect, with this client ID.
     pub(super) fn connect(account: &Account, client: &str, will: Option<Will>) -> Connection {
         let (host, port) = account.options.address().unwrap_or(("localhost", 1883));
         let mut options = MqttOptions::new(client, host, port);
@@ -134,7 +129,6 @@ impl Connection {
         self.received.recv().await.unwrap_or_else(lost)
     }
 
-    /// Subscribes to a topic.
     pub(super) fn subscribe(&self, topic: &str) -> Result<(), QueueFull> {
         let asked = self.client.try_subscribe(topic, QoS::AtLeastOnce);
         asked.map_err(|_| QueueFull)

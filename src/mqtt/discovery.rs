@@ -24,7 +24,6 @@ pub(super) const EVENTS: [&str; 12] = [
     "notify",
 ];
 
-/// Builds the payload of the discovery topic.
 pub(super) fn discovery(topics: &Topics, robot: &RobotInfo, behaviours: &[String]) -> Value {
     let online = Presence::Online.word();
     json!({

@@ -135,7 +135,6 @@ impl Fleet {
         found.state = state.unwrap_or(found.state.take());
     }
 
-    /// Splits a topic into the robot and the rest.
     fn split_topic<'a>(&self, topic: &'a str) -> Option<(&'a str, &'a str)> {
         let rest = topic.strip_prefix(&self.account.options.prefix)?;
         rest.strip_prefix('/')?.split_once('/')

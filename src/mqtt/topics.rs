@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 /// Maximum length of a robot's name in a topic, in characters.
 const LONGEST_ID: usize = 64;
 
-/// The topics of one agent.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Topics {
     base: String,
@@ -24,7 +23,7 @@ impl Topics {
         }
     }
 
-    /// The agent's presence: see [`Presence`](super::topics::Presence). Retained.
+    /// The agent's presence: see [`Presence`]. Retained.
     pub(super) fn connection(&self) -> String {
         format!("{}/connection", self.base)
     }

@@ -17,7 +17,6 @@ pub(super) struct Content {
     pub(super) bytes: Vec<u8>,
 }
 
-/// Builds the content of a message from this target's templates.
 pub(super) fn content(
     target: &Target,
     token: &str,

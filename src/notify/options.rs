@@ -17,7 +17,6 @@ const MAX_TARGETS: usize = 8;
 const LONGEST_NAME: usize = 40;
 /// Maximum length of a topic, in bytes.
 const LONGEST_TOPIC: usize = 200;
-/// HTTP methods allowed for a webhook.
 const METHODS: &[&str] = &["POST", "PUT", "PATCH"];
 
 /// Which messages go to which targets.

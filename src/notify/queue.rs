@@ -9,11 +9,9 @@ use rustix::fs::{FlockOperation, flock};
 use super::notice::Notice;
 use crate::files::{Folder, Item};
 
-/// Maximum number of messages for one target.
 pub(super) const MAX_QUEUED: usize = 100;
 /// Maximum age of a message, in milliseconds.
 const LONGEST: i64 = 86_400_000;
-/// Name of the folder in the data folder.
 const FOLDER: &str = ".notify";
 /// Maximum length of a message as JSON, in bytes.
 const MAX_LEN: u64 = 64 * 1024;

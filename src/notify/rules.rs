@@ -43,7 +43,6 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    /// Starts with a robot that is not connected yet.
     pub(super) fn new(unreachable_after: Duration, now: Instant) -> Rules {
         Rules {
             unreachable_after,
@@ -144,7 +143,6 @@ impl Rules {
         }
     }
 
-    /// When [`Rules::poll`] should be called next.
     pub(super) fn deadline(&self) -> Option<Instant> {
         match &self.link {
             Link::Down(since, _) => Some(*since + self.unreachable_after),

@@ -58,7 +58,6 @@ fn read_picture(path: &Path) -> Option<Vec<u8>> {
     bytes.starts_with(&[0xff, 0xd8]).then_some(bytes)
 }
 
-/// Sends the messages of one target.
 pub(super) struct Sender {
     pub(super) name: String,
     pub(super) target: Target,

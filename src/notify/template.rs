@@ -8,7 +8,6 @@ use serde_json::Value;
 
 use super::notice::Notice;
 
-/// The known placeholders.
 const NAMES: &[&str] = &["text", "event", "robot", "time", "picture", "token"];
 /// Maximum nesting depth of a JSON value that is searched for texts.
 const DEEPEST: u32 = 16;

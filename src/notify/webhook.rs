@@ -10,7 +10,6 @@ use super::notice::Notice;
 use super::options::Target;
 use super::template::{Slot, fill};
 
-/// Maximum number of redirects.
 const REDIRECTS: u32 = 3;
 
 /// Sends the request and waits for the response. Errors do not contain the address, which may
