@@ -8,7 +8,6 @@
 
 mod client;
 mod emergency_stop;
-mod error;
 mod folder;
 mod pipe;
 mod report;
@@ -16,9 +15,8 @@ mod request;
 mod server;
 mod web;
 
-pub use client::{Client, runs};
+pub use client::{AskError, Client, runs};
 pub use emergency_stop::EmergencyStop;
-pub use error::AskError;
 pub use report::{Level, Report, RunningBehaviourReport, Start};
 pub use request::{BehaviourListing, Change, MAX_SPEECH, Next, Overview, RunRequest, RunResponse};
 pub use server::{ControlServer, Run};

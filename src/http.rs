@@ -8,17 +8,135 @@
 
 mod access;
 mod keyring;
-mod listener;
 mod login;
 mod middleware;
-mod options;
 mod origin_check;
 mod visitor;
 
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::ConnectInfo;
+use hyper::Request;
+use hyper::body::Incoming;
+use hyper::server::conn::http1;
+use hyper::service::{Service as _, service_fn};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
+use tokio::net::TcpListener;
+use tokio::sync::Semaphore;
+use tokio::time::sleep;
+use tokio_io_timeout::TimeoutStream;
+use tracing::debug;
+
 pub use access::{Access, AccessError};
 pub use keyring::{Key, Keyring, KeyringError, Role};
-pub use listener::serve;
 pub use login::{Me, routes};
 pub use middleware::guard_request;
-pub use options::Options;
 pub use visitor::{Driver, Refusal, Visitor};
+
+/// Default address of the page.
+const LISTEN: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 7788);
+/// Default maximum number of viewers.
+const VIEWERS: u16 = 32;
+const MAX_VIEWERS: u16 = 1000;
+
+/// `live:` of the config.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Options {
+    /// The address of the page and the API, `IP:PORT`. Beyond loopback a token is required.
+    #[schemars(with = "Option<String>")]
+    pub listen: Option<SocketAddr>,
+    /// Host names of the page besides that address, such as that of a proxy in front of it.
+    pub hosts: Vec<String>,
+    /// The maximum number of viewers at a time, from 1 to 1000.
+    #[serde(deserialize_with = "viewers")]
+    #[schemars(range(min = 1, max = 1000))]
+    pub viewers: u16,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            listen: None,
+            hosts: Vec::new(),
+            viewers: VIEWERS,
+        }
+    }
+}
+
+impl Options {
+    /// Returns the address to listen on.
+    pub fn address(&self) -> SocketAddr {
+        self.listen.unwrap_or(LISTEN)
+    }
+}
+
+fn viewers<'de, D: Deserializer<'de>>(from: D) -> Result<u16, D::Error> {
+    let number = u64::deserialize(from)?;
+    match u16::try_from(number) {
+        Ok(viewers @ 1..=MAX_VIEWERS) => Ok(viewers),
+        _ => {
+            let expected = "a whole number of viewers from 1 to 1000";
+            let found = serde::de::Unexpected::Unsigned(number);
+            Err(serde::de::Error::invalid_value(found, &expected))
+        }
+    }
+}
+
+/// Timeout for a request's head, and its maximum length in bytes.
+const HEAD: Duration = Duration::from_secs(5);
+const MAX_HEAD: usize = 64 * 1024;
+/// How long the client may read nothing of a response.
+const STALL: Duration = Duration::from_secs(15);
+/// Maximum number of connections besides those of viewers, whose number is limited elsewhere.
+const MAX_CONNECTIONS: usize = 64;
+/// Pause after a failed `accept`.
+const PAUSE: Duration = Duration::from_millis(200);
+
+/// Serves the router on this socket; never returns. A connection carries one request, so that the
+/// timeout for its head counts from the start; the middleware enforces the one for the body.
+pub async fn serve(listener: TcpListener, router: Router) {
+    let room = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let router = Arc::new(TowerToHyperService::new(router));
+    loop {
+        // Further connections wait in the system's queue. The semaphore is never closed.
+        let Ok(permit) = room.clone().acquire_owned().await else {
+            return;
+        };
+        let (stream, address) = match listener.accept().await {
+            Ok(accepted) => accepted,
+            Err(error) => {
+                debug!("cannot accept a connection: {error}");
+                sleep(PAUSE).await;
+                continue;
+            }
+        };
+        // Send small messages at once. A failure only delays them.
+        let _ = stream.set_nodelay(true);
+        let mut stream = TimeoutStream::new(stream);
+        stream.set_write_timeout(Some(STALL));
+        let router = router.clone();
+        let service = service_fn(move |mut request: Request<Incoming>| {
+            request.extensions_mut().insert(ConnectInfo(address));
+            router.call(request)
+        });
+        let connection = http1::Builder::new()
+            .timer(TokioTimer::new())
+            .header_read_timeout(HEAD)
+            .max_buf_size(MAX_HEAD)
+            .serve_connection(TokioIo::new(Box::pin(stream)), service)
+            .with_upgrades();
+        tokio::spawn(async move {
+            if let Err(error) = connection.await {
+                debug!("a connection of {address} has failed: {error}");
+            }
+            drop(permit);
+        });
+    }
+}

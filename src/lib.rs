@@ -113,7 +113,7 @@
 //! | 0 | `files` | regular files of bounded length, folders without links |
 //! | 0 | `yaml` | refuses texts that nest too deeply; errors with positions, in plain words |
 //! | 0 | `sanitize` | text from outside, harmless for terminals, logs, XML and JSON |
-//! | 0 | `rate_limit` | bytes per day, and lines that are logged once a minute |
+//! | 0 | `rate_limit` | token buckets, bytes per day, and lines that are logged once a minute |
 //! | 0 | `clock` | the time of day, time zones, durations as people write them |
 //! | 0 | `socket_outq` | how much of what was written a robot has not acknowledged yet |
 //! | 1 | `http` | a bounded server and its check of who may ask; knows no robot |

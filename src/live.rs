@@ -10,9 +10,7 @@
 //! not a setpoint but an emergency stop: it holds the robot until a person releases it.
 
 mod api;
-mod battery_history;
 mod broadcast;
-mod camera;
 mod command;
 mod connection;
 mod history;
@@ -21,7 +19,6 @@ mod manual_drive;
 mod messages;
 mod metrics;
 mod openapi;
-mod page;
 mod scripts;
 mod server;
 mod state;

@@ -1,5 +1,5 @@
-//! Limits that protect the disk and the readers of the log: bytes per day, and messages that are
-//! logged once and then counted. Pure: the time is an argument.
+//! Limits on what is sent and logged: token buckets, bytes per day, and messages that are logged
+//! once and then counted. Pure: the time is an argument.
 
 use std::time::Duration;
 
@@ -10,38 +10,62 @@ const DAY: Duration = Duration::from_secs(86_400);
 /// minute does not use up the rest of the day, and no period of 24 hours exceeds the daily budget.
 const AT_ONCE: f64 = 1.0 / 24.0;
 
+/// A token bucket: starts full, fills up steadily and is emptied by taking.
+#[derive(Debug, Clone)]
+pub struct TokenBucket {
+    level: f64,
+    most: f64,
+    per_second: f64,
+    at: Option<Instant>,
+}
+
+impl TokenBucket {
+    /// Creates a bucket that holds at most `most` tokens and gains `per_second`.
+    pub fn new(most: f64, per_second: f64) -> TokenBucket {
+        TokenBucket {
+            level: most,
+            most,
+            per_second,
+            at: None,
+        }
+    }
+
+    /// Takes tokens. Returns false, and takes nothing, if not enough are left.
+    pub fn take(&mut self, amount: f64, now: Instant) -> bool {
+        let passed = self
+            .at
+            .map_or(Duration::ZERO, |at| now.saturating_duration_since(at));
+        self.at = Some(now);
+        self.level = (self.level + self.per_second * passed.as_secs_f64()).min(self.most);
+        let enough = self.level >= amount;
+        if enough {
+            self.level -= amount;
+        }
+        enough
+    }
+}
+
 /// A daily budget, in bytes or other units.
 #[derive(Debug, Clone)]
 pub struct Budget {
     per_day: u64,
-    left: f64,
-    at: Option<Instant>,
+    bucket: TokenBucket,
 }
 
 impl Budget {
     /// Creates a budget of this many bytes in any 24 hours.
     pub fn new(per_day: u64) -> Budget {
+        let most = per_day as f64 * AT_ONCE;
+        let per_second = (per_day as f64 - most) / DAY.as_secs_f64();
         Budget {
             per_day,
-            left: per_day as f64 * AT_ONCE,
-            at: None,
+            bucket: TokenBucket::new(most, per_second),
         }
     }
 
     /// Spends bytes. Returns false, and spends nothing, if not enough are left.
     pub fn take(&mut self, bytes: u64, now: Instant) -> bool {
-        let most = self.per_day as f64 * AT_ONCE;
-        let since = self
-            .at
-            .map_or(Duration::ZERO, |at| now.saturating_duration_since(at));
-        let rate = (self.per_day as f64 - most) / DAY.as_secs_f64();
-        self.left = (self.left + rate * since.as_secs_f64()).min(most);
-        self.at = Some(now);
-        let enough = self.left >= bytes as f64;
-        if enough {
-            self.left -= bytes as f64;
-        }
-        enough
+        self.bucket.take(bytes as f64, now)
     }
 
     /// Returns the daily budget.

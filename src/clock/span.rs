@@ -44,9 +44,11 @@ impl Span {
     fn of_seconds(seconds: f64) -> Option<Span> {
         let most = Span::MAX.get().as_secs_f64();
         let millis = (seconds * 1_000.0).round();
-        (0.0..=most)
-            .contains(&seconds)
-            .then_some(Span(millis as u64))
+        if (0.0..=most).contains(&seconds) {
+            Some(Span(millis as u64))
+        } else {
+            None
+        }
     }
 
     /// Returns the span as a [`Duration`].
@@ -82,7 +84,7 @@ impl FromStr for Span {
             digits.clear();
         }
         let whole = digits.is_empty() && !trimmed.is_empty() && total <= LONGEST;
-        whole.then_some(Span(total)).ok_or_else(wrong)
+        if whole { Ok(Span(total)) } else { Err(wrong()) }
     }
 }
 

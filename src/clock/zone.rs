@@ -12,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::ClockError;
 
-/// See the module.
+/// A time zone.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Zone {
     name: String,

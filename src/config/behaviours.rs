@@ -89,7 +89,7 @@ fn name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> 
     let name = yaml::known_text(from, &expected, |name| {
         let usual = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         let good = name.chars().all(usual) && (1..=MAX_NAME).contains(&name.len());
-        good.then(|| name.to_owned())
+        if good { Some(name.to_owned()) } else { None }
     });
     name.map(Some)
 }

@@ -1,12 +1,12 @@
 //! The client side.
 
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use tokio::net::UnixStream;
 use tokio::time::timeout;
 
-use super::error::AskError;
 use super::folder::Folder;
 use super::pipe::Pipe;
 use super::request::{Overview, RunRequest, RunResponse};
@@ -25,7 +25,6 @@ pub struct Client {
     pub overview: Overview,
 }
 
-/// How the run is reached.
 #[derive(Debug, Clone)]
 enum Transport {
     /// Through its private socket in this data folder.
@@ -131,4 +130,24 @@ async fn ask(
         Ok(Err(error)) => Err(error.into()),
         Err(_) => Err(AskError::TimedOut(limit)),
     }
+}
+
+/// Why a run did not answer.
+#[derive(Debug, thiserror::Error)]
+pub enum AskError {
+    /// No answer in time.
+    #[error("the run does not answer within {:.0} s", .0.as_secs_f64())]
+    TimedOut(Duration),
+    /// The run ended before it answered.
+    #[error("the run has ended")]
+    Ended,
+    /// An error of the system.
+    #[error("the request to the run failed: {0}")]
+    Io(#[from] io::Error),
+    /// A service on another computer denies access.
+    #[error("the service denies access: {0}")]
+    Denied(String),
+    /// A service on another computer replies with an unexpected HTTP status.
+    #[error("the service replies with the HTTP status {0}: is it a different version?")]
+    UnexpectedStatus(u16),
 }

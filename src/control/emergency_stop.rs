@@ -22,7 +22,7 @@ const AGAIN: Duration = Duration::from_secs(10);
 /// How often to check at the end whether the file is written.
 const RECHECK: Duration = Duration::from_millis(10);
 
-/// See the module. A default one has no file, for simulations.
+/// A default one has no file, for simulations.
 #[derive(Debug, Clone, Default)]
 pub struct EmergencyStop {
     on: watch::Sender<bool>,
@@ -144,7 +144,6 @@ fn is_absent(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory)
 }
 
-/// The file, for the thread that writes it.
 struct StopFile {
     data: PathBuf,
     wanted: watch::Receiver<bool>,

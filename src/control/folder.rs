@@ -18,7 +18,6 @@ const PRIVATE: u32 = 0o700;
 /// Maximum number of runs per data folder that are considered.
 const MAX_RUNS: usize = 32;
 
-/// The open folder.
 #[derive(Debug)]
 pub(super) struct Folder {
     path: PathBuf,
@@ -82,7 +81,6 @@ impl Folder {
         })
     }
 
-    /// Connects to all runs that listen.
     pub(super) fn connect_all(&self) -> Vec<UnixStream> {
         let names = self.names().into_iter();
         names.filter_map(|name| self.connect(&name).ok()).collect()

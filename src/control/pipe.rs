@@ -18,11 +18,9 @@ const VERSION: u16 = 2;
 /// Maximum length of a message: speech, and some bytes.
 const MAX_MESSAGE_LEN: usize = MAX_SPEECH + 1024;
 
-/// One end of a connection.
 pub(super) struct Pipe(Framed<UnixStream, LengthDelimitedCodec>);
 
 impl Pipe {
-    /// Uses a connected socket.
     pub(super) fn new(stream: UnixStream) -> Pipe {
         let codec = LengthDelimitedCodec::builder()
             .max_frame_length(MAX_MESSAGE_LEN)

@@ -56,7 +56,6 @@ pub enum RunRequest {
 }
 
 impl RunRequest {
-    /// Describes the request for the log.
     pub(super) fn describe(&self) -> String {
         match self {
             RunRequest::Overview => "the state of the run".to_owned(),
@@ -206,7 +205,6 @@ pub struct BehaviourListing {
 }
 
 impl BehaviourListing {
-    /// Describes a behaviour of a run.
     pub(super) fn of(behaviour_status: &BehaviourStatus) -> BehaviourListing {
         let (state, running) = match behaviour_status.state {
             BehaviourState::Idle => ("idle", None),

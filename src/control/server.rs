@@ -29,9 +29,7 @@ use crate::wire::Stream;
 
 /// Maximum number of clients served at a time; more wait in the system's queue.
 const MAX_CLIENTS: usize = 8;
-/// Timeout for receiving a client's request.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(2);
-/// Timeout for sending the answer to a client.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
 /// Timeout for the pilot's list of running behaviours.
 const RUNNING_TIMEOUT: Duration = Duration::from_secs(1);

@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use ureq::http::{HeaderValue, Request};
 
-use super::error::AskError;
+use super::client::AskError;
 use super::report::Report;
 use super::request::{BehaviourListing, Change, RunRequest, RunResponse};
 use crate::clock::Span;

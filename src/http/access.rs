@@ -9,8 +9,8 @@ use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
+use super::Options;
 use super::keyring::{Keyring, KeyringError, Role};
-use super::options::Options;
 use super::origin_check::{Names, OriginHeaders, Reason};
 use super::visitor::Visitor;
 
@@ -72,7 +72,6 @@ impl Access {
         self.names.validate(request)
     }
 
-    /// Returns the visitor with this token, or without any.
     pub(super) fn visitor(&self, token: Option<&str>) -> Option<Visitor> {
         let keyring = self.keyring.borrow();
         if keyring.is_unused() {

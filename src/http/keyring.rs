@@ -157,7 +157,6 @@ impl Keyring {
         })
     }
 
-    /// Returns a keyring that admits nobody.
     pub(super) fn closed(data: &Path) -> Keyring {
         Keyring {
             data: data.to_owned(),
@@ -214,7 +213,6 @@ impl Keyring {
         self.keys.as_deref().unwrap_or_default()
     }
 
-    /// Returns the entry of a token, if it is known.
     pub(super) fn find(&self, token: &str) -> Option<&Key> {
         let digest = Digest::of(token);
         self.list().iter().find(|key| key.digest == digest)

@@ -114,8 +114,11 @@ fn admit(
 /// Returns the value of a header that must not occur twice.
 fn only<'a>(headers: &'a HeaderMap, name: &HeaderName) -> Option<&'a str> {
     let mut all = headers.get_all(name).iter();
-    let first = all.next()?.to_str().ok();
-    first.filter(|_| all.next().is_none())
+    let first = all.next()?;
+    if all.next().is_some() {
+        return None;
+    }
+    first.to_str().ok()
 }
 
 /// Returns the token in the page's cookie. By hand: the crate for cookies brings dates and a jar.

@@ -7,7 +7,6 @@
 
 use std::net::{IpAddr, SocketAddr};
 
-/// What a request's headers show of its origin.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct OriginHeaders<'a> {
     /// Its `Host`, if it has exactly one.
@@ -20,7 +19,6 @@ pub(super) struct OriginHeaders<'a> {
     pub changes_state: bool,
 }
 
-/// Why a request is rejected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub(super) enum Reason {
     /// The `Host` is not one of our names, or is missing.
@@ -33,7 +31,6 @@ pub(super) enum Reason {
     Origin,
 }
 
-/// The host names under which we are reached.
 #[derive(Debug, Clone)]
 pub(super) struct Names {
     listen: SocketAddr,

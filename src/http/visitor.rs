@@ -18,7 +18,6 @@ pub struct Visitor {
     pub key: Option<Key>,
 }
 
-/// The visitor who sends a request, if known.
 #[derive(Debug, Clone)]
 pub(super) struct Identity(pub(super) Option<Visitor>);
 

@@ -6,13 +6,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use jiff::Timestamp;
-use rusqlite::{Connection, OpenFlags, Transaction, TransactionBehavior, params};
+use rusqlite::{Connection, ErrorCode, OpenFlags, Transaction, TransactionBehavior, params};
 
-use super::error::{FREE, JournalError};
-use super::options::{Options, RunInfo};
-use super::retention::{self, page_size};
-use super::row::{Content, Row};
-use super::schema;
+use super::pending::{Content, Row};
+use super::schema::SchemaError;
+use super::{Options, RunInfo, schema};
 use crate::files::Folder;
 
 /// Name of the journal's folder in the data folder. No behaviour can have a folder of this name.
@@ -36,7 +34,6 @@ pub fn journal_file(data: &Path) -> PathBuf {
     folder(data).join(FILE)
 }
 
-/// An open journal, and this agent's session in it.
 #[derive(Debug)]
 pub(super) struct Database {
     connection: Connection,
@@ -122,7 +119,6 @@ impl Database {
         Ok(transaction.commit()?)
     }
 
-    /// Records the end of the session.
     pub(super) fn end(&self, now: Timestamp) -> Result<(), JournalError> {
         let ended = now.as_millisecond();
         let update = "UPDATE session SET ended = ? WHERE id = ?";
@@ -134,7 +130,7 @@ impl Database {
     /// Deletes the rows that are too old at this time, then the oldest ones until the file is small
     /// enough. Returns the number of deleted rows.
     pub(super) fn delete_old(&mut self, now: Timestamp) -> Result<u64, JournalError> {
-        let gone = retention::delete_old(&self.connection, &self.options, now)?;
+        let gone = delete_old(&self.connection, &self.options, now)?;
         if gone > 0 {
             let sessions = "DELETE FROM session WHERE id <> ?1
                 AND id NOT IN (SELECT session FROM event) AND id NOT IN (SELECT session FROM battery)";
@@ -203,11 +199,151 @@ fn insert(transaction: &Transaction<'_>, session: i64, row: &Row) -> Result<(), 
     Ok(())
 }
 
+/// Maximum number of rows deleted at once, so that no transaction grows large.
+const DELETED_AT_ONCE: i64 = 2000;
+/// If the file is too large, the oldest rows of each table are deleted, one part in this many at a
+/// time.
+const PART: i64 = 16;
+/// Maximum number of deletions in one clean-up.
+const MAX_ROUNDS: u32 = 200;
+
+/// Deletes the rows that are too old at this time, then the oldest ones until the file is small
+/// enough. Returns the number of deleted rows.
+pub(super) fn delete_old(
+    connection: &Connection,
+    options: &Options,
+    now: Timestamp,
+) -> Result<u64, JournalError> {
+    let day = 86_400_000;
+    let days = i64::try_from(options.keep_days).unwrap_or(i64::MAX);
+    let before = now
+        .as_millisecond()
+        .saturating_sub(days.saturating_mul(day));
+    let mut gone = 0;
+    for _ in 0..MAX_ROUNDS {
+        let went = delete_some(connection, before, |_| DELETED_AT_ONCE)?;
+        gone += went;
+        if went == 0 {
+            break;
+        }
+    }
+    let most = options.max_mib.saturating_mul(1 << 20);
+    for _ in 0..MAX_ROUNDS {
+        if bytes(connection)? <= most {
+            break;
+        }
+        let went = delete_some(connection, i64::MAX, |rows| rows / PART + 1)?;
+        gone += went;
+        if went == 0 {
+            break;
+        }
+    }
+    Ok(gone)
+}
+
+/// Deletes the oldest rows of each table, only those before this time. `most` maps the number of
+/// rows of a table to the maximum number to delete.
+fn delete_some(
+    connection: &Connection,
+    before: i64,
+    most: impl Fn(i64) -> i64,
+) -> Result<u64, JournalError> {
+    let mut went = 0;
+    for table in ["event", "battery"] {
+        let count = format!("SELECT count(*) FROM {table}");
+        let rows = connection.query_row(&count, [], |row| row.get(0))?;
+        let delete = format!(
+            "DELETE FROM {table} WHERE rowid IN
+                (SELECT rowid FROM {table} WHERE at < ? ORDER BY at LIMIT ?)"
+        );
+        went += connection.execute(&delete, params![before, most(rows)])?;
+    }
+    Ok(went as u64)
+}
+
+/// Returns the size of the file's content in bytes, without free pages.
+pub(super) fn bytes(connection: &Connection) -> Result<u64, JournalError> {
+    let number = |name: &str| {
+        let query = |row: &rusqlite::Row<'_>| row.get::<_, i64>(0);
+        connection.pragma_query_value(None, name, query)
+    };
+    let pages = number("page_count")? - number("freelist_count")?;
+    Ok(u64::try_from(pages).unwrap_or(0) * page_size(connection)?)
+}
+
+pub(super) fn page_size(connection: &Connection) -> Result<u64, rusqlite::Error> {
+    let size: i64 = connection.pragma_query_value(None, "page_size", |row| row.get(0))?;
+    Ok(u64::try_from(size).unwrap_or(4096).max(512))
+}
+
+/// Bytes of the disk that must stay free: below that nothing is written.
+pub(super) const FREE: u64 = 16 << 20;
+
+/// Why a journal cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum JournalError {
+    /// An error of the system.
+    #[error("{path}: {source}")]
+    Io {
+        /// The file or folder.
+        path: String,
+        /// The error.
+        source: io::Error,
+    },
+    /// An error of SQLite.
+    #[error("{0}")]
+    Sql(#[from] rusqlite::Error),
+    /// The file has a newer version.
+    #[error("{0}")]
+    Version(String),
+    /// The file belongs to another program, or another program has changed it.
+    #[error("{0}")]
+    Foreign(String),
+    /// The disk is nearly full.
+    #[error("the disk has less than {FREE} bytes left")]
+    Disk,
+    /// The system cannot start a thread.
+    #[error("no thread for the journal: {0}")]
+    Thread(io::Error),
+}
+
+impl From<SchemaError> for JournalError {
+    fn from(error: SchemaError) -> JournalError {
+        match error {
+            SchemaError::Sql(error) => error.into(),
+            newer @ SchemaError::Newer { .. } => JournalError::Version(newer.to_string()),
+            foreign @ SchemaError::Foreign => JournalError::Foreign(foreign.to_string()),
+        }
+    }
+}
+
+impl JournalError {
+    /// Whether the file is not, or no longer, a journal.
+    pub(super) fn is_damage(&self) -> bool {
+        match self {
+            JournalError::Foreign(_) => true,
+            JournalError::Sql(error) => matches!(
+                error.sqlite_error_code(),
+                Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase)
+            ),
+            _ => false,
+        }
+    }
+
+    pub(super) fn is_full(&self) -> bool {
+        let JournalError::Sql(error) = self else {
+            return false;
+        };
+        error.sqlite_error_code() == Some(ErrorCode::DiskFull)
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+
     use super::*;
     use crate::journal::{JournalReader, Kinds, Span};
-    use std::os::unix::fs::{PermissionsExt as _, symlink};
 
     fn about() -> RunInfo {
         RunInfo {
@@ -303,7 +439,7 @@ mod tests {
                 .collect();
             database.write(&rows, 0, now()).unwrap();
             database.delete_old(now()).unwrap();
-            assert!(retention::bytes(&database.connection).unwrap() <= 1 << 20);
+            assert!(bytes(&database.connection).unwrap() <= 1 << 20);
         }
         let history = JournalReader::open(data.path()).unwrap().unwrap();
         let last = history.records(&Kinds::All, &Span::default()).unwrap();

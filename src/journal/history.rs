@@ -8,8 +8,8 @@ use rusqlite::{Connection, OpenFlags, params_from_iter};
 use serde::{Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
+use super::database::JournalError;
 use super::database::{FILE, folder};
-use super::error::JournalError;
 use super::schema;
 
 /// How long a reader waits for a writer.
@@ -265,7 +265,6 @@ fn select(table: &str, columns: &str, conditions: &[String], order: &str) -> Str
 }
 
 impl Span {
-    /// The maximum number of records, in SQL.
     fn limit(&self) -> i64 {
         self.newest.map_or(-1, i64::from)
     }

@@ -6,19 +6,74 @@
 //! is room. A process that is killed loses the events of its last half second.
 
 mod database;
-mod error;
 mod history;
-mod local;
-mod options;
 mod pending;
 mod recorder;
-mod retention;
-mod row;
 mod schema;
 
-pub use database::{folder, journal_file};
-pub use error::JournalError;
+use schemars::JsonSchema;
+use serde::{Deserialize, Deserializer, Serialize};
+
+use crate::robot::whole_within;
+
+pub use database::{JournalError, folder, journal_file};
 pub use history::{JournalReader, Kinds, LevelRange, Record, Span};
-pub use local::SimulationJournal;
-pub use options::{Options, RunInfo, When};
-pub use recorder::Journal;
+pub use recorder::{Journal, SimulationJournal};
+
+/// What the journal keeps, and for how long.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(rename = "JournalOptions")]
+pub struct Options {
+    /// Whether there is a journal.
+    pub record: When,
+    /// Entries older than this many days are deleted: 400.
+    #[serde(deserialize_with = "days")]
+    #[schemars(range(min = 1, max = 36_500))]
+    pub keep_days: u64,
+    /// The largest size of the file, in MiB; beyond that the oldest entries are deleted: 64.
+    #[serde(deserialize_with = "mebibytes")]
+    #[schemars(range(min = 1, max = 65_536))]
+    pub max_mib: u64,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            record: When::Auto,
+            keep_days: 400,
+            max_mib: 64,
+        }
+    }
+}
+
+/// When there is a journal.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+#[schemars(rename = "JournalWhen")]
+pub enum When {
+    /// A service has one, a single run has none.
+    #[default]
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    Off,
+}
+
+/// The agent that the journal describes.
+#[derive(Debug, Clone)]
+pub struct RunInfo {
+    /// The robot's address.
+    pub target: String,
+    /// Whether the robot is simulated.
+    pub simulated: bool,
+}
+
+fn days<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
+    whole_within(from, "a whole number of days, 1 to 36500", 1..=36_500)
+}
+
+fn mebibytes<'de, D: Deserializer<'de>>(from: D) -> Result<u64, D::Error> {
+    whole_within(from, "a whole number of MiB, 1 to 65536", 1..=65_536)
+}

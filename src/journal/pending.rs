@@ -3,9 +3,9 @@
 
 use std::time::Duration;
 
+use serde_json::{Value, json};
 use tokio::time::Instant;
 
-use super::row::{Content, Row};
 use crate::robot::{AgentEvent, Battery};
 
 /// Maximum number of rows waiting for the disk; further events are only counted.
@@ -19,7 +19,6 @@ const BATCH_TIME: Duration = Duration::from_millis(250);
 /// Pause after a failed write.
 const RETRY_PAUSE: Duration = Duration::from_secs(5);
 
-/// See the module.
 #[derive(Debug, Default)]
 pub(super) struct Pending {
     rows: Vec<Row>,
@@ -35,7 +34,6 @@ pub(super) struct Pending {
 }
 
 impl Pending {
-    /// Adds an event that happened at this time.
     pub(super) fn add_event(&mut self, what: &AgentEvent, at: i64, now: Instant) {
         match what {
             AgentEvent::LinkUp { robot, .. } => self.robot = Some(robot.uid.clone()),
@@ -48,7 +46,6 @@ impl Pending {
         self.push(Content::from_occurrence(what), at, now);
     }
 
-    /// Counts events that were missed.
     pub(super) fn add_lost(&mut self, count: u64, now: Instant) {
         self.lost += count;
         self.due.get_or_insert(now + BATCH_TIME);
@@ -91,12 +88,10 @@ impl Pending {
         self.due
     }
 
-    /// Returns the rows to write, and the number of lost events.
     pub(super) fn rows(&self) -> (&[Row], u64) {
         (&self.rows, self.lost)
     }
 
-    /// Records that all of them were written.
     pub(super) fn written(&mut self) {
         self.rows.clear();
         (self.lost, self.due) = (0, None);
@@ -105,6 +100,86 @@ impl Pending {
     /// Records that the write failed; it is retried after a pause.
     pub(super) fn failed(&mut self, now: Instant) {
         self.due = Some(now + RETRY_PAUSE);
+    }
+}
+
+/// Maximum length of an event as JSON, in bytes; an entry of a script is shorter.
+const LONGEST: usize = 16 * 1024;
+
+/// A row of the journal, its time in milliseconds of the epoch.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Row {
+    pub(super) at: i64,
+    /// The uid of the connected robot.
+    pub(super) robot: Option<String>,
+    pub(super) content: Content,
+}
+
+/// The content of a row; the variant determines the table.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Content {
+    Battery {
+        percent: u8,
+        charging: bool,
+    },
+    Event {
+        kind: &'static str,
+        behaviour: Option<String>,
+        data: String,
+    },
+}
+
+impl Content {
+    pub(super) fn of_battery(battery: &Battery) -> Content {
+        Content::Battery {
+            percent: battery.percent.get(),
+            charging: battery.charging,
+        }
+    }
+
+    pub(super) fn from_occurrence(what: &AgentEvent) -> Content {
+        if let AgentEvent::Battery(battery) = what {
+            return Content::of_battery(battery);
+        }
+        let kind = what.kind();
+        // Serialisation cannot fail: all keys of an event are strings.
+        let data =
+            serde_json::to_string(what).unwrap_or_else(|_| json!({ "event": kind }).to_string());
+        let data = if data.len() > LONGEST {
+            json!({ "event": kind, "too_long": data.len() }).to_string()
+        } else {
+            data
+        };
+        Content::Event {
+            kind,
+            behaviour: behaviour(what).map(str::to_owned),
+            data,
+        }
+    }
+
+    pub(super) fn of_lost(count: u64) -> Content {
+        let data: Value = json!({ "event": "lost", "count": count });
+        Content::Event {
+            kind: "lost",
+            behaviour: None,
+            data: data.to_string(),
+        }
+    }
+}
+
+fn behaviour(what: &AgentEvent) -> Option<&str> {
+    use AgentEvent::{Dock, Ended, Entry, GivenUp, Notify, Picture, StartMissed, Started, Undock};
+    match what {
+        Dock { by, .. } => by.as_deref(),
+        Undock { by, .. } => Some(by),
+        Started { behaviour }
+        | Ended { behaviour, .. }
+        | GivenUp { behaviour, .. }
+        | StartMissed { behaviour, .. }
+        | Picture { behaviour, .. }
+        | Entry { behaviour, .. }
+        | Notify { behaviour, .. } => Some(behaviour),
+        _ => None,
     }
 }
 

@@ -7,14 +7,15 @@ use std::time::Duration;
 
 use jiff::{SignedDuration, Timestamp};
 use tokio::runtime::Builder;
+use tokio::task::JoinHandle;
 use tokio::time::{Instant, sleep_until};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
 use super::database::Database;
-use super::error::JournalError;
-use super::options::{Options, RunInfo};
+use super::database::JournalError;
 use super::pending::Pending;
+use super::{Options, RunInfo};
 use crate::clock::{Clock, until};
 use crate::rate_limit::Repeats;
 use crate::robot::{Bus, BusMessage, Listener};
@@ -82,7 +83,6 @@ impl Drop for Journal {
     }
 }
 
-/// Listens to the bus and writes the journal.
 pub(super) struct Recorder {
     data: PathBuf,
     options: Options,
@@ -249,5 +249,38 @@ impl Recorder {
         if let Some(Err(error)) = self.database.as_ref().map(|database| database.end(now)) {
             debug!("the end of the journal's session cannot be written: {error}");
         }
+    }
+}
+
+/// A journal that is written on the simulation's own thread, at the moment of virtual time at which
+/// rows are due: that time stands still while the disk works. Dropping it simulates a power cut:
+/// rows that are not written yet are lost, and the session has no end.
+#[derive(Debug)]
+pub struct SimulationJournal {
+    stop: CancellationToken,
+    task: JoinHandle<()>,
+}
+
+impl SimulationJournal {
+    /// Records the bus's events from now on in this data folder. Must be called within a
+    /// simulation. Problems with the file are logged, and the write is retried.
+    pub fn start(bus: &Bus, data: &Path, options: Options, about: RunInfo) -> SimulationJournal {
+        let stop = CancellationToken::new();
+        let recorder = Recorder::new(data, options, about, Clock::default());
+        let task = tokio::spawn(recorder.run(bus.subscribe(), stop.clone()));
+        SimulationJournal { stop, task }
+    }
+
+    /// Waits until all events on the bus are written and the file is closed.
+    pub async fn finish(mut self) {
+        self.stop.cancel();
+        // A panic of the task was already reported.
+        let _ = (&mut self.task).await;
+    }
+}
+
+impl Drop for SimulationJournal {
+    fn drop(&mut self) {
+        self.task.abort();
     }
 }

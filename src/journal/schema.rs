@@ -37,7 +37,6 @@ const STEPS: &[&str] = &["
 /// The version of a file that this program writes.
 pub(super) const VERSION: usize = STEPS.len();
 
-/// Why a file cannot be brought to this program's version.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum SchemaError {
     /// A newer program has written it.
@@ -51,7 +50,6 @@ pub(super) enum SchemaError {
     Sql(#[from] rusqlite::Error),
 }
 
-/// Returns the number of steps already applied to a file.
 pub(super) fn version(connection: &Connection) -> rusqlite::Result<usize> {
     let version: u32 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
     Ok(version as usize)

@@ -45,7 +45,6 @@ const LONGEST_UNDOCKING: Duration = Duration::from_secs(600);
 type Shared = State<Arc<Broadcast>>;
 type Reply<T> = Result<Json<T>, Refusal>;
 
-/// Returns all routes except those of the page's files.
 pub(super) fn routes(broadcast: Arc<Broadcast>) -> Router {
     Router::new()
         .route("/healthz", get(healthz))
@@ -198,7 +197,6 @@ async fn read<T: Send + 'static>(
     read.map_err(|_| broken())
 }
 
-/// The query of `/api/history`.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Days {
@@ -235,7 +233,6 @@ async fn schedule(State(broadcast): Shared, _: Visitor) -> Json<Option<Vec<histo
     Json(definition.timetable.as_ref().map(starts))
 }
 
-/// Returns a picture that a behaviour has saved.
 async fn saved_picture(
     State(broadcast): Shared,
     _: Visitor,
@@ -397,7 +394,8 @@ fn out_of_reach() -> Refusal {
 }
 
 /// Converts a result: a failure is a 409 (conflict with the current state).
-fn outcome((ok, text): Done) -> Reply<Outcome> {
+fn outcome(result: Done) -> Reply<Outcome> {
+    let (ok, text) = result;
     if ok {
         Ok(Json(Outcome { ok, text }))
     } else {

@@ -1,31 +1,34 @@
 //! The state shared by all viewers of a run: the messages, which are built once for all viewers,
 //! and the current driver.
 
+use std::collections::VecDeque;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use axum::extract::ws::Utf8Bytes;
 use serde::Serialize;
 use tokio::sync::{Semaphore, broadcast, watch};
-use tokio::time::{Instant, MissedTickBehavior, interval};
+use tokio::time::{Instant, MissedTickBehavior, interval, sleep, timeout};
 
-use super::battery_history::BatteryHistory;
-use super::camera::Camera;
 use super::log::LogBuffer;
-use super::manual_drive::{self, TimedSetpoint};
+use super::manual_drive::TimedSetpoint;
 use super::messages::{Found, ToPage};
 use super::metrics::Metrics;
-use super::scripts::{self, Behaviour, RunDefinition};
-use super::state::{self, People, Person, Rate};
-use super::world::{self, SimulatedRobot};
+use super::scripts::{Behaviour, RunDefinition};
+use super::state::{People, Person, Rate};
+use super::world::SimulatedRobot;
+use super::{manual_drive, scripts, state, world};
 use crate::agent::{BehaviourState, PilotClientError};
 use crate::control::Run;
 use crate::http::Access;
-use crate::robot::{AgentEvent, BusMessage, Detections, Listener, RobotInfo};
+use crate::robot::{
+    AgentEvent, Battery, BusMessage, Detections, Frame, Intent, Listener, RobotInfo,
+};
+use crate::vision::validate_markers;
+use crate::wire::Stream;
 
-/// Polling interval for changes.
 const STATE_POLL: Duration = Duration::from_millis(100);
 /// How often the behaviours are sent, to update their running times.
 const BEHAVIOURS: Duration = Duration::from_secs(1);
@@ -60,7 +63,6 @@ pub(super) struct Broadcast {
     pub(super) most_viewers: usize,
 }
 
-/// The number of viewers, and the viewer that has the drive lock.
 #[derive(Debug, Default)]
 pub(super) struct ViewerList {
     pub(super) count: usize,
@@ -157,13 +159,11 @@ impl Broadcast {
         }
     }
 
-    /// Returns the time of the run's clock, which may be simulated.
     pub(super) fn now(&self) -> Instant {
         let sim_clock = self.sim.as_ref().and_then(|sim| sim.sim_clock.as_ref());
         sim_clock.map_or_else(Instant::now, |sim_clock| self.run.began + sim_clock.now())
     }
 
-    /// Serves the shared parts until the run has ended.
     pub(super) async fn serve(self: Arc<Broadcast>, bus: Listener) {
         tokio::join!(
             self.camera.serve(&self.run),
@@ -199,7 +199,6 @@ impl Broadcast {
         }
     }
 
-    /// Handles the events of the bus.
     async fn listen(&self, mut bus: Listener) {
         if let Some(running) = self.run.running_behaviours().await {
             self.robot.send_if_modified(|robot| {
@@ -225,7 +224,6 @@ impl Broadcast {
         }
     }
 
-    /// Builds the messages for all viewers whenever something has changed.
     async fn publish_state(&self) {
         let mut rate = Rate::new(self.now());
         let mut ticker = interval(STATE_POLL);
@@ -240,7 +238,9 @@ impl Broadcast {
                 history.record(battery, now);
             }
             publish(&self.state, &ToPage::State(&state));
-            if let Some(sim) = self.sim.as_ref().filter(|_| self.map.receiver_count() > 0) {
+            if let Some(sim) = &self.sim
+                && self.map.receiver_count() > 0
+            {
                 publish(&self.map, &ToPage::Map(&world::map(sim)));
             }
         }
@@ -267,7 +267,6 @@ impl Broadcast {
         }
     }
 
-    /// Returns the current state of all behaviours.
     pub(super) fn list(&self) -> Vec<Behaviour> {
         let statuses = self.run.roster.statuses();
         let params = self.run.roster.params();
@@ -277,7 +276,6 @@ impl Broadcast {
         scripts::behaviours(&definition.scripts, &statuses, &params, self.now())
     }
 
-    /// Returns the names of the behaviours that run.
     pub(super) fn running_behaviours(&self) -> Vec<String> {
         let receiver = self.run.roster.statuses();
         let statuses = receiver.borrow();
@@ -312,4 +310,193 @@ fn publish(to: &watch::Sender<Utf8Bytes>, message: &ToPage<'_>) {
             true
         }
     });
+}
+
+/// Maximum number of points; beyond that, every other point of the older half is deleted.
+const MAX_POINTS: usize = 600;
+/// Interval at which an unchanged level is recorded.
+const EVERY: Duration = Duration::from_secs(30);
+
+#[derive(Debug, Clone, Copy)]
+struct Point {
+    at: Instant,
+    percent: u8,
+    charging: bool,
+}
+
+/// Battery levels for the plot: bounded in size, coarser for older values.
+#[derive(Debug, Default)]
+pub(super) struct BatteryHistory(VecDeque<Point>);
+
+impl BatteryHistory {
+    /// Records a level if it has changed or the last record is old. Returns whether it was
+    /// recorded.
+    pub(super) fn record(&mut self, battery: Battery, at: Instant) -> bool {
+        let percent = battery.percent.get();
+        let charging = battery.charging;
+        let same = |last: &Point| (last.percent, last.charging) == (percent, charging);
+        let fresh = |last: &Point| at.saturating_duration_since(last.at) < EVERY;
+        if self.0.back().is_some_and(|last| same(last) && fresh(last)) {
+            return false;
+        }
+        self.0.push_back(Point {
+            at,
+            percent,
+            charging,
+        });
+        if self.0.len() > MAX_POINTS {
+            let mut index = 0;
+            self.0.retain(|_| {
+                index += 1;
+                index > MAX_POINTS / 2 || index % 2 == 1
+            });
+        }
+        true
+    }
+
+    /// Returns seconds before now, percent, charging; oldest first.
+    pub(super) fn points(&self, now: Instant) -> Vec<(f32, u8, bool)> {
+        let ago = |at| now.saturating_duration_since(at).as_secs_f32();
+        self.0
+            .iter()
+            .map(|point| (ago(point.at), point.percent, point.charging))
+            .collect()
+    }
+}
+
+/// How long the stream stays on after the last viewer.
+const LINGER: Duration = Duration::from_secs(2);
+
+/// Delay of frames for viewers. Behaviours get a frame first: sending it to many viewers keeps a
+/// small machine busy for longer than a behaviour needs to react.
+const AFTER_BEHAVIOURS: Duration = Duration::from_millis(5);
+
+/// One client of the pilot requests the stream while there are viewers; each viewer takes the
+/// newest frame when ready.
+#[derive(Debug)]
+pub(super) struct Camera {
+    newest: watch::Sender<Option<Frame>>,
+    viewers: watch::Sender<usize>,
+    bytes: AtomicU64,
+}
+
+#[derive(Debug)]
+pub(super) struct CameraViewer<'a>(&'a Camera);
+
+impl Drop for CameraViewer<'_> {
+    fn drop(&mut self) {
+        self.0
+            .viewers
+            .send_modify(|viewers| *viewers = viewers.saturating_sub(1));
+    }
+}
+
+impl Camera {
+    pub(super) fn new() -> Camera {
+        Camera {
+            newest: watch::Sender::new(None),
+            viewers: watch::Sender::new(0),
+            bytes: AtomicU64::new(0),
+        }
+    }
+
+    pub(super) fn register(&self) -> CameraViewer<'_> {
+        self.viewers.send_modify(|viewers| *viewers += 1);
+        CameraViewer(self)
+    }
+
+    pub(super) fn frames(&self) -> watch::Receiver<Option<Frame>> {
+        self.newest.subscribe()
+    }
+
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes.load(Ordering::Relaxed)
+    }
+
+    pub(super) async fn serve(&self, run: &Run) {
+        tokio::join!(self.pass_on(run), self.request_stream(run));
+    }
+
+    async fn pass_on(&self, run: &Run) {
+        let mut pictures = run.pictures.clone();
+        let mut last = 0;
+        while pictures.changed().await.is_ok() {
+            sleep(AFTER_BEHAVIOURS).await;
+            let newest = pictures.borrow_and_update().newest.clone();
+            let sound = |frame: &Frame| validate_markers(&frame.jpeg).is_ok();
+            if let Some(frame) = newest.filter(|frame| frame.seq != last && sound(frame)) {
+                last = frame.seq;
+                self.bytes
+                    .fetch_add(frame.jpeg.len() as u64, Ordering::Relaxed);
+                self.newest.send_replace(Some(frame));
+            }
+        }
+    }
+
+    /// Requests the stream while there are viewers, and for a while after.
+    async fn request_stream(&self, run: &Run) {
+        let mut viewers = self.viewers.subscribe();
+        while viewers.wait_for(|viewers| *viewers > 0).await.is_ok() {
+            let Err(error) = watch_on(run, &mut viewers).await else {
+                continue;
+            };
+            tracing::debug!("the page cannot get the camera stream now: {error}");
+            if run.requests.is_closed() {
+                return;
+            }
+            sleep(LINGER).await;
+        }
+    }
+}
+
+async fn watch_on(run: &Run, viewers: &mut watch::Receiver<usize>) -> Result<(), PilotClientError> {
+    let mut client = run.pilot_client("the page").await?;
+    let stream = Stream::Video;
+    let on = true;
+    client.send_intent(Intent::Stream { stream, on }).await?;
+    let gone = async {
+        loop {
+            let nobody = viewers.wait_for(|viewers| *viewers == 0).await.is_err();
+            let back = timeout(LINGER, viewers.wait_for(|viewers| *viewers > 0)).await;
+            if nobody || back.is_err() {
+                return;
+            }
+        }
+    };
+    tokio::pin!(gone);
+    loop {
+        tokio::select! {
+            () = &mut gone => return Ok(()),
+            event = client.next_event() => drop(event?),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Percent;
+
+    fn battery(percent: u8) -> Battery {
+        Battery {
+            percent: Percent::saturating(percent),
+            charging: false,
+            minutes_left: None,
+        }
+    }
+
+    #[test]
+    fn a_month_fits_and_includes_the_newest_and_the_oldest() {
+        let mut history = BatteryHistory::default();
+        let start = Instant::now();
+        for hour in 0..24 * 30 {
+            let at = start + Duration::from_secs(3600) * hour;
+            assert!(history.record(battery((hour % 100) as u8), at));
+            assert!(!history.record(battery((hour % 100) as u8), at));
+        }
+        let points = history.points(start + Duration::from_secs(3600) * 24 * 30);
+        assert!(points.len() <= MAX_POINTS, "{}", points.len());
+        assert!(points[0].0 > points[1].0);
+        assert_eq!(points.last().map(|last| last.0), Some(3600.0));
+    }
 }

@@ -321,7 +321,11 @@ fn sim_clock(simulation: &SimulatedRobot) -> Result<&SimClock, ChangeError> {
 }
 
 fn within(is: bool, what: &'static str) -> Result<(), ChangeError> {
-    is.then_some(()).ok_or(ChangeError::Range(what))
+    if is {
+        Ok(())
+    } else {
+        Err(ChangeError::Range(what))
+    }
 }
 
 /// Starts a fault, given as in the YAML of `spykee sim --faults`, of which JSON is a subset.
@@ -333,7 +337,6 @@ fn begin(fault: Map<String, Value>, sim: &Handle) -> Result<(), ChangeError> {
     Ok(())
 }
 
-/// Truncates a text, so that errors echo little of their input.
 fn truncated(text: &str) -> String {
     text.chars().take(40).collect()
 }

@@ -29,15 +29,12 @@ use crate::robot::{Frame, Setpoint};
 
 /// Maximum length of a page's message, in bytes.
 pub(super) const MAX_MESSAGE: usize = 16 * 1024;
-/// Timeout for sending one message.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 /// How long a page may be silent, without even a pong.
 const SILENCE_TIMEOUT: Duration = Duration::from_secs(20);
-/// Interval between pings.
 const PING: Duration = Duration::from_secs(5);
 /// Maximum number of a page's messages per second; an honest page sends twenty.
 const MAX_MESSAGES: u32 = 200;
-/// Maximum number of commands in progress.
 const MAX_COMMANDS: usize = 8;
 /// Capacity of the queue of messages for this viewer only.
 const MAX_WAITING: usize = 64;
@@ -48,7 +45,6 @@ const MAX_LINES: usize = 100;
 
 type Sink = SplitSink<WebSocket, Message>;
 
-/// The channels from the reader to the writer.
 struct Queues {
     watch: watch::Sender<Watch>,
     /// Number of frames taken.
@@ -110,7 +106,6 @@ pub(super) async fn serve(socket: WebSocket, viewer: Viewer) {
     }
 }
 
-/// The number of a command that cannot be understood.
 #[derive(Deserialize)]
 struct Numbered {
     id: u32,
@@ -227,7 +222,6 @@ impl Reader {
     }
 }
 
-/// Sends a page what it shows.
 struct Writer {
     broadcast: Arc<Broadcast>,
     watched: watch::Receiver<Watch>,
@@ -237,7 +231,6 @@ struct Writer {
     sent: u32,
 }
 
-/// The optional parts that the page shows.
 #[derive(Default)]
 struct Feeds {
     map: Option<watch::Receiver<Utf8Bytes>>,
@@ -246,7 +239,6 @@ struct Feeds {
 }
 
 impl Writer {
-    /// Runs until a message cannot be sent.
     async fn run(mut self, mut sink: Sink, hello: Utf8Bytes) {
         if self.show(&mut sink, hello).await.is_none() {
             let frame = CloseFrame {
@@ -305,7 +297,6 @@ impl Writer {
         }
     }
 
-    /// Number of frames sent and not yet taken.
     fn frames_under_way(&self) -> u32 {
         let under_way = self.sent.wrapping_sub(*self.taken.borrow());
         // A page that reports more frames taken than were sent gets no advantage.

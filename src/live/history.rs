@@ -246,7 +246,6 @@ impl Plot {
         }
     }
 
-    /// Adds the time of a run to the parts that it covers.
     fn add_run(&mut self, from: i64, to: i64) {
         let first = usize::try_from((from - self.since) / self.part).unwrap_or(0);
         for part in self.parts.iter_mut().skip(first) {
@@ -293,7 +292,6 @@ pub(super) fn picture(data: &Path, behaviour: &str, name: &str) -> Option<Vec<u8
     validate_markers(&bytes).ok().map(|_| bytes)
 }
 
-/// Returns the next starts of the timetable.
 pub(super) fn starts(table: &Timetable, known: &[String], clock: Clock) -> Vec<Start> {
     let words = |at: Timestamp| clock::describe(&table.zone.time(at));
     let starts = predict_starts(table, known, clock.now(), STARTS);

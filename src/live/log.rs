@@ -193,7 +193,6 @@ impl LogBuffer {
         let _ = self.news.send(line);
     }
 
-    /// Returns the kept lines, and a receiver for new ones.
     pub(super) fn read(&self) -> (Vec<Line>, broadcast::Receiver<Line>) {
         let kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         (kept.iter().cloned().collect(), self.news.subscribe())

@@ -65,7 +65,7 @@ async fn steer(
                 let dies = came + LIFE;
                 // Ignore a setpoint that has already expired.
                 let alive = !setpoint.is_stop() && dies > Instant::now();
-                ends = alive.then_some(dies);
+                ends = if alive { Some(dies) } else { None };
                 client.drive(if alive { setpoint } else { Setpoint::STOP }).await?;
             }
             _ = heartbeat.tick() => client.alive().await?,

@@ -13,19 +13,16 @@ use crate::control::Run;
 use crate::pilot::{LinkState, Reactions, Tally};
 use crate::robot::AgentEvent;
 
-/// Label of the watchdog's actions.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Act {
     action: &'static str,
 }
 
-/// Label of dockings, by result.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct Dock {
     code: &'static str,
 }
 
-/// Label of ended behaviours, by reason.
 #[derive(Debug, Clone, PartialEq, Eq, Hash, EncodeLabelSet)]
 struct End {
     reason: &'static str,
@@ -70,7 +67,6 @@ pub(super) struct Metrics {
     ends: Family<End, Counter>,
 }
 
-/// Creates and registers a metric.
 fn metric<M: Metric + Clone + Default>(registry: &mut Registry, name: &str, help: &str) -> M {
     let metric = M::default();
     registry.register(name, help, metric.clone());
@@ -126,7 +122,6 @@ impl Metrics {
         }
     }
 
-    /// Counts an event.
     pub(super) fn count(&self, what: &AgentEvent) {
         match what {
             AgentEvent::LinkUp { .. } => drop(self.links.inc()),
@@ -153,7 +148,6 @@ impl Metrics {
         }
     }
 
-    /// Returns the metrics as text, with the current values.
     pub(super) fn text(&self, run: &Run, viewers: usize, bytes: u64) -> String {
         let status = *run.status.borrow();
         let battery = status.battery;

@@ -119,7 +119,6 @@ pub(super) struct Docking {
     pub seconds: Option<f64>,
 }
 
-/// The request body of a call.
 enum Body {
     Nothing,
     Json(Value),
@@ -128,7 +127,6 @@ enum Body {
     Samples,
 }
 
-/// The response body of a call.
 enum Gives {
     Json(Value),
     Kind(&'static str),
@@ -144,7 +142,6 @@ struct Call {
     gives: Gives,
 }
 
-/// Returns the whole document.
 pub(super) fn document() -> Value {
     let settings = SchemaSettings::draft2020_12().with(|settings| {
         settings.definitions_path = "/components/schemas".into();
@@ -413,7 +410,6 @@ fn operation(call: Call) -> Value {
 mod tests {
     use super::*;
 
-    /// Collects all references in a value.
     fn references(value: &Value, found: &mut Vec<String>) {
         match value {
             Value::Object(map) => map.iter().for_each(|(key, value)| match value.as_str() {

@@ -92,7 +92,6 @@ pub(super) struct Text {
     pub changed: bool,
 }
 
-/// Returns all behaviours that are known or running.
 pub(super) fn behaviours(
     scripts: &[Script],
     statuses: &[BehaviourStatus],

@@ -103,7 +103,6 @@ impl From<&RobotInfo> for Robot {
     }
 }
 
-/// Measures the frame rate.
 #[derive(Debug)]
 pub(super) struct Rate {
     since: Instant,
@@ -131,14 +130,12 @@ impl Rate {
     }
 }
 
-/// The driver and the number of viewers.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct People {
     pub(super) driver: Option<Person>,
     pub(super) viewers: usize,
 }
 
-/// Returns the current state.
 pub(super) fn state(
     run: &Run,
     robot: Option<&RobotInfo>,
@@ -178,7 +175,6 @@ pub(super) fn state(
     }
 }
 
-/// Whether the config allows the camera.
 pub(super) fn has_camera(run: &Run) -> bool {
     run.streams.usage(Stream::Video) != Use::Off
 }

@@ -32,7 +32,6 @@ impl Drop for Viewer {
     }
 }
 
-/// Why the drive lock cannot be taken.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum DriveLockError {
     /// The role does not permit driving.
@@ -70,7 +69,6 @@ impl Viewer {
         &self.broadcast
     }
 
-    /// Sets the name that other viewers see.
     pub(super) fn rename(&self, name: &str) {
         let name = crate::sanitize::line(name)
             .chars()

@@ -171,7 +171,6 @@ fn rectangle(middle: Point, length: f64, width: f64, heading: f64) -> Vec<[f64; 
     ]
 }
 
-/// Returns the fixed parts of the world, with the robot's path so far.
 pub(super) fn world_plan(sim: &Handle) -> WorldPlan {
     let world = sim.world();
     let round = |name: &str, paint, at: Point, radius| Round {
@@ -256,7 +255,6 @@ fn way(sim: &Handle) -> Vec<[f64; 2]> {
     })
 }
 
-/// Returns the current state of the moving parts.
 pub(super) fn map(simulation: &SimulatedRobot) -> Map {
     let SimulatedRobot {
         robot: sim,

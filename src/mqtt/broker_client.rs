@@ -1,32 +1,35 @@
 //! Represents an agent at its broker: publishes its state whenever it changes, and accepts
 //! commands.
 
+use std::io;
+use std::sync::mpsc;
 use std::time::Duration;
 
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 use serde_json::Value;
+use tokio::runtime::Builder;
+use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::{Instant, sleep_until, timeout_at};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
 use super::command::{BrokerCommand, BrokerCommandError, CommandResult};
-use super::command_tasks::{CommandTasks, FinishedCommand};
 use super::connection::{Account, Connection, ConnectionEvent, Message, QueueFull, Will};
 use super::discovery::{EVENTS, discovery};
-use super::limited_log::LimitedLog;
-use super::presence::Presence;
 use super::report::Report;
-use super::topics::Topics;
+use super::topics::{Presence, Topics};
 use crate::agent::BehaviourStatus;
 use crate::clock::until;
-use crate::control::{Next, Run};
-use crate::link::{self, Backoff};
-use crate::robot::{AgentEvent, BusMessage, Listener, RobotInfo};
+use crate::control::{Change, Next, Run, RunRequest};
+use crate::link::Backoff;
+use crate::rate_limit::Budget;
+use crate::robot::{AgentEvent, Bus, BusMessage, DockEnd, DockPlan, Listener, RobotInfo};
+use crate::wire::Sound;
+use crate::{control, link};
 
 /// Changes within this time are published together.
 const COALESCE: Duration = Duration::from_millis(100);
-/// Timeout for closing the connection.
 const CLOSING: Duration = Duration::from_secs(1);
 /// How long commands in progress at the end may take.
 const RESULTS_TIMEOUT: Duration = Duration::from_millis(500);
@@ -57,7 +60,6 @@ pub(super) struct BrokerClient {
     log: LimitedLog,
 }
 
-/// The state of the connection.
 enum Phase {
     /// The robot's uid is not known yet.
     NoRobot,
@@ -67,7 +69,6 @@ enum Phase {
     Up(Connection, Instant),
 }
 
-/// What was published on this connection.
 #[derive(Default)]
 struct Published {
     subscribed: bool,
@@ -76,7 +77,6 @@ struct Published {
     state: Option<Value>,
 }
 
-/// The next thing to handle.
 enum Input {
     Stop,
     Bus(BusMessage),
@@ -113,7 +113,6 @@ impl BrokerClient {
         }
     }
 
-    /// Runs until it is stopped or the agent has ended.
     pub(super) async fn run(mut self, stop: &CancellationToken) {
         let mut status = self.run.status.clone();
         let mut statuses = self.run.roster.statuses();
@@ -260,7 +259,6 @@ impl BrokerClient {
         Ok(())
     }
 
-    /// Publishes an event for Home Assistant's event entity and other subscribers.
     fn announce(&mut self, what: &AgentEvent) {
         let Phase::Up(connection, _) = &self.phase else {
             return;
@@ -379,7 +377,6 @@ fn topics(account: &Account, uid: &str) -> Topics {
     Topics::new(&options.prefix, &options.discovery_prefix, uid)
 }
 
-/// Parses the name of a chosen behaviour.
 fn choice(payload: &[u8]) -> Result<BrokerCommand, BrokerCommandError> {
     if payload.len() > LONGEST_CHOICE {
         return Err(BrokerCommandError::TooLong);
@@ -397,5 +394,273 @@ async fn next_input(phase: &mut Phase) -> Input {
             Input::Connect
         }
         Phase::NoRobot => std::future::pending().await,
+    }
+}
+
+/// Bytes per day.
+const PER_DAY: u64 = 1 << 20;
+
+/// Logs what clients of the broker cause, within a daily budget: any client can send endless
+/// commands, which must not fill the disk.
+#[derive(Debug)]
+pub(super) struct LimitedLog {
+    budget: Budget,
+    dropped: u64,
+}
+
+impl LimitedLog {
+    pub(super) fn new() -> LimitedLog {
+        LimitedLog {
+            budget: Budget::new(PER_DAY),
+            dropped: 0,
+        }
+    }
+
+    pub(super) fn info(&mut self, line: &str) {
+        if let Some(dropped) = self.take(line, Instant::now()) {
+            info!("{line}{dropped}");
+        }
+    }
+
+    pub(super) fn warn(&mut self, line: &str) {
+        if let Some(dropped) = self.take(line, Instant::now()) {
+            warn!("{line}{dropped}");
+        }
+    }
+
+    /// Returns `None` if the line must be dropped; otherwise a remark about dropped lines, to be
+    /// appended, which may be empty.
+    fn take(&mut self, line: &str, now: Instant) -> Option<String> {
+        if !self.budget.take(line.len() as u64, now) {
+            self.dropped += 1;
+            return None;
+        }
+        Some(match std::mem::take(&mut self.dropped) {
+            0 => String::new(),
+            dropped => format!(" ({dropped} lines about the broker's messages were dropped)"),
+        })
+    }
+}
+
+/// Timeout for a name lookup still in progress at the end.
+const LOOKUP: Duration = Duration::from_millis(100);
+
+/// Why the connection to the broker cannot be started.
+#[derive(Debug, thiserror::Error)]
+pub enum MqttError {
+    /// The system cannot start a thread.
+    #[error("no thread for the broker: {0}")]
+    Thread(#[from] io::Error),
+}
+
+/// An agent at a broker. Dropping it tells its thread to disconnect; [`Mqtt::finish`] waits for
+/// that.
+#[derive(Debug)]
+pub struct Mqtt {
+    stop: CancellationToken,
+    ended: mpsc::Receiver<()>,
+}
+
+impl Mqtt {
+    /// Publishes the bus's events from now on at this broker, and passes commands from there to the
+    /// run. Connects once the robot's uid is known, and reconnects whenever the connection is lost.
+    /// Does not wait for the network.
+    ///
+    /// # Errors
+    /// If the system cannot start a thread.
+    pub fn start(bus: &Bus, run: Run, account: Account) -> Result<Mqtt, MqttError> {
+        let stop = CancellationToken::new();
+        let (alive, ended) = mpsc::sync_channel::<()>(1);
+        let runtime = Builder::new_current_thread().enable_all().build()?;
+        let listener = bus.subscribe();
+        let stopped = stop.clone();
+        let life = move || {
+            runtime.block_on(BrokerClient::new(account, run, listener).run(&stopped));
+            runtime.shutdown_timeout(LOOKUP);
+            drop(alive);
+        };
+        std::thread::Builder::new()
+            .name("mqtt".into())
+            .spawn(life)?;
+        Ok(Mqtt { stop, ended })
+    }
+
+    /// Waits at most this long until the last messages are published. Returns whether the thread
+    /// ended in time.
+    pub fn finish(self, limit: Duration) -> bool {
+        self.stop.cancel();
+        // Returns when the thread has dropped its end; nothing is ever sent.
+        let ended = self.ended.recv_timeout(limit);
+        ended == Err(mpsc::RecvTimeoutError::Disconnected)
+    }
+}
+
+impl Drop for Mqtt {
+    fn drop(&mut self) {
+        self.stop.cancel();
+    }
+}
+
+/// Maximum number of commands in progress; further ones are refused, except stops.
+const MAX_TASKS: usize = 8;
+/// Maximum number of commands in progress including stops; another stop would change nothing.
+const MAX_STOPS: usize = 32;
+const UNDOCKING: Duration = Duration::from_secs(15);
+const PICTURE: Duration = Duration::from_secs(5);
+
+pub(super) struct FinishedCommand {
+    pub(super) answer: CommandResult,
+    /// The picture taken, if any.
+    pub(super) picture: Option<Vec<u8>>,
+}
+
+/// The commands in progress: each in a separate task, a limited number at a time, dockings one
+/// after the other.
+pub(super) struct CommandTasks {
+    run: Run,
+    tasks: JoinSet<FinishedCommand>,
+    /// The task of the command that drives the robot.
+    drive: Option<AbortHandle>,
+}
+
+impl CommandTasks {
+    pub(super) fn new(run: Run) -> CommandTasks {
+        let tasks = JoinSet::new();
+        let drive = None;
+        CommandTasks { run, tasks, drive }
+    }
+
+    /// Starts a command. `chosen` is the behaviour that `start` starts.
+    pub(super) fn begin(
+        &mut self,
+        command: BrokerCommand,
+        id: Option<String>,
+        chosen: Option<String>,
+    ) {
+        let drives = matches!(command, BrokerCommand::Dock | BrokerCommand::Undock);
+        if drives || command == BrokerCommand::Stop {
+            // Cancel the previous docking or undocking: the pilot then ends it.
+            self.cancel_driving();
+        }
+        if self.tasks.len() >= MAX_STOPS {
+            return;
+        }
+        let full = self.tasks.len() >= MAX_TASKS && command != BrokerCommand::Stop;
+        let run = self.run.clone();
+        let task = self.tasks.spawn(async move {
+            let words = command.to_string();
+            let (done, picture) = if full {
+                (Err("too many commands at once".to_owned()), None)
+            } else {
+                perform(&run, command, chosen).await
+            };
+            let (done, text) = match done {
+                Ok(text) => (true, text),
+                Err(why) => (false, Some(why)),
+            };
+            let command = words;
+            let answer = CommandResult {
+                command,
+                id,
+                done,
+                text,
+            };
+            FinishedCommand { answer, picture }
+        });
+        if drives && !full {
+            self.drive = Some(task);
+        }
+    }
+
+    /// Cancels the docking or undocking in progress.
+    pub(super) fn cancel_driving(&mut self) {
+        if let Some(last) = self.drive.take() {
+            last.abort();
+        }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.tasks.is_empty()
+    }
+
+    /// Waits for the next finished command; never returns if none is in progress. Cancel-safe.
+    pub(super) async fn next(&mut self) -> FinishedCommand {
+        loop {
+            match self.tasks.join_next().await {
+                Some(Ok(finished)) => return finished,
+                // Cancelled in favour of a newer one.
+                Some(Err(_)) => {}
+                None => std::future::pending().await,
+            }
+        }
+    }
+}
+
+type Done = Result<Option<String>, String>;
+
+async fn perform(
+    run: &Run,
+    command: BrokerCommand,
+    chosen: Option<String>,
+) -> (Done, Option<Vec<u8>>) {
+    let change = Change::Start;
+    let request = match command {
+        BrokerCommand::Stop => return (outcome_of(run.stop_behaviours().await), None),
+        BrokerCommand::Start => match chosen {
+            Some(name) => RunRequest::Behaviour { name, change },
+            None => return (Err("there is no behaviour to start".to_owned()), None),
+        },
+        BrokerCommand::Run(name) => RunRequest::Behaviour { name, change },
+        // The broker client handles this, since it keeps the choice.
+        BrokerCommand::Choose(_) => return (Ok(None), None),
+        BrokerCommand::Dock => RunRequest::Dock(DockPlan::default()),
+        BrokerCommand::Undock => RunRequest::Undock(UNDOCKING),
+        BrokerCommand::Locate => RunRequest::Play(Sound::Laser),
+        BrokerCommand::Snapshot => RunRequest::Picture(PICTURE),
+    };
+    match run.perform(request).await {
+        control::RunResponse::Picture(jpeg) => (Ok(None), Some(jpeg)),
+        answer => (outcome_of(answer), None),
+    }
+}
+
+fn outcome_of(answer: control::RunResponse) -> Done {
+    match answer {
+        control::RunResponse::Docked { end, .. } | control::RunResponse::Undocked(end) => {
+            let words = end.name().replace('_', " ");
+            match end {
+                DockEnd::Done | DockEnd::AlreadyDocked | DockEnd::NotDocked => Ok(Some(words)),
+                _ => Err(words),
+            }
+        }
+        control::RunResponse::NoPicture => Err("no picture arrived in time".to_owned()),
+        control::RunResponse::Offline => Err("the robot is out of reach".to_owned()),
+        control::RunResponse::Refused(why) => Err(why),
+        _ => Ok(None),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn a_flood_is_limited_and_counted_and_later_lines_are_written() {
+        let mut log = LimitedLog::new();
+        let mut now = Instant::now();
+        let line = "x".repeat(100);
+        let written = std::iter::repeat_with(|| log.take(&line, now))
+            .take(10_000)
+            .flatten();
+        assert!((100..1000).contains(&written.count()));
+        now += Duration::from_secs(3600);
+        let remark = log.take(&line, now).unwrap();
+        assert!(
+            remark.contains("lines about the broker's messages"),
+            "{remark}"
+        );
+        assert_eq!(log.take(&line, now).as_deref(), Some(""));
     }
 }

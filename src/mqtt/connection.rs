@@ -8,14 +8,14 @@ use rumqttc::{
     AsyncClient, ConnectReturnCode, ConnectionError, Event, EventLoop, LastWill, MqttOptions,
     NetworkOptions, Packet, QoS, TlsConfiguration, Transport,
 };
+use tokio::runtime::Builder;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
+use tokio::time::timeout;
 
 use crate::config;
 
-/// Capacity of the queue to the broker.
 const MAX_WAITING: usize = 64;
-/// Capacity of the queue of received messages.
 const MAX_RECEIVED: usize = 64;
 /// Maximum length of a received message (a command, a state, a birth message), in bytes.
 const LONGEST_RECEIVED: usize = 64 << 10;
@@ -41,7 +41,6 @@ impl std::fmt::Debug for Account {
     }
 }
 
-/// A received message.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Message {
     pub(super) topic: String,
@@ -50,7 +49,6 @@ pub(super) struct Message {
     pub(super) retained: bool,
 }
 
-/// An event on a connection.
 #[derive(Debug)]
 pub(super) enum ConnectionEvent {
     /// The broker has accepted the connection.
@@ -91,7 +89,6 @@ impl Drop for Connection {
 }
 
 impl Connection {
-    /// Starts to connect, with this client ID.
     pub(super) fn connect(account: &Account, client: &str, will: Option<Will>) -> Connection {
         let (host, port) = account.options.address().unwrap_or(("localhost", 1883));
         let mut options = MqttOptions::new(client, host, port);
@@ -132,7 +129,6 @@ impl Connection {
         self.received.recv().await.unwrap_or_else(lost)
     }
 
-    /// Subscribes to a topic.
     pub(super) fn subscribe(&self, topic: &str) -> Result<(), QueueFull> {
         let asked = self.client.try_subscribe(topic, QoS::AtLeastOnce);
         asked.map_err(|_| QueueFull)
@@ -205,4 +201,71 @@ fn to_message(error: &ConnectionError) -> String {
         ConnectionError::Tls(error) => format!("no encrypted connection: {error}"),
         other => other.to_string(),
     }
+}
+
+/// Timeout for the disconnection, and for a name lookup still in progress at the end.
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_millis(200);
+
+/// Why a message was not published.
+#[derive(Debug, thiserror::Error)]
+pub enum PostError {
+    /// The message is too long to be sent.
+    #[error("it is longer than {LONGEST_SENT} bytes, the maximum for a message")]
+    TooLong,
+    /// The connection failed.
+    #[error("no connection with the broker: {0}")]
+    Connection(String),
+    /// The broker did not confirm the message in time.
+    #[error("the broker did not confirm it within {} s", .0.as_secs_f64())]
+    TimedOut(Duration),
+}
+
+/// Publishes a message that is not retained, and waits until the broker confirms it. Blocks
+/// slightly longer than `limit` at most. If this user may not publish there, the broker still
+/// confirms the message without an error (MQTT 3.1.1).
+///
+/// # Errors
+/// See [`PostError`].
+pub fn publish(
+    account: &Account,
+    topic: &str,
+    payload: Vec<u8>,
+    limit: Duration,
+) -> Result<(), PostError> {
+    if payload.len() > LONGEST_SENT - 1024 {
+        return Err(PostError::TooLong);
+    }
+    let failed = |error: std::io::Error| PostError::Connection(error.to_string());
+    let runtime = Builder::new_current_thread().enable_all().build();
+    let runtime = runtime.map_err(failed)?;
+    let sent = runtime.block_on(async {
+        let timed_out = |_| PostError::TimedOut(limit);
+        let sending = send(account, topic, payload);
+        timeout(limit, sending).await.map_err(timed_out)?
+    });
+    runtime.shutdown_timeout(SHUTDOWN_TIMEOUT);
+    sent
+}
+
+async fn send(account: &Account, topic: &str, payload: Vec<u8>) -> Result<(), PostError> {
+    // A unique client ID: a second client with the same ID would disconnect the first.
+    let client = format!("spykee-post-{:016x}", rand::random::<u64>());
+    let mut connection = Connection::connect(account, &client, None);
+    let mut waiting = Some(payload);
+    loop {
+        match connection.next().await {
+            ConnectionEvent::Up => {
+                let Some(payload) = waiting.take() else {
+                    continue;
+                };
+                let full = |_| PostError::Connection("its queue is full".to_owned());
+                connection.publish(topic, payload).map_err(full)?;
+            }
+            ConnectionEvent::Acknowledged => break,
+            ConnectionEvent::Lost(why) => return Err(PostError::Connection(why)),
+            ConnectionEvent::Message(_) | ConnectionEvent::Subscribed => {}
+        }
+    }
+    connection.close(SHUTDOWN_TIMEOUT).await;
+    Ok(())
 }

@@ -4,7 +4,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::presence::Presence;
+use super::topics::Presence;
 use super::topics::Topics;
 use crate::robot::RobotInfo;
 
@@ -24,7 +24,6 @@ pub(super) const EVENTS: [&str; 12] = [
     "notify",
 ];
 
-/// Builds the payload of the discovery topic.
 pub(super) fn discovery(topics: &Topics, robot: &RobotInfo, behaviours: &[String]) -> Value {
     let online = Presence::Online.word();
     json!({

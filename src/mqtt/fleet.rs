@@ -8,7 +8,7 @@ use tokio::time::{Instant, timeout_at};
 
 use super::command::{BrokerCommand, CommandResult};
 use super::connection::{Account, Connection, ConnectionEvent, Message, QueueFull};
-use super::presence::Presence;
+use super::topics::Presence;
 use super::topics::Topics;
 
 /// Timeout for the connection and the subscriptions.
@@ -135,7 +135,6 @@ impl Fleet {
         found.state = state.unwrap_or(found.state.take());
     }
 
-    /// Splits a topic into the robot and the rest.
     fn split_topic<'a>(&self, topic: &'a str) -> Option<(&'a str, &'a str)> {
         let rest = topic.strip_prefix(&self.account.options.prefix)?;
         rest.strip_prefix('/')?.split_once('/')
@@ -197,7 +196,10 @@ impl Fleet {
             return None;
         };
         let answer: CommandResult = serde_json::from_slice(&message.payload).ok()?;
-        (answer.id.as_deref() == Some(id)).then(|| (robot.to_owned(), answer))
+        if answer.id.as_deref() != Some(id) {
+            return None;
+        }
+        Some((robot.to_owned(), answer))
     }
 
     /// Disconnects.

@@ -14,20 +14,14 @@
 
 mod broker_client;
 mod command;
-mod command_tasks;
 mod connection;
 mod discovery;
 mod fleet;
-mod limited_log;
-mod post;
-mod presence;
 mod report;
-mod thread;
 mod topics;
 
+pub use broker_client::{Mqtt, MqttError};
 pub use command::{BrokerCommand, BrokerCommandError, CommandResult};
-pub use connection::Account;
+pub use connection::{Account, PostError, publish};
 pub use fleet::{Fleet, FleetError, Found};
-pub use post::{PostError, publish};
-pub use presence::Presence;
-pub use thread::{Mqtt, MqttError};
+pub use topics::Presence;

@@ -28,7 +28,6 @@ pub(super) struct Report {
 }
 
 impl Report {
-    /// Records an event.
     pub(super) fn record_event(&mut self, what: &AgentEvent) {
         match what {
             AgentEvent::LinkUp { .. } => self.lost = None,
@@ -117,7 +116,6 @@ impl Report {
         }
     }
 
-    /// Builds the payload of the topic `state`.
     pub(super) fn state(
         &self,
         status: &Status,

@@ -1,9 +1,10 @@
 //! The topics of an agent at a broker: `PREFIX/ROBOT/...`, with the robot's uid.
 
+use serde::{Deserialize, Serialize};
+
 /// Maximum length of a robot's name in a topic, in characters.
 const LONGEST_ID: usize = 64;
 
-/// The topics of one agent.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Topics {
     base: String,
@@ -13,7 +14,6 @@ pub(super) struct Topics {
 }
 
 impl Topics {
-    /// Returns the topics of the robot with this uid.
     pub(super) fn new(prefix: &str, discovery: &str, uid: &str) -> Topics {
         let id = id_of(uid);
         Topics {
@@ -23,32 +23,27 @@ impl Topics {
         }
     }
 
-    /// The agent's presence: see [`Presence`](super::presence::Presence). Retained.
+    /// The agent's presence: see [`Presence`]. Retained.
     pub(super) fn connection(&self) -> String {
         format!("{}/connection", self.base)
     }
 
-    /// The state, as JSON. Retained.
     pub(super) fn state(&self) -> String {
         format!("{}/state", self.base)
     }
 
-    /// Events, as JSON.
     pub(super) fn event(&self) -> String {
         format!("{}/event", self.base)
     }
 
-    /// Requested pictures, as JPEG.
     pub(super) fn picture(&self) -> String {
         format!("{}/picture", self.base)
     }
 
-    /// Results of commands, as JSON.
     pub(super) fn answer(&self) -> String {
         format!("{}/answer", self.base)
     }
 
-    /// Commands to the agent.
     pub(super) fn command(&self) -> String {
         format!("{}/command", self.base)
     }
@@ -82,6 +77,41 @@ pub(super) fn id_of(uid: &str) -> String {
     match uid.chars().take(LONGEST_ID).map(plain).collect::<String>() {
         id if id.is_empty() => "robot".to_owned(),
         id => id,
+    }
+}
+
+/// Whether an agent is connected to its broker, in the terms of VDA 5050.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+pub enum Presence {
+    /// The agent is connected.
+    Online,
+    /// The agent has disconnected.
+    Offline,
+    /// The connection broke: the broker publishes this on the agent's behalf.
+    ConnectionBroken,
+}
+
+impl Presence {
+    const ALL: [Presence; 3] = [
+        Presence::Online,
+        Presence::Offline,
+        Presence::ConnectionBroken,
+    ];
+
+    /// Returns the word used as the payload.
+    pub fn word(self) -> &'static str {
+        match self {
+            Presence::Online => "ONLINE",
+            Presence::Offline => "OFFLINE",
+            Presence::ConnectionBroken => "CONNECTIONBROKEN",
+        }
+    }
+
+    /// Parses a payload; `None` if it is not one of the words.
+    pub(super) fn parse(payload: &[u8]) -> Option<Presence> {
+        let mut all = Presence::ALL.into_iter();
+        all.find(|presence| presence.word().as_bytes() == payload)
     }
 }
 

@@ -11,7 +11,7 @@ use std::time::Duration;
 use rustix::process::{Pid, Signal, kill_process_group};
 use tokio_util::sync::CancellationToken;
 
-use super::delivery::Delivery;
+use super::notice::Delivery;
 use super::notice::Notice;
 use super::options::Target;
 use super::template::{Slot, fill};

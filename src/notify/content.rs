@@ -2,21 +2,21 @@
 //! picture.
 
 use std::borrow::Cow;
+use std::sync::Arc;
+use std::time::Duration;
 
 use serde_json::Value;
 
-use super::notice::Notice;
+use super::notice::{Delivery, Notice};
 use super::options::{PictureMode, Target};
 use super::template::{Slot, fill, fill_json};
 
-/// The content of a message.
 #[derive(Debug, PartialEq)]
 pub(super) struct Content {
     pub(super) kind: Cow<'static, str>,
     pub(super) bytes: Vec<u8>,
 }
 
-/// Builds the content of a message from this target's templates.
 pub(super) fn content(
     target: &Target,
     token: &str,
@@ -94,4 +94,36 @@ fn form(boundary: &str, fields: &[(String, String)], name: &str, picture: &[u8])
     bytes.extend_from_slice(picture);
     bytes.extend_from_slice(format!("\r\n--{boundary}--\r\n").as_bytes());
     bytes
+}
+
+/// The message to publish.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BrokerMessage {
+    /// The topic.
+    pub topic: String,
+    /// The payload.
+    pub payload: Vec<u8>,
+    /// Timeout for the broker's confirmation.
+    pub limit: Duration,
+}
+
+/// Publishes a message and waits for the broker's confirmation; may block. `None` if the config
+/// names no broker.
+pub type BrokerPublisher = Option<Arc<dyn Fn(BrokerMessage) -> Delivery + Send + Sync>>;
+
+pub(super) fn publish(
+    target: &Target,
+    topic: &str,
+    publisher: &BrokerPublisher,
+    notice: &Notice,
+    picture: Option<&[u8]>,
+) -> Delivery {
+    let Some(publisher) = publisher else {
+        return Delivery::Refused("the config names no broker".to_owned());
+    };
+    publisher(BrokerMessage {
+        topic: topic.to_owned(),
+        payload: content(target, "", notice, picture).bytes,
+        limit: target.timeout.get(),
+    })
 }

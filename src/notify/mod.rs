@@ -5,24 +5,20 @@
 //! If a target hangs, refuses or is unreachable, its own bounded queue is retried with growing
 //! pauses; nothing else waits. A target's secrets appear in no log, no error and no queue.
 
-mod broker;
 mod command;
 mod content;
-mod delivery;
 mod notice;
 mod notifier;
 mod options;
 mod queue;
-mod rate_limit;
 mod rules;
 mod sender;
 mod template;
 mod webhook;
 
-pub use broker::{BrokerMessage, BrokerPublisher};
 pub use command::PROGRAM_VARIABLES;
-pub use delivery::Delivery;
-pub use notice::{Notice, Rule};
+pub use content::{BrokerMessage, BrokerPublisher};
+pub use notice::{Delivery, Notice, Rule};
 pub use notifier::{Notifier, NotifyError};
 pub use options::{Options, OptionsError, PictureMode, Target, TargetError};
 pub use sender::deliver;

@@ -12,14 +12,14 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
 
-use super::broker::BrokerPublisher;
+use super::content::BrokerPublisher;
 use super::notice::Notice;
 use super::options::Options;
 use super::queue::Queue;
-use super::rate_limit::RateLimit;
 use super::rules::{Notification, Rules};
 use super::sender::Sender;
 use crate::clock::until;
+use crate::rate_limit::TokenBucket;
 use crate::robot::{Bus, BusMessage, Listener};
 
 /// How long [`Notifier::finish`] waits, after its limit, until the targets' programs are killed.
@@ -82,7 +82,7 @@ impl Notifier {
             queues.push(TargetQueue {
                 name: name.clone(),
                 target: target.clone(),
-                rate_limit: RateLimit::new(options.per_hour, now),
+                rate_limit: RateLimit::new(options.per_hour),
                 wake,
             });
         }
@@ -131,7 +131,6 @@ impl Drop for Notifier {
     }
 }
 
-/// Accepts messages for one target.
 struct TargetQueue {
     name: String,
     target: super::Target,
@@ -236,5 +235,54 @@ impl TargetQueue {
         }
         // If the channel is full, the sender is already awake.
         let _ = self.wake.try_send(());
+    }
+}
+
+/// Limits the messages to a target: an hourly rate, with a burst of a third of it.
+#[derive(Debug)]
+struct RateLimit {
+    bucket: TokenBucket,
+    /// Messages dropped since the last one that was allowed.
+    dropped: u64,
+}
+
+impl RateLimit {
+    fn new(per_hour: u64) -> RateLimit {
+        let per_hour = per_hour as f64;
+        RateLimit {
+            bucket: TokenBucket::new((per_hour / 3.0).max(1.0), per_hour / 3600.0),
+            dropped: 0,
+        }
+    }
+
+    /// Allows one message, and returns the number of messages dropped before it; `None` if this one
+    /// must be dropped.
+    fn take(&mut self, now: Instant) -> Option<u64> {
+        if !self.bucket.take(1.0, now) {
+            self.dropped += 1;
+            return None;
+        }
+        Some(std::mem::take(&mut self.dropped))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HOUR: Duration = Duration::from_secs(3600);
+
+    #[test]
+    fn a_third_is_allowed_at_once_the_rest_evenly_and_drops_are_counted() {
+        let mut now = Instant::now();
+        let mut rate_limit = RateLimit::new(30);
+        let burst = std::iter::repeat_with(|| rate_limit.take(now)).take(50);
+        assert_eq!(burst.flatten().count(), 10);
+        now += HOUR / 30;
+        assert_eq!(rate_limit.take(now), Some(40));
+        assert_eq!(rate_limit.take(now), None);
+        now += HOUR;
+        let burst = std::iter::repeat_with(|| rate_limit.take(now)).take(50);
+        assert_eq!(burst.flatten().count(), 10);
     }
 }

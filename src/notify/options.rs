@@ -17,7 +17,6 @@ const MAX_TARGETS: usize = 8;
 const LONGEST_NAME: usize = 40;
 /// Maximum length of a topic, in bytes.
 const LONGEST_TOPIC: usize = 200;
-/// HTTP methods allowed for a webhook.
 const METHODS: &[&str] = &["POST", "PUT", "PATCH"];
 
 /// Which messages go to which targets.
@@ -119,7 +118,6 @@ impl Target {
         rule == Rule::Test || self.on.as_ref().is_none_or(|rules| rules.contains(&rule))
     }
 
-    /// Returns all texts in which placeholders are replaced.
     fn templates(&self) -> Vec<&str> {
         let mut texts: Vec<&str> = self
             .url

@@ -9,16 +9,13 @@ use rustix::fs::{FlockOperation, flock};
 use super::notice::Notice;
 use crate::files::{Folder, Item};
 
-/// Maximum number of messages for one target.
 pub(super) const MAX_QUEUED: usize = 100;
 /// Maximum age of a message, in milliseconds.
 const LONGEST: i64 = 86_400_000;
-/// Name of the folder in the data folder.
 const FOLDER: &str = ".notify";
 /// Maximum length of a message as JSON, in bytes.
 const MAX_LEN: u64 = 64 * 1024;
 
-/// See the module.
 #[derive(Debug)]
 pub(super) struct Queue {
     folder: Folder,
@@ -27,7 +24,6 @@ pub(super) struct Queue {
     holds: bool,
 }
 
-/// A message and its file.
 #[derive(Debug)]
 pub(super) struct Waiting {
     pub(super) name: String,
@@ -35,7 +31,6 @@ pub(super) struct Waiting {
 }
 
 impl Queue {
-    /// Opens the queue of a target in this data folder.
     pub(super) fn open(data: &Path, target: &str) -> io::Result<Queue> {
         Folder::make(data)?;
         Folder::make(&data.join(FOLDER))?;
@@ -97,12 +92,10 @@ impl Queue {
         Ok(None)
     }
 
-    /// Number of waiting messages.
     pub(super) fn len(&self) -> usize {
         self.names().map_or(0, |names| names.len())
     }
 
-    /// Removes a message that was sent or will never be.
     pub(super) fn remove(&self, name: &str) {
         if let Err(error) = self.folder.remove(name) {
             tracing::debug!("the file of a message cannot be removed: {error}");

@@ -9,9 +9,9 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
-use super::broker::{self, BrokerPublisher};
 use super::command;
-use super::delivery::Delivery;
+use super::content::{BrokerPublisher, publish};
+use super::notice::Delivery;
 use super::notice::Notice;
 use super::options::{PictureMode, Target};
 use super::queue::Queue;
@@ -44,9 +44,7 @@ pub fn deliver(
     };
     match (&target.url, &target.topic) {
         (Some(url), _) => webhook::send(target, url, token, notice, picture().as_deref()),
-        (None, Some(topic)) => {
-            broker::send((target, topic), publisher, notice, picture().as_deref())
-        }
+        (None, Some(topic)) => publish(target, topic, publisher, notice, picture().as_deref()),
         (None, None) => command::send(target, notice, notice.picture.as_deref(), abort),
     }
 }
@@ -60,7 +58,6 @@ fn read_picture(path: &Path) -> Option<Vec<u8>> {
     bytes.starts_with(&[0xff, 0xd8]).then_some(bytes)
 }
 
-/// Sends the messages of one target.
 pub(super) struct Sender {
     pub(super) name: String,
     pub(super) target: Target,

@@ -5,12 +5,11 @@ use std::time::Duration;
 use ureq::http::{HeaderName, HeaderValue, Request};
 
 use super::content::content;
-use super::delivery::Delivery;
+use super::notice::Delivery;
 use super::notice::Notice;
 use super::options::Target;
 use super::template::{Slot, fill};
 
-/// Maximum number of redirects.
 const REDIRECTS: u32 = 3;
 
 /// Sends the request and waits for the response. Errors do not contain the address, which may

@@ -339,7 +339,7 @@ impl Sessions {
                 role,
                 events,
                 streams: BTreeSet::new(),
-                throttle: Throttle::new(Instant::now()),
+                throttle: Throttle::new(),
             },
         );
     }
@@ -360,7 +360,7 @@ impl Sessions {
         let Some(session) = self.sessions.get_mut(&by) else {
             return false;
         };
-        let shared = self.shared.get_or_insert_with(|| SharedLimit::new(now));
+        let shared = self.shared.get_or_insert_with(SharedLimit::new);
         if !session.throttle.admits(command, now) {
             session.log_refusals();
             return false;

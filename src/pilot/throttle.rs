@@ -2,10 +2,9 @@
 //! and data in its queue delays the next stop: lights, sounds and speech beyond the limits are
 //! dropped.
 
-use std::time::Duration;
-
 use tokio::time::Instant;
 
+use crate::rate_limit::TokenBucket;
 use crate::wire::{Command, Engage};
 
 /// Lights, sounds, volumes, streams and dockings: the most at once, and per second.
@@ -20,16 +19,16 @@ const SPEECH_PER_SECOND: f64 = 64_000.0;
 /// One behaviour's share.
 #[derive(Debug)]
 pub(super) struct Throttle {
-    commands: Bucket,
-    speech: Bucket,
+    commands: TokenBucket,
+    speech: TokenBucket,
     refused: u64,
 }
 
 impl Throttle {
-    pub(super) fn new(now: Instant) -> Throttle {
+    pub(super) fn new() -> Throttle {
         Throttle {
-            commands: Bucket::new(COMMANDS, COMMANDS, now),
-            speech: Bucket::new(SPEECH, SPEECH_PER_SECOND, now),
+            commands: TokenBucket::new(COMMANDS, COMMANDS),
+            speech: TokenBucket::new(SPEECH, SPEECH_PER_SECOND),
             refused: 0,
         }
     }
@@ -70,11 +69,11 @@ fn cost(command: &Command) -> f64 {
 
 /// The limit for all behaviours together, besides motion and speech.
 #[derive(Debug)]
-pub(super) struct SharedLimit(Bucket);
+pub(super) struct SharedLimit(TokenBucket);
 
 impl SharedLimit {
-    pub(super) fn new(now: Instant) -> SharedLimit {
-        SharedLimit(Bucket::new(SHARED_COMMANDS, SHARED_COMMANDS, now))
+    pub(super) fn new() -> SharedLimit {
+        SharedLimit(TokenBucket::new(SHARED_COMMANDS, SHARED_COMMANDS))
     }
 
     /// Whether a command may be sent.
@@ -83,45 +82,15 @@ impl SharedLimit {
     }
 }
 
-/// A token bucket: fills up steadily and is emptied by taking.
-#[derive(Debug)]
-struct Bucket {
-    level: f64,
-    most: f64,
-    per_second: f64,
-    at: Instant,
-}
-
-impl Bucket {
-    fn new(most: f64, per_second: f64, at: Instant) -> Bucket {
-        Bucket {
-            level: most,
-            most,
-            per_second,
-            at,
-        }
-    }
-
-    fn take(&mut self, amount: f64, now: Instant) -> bool {
-        let passed: Duration = now.saturating_duration_since(self.at);
-        self.at = now;
-        self.level = (self.level + passed.as_secs_f64() * self.per_second).min(self.most);
-        let enough = self.level >= amount;
-        if enough {
-            self.level -= amount;
-        }
-        enough
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use std::time::Duration;
 
     #[tokio::test(start_paused = true)]
     async fn speech_at_its_own_pace_is_never_dropped() {
-        let mut throttle = Throttle::new(Instant::now());
+        let mut throttle = Throttle::new();
         for _ in 0..100 {
             let second = Command::Audio(vec![0; 32_000].into());
             assert!(throttle.admits(&second, Instant::now()));
@@ -133,7 +102,7 @@ mod tests {
     #[test]
     fn speech_beyond_its_own_pace_is_refused_and_takes_nothing_from_commands() {
         let now = Instant::now();
-        let mut throttle = Throttle::new(now);
+        let mut throttle = Throttle::new();
         let all = Command::Audio(vec![0; SPEECH as usize].into());
         assert!(throttle.admits(&all, now));
         assert!(!throttle.admits(&Command::Audio(vec![0; 1].into()), now));
@@ -144,7 +113,7 @@ mod tests {
     #[test]
     fn docking_costs_as_much_as_the_commands_that_it_becomes() {
         let now = Instant::now();
-        let mut throttle = Throttle::new(now);
+        let mut throttle = Throttle::new();
         let dock = Command::Engine(Engage::Dock);
         let admitted = std::iter::repeat_with(|| throttle.admits(&dock, now))
             .take(COMMANDS as usize)
@@ -154,7 +123,7 @@ mod tests {
 
     #[test]
     fn refusals_are_logged_at_powers_of_ten() {
-        let mut throttle = Throttle::new(Instant::now());
+        let mut throttle = Throttle::new();
         assert_eq!(throttle.refusals_to_log(), None);
         let logged = (0..250).filter_map(|_| {
             throttle.refuse();
@@ -166,7 +135,7 @@ mod tests {
     #[test]
     fn behaviours_together_share_a_limit_that_excludes_speech() {
         let start = Instant::now();
-        let mut shared = SharedLimit::new(start);
+        let mut shared = SharedLimit::new();
         assert!((0..SHARED_COMMANDS as usize).all(|_| shared.admits(&Command::StopSound, start)));
         assert!(!shared.admits(&Command::StopSound, start));
         assert!(shared.admits(&Command::Audio(vec![0; 9].into()), start));
@@ -180,7 +149,7 @@ mod tests {
                 pauses in prop::collection::vec(0u64..40, 0..2000),
             ) {
                 let start = Instant::now();
-                let mut throttle = Throttle::new(start);
+                let mut throttle = Throttle::new();
     let mut now = start;
     let mut admitted = 0.0;
                 for pause in pauses {

@@ -49,7 +49,6 @@ pub(super) fn log_notice<'a>(notice: &'a Notice, zone: &Zone) -> Option<(&'a str
     }
 }
 
-/// Logs a change of the quiet hours.
 pub(super) fn log_quiet_hours(quiet: Quiet) {
     match quiet {
         Quiet::Off => info!("quiet hours are over"),

@@ -3,27 +3,32 @@
 
 use std::collections::BTreeSet;
 use std::convert::Infallible;
+use std::future::Future;
 use std::time::Duration;
 
 use tokio::sync::{mpsc, watch};
+use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::{Instant, sleep};
 use tokio_util::sync::CancellationToken;
 use tracing::{error, info, warn};
 
-use super::idle::{self, IdleAction, IdleRobot};
-use super::orders::{OrderResult, Orders};
+use super::idle::{IdleAction, IdleRobot};
 use super::record::is_news;
-use super::{Listeners, Reload, ServicePlan, View, describe};
-use crate::agent::{AgentEvent, BehaviourState, BehaviourStatus, Roster, RosterError};
-use crate::clock::{self, Clock};
+use super::{Listeners, Reload, ServicePlan, View, describe, idle};
+use crate::agent::{
+    AgentEvent, BehaviourSpec, BehaviourState, BehaviourStatus, Docked, PilotClient,
+    PilotClientError, Roster, RosterError,
+};
+use crate::clock;
+use crate::clock::Clock;
 use crate::pilot::{LinkState, Status};
-use crate::robot::channel::{Quiet, Request};
+use crate::robot::channel::{Quiet, Request, Role};
+use crate::robot::{BehaviourId, DockPlan, Priority};
 use crate::timetable::{Act, Notice, Planner, PlannerInputs, Record};
 
 /// Longest interval between two polls.
 const LONGEST: Duration = Duration::from_secs(15);
 
-/// See the module.
 pub(super) struct Executor {
     statuses: watch::Receiver<Vec<BehaviourStatus>>,
     stops: watch::Receiver<u64>,
@@ -114,7 +119,8 @@ impl Executor {
     /// Polls the state machines and gives the resulting orders. Returns the time to wait until the
     /// next poll.
     fn step(&mut self) -> Duration {
-        let (now, at) = (self.clock.now(), Instant::now());
+        let now = self.clock.now();
+        let at = Instant::now();
         let status = *self.status.borrow_and_update();
         let running = self.update_running();
         let up = status.link == LinkState::Up;
@@ -169,7 +175,6 @@ impl Executor {
         running
     }
 
-    /// Starts the permanent behaviours as soon as the robot is connected.
     fn start_permanent(&mut self, up: bool) {
         let waiting = self
             .waiting
@@ -356,7 +361,6 @@ impl Executor {
         }
     }
 
-    /// Updates the view and the status line of the service manager.
     fn publish_status(&mut self, status: &Status, now: jiff::Timestamp) {
         let next = if clock::is_plausible(now) {
             self.planner.next_start()
@@ -381,5 +385,304 @@ impl Executor {
     }
 }
 
+/// The client with which an idle robot is sent home; its number is between those of the persons and
+/// of the rescue behaviour.
+const IDLE_CLIENT: BehaviourId = BehaviourId(0xFFFD);
+/// The lowest priority.
+const LOWEST: Priority = Priority(i16::MIN);
+
+#[derive(Debug)]
+pub(super) enum OrderResult {
+    /// A start.
+    Started(String, Result<(), RosterError>),
+    /// A stop or a restart.
+    Changed(String, Result<(), RosterError>),
+    /// An idle robot was sent home.
+    Home(Result<Docked, PilotClientError>),
+}
+
+/// Outstanding orders. They run concurrently: a script that loads slowly delays neither the
+/// timetable nor the idle robot.
+pub(super) struct Orders {
+    roster: Roster,
+    tasks: JoinSet<OrderResult>,
+    /// Behaviours with an outstanding order.
+    names: BTreeSet<String>,
+}
+
+impl Orders {
+    pub(super) fn new(roster: Roster) -> Orders {
+        Orders {
+            roster,
+            tasks: JoinSet::new(),
+            names: BTreeSet::new(),
+        }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.names.is_empty()
+    }
+
+    pub(super) fn has(&self, run: &str) -> bool {
+        self.names.contains(run)
+    }
+
+    pub(super) fn start(&mut self, run: String) {
+        let roster = self.roster.without_timeout();
+        let name = run.clone();
+        self.spawn(run, async move {
+            let started = roster.start(&name).await;
+            OrderResult::Started(name, started)
+        });
+    }
+
+    pub(super) fn stop(&mut self, run: String) {
+        let roster = self.roster.without_timeout();
+        let name = run.clone();
+        self.spawn(run, async move {
+            let stopped = roster.stop(&name).await;
+            OrderResult::Changed(name, stopped)
+        });
+    }
+
+    pub(super) fn restart(&mut self, run: String) {
+        let roster = self.roster.without_timeout();
+        let name = run.clone();
+        self.spawn(run, async move {
+            let restarted = roster.restart(&name).await;
+            OrderResult::Changed(name, restarted)
+        });
+    }
+
+    fn spawn(&mut self, run: String, order: impl Future<Output = OrderResult> + Send + 'static) {
+        self.names.insert(run);
+        self.tasks.spawn(order);
+    }
+
+    /// Sends the idle robot to its station. Aborting the returned task cancels the docking.
+    pub(super) fn send_home(&mut self, requests: mpsc::Sender<Request>) -> AbortHandle {
+        self.tasks
+            .spawn(async move { OrderResult::Home(send_home(requests).await) })
+    }
+
+    /// Returns the next result; `None` while no order is outstanding. Cancel-safe.
+    pub(super) async fn next(&mut self) -> Option<OrderResult> {
+        loop {
+            // An aborted order has no result.
+            if let Ok(result) = self.tasks.join_next().await? {
+                if let OrderResult::Started(run, _) | OrderResult::Changed(run, _) = &result {
+                    self.names.remove(run);
+                }
+                return Some(result);
+            }
+        }
+    }
+
+    /// Replaces the behaviours of the roster.
+    ///
+    /// # Errors
+    /// See [`Roster::define`].
+    pub(super) async fn define(&self, specs: Vec<BehaviourSpec>) -> Result<(), RosterError> {
+        self.roster.define(specs).await
+    }
+}
+
+/// Docks with the lowest priority. Dropping the future cancels the docking.
+async fn send_home(requests: mpsc::Sender<Request>) -> Result<Docked, PilotClientError> {
+    let client =
+        PilotClient::join(requests, IDLE_CLIENT, "an idle robot", LOWEST, Role::Person).await;
+    client?.dock(DockPlan::DEFAULT).await
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use std::future::Future;
+
+    use tokio::sync::oneshot;
+    use tokio::time::timeout;
+
+    use super::*;
+    use crate::agent::{Bus, BusMessage, Listener};
+    use crate::robot::{BehaviourId, Priority};
+    use crate::service::IdlePolicy;
+    use crate::timetable::{Rule, Timetable};
+
+    type Reply = oneshot::Sender<Result<(), RosterError>>;
+
+    /// The longest wait for an order.
+    const LIMIT: Duration = Duration::from_secs(300);
+
+    /// What surrounds the executor: the robot, the roster, and those who hear of missed starts.
+    struct ServiceFixture {
+        roster: Roster,
+        status: watch::Sender<Status>,
+        statuses: watch::Sender<Vec<BehaviourStatus>>,
+        orders: mpsc::UnboundedReceiver<(String, Reply)>,
+        heard: Listener,
+    }
+
+    impl ServiceFixture {
+        /// The executor of a timetable that starts `go` now, for 20 s.
+        fn new() -> (ServiceFixture, impl Future<Output = Infallible>) {
+            clock::begin_virtual(Some("2026-05-04T09:00:00Z".parse().unwrap()));
+            let table = Timetable {
+                rules: vec![Rule {
+                    run: "go".to_owned(),
+                    at: "0 9 * * *".parse().unwrap(),
+                    lasts: Some("20s".parse().unwrap()),
+                }],
+                zone: clock::Zone::utc(),
+                quiet: None,
+                catch_up: "10m".parse().unwrap(),
+            };
+            let idle = IdlePolicy {
+                release: false,
+                after: Duration::from_secs(60),
+                dock: false,
+            };
+            let service_plan = ServicePlan {
+                specs: Vec::new(),
+                always: Vec::new(),
+                table: table.clone(),
+                quiet_alarm: true,
+                idle,
+            };
+            let bus = Bus::default();
+            let statuses = watch::Sender::new(Vec::new());
+            let (roster, orders) = Roster::fake(statuses.subscribe());
+            let fixture = ServiceFixture {
+                roster: roster.clone(),
+                status: watch::Sender::new(Status {
+                    link: LinkState::Up,
+                    ..Status::default()
+                }),
+                statuses,
+                orders,
+                heard: bus.subscribe(),
+            };
+            let listeners = Listeners {
+                file: None,
+                notifier: crate::service::ManagerNotifier::default(),
+                bus,
+                view: View::channel().0,
+            };
+            let mut executor = Executor::new(
+                roster,
+                mpsc::channel(8).0,
+                fixture.status.subscribe(),
+                Clock::default(),
+                Planner::new(table, Record::default()),
+                service_plan,
+                listeners,
+            );
+            // Nobody reloads.
+            let work = async move {
+                executor
+                    .work(mpsc::channel(1).1, CancellationToken::new())
+                    .await
+            };
+            (fixture, work)
+        }
+
+        fn link(&self, link: LinkState) {
+            self.status.send_modify(|status| status.link = link);
+        }
+
+        /// The roster shows `go` in this state.
+        fn shows(&self, state: BehaviourState) {
+            self.statuses.send_replace(vec![BehaviourStatus {
+                name: "go".to_owned(),
+                priority: Priority::default(),
+                state,
+                exit: None,
+            }]);
+        }
+
+        /// The roster has started `go`.
+        fn runs(&self, started: Reply) {
+            let by = BehaviourId(1);
+            let since = Instant::now();
+            self.shows(BehaviourState::Running { by, since });
+            let _ = started.send(Ok(()));
+        }
+
+        /// Waits for the next order, which begins with these words.
+        async fn order(&mut self, words: &str) -> Reply {
+            let order = timeout(LIMIT, self.orders.recv()).await;
+            let (text, reply) = order.expect("no order").expect("no executor");
+            assert!(text.starts_with(words), "{text}");
+            reply
+        }
+
+        fn has_missed(&mut self) -> bool {
+            let heard = std::iter::from_fn(|| self.heard.try_next());
+            let missed = |one: BusMessage| {
+                matches!(one, BusMessage::Event(one)
+                if matches!(one.what, AgentEvent::StartMissed { .. }))
+            };
+            heard.take(100).any(missed)
+        }
+    }
+
+    /// Plays a story while the executor works.
+    async fn beside<T>(
+        work: impl Future<Output = Infallible>,
+        story: impl Future<Output = T>,
+    ) -> T {
+        tokio::select! {
+            never = work => match never {},
+            told = story => told,
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_run_that_loads_slowly_is_ended_on_time() {
+        let (mut fixture, work) = ServiceFixture::new();
+        let begun = Instant::now();
+        let story = async {
+            let started = fixture.order("Start(\"go\"").await;
+            fixture.shows(BehaviourState::Loading);
+            sleep(Duration::from_secs(11)).await;
+            fixture.runs(started);
+            fixture.order("Stop(\"go\"").await
+        };
+        let _stopped = beside(work, story).await;
+        assert_eq!(begun.elapsed().as_secs(), 20);
+        assert!(!fixture.has_missed());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_start_that_does_not_reach_the_robot_is_repeated_when_it_is_back() {
+        let (mut fixture, work) = ServiceFixture::new();
+        let story = async {
+            let started = fixture.order("Start(\"go\"").await;
+            fixture.link(LinkState::Lost);
+            let _ = started.send(Err(RosterError::Offline));
+            sleep(Duration::from_secs(60)).await;
+            assert!(fixture.orders.is_empty(), "there is no robot");
+            fixture.link(LinkState::Up);
+            let started = fixture.order("Start(\"go\"").await;
+            fixture.runs(started);
+            fixture.order("Stop(\"go\"").await
+        };
+        let _stopped = beside(work, story).await;
+        assert!(!fixture.has_missed());
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_start_that_waits_for_the_robot_is_cancelled_when_a_person_stops_everything() {
+        let (mut fixture, work) = ServiceFixture::new();
+        let story = async {
+            let started = fixture.order("Start(\"go\"").await;
+            fixture.link(LinkState::Lost);
+            let _ = started.send(Err(RosterError::Offline));
+            sleep(Duration::from_secs(60)).await;
+            // The roster of this test executes no such command.
+            let _ = fixture.roster.stop_all().await;
+            fixture.link(LinkState::Up);
+            sleep(Duration::from_secs(60)).await;
+        };
+        beside(work, story).await;
+        assert!(fixture.orders.is_empty(), "it was started");
+    }
+}

@@ -12,7 +12,6 @@ use crate::pilot::LinkState;
 const PAUSE: Duration = Duration::from_secs(300);
 const LONGEST_PAUSE: Duration = Duration::from_secs(3600);
 
-/// The current state.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct IdleInputs {
     pub(super) now: Instant,
@@ -25,7 +24,6 @@ pub(super) struct IdleInputs {
     pub(super) low: bool,
 }
 
-/// What to do.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum IdleAction {
     /// Send the robot to its station.
@@ -38,7 +36,6 @@ pub(super) enum IdleAction {
     Connect,
 }
 
-/// See the module.
 #[derive(Debug)]
 pub(super) struct IdleRobot {
     policy: IdlePolicy,
@@ -67,12 +64,10 @@ impl IdleRobot {
         self.policy = policy;
     }
 
-    /// Whether a docking that this module requested is in progress.
     pub(super) fn is_docking(&self) -> bool {
         self.docking
     }
 
-    /// Records the result of the docking.
     pub(super) fn docked(&mut self, done: bool, now: Instant) {
         self.docking = false;
         if done {
@@ -84,7 +79,6 @@ impl IdleRobot {
         self.failures += 1;
     }
 
-    /// Returns what to do now.
     pub(super) fn poll(&mut self, inputs: IdleInputs) -> Option<IdleAction> {
         if self.asked.is_some_and(|link| link != inputs.link) {
             self.asked = None;
@@ -109,10 +103,10 @@ impl IdleRobot {
             return None;
         }
         if inputs.docked {
-            let release = self.policy.release;
-            return release
-                .then(|| self.request_once(inputs.link, LinkState::Up, IdleAction::Release))
-                .flatten();
+            if !self.policy.release {
+                return None;
+            }
+            return self.request_once(inputs.link, LinkState::Up, IdleAction::Release);
         }
         if !self.policy.dock || self.next.is_some_and(|next| inputs.now < next) {
             return None;

@@ -19,7 +19,7 @@ enum ManagerMessage {
     Stopping,
 }
 
-/// See the module. Cheap to clone; without a manager it does nothing.
+/// Cheap to clone; without a manager it does nothing.
 #[derive(Debug, Clone, Default)]
 pub struct ManagerNotifier {
     messages: Option<SyncSender<ManagerMessage>>,

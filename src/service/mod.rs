@@ -10,7 +10,6 @@ mod describe;
 mod executor;
 mod idle;
 mod manager_notifier;
-mod orders;
 mod record;
 mod unit;
 
@@ -48,7 +47,6 @@ pub struct ServicePlan {
 }
 
 impl ServicePlan {
-    /// Returns which sounds and lights are suppressed at this time.
     fn quiet(&self, now: Timestamp) -> Quiet {
         match self.table.quiet {
             Some(hours) if is_plausible(now) && hours.covers(now, &self.table.zone) => {
@@ -83,7 +81,6 @@ pub struct Reload {
     pub changed: Vec<String>,
 }
 
-/// The listeners that the executor informs.
 struct Listeners {
     file: Option<RecordFile>,
     notifier: ManagerNotifier,

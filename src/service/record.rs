@@ -23,7 +23,7 @@ const AGAIN: Duration = Duration::from_secs(10);
 /// Time limit for the last record at the end of a service.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// See the module.
+/// Writes the record of the timetable's runs.
 #[derive(Debug)]
 pub struct RecordFile(Writer);
 
@@ -97,7 +97,6 @@ pub(super) fn is_news(old: Option<&Record>, record: &Record) -> bool {
     })
 }
 
-/// The file on the disk.
 #[derive(Debug)]
 struct Disk {
     folder: Folder,
@@ -106,7 +105,6 @@ struct Disk {
 }
 
 impl Disk {
-    /// Opens the folder and reads the existing record.
     fn open(data: &Path) -> Option<(Record, Disk)> {
         let folder = match Folder::make(data) {
             Ok(folder) => folder,
@@ -177,7 +175,11 @@ fn write_all(disk: &Disk, records: &Receiver<Record>) {
         while let Ok(newer) = records.try_recv() {
             record = newer;
         }
-        unwritten = (!disk.write(&record)).then_some(record);
+        unwritten = if disk.write(&record) {
+            None
+        } else {
+            Some(record)
+        };
     }
 }
 

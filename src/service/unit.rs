@@ -34,7 +34,6 @@ pub fn unit(unit: &Unit<'_>) -> String {
         .replace("@PASSWORD@\n", &password)
 }
 
-/// Escapes a path for a line of the unit.
 fn escaped(path: &Path) -> String {
     let text = path.display().to_string().replace('%', "%%");
     if text.contains([' ', '"', '\\', '\'']) {

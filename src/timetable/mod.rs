@@ -6,22 +6,12 @@
 //! twice counts once, the first time. A pattern that names no hours (`*/15 * * * *`) defines
 //! intervals: it continues through both changes.
 
-mod act;
-mod error;
 mod pattern;
 mod planner;
-mod prediction;
 mod quiet;
-mod record;
 mod rule;
-mod view;
 
-pub use act::{Act, Notice};
-pub use error::TimetableError;
-pub use pattern::Pattern;
-pub use planner::{Planner, PlannerInputs};
-pub use prediction::{PredictedStart, Reason, predict_starts};
+pub use pattern::{Pattern, TimetableError};
+pub use planner::{Act, Notice, Planner, PlannerInputs, Record, UnderWay};
 pub use quiet::Quiet;
-pub use record::{Record, UnderWay};
-pub use rule::{Rule, Timetable};
-pub use view::View;
+pub use rule::{PredictedStart, Reason, Rule, Timetable, View, predict_starts};

@@ -11,7 +11,6 @@ use jiff::civil::DateTime;
 use jiff::tz::{AmbiguousOffset, TimeZone};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::error::TimetableError;
 use crate::clock::Zone;
 use crate::yaml;
 
@@ -29,7 +28,7 @@ const PARTS: [(&str, &str); 5] = [
     ("day of the week", "0 to 7 or sun to sat"),
 ];
 
-/// See the module.
+/// A pattern of times.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pattern {
     text: String,
@@ -177,6 +176,25 @@ impl<'de> Deserialize<'de> for Pattern {
     }
 }
 
+/// Errors in the times of a timetable.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TimetableError {
+    /// Not a cron pattern, or a pattern that matches no day.
+    #[error("`{text}` is not a pattern of times: {why}")]
+    Pattern {
+        /// The text as written.
+        text: String,
+        /// The reason, in words.
+        why: String,
+    },
+    /// A pattern that is too long.
+    #[error("a pattern of times is at most 200 characters long")]
+    LongPattern,
+    /// Not a span of quiet hours.
+    #[error("`{0}` is not a span of hours such as 22:00-07:00")]
+    Quiet(String),
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -185,7 +203,6 @@ mod tests {
         "Europe/Rome".parse().unwrap()
     }
 
-    /// Returns this many times after a date, as shown by the wall clock.
     fn times(pattern: &str, from: &str, count: usize) -> Vec<String> {
         let (pattern, zone): (Pattern, Zone) = (pattern.parse().unwrap(), rome());
         let mut at = from.parse::<crate::clock::Date>().unwrap().at(&zone);

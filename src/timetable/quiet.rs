@@ -7,7 +7,7 @@ use jiff::civil::Time;
 use jiff::{Timestamp, Unit};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::error::TimetableError;
+use super::pattern::TimetableError;
 use crate::clock::Zone;
 use crate::yaml;
 
