@@ -11,7 +11,7 @@ use tracing::warn;
 
 use super::Pilot;
 use super::connection::{Connection, LinkLost};
-use super::heartbeat::Heartbeat;
+use super::core::Heartbeat;
 use crate::link::Writer;
 use crate::robot::Event;
 use crate::robot::channel::{Quiet, Role};

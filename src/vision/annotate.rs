@@ -6,7 +6,7 @@ use imageproc::drawing::{draw_filled_rect_mut, draw_hollow_rect_mut};
 use imageproc::rect::Rect;
 
 use crate::vision::blobs::Blob;
-use crate::vision::picture::image::Image;
+use crate::vision::picture::Image;
 
 /// Screen pixels per dot of a letter, in normal and in enlarged pictures.
 const DOT: i32 = 2;

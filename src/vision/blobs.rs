@@ -1,19 +1,17 @@
 //! Blobs: connected pixels of one colour. Names, defaults and meanings follow OpenMV's
 //! `find_blobs`.
 
-mod moments;
 mod regions;
 
 use serde::{Deserialize, Serialize};
 
-use self::moments::Moments;
-use self::regions::{Region, Regions};
+use self::regions::{Moments, Region, Regions};
 use crate::vision::camera::Camera;
 use crate::vision::colour::labeller::Labeller;
 use crate::vision::colour::palette::Palette;
-use crate::vision::picture::image::{Image, Roi};
-use crate::vision::picture::size::Size;
-use crate::vision::picture::spans::Spans;
+use crate::vision::picture::Size;
+use crate::vision::picture::Spans;
+use crate::vision::picture::{Image, Roi};
 
 /// Most blobs that are merged: merging compares each with every other.
 const MAX_MERGED: usize = 512;

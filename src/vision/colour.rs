@@ -4,7 +4,6 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
-mod cells;
 pub(crate) mod labeller;
 pub(crate) mod learn;
 pub(crate) mod palette;
@@ -13,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use thiserror::Error;
 
-use crate::vision::picture::space::{hsv_of, lab_of};
+use crate::vision::picture::{hsv_of, lab_of};
 
 /// Lowest and highest value, both inclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

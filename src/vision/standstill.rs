@@ -11,8 +11,8 @@
 use std::time::Duration;
 
 use super::camera::Camera;
-use crate::vision::picture::image::Image;
-use crate::vision::picture::size::Size;
+use crate::vision::picture::Image;
+use crate::vision::picture::Size;
 
 /// Height of the lens above the floor, metres.
 const LENS_HEIGHT: f64 = 0.2;

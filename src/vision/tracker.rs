@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use super::blobs::Blob;
 use super::camera::Camera;
-use crate::vision::picture::size::Size;
+use crate::vision::picture::Size;
 
 /// Most blobs per frame, and most tracks, that are processed.
 const MAX_TRACKS: usize = 64;

@@ -1,11 +1,10 @@
 //! Labels the rows of a picture with a palette and skips the parts without any of its colours,
 //! usually most of it.
 
-use super::cells::Cell;
-use super::palette::{NO_COLOUR_ROW, Palette, level, pair_of};
-use crate::vision::picture::image::Image;
-use crate::vision::picture::spans::Spans;
-use crate::vision::vectors::Vectors;
+use super::palette::{Cell, NO_COLOUR_ROW, Palette, level, pair_of};
+use crate::vision::Vectors;
+use crate::vision::picture::Image;
+use crate::vision::picture::Spans;
 
 /// Most cells that are settled per picture: each may take a tenth of a picture's decoding time.
 const MAX_SETTLED: u32 = 4;

@@ -7,9 +7,9 @@
 use thiserror::Error;
 
 use super::Colour;
-use crate::vision::picture::image::{Image, Roi};
-use crate::vision::picture::size::Size;
-use crate::vision::picture::space::hsv_of;
+use crate::vision::picture::Size;
+use crate::vision::picture::hsv_of;
+use crate::vision::picture::{Image, Roi};
 
 /// Least saturation and value, in percent, of a pixel with a usable hue.
 const LEAST_SATURATION: f64 = 22.0;

@@ -2,10 +2,10 @@
 //! table.
 
 use super::frame::{FrameError, Segment, Segments};
+use super::huffman::AcTable;
 use super::huffman::{STANDARD_TABLES, Table};
 use super::idct;
-use super::steps::AcTable;
-use crate::vision::picture::size::Size;
+use crate::vision::picture::Size;
 
 /// Why a frame was not decoded by this decoder.
 #[derive(Debug)]

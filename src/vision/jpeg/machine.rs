@@ -1,7 +1,7 @@
 //! Compiles everything between a frame's bits and its samples once for each vector instruction set.
 
 use super::idct;
-use crate::vision::vectors::Vectors;
+use crate::vision::Vectors;
 
 /// Code that is compiled for each machine. Its [`run`](Work::run) and all functions on its hot path
 /// must be `#[inline(always)]`: a function that is not inlined is compiled without the machine's
