@@ -99,9 +99,7 @@ pub struct Pilot {
     watchdog: Watchdog,
     writer: Option<Writer>,
     sessions: Sessions,
-    /// The state of tracks, lights and sounds as a person beside the robot sees it.
     actuators: ActuatorState,
-    /// A person's STOP.
     emergency_stop: EmergencyStopState,
     silence: Silence,
     minutes_left: MinutesLeft,
@@ -123,7 +121,6 @@ pub struct Pilot {
     moving: bool,
     /// When the behaviours were last told of a sound.
     sounding: Option<Instant>,
-    /// Quiet hours.
     quiet_hours: QuietHours,
     /// The link is closed on purpose until a behaviour needs the robot.
     released: bool,

@@ -55,7 +55,6 @@ pub(crate) enum Vectors {
 }
 
 impl Default for Vectors {
-    /// The best instruction set that this processor supports.
     fn default() -> Self {
         #[cfg(target_arch = "x86_64")]
         if let Some(v3) = pulp::x86::V3::try_new() {

@@ -3,18 +3,19 @@
 //! a new process or a name lookup: code that needs one of these runs elsewhere and sends the result
 //! over a bounded channel.
 
-use crate::guardian::{Guardian, HEARTBEAT_INTERVAL};
-use rustix::time::{ClockId, clock_gettime};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Duration;
 use std::{fmt, io};
+
+use rustix::time::{ClockId, clock_gettime};
 use tokio::runtime::{Builder, Handle};
 use tokio::sync::Notify;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-/// How long the core may take to drop its tasks.
+use crate::guardian::{Guardian, HEARTBEAT_INTERVAL};
+
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_millis(500);
 /// The runtime's helper thread is never ended, so that a later use does not have to start a thread.
 const HELPER_KEPT: Duration = Duration::from_secs(366 * 86_400);
@@ -77,7 +78,6 @@ impl Drop for DrivingCore {
 /// A gap that a busy machine does not cause: the program was suspended.
 const SLEPT: Duration = Duration::from_secs(1);
 
-/// Why nothing old may be repeated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Interruption {
     /// The program was suspended for this long.
@@ -99,11 +99,12 @@ impl fmt::Display for Interruption {
     }
 }
 
-/// The heartbeat; see the module.
+/// The heartbeat of the core, which the guardian monitors. A beat that comes far too late shows that
+/// this program was stopped or the whole machine was suspended, so that nothing old may be repeated.
+/// The same holds after a shorter gap in which the guardian has written to the robot.
 #[derive(Debug)]
 pub struct Heartbeat {
     guardian: Option<Guardian>,
-    /// Notified of each beat.
     beats: Option<Arc<Notify>>,
     due: Instant,
     /// When the pilot was last seen awake, by a clock that also runs while the machine is
@@ -134,7 +135,6 @@ impl Heartbeat {
         self.guardian.as_mut()
     }
 
-    /// When the next beat is due.
     pub(super) fn due(&self) -> Instant {
         self.due
     }
@@ -167,8 +167,9 @@ fn boot_time() -> Duration {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::sync::atomic::{AtomicBool, Ordering};
+
+    use super::*;
 
     struct Noted(Arc<AtomicBool>);
 

@@ -1,11 +1,13 @@
 //! A summary of the state for people.
 
+use std::collections::VecDeque;
+
+use tokio::time::Instant;
+use tracing::info;
+
 use crate::robot::{Battery, Setpoint, TrackPower};
 use crate::safety::{DockState, WatchdogState};
 use crate::wire::{Command, Led, Sound};
-use std::collections::VecDeque;
-use tokio::time::Instant;
-use tracing::info;
 
 /// The state of the link.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -120,7 +122,6 @@ pub struct ActuatorState {
 }
 
 impl ActuatorState {
-    /// Forgets lights and volume, after a new login.
     pub(super) fn forget_lights(&mut self) {
         self.lights = [None; 3];
         self.volume = None;
@@ -191,7 +192,6 @@ impl ActuatorState {
     }
 }
 
-/// The place of a light in [`ActuatorState::lights`].
 fn light(led: Led) -> Option<usize> {
     match led {
         Led::Flash => Some(0),
@@ -201,7 +201,8 @@ fn light(led: Led) -> Option<usize> {
     }
 }
 
-/// The last falls of the level while the battery does not charge.
+/// Estimates how many minutes the battery lasts at its recent drain, for people: no rule depends on
+/// it. Levels come in whole percents, so time is counted from one fall of the level to the next.
 #[derive(Debug, Default)]
 pub(super) struct MinutesLeft {
     level: Option<u8>,
@@ -221,7 +222,6 @@ impl MinutesLeft {
         *self = MinutesLeft::default();
     }
 
-    /// Takes in a level that is believed.
     pub(super) fn level(&mut self, battery: Battery, now: Instant) {
         let percent = battery.percent.get();
         if battery.charging {
@@ -261,9 +261,10 @@ impl MinutesLeft {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
     use crate::robot::Percent;
-    use std::time::Duration;
 
     #[test]
     fn only_changes_count_and_a_sound_makes_lights_unknown() {

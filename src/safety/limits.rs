@@ -1,9 +1,11 @@
 //! Every number of the safety rules, with its default: the `watchdog:` section of the config.
 
-use crate::robot::{Percent, Seconds};
-use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::robot::{Percent, Seconds};
 
 /// The shortest allowed `host_idle_silence`: an idle host shows life twice a second.
 const LEAST_IDLE_SILENCE: Seconds = Seconds::from_secs(2);
@@ -125,7 +127,6 @@ impl Limits {
     }
 }
 
-/// For the defaults above, all within 100.
 const fn percent(level: u8) -> Percent {
     match Percent::new(level) {
         Some(percent) => percent,

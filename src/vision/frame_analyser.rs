@@ -1,5 +1,9 @@
 //! Answers all queries about one frame and decodes the frame only once.
 
+use std::time::Duration;
+
+use tokio::time::Instant;
+
 use super::blobs::{Blob, BlobFinder, BlobOptions};
 use super::camera::Camera;
 use super::colour::Colour;
@@ -8,8 +12,6 @@ use super::jpeg::decoder::Decoder;
 use super::jpeg::frame::FrameError;
 use super::line::{Line, find_line};
 use super::picture::{Image, Roi};
-use std::time::Duration;
-use tokio::time::Instant;
 
 /// Most palettes that are kept; a behaviour rarely looks for more sets of colours.
 const MAX_PALETTES: usize = 8;

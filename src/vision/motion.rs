@@ -5,10 +5,11 @@
 //! remains different has moved. Works on a picture of half the width and height, which is less
 //! noisy.
 
+use serde::{Deserialize, Serialize};
+
 use super::blobs::{Blob, BlobFinder, BlobOptions};
 use super::camera::Camera;
 use super::picture::{Image, Size, Spans};
-use serde::{Deserialize, Serialize};
 
 /// Brightness limits beyond which a pixel is clipped and says nothing about the light.
 const CLIPPED: (i32, i32) = (4, 250);
@@ -67,7 +68,6 @@ pub struct MotionDetector {
     half: Size2,
     now: Vec<u8>,
     before: Vec<u8>,
-    /// Sums over the surroundings of every pixel in the current and the previous frame.
     around_now: BoxSums,
     around_before: BoxSums,
     changed: Vec<u8>,
@@ -122,7 +122,6 @@ impl MotionDetector {
         }
     }
 
-    /// Marks the pixels that have moved and counts them.
     fn compare(&mut self) -> u32 {
         self.mark_changes();
         self.drop_isolated_changes();
@@ -158,7 +157,6 @@ impl MotionDetector {
         ));
     }
 
-    /// Keeps a change only if enough of its neighbours changed too.
     fn drop_isolated_changes(&mut self) {
         let Size2 { w, h } = self.half;
         self.moved.clear();
@@ -199,7 +197,6 @@ impl MotionDetector {
 /// Half the side of a box: this many pixels on each side of the pixel.
 const REACH: usize = 7;
 
-/// Number of columns and rows of the half-size picture.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 struct Size2 {
     w: usize,
@@ -262,7 +259,8 @@ const IN_A_TILE: u32 = 4;
 /// Least number of tiles with edges needed to tell whether the camera moved.
 const FEWEST_TILES: u32 = 8;
 
-/// The share of the tiles with vertical edges of this half-size picture in which pixels have moved;
+/// The share of the tiles with vertical edges of this half-size picture in which pixels have moved (a
+/// moving camera changes most of them);
 /// `None` if too few tiles have edges.
 fn share_of_changed(picture: &[u8], moved_cells: &[u8], Size2 { w, h }: Size2) -> Option<f64> {
     let (contrast, reach) = EDGE;
@@ -294,10 +292,11 @@ fn share_of_changed(picture: &[u8], moved_cells: &[u8], Size2 { w, h }: Size2) -
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use image::{Rgb, RgbImage};
     use imageproc::drawing::draw_filled_circle_mut;
     use proptest::prelude::*;
+
+    use super::*;
 
     /// A room with furniture, lit with a brightness that may vary from left to right; the noise depends
     /// on `seed`.

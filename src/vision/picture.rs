@@ -1,8 +1,9 @@
 //! A decoded picture.
 
+use std::ops::Range;
+
 use image::{Rgb, RgbImage};
 use serde::{Deserialize, Serialize};
-use std::ops::Range;
 
 /// A rectangle of pixels: origin top left, x right, y down. It may extend beyond a picture; the
 /// part outside is ignored.
@@ -47,7 +48,6 @@ impl From<Size> for Roi {
     }
 }
 
-/// Samples of luma, Cb or Cr.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Plane {
     pub(crate) samples: Vec<u8>,
@@ -59,14 +59,12 @@ pub(crate) struct Plane {
 }
 
 impl Plane {
-    /// Resizes the plane to this many columns and rows of samples.
     pub(crate) fn shape(&mut self, (columns, rows): (usize, usize), (across, down): (u32, u32)) {
         self.samples.resize(columns * rows, 128);
         self.stride = columns;
         (self.across, self.down) = (across, down);
     }
 
-    /// The samples that cover pixel row `y`.
     pub(crate) fn row(&self, y: u32) -> &[u8] {
         &self.samples[(y >> self.down) as usize * self.stride..][..self.stride]
     }
@@ -86,7 +84,6 @@ pub struct Image {
 }
 
 impl Default for Image {
-    /// An empty picture.
     fn default() -> Self {
         Image {
             size: Size {
@@ -113,7 +110,6 @@ impl Image {
         image
     }
 
-    /// Sets the picture from rows of pixels with three bytes each.
     pub(crate) fn set_rgb(&mut self, size: Size, rgb: &[u8]) {
         (self.size, self.grey) = (size, false);
         for plane in &mut self.planes {
@@ -125,7 +121,6 @@ impl Image {
         }
     }
 
-    /// Sets the picture from rows of grey pixels.
     pub(crate) fn set_luma(&mut self, size: Size, luma: &[u8]) {
         (self.size, self.grey) = (size, true);
         self.planes[0].shape((size.width as usize, size.height as usize), (0, 0));
@@ -268,7 +263,6 @@ pub(crate) fn rgb_of([luma, cb, cr]: [u8; 3]) -> [i32; 3] {
     .map(|value| ((value + 32_768) >> 16).clamp(0, 255))
 }
 
-/// Like [`rgb_of`], for fractional values.
 pub(crate) fn rgb_of_ycc([luma, cb, cr]: [f64; 3]) -> [f64; 3] {
     let cb = cb - 128.0;
     let cr = cr - 128.0;
@@ -285,11 +279,8 @@ pub(crate) fn rgb_of_ycc([luma, cb, cr]: [f64; 3]) -> [f64; 3] {
 pub(crate) struct Spans(u128);
 
 impl Spans {
-    /// Columns per group.
     pub(crate) const GROUP: usize = 16;
-    /// The whole row.
     pub(crate) const ALL: Spans = Spans(u128::MAX);
-    /// No group of the row.
     pub(crate) const NONE: Spans = Spans(0);
 
     /// Adds a group. Picture widths are limited so that every group has a bit.
@@ -305,7 +296,6 @@ impl Spans {
         self.0 |= u128::from(bits) << (first % 128);
     }
 
-    /// The groups in a row of `count` groups, from left to right.
     pub(crate) fn groups(self, count: usize) -> impl Iterator<Item = usize> {
         let mut left = self.0;
         std::iter::from_fn(move || {

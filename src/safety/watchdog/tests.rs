@@ -8,10 +8,12 @@ mod histories;
 mod link;
 mod recovery;
 
+use std::time::Duration;
+
+use tokio::time::Instant;
+
 use super::*;
 use crate::robot::{CallId, DockPlan, MotionId};
-use std::time::Duration;
-use tokio::time::Instant;
 
 const SECOND: Duration = Duration::from_secs(1);
 const MS: Duration = Duration::from_millis(1);

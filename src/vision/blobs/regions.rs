@@ -7,7 +7,6 @@
 
 use crate::vision::picture::{Roi, Spans};
 
-/// A connected region of one label, with its sums.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Region {
     /// The region itself if it is a root; otherwise a region that it joined.
@@ -31,7 +30,6 @@ struct Run {
     label: u8,
 }
 
-/// Finds regions; reuses its buffers.
 #[derive(Debug, Default)]
 pub(crate) struct Regions {
     row: Vec<u8>,
@@ -143,7 +141,6 @@ impl Region {
         }
     }
 
-    /// Area of the bounding box, pixels.
     pub(crate) fn area(&self) -> u64 {
         u64::from(self.right - self.left + 1) * u64::from(self.bottom - self.top + 1)
     }
@@ -294,7 +291,6 @@ impl Moments {
         self.sum_xy += y * sum_x;
     }
 
-    /// Adds another shape.
     pub(crate) fn absorb(&mut self, other: &Moments) {
         self.pixels += other.pixels;
         self.sum_x += other.sum_x;
@@ -304,7 +300,6 @@ impl Moments {
         self.sum_xy += other.sum_xy;
     }
 
-    /// Mean column and row.
     pub(crate) fn centroid(&self) -> (f64, f64) {
         let pixels = self.pixels as f64;
         (self.sum_x as f64 / pixels, self.sum_y as f64 / pixels)
@@ -334,12 +329,14 @@ impl Moments {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use std::collections::BTreeMap;
+    use std::f64::consts::PI;
+
     use image::{GrayImage, Luma};
     use imageproc::region_labelling::{Connectivity, connected_components};
     use proptest::prelude::*;
-    use std::collections::BTreeMap;
-    use std::f64::consts::PI;
+
+    use super::*;
 
     fn scan(regions: &mut Regions, mask: &GrayImage) {
         let window = Roi {

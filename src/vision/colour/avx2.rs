@@ -1,4 +1,4 @@
-//! Looks up thirty-two chroma samples at a time in cells; see [`super::cells`].
+//! Looks up thirty-two chroma samples at a time in cells; see [`super::palette`].
 
 use pulp::cast;
 use pulp::x86::V3;

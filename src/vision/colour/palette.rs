@@ -15,7 +15,6 @@ use crate::vision::picture::{Image, Plane, Spans, hsv_of, lab_of_linear, linear,
 /// Number of bits of Cb and of Cr that are used.
 const CHROMA_BITS: u32 = 7;
 const PAIRS: usize = 1 << (2 * CHROMA_BITS);
-/// Number of brightness levels.
 const LEVELS: usize = 64;
 
 /// Most colours in one [`Palette`].
@@ -34,14 +33,11 @@ pub struct Palette {
     colours: Vec<Colour>,
     invert: bool,
     has_lab: bool,
-    /// Linear light of each sRGB value.
     linear: Box<[f64; 256]>,
-    /// The row number of each pair of Cb and Cr.
     index: Box<[u16; PAIRS]>,
     rows: Vec<Row>,
     /// The parts of the Cb-Cr plane that are known to have no colour.
     pub(super) cells: Cells,
-    /// Buffer for the row numbers of a row of pixels.
     pub(super) numbers: Vec<u16>,
 }
 
@@ -107,7 +103,6 @@ impl Palette {
         self.index[index] == NO_COLOUR_ROW
     }
 
-    /// The number of the row with the labels for this Cb and Cr.
     #[inline(always)]
     pub(super) fn row_number(&mut self, pair: u16) -> u16 {
         match self.index[usize::from(pair) % PAIRS] {
@@ -116,13 +111,11 @@ impl Palette {
         }
     }
 
-    /// The labels of a row, indexed by [`level`].
     #[inline(always)]
     pub(super) fn row(&self, number: u16) -> &Row {
         &self.rows[usize::from(number)]
     }
 
-    /// Computes the row of a pair that occurs for the first time.
     #[cold]
     fn compute_row(&mut self, pair: usize) -> u16 {
         let labels: Row = std::array::from_fn(|level| self.label_of(pair, level));
@@ -137,7 +130,6 @@ impl Palette {
         row
     }
 
-    /// The label of a pair at a brightness level.
     fn label_of(&self, pair: usize, level: usize) -> u8 {
         let chroma = |value: usize| (value * 2) as f64 + 0.5;
         let cb = chroma(pair >> CHROMA_BITS);
@@ -173,7 +165,6 @@ pub(super) fn pair_of(cb: u8, cr: u8) -> u16 {
     u16::from(cb >> (8 - CHROMA_BITS)) << CHROMA_BITS | u16::from(cr >> (8 - CHROMA_BITS))
 }
 
-/// The index of a luma value in a [`Row`].
 #[inline(always)]
 pub(super) fn level(luma: u8) -> usize {
     usize::from(luma) * LEVELS / 256
@@ -187,7 +178,10 @@ const CELL_LEVELS: u8 = 8;
 /// Number of searches to skip after an unsuccessful one.
 const PAUSE: u8 = 15;
 
-/// The cells of one palette.
+/// Cells of the Cb-Cr plane that are known to contain no labelled pixel, so that most pixels of a row
+/// can be skipped thirty-two at a time: 16 by 16 cells of 8 by 8 levels around grey; those at the
+/// border extend to the end of the plane. A cell counts as live, which means that it may contain
+/// labelled pixels, until it is [`settled`](Cells::settle) that it does not.
 #[derive(Debug, Clone)]
 pub(super) struct Cells {
     /// Whether each cell is live: indexed by the cell of Cb, one bit per cell of Cr, the lower
@@ -209,7 +203,6 @@ impl Default for Cells {
     }
 }
 
-/// The position of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Cell {
     cb: u8,
@@ -229,7 +222,6 @@ impl Cell {
         (inner(cb) && inner(cr)).then_some(Cell { cb, cr })
     }
 
-    /// All pairs of Cb and Cr in the cell.
     pub(super) fn levels(self) -> impl Iterator<Item = (u8, u8)> {
         let of =
             |index: u8| (0..CELL_LEVELS).map(move |level| LOWEST + index * CELL_LEVELS + level);
@@ -283,9 +275,10 @@ impl Cells {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use image::{Rgb, RgbImage};
     use proptest::prelude::*;
+
+    use super::*;
 
     fn label(palette: &mut Palette, rgb: [u8; 3]) -> u8 {
         let image = Image::from_rgb(&RgbImage::from_pixel(1, 1, Rgb(rgb)));

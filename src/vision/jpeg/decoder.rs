@@ -1,23 +1,21 @@
 //! Decodes JPEGs to pixels, with bounds on every allocation.
 
+use image::ImageDecoder;
+use image::codecs::jpeg::JpegDecoder;
+
 use super::bits::{Cursor, Scan};
 use super::frame::{FrameError, Markers, check_scans};
 use super::headers::{Component, DecodeError, Headers, damaged};
-use super::mcu::BlockQueue;
-use super::mcu::{ComponentDecoder, decode_ahead, decode_interval, decode_scan};
+use super::mcu::{BlockQueue, ComponentDecoder, decode_ahead, decode_interval, decode_scan};
 use crate::vision::Vectors;
 use crate::vision::picture::{Image, Plane, Size};
-use image::ImageDecoder;
-use image::codecs::jpeg::JpegDecoder;
 
 /// Decodes one frame after another into the same buffers.
 #[derive(Debug, Clone, Default)]
 pub struct Decoder {
     image: Image,
-    /// The partly decoded next frame.
     next_image: Image,
     baseline: Baseline,
-    /// Pixels of a frame decoded by the `image` crate.
     pixels: Vec<u8>,
 }
 
@@ -100,12 +98,14 @@ impl Decoder {
     }
 }
 
-/// A decoder's error, shortened to 120 characters.
 fn short(error: image::ImageError) -> FrameError {
     FrameError::Damaged(error.to_string().chars().take(120).collect())
 }
 
-/// Tables and buffers that are kept from frame to frame.
+/// Decodes baseline JPEGs in one scan, as cameras send them, directly into reusable planes: after the
+/// first frames nothing is allocated. Data that ends early, is too long or is invalid gives an error,
+/// where other decoders return half a picture. A frame that is still being received is decoded as far
+/// as it goes.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Baseline {
     headers: Headers,
@@ -113,19 +113,15 @@ pub(super) struct Baseline {
     pub(super) vectors: Vectors,
     /// How far a frame that is still being received has been decoded.
     progress: Option<Progress>,
-    /// All received bytes of that frame.
     beginning: Vec<u8>,
 }
 
-/// How far a frame has been decoded.
 #[derive(Debug, Clone, Copy, Default)]
 struct Progress {
     /// Number of bytes of the frame that the scan has consumed.
     taken: usize,
     cursor: Cursor,
-    /// Index of the next MCU.
     mcu: usize,
-    /// The last DC coefficient of each component.
     predictors: [i32; 3],
 }
 
@@ -283,10 +279,11 @@ impl Baseline {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use image::codecs::jpeg::JpegEncoder;
     use image::{Rgb, RgbImage};
     use proptest::prelude::*;
+
+    use super::*;
 
     const FILES: [&[u8]; 7] = [
         include_bytes!("../../../tests/fixtures/ball-422.jpg"),
@@ -298,7 +295,6 @@ mod tests {
         include_bytes!("../../../tests/fixtures/ball-cmyk.jpg"),
     ];
 
-    /// Mean and largest difference over all channels of all pixels.
     fn difference(ours: &RgbImage, theirs: &RgbImage) -> (f64, u8) {
         let differences = ours.iter().zip(theirs.iter()).map(|(a, b)| a.abs_diff(*b));
         let sum: u32 = differences.clone().map(u32::from).sum();

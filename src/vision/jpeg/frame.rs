@@ -4,8 +4,9 @@
 //! the markers are checked first: start, sizes, tables, first scan, end. Nothing is allocated, and
 //! the work is bounded by the length of the bytes.
 
-use crate::vision::picture::{MAX_HEIGHT, MAX_WIDTH, Size};
 use thiserror::Error;
+
+use crate::vision::picture::{MAX_HEIGHT, MAX_WIDTH, Size};
 
 /// Longest JPEG that is accepted, in bytes.
 pub const MAX_JPEG_LEN: usize = 4 << 20;
@@ -62,7 +63,6 @@ pub fn validate_markers(jpeg: &[u8]) -> Result<Size, FrameError> {
     Markers::read(jpeg).map(|markers| markers.size)
 }
 
-/// The information from a frame's markers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Markers {
     pub(crate) size: Size,
@@ -160,22 +160,18 @@ fn check_rest(data: &[u8], markers: &Markers) -> Result<(), FrameError> {
     }
 }
 
-/// A marker and the content after its length field.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Segment<'a> {
     pub(crate) marker: u8,
     pub(crate) body: &'a [u8],
 }
 
-/// Splits the part of a JPEG before its data into segments.
 pub(crate) struct Segments<'a> {
     jpeg: &'a [u8],
-    /// Offset of the next segment.
     pub(crate) at: usize,
 }
 
 impl<'a> Segments<'a> {
-    /// Starts after the start marker.
     pub(crate) fn new(jpeg: &'a [u8]) -> Self {
         Segments { jpeg, at: 2 }
     }
@@ -205,17 +201,16 @@ impl<'a> Segments<'a> {
     }
 }
 
-/// What has been parsed so far and is needed later.
 #[derive(Default)]
 struct Walk {
     progressive: bool,
     /// Whether a restart interval is set: the data then has restart markers.
     restarts: bool,
-    /// Components whose scan has been seen.
     seen: Vec<u8>,
 }
 
-/// Checks that the data of each scan ends where it may.
+/// Checks that the data of each scan of a JPEG that is not single-scan baseline ends where it may. The
+/// `image` crate takes a marker inside the data as its end and returns half a picture without an error.
 ///
 /// # Errors
 /// [`FrameError::Damaged`] if a marker interrupts the data or a header is truncated.

@@ -41,7 +41,6 @@ pub(super) struct Component {
 /// A quantisation table in its [`scaled`](idct::scaled) form.
 #[derive(Debug, Clone)]
 pub(super) struct Quantiser {
-    /// The values as given in the frame.
     source: [u16; 64],
     pub(super) scaled: [i32; 64],
     /// Whether the current frame has defined this table.

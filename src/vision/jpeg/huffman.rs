@@ -59,7 +59,6 @@ impl Entry {
 /// A decoded code and the value that follows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Coded {
-    /// Number of bits of code and value.
     pub(crate) taken: u32,
     pub(crate) run: u8,
     /// 0 if there is no value.
@@ -265,7 +264,6 @@ impl Step {
         index + (self.0 as usize >> 8 & 0xFF)
     }
 
-    /// Like [`Step::first_place`], for the second value.
     #[inline(always)]
     pub(super) fn second_place(self, index: usize) -> usize {
         index + (self.0 as usize >> 16 & 0xFF)
@@ -295,10 +293,9 @@ impl Step {
     }
 }
 
-/// The Huffman codes of AC coefficients, prepared for decoding.
+/// The codes of AC coefficients: decodes up to two values and the end of the block in one look-up.
 #[derive(Debug, Clone)]
 pub(super) struct AcTable {
-    /// For decoding code by code.
     pub(super) codes: Table,
     steps: Box<[Step; 1 << STEP_BITS]>,
 }
@@ -313,7 +310,6 @@ impl Default for AcTable {
 }
 
 impl AcTable {
-    /// See [`Table::load`].
     pub(super) fn load(&mut self, counts: &[u8; 16], symbols: &[u8]) -> bool {
         if self.codes.has_definition(counts, symbols) {
             return true;
@@ -334,7 +330,6 @@ impl AcTable {
     }
 }
 
-/// The meaning of a code.
 enum Meaning {
     Value(Coded),
     End(u32),

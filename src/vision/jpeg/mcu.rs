@@ -1,6 +1,8 @@
 //! Decodes MCUs (minimum coded units): the blocks of all components that cover the same area of the
 //! picture.
 
+use std::ops::Range;
+
 use super::bits::{Bits, Cursor, Scan};
 use super::headers::{DecodeError, damaged};
 use super::huffman::{AcTable, STEP_BITS, Step, Table};
@@ -8,7 +10,6 @@ use super::idct;
 use super::machine::{Coefficients, Machine, Work, run};
 use crate::vision::Vectors;
 use crate::vision::picture::Plane;
-use std::ops::Range;
 
 /// Most bytes that may be left after all blocks are decoded; some cameras pad.
 const MAX_LEFT_OVER: i64 = 16;
@@ -16,7 +17,6 @@ const MAX_LEFT_OVER: i64 = 16;
 /// Upper limit of the bits of a block: 64 values with a code of 16 bits and 11 bits of value each.
 const MAX_BLOCK_BITS: i64 = 64 * (16 + 11);
 
-/// The state of a component while its blocks are decoded.
 pub(super) struct ComponentDecoder<'a> {
     /// Blocks of the component in an MCU, across and down (T.81: H and V).
     pub(super) h: usize,
@@ -30,7 +30,6 @@ pub(super) struct ComponentDecoder<'a> {
     pub(super) plane: &'a mut Plane,
 }
 
-/// Decodes all MCUs of a scan.
 pub(super) fn decode_scan(
     vectors: Vectors,
     scan: &Scan,
@@ -223,7 +222,6 @@ impl BlockQueue {
         }
     }
 
-    /// Transforms a block that is still queued.
     #[inline(always)]
     pub(super) fn finish<M: Machine>(&mut self, machine: M, plane: &mut Plane) {
         if let Some(first) = self.first {
@@ -295,9 +293,10 @@ const END_WITHOUT_AC: usize = 129;
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
     use crate::vision::jpeg::huffman::STANDARD_TABLES;
-    use proptest::prelude::*;
 
     /// The standard's luma tables: DC, AC.
     fn tables() -> (Table, AcTable) {

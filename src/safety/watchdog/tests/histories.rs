@@ -7,17 +7,19 @@
 mod model;
 mod reach;
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::{Config, TestRunner};
+use tokio::time::Instant;
+
 use self::model::{Known, LongestWait, WayHome};
 use super::*;
 use crate::robot::{DockPlan, MotionId, Percent, Priority, Seconds};
 use crate::safety::{BlindMove, LastWords, Rescue};
 use crate::wire::Sound;
-use proptest::prelude::*;
-use proptest::strategy::ValueTree;
-use proptest::test_runner::{Config, TestRunner};
-use std::collections::{BTreeMap, BTreeSet};
-use std::time::Duration;
-use tokio::time::Instant;
 
 fn histories() -> Config {
     let asked = std::env::var("HISTORIES").ok();
