@@ -5,7 +5,7 @@ use rustix::process::Signal;
 use serde_json::Value;
 use spykee::wire::{Command, Sound};
 
-use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, run_spykee};
+use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, run_spykee, succeed};
 
 const CONFIG: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { user: root }\n\
     live: { listen: '127.0.0.1:0' }\nbehaviours:\n- { file: asked.lua, start: asked }\n\
@@ -154,8 +154,7 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
     let rig = Rig::quiet().await;
     let elsewhere = Rig::quiet().await;
     rig.file("spykee.yaml", CONFIG);
-    let (code, made) = run_spykee(&rig, &["token", "new", "sofa", "--role", "driver"]).await;
-    assert_eq!(code, Some(0), "{made}");
+    let made = succeed(&rig, &["token", "new", "sofa", "--role", "driver"]).await;
     let token = made.lines().find(|line| line.starts_with("spykee_"));
     let token = token.unwrap_or_else(|| panic!("{made}"));
     let (mut run, url) = serve(&rig).await;
@@ -179,8 +178,7 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
     rig.heard(0, |command| *command == Command::Volume(38))
         .await;
     // STOP stays in force, and the service continues.
-    let (code, text) = run_spykee(&elsewhere, &[&["robot", "stop"], &right[..]].concat()).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&elsewhere, &[&["robot", "stop"], &right[..]].concat()).await;
     assert_contains(&text, &["reset-stop"]);
     assert!(run.lives());
     // The config can name the service, too.
@@ -189,8 +187,7 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
         &format!("remote: {{ url: '{url}', token_file: token }}\n"),
     );
     let named = ["status", "--config", "spykee.yaml"];
-    let (code, text) = run_spykee(&elsewhere, &named).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&elsewhere, &named).await;
     assert_contains(&text, &["stopped by a person"]);
     let log = ["robot", "log", "--config", "spykee.yaml"];
     let (code, text) = run_spykee(&elsewhere, &log).await;

@@ -3,7 +3,7 @@
 use rustix::process::Signal;
 use spykee::wire::Command;
 
-use crate::rig::{Rig, Run, assert_contains, moves, run_spykee};
+use crate::rig::{Rig, Run, assert_contains, moves, run_spykee, succeed};
 
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 const IDLES: &str = "task.wait(600)";
@@ -44,8 +44,7 @@ async fn a_behaviour_stops_and_starts_by_name_while_another_continues() {
         !rig.commands(stopped).iter().any(moves),
         "the robot still moves"
     );
-    let (code, text) = run_spykee(&rig, &["behaviour", "start", "drive"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["behaviour", "start", "drive"]).await;
     rig.heard_motion(after).await;
     let (code, text) = run_spykee(&rig, &["behaviour", "list"]).await;
     assert_eq!(code, Some(0), "{text}");

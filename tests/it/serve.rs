@@ -10,7 +10,7 @@ use spykee::sim::{Firmware, Options, World};
 use spykee::wire::{Command, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, docked, run_spykee};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, docked, run_spykee, succeed};
 
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 
@@ -48,13 +48,11 @@ async fn behaviours_that_are_always_on_run_and_the_service_outlives_all_behaviou
     );
     let mut run = serve(&rig);
     let moving = rig.heard_motion(0).await;
-    let (code, text) = run_spykee(&rig, &["behaviour", "stop", "drive"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["behaviour", "stop", "drive"]).await;
     rig.heard_stop(moving).await;
     assert!(!rig.commands(0).contains(&Command::Volume(43)));
     // It continues without behaviours, and starts those that a person requests.
-    let (code, text) = run_spykee(&rig, &["behaviour", "start", "asked"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["behaviour", "start", "asked"]).await;
     rig.heard(0, |command| *command == Command::Volume(43))
         .await;
     assert!(run.lives());
@@ -157,8 +155,7 @@ async fn a_run_that_a_person_has_ended_is_not_resumed() {
     assert!(left.contains("looked") && !left.contains("drive"), "{left}");
     let mut next = serve(&rig);
     next.says("connected").await;
-    let (code, text) = run_spykee(&rig, &["robot", "volume", "37"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["robot", "volume", "37"]).await;
     assert!(!next.text().contains("resumes"), "{}", next.text());
     ends_well(&mut next).await;
 }
@@ -247,8 +244,7 @@ async fn an_idle_robot_is_sent_home() {
     let mut run = serve(&rig);
     let dock = rig.heard_dock(0).await;
     // A start cancels that.
-    let (code, text) = run_spykee(&rig, &["behaviour", "start", "asked"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["behaviour", "start", "asked"]).await;
     let moving = rig.heard_motion(dock).await;
     assert_eq!(
         run_spykee(&rig, &["behaviour", "stop", "asked"]).await.0,
@@ -277,8 +273,7 @@ async fn an_idle_robot_on_its_station_is_disconnected_and_connected_again_on_req
     timeout(WAIT_LIMIT, free())
         .await
         .expect("another user cannot log in");
-    let (code, text) = run_spykee(&rig, &["status"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&rig, &["status"]).await;
     assert_contains(&text, &["free for others"]);
     let (code, text) = run_spykee(&rig, &["robot", "volume", "37"]).await;
     assert_eq!(code, Some(0), "{text} {}", run.text());
@@ -321,8 +316,7 @@ async fn in_quiet_hours_scripts_make_no_sound_but_a_person_may() {
     };
     let heard = rig.commands(0);
     assert!(!heard.contains(&laser) && !heard.contains(&flash));
-    let (code, text) = run_spykee(&rig, &["robot", "play", "laser"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["robot", "play", "laser"]).await;
     rig.heard(0, |command| *command == laser).await;
     ends_well(&mut run).await;
 }

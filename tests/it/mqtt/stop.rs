@@ -5,7 +5,7 @@ use spykee::wire::Command;
 
 use super::broker::{Broker, Subscriber};
 use super::{A, robot};
-use crate::rig::{Rig, run_spykee};
+use crate::rig::{Rig, succeed};
 
 /// Says with a volume that it ends, and takes its time for that.
 const DRIVES: &str = "script.on_stop(function() robot.volume(41) task.wait(0.4) end)
@@ -31,8 +31,7 @@ async fn answer(subscriber: &Subscriber, id: &str) -> Value {
 
 /// The state of the only behaviour.
 async fn state(rig: &Rig) -> String {
-    let (code, text) = run_spykee(rig, &["behaviour", "list", "--json"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(rig, &["behaviour", "list", "--json"]).await;
     let list: Value = serde_json::from_str(&text).unwrap();
     list[0]["state"].as_str().unwrap().to_owned()
 }
