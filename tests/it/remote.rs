@@ -98,8 +98,7 @@ async fn tools_work_on_a_remote_service_with_the_same_output_and_codes() {
         "--url",
         &url,
     ];
-    let (code, text) = run_spykee(&elsewhere, &shot).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&elsewhere, &shot).await;
     assert!(image::open(elsewhere.folder().join("room.jpg")).is_ok());
     run.signal(Signal::TERM);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
@@ -116,8 +115,7 @@ async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
     for (place, more) in [(&rig, &[][..]), (&elsewhere, &["--url", &url][..])] {
         let from = rig.sim.heard_count();
         let start = [&["behaviour", "start", "asked", "--for", "0.9"][..], more].concat();
-        let (code, text) = run_spykee(place, &start).await;
-        assert_eq!(code, Some(0), "{text}");
+        let text = succeed(place, &start).await;
         assert_contains(&text, &["runs, for 0:00:01 at most"]);
         rig.heard(from, |command| *command == Command::Play(Sound::Bomb))
             .await;
@@ -219,8 +217,7 @@ async fn the_metrics_contain_the_time_from_a_frame_to_the_move_that_answers_it()
         robot.on('frame', function() power = 50 - power robot.move(power, power) end) task.wait(600)";
     let (mut run, url) = serve(&rig).await;
     rig.file("asked.lua", follows);
-    let (code, text) = run_spykee(&rig, &["behaviour", "start", "asked"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["behaviour", "start", "asked"]).await;
     let counted = |text: &str| {
         let line = text
             .lines()

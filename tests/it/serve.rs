@@ -1,9 +1,8 @@
 //! `spykee serve`: runs a robot permanently.
 
-mod late_robot;
 mod manager;
 
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use rustix::process::Signal;
 use spykee::sim::{Firmware, Options, World};
@@ -148,8 +147,7 @@ async fn a_run_that_a_person_has_ended_is_not_resumed() {
     let mut run = serve(&rig);
     rig.heard_motion(0).await;
     recorded(&rig).await;
-    let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["robot", "stop"]).await;
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let left = record(&rig);
     assert!(left.contains("looked") && !left.contains("drive"), "{left}");
@@ -415,8 +413,7 @@ async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
                 - { run: patrol, at: '0 10 * * *' }\n- { run: patrl, at: '0 12 * * *' }\n";
     config(&rig, "", rest);
     let from = ["--from", "2026-05-04 08:00", "--config", "spykee.yaml"];
-    let (code, text) = run_spykee(&rig, &[&["schedule", "--next", "4"], &from[..]].concat()).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&rig, &[&["schedule", "--next", "4"], &from[..]].concat()).await;
     let lines: Vec<&str> = text.lines().collect();
     assert!(
         lines[1].starts_with("Mon 2026-05-04 09:00  patrol     11:00"),
@@ -442,4 +439,44 @@ async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
     let mut run = serve(&rig);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
     assert_contains(&run.text(), &["the timetable runs `patrl`"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_start_waits_for_the_robot_also_if_the_service_restarts_meanwhile() {
+    let home = Rig::quiet().await;
+    let listener = std::net::TcpListener::bind("127.0.7.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    drop(listener);
+    home.file("drive.lua", DRIVES);
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+    let minute = now.as_secs() / 60 - 1;
+    let at = format!("{} {} * * *", minute % 60, minute / 60 % 24);
+    let schedule = format!("schedule:\n- {{ run: drive, at: '{at}', for: 1h }}\n");
+    config(
+        &home,
+        "",
+        &format!("behaviours:\n- file: drive.lua\n{schedule}"),
+    );
+    let robot = address.to_string();
+    let args = ["serve", "--config", "spykee.yaml", "--robot", &robot];
+    let mut run = home.spykee(&args);
+    let record = home.folder().join("spykee-data/schedule.json");
+    let kept = async {
+        while !std::fs::read_to_string(&record).is_ok_and(|text| text.contains("drive")) {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    };
+    let kept = timeout(WAIT_LIMIT, kept).await;
+    kept.unwrap_or_else(|_| panic!("not recorded:\n{}", run.text()));
+    run.signal(Signal::KILL);
+    run.status().await;
+    let options = Options {
+        listen: address,
+        ..Options::default()
+    };
+    let late = Rig::with(World::from_yaml(QUIET_WORLD, "test").unwrap(), options).await;
+    let mut next = home.spykee(&args);
+    next.says("starts by the timetable").await;
+    late.heard_motion(0).await;
+    ends_well(&mut next).await;
 }
