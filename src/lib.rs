@@ -27,56 +27,40 @@
 //!
 //! A frame becomes a setpoint of the tracks:
 //!
-//! 1. `link/reader.rs` cuts the stream into messages: a `Report` (`wire/report.rs`). The first part
+//! 1. [`link`]: the reader cuts the stream into messages; a `Report` carries the frame. The first part
 //!    of a frame that is still arriving is passed on early, so that its host can start to decode;
-//! 2. `pilot.rs` makes it a `Frame` with a number and a time, and stores it, still
-//!    encoded, as the newest one: older frames that no reader has taken are dropped;
-//! 3. `behaviour/supervisor.rs` sends the `Frame` through the pipe when its host asks for one;
-//! 4. `behaviour/host.rs` gives it to the VM; `script/state.rs` validates its markers
-//!    (only here) and queues it for the script's handler as a `HeldFrame`;
-//! 5. `frame:find_blobs` (`script/api/frame.rs`) decodes it, once and on demand, and finds its
-//!    blobs (`vision/frame_analyser.rs`);
-//! 6. `robot.move` (`script/api/motion.rs`) makes a `Setpoint` and, with its number, an `Intent`,
-//!    which goes back through the pipe;
-//! 7. `pilot/requests.rs` passes the `Intent` to the watchdog (`safety/watchdog.rs`):
-//!    `safety/arbiter.rs` decides which behaviour may drive, `safety/tracks.rs` when a command is
-//!    sent;
-//! 8. `pilot/outputs.rs` hands the watchdog's `Command` to `link/writer.rs`, which writes it.
-//!
-//! On the way it travels in envelopes that carry other messages too (`Incoming`, `ConnectionEvent`,
-//! `ToHost`, `Payload`, `Output`, `FromHost`, `Request`, `Act`) and waits in queues
-//! (`script/events.rs`, `script/output.rs`, `link/send_queue.rs`).
+//! 2. [`pilot`] makes it a `Frame` with a number and a time, and stores it, still encoded, as the
+//!    newest one: older frames that no reader has taken are dropped;
+//! 3. [`behaviour`]: the supervisor sends the `Frame` through the pipe when its host asks for one;
+//! 4. [`script`]: the VM validates its markers (only here) and queues it for the script's handler;
+//! 5. `frame:find_blobs` has [`vision`] decode it, once and on demand, and find its blobs;
+//! 6. `robot.move` makes a `Setpoint` and, with its number, an `Intent`, which goes back through the
+//!    pipe;
+//! 7. [`pilot`] passes the `Intent` to the watchdog of [`safety`]: its `Arbiter` decides which
+//!    behaviour may drive, its `Tracks` when a command is sent;
+//! 8. [`pilot`] hands the watchdog's `Command` to the writer of [`link`], which writes it.
 //!
 //! A low battery sends the robot home; this path involves no VM, no decoder and none of their
-//! locks:
-//!
-//! 1. `link/reader.rs` reads POWER (`wire/report.rs`);
-//! 2. `pilot.rs` gives it to the watchdog (`safety/watchdog.rs`);
-//! 3. `safety/battery.rs` decides that the level is low, `safety/homing.rs` what the robot does until
-//!    it is home;
-//! 4. `link/writer.rs` writes `MOVE 0 0` and `BASE_FIND` at once, ahead of queued speech.
+//! locks: the reader receives POWER, `pilot.rs` gives it to the watchdog (`safety/watchdog.rs`),
+//! `safety/battery.rs` decides that the level is low, `safety/homing.rs` what the robot does until it
+//! is home, and the writer sends `MOVE 0 0` and `BASE_FIND` at once, ahead of queued speech.
 //!
 //! # How to add
 //!
-//! - **A call for scripts**: its row in the table of the API (`api/`: name, arguments, bounds,
-//!   results, an example), its native under `script/api/`, and, if the robot has to do something,
-//!   an `Intent` (`robot/intent.rs`) that `pilot/requests.rs` serves. `spykee api`, the editor's
-//!   definitions and the guide's reference come from the table; a native without a row does not
-//!   load.
-//! - **A command to the robot**: its section in `wire/PROTOCOL.md` with a byte vector, its variant
-//!   with `parse` and `emit` in `wire/command.rs`, what the simulated robot does with it in
-//!   `sim/body/robot/commands.rs`. If it can move the robot, only the watchdog may make it.
-//! - **A report of the robot**: likewise in `wire/report.rs`; `pilot.rs` handles it,
-//!   and `sim/body/robot.rs` sends it.
-//! - **A fault**: its variant of `sim::FaultKind` (`sim/faults/fault.rs`), its name and keys in
-//!   YAML (`sim/faults/entry.rs`), its effect on bytes (`sim/faults/corrupt.rs`,
-//!   `sim/faults/proxy_direction.rs`) or on the robot (`sim/server/robot_server.rs`), and its row
-//!   in `tests/it/faults/table.rs`.
-//! - **An event to be published**: its variant of `AgentEvent` (`robot/agent_event.rs`),
-//!   published on the agent's `Bus` where it happens; its text in `cli/history/view.rs`. All
-//!   listeners then receive it.
-//! - **A lesson**: a folder in `behaviours/lessons/` with `README.md`, `starter.lua`,
-//!   `solution.lua` and `check.lua`, its line in `cli/lesson/catalogue.rs`, its row in
+//! - **A call for scripts**: its row in the table of the API ([`api`]: name, arguments, bounds,
+//!   results, an example), its native in [`script`], and, if the robot has to do something, an
+//!   `Intent` that `pilot/requests.rs` serves. `spykee api`, the editor's definitions and the guide's
+//!   reference come from the table; a native without a row does not load.
+//! - **A command to the robot**, or **a report of it**: its section in `wire/PROTOCOL.md` with a byte
+//!   vector, its variant of `Command` or `Report` with `parse` and `emit`, what the simulated robot
+//!   does with it or when it sends it. `pilot.rs` handles a report; if a command can move the robot,
+//!   only the watchdog may make it.
+//! - **A fault**: its variant of [`sim::FaultKind`], its name and keys in YAML, its effect on bytes or
+//!   on the robot, and its row in the table of `tests/it/faults`.
+//! - **An event to be published**: its variant of [`robot::AgentEvent`], published on the agent's
+//!   `Bus` where it happens, and its text in `spykee history`. All listeners then receive it.
+//! - **A lesson**: a folder in `behaviours/lessons/` with `README.md`, `starter.lua`, `solution.lua`
+//!   and `check.lua`, its line in the catalogue of `spykee lesson`, its row in
 //!   `behaviours/lessons/README.md`.
 //!
 //! # Words

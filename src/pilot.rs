@@ -9,8 +9,6 @@
 
 mod connection;
 mod core;
-mod heartbeat;
-mod minutes_left;
 mod outputs;
 mod reaction;
 mod requests;
@@ -41,14 +39,13 @@ use crate::wire::{Accepted, Command, EngineReport, Report};
 
 pub use self::connection::Connector;
 use self::connection::{Connection, ConnectionEvent, ConnectionEventError, LinkLost, NewSession};
-pub use self::core::DrivingCore;
-pub use self::heartbeat::Heartbeat;
-use self::minutes_left::MinutesLeft;
+pub use self::core::{DrivingCore, Heartbeat};
 use self::outputs::{EmergencyStopState, QuietHours, Restrictions, tell_guardian};
 use self::reaction::Stopwatch;
 pub use self::reaction::{Reactions, Tally};
 use self::requests::Sessions;
 use self::silence::{Silence, SilenceAction};
+use self::status::MinutesLeft;
 pub use self::status::{ActuatorState, LinkState, Status};
 
 /// The most requests served in a row before the robot's messages are read again.
@@ -102,9 +99,7 @@ pub struct Pilot {
     watchdog: Watchdog,
     writer: Option<Writer>,
     sessions: Sessions,
-    /// The state of tracks, lights and sounds as a person beside the robot sees it.
     actuators: ActuatorState,
-    /// A person's STOP.
     emergency_stop: EmergencyStopState,
     silence: Silence,
     minutes_left: MinutesLeft,
@@ -126,7 +121,6 @@ pub struct Pilot {
     moving: bool,
     /// When the behaviours were last told of a sound.
     sounding: Option<Instant>,
-    /// Quiet hours.
     quiet_hours: QuietHours,
     /// The link is closed on purpose until a behaviour needs the robot.
     released: bool,

@@ -27,7 +27,6 @@ type LastDelivery = Pin<Box<dyn Future<Output = Delivery> + Send>>;
 /// [`connect`](crate::link::connect)).
 pub type Connector = Box<dyn FnMut(Supervision) -> Connecting + Send>;
 
-/// A session without its reader, which stays with the connection.
 pub(super) struct NewSession {
     pub(super) accepted: Accepted,
     pub(super) power: Power,
@@ -36,7 +35,6 @@ pub(super) struct NewSession {
     pub(super) writer: Writer,
 }
 
-/// An event of the connection.
 pub(super) enum ConnectionEvent {
     /// Connected and logged in.
     Up(Box<NewSession>),
@@ -61,7 +59,6 @@ enum State {
     Up(Reader),
 }
 
-/// An attempt to connect and log in.
 struct Attempt {
     connecting: Connecting,
     /// The socket, once the robot has accepted the login.
@@ -100,7 +97,6 @@ pub(super) enum ConnectionEventError {
     First(LinkError),
 }
 
-/// The connection; see the module.
 pub(super) struct Connection {
     connector: Connector,
     state: State,
@@ -111,7 +107,6 @@ pub(super) struct Connection {
 }
 
 impl Connection {
-    /// Begins to connect at once.
     pub(super) fn new(
         mut connector: Connector,
         options: &Options,
@@ -168,7 +163,6 @@ impl Connection {
         }
     }
 
-    /// The next event. Cancel-safe.
     pub(super) async fn next(&mut self) -> ConnectionEvent {
         loop {
             match &mut self.state {
@@ -226,7 +220,6 @@ impl Connection {
         }
     }
 
-    /// The reader of an open link.
     pub(super) fn into_reader(self) -> Option<Reader> {
         match self.state {
             State::Up(reader) => Some(reader),
@@ -267,7 +260,6 @@ impl Attempt {
     }
 }
 
-/// Begins an attempt to connect.
 fn begin_attempt(connector: &mut Connector, last_words: &watch::Sender<Vec<Command>>) -> State {
     let supervision = Supervision::new(last_words.subscribe());
     let accepted = supervision.accepted();

@@ -11,7 +11,7 @@ use tracing::warn;
 
 use super::Pilot;
 use super::connection::{Connection, LinkLost};
-use super::heartbeat::Heartbeat;
+use super::core::Heartbeat;
 use crate::link::Writer;
 use crate::robot::Event;
 use crate::robot::channel::{Quiet, Role};
@@ -29,7 +29,6 @@ const AGAIN: Duration = Duration::from_millis(200);
 #[derive(Debug, Default)]
 pub(super) struct EmergencyStopState {
     on: bool,
-    /// When it was last sent.
     last_sent: Option<Instant>,
 }
 
@@ -50,7 +49,6 @@ pub(super) struct Restrictions {
 }
 
 impl Restrictions {
-    /// The restrictions that the watchdog demands.
     pub(super) fn demanded_by(watchdog: &Watchdog) -> Restrictions {
         Restrictions {
             shed: watchdog.shed(),
@@ -73,7 +71,6 @@ impl Restrictions {
         }
     }
 
-    /// Whether a stream that a behaviour wants may be on.
     pub(super) fn allows_stream(self, role: Role, stream: Stream) -> bool {
         let sees = role == Role::Rescuer && stream == Stream::Video;
         sees || !self.shed
@@ -191,7 +188,6 @@ impl Pilot {
         Ok(())
     }
 
-    /// Sets or releases it.
     pub(super) fn set_emergency_stop(&mut self, on: bool) -> Result<(), LinkLost> {
         let was = std::mem::replace(&mut self.emergency_stop.on, on);
         match (was, on) {
@@ -230,7 +226,6 @@ impl Pilot {
         self.send(&STOP)
     }
 
-    /// The commands to send instead of these.
     pub(super) fn replace_while_stopped(&self, commands: &[Command]) -> Vec<Command> {
         if self.emergency_stop.on {
             commands.iter().filter_map(while_stopped).collect()
@@ -298,7 +293,6 @@ impl Pilot {
         }
     }
 
-    /// Gives the new link and its last words to the guardian.
     pub(super) fn watch_link(&mut self) {
         let guardian = self.heartbeat.as_mut().and_then(Heartbeat::guardian);
         let socket = self.writer.as_ref().and_then(Writer::socket);
@@ -326,7 +320,6 @@ fn while_stopped(command: &Command) -> Option<Command> {
     }
 }
 
-/// Whether a command could wake people.
 fn disturbs(command: &Command) -> bool {
     match command {
         Command::Play(_) | Command::Audio(_) => true,

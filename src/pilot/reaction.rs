@@ -61,18 +61,15 @@ impl Reactions {
     }
 }
 
-/// The pilot's measuring side.
 #[derive(Debug, Default)]
 pub(super) struct Stopwatch {
     pub(super) reactions: Reactions,
     /// When the newest frame came that no MOVE has followed yet.
     frame: Option<Instant>,
-    /// Whether a behaviour's motion request is being served.
     asked: bool,
 }
 
 impl Stopwatch {
-    /// Notes a complete frame.
     pub(super) fn frame(&mut self, at: Instant) {
         self.frame = Some(at);
     }
@@ -82,7 +79,6 @@ impl Stopwatch {
         self.asked = asked;
     }
 
-    /// Notes commands that were handed to the system.
     pub(super) fn wrote(&mut self, commands: &[Command], now: Instant) {
         let moves = |command: &Command| matches!(command, Command::Move { .. });
         if !self.asked || !commands.iter().any(moves) {

@@ -159,7 +159,6 @@ impl Pilot {
         self.quiet_hours.allows(role, command) && self.sessions.allows(by, command, restrictions)
     }
 
-    /// Begins or ends quiet hours.
     fn set_quiet(&mut self, quiet: Quiet) -> Result<(), LinkLost> {
         let quiet_hours = QuietHours::new(quiet);
         if std::mem::replace(&mut self.quiet_hours, quiet_hours) == quiet_hours {
@@ -198,7 +197,6 @@ impl Pilot {
         self.has_deferred = true;
     }
 
-    /// Executes the deferred acts.
     pub(super) fn flush_deferred(&mut self) -> Result<(), LinkLost> {
         if !std::mem::take(&mut self.has_deferred) {
             return Ok(());
@@ -289,7 +287,6 @@ struct Session {
 }
 
 impl Session {
-    /// Logs that commands were dropped, at growing intervals.
     fn log_refusals(&self) {
         if let Some(count) = self.throttle.refusals_to_log() {
             let behaviour = &self.name;
@@ -301,7 +298,6 @@ impl Session {
     }
 }
 
-/// The sessions of all behaviours that run.
 #[derive(Debug, Default)]
 pub(super) struct Sessions {
     sessions: BTreeMap<BehaviourId, Session>,
@@ -312,7 +308,6 @@ pub(super) struct Sessions {
 }
 
 impl Sessions {
-    /// Begins empty, with this use of the streams.
     pub(super) fn new(usage: Streams) -> Sessions {
         Sessions {
             usage,
@@ -320,7 +315,6 @@ impl Sessions {
         }
     }
 
-    /// Adds a behaviour and sends it the current state.
     pub(super) fn join(
         &mut self,
         by: BehaviourId,
@@ -344,7 +338,6 @@ impl Sessions {
         );
     }
 
-    /// Whether the present restrictions allow a behaviour this command.
     pub(super) fn allows(
         &self,
         by: BehaviourId,
@@ -381,7 +374,6 @@ impl Sessions {
         }
     }
 
-    /// Removes a behaviour that has ended.
     pub(super) fn leave(&mut self, by: BehaviourId) {
         self.sessions.remove(&by);
     }
@@ -393,17 +385,14 @@ impl Sessions {
         }
     }
 
-    /// A behaviour's role; `None` if it has no session.
     pub(super) fn role(&self, by: BehaviourId) -> Option<Role> {
         self.sessions.get(&by).map(|session| session.role)
     }
 
-    /// A behaviour's priority; `None` if it has no session.
     pub(super) fn priority(&self, by: BehaviourId) -> Option<Priority> {
         self.sessions.get(&by).map(|session| session.priority)
     }
 
-    /// A behaviour's name; `None` if it has no session.
     pub(super) fn name(&self, by: BehaviourId) -> Option<&str> {
         self.sessions.get(&by).map(|session| session.name.as_str())
     }
@@ -420,35 +409,30 @@ impl Sessions {
             .collect()
     }
 
-    /// Sends an event to one behaviour.
     pub(super) fn tell(&mut self, by: BehaviourId, event: Event) {
         if let Some(session) = self.sessions.get_mut(&by) {
             session.events.tell(event);
         }
     }
 
-    /// Notifies every behaviour of a newer picture.
     pub(super) fn notify_frame(&self) {
         self.sessions
             .values()
             .for_each(|session| session.events.notify_frame());
     }
 
-    /// Sends an event to every behaviour.
     pub(super) fn tell_all(&mut self, event: &Event) {
         self.sessions
             .values_mut()
             .for_each(|session| session.events.tell(event.clone()));
     }
 
-    /// Sends an event to the behaviours that want the microphone.
     pub(super) fn tell_listeners(&mut self, event: &Event) {
         let listens = |session: &&mut Session| session.streams.contains(&Stream::AudioIn);
         let listeners = self.sessions.values_mut().filter(listens);
         listeners.for_each(|session| session.events.tell(event.clone()));
     }
 
-    /// Sends every behaviour the state after a login.
     pub(super) fn welcome_all(&mut self, welcome: &[Event]) {
         welcome.iter().for_each(|event| self.tell_all(event));
     }
@@ -465,7 +449,6 @@ impl Sessions {
         };
     }
 
-    /// Whether the robot was told to stream this.
     pub(super) fn streams(&self, stream: Stream) -> bool {
         self.streaming.contains(&stream)
     }
@@ -515,7 +498,6 @@ impl Sessions {
         changes
     }
 
-    /// The commands that switch every stream off, at the end.
     pub(super) fn streams_off(&mut self) -> Vec<Command> {
         self.sessions.clear();
         self.usage = Streams::default();

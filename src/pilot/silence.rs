@@ -16,7 +16,6 @@ const ANSWER: Duration = Duration::from_secs(2);
 /// The silence that ends the link to a robot that answers, two questions included.
 const LONGEST: Duration = Duration::from_secs(60);
 
-/// What to do about a silence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum SilenceAction {
     /// Ask for the battery level.
@@ -25,7 +24,6 @@ pub(super) enum SilenceAction {
     Gone(Duration),
 }
 
-/// Evaluates the silence; see the module.
 #[derive(Debug)]
 pub(super) struct Silence {
     last_received: Instant,
@@ -36,7 +34,6 @@ pub(super) struct Silence {
 }
 
 impl Silence {
-    /// Begins without knowledge of the robot.
     pub(super) fn new(now: Instant) -> Silence {
         Silence {
             last_received: now,
@@ -53,18 +50,15 @@ impl Silence {
         self.asked = None;
     }
 
-    /// Notes that something was received from the robot.
     pub(super) fn note_received(&mut self, now: Instant) {
         self.last_received = now;
     }
 
-    /// Notes a battery level.
     pub(super) fn level(&mut self, now: Instant) {
         self.answers |= self.asked.take().is_some_and(|asked| now < asked + ANSWER);
         self.note_received(now);
     }
 
-    /// Returns what to do if the silence is too long.
     pub(super) fn poll(&mut self, now: Instant) -> Option<SilenceAction> {
         let silence = now.saturating_duration_since(self.last_received);
         if self.answers && silence >= LONGEST {
@@ -79,7 +73,6 @@ impl Silence {
         Some(SilenceAction::Ask)
     }
 
-    /// When [`Silence::poll`] has something to return.
     pub(super) fn next_deadline(&self) -> Instant {
         let question = self.next_question();
         if self.answers {

@@ -1,5 +1,8 @@
 //! A summary of the state for people.
 
+use std::collections::VecDeque;
+
+use tokio::time::Instant;
 use tracing::info;
 
 use crate::robot::{Battery, Setpoint, TrackPower};
@@ -119,7 +122,6 @@ pub struct ActuatorState {
 }
 
 impl ActuatorState {
-    /// Forgets lights and volume, after a new login.
     pub(super) fn forget_lights(&mut self) {
         self.lights = [None; 3];
         self.volume = None;
@@ -190,7 +192,6 @@ impl ActuatorState {
     }
 }
 
-/// The place of a light in [`ActuatorState::lights`].
 fn light(led: Led) -> Option<usize> {
     match led {
         Led::Flash => Some(0),
@@ -200,9 +201,70 @@ fn light(led: Led) -> Option<usize> {
     }
 }
 
+/// Estimates how many minutes the battery lasts at its recent drain, for people: no rule depends on
+/// it. Levels come in whole percents, so time is counted from one fall of the level to the next.
+#[derive(Debug, Default)]
+pub(super) struct MinutesLeft {
+    level: Option<u8>,
+    falls: VecDeque<(u8, Instant)>,
+}
+
+impl MinutesLeft {
+    /// The estimate uses the last ten percents (a level that falls by more at once says nothing) ...
+    const MOST_PERCENT: u8 = 10;
+    /// ... and at least two.
+    const LEAST_PERCENT: u8 = 2;
+    /// A level that rises by up to this many points is rounding noise.
+    const FLICKER: u8 = 2;
+
+    /// Forgets everything: the link is lost, and what the robot does meanwhile is not known.
+    pub(super) fn forget(&mut self) {
+        *self = MinutesLeft::default();
+    }
+
+    pub(super) fn level(&mut self, battery: Battery, now: Instant) {
+        let percent = battery.percent.get();
+        if battery.charging {
+            return self.forget();
+        }
+        let Some(before) = self.level else {
+            self.level = Some(percent);
+            return;
+        };
+        let rises = percent > before.saturating_add(MinutesLeft::FLICKER);
+        let leaps = before > percent.saturating_add(MinutesLeft::MOST_PERCENT);
+        if rises || leaps {
+            self.forget();
+            self.level = Some(percent);
+        } else if percent < before {
+            self.level = Some(percent);
+            self.falls.push_back((percent, now));
+            let oldest = percent.saturating_add(MinutesLeft::MOST_PERCENT);
+            self.falls.retain(|(level, _)| *level <= oldest);
+        }
+    }
+
+    /// The minutes until the battery is empty; `None` while it charges, and before its level has
+    /// fallen far enough.
+    pub(super) fn estimate(&self) -> Option<f32> {
+        let (first, began) = *self.falls.front()?;
+        let (last, ended) = *self.falls.back()?;
+        let used = first - last;
+        if used < MinutesLeft::LEAST_PERCENT {
+            return None;
+        }
+        let minutes = ended.saturating_duration_since(began).as_secs_f32() / 60.0;
+        let left = minutes / f32::from(used) * f32::from(last);
+        Some((left * 10.0).round() / 10.0)
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
+    use crate::robot::Percent;
 
     #[test]
     fn only_changes_count_and_a_sound_makes_lights_unknown() {
@@ -263,5 +325,55 @@ mod tests {
             (actuators.lights, actuators.sound, actuators.sounds),
             ([None; 3], Some(Sound::Laser), 1)
         );
+    }
+
+    /// The estimate after these levels, one a minute.
+    fn after(levels: &[u8]) -> Option<f32> {
+        let mut left = MinutesLeft::default();
+        let start = Instant::now();
+        for (minute, level) in (0..).zip(levels) {
+            let battery = Battery {
+                percent: Percent::saturating(*level),
+                charging: false,
+                minutes_left: None,
+            };
+            left.level(battery, start + Duration::from_secs(60 * minute));
+        }
+        left.estimate()
+    }
+
+    #[test]
+    fn the_drain_is_measured_between_two_falls_of_the_level() {
+        assert_eq!(after(&[60, 60, 59]), None);
+        assert_eq!(after(&[60, 60, 59, 58]), None);
+        assert_eq!(after(&[60, 59, 58, 57]), Some(57.0));
+        assert_eq!(after(&[60, 60, 60, 59, 59, 58, 58, 57]), Some(114.0));
+        assert_eq!(after(&[60, 59, 60, 58, 59, 57]), Some(114.0), "it flickers");
+    }
+
+    #[test]
+    fn an_old_drain_is_forgotten() {
+        let slow = [100, 100, 100, 100, 99, 99, 99, 99];
+        let fast: Vec<u8> = (70..=98).rev().collect();
+        assert_eq!(after(&[&slow[..], &fast].concat()), Some(70.0));
+    }
+
+    #[test]
+    fn charging_and_another_battery_begin_anew() {
+        assert_eq!(after(&[60, 59, 58, 57, 90]), None);
+        assert_eq!(after(&[60, 59, 58, 57, 46]), None);
+        let mut left = MinutesLeft::default();
+        let now = Instant::now();
+        let battery = |percent, charging| Battery {
+            percent: Percent::saturating(percent),
+            charging,
+            minutes_left: None,
+        };
+        for percent in [60, 59, 58, 57] {
+            left.level(battery(percent, false), now);
+        }
+        assert!(left.estimate().is_some());
+        left.level(battery(57, true), now);
+        assert_eq!(left.estimate(), None);
     }
 }

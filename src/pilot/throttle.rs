@@ -16,7 +16,6 @@ const SPEECH: f64 = 128_000.0;
 /// Bytes of speech per second: twice the speed of speech.
 const SPEECH_PER_SECOND: f64 = 64_000.0;
 
-/// One behaviour's share.
 #[derive(Debug)]
 pub(super) struct Throttle {
     commands: TokenBucket,
@@ -33,7 +32,6 @@ impl Throttle {
         }
     }
 
-    /// Whether a command may be sent; a refusal is counted.
     pub(super) fn admits(&mut self, command: &Command, now: Instant) -> bool {
         let admitted = match command {
             Command::Audio(samples) => self.speech.take(samples.len() as f64, now),
@@ -67,7 +65,6 @@ fn cost(command: &Command) -> f64 {
     }
 }
 
-/// The limit for all behaviours together, besides motion and speech.
 #[derive(Debug)]
 pub(super) struct SharedLimit(TokenBucket);
 
@@ -76,7 +73,6 @@ impl SharedLimit {
         SharedLimit(TokenBucket::new(SHARED_COMMANDS, SHARED_COMMANDS))
     }
 
-    /// Whether a command may be sent.
     pub(super) fn admits(&mut self, command: &Command, now: Instant) -> bool {
         matches!(command, Command::Audio(_)) || self.0.take(cost(command), now)
     }

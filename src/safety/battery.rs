@@ -270,7 +270,6 @@ mod tests {
 
     const SECOND: Duration = Duration::from_secs(1);
 
-    /// A monitor with the default limits, and a clock.
     struct Rig {
         monitor: BatteryMonitor,
         now: Instant,
@@ -283,7 +282,6 @@ mod tests {
             Rig { monitor, now }
         }
 
-        /// After a long time at this level.
         fn at(percent: u8) -> Rig {
             let mut rig = Rig::new();
             for _ in 0..4 {

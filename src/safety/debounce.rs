@@ -11,7 +11,6 @@ use crate::wire::Power;
 /// small simulated ones of demonstrations need a minute.
 pub(super) const FASTEST_CHARGE: f64 = 2.0;
 
-/// What it takes to believe a claim.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct DebounceRule {
     /// This many reports in a row ...
@@ -23,7 +22,6 @@ pub(super) struct DebounceRule {
 }
 
 impl DebounceRule {
-    /// For a level.
     pub(super) const LEVEL: DebounceRule = DebounceRule {
         count: 3,
         span: Duration::from_secs(2),
@@ -76,7 +74,6 @@ impl Run {
     }
 }
 
-/// Counts consecutive reports that make the same claim.
 #[derive(Debug, Clone)]
 pub(super) struct Debounce {
     rule: DebounceRule,
@@ -101,7 +98,6 @@ impl Debounce {
             .is_some_and(|run| run.count >= self.rule.count && now - run.began >= self.rule.span)
     }
 
-    /// Drops the run of reports so far.
     pub(super) fn forget(&mut self) {
         self.run = None;
     }

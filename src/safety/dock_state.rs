@@ -185,8 +185,11 @@ impl DockTracker {
     /// Gives up waiting for the confirmation of a CHARGE_STOP.
     pub fn contradict_leaving(&mut self) -> Option<Contradiction> {
         self.leaving.take()?;
-        self.on_station()
-            .then(|| self.contradict(Contradiction::Leaving))
+        if self.on_station() {
+            Some(self.contradict(Contradiction::Leaving))
+        } else {
+            None
+        }
     }
 
     /// The battery has become low: from now on contact must become charging within the timeout.
@@ -205,8 +208,11 @@ impl DockTracker {
         if !low {
             self.charge_due = None;
         }
-        let waits = low && self.dock_state == DockState::ContactReported;
-        waits.then(|| self.contradict(Contradiction::Contact))
+        if low && self.dock_state == DockState::ContactReported {
+            Some(self.contradict(Contradiction::Contact))
+        } else {
+            None
+        }
     }
 
     /// When [`DockTracker::poll`] has something to do.

@@ -53,7 +53,6 @@ pub struct DockOutcome {
     pub took: Duration,
 }
 
-/// A behaviour that waits for a docking or an undocking.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Caller {
     pub(super) by: BehaviourId,
@@ -71,7 +70,6 @@ pub(super) struct ActiveDocking {
 }
 
 impl ActiveDocking {
-    /// The highest priority of its callers.
     pub(super) fn priority(&self) -> Option<Priority> {
         self.callers.iter().map(|caller| caller.priority).max()
     }

@@ -55,11 +55,11 @@ enum HomingPhase {
     Granted(DriveGrant),
     /// The watchdog drives.
     Driving(BlindMove),
-    /// Standing still until the next search.
-    Waiting { until: Instant },
+    Waiting {
+        until: Instant,
+    },
 }
 
-/// A person's help is needed.
 #[derive(Debug, Clone, Copy)]
 struct Alarm {
     next: Instant,
@@ -89,7 +89,6 @@ impl Homing {
     /// also the time without commands after an interruption, for a link that seems dead.
     pub const MOMENT: Duration = Duration::from_secs(1);
 
-    /// How long the flash of the alarm stays on.
     const ALARM_FLASH: Duration = Duration::from_secs(1);
 
     /// The battery has become low; the first search is due.
@@ -294,7 +293,6 @@ impl Homing {
         self.phase = HomingPhase::Waiting { until };
     }
 
-    /// Begins a blind move, and returns its number.
     fn drive(&mut self, now: Instant) -> u32 {
         self.phase = HomingPhase::Driving(BlindMove::start(self.blind_moves, now));
         self.blind_moves = self.blind_moves.saturating_add(1);
@@ -315,7 +313,6 @@ mod tests {
     const SECOND: Duration = Duration::from_secs(1);
     const WHO: BehaviourId = BehaviourId(7);
 
-    /// The first search began a while ago.
     fn searching() -> (Homing, Instant) {
         let now = Instant::now();
         let mut homing = Homing::new(&Limits::default(), now);

@@ -35,7 +35,6 @@ const LONGEST: Duration = Duration::from_secs(30 * 24 * 60 * 60);
 /// The most calls that may wait for a docking; further requests are refused.
 const MAX_CALLERS: usize = 64;
 
-/// An undocking that a behaviour waits for.
 #[derive(Debug, Clone)]
 struct Leaving {
     caller: Caller,
@@ -70,9 +69,7 @@ pub struct Watchdog {
     tracks: Tracks,
     docking: Option<ActiveDocking>,
     leaving: Option<Leaving>,
-    /// Present while the battery is low.
     homing: Option<Homing>,
-    /// The behaviour that the tracks may be granted to.
     rescuer: Option<BehaviourId>,
     streaming: bool,
     /// Since when the robot has moved without sending anything, pauses in the motion included.
@@ -80,7 +77,6 @@ pub struct Watchdog {
     /// The time of the last [`Watchdog::poll`].
     ticked: Instant,
     acts: Vec<Act>,
-    /// The last docking that has ended, until it is reported.
     dock_report: Option<DockReport>,
 }
 
@@ -453,8 +449,6 @@ impl Watchdog {
         self.charging_here() == Charging::Unconfirmed
     }
 
-    /// The believed charging state; [`Charging::No`] once a later report or a doubt has moved the
-    /// robot from [`DockState::Charging`] to another state.
     fn charging_here(&self) -> Charging {
         match self.dock_state() {
             DockState::Charging => self.battery_monitor.charging(),
@@ -640,7 +634,6 @@ impl Watchdog {
 
     // Between two searches.
 
-    /// Begins what follows a failed search of the watchdog's own.
     fn handle_failed_search(&mut self, end: DockEnd, now: Instant) {
         let may_lend = !self.run_ending && !self.docked() && self.limits.rescue != Rescue::Off;
         let rescuer = if may_lend { self.rescuer } else { None };
@@ -667,7 +660,6 @@ impl Watchdog {
         );
     }
 
-    /// Informs a grantee of its grant, and returns a description of what follows.
     fn begin(&mut self, next: AfterFailure) -> String {
         match next {
             AfterFailure::Search => "searches again".to_owned(),
@@ -740,7 +732,6 @@ impl Watchdog {
         }
     }
 
-    /// The setpoint of a robot with a low battery.
     fn homing_setpoint(&self, now: Instant) -> Setpoint {
         let Some(homing) = self.between_searches() else {
             return Setpoint::STOP;
@@ -752,12 +743,10 @@ impl Watchdog {
         }
     }
 
-    /// The behaviour that the tracks are granted to now.
     fn grantee(&self) -> Option<BehaviourId> {
         self.between_searches().and_then(Homing::grantee)
     }
 
-    /// Ends a grant or a blind move; the search follows.
     fn end_grant(&mut self, now: Instant) {
         if let Some(homing) = &mut self.homing {
             homing.end(now);
@@ -849,7 +838,6 @@ impl Watchdog {
         }
     }
 
-    /// Ends the search and stops the tracks.
     fn cancel_search(&mut self, now: Instant) {
         self.send(Command::Engine(Engage::CancelDock));
         self.stop_tracks(now);
@@ -1047,7 +1035,6 @@ impl Watchdog {
         }
     }
 
-    /// Ends a docking under way and tells its callers.
     fn end_docking(&mut self, end: DockEnd, now: Instant) {
         if let Some(active) = &mut self.docking {
             let actions = active.docking.cancel(end, now);
@@ -1067,7 +1054,6 @@ impl Watchdog {
         self.arbiter.priority().max(leaves) > Some(priority)
     }
 
-    /// Whether a behaviour of higher priority waits for a docking.
     fn docks_above(&self, priority: Priority) -> bool {
         let active = self.docking.as_ref();
         active.and_then(ActiveDocking::priority) > Some(priority)

@@ -6,12 +6,11 @@ use imageproc::drawing::{draw_filled_rect_mut, draw_hollow_rect_mut};
 use imageproc::rect::Rect;
 
 use crate::vision::blobs::Blob;
-use crate::vision::picture::image::Image;
+use crate::vision::picture::Image;
 
 /// Screen pixels per dot of a letter, in normal and in enlarged pictures.
 const DOT: i32 = 2;
 const LARGE_DOT: i32 = 3;
-/// Most letters of a mark's text that are drawn.
 const MAX_LETTERS: usize = 24;
 /// Length of the arms of the cross at a centroid, screen pixels.
 const ARM: i32 = 4;
@@ -93,7 +92,6 @@ fn colour(blob: &Blob) -> Rgb<u8> {
     BOXES[blob.colour % BOXES.len()]
 }
 
-/// The blob's box in the enlarged picture.
 fn frame(blob: &Blob, times: i32) -> Rect {
     let times_unsigned = times as u32;
     Rect::at(blob.x as i32 * times, blob.y as i32 * times).of_size(
@@ -201,9 +199,7 @@ const GLYPHS: [(char, u16); 41] = [
     ('+', 0b000_010_111_010_000),
 ];
 
-/// Columns of a letter, without the gap after it.
 const GLYPH_WIDTH: i32 = 3;
-/// Rows of a letter.
 const GLYPH_HEIGHT: i32 = 5;
 
 /// The dots of a letter as column and row. Lower-case letters look like upper-case ones; unknown

@@ -1,19 +1,15 @@
 //! Blobs: connected pixels of one colour. Names, defaults and meanings follow OpenMV's
 //! `find_blobs`.
 
-mod moments;
 mod regions;
 
 use serde::{Deserialize, Serialize};
 
-use self::moments::Moments;
-use self::regions::{Region, Regions};
+use self::regions::{Moments, Region, Regions};
 use crate::vision::camera::Camera;
 use crate::vision::colour::labeller::Labeller;
 use crate::vision::colour::palette::Palette;
-use crate::vision::picture::image::{Image, Roi};
-use crate::vision::picture::size::Size;
-use crate::vision::picture::spans::Spans;
+use crate::vision::picture::{Image, Roi, Size, Spans};
 
 /// Most blobs that are merged: merging compares each with every other.
 const MAX_MERGED: usize = 512;
@@ -313,11 +309,12 @@ impl Candidate {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::vision::Colour;
     use image::{Rgb, RgbImage};
     use imageproc::drawing::{draw_filled_circle_mut, draw_filled_rect_mut};
     use imageproc::rect::Rect;
+
+    use super::*;
+    use crate::vision::Colour;
 
     const RED: Rgb<u8> = Rgb([220, 20, 20]);
     const BLUE: Rgb<u8> = Rgb([20, 20, 220]);

@@ -150,7 +150,6 @@ impl Camera {
         self.bisected(distorted, limit)
     }
 
-    /// The same by bisection, if Newton's method does not converge.
     fn bisected(&self, distorted: f64, limit: f64) -> f64 {
         let mut near = 0.0;
         let mut far = limit;

@@ -4,7 +4,6 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
-mod cells;
 pub(crate) mod labeller;
 pub(crate) mod learn;
 pub(crate) mod palette;
@@ -13,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 use thiserror::Error;
 
-use crate::vision::picture::space::{hsv_of, lab_of};
+use crate::vision::picture::{hsv_of, lab_of};
 
 /// Lowest and highest value, both inclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -24,7 +23,6 @@ impl Span {
         (self.0..=self.1).contains(&value)
     }
 
-    /// For angles: `340..20` wraps through 0.
     fn has_wrapped(self, value: f64) -> bool {
         if self.0 <= self.1 {
             self.has(value)
@@ -90,7 +88,6 @@ pub enum ColourError {
     Mixed,
 }
 
-/// Lowest and highest value in a constant.
 type Range = [f64; 2];
 
 /// The named colours: hue range in degrees, saturation and value in percent.
@@ -158,7 +155,6 @@ impl Colour {
         self.matches(rgb.map(f64::from))
     }
 
-    /// Like [`Colour::contains`], for fractional values.
     pub(crate) fn matches(&self, rgb: [f64; 3]) -> bool {
         match self {
             Colour::Lab { .. } => self.matches_lab(lab_of(rgb)),

@@ -7,9 +7,7 @@
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
-mod baseline;
 mod bits;
-mod block;
 pub(crate) mod decoder;
 pub(crate) mod encoder;
 pub(crate) mod frame;
@@ -18,5 +16,3 @@ mod huffman;
 mod idct;
 mod machine;
 mod mcu;
-mod scans;
-mod steps;

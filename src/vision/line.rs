@@ -3,7 +3,7 @@
 use super::blobs::{BlobFinder, BlobOptions};
 use super::camera::Camera;
 use crate::vision::colour::palette::Palette;
-use crate::vision::picture::image::{Image, Roi};
+use crate::vision::picture::{Image, Roi};
 
 /// A line, as needed for steering.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -5,17 +5,11 @@
 //! remains different has moved. Works on a picture of half the width and height, which is less
 //! noisy.
 
-mod edges;
-mod sums;
-
 use serde::{Deserialize, Serialize};
 
-use self::sums::{BoxSums, Size2};
 use super::blobs::{Blob, BlobFinder, BlobOptions};
 use super::camera::Camera;
-use crate::vision::picture::image::Image;
-use crate::vision::picture::size::Size;
-use crate::vision::picture::spans::Spans;
+use super::picture::{Image, Size, Spans};
 
 /// Brightness limits beyond which a pixel is clipped and says nothing about the light.
 const CLIPPED: (i32, i32) = (4, 250);
@@ -74,7 +68,6 @@ pub struct MotionDetector {
     half: Size2,
     now: Vec<u8>,
     before: Vec<u8>,
-    /// Sums over the surroundings of every pixel in the current and the previous frame.
     around_now: BoxSums,
     around_before: BoxSums,
     changed: Vec<u8>,
@@ -129,7 +122,6 @@ impl MotionDetector {
         }
     }
 
-    /// Marks the pixels that have moved and counts them.
     fn compare(&mut self) -> u32 {
         self.mark_changes();
         self.drop_isolated_changes();
@@ -141,8 +133,7 @@ impl MotionDetector {
     /// affected, the new edges decide: someone who comes into view close by brings many, but then
     /// the old edges have stayed.
     fn has_camera_moved(&self) -> bool {
-        let share =
-            |picture| edges::share_of_changed(picture, &self.moved, self.half).unwrap_or(0.0);
+        let share = |picture| share_of_changed(picture, &self.moved, self.half).unwrap_or(0.0);
         let gone = share(&self.before);
         gone > MAX_TILES || (gone > MANY_TILES && share(&self.now) > MAX_NEW_TILES)
     }
@@ -166,7 +157,6 @@ impl MotionDetector {
         ));
     }
 
-    /// Keeps a change only if enough of its neighbours changed too.
     fn drop_isolated_changes(&mut self) {
         let Size2 { w, h } = self.half;
         self.moved.clear();
@@ -204,5 +194,275 @@ impl MotionDetector {
     }
 }
 
+/// Half the side of a box: this many pixels on each side of the pixel.
+const REACH: usize = 7;
+
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+struct Size2 {
+    w: usize,
+    h: usize,
+}
+
+/// Sums over a square around every pixel; at the border the square is clipped.
+#[derive(Debug, Default)]
+struct BoxSums {
+    sums: Vec<u32>,
+    columns: Vec<u32>,
+}
+
+impl BoxSums {
+    /// Computes the sums with two running sums: down every column, then along every row.
+    fn sum(&mut self, values: &[u8], Size2 { w, h }: Size2) {
+        self.sums.clear();
+        self.columns.clear();
+        self.columns.resize(w, 0);
+        let row = |y: usize| &values[y * w..][..w];
+        for y in 0..REACH.min(h) {
+            self.columns
+                .iter_mut()
+                .zip(row(y))
+                .for_each(|(sum, value)| *sum += u32::from(*value));
+        }
+        for y in 0..h {
+            if y + REACH < h {
+                self.columns
+                    .iter_mut()
+                    .zip(row(y + REACH))
+                    .for_each(|(sum, value)| *sum += u32::from(*value));
+            }
+            if y > REACH {
+                self.columns
+                    .iter_mut()
+                    .zip(row(y - REACH - 1))
+                    .for_each(|(sum, value)| *sum -= u32::from(*value));
+            }
+            let columns = &self.columns;
+            let mut sum: u32 = columns.iter().take(REACH).sum();
+            self.sums.extend((0..w).map(|x| {
+                sum += columns.get(x + REACH).copied().unwrap_or(0);
+                sum -= x.checked_sub(REACH + 1).map_or(0, |left| columns[left]);
+                sum
+            }));
+        }
+    }
+}
+
+/// Side of a tile of the half-size picture, pixels.
+const TILE: usize = 10;
+/// Moved pixels are also counted this far to the left and right of a tile.
+const AROUND_A_TILE: usize = 3;
+/// A vertical edge: a brightness difference of more than this between the pixels this far to each
+/// side.
+const EDGE: (i32, usize) = (25, 2);
+/// Least number of edge pixels, or of moved pixels, for a tile to count.
+const IN_A_TILE: u32 = 4;
+/// Least number of tiles with edges needed to tell whether the camera moved.
+const FEWEST_TILES: u32 = 8;
+
+/// The share of the tiles with vertical edges of this half-size picture in which pixels have moved (a
+/// moving camera changes most of them);
+/// `None` if too few tiles have edges.
+fn share_of_changed(picture: &[u8], moved_cells: &[u8], Size2 { w, h }: Size2) -> Option<f64> {
+    let (contrast, reach) = EDGE;
+    let mut tiles = 0u32;
+    let mut changed = 0u32;
+    for top in (0..h).step_by(TILE) {
+        for left in (0..w).step_by(TILE) {
+            let mut edges = 0;
+            let mut moved = 0;
+            for y in top..(top + TILE).min(h) {
+                let row = &picture[y * w..][..w];
+                for x in left.max(reach)..(left + TILE).min(w.saturating_sub(reach)) {
+                    let step = i32::from(row[x + reach]) - i32::from(row[x - reach]);
+                    edges += u32::from(step.abs() > contrast);
+                }
+                // An edge on the border of a tile may have moved into the next tile.
+                let right = (left + TILE + AROUND_A_TILE).min(w);
+                let cells = &moved_cells[y * w..][left.saturating_sub(AROUND_A_TILE)..right];
+                moved += cells.iter().map(|cell| u32::from(*cell)).sum::<u32>();
+            }
+            if edges >= IN_A_TILE {
+                tiles += 1;
+                changed += u32::from(moved >= IN_A_TILE);
+            }
+        }
+    }
+    (tiles >= FEWEST_TILES).then(|| f64::from(changed) / f64::from(tiles))
+}
+
 #[cfg(test)]
-mod tests;
+mod tests {
+    use image::{Rgb, RgbImage};
+    use imageproc::drawing::draw_filled_circle_mut;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// A room with furniture, lit with a brightness that may vary from left to right; the noise depends
+    /// on `seed`.
+    fn room(brightness: f64, slope: f64, ball: Option<(i32, i32)>, seed: u32) -> Image {
+        let mut picture = RgbImage::from_fn(320, 240, |x, y| {
+            let plank = if (x / 40 + y / 30).is_multiple_of(2) {
+                110
+            } else {
+                80
+            };
+            let shelf = if (200..260).contains(&x) && (40..120).contains(&y) {
+                40
+            } else {
+                plank
+            };
+            Rgb([shelf; 3])
+        });
+        if let Some(place) = ball {
+            draw_filled_circle_mut(&mut picture, place, 18, Rgb([210, 180, 60]));
+        }
+        let mut state = seed;
+        for (x, _, pixel) in picture.enumerate_pixels_mut() {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let noise = f64::from(state >> 29) - 4.0;
+            let light = brightness + slope * f64::from(x) / 320.0;
+            pixel.0 = pixel
+                .0
+                .map(|value| (f64::from(value) * light + noise).clamp(0.0, 255.0) as u8);
+        }
+        Image::from_rgb(&picture)
+    }
+
+    fn detector() -> MotionDetector {
+        MotionDetector::new(MotionOptions::default(), Camera::default())
+    }
+
+    #[test]
+    fn a_still_room_has_no_motion() {
+        let mut detector = detector();
+        for seed in 1..6 {
+            assert_eq!(detector.update(&room(1.0, 0.0, None, seed)).pixels, 0);
+        }
+    }
+
+    #[test]
+    fn a_rolling_ball_is_motion_where_it_rolls() {
+        let mut detector = detector();
+        for step in 0..6 {
+            let x = 60 + 12 * step;
+            let motion = detector.update(&room(1.0, 0.0, Some((x, 150)), 9 + step as u32));
+            if step > 0 {
+                let blob = motion.blobs[0];
+                assert!(motion.score > 0.002 && motion.pixels >= 150, "{motion:?}");
+                assert!(
+                    (blob.cx - f64::from(x - 6)).abs() < 12.0 && (blob.cy - 150.0).abs() < 12.0,
+                    "{blob:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_light_switched_on_is_not_motion() {
+        for (brightness, slope) in [(1.8, 0.0), (1.3, 0.9), (0.5, 0.0), (2.4, -1.3)] {
+            let mut detector = detector();
+            detector.update(&room(1.0, 0.0, None, 1));
+            let motion = detector.update(&room(brightness, slope, None, 2));
+            assert_eq!(motion.pixels, 0, "light {brightness} {slope}");
+            assert_eq!(detector.update(&room(brightness, slope, None, 3)).pixels, 0);
+        }
+    }
+
+    #[test]
+    fn a_ball_is_seen_even_while_the_light_changes() {
+        let mut detector = detector();
+        detector.update(&room(1.0, 0.0, Some((80, 150)), 1));
+        let motion = detector.update(&room(1.5, 0.0, Some((100, 150)), 2));
+        assert!(
+            motion.pixels > 150 && (motion.blobs[0].cx - 90.0).abs() < 15.0,
+            "{motion:?}"
+        );
+    }
+
+    /// The room shifted to the right by `by` pixels.
+    fn shifted(by: u32, ball: Option<(i32, i32)>) -> Image {
+        let mut picture = RgbImage::from_fn(320, 240, |x, y| {
+            let x = x + 400 - by;
+            let plank = if (x / 40 + y / 30).is_multiple_of(2) {
+                115
+            } else {
+                75
+            };
+            Rgb([plank; 3])
+        });
+        if let Some((x, y)) = ball {
+            draw_filled_circle_mut(&mut picture, (x + by as i32, y), 18, Rgb([210, 180, 60]));
+        }
+        Image::from_rgb(&picture)
+    }
+
+    #[test]
+    fn a_turned_camera_is_not_motion_and_a_ball_in_a_patterned_room_is() {
+        for by in [5, 9, 15, 30] {
+            let mut detector = detector();
+            detector.update(&shifted(0, None));
+            assert_eq!(detector.update(&shifted(by, None)).pixels, 0, "by {by}");
+            assert_eq!(detector.update(&shifted(by, None)).pixels, 0, "by {by}");
+            let motion = detector.update(&shifted(by, Some((100, 150))));
+            assert!(motion.pixels >= 150, "by {by}: {motion:?}");
+        }
+    }
+
+    /// A plain object beside stripes, some of which stay when the camera turns while others come into
+    /// view.
+    fn beside_a_plain_thing(turned: bool) -> Image {
+        let picture = RgbImage::from_fn(320, 240, |x, _| {
+            let striped = x < 130 || (turned && (160..260).contains(&x));
+            let moved = if turned && x >= 90 { 6 } else { 0 };
+            let stripe = if ((x + moved) / 12).is_multiple_of(2) {
+                115
+            } else {
+                75
+            };
+            Rgb([if striped { stripe } else { 95 }; 3])
+        });
+        Image::from_rgb(&picture)
+    }
+
+    #[test]
+    fn a_camera_turned_away_from_a_plain_object_is_not_motion() {
+        let mut detector = detector();
+        detector.update(&beside_a_plain_thing(false));
+        let motion = detector.update(&beside_a_plain_thing(true));
+        assert_eq!(motion.pixels, 0, "{motion:?}");
+    }
+
+    #[test]
+    fn nothing_is_compared_after_a_reset_or_another_size() {
+        let mut detector = detector();
+        detector.update(&room(1.0, 0.0, Some((80, 150)), 1));
+        detector.reset();
+        assert_eq!(
+            detector.update(&room(1.0, 0.0, Some((120, 150)), 1)).pixels,
+            0
+        );
+        for side in [0, 1, 2, 3, 17] {
+            let image = Image::from_rgb(&RgbImage::from_pixel(side, side, Rgb([9, 9, 9])));
+            detector.update(&image);
+            assert_eq!(detector.update(&image).pixels, 0);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn box_sums_equal_those_added_pixel_by_pixel(
+            (w, h) in (1usize..40, 1usize..30), values in proptest::collection::vec(any::<u8>(), 40 * 30),
+        ) {
+            let mut sums = BoxSums::default();
+            sums.sum(&values[..w * h], Size2 { w, h });
+            for (index, sum) in sums.sums.iter().enumerate() {
+                let around = |at: usize, limit: usize| at.saturating_sub(REACH)..(at + REACH + 1).min(limit);
+                let rows = around(index / w, h);
+                let plain: u32 =
+                    rows.flat_map(|y| around(index % w, w).map(move |x| (x, y))).map(|(x, y)| u32::from(values[y * w + x])).sum();
+                prop_assert_eq!(*sum, plain);
+            }
+        }
+    }
+}

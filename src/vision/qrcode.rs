@@ -10,7 +10,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use image::imageops::{self, FilterType};
 use image::{GenericImage, GenericImageView, GrayImage, Luma};
 
-use crate::vision::picture::image::Image;
+use crate::vision::picture::Image;
 
 /// Most codes that are read in one picture.
 pub const MAX_CODES: usize = 8;
@@ -25,7 +25,6 @@ const SQUARE_STEPS: u64 = 20_000;
 const COPIED_PER_STEP: usize = 16;
 /// The shade in which the crate first paints a square that it has found.
 const SQUARE_SHADE: u8 = 4;
-/// Greatest width of a picture that is enlarged.
 const WIDEST_ENLARGED: u32 = 400;
 
 /// A QR code that was read.
@@ -99,11 +98,9 @@ fn read<G: rqrr::BitGrid>(grid: &rqrr::Grid<G>) -> Option<QrCode> {
     })
 }
 
-/// Counts the work of a search.
 #[derive(Debug, Default)]
 struct Meter {
     steps: Cell<u64>,
-    /// Squares that look like the corner of a code.
     squares: Cell<u32>,
 }
 
@@ -119,10 +116,8 @@ impl Meter {
     }
 }
 
-/// A grey picture that counts each access.
 struct MeteredImage<'a> {
     picture: GrayImage,
-    /// The shade of the pixel that was painted last.
     last_shade: u8,
     meter: &'a Meter,
 }

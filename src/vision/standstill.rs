@@ -11,8 +11,8 @@
 use std::time::Duration;
 
 use super::camera::Camera;
-use crate::vision::picture::image::Image;
-use crate::vision::picture::size::Size;
+use crate::vision::picture::Image;
+use crate::vision::picture::Size;
 
 /// Height of the lens above the floor, metres.
 const LENS_HEIGHT: f64 = 0.2;
@@ -22,7 +22,6 @@ const BANDS: [(f64, f64); 4] = [(-0.7, -0.35), (-0.35, 0.0), (0.25, 0.62), (0.62
 /// the height.
 const STRIPS: usize = 8;
 const TOP: f64 = 0.36;
-/// The strips ahead of the robot.
 const AHEAD: std::ops::Range<usize> = 3..5;
 /// If the brightness of a strip changes by less than this from the rows above to the rows below
 /// everywhere, of 255, it shows a single surface from above the height of the lens to the bottom.
@@ -240,7 +239,6 @@ impl Tally {
         self.asked[0] + self.asked[1]
     }
 
-    /// The share that found the camera still.
     fn share(&self) -> f64 {
         f64::from(self.still[0] + self.still[1]) / f64::from(self.count().max(1))
     }
@@ -268,9 +266,7 @@ impl Tally {
     }
 }
 
-/// The expected movement between the pictures.
 struct Expected {
-    /// Metres driven forward.
     way: f64,
     /// Half-size pixels by which a turn on the spot shifts the middle of the picture to the right.
     turned: f64,
@@ -311,7 +307,6 @@ impl Expected {
         depth / (depth - self.way).max(0.05)
     }
 
-    /// Asks the columns of a band.
     fn ask_band(&self, before: &[f32], now: &[f32], rows: f64, shift: i32, votes: &mut Tally) {
         let middle = before.len() as f64 / 2.0 - 0.5;
         let growth = [false, true].map(|plain| self.growth(rows, plain));
@@ -334,7 +329,6 @@ impl Expected {
         }
     }
 
-    /// Asks the rows of a strip.
     fn ask_strip(&self, before: &[f32], now: &[f32], horizon: f64, right: bool, votes: &mut Tally) {
         for (row, value) in now.iter().enumerate() {
             let y = row as f64 + 0.5 - horizon;
@@ -350,7 +344,6 @@ impl Expected {
     }
 }
 
-/// The linearly interpolated value at a position.
 fn at(values: &[f32], place: f64) -> Option<f64> {
     if place < 0.0 {
         return None;

@@ -10,9 +10,8 @@ use std::time::Duration;
 
 use super::blobs::Blob;
 use super::camera::Camera;
-use crate::vision::picture::size::Size;
+use crate::vision::picture::Size;
 
-/// Most blobs per frame, and most tracks, that are processed.
 const MAX_TRACKS: usize = 64;
 /// How many times `max_lost` a track may stay hidden in another track's blob.
 const HIDDEN_PATIENCE: u32 = 6;
@@ -70,7 +69,6 @@ pub struct Track {
     pub blob: Blob,
     x: f64,
     y: f64,
-    /// For how many frames the track has shared a blob.
     hidden: u32,
 }
 
@@ -85,11 +83,9 @@ pub struct Tracker {
     /// The tracks seen often enough, as reported.
     tracks: Vec<Track>,
     pairs: Vec<(f64, usize, usize)>,
-    /// The blob assigned to each track.
     owned: Vec<Option<usize>>,
     /// For each track without a blob, the other track's blob that hides it.
     hosts: Vec<Option<usize>>,
-    /// The number of tracks in each blob.
     crowd: Vec<u32>,
 }
 
@@ -271,7 +267,6 @@ impl Track {
         self.y += self.vy * step;
     }
 
-    /// Squared distance of a blob from the predicted position.
     fn cost(&self, blob: &Blob) -> f64 {
         (blob.cx - self.x).powi(2) + (blob.cy - self.y).powi(2)
     }

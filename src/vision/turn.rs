@@ -2,7 +2,7 @@
 //! horizon.
 
 use super::camera::Camera;
-use crate::vision::picture::image::Image;
+use crate::vision::picture::Image;
 
 /// Angle between two neighbouring samples of a skyline, radians.
 const STEP: f64 = std::f64::consts::PI / 720.0;

@@ -1,6 +1,6 @@
 //! The time of day for scripts: the computer's, or the simulation's.
 
-use crate::rig::{QUIET_WORLD, Rig, assert_contains, run_spykee};
+use crate::rig::{QUIET_WORLD, Rig, assert_contains, run_spykee, succeed};
 
 const TELLS: &str = "
 for _ = 1, 3 do
@@ -45,8 +45,7 @@ async fn a_script_in_its_own_process_has_the_date_of_the_simulation() {
     rig.file("spykee.yaml", "time_zone: America/New_York\n");
     let date = ["--date", "2026-07-04 12:00"];
     let args = [&["run", "tells.lua", "--sim", "world.yaml"][..], &date].concat();
-    let (code, text) = run_spykee(&rig, &args).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&rig, &args).await;
     assert_contains(&text, &["it is 2026-07-04 12:0", "America/New_York"]);
     assert_contains(&text, &["1969-12-31 19:00:00 20638"]);
     let robot = ["run", "tells.lua", "--robot", &rig.address];
@@ -82,8 +81,7 @@ scenario('puts the light on at night', { world = 'playpen', limit = 40000 }, fun
     expect(not fine, 'no date')
 end)",
     );
-    let (code, text) = run_spykee(&rig, &["test", "night_test.lua"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["test", "night_test.lua"]).await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -112,8 +110,7 @@ async fn days_of_service_pass_in_virtual_time_across_a_clock_change() {
         "--seed",
         "7",
     ];
-    let (code, text) = run_spykee(&rig, &args).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&rig, &args).await;
     assert_eq!(text.matches("on my way").count(), 4, "{text}");
     assert_eq!(text.matches("starts by the timetable").count(), 4);
     assert_contains(&text, &["planned for Mon 2026-03-30 09:00"]);

@@ -8,7 +8,9 @@ use spykee::sim::Firmware;
 use spykee::wire::{Command, Engage, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, docked, moves, run_spykee};
+use crate::rig::{
+    QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, docked, moves, run_spykee, succeed,
+};
 
 const DRIVE: &str = "while true do robot.move(30, 30, 0.5) end";
 const IDLE: &str = "task.wait(600)";
@@ -52,16 +54,14 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
         (&[], ("40", 40)),
     ] {
         let ask = |args: &[&'static str]| [&["robot"], args, robot].concat();
-        let (code, text) = run_spykee(&rig, &ask(&["battery"])).await;
-        assert_eq!(code, Some(0), "{text}");
+        let text = succeed(&rig, &ask(&["battery"])).await;
         assert_contains(&text, &["90 %"]);
         let (code, text) = run_spykee(&rig, &ask(&["battery", "--json"])).await;
         assert_eq!((code, json(&text)["percent"].as_u64()), (Some(0), Some(90)));
         assert!(json(&text).get("minutes_left").is_some(), "{text}");
         let (_, text) = run_spykee(&rig, &ask(&["info", "--json"])).await;
         assert_eq!(json(&text)["uid"].as_str(), Some("SPYKEE0001"), "{text}");
-        let (code, text) = run_spykee(&rig, &ask(&["snapshot", "-o", "seen.jpg"])).await;
-        assert_eq!(code, Some(0), "{text}");
+        succeed(&rig, &ask(&["snapshot", "-o", "seen.jpg"])).await;
         let jpeg = std::fs::read(rig.folder().join("seen.jpg")).unwrap();
         spykee::vision::validate_markers(&jpeg).unwrap();
         for (args, wanted) in [
@@ -70,22 +70,19 @@ async fn a_run_reports_its_state_and_carries_out_requests() {
             (&["volume", volume], Command::Volume(told)),
         ] {
             let from = rig.sim.heard_count();
-            let (code, text) = run_spykee(&rig, &ask(args)).await;
-            assert_eq!(code, Some(0), "{text}");
+            succeed(&rig, &ask(args)).await;
             rig.heard(from, |command| *command == wanted).await;
         }
     }
     for on in [true, false] {
         let from = rig.sim.heard_count();
         let word = if on { "on" } else { "off" };
-        let (code, text) = run_spykee(&rig, &["robot", "led", "flash", word]).await;
-        assert_eq!(code, Some(0), "{text}");
+        succeed(&rig, &["robot", "led", "flash", word]).await;
         let led = Led::Flash;
         rig.heard(from, |command| *command == Command::Led { led, on })
             .await;
     }
-    let (code, text) = run_spykee(&rig, &["robot", "undock"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["robot", "undock"]).await;
     let (code, text) = run_spykee(&rig, &["robot", "log", "--robot", &rig.address]).await;
     assert_eq!(code, Some(3), "{text}");
     assert_contains(&text, &["a run uses the robot"]);
@@ -115,13 +112,11 @@ async fn a_sound_file_is_played_through_a_run_and_without_one() {
             .sum()
     };
     let say = ["robot", "say", "hello.wav", "--robot", &rig.address];
-    let (code, text) = run_spykee(&rig, &say).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &say).await;
     assert_eq!(spoken(0), 32_000);
     let _run = running(&rig, IDLE).await;
     let from = rig.sim.heard_count();
-    let (code, text) = run_spykee(&rig, &say).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &say).await;
     assert_eq!(spoken(from), 32_000);
     rig.file("no.wav", "RIFF");
     let (code, text) = run_spykee(&rig, &["robot", "say", "no.wav"]).await;
@@ -134,15 +129,13 @@ async fn stop_stops_what_a_run_drives_and_ends_the_run() {
     let rig = Rig::quiet().await;
     let mut run = running(&rig, DRIVE).await;
     let moving = rig.heard_motion(0).await;
-    let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&rig, &["robot", "stop"]).await;
     assert_contains(&text, &["has acknowledged it"]);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
     let stopped = rig.heard_stop(moving).await;
     assert!(!rig.commands(stopped).iter().any(moves));
     assert!(!rig.sim.state().moving());
-    let (code, text) = run_spykee(&rig, &["status"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&rig, &["status"]).await;
     assert_contains(&text, &["no run is active"]);
     let sockets = rig.folder().join("spykee-data/.run");
     assert!(!sockets.exists(), "the folder of the sockets is left");
@@ -160,8 +153,7 @@ async fn a_config_that_cannot_be_used_does_not_prevent_a_stop() {
     assert_eq!(run.code().await, Some(130), "{}", run.text());
     let stopped = rig.heard_stop(moving).await;
     let stop = ["robot", "stop", "--robot", &rig.address];
-    let (code, text) = run_spykee(&rig, &stop).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &stop).await;
     rig.heard_stop(stopped + 1).await;
     let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
     let told = text.contains("unknown key") && text.contains("--robot");
@@ -192,8 +184,7 @@ async fn stop_overrides_the_watchdogs_search_and_reports_the_low_battery() {
     rig.heard_motion(0).await;
     rig.sim.set_battery(12.0);
     rig.heard_dock(0).await;
-    let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&rig, &["robot", "stop"]).await;
     assert_contains(&text, &["the battery is low"]);
     assert_eq!(run.code().await, Some(5), "{}", run.text());
     let tracks = |command: &Command| matches!(command, Command::Move { .. } | Command::Engine(_));
@@ -249,8 +240,7 @@ async fn the_socket_of_a_killed_run_disturbs_nothing() {
     assert_eq!((code, &*text), (Some(0), "[]"));
     let free = rig.sim.wait_state(|state| state.user.is_none());
     timeout(WAIT_LIMIT, free).await.unwrap();
-    let (code, text) = run_spykee(&rig, &["robot", "battery", "--robot", &rig.address]).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&rig, &["robot", "battery", "--robot", &rig.address]).await;
     assert_contains(&text, &["90 %"]);
     let _run = running(&rig, IDLE).await;
     assert!(!socket.exists());
@@ -304,19 +294,16 @@ async fn a_simulated_run_accepts_requests_and_two_runs_must_be_told_apart() {
     home.file("world.yaml", QUIET_WORLD);
     let mut first = home.spykee(&["run", "script.lua", "--sim", "world.yaml"]);
     first.says("connected").await;
-    let (code, text) = run_spykee(&home, &["robot", "battery"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&home, &["robot", "battery"]).await;
     assert_contains(&text, &["90 %"]);
     let second = home.spykee(&["run", "script.lua", "--robot", &home.address]);
     second.says("connected").await;
     let (code, text) = run_spykee(&home, &["robot", "battery"]).await;
     assert_eq!(code, Some(2), "{text}");
     assert_contains(&text, &["several runs"]);
-    let (code, text) = run_spykee(&home, &["robot", "battery", "--robot", &home.address]).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&home, &["robot", "battery", "--robot", &home.address]).await;
     assert_contains(&text, &["90 %"]);
     drop(second);
-    let (code, text) = run_spykee(&home, &["robot", "stop"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&home, &["robot", "stop"]).await;
     assert_eq!(first.code().await, Some(130), "{}", first.text());
 }

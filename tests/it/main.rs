@@ -67,4 +67,3 @@ mod untrusted_peers;
 mod vision;
 mod waiting;
 mod world;
-mod worlds;

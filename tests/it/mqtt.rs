@@ -3,10 +3,8 @@
 
 mod access;
 mod broker;
-mod encrypted;
 mod fleet;
 mod outage;
-mod stop;
 mod topic;
 
 use std::time::Duration;

@@ -5,7 +5,7 @@ use rustix::process::Signal;
 use serde_json::Value;
 use spykee::wire::{Command, Sound};
 
-use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, run_spykee};
+use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, run_spykee, succeed};
 
 const CONFIG: &str = "link: { longest_pause: 0.3 }\ntime_zone: UTC\nservice: { user: root }\n\
     live: { listen: '127.0.0.1:0' }\nbehaviours:\n- { file: asked.lua, start: asked }\n\
@@ -98,8 +98,7 @@ async fn tools_work_on_a_remote_service_with_the_same_output_and_codes() {
         "--url",
         &url,
     ];
-    let (code, text) = run_spykee(&elsewhere, &shot).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&elsewhere, &shot).await;
     assert!(image::open(elsewhere.folder().join("room.jpg")).is_ok());
     run.signal(Signal::TERM);
     assert_eq!(run.code().await, Some(0), "{}", run.text());
@@ -116,8 +115,7 @@ async fn a_behaviour_that_was_started_for_a_time_ends_after_it() {
     for (place, more) in [(&rig, &[][..]), (&elsewhere, &["--url", &url][..])] {
         let from = rig.sim.heard_count();
         let start = [&["behaviour", "start", "asked", "--for", "0.9"][..], more].concat();
-        let (code, text) = run_spykee(place, &start).await;
-        assert_eq!(code, Some(0), "{text}");
+        let text = succeed(place, &start).await;
         assert_contains(&text, &["runs, for 0:00:01 at most"]);
         rig.heard(from, |command| *command == Command::Play(Sound::Bomb))
             .await;
@@ -154,8 +152,7 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
     let rig = Rig::quiet().await;
     let elsewhere = Rig::quiet().await;
     rig.file("spykee.yaml", CONFIG);
-    let (code, made) = run_spykee(&rig, &["token", "new", "sofa", "--role", "driver"]).await;
-    assert_eq!(code, Some(0), "{made}");
+    let made = succeed(&rig, &["token", "new", "sofa", "--role", "driver"]).await;
     let token = made.lines().find(|line| line.starts_with("spykee_"));
     let token = token.unwrap_or_else(|| panic!("{made}"));
     let (mut run, url) = serve(&rig).await;
@@ -179,8 +176,7 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
     rig.heard(0, |command| *command == Command::Volume(38))
         .await;
     // STOP stays in force, and the service continues.
-    let (code, text) = run_spykee(&elsewhere, &[&["robot", "stop"], &right[..]].concat()).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&elsewhere, &[&["robot", "stop"], &right[..]].concat()).await;
     assert_contains(&text, &["reset-stop"]);
     assert!(run.lives());
     // The config can name the service, too.
@@ -189,8 +185,7 @@ async fn without_a_token_requests_are_refused_and_so_are_tools_that_need_the_rob
         &format!("remote: {{ url: '{url}', token_file: token }}\n"),
     );
     let named = ["status", "--config", "spykee.yaml"];
-    let (code, text) = run_spykee(&elsewhere, &named).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&elsewhere, &named).await;
     assert_contains(&text, &["stopped by a person"]);
     let log = ["robot", "log", "--config", "spykee.yaml"];
     let (code, text) = run_spykee(&elsewhere, &log).await;
@@ -222,8 +217,7 @@ async fn the_metrics_contain_the_time_from_a_frame_to_the_move_that_answers_it()
         robot.on('frame', function() power = 50 - power robot.move(power, power) end) task.wait(600)";
     let (mut run, url) = serve(&rig).await;
     rig.file("asked.lua", follows);
-    let (code, text) = run_spykee(&rig, &["behaviour", "start", "asked"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["behaviour", "start", "asked"]).await;
     let counted = |text: &str| {
         let line = text
             .lines()

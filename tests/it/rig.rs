@@ -121,6 +121,13 @@ pub async fn run_spykee(rig: &Rig, args: &[&str]) -> (Option<i32>, String) {
     (code, run.text())
 }
 
+/// Like [`run_spykee`] for a command that must succeed: its output.
+pub async fn succeed(rig: &Rig, args: &[&str]) -> String {
+    let (code, text) = run_spykee(rig, args).await;
+    assert_eq!(code, Some(0), "{args:?}: {text}");
+    text
+}
+
 impl Rig {
     pub async fn quiet() -> Rig {
         Rig::new(QUIET_WORLD, Firmware::default()).await

@@ -3,7 +3,7 @@
 use rustix::process::Signal;
 use spykee::wire::Command;
 
-use crate::rig::{Rig, Run, assert_contains, moves, run_spykee};
+use crate::rig::{Rig, Run, assert_contains, moves, run_spykee, succeed};
 
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 const IDLES: &str = "task.wait(600)";
@@ -44,11 +44,9 @@ async fn a_behaviour_stops_and_starts_by_name_while_another_continues() {
         !rig.commands(stopped).iter().any(moves),
         "the robot still moves"
     );
-    let (code, text) = run_spykee(&rig, &["behaviour", "start", "drive"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["behaviour", "start", "drive"]).await;
     rig.heard_motion(after).await;
-    let (code, text) = run_spykee(&rig, &["behaviour", "list"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&rig, &["behaviour", "list"]).await;
     assert_contains(&text, &["cancelled"]);
     run.signal(Signal::INT);
     assert_eq!(run.code().await, Some(130), "{}", run.text());
@@ -140,8 +138,7 @@ async fn a_run_ends_when_its_last_behaviour_is_stopped() {
     let rig = Rig::quiet().await;
     let mut run = rig.run(DRIVES);
     rig.heard_motion(0).await;
-    let (code, text) = run_spykee(&rig, &["behaviour", "stop", "script"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["behaviour", "stop", "script"]).await;
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let (code, text) = run_spykee(&rig, &["behaviour", "list"]).await;
     assert_eq!(code, Some(3), "{text}");

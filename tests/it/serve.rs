@@ -1,16 +1,15 @@
 //! `spykee serve`: runs a robot permanently.
 
-mod late_robot;
 mod manager;
 
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use rustix::process::Signal;
 use spykee::sim::{Firmware, Options, World};
 use spykee::wire::{Command, Led, Sound};
 use tokio::time::timeout;
 
-use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, docked, run_spykee};
+use crate::rig::{QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, docked, run_spykee, succeed};
 
 const DRIVES: &str = "while true do robot.move(30, 30, 0.5) end";
 
@@ -48,13 +47,11 @@ async fn behaviours_that_are_always_on_run_and_the_service_outlives_all_behaviou
     );
     let mut run = serve(&rig);
     let moving = rig.heard_motion(0).await;
-    let (code, text) = run_spykee(&rig, &["behaviour", "stop", "drive"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["behaviour", "stop", "drive"]).await;
     rig.heard_stop(moving).await;
     assert!(!rig.commands(0).contains(&Command::Volume(43)));
     // It continues without behaviours, and starts those that a person requests.
-    let (code, text) = run_spykee(&rig, &["behaviour", "start", "asked"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["behaviour", "start", "asked"]).await;
     rig.heard(0, |command| *command == Command::Volume(43))
         .await;
     assert!(run.lives());
@@ -150,15 +147,13 @@ async fn a_run_that_a_person_has_ended_is_not_resumed() {
     let mut run = serve(&rig);
     rig.heard_motion(0).await;
     recorded(&rig).await;
-    let (code, text) = run_spykee(&rig, &["robot", "stop"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["robot", "stop"]).await;
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     let left = record(&rig);
     assert!(left.contains("looked") && !left.contains("drive"), "{left}");
     let mut next = serve(&rig);
     next.says("connected").await;
-    let (code, text) = run_spykee(&rig, &["robot", "volume", "37"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["robot", "volume", "37"]).await;
     assert!(!next.text().contains("resumes"), "{}", next.text());
     ends_well(&mut next).await;
 }
@@ -247,8 +242,7 @@ async fn an_idle_robot_is_sent_home() {
     let mut run = serve(&rig);
     let dock = rig.heard_dock(0).await;
     // A start cancels that.
-    let (code, text) = run_spykee(&rig, &["behaviour", "start", "asked"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["behaviour", "start", "asked"]).await;
     let moving = rig.heard_motion(dock).await;
     assert_eq!(
         run_spykee(&rig, &["behaviour", "stop", "asked"]).await.0,
@@ -277,8 +271,7 @@ async fn an_idle_robot_on_its_station_is_disconnected_and_connected_again_on_req
     timeout(WAIT_LIMIT, free())
         .await
         .expect("another user cannot log in");
-    let (code, text) = run_spykee(&rig, &["status"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&rig, &["status"]).await;
     assert_contains(&text, &["free for others"]);
     let (code, text) = run_spykee(&rig, &["robot", "volume", "37"]).await;
     assert_eq!(code, Some(0), "{text} {}", run.text());
@@ -321,8 +314,7 @@ async fn in_quiet_hours_scripts_make_no_sound_but_a_person_may() {
     };
     let heard = rig.commands(0);
     assert!(!heard.contains(&laser) && !heard.contains(&flash));
-    let (code, text) = run_spykee(&rig, &["robot", "play", "laser"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["robot", "play", "laser"]).await;
     rig.heard(0, |command| *command == laser).await;
     ends_well(&mut run).await;
 }
@@ -421,8 +413,7 @@ async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
                 - { run: patrol, at: '0 10 * * *' }\n- { run: patrl, at: '0 12 * * *' }\n";
     config(&rig, "", rest);
     let from = ["--from", "2026-05-04 08:00", "--config", "spykee.yaml"];
-    let (code, text) = run_spykee(&rig, &[&["schedule", "--next", "4"], &from[..]].concat()).await;
-    assert_eq!(code, Some(0), "{text}");
+    let text = succeed(&rig, &[&["schedule", "--next", "4"], &from[..]].concat()).await;
     let lines: Vec<&str> = text.lines().collect();
     assert!(
         lines[1].starts_with("Mon 2026-05-04 09:00  patrol     11:00"),
@@ -448,4 +439,44 @@ async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
     let mut run = serve(&rig);
     assert_eq!(run.code().await, Some(2), "{}", run.text());
     assert_contains(&run.text(), &["the timetable runs `patrl`"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_start_waits_for_the_robot_also_if_the_service_restarts_meanwhile() {
+    let home = Rig::quiet().await;
+    let listener = std::net::TcpListener::bind("127.0.7.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    drop(listener);
+    home.file("drive.lua", DRIVES);
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
+    let minute = now.as_secs() / 60 - 1;
+    let at = format!("{} {} * * *", minute % 60, minute / 60 % 24);
+    let schedule = format!("schedule:\n- {{ run: drive, at: '{at}', for: 1h }}\n");
+    config(
+        &home,
+        "",
+        &format!("behaviours:\n- file: drive.lua\n{schedule}"),
+    );
+    let robot = address.to_string();
+    let args = ["serve", "--config", "spykee.yaml", "--robot", &robot];
+    let mut run = home.spykee(&args);
+    let record = home.folder().join("spykee-data/schedule.json");
+    let kept = async {
+        while !std::fs::read_to_string(&record).is_ok_and(|text| text.contains("drive")) {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    };
+    let kept = timeout(WAIT_LIMIT, kept).await;
+    kept.unwrap_or_else(|_| panic!("not recorded:\n{}", run.text()));
+    run.signal(Signal::KILL);
+    run.status().await;
+    let options = Options {
+        listen: address,
+        ..Options::default()
+    };
+    let late = Rig::with(World::from_yaml(QUIET_WORLD, "test").unwrap(), options).await;
+    let mut next = home.spykee(&args);
+    next.says("starts by the timetable").await;
+    late.heard_motion(0).await;
+    ends_well(&mut next).await;
 }

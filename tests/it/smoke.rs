@@ -11,7 +11,7 @@ use spykee::simulation::{self, Recorder, Simulation};
 use tokio::time::timeout;
 
 use crate::long_runs::explore::explore;
-use crate::long_runs::rescue::place::Start;
+use crate::long_runs::rescue::Start;
 use crate::long_runs::rescue::{Name, Place, Row, Strategy, heading, play_all};
 use crate::long_runs::soak::{self, Ledger, soak};
 use crate::long_runs::{behaviour, month, two_rooms};

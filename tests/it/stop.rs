@@ -7,7 +7,7 @@ use spykee::wire::{Command, Engage};
 use tokio::time::{sleep, timeout};
 
 use crate::live::browser::{address, ask};
-use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, moves, run_spykee};
+use crate::rig::{Rig, Run, WAIT_LIMIT, assert_contains, moves, run_spykee, succeed};
 
 /// Asks to drive again and again; after each attempt it sets another volume.
 const DRIVE: &str = "local v = 40 while true do robot.move(30, 30, 0.2) v = 81 - v \
@@ -102,8 +102,7 @@ async fn a_stop_that_was_left_behind_holds_for_every_program_but_simulations() {
     // The battery is good and nothing was searched for: only the login's repeated STOP sends this.
     rig.heard_cancel(from).await;
     tries_in_vain(&rig, from).await;
-    let (code, text) = run_spykee(&rig, &["robot", "reset-stop"]).await;
-    assert_eq!(code, Some(0), "{text}");
+    succeed(&rig, &["robot", "reset-stop"]).await;
     rig.heard_motion(from).await;
     kept(&rig, false).await;
     drop(run);
@@ -114,8 +113,7 @@ async fn a_stop_that_was_left_behind_holds_for_every_program_but_simulations() {
     assert!(!text.contains("STOP"), "{text}");
     kept(&rig, true).await;
     for words in ["released", "nothing to release"] {
-        let (code, text) = run_spykee(&rig, &["robot", "reset-stop"]).await;
-        assert_eq!(code, Some(0), "{text}");
+        let text = succeed(&rig, &["robot", "reset-stop"]).await;
         assert_contains(&text, &[words]);
     }
     kept(&rig, false).await;

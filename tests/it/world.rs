@@ -2,10 +2,11 @@
 
 use std::time::Duration;
 
-use spykee::sim::{Firmware, Pose, Robot, TraceEventKind, World};
+use spykee::sim::{Firmware, Pose, Robot, StationDistances, TraceEventKind, World};
 use spykee::vision::{Camera, Colour, Decoder, FrameAnalyser, brightness, find_qrcodes};
 use spykee::wire::{Command, Report, Stream};
 
+use crate::flats::flat;
 use crate::rig::{assert_contains, command, run_in};
 
 const STEP: Duration = Duration::from_millis(20);
@@ -231,4 +232,31 @@ fn a_pushed_ball_rolls_and_a_collision_with_a_walker_names_it() {
             .iter()
             .any(|e| matches!(e.kind, TraceEventKind::Collision(_)))
     );
+}
+
+#[test]
+fn the_robot_can_start_in_every_flat_and_get_to_its_station_and_into_every_room() {
+    let mut rooms = [0; 6];
+    for seed in 1..=60 {
+        let flat = flat(seed);
+        // Reading the document checks that start and station are free and inside.
+        let distances = StationDistances::new(&flat.world);
+        let start = flat.world.start_pose().point();
+        assert!(distances.has_room(start), "seed {seed}: {start:?}");
+        assert!(distances.length(start).is_some(), "seed {seed}: {start:?}");
+        for place in &flat.places {
+            assert!(distances.length(*place).is_some(), "seed {seed}: {place:?}");
+        }
+        rooms[flat.places.len()] += 1;
+    }
+    assert!(
+        rooms[..2] == [0, 0] && rooms[2..].iter().all(|count| *count > 5),
+        "{rooms:?}"
+    );
+}
+
+#[test]
+fn the_same_seed_gives_the_same_flat_and_another_seed_another_one() {
+    assert_eq!(flat(7).yaml, flat(7).yaml);
+    assert_ne!(flat(7).yaml, flat(8).yaml);
 }

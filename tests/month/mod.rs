@@ -2,25 +2,35 @@
 //! is set back, power cuts on one data folder, a charging robot. Then the history's own account is held
 //! against the simulator's, and what should not grow is measured.
 
-mod calendar;
 mod compare;
-mod ground_truth;
-mod service_fixture;
 
 use std::path::Path;
 use std::time::Duration;
 
-use spykee::clock;
+use jiff::civil::Date;
+use jiff::tz::TimeZone;
+use jiff::{SignedDuration, Timestamp, ToSpan as _, Zoned};
+use rand::rngs::StdRng;
+use rand::{RngExt, SeedableRng};
+use spykee::agent::{
+    Agent, AgentError, BehaviourSpec, Bus, ConnectAttempts, Outcome, retry_until_connected,
+};
+use spykee::clock::{Clock, Span};
+use spykee::journal::{Options, RunInfo, SimulationJournal};
+use spykee::robot::{Priority, Streams, Use};
+use spykee::service::{IdlePolicy, ManagerNotifier, RecordFile, Service, ServicePlan, View};
 use spykee::sim::World;
-use spykee::simulation::{self, Simulation};
+use spykee::simulation::Simulation;
+use spykee::timetable::{Rule, Timetable};
+use spykee::{clock, link, script, simulation};
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
 use tokio::time::sleep;
+use tokio_util::sync::CancellationToken;
 
+use self::compare::{Comparison, GroundTruth, LOOK_EVERY, note};
 use super::soak::{Ledger, Size};
-use super::{begin_fault, observed};
-use calendar::{Trouble, Wall, begins};
-use compare::Comparison;
-use ground_truth::{GroundTruth, LOOK_EVERY, note};
-use service_fixture::{KEEPS, ServiceFixture};
+use super::{begin_fault, behaviour, observed};
 
 /// A month without one of these put to the test proves nothing.
 pub const CORE: [&str; 14] = [
@@ -99,7 +109,7 @@ pub fn serve(days: u64, seed: u64, data: &Path, progress: Progress<'_>) -> Ledge
 
 impl Month<'_> {
     async fn live(&mut self, days: u64, progress: Progress<'_>) {
-        let mut troubles = calendar::troubles(days, self.seed).into_iter().peekable();
+        let mut troubles = troubles(days, self.seed).into_iter().peekable();
         let mut day = 0;
         let mut first = None;
         while self.simulation.now() < DAY * u32::try_from(days).unwrap() {
@@ -273,4 +283,347 @@ pub fn folder_bytes(folder: &Path) -> u64 {
     let files = files(folder);
     let bytes = files.iter().filter_map(|file| file.metadata().ok());
     bytes.map(|file| file.len()).sum()
+}
+
+/// Days that the journal remembers, and how large it may be.
+pub const KEEPS: Options = Options {
+    record: spykee::journal::When::On,
+    keep_days: 10,
+    max_mib: 8,
+};
+/// A light of the robot that is on for as long as a patrol runs: the robot's own account of runs.
+const LIT_WHILE_RUNNING: &str = "robot.led('left', true) \
+                         script.on_stop(function() robot.led('left', false) end) ";
+const LOOK: &str = "robot.led('right', true)
+local frame = robot.wait_frame(5)
+local path = if frame then frame:save('look.jpg') else nil
+robot.stream('video', false)
+journal.add('looked', { seen = path ~= nil })
+robot.led('right', false)";
+
+/// A service that runs.
+pub struct ServiceFixture {
+    stop: CancellationToken,
+    service: JoinHandle<Result<Outcome, AgentError>>,
+    journal: SimulationJournal,
+}
+
+impl ServiceFixture {
+    pub fn open(simulation: &Simulation, data: &Path, seed: u64) -> ServiceFixture {
+        let bus = Bus::default();
+        let about = RunInfo {
+            target: "a simulated robot".to_owned(),
+            simulated: true,
+        };
+        let journal = SimulationJournal::start(&bus, data, KEEPS, about);
+        let service_plan = service_plan(data, seed);
+        let mut plan = simulation.plan(Vec::new());
+        plan.stays = true;
+        plan.specs = service_plan.specs.clone();
+        plan.connector = retry_until_connected(
+            plan.connector,
+            link::Options::default(),
+            seed,
+            ConnectAttempts::default(),
+        );
+        plan.bus = bus.clone();
+        let (agent, status) = Agent::new(plan);
+        // Nobody reloads.
+        let (_, reloads) = mpsc::channel(1);
+        let service = Service {
+            agent,
+            status,
+            clock: Clock::default(),
+            service_plan,
+            record: RecordFile::open_in_simulation(data),
+            notifier: ManagerNotifier::default(),
+            bus,
+            view: View::channel().0,
+            reloads,
+            ended_by_person: CancellationToken::new(),
+        };
+        let stop = CancellationToken::new();
+        let service = tokio::task::spawn_local(service.run(stop.clone()));
+        ServiceFixture {
+            stop,
+            service,
+            journal,
+        }
+    }
+
+    /// It has ended by itself.
+    pub fn is_over(&self) -> bool {
+        self.service.is_finished()
+    }
+
+    /// Ended without a word: nothing is written any more.
+    pub fn cut(self) {
+        self.service.abort();
+    }
+
+    /// As by SIGTERM.
+    pub async fn close(self) -> bool {
+        self.stop.cancel();
+        let ended = matches!(self.service.await, Ok(Ok(_)));
+        self.journal.finish().await;
+        ended
+    }
+}
+
+fn service_plan(data: &Path, seed: u64) -> ServicePlan {
+    let patrol = include_str!("../../behaviours/patrol.lua");
+    let scripts = [
+        ("patrol", format!("{LIT_WHILE_RUNNING}{patrol}")),
+        ("look", LOOK.to_owned()),
+    ];
+    let specs = scripts
+        .into_iter()
+        .zip(seed..)
+        .map(|((name, source), seed)| spec(name, source, seed, data));
+    let rule = |run: &str, at: &str, lasts: Option<Duration>| Rule {
+        run: run.to_owned(),
+        at: at.parse().unwrap(),
+        lasts: lasts.map(|lasts| Span::minutes(lasts.as_secs() / 60)),
+    };
+    ServicePlan {
+        specs: specs.collect(),
+        always: Vec::new(),
+        table: Timetable {
+            rules: vec![
+                rule("patrol", "0 9,21 * * *", Some(PATROL)),
+                rule("look", "30 14 * * *", None),
+            ],
+            zone: "Europe/Rome".parse().unwrap(),
+            quiet: Some("22:00-07:00".parse().unwrap()),
+            catch_up: Span::minutes(CATCH_UP.as_secs() / 60),
+        },
+        quiet_alarm: true,
+        idle: IdlePolicy {
+            release: false,
+            after: Duration::from_secs(60),
+            dock: true,
+        },
+    }
+}
+
+fn spec(name: &'static str, source: String, seed: u64, data: &Path) -> BehaviourSpec {
+    let streams = Streams {
+        // A patrol's pictures are not what is tested here.
+        video: if name == "patrol" {
+            Use::Off
+        } else {
+            Use::Auto
+        },
+        ..Streams::default()
+    };
+    let options = script::Options {
+        seed,
+        streams,
+        data_dir: Some(data.join(name)),
+        time_zone: "Europe/Rome".to_owned(),
+        ..script::Options::new(name, format!("{name}.lua"))
+    };
+    BehaviourSpec::new(name, Priority(0), move || {
+        Ok(behaviour(source.clone(), options.clone()))
+    })
+}
+
+/// In Rome: within thirty days its clock goes back by an hour.
+const BEGINS: &str = "2026-10-05T08:00:00[Europe/Rome]";
+/// A start that was missed by less is made up for.
+pub const CATCH_UP: Duration = Duration::from_secs(600);
+/// How long a patrol of the timetable lasts.
+pub const PATROL: Duration = Duration::from_secs(1800);
+const HOUR: u64 = 3600;
+const DAY_SECONDS: u64 = 24 * HOUR;
+
+/// The first look at the wall.
+pub fn begins() -> Timestamp {
+    BEGINS.parse::<Zoned>().unwrap().timestamp()
+}
+
+/// Where the wall is.
+pub fn rome() -> TimeZone {
+    TimeZone::get("Europe/Rome").unwrap()
+}
+
+/// What happens to the robot, the network, the computer or its clock.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Trouble {
+    /// A fault of the simulator, for so long; `SECONDS` stands for it.
+    Fault(&'static str, Duration),
+    /// For so long the robot does not find its station. The link is as good as ever.
+    StationUnseen(Duration),
+    /// The battery collapses to this, percent.
+    Battery(f64),
+    /// The computer is dark for so long. The robot hears no last word of it.
+    PowerCut(Duration),
+    /// The program is killed; its guardian stops the robot. Started again at once.
+    Killed,
+    /// Somebody sets the clock back by a day.
+    ClockBack,
+}
+
+/// A trouble and its time since the beginning.
+pub type Due = (Duration, Trouble);
+
+const OUTAGES: [&str; 7] = [
+    "{ fault: drop }",
+    "{ fault: reset }",
+    "{ fault: half_open, for: SECONDS }",
+    "{ fault: delay, seconds: 0.1, jitter: 0.2, for: SECONDS }",
+    "{ fault: reboot, for: SECONDS, state: kept }",
+    "{ fault: reboot, for: SECONDS, state: lost }",
+    "{ fault: take_over, for: SECONDS }",
+];
+
+/// All troubles of so many days, in their order. What must not be missing is in the first two.
+pub fn troubles(days: u64, seed: u64) -> Vec<Due> {
+    let mut rng = StdRng::seed_from_u64(seed);
+    let mut all = Vec::new();
+    let minutes = |minutes: u64| Duration::from_secs(minutes * 60);
+    let mut wall = Wall::new(begins());
+    for day in 0..days {
+        let began = Duration::from_secs(day * DAY_SECONDS);
+        let gone_at_night = day % 6 == 1;
+        // After the change of the clock the wall shows seven when so many days have passed.
+        let hour = wall.at(began).to_zoned(rome()).hour();
+        let eight = began + minutes(60) * u32::from(hour.abs_diff(8));
+        let mut at = |since_eight: u64, trouble: Trouble| {
+            let since = eight + Duration::from_secs(since_eight);
+            all.push((since, trouble));
+        };
+        for _ in 0..3 {
+            let what = OUTAGES[rng.random_range(0..OUTAGES.len())];
+            let seconds = rng.random_range(5..90);
+            let lasts = Duration::from_secs(seconds);
+            at(
+                rng.random_range(0..DAY_SECONDS),
+                Trouble::Fault(what, lasts),
+            );
+        }
+        // In the middle of the morning's patrol.
+        if day % 2 == 0 {
+            at(HOUR + 600, Trouble::PowerCut(minutes(3)));
+        }
+        if day % 3 == 1 {
+            at(HOUR + 700, Trouble::Killed);
+        }
+        if day % 4 == 1 {
+            at(HOUR + 900, Trouble::Battery(18.0));
+        }
+        // A low robot that finds no station sounds the alarm, in the evening's patrol.
+        if matches!(day % 5, 0 | 3) && !gone_at_night {
+            at(13 * HOUR + 300, Trouble::StationUnseen(minutes(12)));
+            at(13 * HOUR + 310, Trouble::Battery(19.0));
+        }
+        if day % 6 == 4 {
+            let broken = "{ fault: no_charge, for: SECONDS }";
+            at(3 * HOUR, Trouble::Fault(broken, minutes(100)));
+        }
+        // From half past eight in the evening to half past eight in the morning.
+        if gone_at_night {
+            let gone = "{ fault: reboot, for: SECONDS, state: kept }";
+            at(12 * HOUR + 1800, Trouble::Fault(gone, minutes(12 * 60)));
+        }
+        if day % 10 == 1 {
+            at(4 * HOUR, Trouble::ClockBack);
+            wall.set_back(eight + minutes(4 * 60), minutes(24 * 60));
+        }
+        if day % 3 == 2 {
+            let dark = minutes(rng.random_range(1..90));
+            at(
+                rng.random_range(5 * HOUR..12 * HOUR),
+                Trouble::PowerCut(dark),
+            );
+        }
+    }
+    all.retain(|(at, _)| *at < Duration::from_secs(days * DAY_SECONDS));
+    all.sort_by_key(|(at, _)| *at);
+    all
+}
+
+/// The starts that the timetable wants between two looks at the wall, by the calendar alone: patrols at
+/// nine and at twenty-one o'clock, a look at half past fourteen.
+pub fn planned(from: Timestamp, until: Timestamp) -> Vec<(Timestamp, &'static str)> {
+    let mut all = Vec::new();
+    let mut date: Date = from.to_zoned(rome()).date();
+    while date <= until.to_zoned(rome()).date() {
+        for (hour, minute, run) in [(9, 0, "patrol"), (14, 30, "look"), (21, 0, "patrol")] {
+            let wall = date.at(hour, minute, 0, 0).to_zoned(rome()).unwrap();
+            all.push((wall.timestamp(), run));
+        }
+        date = date.checked_add(1.day()).unwrap();
+    }
+    all.retain(|(at, _)| from < *at && *at <= until);
+    all
+}
+
+/// What the wall shows, as it was set: from which moment on, and what it showed then.
+#[derive(Debug, Clone)]
+pub struct Wall(Vec<(Duration, Timestamp)>);
+
+impl Wall {
+    pub fn new(begins: Timestamp) -> Wall {
+        Wall(vec![(Duration::ZERO, begins)])
+    }
+
+    pub fn at(&self, moment: Duration) -> Timestamp {
+        let (since, shown) = self.0[self.part_of(moment)];
+        shown + SignedDuration::try_from(moment - since).unwrap()
+    }
+
+    fn part_of(&self, moment: Duration) -> usize {
+        self.0
+            .iter()
+            .rposition(|(since, _)| *since <= moment)
+            .unwrap()
+    }
+
+    /// Somebody sets it back; what it shows from now on.
+    pub fn set_back(&mut self, moment: Duration, by: Duration) -> Timestamp {
+        let shown = self.at(moment) - by;
+        self.0.push((moment, shown));
+        shown
+    }
+
+    /// The moments at which the timetable wants starts, until this one.
+    pub fn planned(&self, until: Duration) -> Vec<(Duration, &'static str)> {
+        let ends = self
+            .0
+            .iter()
+            .skip(1)
+            .map(|(since, _)| *since)
+            .chain([until]);
+        let parts = self.0.iter().zip(ends);
+        let starts = parts.flat_map(|((since, shown), end)| {
+            let last = *shown + SignedDuration::try_from(end - *since).unwrap();
+            planned(*shown, last).into_iter().map(|(at, run)| {
+                let after = Duration::try_from(at.duration_since(*shown)).unwrap();
+                (*since + after, run)
+            })
+        });
+        starts.collect()
+    }
+
+    /// The moments of a journal's rows, which are in the order in which they were written: a time that
+    /// is hours before the one before is of a clock that was set back. The newest are of the last
+    /// part; the oldest may be of any, since a journal forgets.
+    pub fn moments(&self, rows: impl DoubleEndedIterator<Item = Timestamp>) -> Vec<Duration> {
+        let mut part = self.0.len() - 1;
+        let mut oldest = Timestamp::MAX;
+        let rows = rows.rev().map(|at| {
+            let set_back = at.duration_since(oldest) > SignedDuration::from_hours(12);
+            if set_back && part > 0 {
+                (part, oldest) = (part - 1, at);
+            }
+            oldest = oldest.min(at);
+            let (since, shown) = self.0[part];
+            let after = at.duration_since(shown);
+            since.saturating_add(Duration::try_from(after).unwrap_or(Duration::ZERO))
+        });
+        let mut moments: Vec<Duration> = rows.collect();
+        moments.reverse();
+        moments
+    }
 }

@@ -1,10 +1,10 @@
-//! Looks up thirty-two chroma samples at a time in cells; see [`super::cells`].
+//! Looks up thirty-two chroma samples at a time in cells; see [`super::palette`].
 
 use pulp::cast;
 use pulp::x86::V3;
 use std::arch::x86_64::{__m128i, __m256i};
 
-use crate::vision::picture::spans::Spans;
+use crate::vision::picture::Spans;
 
 /// Finds the groups of a row that contain live cells, if each Cb and Cr applies to `N` pixels.
 pub(super) struct LiveSpans<'a, const N: usize> {

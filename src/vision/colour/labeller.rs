@@ -1,16 +1,13 @@
 //! Labels the rows of a picture with a palette and skips the parts without any of its colours,
 //! usually most of it.
 
-use super::cells::Cell;
-use super::palette::{NO_COLOUR_ROW, Palette, level, pair_of};
-use crate::vision::picture::image::Image;
-use crate::vision::picture::spans::Spans;
-use crate::vision::vectors::Vectors;
+use super::palette::{Cell, NO_COLOUR_ROW, Palette, level, pair_of};
+use crate::vision::Vectors;
+use crate::vision::picture::{Image, Spans};
 
 /// Most cells that are settled per picture: each may take a tenth of a picture's decoding time.
 const MAX_SETTLED: u32 = 4;
 
-/// Applies a palette to one picture.
 pub(crate) struct Labeller<'a> {
     palette: &'a mut Palette,
     image: &'a Image,
@@ -158,9 +155,10 @@ impl<'a> Labeller<'a> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
     use crate::vision::Colour;
-    use proptest::prelude::*;
 
     proptest! {
         /// A row gets the same labels as pixel by pixel, whatever the subsampling, the first column

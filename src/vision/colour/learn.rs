@@ -7,9 +7,7 @@
 use thiserror::Error;
 
 use super::Colour;
-use crate::vision::picture::image::{Image, Roi};
-use crate::vision::picture::size::Size;
-use crate::vision::picture::space::hsv_of;
+use crate::vision::picture::{Image, Roi, Size, hsv_of};
 
 /// Least saturation and value, in percent, of a pixel with a usable hue.
 const LEAST_SATURATION: f64 = 22.0;
@@ -24,7 +22,6 @@ const AGREEMENT: f64 = 22.0;
 const HUE_MARGIN: f64 = 9.0;
 const SATURATION_MARGIN: f64 = 14.0;
 const VALUE_SHARE: f64 = 0.4;
-/// Most pixels that are sampled in one picture.
 const MAX_SAMPLES: u32 = 20_000;
 
 /// A colour learned from pictures.
@@ -208,10 +205,11 @@ impl Share {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::vision::{BlobFinder, BlobOptions, Camera, Palette};
     use image::{Rgb, RgbImage};
     use imageproc::drawing::draw_filled_circle_mut;
+
+    use super::*;
+    use crate::vision::{BlobFinder, BlobOptions, Camera, Palette};
 
     /// Colour of the light, as factors of red, green and blue: daylight, a warm bulb, a dim room.
     const LIGHTS: [[f64; 3]; 3] = [[1.0, 1.0, 1.0], [1.0, 0.86, 0.68], [0.5, 0.5, 0.55]];

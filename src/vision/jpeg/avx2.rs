@@ -61,7 +61,6 @@ pub(super) fn transform_two(v3: V3, blocks: [&[i16; 64]; 2]) -> [[[u8; 8]; 4]; 4
     [two(0), two(2), two(4), two(6)]
 }
 
-/// Transposes both blocks.
 #[inline(always)]
 fn turned(v3: V3, r: [__m256i; 8]) -> [__m256i; 8] {
     let avx2 = v3.avx2;

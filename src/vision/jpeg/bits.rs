@@ -5,16 +5,13 @@ use super::frame::FrameError;
 /// Zero bytes appended to the data, so that eight bytes can be read at once up to its end.
 const PADDING: usize = 16;
 
-/// A scan's data without byte stuffing, split at the restart markers.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Scan {
     bytes: Vec<u8>,
-    /// End offset of each restart interval.
     ends: Vec<usize>,
 }
 
 impl Scan {
-    /// Discards the previous scan.
     pub(crate) fn clear(&mut self) {
         self.bytes.clear();
         self.ends.clear();
@@ -61,7 +58,6 @@ impl Scan {
         }
     }
 
-    /// The number of restart intervals.
     pub(crate) fn intervals(&self) -> usize {
         self.ends.len()
     }
@@ -119,13 +115,11 @@ pub(crate) struct Bits<'a> {
     cursor: Cursor,
 }
 
-/// A read position in a bit stream.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Cursor {
     at: usize,
     /// The next bits, aligned to the top.
     buffer: u64,
-    /// Number of valid bits in the buffer, below 64.
     count: u32,
 }
 
@@ -156,7 +150,6 @@ impl Bits<'_> {
         (self.cursor.buffer >> (64 - bits)) as usize
     }
 
-    /// Consumes bits.
     #[inline(always)]
     pub(crate) fn skip(&mut self, bits: u32) {
         self.cursor.buffer <<= bits;
@@ -169,7 +162,6 @@ impl Bits<'_> {
         self.len as i64 * 8 - (self.cursor.at as i64 * 8 - i64::from(self.cursor.count))
     }
 
-    /// The current read position.
     pub(crate) fn cursor(&self) -> Cursor {
         self.cursor
     }

@@ -9,7 +9,6 @@ use bytes::Bytes;
 use jpeg_encoder::{ColorType, EncodingError, SamplingFactor};
 use serde::Deserialize;
 
-/// Red, green, blue and an unused byte.
 pub(crate) type Pixel = [u8; 4];
 
 /// How much of the chroma resolution a JPEG omits.
@@ -27,7 +26,6 @@ pub enum Subsampling {
     Quarter,
 }
 
-/// The corresponding value of `jpeg_encoder`.
 fn factor(subsampling: Subsampling) -> SamplingFactor {
     match subsampling {
         Subsampling::None => SamplingFactor::F_1_1,
@@ -40,7 +38,6 @@ fn factor(subsampling: Subsampling) -> SamplingFactor {
 pub struct Encoder {
     width: usize,
     subsampling: Subsampling,
-    /// The headers: everything before the pixel data.
     head: Vec<u8>,
     luma: Coder,
     chroma: Coder,
@@ -131,7 +128,6 @@ impl Encoder {
     }
 }
 
-/// The block of a plane that begins at this column and row.
 fn block(plane: &[f32], width: usize, column: usize, row: usize) -> Block {
     std::array::from_fn(|y| {
         let line = &plane[(row + y) * width + column..][..SIDE];
@@ -249,7 +245,6 @@ fn transform(block: &mut Block) {
     }
 }
 
-/// The transposed block.
 fn transposed(block: &Block) -> Block {
     std::array::from_fn(|i| std::array::from_fn(|j| block[j][i]))
 }
@@ -265,7 +260,6 @@ fn scale(coefficient: usize) -> f64 {
     scale * 8f64.sqrt()
 }
 
-/// The code of each symbol and its length in bits.
 type Codes = [(u32, u32); 256];
 
 /// The position in a transformed block of each coefficient in file order (T.81, figure A.6).
@@ -313,7 +307,6 @@ fn nonzero_ac(values: &[i16; SIDE * SIDE]) -> u64 {
     bits & !1
 }
 
-/// A file up to its pixel data.
 fn head(
     quality: u8,
     subsampling: Subsampling,
@@ -410,16 +403,13 @@ fn codes(head: &[u8], id: u8) -> Codes {
     codes
 }
 
-/// A file to which bits are appended.
 struct BitWriter {
     file: Vec<u8>,
-    /// The lowest `count` bits are not in the file yet.
     waiting: u64,
     count: u32,
 }
 
 impl BitWriter {
-    /// Starts a file with `head`.
     fn after(head: &[u8]) -> BitWriter {
         let mut file = Vec::with_capacity(16 * 1024);
         file.extend_from_slice(head);
@@ -439,13 +429,11 @@ impl BitWriter {
         self.push(code << len | bits, code_len + len);
     }
 
-    /// Writes the code of a symbol.
     fn push_code(&mut self, codes: &Codes, symbol: u8) {
         let (code, len) = codes[usize::from(symbol)];
         self.push(code, len);
     }
 
-    /// Writes at most 32 bits.
     fn push(&mut self, bits: u32, len: u32) {
         self.waiting = self.waiting << len | u64::from(bits);
         self.count += len;
@@ -467,7 +455,6 @@ impl BitWriter {
         }
     }
 
-    /// Completes the file.
     fn end(mut self) -> Bytes {
         while self.count > 0 {
             let missing = 8u32.saturating_sub(self.count);
@@ -529,7 +516,6 @@ mod tests {
         file
     }
 
-    /// Root mean square of the differences.
     fn error(image: &[u8], frame: &[Pixel]) -> f64 {
         let channels = frame.iter().flat_map(|pixel| &pixel[..3]);
         let differences = image

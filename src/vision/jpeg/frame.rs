@@ -6,7 +6,7 @@
 
 use thiserror::Error;
 
-use crate::vision::picture::size::{MAX_HEIGHT, MAX_WIDTH, Size};
+use crate::vision::picture::{MAX_HEIGHT, MAX_WIDTH, Size};
 
 /// Longest JPEG that is accepted, in bytes.
 pub const MAX_JPEG_LEN: usize = 4 << 20;
@@ -63,7 +63,6 @@ pub fn validate_markers(jpeg: &[u8]) -> Result<Size, FrameError> {
     Markers::read(jpeg).map(|markers| markers.size)
 }
 
-/// The information from a frame's markers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Markers {
     pub(crate) size: Size,
@@ -161,22 +160,18 @@ fn check_rest(data: &[u8], markers: &Markers) -> Result<(), FrameError> {
     }
 }
 
-/// A marker and the content after its length field.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Segment<'a> {
     pub(crate) marker: u8,
     pub(crate) body: &'a [u8],
 }
 
-/// Splits the part of a JPEG before its data into segments.
 pub(crate) struct Segments<'a> {
     jpeg: &'a [u8],
-    /// Offset of the next segment.
     pub(crate) at: usize,
 }
 
 impl<'a> Segments<'a> {
-    /// Starts after the start marker.
     pub(crate) fn new(jpeg: &'a [u8]) -> Self {
         Segments { jpeg, at: 2 }
     }
@@ -206,9 +201,80 @@ impl<'a> Segments<'a> {
     }
 }
 
+#[derive(Default)]
+struct Walk {
+    progressive: bool,
+    /// Whether a restart interval is set: the data then has restart markers.
+    restarts: bool,
+    seen: Vec<u8>,
+}
+
+/// Checks that the data of each scan of a JPEG that is not single-scan baseline ends where it may. The
+/// `image` crate takes a marker inside the data as its end and returns half a picture without an error.
+///
+/// # Errors
+/// [`FrameError::Damaged`] if a marker interrupts the data or a header is truncated.
+pub(crate) fn check_scans(jpeg: &[u8]) -> Result<(), FrameError> {
+    let mut walk = Walk::default();
+    let mut segments = Segments::new(jpeg);
+    loop {
+        let segment = segments.next()?;
+        match segment.marker {
+            0xC2 => walk.progressive = true,
+            0xDD => walk.restarts = segment.body.iter().any(|&byte| byte != 0),
+            0xDA => {
+                walk.scan(segment.body)?;
+                segments.at += walk.data(&jpeg[segments.at..])?;
+            }
+            0xD9 => return nothing_follows(&jpeg[segments.at..]),
+            0x01..=0xBF | 0xD0..=0xD8 => {
+                return Err(FrameError::damaged("a marker is at an invalid position"));
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Walk {
+    /// Checks a scan header. Unless the picture is progressive, each component may occur once.
+    fn scan(&mut self, body: &[u8]) -> Result<(), FrameError> {
+        let short = || FrameError::damaged("a scan's header is too short");
+        let (&count, rest) = body.split_first().ok_or_else(short)?;
+        let parts = rest.get(..2 * usize::from(count)).ok_or_else(short)?;
+        for part in parts.chunks_exact(2) {
+            if self.seen.contains(&part[0]) && !self.progressive {
+                return Err(FrameError::damaged("a component is coded twice"));
+            }
+            self.seen.push(part[0]);
+        }
+        Ok(())
+    }
+
+    /// Length of a scan's data, up to a marker that is not a restart marker.
+    fn data(&self, data: &[u8]) -> Result<usize, FrameError> {
+        let mut markers = data.windows(2).enumerate();
+        let marker = markers.find_map(|(at, pair)| match *pair {
+            [0xFF, 0x00 | 0xFF] => None,
+            [0xFF, 0xD0..=0xD7] if self.restarts => None,
+            [0xFF, _] => Some(at),
+            _ => None,
+        });
+        marker.ok_or(FrameError::NoEnd)
+    }
+}
+
+/// Padding may follow the end marker, but not a second end marker.
+fn nothing_follows(rest: &[u8]) -> Result<(), FrameError> {
+    if rest.windows(2).any(|pair| pair == [0xFF, 0xD9]) {
+        return Err(FrameError::damaged("it has two end markers"));
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::vision::Decoder;
 
     /// A frame with markers only: size, scan header, one byte of data, end.
     fn skeleton(width: u16, height: u16, kind: u8) -> Vec<u8> {
@@ -275,5 +341,55 @@ mod tests {
             ));
         }
         assert_eq!(validate_markers(b"GIF89a"), Err(FrameError::NoStart));
+    }
+
+    const RARER: [&[u8]; 2] = [
+        include_bytes!("../../../tests/fixtures/ball-cmyk.jpg"),
+        include_bytes!("../../../tests/fixtures/ball-progressive.jpg"),
+    ];
+
+    /// A picture with bytes inserted into the data of its first scan.
+    fn cut(whole: &[u8], at: usize, marker: &[u8]) -> Vec<u8> {
+        let data = whole.windows(2).position(|pair| pair == [0xFF, 0xDA]);
+        // Not between a data byte FF and the stuffed 00 that follows it.
+        let mut at = data.unwrap() + 20 + at;
+        while whole[at - 1] == 0xFF {
+            at += 1;
+        }
+        let (top, bottom) = whole.split_at(at);
+        [top, marker, bottom].concat()
+    }
+
+    #[test]
+    fn undamaged_pictures_pass() {
+        for whole in RARER {
+            assert_eq!(check_scans(whole), Ok(()));
+            let padded = [whole, &[0; 700]].concat();
+            assert_eq!(check_scans(&padded), Ok(()));
+            assert!(Decoder::default().decode(whole).is_ok());
+        }
+    }
+
+    #[test]
+    fn data_interrupted_by_a_marker_is_an_error() {
+        let markers: [&[u8]; 8] = [
+            b"\xFF\xC4\0\x02",
+            b"\xFF\xDB\0\x02",
+            b"\xFF\xE0\0\x02",
+            b"\xFF\xDA\0\x02",
+            b"\xFF\xD8",
+            b"\xFF\xD9",
+            b"\xFF\xD3",
+            b"\xFF\x01",
+        ];
+        for whole in RARER {
+            for marker in markers {
+                for at in [10, 100, 300] {
+                    let half = cut(whole, at, marker);
+                    let seen = Decoder::default().decode(&half).map(|image| image.size());
+                    assert!(seen.is_err(), "cut by {marker:02X?} at {at}: {seen:?}");
+                }
+            }
+        }
     }
 }

@@ -2,10 +2,10 @@
 //! table.
 
 use super::frame::{FrameError, Segment, Segments};
+use super::huffman::AcTable;
 use super::huffman::{STANDARD_TABLES, Table};
 use super::idct;
-use super::steps::AcTable;
-use crate::vision::picture::size::Size;
+use crate::vision::picture::Size;
 
 /// Why a frame was not decoded by this decoder.
 #[derive(Debug)]
@@ -41,7 +41,6 @@ pub(super) struct Component {
 /// A quantisation table in its [`scaled`](idct::scaled) form.
 #[derive(Debug, Clone)]
 pub(super) struct Quantiser {
-    /// The values as given in the frame.
     source: [u16; 64],
     pub(super) scaled: [i32; 64],
     /// Whether the current frame has defined this table.

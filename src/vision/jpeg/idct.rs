@@ -88,7 +88,6 @@ pub(super) const BIAS: i16 = (128 << (FRACTION + 3)) + (1 << (FRACTION + 2));
 /// Right shift that converts transformed values to samples.
 pub(super) const SHIFT: u32 = FRACTION + 3;
 
-/// Eight rows of eight values.
 type Block = [i16; 64];
 
 /// The arithmetic of the transform, for a value of one column or the values of many columns at
@@ -100,7 +99,6 @@ pub(super) trait Arithmetic: Copy {
     /// Multiplies by a fraction in units of 1/65536, below one half.
     fn times(self, value: Self::Lanes, fraction: i16) -> Self::Lanes;
 
-    /// Multiplies by the square root of two.
     #[inline(always)]
     fn root(self, value: Self::Lanes) -> Self::Lanes {
         self.plus(value, self.times(value, 27_146))

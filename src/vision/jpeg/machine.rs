@@ -1,7 +1,7 @@
 //! Compiles everything between a frame's bits and its samples once for each vector instruction set.
 
 use super::idct;
-use crate::vision::vectors::Vectors;
+use crate::vision::Vectors;
 
 /// Code that is compiled for each machine. Its [`run`](Work::run) and all functions on its hot path
 /// must be `#[inline(always)]`: a function that is not inlined is compiled without the machine's
@@ -11,7 +11,6 @@ pub(super) trait Work {
     fn run<M: Machine>(self, machine: M) -> Self::Output;
 }
 
-/// Runs the version of the work that is compiled for this instruction set.
 pub(super) fn run<W: Work>(vectors: Vectors, work: W) -> W::Output {
     match vectors {
         Vectors::Plain => work.run(Plain),
@@ -35,7 +34,7 @@ impl<W: Work> pulp::NullaryFnOnce for OnV3<W> {
 }
 
 /// Coefficients of a block, followed by padding that is written but never read; see
-/// [`super::block`].
+/// [`super::mcu`].
 #[derive(Debug, Clone, Copy)]
 #[repr(align(32))]
 pub(super) struct Coefficients(pub(super) [i16; 72]);
@@ -50,7 +49,6 @@ impl Coefficients {
     }
 }
 
-/// Transforms two blocks.
 pub(super) trait Machine: Copy {
     /// Writes the samples of two blocks to a plane: eight rows of each, starting at `at`, `stride`
     /// apart.
@@ -63,7 +61,6 @@ pub(super) trait Machine: Copy {
     );
 }
 
-/// The implementation for [`Vectors::Plain`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Plain;
 

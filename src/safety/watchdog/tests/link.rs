@@ -1,7 +1,9 @@
-//! A silent robot, and a lost link.
+//! Silent hosts, a silent robot, a lost link, a suspended machine, and the end of a run: what is
+//! sent, and the last words.
 
-use super::rig::*;
 use super::*;
+use crate::robot::{DockPlan, EndReason};
+use crate::safety::LastWords;
 
 #[test]
 fn a_leg_over_a_silent_stream_stops_and_nothing_is_sent_after_it() {
@@ -147,4 +149,297 @@ fn after_a_reconnect_a_low_robot_is_sent_home_again() {
         power: power(19),
     });
     assert_eq!(sent(&acts), [Command::STOP, FIND]);
+}
+
+#[test]
+fn a_silent_host_is_stopped_first_and_then_ended() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    assert!(!sent(&rig.pass(240 * MS, false)).contains(&Command::STOP));
+    let acts = rig.pass(20 * MS, false);
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert!(!acts.iter().any(|act| matches!(act, Act::Kill(..))));
+    let acts = rig.pass(300 * MS, false);
+    let stop = acts
+        .iter()
+        .position(|act| *act == Act::Send(Command::STOP))
+        .unwrap();
+    let kill = acts
+        .iter()
+        .position(|act| *act == Act::Kill(WHO, EndReason::Cpu))
+        .unwrap();
+    assert!(stop < kill, "{acts:?}");
+    assert!(!sent(&acts).contains(&FORWARD));
+    assert!(acts.contains(&Act::Announce(Event::Safety {
+        action: SafetyAction::Kill,
+        reason: "a script showed no life for 500 ms".into()
+    })));
+}
+
+#[test]
+fn a_host_that_was_briefly_silent_stops_and_resumes() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    assert_eq!(sent(&rig.pass(300 * MS, false)), [FORWARD, Command::STOP]);
+    assert_eq!(sent(&rig.handle(Fact::Alive(WHO))), [FORWARD]);
+    assert!(
+        !rig.pass(SECOND, true)
+            .iter()
+            .any(|act| matches!(act, Act::Kill(..)))
+    );
+}
+
+#[test]
+fn the_setpoint_of_a_host_that_shows_life_is_repeated_at_5_hz() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.pass(10 * SECOND, true);
+    assert!(sent(&acts).iter().all(|command| *command == FORWARD));
+    assert_eq!(sent(&acts).len(), 50);
+}
+
+#[test]
+fn a_behaviour_that_has_ended_stops_at_once() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    assert_eq!(sent(&rig.handle(Fact::Gone(WHO))), [Command::STOP]);
+}
+
+#[test]
+fn no_duration_from_a_host_overflows_the_clock() {
+    for time in [Duration::ZERO, Duration::MAX] {
+        let mut rig = Rig::online(60);
+        rig.drive(1, Some(time));
+        let plan = DockPlan {
+            timeout: time,
+            retries: u32::MAX,
+            charge_timeout: time,
+        };
+        rig.ask(Intent::Dock {
+            call: CallId(1),
+            plan,
+        });
+        rig.handle(Fact::Engine(EngineReport::Docked));
+        rig.ask(Intent::Undock {
+            call: CallId(2),
+            timeout: time,
+        });
+        rig.pass(SECOND, true);
+    }
+}
+
+#[test]
+fn a_move_lasts_thirty_days_at_most() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, Some(Duration::MAX));
+    let end = rig.now + Duration::from_secs(2_592_000);
+    assert_eq!(rig.dog.arbiter.next_deadline(), Some(end));
+}
+
+#[test]
+fn endless_docking_requests_do_not_fill_the_memory() {
+    let mut rig = Rig::online(60);
+    rig.ask(Intent::Dock {
+        call: CallId(0),
+        plan: DockPlan::default(),
+    });
+    for call in 1..64 {
+        assert_eq!(
+            rig.ask(Intent::Dock {
+                call: CallId(call),
+                plan: DockPlan::default()
+            }),
+            []
+        );
+    }
+    let acts = rig.ask(Intent::Dock {
+        call: CallId(64),
+        plan: DockPlan::default(),
+    });
+    assert_eq!(dock_ended(&acts), Some((DockEnd::Safety, 0)));
+}
+
+#[test]
+fn a_timed_move_ends_with_a_stop_and_its_answer() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, Some(SECOND));
+    let acts = rig.pass(SECOND, true);
+    assert_eq!(sent(&acts).last(), Some(&Command::STOP));
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Done)]);
+}
+
+#[test]
+fn before_a_login_and_with_a_good_battery_the_last_words_are_a_stop() {
+    let mut rig = Rig::with(Limits::default());
+    assert_eq!(rig.dog.last_words(), LastWords::Stop);
+    rig.handle(Fact::LinkUp {
+        docked: false,
+        power: power(60),
+    });
+    assert_eq!(rig.dog.last_words(), LastWords::Stop);
+    rig.drive(1, None);
+    assert_eq!(rig.dog.last_words(), LastWords::Stop);
+}
+
+#[test]
+fn a_low_robot_that_searches_is_left_alone_and_any_other_is_sent_home() {
+    let mut rig = Rig::online(20);
+    assert_eq!(rig.dog.last_words(), LastWords::Nothing);
+    rig.handle(Fact::Engine(EngineReport::BaseNotFound));
+    assert_eq!(rig.dog.last_words(), LastWords::StopAndDock);
+    rig.pass(5 * SECOND, false);
+    assert_eq!(rig.dog.last_words(), LastWords::Nothing);
+    let (mut rig, _) = lost(20, Limits::default());
+    rig.pass(SECOND, false);
+    assert!(rig.dog.moving());
+    assert_eq!(rig.dog.last_words(), LastWords::StopAndDock);
+}
+
+#[test]
+fn on_the_station_there_are_no_last_words_unless_the_robot_backs_out() {
+    let mut rig = Rig::docked(charging(80));
+    assert_eq!(rig.dog.last_words(), LastWords::Nothing);
+    rig.undock(1);
+    assert_eq!(rig.dog.last_words(), LastWords::Stop);
+    let mut rig = Rig::docked(power(21));
+    rig.undock(1);
+    rig.handle(Fact::Power(power(20)));
+    assert_eq!(rig.dog.last_words(), LastWords::StopAndDock);
+}
+
+#[test]
+fn with_a_good_battery_a_behaviours_search_is_ended() {
+    let mut rig = Rig::online(60);
+    rig.dock(1);
+    assert_eq!(rig.dog.last_words(), LastWords::Stop);
+    rig.handle(Fact::Engine(EngineReport::BaseNotFound));
+    assert_eq!(rig.dog.last_words(), LastWords::Stop);
+}
+
+#[test]
+fn without_a_link_the_last_words_send_a_low_robot_home() {
+    for (rig, expected) in [
+        (Rig::online(20), LastWords::StopAndDock),
+        (Rig::online(60), LastWords::Stop),
+        (Rig::docked(charging(80)), LastWords::Stop),
+        (Rig::docked(power(10)), LastWords::Stop),
+    ] {
+        let mut rig = rig;
+        rig.handle(Fact::LinkDown);
+        assert_eq!(rig.dog.last_words(), expected);
+    }
+}
+
+#[test]
+fn at_the_end_of_a_run_a_low_robot_is_sent_home() {
+    let mut rig = Rig::online(20);
+    rig.handle(Fact::RunEnding);
+    assert_eq!(rig.dog.last_words(), LastWords::Nothing);
+}
+
+#[test]
+fn a_reconnect_under_alarm_searches_at_once() {
+    for limits in [standing(), Limits::default()] {
+        let (mut rig, _) = lost(20, limits);
+        rig.pass(SECOND, false);
+        rig.handle(Fact::LinkDown);
+        rig.now += SECOND;
+        let acts = rig.handle(Fact::LinkUp {
+            docked: false,
+            power: power(19),
+        });
+        assert_eq!(count(&acts, &FIND), 1, "{acts:?}");
+    }
+}
+
+#[test]
+fn after_a_sleep_nothing_old_is_repeated() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.handle(Fact::Suspended);
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Disconnected)]);
+    assert_eq!(sent(&rig.pass(SECOND, true)), []);
+    assert_eq!(sent(&rig.drive(2, None)), [FORWARD]);
+}
+
+#[test]
+fn after_a_sleep_a_behaviours_docking_is_over() {
+    let mut rig = Rig::online(60);
+    rig.dock(1);
+    let acts = rig.handle(Fact::Suspended);
+    assert_eq!(sent(&acts), [CANCEL, Command::STOP]);
+    assert_eq!(dock_ended(&acts), Some((DockEnd::Disconnected, 1)));
+    let mut rig = Rig::docked(charging(80));
+    rig.undock(1);
+    let acts = rig.handle(Fact::Suspended);
+    assert_eq!(undock_ended(&acts), Some(DockEnd::Disconnected));
+    assert_eq!(rig.dog.dock_state(), DockState::Unknown);
+}
+
+#[test]
+fn after_a_sleep_a_low_robot_searches_at_once() {
+    let mut rig = Rig::online(20);
+    assert_eq!(sent(&rig.handle(Fact::Suspended)), [Command::STOP, FIND]);
+    let (mut rig, _) = lost(20, standing());
+    rig.pass(2 * SECOND, false);
+    assert_eq!(sent(&rig.handle(Fact::Suspended)), [Command::STOP, FIND]);
+}
+
+#[test]
+fn a_sleep_without_a_link_sends_nothing() {
+    let mut rig = Rig::online(20);
+    rig.handle(Fact::LinkDown);
+    assert_eq!(rig.handle(Fact::Suspended), []);
+}
+
+#[test]
+fn at_the_end_of_a_run_all_motion_stops_and_is_refused() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.handle(Fact::RunEnding);
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Cancelled)]);
+    assert_eq!(
+        events(&rig.drive(2, None)),
+        [ended(2, MotionEnd::Cancelled)]
+    );
+}
+
+#[test]
+fn at_the_end_of_a_run_docking_and_undocking_are_refused() {
+    let mut rig = Rig::online(60);
+    rig.handle(Fact::RunEnding);
+    let acts = rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan::default(),
+    });
+    assert_eq!(sent(&acts), []);
+    assert_eq!(dock_ended(&acts), Some((DockEnd::Cancelled, 0)));
+    rig.handle(Fact::Engine(EngineReport::Docked));
+    let acts = rig.ask(Intent::Undock {
+        call: CallId(8),
+        timeout: SECOND,
+    });
+    assert_eq!(sent(&acts), []);
+    let end = DockEnd::Cancelled;
+    assert_eq!(
+        events(&acts),
+        [Event::UndockEnded {
+            call: CallId(8),
+            end
+        }]
+    );
+}
+
+#[test]
+fn at_the_end_of_a_run_a_behaviours_docking_ends_and_the_watchdogs_goes_on() {
+    let mut rig = Rig::online(60);
+    rig.ask(Intent::Dock {
+        call: CallId(7),
+        plan: DockPlan::default(),
+    });
+    assert_eq!(sent(&rig.handle(Fact::RunEnding)), [CANCEL, Command::STOP]);
+    let mut rig = Rig::online(20);
+    assert_eq!(sent(&rig.handle(Fact::RunEnding)), [Command::STOP, FIND]);
 }

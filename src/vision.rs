@@ -14,7 +14,6 @@ mod annotate;
 mod blobs;
 mod camera;
 mod colour;
-mod damage;
 mod frame_analyser;
 mod jpeg;
 mod line;
@@ -24,7 +23,6 @@ mod qrcode;
 mod standstill;
 mod tracker;
 mod turn;
-mod vectors;
 
 pub use annotate::{Annotation, annotate, annotate_enlarged};
 pub use blobs::{Blob, BlobFinder, BlobOptions};
@@ -32,17 +30,36 @@ pub use camera::{Camera, Direction};
 pub use colour::learn::{LearnRefusal, Learned, learn};
 pub use colour::palette::{MAX_COLOURS, Palette};
 pub use colour::{Colour, ColourError, Span};
-pub use damage::Damage;
-pub use frame_analyser::FrameAnalyser;
+
+pub use frame_analyser::{Damage, FrameAnalyser};
 pub use jpeg::decoder::Decoder;
 pub use jpeg::encoder::{Encoder as JpegEncoder, Subsampling};
 pub use jpeg::frame::{FrameError, MAX_JPEG_LEN, validate_markers};
 pub use line::{Line, find_line};
 pub use motion::{Motion, MotionDetector, MotionOptions};
-pub use picture::image::{Image, Roi};
-pub use picture::measure::{brightness, sharpness};
-pub use picture::size::{MAX_HEIGHT, MAX_WIDTH, Size};
+pub use picture::{Image, MAX_HEIGHT, MAX_WIDTH, Roi, Size, brightness, sharpness};
 pub use qrcode::{MAX_CODES, MAX_QR_STEPS, QrCode, find_qrcodes, find_qrcodes_counting};
 pub use standstill::{Drive, Profiles, Verdict, compare as compare_profiles};
 pub use tracker::{Track, Tracker, TrackerOptions};
 pub use turn::Skyline;
+
+/// The vector instructions to use, selected at run time. Code that is compiled for several
+/// instruction sets gives bit-identical results with each.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Vectors {
+    /// The baseline of the architecture; vectorisation is left to the compiler.
+    Plain,
+    /// AVX2 and the extensions that came with it.
+    #[cfg(target_arch = "x86_64")]
+    Avx2(pulp::x86::V3),
+}
+
+impl Default for Vectors {
+    fn default() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(v3) = pulp::x86::V3::try_new() {
+            return Vectors::Avx2(v3);
+        }
+        Vectors::Plain
+    }
+}

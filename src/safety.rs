@@ -20,7 +20,6 @@ mod drive_grant;
 mod homing;
 mod leases;
 mod limits;
-mod rescue;
 mod tracks;
 mod watchdog;
 
@@ -33,8 +32,7 @@ pub use docking::{DockAction, DockLimits, DockOutcome, Docking, Retry};
 pub use drive_grant::{DriveGrant, capped};
 pub use homing::{ALARM, AfterFailure, Homing, HomingStep};
 pub use leases::{HostLife, Leases};
-pub use limits::{Limits, LimitsError};
-pub use rescue::{Rescue, UnknownRescue};
+pub use limits::{Limits, LimitsError, Rescue, UnknownRescue};
 pub use tracks::Tracks;
 pub use watchdog::{DockReport, Watchdog};
 
