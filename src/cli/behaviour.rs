@@ -6,7 +6,7 @@ use clap::Subcommand;
 use serde_json::{Value, json};
 
 use super::argument::ArgumentError;
-use super::remote::RemoteArgs;
+use super::running::RemoteArgs;
 use super::running::{ask, find_run_of_target, unexpected_reply};
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};

@@ -8,7 +8,7 @@ use serde_json::json;
 use super::marked_pictures::MarkedPictures;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
-use super::{Console, Exit, Failure, colours, number, picture, print};
+use super::{Console, Exit, Failure, argument, colours, picture, print};
 use crate::vision::{
     Annotation, Blob, BlobOptions, Colour, FrameAnalyser, Image, Roi, Size, annotate_enlarged,
 };
@@ -66,12 +66,8 @@ pub(super) struct BlobsArgs {
 
     /// Omit blobs with fewer pixels
     #[arg(long, value_name = "COUNT", default_value_t = BlobOptions::default().pixels_threshold,
-          value_parser = number::whole::<u32>(0..=u32::MAX))]
+          value_parser = argument::whole::<u32>(0..=u32::MAX))]
     min_pixels: u32,
-
-    /// Merge blobs whose boxes overlap
-    #[arg(long)]
-    merge: bool,
 
     /// Maximum number of blobs per picture; the largest are shown
     #[arg(long, value_name = "COUNT", default_value_t = BlobOptions::default().max_blobs)]
@@ -157,7 +153,6 @@ impl<'a> Search<'a> {
                 // A box has at least as many pixels as its blob.
                 area_threshold: args.min_pixels,
                 pixels_threshold: args.min_pixels,
-                merge: args.merge,
                 max_blobs: args.max_blobs,
                 ..BlobOptions::default()
             },
@@ -196,7 +191,7 @@ impl<'a> Search<'a> {
 fn marked(image: &Image, blobs: &[Blob], args: &BlobsArgs) -> RgbImage {
     let texts: Vec<String> = (1..)
         .zip(blobs)
-        .map(|(number, blob)| format!("{number} {}", names(blob, &args.colours)))
+        .map(|(number, blob)| format!("{number} {}", args.colours[blob.colour]))
         .collect();
     let marks = blobs.iter().zip(&texts);
     let marks: Vec<Annotation<'_>> = marks
@@ -218,15 +213,6 @@ fn dimmed(image: &Image, bright: Roi) -> Image {
         }
     }
     Image::from_rgb(&pixels)
-}
-
-/// The name of the blob's colour; the names of all its colours if blobs were merged.
-fn names(blob: &Blob, colours: &[String]) -> String {
-    let of_code = (0..)
-        .zip(colours)
-        .filter(|(bit, _)| blob.code >> bit & 1 == 1);
-    let names: Vec<&str> = of_code.map(|(_, name)| name.as_str()).collect();
-    names.join("+")
 }
 
 fn json(found: &[Found], colours: &[String]) -> serde_json::Value {
@@ -261,7 +247,7 @@ fn row(file: &str, number: usize, blob: &Blob, colours: &[String]) -> Vec<String
     vec![
         file.to_owned(),
         number.to_string(),
-        names(blob, colours),
+        colours[blob.colour].clone(),
         blob.pixels.to_string(),
         blob.x.to_string(),
         blob.y.to_string(),

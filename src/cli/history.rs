@@ -12,7 +12,7 @@ use jiff::tz::TimeZone;
 
 use self::view::View;
 use super::settings::SettingsArgs;
-use super::{Exit, Failure, number, print};
+use super::{Exit, Failure, print};
 use crate::journal::{JournalReader, Kinds, Record, Span};
 
 /// Show the journal: links, battery, docks, alarms, runs, pictures, entries by scripts
@@ -41,10 +41,6 @@ pub(super) struct HistoryArgs {
     /// Only entries of this robot
     #[arg(long, value_name = "UID")]
     robot: Option<String>,
-
-    /// Only this many of the newest entries [default without --since: 1000]
-    #[arg(long, value_name = "COUNT", value_parser = number::whole::<u32>(0..=u32::MAX))]
-    newest: Option<u32>,
 
     /// Print a JSON array
     #[arg(long, conflicts_with = "csv")]
@@ -117,7 +113,7 @@ pub(super) fn run(args: &HistoryArgs) -> Result<Exit, Failure> {
         since: resolve(&args.since)?,
         until: resolve(&args.until)?,
         robot: args.robot.clone(),
-        newest: args.newest,
+        newest: None,
     };
     list(args, &open(data)?, span, &zone)
 }
@@ -145,7 +141,7 @@ fn list(
     mut span: Span,
     zone: &TimeZone,
 ) -> Result<Exit, Failure> {
-    let limited = span.newest.is_some() || span.since.is_some();
+    let limited = span.since.is_some();
     if !limited {
         span.newest = Some(DEFAULT_LIMIT);
     }

@@ -2,7 +2,6 @@
 //! the same pilot and watchdog. The terminal has its own thread; nothing here blocks on it.
 
 mod editor;
-mod names;
 
 use std::io::IsTerminal as _;
 use std::path::PathBuf;

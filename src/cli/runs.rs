@@ -1,6 +1,6 @@
 //! `spykee status`: lists the active runs and their states.
 
-use super::remote::RemoteArgs;
+use super::running::RemoteArgs;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, block_on, print};

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::serve::or_now;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
-use super::{Exit, Failure, number, print};
+use super::{Exit, Failure, argument, print};
 use crate::clock::{self, Date, Zone};
 use crate::timetable::{PredictedStart, Reason, Timetable, predict_starts};
 
@@ -25,7 +25,7 @@ const HEAD: [(&str, Side); 4] = [
 #[command(after_help = "Example: spykee schedule --next 20 --from \"2026-03-28 12:00\"")]
 pub(super) struct ScheduleArgs {
     /// Number of starts to show
-    #[arg(long, value_name = "COUNT", default_value_t = 10, value_parser = number::whole::<u16>(1..=1000))]
+    #[arg(long, value_name = "COUNT", default_value_t = 10, value_parser = argument::whole::<u16>(1..=1000))]
     next: u16,
 
     /// Date and time to list from, in the config's time zone [default: now]

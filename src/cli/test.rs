@@ -1,7 +1,6 @@
 //! `spykee test`: runs the scenarios of `*_test.lua` files in parallel.
 
 pub(super) mod job_pool;
-mod junit;
 mod report;
 
 use std::fmt::Write as _;
@@ -11,7 +10,7 @@ use std::time::Duration;
 
 use super::settings::SettingsArgs;
 use super::sim::FirmwareArgs;
-use super::{Console, Exit, Failure, number, print};
+use super::{Console, Exit, Failure, argument, print};
 use crate::config::Config;
 use crate::sanitize;
 use crate::scenario::{RunSettings, Scenario, ScenarioFile, ScenarioFileError, ScenarioProcess};
@@ -30,7 +29,7 @@ pub(super) struct TestArgs {
     filter: Option<String>,
 
     /// Run each scenario with the seeds 1 to COUNT [default: as many as the scenario sets]
-    #[arg(long, value_name = "COUNT", value_parser = number::whole::<u64>(1..=10_000))]
+    #[arg(long, value_name = "COUNT", value_parser = argument::whole::<u64>(1..=10_000))]
     seeds: Option<u64>,
 
     /// Run each scenario with this seed only, for example one that failed
@@ -38,7 +37,7 @@ pub(super) struct TestArgs {
     seed: Option<u64>,
 
     /// Number of scenarios to run in parallel [default: one per processor]
-    #[arg(long, value_name = "COUNT", value_parser = number::whole::<u16>(1..=256))]
+    #[arg(long, value_name = "COUNT", value_parser = argument::whole::<u16>(1..=256))]
     jobs: Option<u16>,
 
     /// Time limit of each run, in seconds of real time; a longer run counts as failed
@@ -117,7 +116,7 @@ pub(super) fn run(args: &TestArgs, console: &Console) -> Result<Exit, Failure> {
     })?;
     trouble?;
     if let Some(path) = &args.junit {
-        let written = std::fs::write(path, junit::document(&report)?);
+        let written = std::fs::write(path, report::junit(&report)?);
         written.map_err(|error| Failure::unwritable(path, error))?;
     }
     console.status("");

@@ -175,7 +175,7 @@ pub struct Next {
 
 impl Next {
     /// The next start in this view, if there is one.
-    pub fn of(view: &View) -> Option<Next> {
+    pub fn from_view(view: &View) -> Option<Next> {
         let next = view.next.as_ref();
         next.map(|(at, behaviour)| Next {
             at: at.as_second(),
@@ -205,7 +205,7 @@ pub struct BehaviourListing {
 }
 
 impl BehaviourListing {
-    pub(super) fn of(behaviour_status: &BehaviourStatus) -> BehaviourListing {
+    pub(super) fn new(behaviour_status: &BehaviourStatus) -> BehaviourListing {
         let (state, running) = match behaviour_status.state {
             BehaviourState::Idle => ("idle", None),
             BehaviourState::Loading => ("loading", None),

@@ -243,7 +243,7 @@ impl Run {
     fn behaviours(&self) -> RunResponse {
         let statuses = self.roster.statuses();
         let statuses = statuses.borrow();
-        RunResponse::Behaviours(statuses.iter().map(BehaviourListing::of).collect())
+        RunResponse::Behaviours(statuses.iter().map(BehaviourListing::new).collect())
     }
 
     async fn change(&self, name: &str, change: Change) -> RunResponse {
@@ -367,7 +367,7 @@ impl Run {
             low: status.low,
             battery: status.battery,
             behaviours: running.behaviours,
-            next: Next::of(&view),
+            next: Next::from_view(&view),
             quiet: view.quiet,
         }))
     }

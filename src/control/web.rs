@@ -61,7 +61,7 @@ impl Remote {
     /// # Errors
     /// See [`AskError`].
     pub fn ask(&self, request: &RunRequest, limit: Duration) -> Result<RunResponse, AskError> {
-        let call = Call::of(request);
+        let call = Call::new(request);
         let method = if call.body.is_some() { "POST" } else { "GET" };
         let (kind, body) = call.body.unwrap_or_default();
         let http_request = Request::builder()
@@ -104,7 +104,7 @@ struct Call {
 }
 
 impl Call {
-    fn of(request: &RunRequest) -> Call {
+    fn new(request: &RunRequest) -> Call {
         let get = |path: &str| Call {
             path: path.to_owned(),
             body: None,
@@ -283,7 +283,7 @@ mod tests {
             name: "a/../b?c".to_owned(),
             change: Change::Start,
         };
-        let path = Call::of(&request).path;
+        let path = Call::new(&request).path;
         assert_eq!(path, "/api/behaviours/a%2F%2E%2E%2Fb%3Fc");
     }
 

@@ -66,7 +66,7 @@ pub struct Key {
 struct Digest([u8; 32]);
 
 impl Digest {
-    fn of(token: &str) -> Digest {
+    fn new(token: &str) -> Digest {
         Digest(Sha256::digest(token.as_bytes()).into())
     }
 }
@@ -187,7 +187,7 @@ impl Keyring {
         self.keys.get_or_insert_default().push(Key {
             name: name.to_owned(),
             role,
-            digest: Digest::of(&token),
+            digest: Digest::new(&token),
         });
         self.write()?;
         Ok(token)
@@ -214,7 +214,7 @@ impl Keyring {
     }
 
     pub(super) fn find(&self, token: &str) -> Option<&Key> {
-        let digest = Digest::of(token);
+        let digest = Digest::new(token);
         self.list().iter().find(|key| key.digest == digest)
     }
 
@@ -302,7 +302,7 @@ mod tests {
     #[test]
     fn a_digest_matches_the_standard_and_its_debug_output_reveals_nothing() {
         // FIPS 180-2, appendix B.1.
-        let digest = Digest::of("abc");
+        let digest = Digest::new("abc");
         let text = serde_json::to_string(&digest).unwrap();
         let known = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
         assert_eq!(text, format!("\"{known}\""));

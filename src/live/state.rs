@@ -170,7 +170,7 @@ pub(super) fn state(
         running: now.saturating_duration_since(run.began).as_secs(),
         driver: people.driver,
         viewers: people.viewers,
-        next: Next::of(&view).as_ref().map(Start::from),
+        next: Next::from_view(&view).as_ref().map(Start::from),
         quiet: view.quiet,
     }
 }

@@ -244,7 +244,7 @@ impl BrokerClient {
             connection.retain(&topics.discovery(), entities.to_string().into_bytes())?;
             published.discovery = Some(entities);
         }
-        let next = Next::of(&self.run.view.borrow());
+        let next = Next::from_view(&self.run.view.borrow());
         let state = self
             .report
             .state(&self.run.status.borrow(), &statuses, next.as_ref());

@@ -172,24 +172,6 @@ fn blobs_that_are_too_small_or_outside_the_region_are_omitted() {
 }
 
 #[test]
-fn merged_blobs_are_named_after_all_their_colours() {
-    let workspace = Workspace::new();
-    // The ball counts as two colours: its shaded lower half is darker.
-    let config = "colours: { lit: { h: [330, 20], s: [40, 100], v: [65, 100] }, \
-                             dark: { h: [330, 20], s: [40, 100], v: [15, 65] } }";
-    workspace.put("spykee.yaml", config.as_bytes());
-    let line = "blobs ahead.jpg --colour lit,dark --config spykee.yaml --merge";
-    let table = workspace.done(line);
-    assert!(
-        table.lines().any(|row| row.contains(" lit+dark ")),
-        "{table}"
-    );
-    let merged = workspace.json(&format!("{line} --json"));
-    assert_eq!(merged[0]["blobs"][0]["code"], 3);
-    assert_eq!(merged[0]["blobs"][0]["colour"], "lit");
-}
-
-#[test]
 fn no_more_blobs_than_requested_are_shown_and_a_note_says_so() {
     let workspace = Workspace::new();
     let (code, table, note) = workspace.spykee("blobs ahead.jpg --colour red,blue --max-blobs 1");

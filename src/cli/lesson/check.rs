@@ -8,8 +8,8 @@ use super::catalogue::Lesson;
 use super::feedback::{Feedback, gradescope};
 use super::marks::Marks;
 use super::{Console, Exit, Failure, LessonParser, print};
+use crate::cli::argument;
 use crate::cli::check::{has_errors, of_source};
-use crate::cli::number;
 use crate::cli::test::job_pool::{Job, JobPool, JobResult, parse_timeout, scenario_process};
 use crate::cli::world::{parse_png, save};
 use crate::config::Config;
@@ -28,7 +28,7 @@ pub(super) struct CheckArgs {
     lesson: Option<&'static Lesson>,
 
     /// Also show this hint, 1 to 3
-    #[arg(long, value_name = "NUMBER", value_parser = number::whole::<u8>(1..=3))]
+    #[arg(long, value_name = "NUMBER", value_parser = argument::whole::<u8>(1..=3))]
     hint: Option<u8>,
 
     /// Draw the robot's path in the first failed try into this file
@@ -48,7 +48,7 @@ pub(super) struct CheckArgs {
     timeout: Duration,
 
     /// Number of tries to run in parallel [default: one per processor]
-    #[arg(long, value_name = "COUNT", value_parser = number::whole::<u16>(1..=256))]
+    #[arg(long, value_name = "COUNT", value_parser = argument::whole::<u16>(1..=256))]
     jobs: Option<u16>,
 }
 

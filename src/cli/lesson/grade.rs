@@ -13,7 +13,7 @@ use super::feedback::sentence;
 use super::marks::Marks;
 use super::similarity::{Pair, pairs};
 use super::{Console, Exit, Failure, LessonParser, Side, aligned, print};
-use crate::cli::number;
+use crate::cli::argument;
 use crate::cli::table::csv_cell;
 use crate::cli::test::job_pool::parse_timeout;
 use crate::sanitize;
@@ -46,7 +46,7 @@ pub(super) struct GradeArgs {
     timeout: Duration,
 
     /// Number of tries to run in parallel [default: one per processor]
-    #[arg(long, value_name = "COUNT", value_parser = number::whole::<u16>(1..=256))]
+    #[arg(long, value_name = "COUNT", value_parser = argument::whole::<u16>(1..=256))]
     jobs: Option<u16>,
 }
 

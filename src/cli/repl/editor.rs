@@ -5,13 +5,16 @@ use std::io::{self, BufRead, IsTerminal as _, Write};
 use std::os::unix::fs::{DirBuilderExt as _, OpenOptionsExt as _};
 use std::path::{Path, PathBuf};
 
+use rustyline::completion::Completer;
 use rustyline::error::ReadlineError;
+use rustyline::highlight::Highlighter;
+use rustyline::hint::Hinter;
 use rustyline::history::FileHistory;
-use rustyline::{CompletionType, Config, Editor, ExternalPrinter};
+use rustyline::validate::Validator;
+use rustyline::{CompletionType, Config, Context, Editor, ExternalPrinter, Helper};
 use tokio::sync::mpsc;
 
 use super::super::Console;
-use super::names::Names;
 use crate::api;
 use crate::sanitize;
 use crate::script::MAX_SOURCE;
@@ -320,9 +323,64 @@ fn prepare_history(path: &Path) -> io::Result<()> {
     private.open(path).map(|_| ())
 }
 
+/// Keywords and common functions of the language.
+const WORDS: [&str; 24] = [
+    "and", "break", "continue", "do", "else", "elseif", "end", "false", "for", "function", "if",
+    "in", "ipairs", "local", "nil", "not", "or", "pairs", "print", "repeat", "return", "then",
+    "true", "while",
+];
+
+/// Completes names up to the cursor.
+pub(super) struct Names(Vec<String>);
+
+impl Names {
+    pub(super) fn new() -> Names {
+        let api = api::names().map(|(path, ..)| path);
+        let words = WORDS.iter().map(|&word| word.to_owned());
+        let mut names: Vec<String> = api.chain(words).collect();
+        names.sort();
+        names.dedup();
+        Names(names)
+    }
+
+    /// Returns the start of the word before the cursor and its possible completions.
+    fn candidates(&self, line: &str, cursor: usize) -> (usize, Vec<String>) {
+        let before = line.get(..cursor).unwrap_or(line);
+        let part = |c: char| c.is_alphanumeric() || matches!(c, '_' | '.');
+        let start = before.trim_end_matches(part).len();
+        let word = &before[start..];
+        if word.is_empty() {
+            return (start, Vec::new());
+        }
+        let fits = self.0.iter().filter(|name| name.starts_with(word));
+        (start, fits.cloned().collect())
+    }
+}
+
+impl Completer for Names {
+    type Candidate = String;
+
+    fn complete(
+        &self,
+        line: &str,
+        cursor: usize,
+        _: &Context<'_>,
+    ) -> rustyline::Result<(usize, Vec<String>)> {
+        Ok(self.candidates(line, cursor))
+    }
+}
+
+impl Hinter for Names {
+    type Hint = String;
+}
+impl Highlighter for Names {}
+impl Validator for Names {}
+impl Helper for Names {}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn a_piped_line_is_bounded_whatever_its_length() {
@@ -334,5 +392,23 @@ mod tests {
         assert_eq!(next().as_deref(), Some(""));
         assert_eq!(next().as_deref(), Some("last"));
         assert_eq!(next(), None);
+    }
+
+    #[test]
+    fn names_of_the_api_are_completed_at_the_cursor() {
+        let names = Names::new();
+        let (start, found) = names.candidates("if robot.forw", 13);
+        assert_eq!((start, found), (3, vec!["robot.forward".to_owned()]));
+        let (_, found) = names.candidates("robot.", 6);
+        assert!(found.contains(&"robot.move".to_owned()), "{found:?}");
+        assert_eq!(names.candidates("", 0), (0, vec![]));
+    }
+
+    proptest! {
+        #[test]
+        fn no_line_causes_a_panic(line in ".{0,40}", cursor in 0..200_usize) {
+            let (start, _) = Names::new().candidates(&line, cursor);
+            prop_assert!(start <= line.len());
+        }
     }
 }

@@ -5,7 +5,7 @@ use clap::builder::PossibleValuesParser;
 use super::SharedTargetArgs;
 use super::session::with_session;
 use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
-use crate::cli::{Exit, Failure, number};
+use crate::cli::{Exit, Failure, argument};
 use crate::control::{RunRequest, RunResponse};
 use crate::robot::Percent;
 use crate::wire::{Command, Led, Sound};
@@ -49,7 +49,7 @@ pub(super) struct PlayArgs {
                         `spykee robot config` may show the current volume.")]
 pub(super) struct VolumeArgs {
     /// Volume in percent, 0 to 100
-    #[arg(value_parser = number::whole::<u8>(0..=100))]
+    #[arg(value_parser = argument::whole::<u8>(0..=100))]
     percent: u8,
     #[command(flatten)]
     pub(super) target: SharedTargetArgs,

@@ -20,8 +20,8 @@ use clap::Subcommand;
 
 use super::driver::DriverParts;
 use super::embedded::EmbeddedSim;
-use super::remote::RemoteArgs;
 use super::robot_target::{connector, resolve_or_simulate, robot_choice};
+use super::running::RemoteArgs;
 use super::running::find_run;
 use super::settings::SettingsArgs;
 use super::startup::{refuse_if_stopped, rescue};

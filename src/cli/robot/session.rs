@@ -7,7 +7,7 @@ use tokio::time::{Instant, timeout_at};
 
 use super::{RobotTarget, TargetArgs};
 use crate::cli::interrupt::interruption;
-use crate::cli::remote::RemoteArgs;
+use crate::cli::running::RemoteArgs;
 use crate::cli::running::{find_run, robot_in_use};
 use crate::cli::startup::is_stopped;
 use crate::cli::{Exit, Failure, block_on};

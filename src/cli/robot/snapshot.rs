@@ -10,7 +10,7 @@ use tokio::time::Instant;
 use super::SharedTargetArgs;
 use super::session::{RobotSession, with_session};
 use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
-use crate::cli::{Exit, Failure, number, print};
+use crate::cli::{Exit, Failure, argument, print};
 use crate::control::{Client, RunRequest, RunResponse};
 use crate::robot::Use;
 use crate::vision::{Decoder, Size};
@@ -27,7 +27,7 @@ pub(super) struct SnapshotArgs {
     output: PathBuf,
     /// Time to wait for an intact frame, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 5,
-          value_parser = number::whole::<u64>(1..=600))]
+          value_parser = argument::whole::<u64>(1..=600))]
     timeout: u64,
     /// Print a JSON object
     #[arg(long)]

@@ -8,7 +8,7 @@ use super::SharedTargetArgs;
 use crate::agent::Docked;
 use crate::cli::driver::drive;
 use crate::cli::running::{ask, unexpected_reply};
-use crate::cli::{Exit, Failure, block_on, number, print};
+use crate::cli::{Exit, Failure, argument, block_on, print};
 use crate::control::{RunRequest, RunResponse};
 use crate::robot::{DockEnd, DockPlan};
 
@@ -27,7 +27,7 @@ const SLACK: Duration = Duration::from_secs(60);
 pub(super) struct DockArgs {
     /// Time limit of each try, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 180,
-          value_parser = number::whole::<u64>(1..=3600))]
+          value_parser = argument::whole::<u64>(1..=3600))]
     timeout: u64,
     /// Print a JSON object
     #[arg(long)]
@@ -42,7 +42,7 @@ pub(super) struct DockArgs {
 pub(super) struct UndockArgs {
     /// Time to wait for the robot to report that it has left, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 15,
-          value_parser = number::whole::<u64>(1..=600))]
+          value_parser = argument::whole::<u64>(1..=600))]
     timeout: u64,
     /// Print a JSON object
     #[arg(long)]

@@ -8,7 +8,7 @@ use tokio_util::sync::CancellationToken;
 use super::{RobotTarget, SharedTargetArgs, TargetArgs};
 use crate::cli::interrupt::interruption;
 use crate::cli::running::{REPLY_TIMEOUT, ask, unexpected_reply};
-use crate::cli::{Exit, Failure, block_on, number, print};
+use crate::cli::{Exit, Failure, argument, block_on, print};
 use crate::control::{Client, EmergencyStop, RunRequest, RunResponse};
 use crate::link::{LinkError, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
@@ -38,7 +38,7 @@ const PAUSE: Duration = Duration::from_millis(200);
 pub(super) struct StopArgs {
     /// Time limit for the retries, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 10,
-          value_parser = number::whole::<u64>(1..=600))]
+          value_parser = argument::whole::<u64>(1..=600))]
     timeout: u64,
     #[command(flatten)]
     pub(super) target: SharedTargetArgs,

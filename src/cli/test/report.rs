@@ -1,4 +1,4 @@
-//! Reports the results as text, as JSON and as pictures.
+//! Reports the results as text, as JSON, as JUnit XML and as pictures.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -6,11 +6,13 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use quick_xml::Writer;
+use quick_xml::events::{BytesDecl, BytesText, Event};
 use serde_json::{Value, json};
 
 use super::TestFile;
 use super::job_pool::{Job, JobResult};
-use crate::cli::plural;
+use crate::cli::{self, plural};
 use crate::clock::hours;
 use crate::files::Folder;
 use crate::sanitize;
@@ -406,4 +408,85 @@ fn save(snapshot: &Snapshot, folder: &Path, path: &Path) -> Result<(), NotDrawn>
 /// Indents all lines but the first.
 fn indented(text: &str, by: usize) -> String {
     text.replace('\n', &format!("\n{}", " ".repeat(by)))
+}
+
+/// The report as a JUnit document.
+///
+/// # Errors
+/// None is known, as the document is written to memory.
+pub(super) fn junit(report: &Report) -> Result<Vec<u8>, cli::Failure> {
+    write_junit(report).map_err(|error| cli::Failure::io("create the JUnit report", error))
+}
+
+fn write_junit(report: &Report) -> io::Result<Vec<u8>> {
+    let mut xml = Writer::new_with_indent(Vec::new(), b' ', 2);
+    xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
+    xml.create_element("testsuites")
+        .with_attribute(("name", "spykee test"))
+        .write_inner_content(|xml| {
+            for (file, broken, runs) in report.files() {
+                write_file(xml, file, broken, &runs)?;
+            }
+            Ok(())
+        })?;
+    let mut bytes = xml.into_inner();
+    bytes.push(b'\n');
+    Ok(bytes)
+}
+
+fn write_file(
+    xml: &mut Writer<Vec<u8>>,
+    file: &str,
+    broken: Option<&str>,
+    runs: &[&Run],
+) -> io::Result<()> {
+    let failed = runs.iter().filter(|run| run.failure().is_some()).count();
+    let tests = (runs.len() + usize::from(broken.is_some())).to_string();
+    let seconds: f64 = runs.iter().map(|run| run.took().as_secs_f64()).sum();
+    xml.create_element("testsuite")
+        .with_attribute(("name", sanitize::xml(file).as_str()))
+        .with_attribute(("tests", tests.as_str()))
+        .with_attribute(("failures", failed.to_string().as_str()))
+        .with_attribute(("errors", usize::from(broken.is_some()).to_string().as_str()))
+        .with_attribute(("time", format!("{seconds:.3}").as_str()))
+        .write_inner_content(|xml| {
+            if let Some(broken) = broken {
+                write_case(xml, file, "the file", 0.0, Some(("error", broken, broken)))?;
+            }
+            for run in runs {
+                let words = run.describe();
+                let failure = run.failure();
+                let failure = failure.map(|one| ("failure", one.message.as_str(), words.as_str()));
+                let name = format!("{} (seed {})", run.scenario, run.seed);
+                write_case(xml, file, &name, run.took().as_secs_f64(), failure)?;
+            }
+            Ok(())
+        })?;
+    Ok(())
+}
+
+/// Writes a test case; `wrong` is the element of a failure, its message and its full text.
+fn write_case(
+    xml: &mut Writer<Vec<u8>>,
+    file: &str,
+    name: &str,
+    seconds: f64,
+    wrong: Option<(&str, &str, &str)>,
+) -> io::Result<()> {
+    let time = format!("{seconds:.3}");
+    let case = xml
+        .create_element("testcase")
+        .with_attribute(("classname", sanitize::xml(file).as_str()))
+        .with_attribute(("name", sanitize::xml(name).as_str()))
+        .with_attribute(("time", time.as_str()));
+    match wrong {
+        None => case.write_empty()?,
+        Some((element, message, story)) => case.write_inner_content(|xml| {
+            xml.create_element(element)
+                .with_attribute(("message", sanitize::xml(message).as_str()))
+                .write_text_content(BytesText::new(&sanitize::xml(story)))?;
+            Ok(())
+        })?,
+    };
+    Ok(())
 }
