@@ -581,7 +581,7 @@ impl Script {
     }
 
     /// Runs what a person typed: an expression, or statements. The answer is
-    /// [`Output::Evaluated`](Output::Evaluated), sent when the line has finished, which may
+    /// [`Output::Evaluated`], sent when the line has finished, which may
     /// involve waiting. Does nothing if the script is ending.
     ///
     /// `more` allows the answer [`Evaluated::Incomplete`].

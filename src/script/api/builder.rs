@@ -266,7 +266,7 @@ fn known_names(lua: &Lua, owner: &str) -> Vec<String> {
     } else {
         Vec::from_iter(builtins.and_then(|all| all.raw_get::<LuaTable>(owner).ok()))
     };
-    let names = tables.iter().map(|table| modules::names(table));
+    let names = tables.iter().map(modules::names);
     let mut names: Vec<String> = names.flat_map(Result::unwrap_or_default).collect();
     names.sort();
     names
