@@ -55,7 +55,7 @@ function lanes({ since, part, parts }) {
     return [x(one), 1, 100 - high, Math.max(2, high - low)];
   });
   const range = known.length === 0 ? "–"
-    : `${Math.min(...definition.map(({ low }) => low))}–${Math.max(...definition.map(({ high }) => high))} %`;
+    : `${Math.min(...known.map(({ low }) => low))}–${Math.max(...known.map(({ high }) => high))} %`;
   const failed = sum(({ failed_docks: count }) => count);
   const docks = sum(({ docks: count }) => count) + failed;
   return [
