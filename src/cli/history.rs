@@ -30,7 +30,7 @@ pub(super) struct HistoryArgs {
     topic: Topic,
 
     /// Only entries since this time: an age (30m, 12h, 7d), a date (2026-11-01), or a date and a
-    /// time (2026-11-01T21:30)
+    /// time (2026-11-01T21:30) [default: the newest 1000 entries]
     #[arg(long, value_name = "WHEN", value_parser = moment::parse)]
     since: Option<moment::Moment>,
 
