@@ -2,7 +2,7 @@
 //! without a safepoint, and an error for unknown names.
 //!
 //! This module closes what Luau's own sandbox leaves open; each item has a test in
-//! `tests/hostile.rs`.
+//! `tests/it/hostile.rs`.
 
 use std::sync::Once;
 
