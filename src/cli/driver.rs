@@ -51,12 +51,14 @@ pub(super) async fn drive(
     let work = async {
         driver.connect().await?;
         let done = job(&mut driver).await;
-        let stayed = driver.pilot.wait_until_home().await;
+        let stayed = driver.pilot.wait_until_settled().await;
         done.map(|exit| if stayed { Exit::Safety } else { exit })
     };
     let done = unless_stopped(&stop, work).await;
     let away = driver.pilot.is_away();
-    driver.pilot.end().await;
+    if driver.pilot.end().await.is_owed() {
+        return Ok(Exit::Unreachable);
+    }
     done.unwrap_or(Ok(if away {
         Exit::Safety
     } else {

@@ -177,6 +177,11 @@ impl Pilot {
         let Some(writer) = &mut self.writer else {
             return Ok(());
         };
+        let owed = self.debt.is_owed();
+        self.debt.handle(commands, Instant::now());
+        if self.debt.is_owed() != owed {
+            set_guardian_debt(&mut self.heartbeat, !owed);
+        }
         writer.queue(commands, Instant::now())?;
         // Before the robot receives them: the guardian may have to send the last words instead of
         // this process.
@@ -223,7 +228,9 @@ impl Pilot {
 
     fn send_emergency_stop(&mut self) -> Result<(), LinkLost> {
         self.emergency_stop.last_sent = Some(Instant::now());
-        self.send(&STOP)
+        self.send(&STOP)?;
+        self.debt.ask_at_once(Instant::now());
+        self.check_execution()
     }
 
     pub(super) fn replace_while_stopped(&self, commands: &[Command]) -> Vec<Command> {
@@ -266,6 +273,7 @@ impl Pilot {
         }
         connection.set_last_words(last_words);
         connection.set_released(self.released);
+        connection.set_hurried(self.is_hurried());
         if let Some(writer) = &self.writer {
             tell_guardian(&mut self.heartbeat, writer);
         }
@@ -301,6 +309,10 @@ impl Pilot {
         }
     }
 
+    pub(super) fn tell_guardian_of_debt(&mut self) {
+        set_guardian_debt(&mut self.heartbeat, self.debt.is_owed());
+    }
+
     /// Tells the guardian that the link is closed and its last words were sent.
     pub(super) fn release_guardian(&mut self) {
         if let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian) {
@@ -330,6 +342,10 @@ fn disturbs(command: &Command) -> bool {
 
 fn bytes_of(commands: &[Command]) -> Vec<u8> {
     commands.iter().flat_map(Command::to_bytes).collect()
+}
+
+fn set_guardian_debt(heartbeat: &mut Option<Heartbeat>, owed: bool) {
+    let _ = (heartbeat, owed);
 }
 
 /// Gives the guardian the data that this writer would send last.

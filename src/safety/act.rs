@@ -1,5 +1,7 @@
 //! The inputs and outputs of the watchdog, and what the robot is sent if the agent dies.
 
+use std::time::Duration;
+
 use crate::robot::{BehaviourId, EndReason, Event, Intent, Priority};
 use crate::wire::{Command, Engage, EngineReport, Power};
 
@@ -21,6 +23,8 @@ pub enum Fact {
     Power(Power),
     /// An ENGINE message was received.
     Engine(EngineReport),
+    /// The time that the robot's program takes for one message.
+    Pace(Duration),
     /// Whether a stream is on that makes the robot send data.
     Streaming(bool),
     /// A behaviour requests something that moves the robot.

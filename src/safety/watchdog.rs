@@ -133,6 +133,7 @@ impl Watchdog {
             Fact::BytesReceived => self.note_received(now),
             Fact::Power(power) => self.power(power, now),
             Fact::Engine(news) => self.engine(news, now),
+            Fact::Pace(period) => self.tracks.set_pace(period),
             Fact::Streaming(on) => {
                 if on && !self.streaming {
                     self.note_received(now);
@@ -246,6 +247,11 @@ impl Watchdog {
             charging: self.battery_monitor.charging() == Charging::Confirmed,
             minutes_left: None,
         })
+    }
+
+    /// Whether it is on its station and was not told to leave it: it does not drive.
+    pub fn is_docked_and_still(&self) -> bool {
+        self.docked() && !self.is_robot_moving()
     }
 
     /// Whether the last setpoint sent to the tracks moves them.
