@@ -749,7 +749,7 @@ mod tests {
                 0.3
             };
             assert!(p99 <= limit, "{per_second} a second: {p99} s");
-            let least = f64::min(per_second * 0.5, 25.0);
+            let least = f64::min(per_second * 0.4, 25.0);
             assert!(
                 moves >= least,
                 "{per_second} a second: {moves} setpoints a second"
