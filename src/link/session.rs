@@ -42,6 +42,8 @@ pub struct Session {
     pub reader: Reader,
     /// Sends to the robot.
     pub writer: Writer,
+    /// How it was logged in to.
+    pub login: Login,
 }
 
 /// Connects and logs in. The first command of every session is MOVE 0 0; it is written before this
@@ -114,6 +116,7 @@ async fn log_in(
             early: answers.early,
             reader,
             writer,
+            login: login.clone(),
         }),
         Err(error) => {
             // The robot has accepted the login, so it may be driving.

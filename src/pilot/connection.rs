@@ -14,7 +14,7 @@ use tokio::time::{Sleep, sleep};
 use crate::link::{
     self, Backoff, Delivery, Incoming, LinkError, Options, Reader, Session, Supervision, Writer,
 };
-use crate::wire::{Accepted, Command, Power, Report};
+use crate::wire::{Accepted, Command, Login, Power, Report};
 
 type Connecting = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
 
@@ -33,6 +33,8 @@ pub(super) struct NewSession {
     pub(super) peer: SocketAddr,
     pub(super) early: Vec<Report>,
     pub(super) writer: Writer,
+    /// How it was logged in to.
+    pub(super) login: Login,
 }
 
 pub(super) enum ConnectionEvent {
@@ -235,6 +237,7 @@ impl Connection {
             early,
             reader,
             writer,
+            login,
         } = session;
         self.state = State::Up(reader);
         self.backoff.reset();
@@ -244,6 +247,7 @@ impl Connection {
             peer,
             early,
             writer,
+            login,
         }))
     }
 
@@ -276,7 +280,6 @@ mod tests {
     use tokio::sync::mpsc;
 
     use super::*;
-    use crate::wire::Login;
 
     /// A connection to robots that accept each login, and the robots' ends of its links.
     fn connection() -> (Connection, mpsc::UnboundedReceiver<DuplexStream>) {
