@@ -40,6 +40,7 @@ use crate::wire::{Accepted, EngineReport, Report};
 
 pub use self::connection::Connector;
 use self::connection::{Connection, ConnectionEvent, ConnectionEventError, LinkLost, NewSession};
+use self::core::Interruption;
 pub use self::core::{DrivingCore, Heartbeat};
 use self::debt::{Answered, Debt, DebtAction};
 use self::outputs::{EmergencyStopState, QuietHours, Restrictions, tell_guardian};
@@ -236,6 +237,7 @@ impl Pilot {
                     motion_stopped = true;
                     self.handle(Fact::RunEnding)
                 }
+                () = guardian_changed(self.heartbeat.as_mut()) => self.check_guardian(),
                 () = until(deadline) => self.poll(&mut requests).await,
                 // The next turn tells the guardian what is left of a partly written message.
                 written = progress(self.writer.as_mut()) => written.map_err(LinkLost::from),
@@ -274,7 +276,22 @@ impl Pilot {
     /// before is repeated.
     fn heartbeat(&mut self) -> Result<(), LinkLost> {
         let heartbeat = self.heartbeat.as_mut();
-        match heartbeat.and_then(|heartbeat| heartbeat.beat(Instant::now())) {
+        let interruption = heartbeat.and_then(|heartbeat| heartbeat.beat(Instant::now()));
+        self.note_guardian(interruption)
+    }
+
+    fn check_guardian(&mut self) -> Result<(), LinkLost> {
+        let heartbeat = self.heartbeat.as_mut();
+        let interruption = heartbeat.and_then(Heartbeat::check_guardian);
+        self.note_guardian(interruption)
+    }
+
+    fn note_guardian(&mut self, interruption: Option<Interruption>) -> Result<(), LinkLost> {
+        let guarded = self.heartbeat.as_ref().is_none_or(Heartbeat::is_guarded);
+        if guarded != self.watchdog.is_guarded() {
+            self.handle(Fact::Guarded(guarded))?;
+        }
+        match interruption {
             Some(interruption) => {
                 warn!("{interruption}: the robot is stopped first");
                 self.handle(Fact::Suspended)
@@ -473,7 +490,7 @@ impl Pilot {
             ConnectionEvent::Incoming(Incoming::Report(report)) => self.report(report)?,
             ConnectionEvent::Incoming(Incoming::PartialFrame(part)) => self.partial_frame(part),
             ConnectionEvent::Lost(error) => return Err(LinkLost::from(error).into()),
-            ConnectionEvent::Accepted(socket) => self.watch_login(socket),
+            ConnectionEvent::Accepted(socket) => self.watch_login(socket)?,
             ConnectionEvent::Ended(delivery) => {
                 debug!("at the end of a link: {delivery}");
                 if !delivery.is_owed() {
@@ -504,6 +521,7 @@ impl Pilot {
             peer,
             early,
             writer,
+            login,
         } = session;
         let Accepted {
             uid,
@@ -522,15 +540,16 @@ impl Pilot {
             simulated: self.simulated,
         };
         self.writer = Some(writer);
-        self.watch_link();
+        self.set_route(peer, login);
+        let watched = self.watch_link();
         self.actuators.forget_lights();
         self.silence.begin(Instant::now());
         self.executes_nothing = false;
         self.publish_link_up(&info, docked);
         self.info = Some(info);
         self.failed = Repeats::new(FAILED_EVERY);
-        let mut lost = self
-            .handle(Fact::LinkUp { docked, power })
+        let mut lost = watched
+            .and(self.handle(Fact::LinkUp { docked, power }))
             .and(self.repeat_emergency_stop());
         self.note_level();
         self.publish_battery();
@@ -909,6 +928,14 @@ fn describe(report: EngineReport) -> String {
         EngineReport::Charged => "the battery is full".to_owned(),
         EngineReport::BaseNotFound => "station not found".to_owned(),
         EngineReport::Unknown(code) => format!("ENGINE {code}, an unknown value"),
+    }
+}
+
+/// See [`Heartbeat::guardian_changed`].
+async fn guardian_changed(heartbeat: Option<&mut Heartbeat>) {
+    match heartbeat {
+        Some(heartbeat) => heartbeat.guardian_changed().await,
+        None => std::future::pending().await,
     }
 }
 

@@ -11,6 +11,7 @@ use super::startup::{driving_core, heartbeat, launcher};
 use super::{Exit, Failure};
 use crate::agent::{AgentError, Docked, PilotClient, PilotClientError, PilotSetup, RunningPilot};
 use crate::behaviour::Launch;
+use crate::guardian::GuardianFiles;
 use crate::pilot::{Connector, Settings, Status};
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, DockEnd, DockPlan, MotionEnd, Priority, Setpoint};
@@ -84,7 +85,7 @@ impl Driver {
             settings,
             rescue,
         } = parts;
-        let heartbeat = heartbeat(settings.simulated);
+        let heartbeat = heartbeat(settings.simulated, GuardianFiles::default())?;
         let mut setup = PilotSetup::new(settings, connector, core.clone(), Some(heartbeat));
         let requests = setup.requests();
         handle_signals(core, requests.clone(), stop.clone())?;

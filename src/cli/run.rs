@@ -19,8 +19,8 @@ use super::robot_target::{connector, resolve_or_simulate_with, robot_choice};
 use super::settings::SettingsArgs;
 use super::sim::FirmwareArgs;
 use super::startup::{
-    JOURNAL_END, driving_core, emergency_stop, heartbeat, journal, launcher, rescue, runtime,
-    serve, show,
+    JOURNAL_END, driving_core, emergency_stop, guardian_files, heartbeat, journal, launcher,
+    rescue, runtime, serve, show, warn_of_unpaid_stop,
 };
 use super::status::StatusLine;
 use super::world::TraceFile;
@@ -172,6 +172,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         firmware: args.firmware.load()?,
     };
     let (target, sim) = resolve_or_simulate_with(choice, &login, seed, kind)?;
+    warn_of_unpaid_stop(&config);
     let server = ControlServer::open(config.data_folder());
     let emergency_stop = emergency_stop(&config, sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
@@ -197,7 +198,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         connector,
         launcher: launcher()?,
         core: core.handle().clone(),
-        heartbeat: Some(heartbeat(sim.is_some())),
+        heartbeat: Some(heartbeat(sim.is_some(), guardian_files(&config))?),
         rescue: rescue(&config, seed)?,
         limit: args.limit.map(Span::get),
         bus: bus.clone(),

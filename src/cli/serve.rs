@@ -118,6 +118,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         ..Simulated::default()
     };
     let (target, sim) = resolve_or_simulate_with(choice, &login, seed, kind)?;
+    startup::warn_of_unpaid_stop(&config);
     let server = ControlServer::open(config.data_folder());
     let emergency_stop = startup::emergency_stop(&config, simulated);
     let record = RecordFile::open(config.data_folder());
@@ -138,7 +139,9 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         ),
         launcher: startup::launcher()?,
         core: core.handle().clone(),
-        heartbeat: Some(heartbeat(simulated).notify_beats(beats.clone())),
+        heartbeat: Some(
+            heartbeat(simulated, startup::guardian_files(&config))?.notify_beats(beats.clone()),
+        ),
         rescue: rescue(&config, seed)?,
         limit: args.limit.map(Span::get),
         bus: bus.clone(),

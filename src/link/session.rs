@@ -48,6 +48,8 @@ pub struct Session {
     pub reader: Reader,
     /// Sends to the robot.
     pub writer: Writer,
+    /// How it was logged in to.
+    pub login: Login,
 }
 
 /// Connects and logs in. The first command of every session is MOVE 0 0; it is written before this
@@ -126,6 +128,7 @@ async fn log_in(
             early: answers.early,
             reader,
             writer,
+            login: login.clone(),
         }),
         Err(error) => {
             // The robot has accepted the login, so it may be driving.

@@ -14,7 +14,7 @@ use tokio::time::{Instant, Sleep, sleep};
 use crate::link::{
     self, Backoff, Delivery, Incoming, LinkError, Options, Reader, Session, Supervision, Writer,
 };
-use crate::wire::{Accepted, Command, Power, Report};
+use crate::wire::{Accepted, Command, Login, Power, Report};
 
 type Connecting = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
 
@@ -38,6 +38,8 @@ pub(super) struct NewSession {
     pub(super) peer: SocketAddr,
     pub(super) early: Vec<Report>,
     pub(super) writer: Writer,
+    /// How it was logged in to.
+    pub(super) login: Login,
 }
 
 pub(super) enum ConnectionEvent {
@@ -265,6 +267,7 @@ impl Connection {
             early,
             reader,
             writer,
+            login,
         } = session;
         self.state = State::Up(reader);
         self.backoff.reset();
@@ -274,6 +277,7 @@ impl Connection {
             peer,
             early,
             writer,
+            login,
         }))
     }
 
@@ -316,7 +320,6 @@ mod tests {
     use tokio::sync::mpsc;
 
     use super::*;
-    use crate::wire::Login;
 
     /// A connection to robots that accept each login, and the robots' ends of its links.
     fn connection() -> (Connection, mpsc::UnboundedReceiver<DuplexStream>) {

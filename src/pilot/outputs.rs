@@ -3,6 +3,7 @@
 //! while the alarm sounds. Also keeps the last words: what the writer, the connection and the
 //! guardian send to the robot if all else fails.
 
+use std::net::SocketAddr;
 use std::os::fd::{AsFd, OwnedFd};
 use std::time::Duration;
 
@@ -12,11 +13,12 @@ use tracing::warn;
 use super::Pilot;
 use super::connection::{Connection, LinkLost};
 use super::core::Heartbeat;
+use crate::guardian::Route;
 use crate::link::Writer;
 use crate::robot::Event;
 use crate::robot::channel::{Quiet, Role};
 use crate::safety::{Act, Fact, Watchdog};
-use crate::wire::{Command, Engage, Led, Stream};
+use crate::wire::{Command, Engage, Led, Login, Stream};
 
 /// The commands that begin it: the tracks stop, and a search ends.
 const STOP: [Command; 2] = [Command::STOP, Command::Engine(Engage::CancelDock)];
@@ -174,14 +176,13 @@ impl Pilot {
             return Ok(());
         }
         self.renew_last_words();
+        if self.writer.is_some() {
+            self.debt.handle(commands, Instant::now());
+            self.tell_guardian_of_debt();
+        }
         let Some(writer) = &mut self.writer else {
             return Ok(());
         };
-        let owed = self.debt.is_owed();
-        self.debt.handle(commands, Instant::now());
-        if self.debt.is_owed() != owed {
-            set_guardian_debt(&mut self.heartbeat, !owed);
-        }
         writer.queue(commands, Instant::now())?;
         // Before the robot receives them: the guardian may have to send the last words instead of
         // this process.
@@ -266,7 +267,11 @@ impl Pilot {
     /// connection stops connecting.
     pub(super) fn store_last_words(&mut self, connection: &mut Connection) {
         let last_words = self.renew_last_words();
-        if connection.is_logging_in()
+        // Without a link, too: the guardian dials for a debt. It keeps the rest of a message on a
+        // link that is ending.
+        let ends = connection.is_unsettled() && !connection.is_logging_in();
+        if self.writer.is_none()
+            && !ends
             && let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian)
         {
             guardian.set_last_words(&[], &bytes_of(&last_words));
@@ -290,27 +295,45 @@ impl Pilot {
 
     /// Gives the guardian the socket of a link whose login the robot has accepted, and its last
     /// words; `None`: that link has ended.
-    pub(super) fn watch_login(&mut self, socket: Option<OwnedFd>) {
+    pub(super) fn watch_login(&mut self, socket: Option<OwnedFd>) -> Result<(), LinkLost> {
         let last_words = bytes_of(&self.renew_last_words());
         let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian) else {
-            return;
+            return Ok(());
         };
         match socket {
-            Some(socket) => guardian.watch_login(socket.as_fd(), last_words),
-            None => guardian.release(),
+            Some(socket) => guardian
+                .watch_login(socket.as_fd(), last_words)
+                .map_err(unguarded),
+            None => {
+                guardian.release();
+                Ok(())
+            }
         }
     }
 
-    pub(super) fn watch_link(&mut self) {
+    pub(super) fn watch_link(&mut self) -> Result<(), LinkLost> {
         let guardian = self.heartbeat.as_mut().and_then(Heartbeat::guardian);
         let socket = self.writer.as_ref().and_then(Writer::socket);
         if let (Some(guardian), Some(socket), Some(writer)) = (guardian, socket, &self.writer) {
-            guardian.watch(socket, writer.last_words().1);
+            let last_words = writer.last_words().1;
+            guardian.watch(socket, last_words).map_err(unguarded)?;
+        }
+        Ok(())
+    }
+
+    /// Tells the guardian how to reach the robot if this program no longer can.
+    pub(super) fn set_route(&mut self, address: SocketAddr, login: Login) {
+        if let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian) {
+            let login = Command::Login(login).to_bytes().to_vec();
+            guardian.set_route(Route { address, login });
         }
     }
 
+    /// Tells the guardian whether a stop is owed; only a change is sent.
     pub(super) fn tell_guardian_of_debt(&mut self) {
-        set_guardian_debt(&mut self.heartbeat, self.debt.is_owed());
+        if let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian) {
+            guardian.set_debt(self.debt.is_owed());
+        }
     }
 
     /// Tells the guardian that the link is closed and its last words were sent.
@@ -332,6 +355,11 @@ fn while_stopped(command: &Command) -> Option<Command> {
     }
 }
 
+/// A link that the guardian cannot keep.
+fn unguarded(error: std::io::Error) -> LinkLost {
+    LinkLost::because(format!("the guardian cannot watch this link: {error}"))
+}
+
 fn disturbs(command: &Command) -> bool {
     match command {
         Command::Play(_) | Command::Audio(_) => true,
@@ -342,10 +370,6 @@ fn disturbs(command: &Command) -> bool {
 
 fn bytes_of(commands: &[Command]) -> Vec<u8> {
     commands.iter().flat_map(Command::to_bytes).collect()
-}
-
-fn set_guardian_debt(heartbeat: &mut Option<Heartbeat>, owed: bool) {
-    let _ = (heartbeat, owed);
 }
 
 /// Gives the guardian the data that this writer would send last.

@@ -46,6 +46,8 @@ pub enum Fact {
     /// The machine or the program was suspended or hung. For how long, and what the robot has done
     /// meanwhile, is not known.
     Suspended,
+    /// Whether a guardian process answers, which stops the robot if this program no longer can.
+    Guarded(bool),
     /// The run ends: nothing may move any more, except a robot with a low battery that searches on
     /// its own.
     RunEnding,
