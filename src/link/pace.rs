@@ -31,7 +31,7 @@ const LAST_ANSWER: Duration = Duration::from_secs(10);
 /// The delay of an answer that the network alone may cause.
 const JITTER: Duration = Duration::from_millis(50);
 /// How often the speed of a robot that is not fast is measured while it moves.
-const MEASURE_INTERVAL: Duration = Duration::from_secs(20);
+const MEASURE_INTERVAL: Duration = Duration::from_secs(60);
 /// The time for one message of a robot that need not be measured again.
 const FAST: Duration = Duration::from_millis(30);
 /// The most questions whose answers are awaited.

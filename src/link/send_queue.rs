@@ -180,6 +180,13 @@ impl SendQueue {
         Some(self.pace.next_question() + queued.count() as u64 - 1)
     }
 
+    /// Lets everything go at once that waits for its pace: nothing follows.
+    pub(super) fn release_paced(&mut self) {
+        while let Some(message) = self.paced.pop_front() {
+            self.push_urgent(message);
+        }
+    }
+
     /// Queues samples for the speaker; none of them if too much speech is queued.
     pub(super) fn say(&mut self, samples: &Bytes) -> bool {
         self.speech.push(samples)

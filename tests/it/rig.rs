@@ -247,9 +247,15 @@ impl Rig {
 
     /// The commands that were received, without the questions that measure the robot's speed.
     pub fn commands(&self, from: usize) -> Vec<Command> {
+        self.commands_between(from, usize::MAX)
+    }
+
+    /// The same up to an index.
+    pub fn commands_between(&self, from: usize, to: usize) -> Vec<Command> {
         self.sim
             .heard_since(from)
             .into_iter()
+            .take(to.saturating_sub(from))
             .map(|heard| heard.command)
             .filter(|command| *command != Command::PowerQuery)
             .collect()
