@@ -396,9 +396,6 @@ impl Pilot {
             ConnectionEvent::Accepted(socket) => self.watch_login(socket)?,
             ConnectionEvent::Ended(delivery) => {
                 debug!("at the end of a link: {delivery}");
-                if delivery == Delivery::Acknowledged {
-                    self.set_debt(false);
-                }
                 self.release_guardian();
             }
             ConnectionEvent::Failed(error) => {
