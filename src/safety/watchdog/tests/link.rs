@@ -482,6 +482,7 @@ fn without_a_guardian_a_docking_of_a_behaviour_and_an_undocking_end() {
     let acts = rig.handle(Fact::Guarded(false));
     assert_eq!(undock_ended(&acts), Some(DockEnd::Safety));
     assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(undock_ended(&rig.undock(2)), Some(DockEnd::Safety));
 }
 
 #[test]
