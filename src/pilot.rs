@@ -32,7 +32,7 @@ use crate::rate_limit::Repeats;
 use crate::robot::channel::{MAX_REQUESTS, Request, Suspend};
 use crate::robot::{
     AgentEvent, Battery, BehaviourId, Bus, DockEnd, Event, Frame, PartialFrame, Pictures,
-    RobotInfo, Streams,
+    RobotInfo, StopConfirmation, Streams,
 };
 use crate::safety::{Fact, Limits, Watchdog};
 use crate::wire::{Accepted, Command, EngineReport, Report};
@@ -360,6 +360,7 @@ impl Pilot {
             dock_state: self.watchdog.dock_state(),
             shed: self.watchdog.shed(),
             emergency_stop: self.emergency_stop.is_on(),
+            stop: StopConfirmation::None,
             actuators: self.actuators,
             frames: self.status.borrow().frames,
         };
