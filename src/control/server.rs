@@ -425,12 +425,7 @@ impl Run {
             running: self.began.elapsed(),
             online: status.link == LinkState::Up,
             robot: running.robot,
-            state: match status.link.absence() {
-                Some(words) if status.emergency_stop => format!("stopped by a person; {words}"),
-                Some(words) => words.to_owned(),
-                None if status.emergency_stop => "stopped by a person".to_owned(),
-                None => status.safety.to_string(),
-            },
+            state: describe(&status),
             dock_state: status.dock_state.to_string(),
             docked: status.docked,
             low: status.low,
@@ -455,6 +450,20 @@ impl Run {
         let (sender, reply) = oneshot::channel();
         self.requests.send(Request::Running(sender)).await.ok()?;
         reply.await.ok()
+    }
+}
+
+/// The state of the run, for people.
+fn describe(status: &Status) -> String {
+    let stopped = match (status.emergency_stop, status.stop) {
+        (false, _) => None,
+        (true, StopConfirmation::NotConfirmed) => Some("stopped by a person, NOT CONFIRMED"),
+        (true, _) => Some("stopped by a person"),
+    };
+    match (stopped, status.link.absence()) {
+        (Some(stopped), Some(words)) => format!("{stopped}; {words}"),
+        (Some(words), None) | (None, Some(words)) => words.to_owned(),
+        (None, None) => status.safety.to_string(),
     }
 }
 

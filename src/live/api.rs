@@ -327,8 +327,8 @@ async fn stop(State(broadcast): Shared, visitor: Visitor) -> Json<StopReport> {
 }
 
 async fn release_stop(State(broadcast): Shared, Driver(visitor): Driver) -> Reply<Outcome> {
-    let reset = broadcast.run.reset_stop(&name_of("the API", &visitor));
-    outcome(match reset.await {
+    let by = name_of("the API", &visitor);
+    outcome(match broadcast.run.reset_stop(&by).await {
         Ok(()) => (true, String::new()),
         Err(why) => (false, why),
     })
