@@ -15,8 +15,9 @@ mod request;
 mod server;
 mod web;
 
-pub use client::{AskError, Client, GuardianAnswer, StopAnswer, StoppedRun, runs, stop_runs};
+pub use client::{AskError, Client, StopAnswer, StoppedRun, runs, stop_runs};
 pub use emergency_stop::EmergencyStop;
+pub use folder::guardian_socket;
 pub use report::{Level, Report, RunningBehaviourReport, Start, StopReport};
 pub use request::{BehaviourListing, Change, MAX_SPEECH, Next, Overview, RunRequest, RunResponse};
 pub use server::{ControlServer, Run};

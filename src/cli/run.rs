@@ -19,8 +19,8 @@ use super::robot_target::{connector, resolve_or_simulate_with, robot_choice};
 use super::settings::SettingsArgs;
 use super::sim::FirmwareArgs;
 use super::startup::{
-    JOURNAL_END, driving_core, emergency_stop, heartbeat, journal, launcher, refuse_if_stopped,
-    rescue, runtime, serve, show,
+    JOURNAL_END, driving_core, emergency_stop, guardian_files, heartbeat, journal, launcher,
+    refuse_if_stopped, rescue, runtime, serve, show, warn_of_unpaid_stop,
 };
 use super::status::StatusLine;
 use super::world::TraceFile;
@@ -176,6 +176,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     if args.live.is_none() {
         refuse_if_stopped(&config, sim.is_some())?;
     }
+    warn_of_unpaid_stop(&config);
     let bus = Bus::default();
     let emergency_stop = emergency_stop(&config, sim.is_some(), &bus);
     let server = ControlServer::open(config.data_folder());
@@ -201,7 +202,7 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         connector,
         launcher: launcher()?,
         core: core.handle().clone(),
-        heartbeat: Some(heartbeat(sim.is_some())),
+        heartbeat: Some(heartbeat(sim.is_some(), guardian_files(&config))?),
         rescue: rescue(&config, seed)?,
         limit: args.limit.map(Span::get),
         bus: bus.clone(),
@@ -424,7 +425,9 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
         let mut exits = outcome.exits.iter();
         exits.any(|(_, exit)| is(exit.reason))
     };
-    Ok(if outcome.interrupted && outcome.safety {
+    Ok(if outcome.owes_stop {
+        Exit::Unreachable
+    } else if outcome.interrupted && outcome.safety {
         Exit::Safety
     } else if outcome.interrupted {
         Exit::Interrupted

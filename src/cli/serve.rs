@@ -120,6 +120,7 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
     let (target, sim) = resolve_or_simulate_with(choice, &login, seed, kind)?;
     let bus = Bus::default();
     let emergency_stop = startup::emergency_stop(&config, simulated, &bus);
+    startup::warn_of_unpaid_stop(&config);
     let server = ControlServer::open(config.data_folder());
     let record = RecordFile::open(config.data_folder());
     let core = driving_core()?;
@@ -138,7 +139,9 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         ),
         launcher: startup::launcher()?,
         core: core.handle().clone(),
-        heartbeat: Some(heartbeat(simulated).notify_beats(beats.clone())),
+        heartbeat: Some(
+            heartbeat(simulated, startup::guardian_files(&config))?.notify_beats(beats.clone()),
+        ),
         rescue: rescue(&config, seed)?,
         limit: args.limit.map(Span::get),
         bus: bus.clone(),
@@ -278,6 +281,7 @@ async fn serve(
 
 fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
     match outcome {
+        Ok(outcome) if outcome.owes_stop => Ok(Exit::Unreachable),
         Ok(outcome) if outcome.safety => Ok(Exit::Safety),
         Ok(_) => Ok(Exit::Done),
         Err(AgentError::Link(error)) => Err(error.into()),

@@ -7,10 +7,11 @@ use std::time::Duration;
 use tokio::net::UnixStream;
 use tokio::time::timeout;
 
-use super::folder::Folder;
+use super::folder::{Folder, guardian_socket};
 use super::pipe::Pipe;
 use super::request::{Overview, RunRequest, RunResponse};
 use super::web::Remote;
+use crate::guardian;
 use crate::robot::StopOutcome;
 
 /// Timeout for a run's reply to [`RunRequest::Overview`].
@@ -83,18 +84,9 @@ pub enum StopAnswer {
         ends: bool,
     },
     /// The run hangs; its guardian stops the robot.
-    Guardian(GuardianAnswer),
+    Guardian(guardian::StopAnswer),
     /// Neither the run, for this reason, nor its guardian.
     Nobody(AskError),
-}
-
-/// What a guardian has done about a STOP.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum GuardianAnswer {
-    /// It has written the stop to the robot.
-    Written,
-    /// It has no link to the robot, and writes the stop as soon as it has one.
-    Pending,
 }
 
 /// Presses STOP at all runs of this data folder whose state passes `chosen`, at the same time. One
@@ -105,13 +97,14 @@ pub async fn stop_runs(data: &Path, chosen: impl Fn(&Overview) -> bool) -> Vec<S
         return vec![];
     };
     let runs = folder.connect_all().into_iter();
-    let runs = runs.map(|(pid, stream)| stop_run(&folder, pid, stream, &chosen));
+    let runs = runs.map(|(pid, stream)| stop_run(data, &folder, pid, stream, &chosen));
     let stopped = futures_util::future::join_all(runs).await;
     stopped.into_iter().flatten().collect()
 }
 
 /// `None` if it is not chosen, or has ended.
 async fn stop_run(
+    data: &Path,
     folder: &Folder,
     pid: u32,
     stream: std::os::unix::net::UnixStream,
@@ -128,8 +121,8 @@ async fn stop_run(
         (stop(STOP_TIMEOUT).await, None)
     } else {
         // The run finds this request, and holds the robot, when it continues.
-        let socket = folder.guardian_socket(pid);
-        let guardian = tokio::task::spawn_blocking(move || ask_guardian(&socket));
+        let socket = guardian_socket(data, pid);
+        let guardian = tokio::task::spawn_blocking(move || guardian::request_stop(&socket));
         tokio::join!(stop(GUARDIAN_TIMEOUT), async {
             let answer = timeout(GUARDIAN_TIMEOUT, guardian).await;
             answer.ok()?.ok()?.ok()
@@ -137,24 +130,15 @@ async fn stop_run(
     };
     let answer = match (asked, guardian) {
         (Ok(RunResponse::Stopped { outcome, ends }), _) => StopAnswer::Run { outcome, ends },
-        (_, Some(answer)) => StopAnswer::Guardian(answer),
-        (Err(AskError::Ended) | Ok(_), None) => return None,
-        (Err(why), None) => StopAnswer::Nobody(why),
+        (_, Some(answer)) if answer != guardian::StopAnswer::Alive => StopAnswer::Guardian(answer),
+        (Err(AskError::Ended) | Ok(_), _) => return None,
+        (Err(why), _) => StopAnswer::Nobody(why),
     };
     Some(StoppedRun {
         pid,
         overview,
         answer,
     })
-}
-
-/// Asks the guardian that listens on this socket to stop the robot of a run that hangs. Blocks.
-///
-/// # Errors
-/// Nobody listens there; the run does not hang.
-fn ask_guardian(socket: &Path) -> io::Result<GuardianAnswer> {
-    let what = format!("no guardian listens at {}", socket.display());
-    Err(io::Error::new(io::ErrorKind::NotFound, what))
 }
 
 impl Client {

@@ -69,8 +69,10 @@ pub struct Status {
     pub frames: u64,
     /// A person has stopped the robot and not released it yet.
     pub emergency_stop: bool,
-    /// What is known of that stop at the robot.
+    /// What is known of the last stop.
     pub stop: StopConfirmation,
+    /// The robot may be moving: no stop was executed since it was last told to move.
+    pub owes_stop: bool,
     /// Last tracks, lights and sound commanded.
     pub actuators: ActuatorState,
 }
@@ -90,6 +92,7 @@ impl Default for Status {
             frames: 0,
             emergency_stop: false,
             stop: StopConfirmation::None,
+            owes_stop: false,
             actuators: ActuatorState::default(),
         }
     }

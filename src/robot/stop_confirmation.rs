@@ -8,20 +8,20 @@ use serde::{Deserialize, Serialize};
 pub const STOP_HOLDS: &str =
     "a person's STOP holds: release it at the page or with `spykee robot reset-stop`";
 
-/// What is known of a person's STOP at the robot.
+/// How far a person's STOP, or the last stop of a robot that was driving, has come.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum StopConfirmation {
-    /// No STOP holds, or nothing is known of one.
+    /// There is no stop to confirm.
     #[default]
     None,
-    /// It is under way.
+    /// It was sent; the answer of the robot's program is awaited.
     Sending,
-    /// The robot has answered what was sent after it.
+    /// The robot's program has executed it.
     Executed,
-    /// The robot's system has acknowledged it; its program does not say whether it executed it.
+    /// The robot's system has acknowledged it; its program does not say what it executed.
     Acknowledged,
-    /// The robot is out of reach; the agent keeps trying.
+    /// The robot is out of reach, or does not answer: it may be driving.
     NotConfirmed,
 }
 

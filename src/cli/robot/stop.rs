@@ -15,8 +15,9 @@ use crate::cli::{Exit, Failure, argument, block_on, print};
 use crate::clock::Clock;
 use crate::config::Config;
 use crate::control::{
-    self, Client, EmergencyStop, GuardianAnswer, RunRequest, RunResponse, StopAnswer, StoppedRun,
+    self, Client, EmergencyStop, RunRequest, RunResponse, StopAnswer, StoppedRun,
 };
+use crate::guardian;
 use crate::journal::{Journal, JournalReader, RunInfo};
 use crate::link::{LinkError, close_gracefully};
 use crate::pilot::{DELIVERY, Delivery};
@@ -144,10 +145,10 @@ fn tell(run: &StoppedRun) -> Result<Told, Failure> {
                 print(&format!("stopped: {words}; {end} (process {pid})\n"))?;
             }
         }
-        StopAnswer::Guardian(GuardianAnswer::Written) => print(&format!(
+        StopAnswer::Guardian(guardian::StopAnswer::Written) => print(&format!(
             "stopped: the run hangs (process {pid}); its guardian has stopped the robot\n"
         ))?,
-        StopAnswer::Guardian(GuardianAnswer::Pending) => {
+        StopAnswer::Guardian(_) => {
             told.unconfirmed = Some(format!(
                 "the run hangs (process {pid}), and its guardian does not reach the robot; it keeps \
                  trying"
@@ -225,8 +226,8 @@ fn stop_directly(targets: Vec<TargetArgs>, limit: Duration) -> Result<Exit, Fail
             .map(|target| stop_with_retries(target, limit, &ended));
         for tried in join_all(tries).await {
             match tried? {
-                Some(Delivery::Acknowledged) => {
-                    print("stopped: the robot's side has acknowledged it\n")?;
+                Some(delivery @ (Delivery::Executed | Delivery::Acknowledged)) => {
+                    print(&format!("stopped: {delivery}\n"))?;
                 }
                 Some(delivery) => {
                     let help = "is the robot still in reach of its Wi-Fi? try again";
@@ -270,7 +271,7 @@ async fn stop_with_retries(
         let tried = try_stop(target, ended).await;
         let again = Instant::now() + PAUSE < until && !ended.is_cancelled();
         match tried {
-            Ok(Some(delivery)) if delivery != Delivery::Acknowledged && again => {
+            Ok(Some(delivery)) if delivery.is_owed() && again => {
                 tracing::warn!("{delivery}; trying again");
             }
             Err(error) if !error.is_final() && again => {
