@@ -196,7 +196,7 @@ fn run_handle(run: &Running, streams: Streams) -> control::Run {
         status: run.status(),
         pictures: run.pictures(),
         reactions: run.reactions(),
-        stop: run.stopper(),
+        end: Some(run.stopper()),
         emergency_stop: control::EmergencyStop::default(),
         streams,
         target: "a simulation".to_owned(),

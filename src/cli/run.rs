@@ -20,7 +20,7 @@ use super::settings::SettingsArgs;
 use super::sim::FirmwareArgs;
 use super::startup::{
     JOURNAL_END, driving_core, emergency_stop, guardian_files, heartbeat, journal, launcher,
-    rescue, runtime, serve, show, warn_of_unpaid_stop,
+    refuse_if_stopped, rescue, runtime, serve, show, warn_of_unpaid_stop,
 };
 use super::status::StatusLine;
 use super::world::TraceFile;
@@ -172,9 +172,14 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
         firmware: args.firmware.load()?,
     };
     let (target, sim) = resolve_or_simulate_with(choice, &login, seed, kind)?;
+    // With a page, a person can release a STOP that holds.
+    if args.live.is_none() {
+        refuse_if_stopped(&config, sim.is_some())?;
+    }
     warn_of_unpaid_stop(&config);
+    let bus = Bus::default();
+    let emergency_stop = emergency_stop(&config, sim.is_some(), &bus);
     let server = ControlServer::open(config.data_folder());
-    let emergency_stop = emergency_stop(&config, sim.is_some());
     let settings = config.pilot(sim.is_some(), seed);
     let names = names(&behaviours);
     let link = config.link.clone();
@@ -187,7 +192,6 @@ pub(super) fn run(args: &RunArgs, console: &Console) -> Result<Exit, Failure> {
     };
     let target = target.to_string();
     let core = driving_core()?;
-    let bus = Bus::default();
     let page = args.live.map(|_| page(&config, &behaviours, &bus));
     let page = page.map(|page| (page, sim.as_ref().map(EmbeddedSim::handle)));
     let plan = Plan {
@@ -341,7 +345,7 @@ async fn drive(parts: RunParts, console: &Console) -> Result<Exit, Failure> {
         status: status.clone(),
         pictures: agent.pictures(),
         reactions: agent.reactions(),
-        stop: stop.clone(),
+        end: Some(stop.clone()),
         emergency_stop: parts.emergency_stop,
         streams,
         target: parts.target,

@@ -8,8 +8,9 @@ use super::interrupt::interruption;
 use super::settings::SettingsArgs;
 use super::{ConnectionArgs, Exit, Failure, block_on, secret};
 use crate::config::{Effective, ServiceUrl};
-use crate::control::{self, AskError, Client, Remote, RunRequest, RunResponse};
+use crate::control::{self, AskError, Client, Overview, Remote, RunRequest, RunResponse};
 use crate::link::Target;
+use crate::robot::STOP_HOLDS;
 
 /// Timeout for requests that a run carries out immediately.
 pub(super) const REPLY_TIMEOUT: Duration = Duration::from_secs(5);
@@ -84,12 +85,52 @@ pub(super) fn find_run(
     connection: &ConnectionArgs,
     remote: &RemoteArgs,
 ) -> Result<Option<Client>, Failure> {
+    refuse_remote_simulation(connection, remote)?;
     match connection.sim {
-        Some(_) if remote.is_named() => Err(Failure::usage(
-            "--url and --sim cannot be combined: a service has its own robot",
-        )),
         Some(_) => Ok(None),
         None => find_run_of_target(settings, connection.robot.as_ref(), remote),
+    }
+}
+
+/// The service that the command line or the config names. `None` with `--sim` or a robot.
+///
+/// # Errors
+/// Flags that cannot be combined; a config that cannot be used; a service that cannot be reached.
+pub(super) fn find_service(
+    settings: &SettingsArgs,
+    connection: &ConnectionArgs,
+    remote: &RemoteArgs,
+) -> Result<Option<Client>, Failure> {
+    refuse_remote_simulation(connection, remote)?;
+    match connection.sim {
+        Some(_) => Ok(None),
+        None => service_of(settings, connection.robot.as_ref(), remote),
+    }
+}
+
+fn refuse_remote_simulation(
+    connection: &ConnectionArgs,
+    remote: &RemoteArgs,
+) -> Result<(), Failure> {
+    if connection.sim.is_some() && remote.is_named() {
+        return Err(Failure::usage(
+            "--url and --sim cannot be combined: a service has its own robot",
+        ));
+    }
+    Ok(())
+}
+
+fn service_of(
+    settings: &SettingsArgs,
+    robot: Option<&Target>,
+    remote: &RemoteArgs,
+) -> Result<Option<Client>, Failure> {
+    match robot {
+        Some(_) if remote.is_named() => Err(Failure::usage(
+            "--url and --robot cannot be combined: a service has its own robot",
+        )),
+        Some(_) => Ok(None),
+        None => remote.client(settings),
     }
 }
 
@@ -104,14 +145,7 @@ pub(super) fn find_run_of_target(
     robot: Option<&Target>,
     remote: &RemoteArgs,
 ) -> Result<Option<Client>, Failure> {
-    if robot.is_some() && remote.is_named() {
-        return Err(Failure::usage(
-            "--url and --robot cannot be combined: a service has its own robot",
-        ));
-    }
-    if robot.is_none()
-        && let Some(service) = remote.client(settings)?
-    {
+    if let Some(service) = service_of(settings, robot, remote)? {
         return Ok(Some(service));
     }
     let config = settings.config()?;
@@ -120,7 +154,7 @@ pub(super) fn find_run_of_target(
         tracing::warn!("a run does not answer: is it suspended by Ctrl-Z, or of another version?");
     }
     if let Some(target) = robot.or(config.robot.as_ref()) {
-        runs.retain(|run| uses_robot(run, target));
+        runs.retain(|run| uses_robot(&run.overview, target));
     } else if runs.len() > 1 {
         let robots: Vec<&str> = runs.iter().map(|run| &*run.overview.target).collect();
         let failure = Failure::usage("several runs are active: which one?");
@@ -130,12 +164,12 @@ pub(super) fn find_run_of_target(
 }
 
 /// Whether the run uses this robot: compares the name given to the run, and the connected address.
-fn uses_robot(run: &Client, target: &Target) -> bool {
+pub(super) fn uses_robot(run: &Overview, target: &Target) -> bool {
     let target = target.to_string();
     let address = |text: &str| text.parse::<SocketAddr>().ok();
-    let connected = run.overview.robot.as_ref();
+    let connected = run.robot.as_ref();
     let connected = connected.and_then(|robot| address(&robot.address));
-    run.overview.target == target || (connected.is_some() && connected == address(&target))
+    run.target == target || (connected.is_some() && connected == address(&target))
 }
 
 /// Sends a request to a run and waits for its reply, at most `limit`. `None` if interrupted; then
@@ -168,6 +202,9 @@ pub(super) fn ask(
         }
         Some(RunResponse::Refused(why)) => {
             let what = format!("the run ({name}) refused the request: {why}");
+            if why == STOP_HOLDS {
+                return Err(Failure::new(Exit::Safety, what));
+            }
             Err(Failure::new(Exit::Failed, what)
                 .help("`spykee status` shows its state, `spykee behaviour list` its behaviours"))
         }

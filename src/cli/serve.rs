@@ -118,12 +118,12 @@ pub(super) fn run(args: &ServeArgs, console: &Console) -> Result<Exit, Failure> 
         ..Simulated::default()
     };
     let (target, sim) = resolve_or_simulate_with(choice, &login, seed, kind)?;
+    let bus = Bus::default();
+    let emergency_stop = startup::emergency_stop(&config, simulated, &bus);
     startup::warn_of_unpaid_stop(&config);
     let server = ControlServer::open(config.data_folder());
-    let emergency_stop = startup::emergency_stop(&config, simulated);
     let record = RecordFile::open(config.data_folder());
     let core = driving_core()?;
-    let bus = Bus::default();
     let attempts = ConnectAttempts::default();
     let beats = Arc::new(Notify::new());
     let plan = Plan {
@@ -215,8 +215,7 @@ async fn serve(
     parts: ServiceParts,
     console: &Console,
 ) -> Result<Result<Outcome, AgentError>, Failure> {
-    let ended_by_person = CancellationToken::new();
-    let stop = ended_by_person.child_token();
+    let stop = CancellationToken::new();
     let core = parts.plan.core.clone();
     let settings = parts.plan.settings.clone();
     let bus = parts.plan.bus.clone();
@@ -231,7 +230,7 @@ async fn serve(
         status: status.clone(),
         pictures: agent.pictures(),
         reactions: agent.reactions(),
-        stop: ended_by_person.clone(),
+        end: None,
         emergency_stop: parts.emergency_stop,
         streams: settings.streams,
         target: parts.target.to_string(),
@@ -256,7 +255,6 @@ async fn serve(
         bus,
         view,
         reloads,
-        ended_by_person,
     };
     let line = parts.line;
     let showing = async {

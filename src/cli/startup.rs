@@ -53,11 +53,11 @@ pub(super) fn journal(
 }
 
 /// A person's STOP, kept in the data folder unless the robot is simulated in this program.
-pub(super) fn emergency_stop(config: &Config, simulated: bool) -> EmergencyStop {
+pub(super) fn emergency_stop(config: &Config, simulated: bool, bus: &Bus) -> EmergencyStop {
     if simulated {
-        EmergencyStop::default()
+        EmergencyStop::simulated(bus)
     } else {
-        EmergencyStop::open(config.data_folder())
+        EmergencyStop::open(config.data_folder(), bus)
     }
 }
 

@@ -24,7 +24,7 @@ use crate::agent::{BehaviourState, PilotClientError};
 use crate::control::Run;
 use crate::http::Access;
 use crate::robot::{
-    AgentEvent, Battery, BusMessage, Detections, Frame, Intent, Listener, RobotInfo,
+    AgentEvent, Battery, BusMessage, Detections, Frame, Intent, Listener, RobotInfo, StopOutcome,
 };
 use crate::vision::validate_markers;
 use crate::wire::Stream;
@@ -115,23 +115,11 @@ impl Broadcast {
         self.robot.borrow().clone()
     }
 
-    /// Executes STOP: stops the robot at once, takes the drive lock from the viewer that drives,
-    /// and holds the tracks against all behaviours.
-    ///
-    /// # Errors
-    /// If the run has ended.
-    pub(super) async fn stop(&self) -> Result<(), PilotClientError> {
-        let sent = self.run.set_emergency_stop(true).await;
+    /// Executes a visitor's STOP, and takes the drive lock from the viewer that drives.
+    pub(super) async fn stop(&self, by: &str) -> StopOutcome {
+        let engaged = self.run.engage_stop(by);
         self.lock_viewers().driver = None;
-        sent
-    }
-
-    /// Releases STOP: the robot may move again.
-    ///
-    /// # Errors
-    /// If the run has ended.
-    pub(super) async fn release_stop(&self) -> Result<(), PilotClientError> {
-        self.run.set_emergency_stop(false).await
+        engaged.await
     }
 
     /// Holds the tracks whenever STOP holds, also one of an earlier program.

@@ -17,6 +17,7 @@ use tokio::sync::{broadcast, mpsc, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 use tokio_util::task::AbortOnDropHandle;
 
+use super::api::name_of;
 use super::broadcast::{Broadcast, text};
 use super::command::{PageCommand, perform};
 use super::log::Line;
@@ -151,9 +152,11 @@ impl Reader {
                 .taken
                 .send_modify(|taken| *taken = taken.wrapping_add(1)),
             FromPage::Name { name } => self.viewer.rename(&name),
-            FromPage::Stop => drop(self.viewer.broadcast().stop().await),
+            FromPage::Stop => self.stop(),
             FromPage::ResetStop if self.viewer.visitor.role == Role::Driver => {
-                let _ = self.viewer.broadcast().release_stop().await;
+                let by = name_of("the page", &self.viewer.visitor);
+                let run = self.viewer.broadcast().run.clone();
+                tokio::spawn(async move { run.reset_stop(&by).await });
             }
             FromPage::ResetStop => self.notice("viewer_only", String::new()),
             FromPage::DriveLock { take: true } => self.take_drive_lock(),
@@ -161,6 +164,14 @@ impl Reader {
             FromPage::Drive { left, right } => self.drive(left, right),
             FromPage::Command { id, command } => self.execute(id, command),
         }
+    }
+
+    /// Executes STOP in a task of its own, also if the page is closed at once. The page learns the
+    /// outcome from the state.
+    fn stop(&self) {
+        let by = name_of("the page", &self.viewer.visitor);
+        let broadcast = self.viewer.broadcast().clone();
+        tokio::spawn(async move { broadcast.stop(&by).await });
     }
 
     fn take_drive_lock(&mut self) {

@@ -109,8 +109,6 @@ pub struct Service {
     pub view: watch::Sender<View>,
     /// Receives new plans.
     pub reloads: mpsc::Receiver<Reload>,
-    /// Cancelled if a person ends the service; the next one then resumes no run.
-    pub ended_by_person: CancellationToken,
 }
 
 impl Service {
@@ -129,7 +127,6 @@ impl Service {
             bus,
             view,
             reloads,
-            ended_by_person,
         } = self;
         let mut executor = Executor::new(
             agent.roster(),
@@ -150,9 +147,6 @@ impl Service {
             outcome = agent.run(stop.clone()) => outcome,
             never = executor.work(reloads, stop) => match never {},
         };
-        if ended_by_person.is_cancelled() {
-            executor.forget_runs().await;
-        }
         notifier.stopping();
         outcome
     }

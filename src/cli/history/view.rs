@@ -270,6 +270,8 @@ fn describe(one: &Record) -> String {
         }
         "given_up" => format!("{}: {}", text("behaviour"), text("message")),
         "start_missed" => format!("{}: {}", text("behaviour"), text("reason")),
+        "stop_engaged" => format!("a person has stopped the robot: {}", text("by")),
+        "stop_reset" => format!("a person has released the robot: {}", text("by")),
         "picture" => text("path").to_owned(),
         "entry" => format!("{}: {} {}", text("behaviour"), text("kind"), fields(one)),
         "notify" => format!("{}: {}", text("behaviour"), text("text")),

@@ -78,7 +78,6 @@ pub(super) fn serve(
             bus,
             view: View::channel().0,
             reloads,
-            ended_by_person: tokio_util::sync::CancellationToken::new(),
         };
         let outcome = service.run(stop).await;
         if let Some(journal) = journal {

@@ -140,6 +140,9 @@ async fn a_stop_reaches_behaviours_that_restart_or_were_just_ordered() {
     assert_eq!(answered["done"], true, "{answered}");
     assert_eq!(state(&rig).await, "idle", "{}", run.text());
     for round in 0..ROUNDS {
+        let released = format!("reset {round}");
+        command(&subscriber, "reset_stop", &released).await;
+        answer(&subscriber, &released).await;
         let started = format!("run {round}");
         let stopped = format!("stop {round}");
         command(&subscriber, "run drive", &started).await;
