@@ -30,7 +30,8 @@ mod robot_link;
 mod starter;
 mod stop_socket;
 
-pub use client::{Guardian, HEARTBEAT_INTERVAL};
+pub use client::{Guardian, GuardianAct, HEARTBEAT_INTERVAL};
+pub use dead_man::HEARTBEAT_TIMEOUT;
 pub use message::Route;
 pub use process::{GUARDIAN_ARGUMENT, guardian_main};
 pub use record::{record_path, unpaid_stop};

@@ -272,8 +272,8 @@ impl Pilot {
         deadlines.into_iter().flatten().min()
     }
 
-    /// Must be called first in a turn: beats, and detects an interruption, after which nothing from
-    /// before is repeated.
+    /// Must be called first in a turn: beats, and detects an interruption, after which the robot is
+    /// stopped first.
     fn heartbeat(&mut self) -> Result<(), LinkLost> {
         let heartbeat = self.heartbeat.as_mut();
         let interruption = heartbeat.and_then(|heartbeat| heartbeat.beat(Instant::now()));
@@ -294,7 +294,7 @@ impl Pilot {
         match interruption {
             Some(interruption) => {
                 warn!("{interruption}: the robot is stopped first");
-                self.handle(Fact::Suspended)
+                self.handle(interruption.fact())
             }
             None => Ok(()),
         }

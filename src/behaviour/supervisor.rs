@@ -26,6 +26,9 @@ use crate::script::{LogLine, Output, ScriptExit};
 /// Time limit for a script's `on_stop` handlers plus the exit of its host.
 const STOP_TIME: Duration = Duration::from_millis(700);
 
+/// A deadline noticed this late was missed by the whole machine: the host gets its time again.
+const STALL: Duration = Duration::from_millis(200);
+
 /// Tells a running behaviour to end.
 #[derive(Debug, Clone)]
 pub struct Handle {
@@ -205,9 +208,12 @@ impl Supervisor {
                                 running = running || self.pass_on(ToHost::Run);
                                 last_moment = Some((Instant::now() + STOP_TIME, reason));
                             }
-                            () = until(last_moment.map(|(moment, _)| moment)) => {
-                                return last_moment.map(|(_, reason)| self.killed_exit(reason));
-                            }
+                            () = until(last_moment.map(|(moment, _)| moment)) => match &mut last_moment {
+                                Some((moment, _)) if Instant::now() > *moment + STALL => {
+                                    *moment = Instant::now() + STOP_TIME;
+                                }
+                                ended => return ended.map(|(_, reason)| self.killed_exit(reason)),
+                            },
                             Ok(change) = self.param_changes.recv() => {
                                 if change.behaviour == self.host.name {
                                     let name = change.name;

@@ -27,6 +27,15 @@ const STALL: Duration = Duration::from_millis(500);
 /// An answer is a message without data.
 const MAX_ANSWER_LEN: usize = 64;
 
+/// What the guardian has done in the place of an agent that hung.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum GuardianAct {
+    /// It has written the last words to the robot.
+    Wrote,
+    /// A person has told it to stop the robot.
+    Stopped,
+}
+
 /// The guardian of a run. If it is dropped without [`Guardian::release`], or while a stop is owed,
 /// the guardian process acts in its place before it ends.
 #[derive(Debug)]
@@ -139,11 +148,11 @@ impl Guardian {
         self.send(&GuardianMessage::LastWords(self.words.clone()));
     }
 
-    /// Sends a beat, and checks whether the guardian answers. Returns whether it has written to the
-    /// robot since that was last asked.
-    pub fn heartbeat(&mut self, now: Instant) -> bool {
-        let wrote = self.check();
-        // After a stall of this process the guardian may not have had its turn either.
+    /// Sends a beat, and checks whether the guardian answers. Returns what it has done in this
+    /// program's place since that was last asked.
+    pub fn heartbeat(&mut self, now: Instant) -> Option<GuardianAct> {
+        let acted = self.check();
+        // After a stall of this process, the guardian may not have had its turn either.
         let stalled = |before: Instant| now - before > STALL;
         if self.last_beat.replace(now).is_some_and(stalled) {
             self.unanswered = 0;
@@ -157,11 +166,11 @@ impl Guardian {
                 warn!("the guardian process does not answer: nothing may drive until it does");
             }
         }
-        wrote
+        acted
     }
 
-    /// Takes in what has come from the guardian. Returns whether it has written to the robot.
-    pub fn check(&mut self) -> bool {
+    /// Takes in what has come from the guardian. Returns what it has done in this program's place.
+    pub fn check(&mut self) -> Option<GuardianAct> {
         if self.socket.is_none()
             && let Some(socket) = self.starter.poll()
         {
@@ -226,26 +235,30 @@ impl Guardian {
     }
 
     /// Returns whether one of the answers is that the guardian has written.
-    fn read_answers(&mut self) -> bool {
+    fn read_answers(&mut self) -> Option<GuardianAct> {
         let mut buffer = [0; MAX_ANSWER_LEN];
-        let mut wrote = false;
+        let mut acted = None;
         while let Some(socket) = &self.socket {
             match GuardianMessage::receive(&socket.fd, &mut buffer) {
                 Ok(Datagram::Message(answer, _)) => {
                     self.unanswered = 0;
-                    wrote |= answer == GuardianMessage::Wrote;
+                    acted = acted.max(match answer {
+                        GuardianMessage::Wrote => Some(GuardianAct::Wrote),
+                        GuardianMessage::Stopped => Some(GuardianAct::Stopped),
+                        _ => None,
+                    });
                 }
                 Ok(Datagram::Nothing) => break,
                 Ok(Datagram::End) => self.lose("is gone"),
                 Err(error) => self.lose(&error.to_string()),
             }
         }
-        if wrote {
+        if acted.is_some() {
             // A person may have given it other last words meanwhile, or it has paid the debt.
             self.send(&GuardianMessage::LastWords(self.words.clone()));
             self.send(&GuardianMessage::Debt(self.owed));
         }
-        wrote
+        acted
     }
 
     fn lose_if(&mut self, sent: io::Result<()>) {

@@ -9,7 +9,7 @@ use super::debt::OpenLink;
 use super::message::{GuardianMessage, LastWordsData};
 
 /// How long the driving core may be silent before the guardian acts in its place.
-pub(super) const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(300);
+pub const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// How often to check whether the robot obeys.
 pub(super) const LOOK: Duration = Duration::from_millis(50);
@@ -58,7 +58,7 @@ impl DeadMan {
             GuardianMessage::Heartbeat => self.written = false,
             GuardianMessage::Release => self.lose_link(),
             GuardianMessage::Route(_) | GuardianMessage::Debt(_) => {}
-            GuardianMessage::Wrote => return,
+            GuardianMessage::Wrote | GuardianMessage::Stopped => return,
         }
         self.beaten = Some(now);
     }

@@ -56,6 +56,8 @@ pub(super) enum GuardianMessage {
     Release,
     /// From the guardian: it has written to the robot, because the driving core was silent.
     Wrote,
+    /// From the guardian: a person has told it to stop the robot.
+    Stopped,
 }
 
 #[derive(Debug)]

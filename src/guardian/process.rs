@@ -347,6 +347,8 @@ impl GuardianProcess {
         let bytes = STOP.iter().flat_map(Command::to_bytes).collect();
         self.dead_man.replace_last(bytes);
         self.owed = true;
+        // An agent that resumes must not drive on.
+        let _ = GuardianMessage::Stopped.send(stdin(), None);
         if self.agent_gone || self.link.is_none() {
             // Begins again, with the new words.
             self.begin_pursuit(now);

@@ -14,7 +14,8 @@ use tokio::sync::Notify;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use crate::guardian::{Guardian, HEARTBEAT_INTERVAL};
+use crate::guardian::{Guardian, GuardianAct, HEARTBEAT_INTERVAL, HEARTBEAT_TIMEOUT};
+use crate::safety::Fact;
 
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_millis(500);
 /// The runtime's helper thread is never ended, so that a later use does not have to start a thread.
@@ -75,15 +76,37 @@ impl Drop for DrivingCore {
     }
 }
 
-/// A gap that a busy machine does not cause: the program was suspended.
-const SLEPT: Duration = Duration::from_secs(1);
+/// A longer gap is a suspension, after which nothing old is repeated; a shorter one, of more than
+/// [`HEARTBEAT_TIMEOUT`], is a stall of a busy or virtual machine.
+const LONGEST_STALL: Duration = Duration::from_secs(3);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Interruption {
     /// The program was suspended for this long.
     Suspended(Duration),
-    /// The guardian has written its last words: the robot does not do what it was told before.
-    GuardianWrote,
+    /// The program stood still for this long.
+    Stalled(Duration),
+    /// The guardian has written its last words in this time: the robot does not do what it was told
+    /// before.
+    GuardianWrote(Duration),
+    /// A person has told the guardian to stop the robot.
+    GuardianStopped,
+}
+
+impl Interruption {
+    pub(super) fn fact(self) -> Fact {
+        match self {
+            Interruption::Suspended(_) | Interruption::GuardianStopped => Fact::Suspended,
+            Interruption::Stalled(gap) => Fact::Stalled {
+                gap,
+                guardian_wrote: false,
+            },
+            Interruption::GuardianWrote(gap) => Fact::Stalled {
+                gap,
+                guardian_wrote: true,
+            },
+        }
+    }
 }
 
 impl fmt::Display for Interruption {
@@ -92,16 +115,21 @@ impl fmt::Display for Interruption {
             Interruption::Suspended(slept) => {
                 write!(f, "suspended for {:.1} s", slept.as_secs_f64())
             }
-            Interruption::GuardianWrote => {
+            Interruption::Stalled(gap) => {
+                write!(f, "the machine stalled for {:.1} s", gap.as_secs_f64())
+            }
+            Interruption::GuardianWrote(_) => {
                 f.write_str("this program hung, and the guardian took its place")
+            }
+            Interruption::GuardianStopped => {
+                f.write_str("this program hung, and a person had the guardian stop the robot")
             }
         }
     }
 }
 
-/// The heartbeat of the core, which the guardian monitors. A beat that comes far too late shows that
-/// this program was stopped or the whole machine was suspended, so that nothing old may be repeated.
-/// The same holds after a shorter gap in which the guardian has written to the robot.
+/// The heartbeat of the core, which the guardian monitors. A beat that comes too late shows that
+/// this program was stopped, or that the whole machine stalled or was suspended.
 #[derive(Debug)]
 pub struct Heartbeat {
     guardian: Option<Guardian>,
@@ -141,19 +169,35 @@ impl Heartbeat {
 
     /// Beats if it is time, and returns whether the core was interrupted.
     pub(super) fn beat(&mut self, now: Instant) -> Option<Interruption> {
-        let mut wrote = false;
+        let mut acted = None;
         if self.due <= now {
             self.due = now + HEARTBEAT_INTERVAL;
-            wrote = match &mut self.guardian {
-                Some(guardian) => guardian.heartbeat(now),
-                None => false,
-            };
+            if let Some(guardian) = &mut self.guardian {
+                acted = guardian.heartbeat(now);
+            }
             if let Some(beats) = &self.beats {
                 beats.notify_one();
             }
         }
-        let slept = self.see_awake(boot_time()).map(Interruption::Suspended);
-        slept.or(wrote.then_some(Interruption::GuardianWrote))
+        self.interruption(acted)
+    }
+
+    /// Whether the core was interrupted, and the guardian has done this in its place.
+    fn interruption(&mut self, acted: Option<GuardianAct>) -> Option<Interruption> {
+        let gap = self.see_awake(boot_time());
+        match acted {
+            _ if gap > LONGEST_STALL => Some(Interruption::Suspended(gap)),
+            Some(GuardianAct::Stopped) => Some(Interruption::GuardianStopped),
+            Some(GuardianAct::Wrote) => Some(Interruption::GuardianWrote(gap)),
+            None if gap > HEARTBEAT_TIMEOUT => Some(Interruption::Stalled(gap)),
+            None => None,
+        }
+    }
+
+    /// Returns for how long the pilot was not awake.
+    fn see_awake(&mut self, now: Duration) -> Duration {
+        let before = self.awake.replace(now).unwrap_or(now);
+        now.saturating_sub(before)
     }
 
     /// Whether a guardian answers, or none is wanted. Nothing may drive otherwise.
@@ -171,13 +215,8 @@ impl Heartbeat {
     }
 
     pub(super) fn check_guardian(&mut self) -> Option<Interruption> {
-        let wrote = self.guardian.as_mut().is_some_and(Guardian::check);
-        wrote.then_some(Interruption::GuardianWrote)
-    }
-
-    fn see_awake(&mut self, now: Duration) -> Option<Duration> {
-        let before = self.awake.replace(now)?;
-        Some(now.saturating_sub(before)).filter(|gap| *gap > SLEPT)
+        let acted = self.guardian.as_mut().and_then(Guardian::check);
+        self.interruption(acted)
     }
 }
 
@@ -229,23 +268,27 @@ mod tests {
     fn a_slow_start_is_not_a_sleep() {
         let mut heartbeat = Heartbeat::new(None);
         let loaded = boot_time() + Duration::from_secs(5);
-        assert_eq!(heartbeat.see_awake(loaded), None);
+        assert_eq!(heartbeat.see_awake(loaded), Duration::ZERO);
     }
 
     #[test]
-    fn a_gap_of_more_than_a_second_between_two_beats_is_a_sleep() {
+    fn a_late_beat_shows_a_stall_and_a_much_later_one_a_suspension() {
         let mut heartbeat = Heartbeat::new(None);
-        let at = |ms: u64| Duration::from_millis(10_000 + ms);
-        assert_eq!(heartbeat.see_awake(at(0)), None);
-        assert_eq!(heartbeat.see_awake(at(1000)), None);
-        assert_eq!(
-            heartbeat.see_awake(at(2001)),
-            Some(Duration::from_millis(1001))
-        );
-        assert_eq!(
-            heartbeat.see_awake(at(2000)),
-            None,
-            "a clock that goes back"
-        );
+        let mut beat_after = |gap: Duration| {
+            heartbeat.awake = Some(boot_time().checked_sub(gap).unwrap());
+            heartbeat.beat(Instant::now())
+        };
+        assert_eq!(beat_after(HEARTBEAT_INTERVAL), None);
+        let stalled = beat_after(HEARTBEAT_TIMEOUT);
+        assert!(matches!(stalled, Some(Interruption::Stalled(_))));
+        let suspended = beat_after(LONGEST_STALL);
+        assert!(matches!(suspended, Some(Interruption::Suspended(_))));
+    }
+
+    #[test]
+    fn a_clock_that_goes_back_is_no_gap() {
+        let mut heartbeat = Heartbeat::new(None);
+        heartbeat.see_awake(Duration::from_secs(2));
+        assert_eq!(heartbeat.see_awake(Duration::from_secs(1)), Duration::ZERO);
     }
 }

@@ -43,9 +43,15 @@ pub enum Fact {
     /// The behaviour that the tracks may be granted to between two searches of a robot with a low
     /// battery, if there is one. Its [`Fact::Gone`] also revokes this.
     Rescuer(Option<BehaviourId>),
-    /// The machine or the program was suspended or hung. For how long, and what the robot has done
-    /// meanwhile, is not known.
+    /// The machine or the program was suspended. What the robot has done meanwhile is not known.
     Suspended,
+    /// The program, or the whole machine, stood still for a moment.
+    Stalled {
+        /// For how long.
+        gap: Duration,
+        /// The guardian has sent the last words meanwhile.
+        guardian_wrote: bool,
+    },
     /// Whether a guardian process answers, which stops the robot if this program no longer can.
     Guarded(bool),
     /// The run ends: nothing may move any more, except a robot with a low battery that searches on

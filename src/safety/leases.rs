@@ -37,6 +37,17 @@ impl Leases {
         self.last_seen.remove(&by);
     }
 
+    /// The time of a stall counts for no host: all are silent from now on, and have the whole grace
+    /// to show life again.
+    pub fn excuse_stall(&mut self, now: Instant) {
+        let Some(silent) = now.checked_sub(self.silence) else {
+            return;
+        };
+        for last_seen in self.last_seen.values_mut() {
+            *last_seen = silent;
+        }
+    }
+
     /// The state of a host that moves the robot.
     pub fn host_life(&self, by: BehaviourId, now: Instant) -> HostLife {
         match self.last_seen.get(&by) {
@@ -96,6 +107,23 @@ mod tests {
         assert_eq!(leases.host_life(WHO, now + 350 * MS), HostLife::Dead);
         leases.renew(WHO, now + 300 * MS);
         assert_eq!(leases.host_life(WHO, now + 350 * MS), HostLife::Alive);
+    }
+
+    #[test]
+    fn a_stall_ends_no_host_but_each_must_show_life_again() {
+        let mut leases = Leases::new(250 * MS, 100 * MS);
+        let begin = Instant::now();
+        let mut now = begin + 1000 * MS;
+        leases.renew(WHO, begin);
+        leases.excuse_stall(now);
+        assert_eq!(leases.host_life(WHO, now), HostLife::Silent);
+        assert_eq!(leases.host_life(WHO, now + 100 * MS), HostLife::Dead);
+        now += 50 * MS;
+        leases.renew(WHO, now);
+        leases.excuse_stall(now);
+        assert_eq!(leases.host_life(WHO, now), HostLife::Silent);
+        leases.renew(WHO, now);
+        assert_eq!(leases.host_life(WHO, now), HostLife::Alive);
     }
 
     #[test]

@@ -47,8 +47,8 @@ pub struct Limits {
     pub power_silence: Seconds,
     /// A host with a motion must show life this often, or the tracks are stopped (0.25 s).
     pub host_silence: Seconds,
-    /// A host that shows no life for this much longer is ended; one that does continues (0.25 s).
-    /// Thus a short stall of the whole machine does not end its scripts.
+    /// A host that shows no life for this much longer is ended; one that does continues (1.75 s).
+    /// Thus a processor that stalls does not end the script that runs on it.
     pub host_grace: Seconds,
     /// A host without motion that shows no life for this long is also ended (5 s).
     pub host_idle_silence: Seconds,
@@ -74,7 +74,7 @@ impl Default for Limits {
             rescue_power: percent(30),
             power_silence: Seconds::from_secs(600),
             host_silence: Seconds::from_millis(250),
-            host_grace: Seconds::from_millis(250),
+            host_grace: Seconds::from_millis(1750),
             host_idle_silence: Seconds::from_secs(5),
             stream_silence: Seconds::from_secs(3),
             alarm_every: Seconds::from_secs(15),

@@ -152,6 +152,10 @@ impl Watchdog {
             Fact::Gone(by) => self.gone(by, now),
             Fact::Rescuer(by) => self.set_rescuer(by, now),
             Fact::Suspended => self.resume(now),
+            Fact::Stalled {
+                gap,
+                guardian_wrote,
+            } => self.end_stall(gap, guardian_wrote, now),
             Fact::Guarded(guarded) => self.set_guarded(guarded, now),
             Fact::RunEnding => self.end_run(now),
         }
@@ -388,6 +392,40 @@ impl Watchdog {
         self.stop_tracks(now);
         self.dock_tracker.contradict_leaving();
         self.search_at_once(now);
+    }
+
+    /// Handles the end of a stall, whose time counts neither as a host's silence nor as the robot's.
+    /// The tracks stop; a setpoint moves them again as soon as its host shows life. A search or an
+    /// undocking that the guardian has ended begins again.
+    fn end_stall(&mut self, gap: Duration, guardian_wrote: bool, now: Instant) {
+        self.leases.excuse_stall(now);
+        let moving: Vec<BehaviourId> = self.arbiter.claimants().collect();
+        for by in moving {
+            self.arbiter.hold(by, true);
+        }
+        if !self.online {
+            return;
+        }
+        if self.moving() {
+            self.stop_tracks(now);
+        }
+        if let Some(since) = &mut self.silent_motion_since {
+            *since = now.min(*since + gap);
+        }
+        if !guardian_wrote {
+            return;
+        }
+        let searches = |active: &ActiveDocking| active.docking.is_searching();
+        match self.docking.as_ref().map(searches) {
+            Some(true) if !self.docked() => {
+                self.execute_dock_actions(vec![DockAction::Find], now);
+            }
+            Some(_) => {}
+            None => self.search_at_once(now),
+        }
+        if self.dock_tracker.is_leaving() {
+            self.send(Command::Engine(Engage::Undock));
+        }
     }
 
     /// Without a guardian nothing drives, because nothing would stop the robot if this program died

@@ -11,7 +11,9 @@
 //! which the machine did not run it. It is therefore over when it took the budget by the wall clock
 //! *and* half of it by the thread's CPU clock, or many times the budget by the wall clock alone.
 //! That multiple is much larger where only a simulated robot waits, because a busy machine must not
-//! change the result of a simulation.
+//! change the result of a simulation. A virtual machine may stall, and its CPU clock counts that too.
+//! The watcher stalls together with the script: it subtracts what it was late, and must find the slice
+//! running several times after its limit.
 //!
 //! Code that passes no safepoint, within one call of a C library function, cannot be interrupted.
 //! In a host process, the agent ends the process. Where a script runs in a command's own process,
@@ -32,6 +34,12 @@ use super::failure::SourceLocation;
 const WALL_FACTOR: u32 = 5;
 /// The same where only a simulated robot waits.
 const SIMULATED_WALL_FACTOR: u32 = 100;
+
+/// A watcher that is this much late has stalled.
+const STALL: Duration = Duration::from_millis(50);
+
+/// How often the watcher must find a slice running after its limit.
+const CONFIRMATIONS: u32 = 5;
 
 /// The running task was cancelled and tried to wait again: it must not continue.
 const CANCELLED: u8 = 2;
@@ -93,6 +101,8 @@ thread_local! {
 struct Running {
     began: Instant,
     processor: Duration,
+    /// How long the watcher had stalled before.
+    stalled: u64,
     limit: Duration,
     location: Option<SourceLocation>,
 }
@@ -102,15 +112,25 @@ impl Running {
         Running {
             began: Instant::now(),
             processor: processor_time(),
+            stalled: Watcher::get().stalled(),
             limit,
             location: None,
         }
     }
 
-    fn is_over(&self) -> bool {
-        let wall = self.began.elapsed();
+    /// The time since its beginning without the machine's stalls.
+    fn wall(&self) -> Duration {
+        let stalled = Watcher::get().stalled().saturating_sub(self.stalled);
+        self.began
+            .elapsed()
+            .saturating_sub(Duration::from_nanos(stalled))
+    }
+
+    /// `late_checks`: how often the watcher has found it running after its limit.
+    fn is_over(&self, late_checks: u32) -> bool {
+        let wall = self.wall();
         // In this order, because reading the CPU clock costs a system call.
-        wall >= self.limit && {
+        wall >= self.limit && late_checks >= CONFIRMATIONS && {
             let processor = processor_time().saturating_sub(self.processor);
             is_too_long(wall, processor, self.limit, WALL_TIME_FACTOR.get())
         }
@@ -157,24 +177,22 @@ pub(super) fn begin(limit: Duration, script: &str) {
     let check_at = watcher.nanoseconds(Instant::now() + limit);
     RUNNING.with_borrow_mut(|running| *running = Some(Running::begin(limit)));
     slot.flag.store(WITHIN_BUDGET, Ordering::Release);
+    slot.late_checks.store(0, Ordering::Relaxed);
     slot.check_at.store(check_at, Ordering::Release);
     SLOT.set(Some(slot));
 }
 
 pub(super) fn end() -> SliceCost {
-    let flag = match SLOT.take() {
-        Some(slot) => {
-            slot.check_at.store(0, Ordering::Release);
-            slot.flag.swap(WITHIN_BUDGET, Ordering::AcqRel)
-        }
-        None => WITHIN_BUDGET,
+    let (Some(slot), Some(running)) = (SLOT.take(), RUNNING.with_borrow_mut(Option::take)) else {
+        return SliceCost::default();
     };
-    let running = RUNNING.with_borrow_mut(Option::take);
-    running.map_or_else(SliceCost::default, |running| SliceCost {
+    slot.check_at.store(0, Ordering::Release);
+    let flag = slot.flag.swap(WITHIN_BUDGET, Ordering::AcqRel);
+    SliceCost {
         wall: running.began.elapsed(),
-        over: flag == OVER_BUDGET || running.is_over(),
+        over: flag == OVER_BUDGET || running.is_over(slot.late_checks()),
         location: running.location,
-    })
+    }
 }
 
 /// The running task was cancelled and still tries to wait: it must not continue until it has ended.
@@ -215,14 +233,12 @@ pub(super) fn verdict() -> BudgetVerdict {
         CANCELLED => BudgetVerdict::Raise(CANCELLED_TEXT),
         STOPPED => BudgetVerdict::Raise(STOPPED_TEXT),
         OVER_BUDGET => BudgetVerdict::Raise(OVER_BUDGET_TEXT),
-        CHECK_CLOCKS if is_over() => {
+        CHECK_CLOCKS if is_over(slot) => {
             slot.flag.store(OVER_BUDGET, Ordering::Release);
             BudgetVerdict::RaiseFirst(OVER_BUDGET_TEXT)
         }
         CHECK_CLOCKS => {
-            let watcher = Watcher::get();
-            let again = watcher.nanoseconds(Instant::now() + CHECK_INTERVAL);
-            slot.check_at.store(again, Ordering::Release);
+            slot.unanswered.store(0, Ordering::Relaxed);
             slot.flag.store(WITHIN_BUDGET, Ordering::Release);
             BudgetVerdict::Continue
         }
@@ -230,8 +246,12 @@ pub(super) fn verdict() -> BudgetVerdict {
     }
 }
 
-fn is_over() -> bool {
-    RUNNING.with_borrow(|running| running.as_ref().is_some_and(Running::is_over))
+fn is_over(slot: &Slot) -> bool {
+    let late_checks = slot.late_checks();
+    RUNNING.with_borrow(|running| {
+        let running = running.as_ref();
+        running.is_some_and(|running| running.is_over(late_checks))
+    })
 }
 
 /// Records where the slice was when it was found over its budget.
@@ -251,6 +271,8 @@ pub(super) struct Slot {
     pub(super) flag: AtomicU8,
     /// How many checks in a row found the flag unanswered by the VM.
     pub(super) unanswered: AtomicU32,
+    /// How many checks found the slice running after its limit.
+    late_checks: AtomicU32,
     /// The file of the script whose slice is running.
     script: Mutex<String>,
 }
@@ -261,6 +283,7 @@ impl Slot {
         if check_at == 0 || now < check_at {
             return self.unanswered.store(0, Ordering::Relaxed);
         }
+        self.late_checks.fetch_add(1, Ordering::Relaxed);
         // A flag that is already latched stays.
         let _ = self.flag.compare_exchange(
             WITHIN_BUDGET,
@@ -271,6 +294,10 @@ impl Slot {
         // Counted, not timed: time in which the whole process is stopped must not count.
         let count = self.unanswered.load(Ordering::Relaxed).saturating_add(1);
         self.unanswered.store(count, Ordering::Relaxed);
+    }
+
+    fn late_checks(&self) -> u32 {
+        self.late_checks.load(Ordering::Relaxed)
     }
 
     pub(super) fn is_running(&self) -> bool {
@@ -288,6 +315,8 @@ pub(super) struct Watcher {
     slots: Mutex<Slots>,
     /// The smallest limit of any slice so far, in nanoseconds.
     smallest_limit: AtomicU64,
+    /// How long it has stalled so far, in nanoseconds.
+    stalled: AtomicU64,
     thread: OnceLock<Thread>,
 }
 
@@ -300,17 +329,22 @@ pub(super) struct Slots {
 }
 
 impl Watcher {
+    fn new() -> Watcher {
+        Watcher {
+            start: Instant::now(),
+            slots: Mutex::default(),
+            smallest_limit: AtomicU64::new(u64::MAX),
+            stalled: AtomicU64::new(0),
+            thread: OnceLock::new(),
+        }
+    }
+
     /// The process's watcher, started at the first call. If the system refuses to start the thread,
-    /// slices are only checked when they end.
+    /// no slice is ended here; the agent still ends a silent host.
     pub(super) fn get() -> &'static Watcher {
         static WATCHER: OnceLock<&'static Watcher> = OnceLock::new();
         WATCHER.get_or_init(|| {
-            let watcher: &'static Watcher = Box::leak(Box::new(Watcher {
-                start: Instant::now(),
-                slots: Mutex::default(),
-                smallest_limit: AtomicU64::new(u64::MAX),
-                thread: OnceLock::new(),
-            }));
+            let watcher: &'static Watcher = Box::leak(Box::new(Watcher::new()));
             let spawned = std::thread::Builder::new()
                 .name("script-budget".to_owned())
                 .spawn(|| watcher.watch());
@@ -324,7 +358,9 @@ impl Watcher {
     fn watch(&self) {
         let mut pause = CHECK_INTERVAL;
         loop {
+            let due = Instant::now() + pause;
             std::thread::park_timeout(pause);
+            self.note_stall(due.elapsed());
             let now = self.nanoseconds(Instant::now());
             let slots = self.slots().all.clone();
             for slot in &slots {
@@ -356,6 +392,17 @@ impl Watcher {
         {
             thread.unpark();
         }
+    }
+
+    fn note_stall(&self, late: Duration) {
+        if late > STALL {
+            let late = u64::try_from(late.as_nanos()).unwrap_or(u64::MAX);
+            self.stalled.fetch_add(late, Ordering::Relaxed);
+        }
+    }
+
+    fn stalled(&self) -> u64 {
+        self.stalled.load(Ordering::Relaxed)
     }
 
     pub(super) fn nanoseconds(&self, at: Instant) -> u64 {
@@ -401,6 +448,36 @@ pub(super) static STUCK: OnceLock<Stuck> = OnceLock::new();
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_slice_that_ends_when_a_stalled_machine_continues_is_not_over() {
+        let limit = Duration::from_millis(1);
+        let running = Running::begin(limit);
+        while processor_time() < running.processor + limit {}
+        assert!(!running.is_over(CONFIRMATIONS - 1));
+        assert!(running.is_over(CONFIRMATIONS));
+    }
+
+    #[test]
+    fn only_a_watcher_that_is_very_late_has_stalled() {
+        let watcher = Watcher::new();
+        watcher.note_stall(STALL);
+        assert_eq!(watcher.stalled(), 0);
+        watcher.note_stall(2 * STALL);
+        assert_eq!(u128::from(watcher.stalled()), (2 * STALL).as_nanos());
+    }
+
+    #[test]
+    fn checks_are_counted_from_the_limit_on() {
+        let slot = Slot::default();
+        slot.check(1000);
+        slot.check_at.store(1000, Ordering::Release);
+        slot.check(999);
+        assert_eq!(slot.late_checks(), 0);
+        slot.check(1000);
+        slot.check(1001);
+        assert_eq!(slot.late_checks(), 2);
+    }
 
     #[test]
     fn a_slice_without_cpu_time_is_over_late_and_in_a_simulation_later() {

@@ -6,7 +6,7 @@ use std::io::{Read, Write};
 
 use spykee::sim::{FULL_SPEED, Firmware, TRACK_WIDTH};
 
-use crate::rig::{QUIET_WORLD, Rig, Run, assert_contains};
+use crate::rig::{QUIET_WORLD, Rig, Run, Stopwatch, assert_contains};
 use crate::terminal::Terminal;
 
 fn number(text: &str, key: &str) -> f64 {
@@ -24,7 +24,13 @@ async fn calibration_finds_the_true_values_within_3_percent() {
         .map(|seed| rig.spykee(&["calibrate", "--sim", "world.yaml", "--seed", seed, "--json"]))
         .into();
     for run in &mut runs {
-        assert_eq!(run.code().await, Some(0), "{}", run.text());
+        let code = run.code().await;
+        if code != Some(0) && run.has_stalled().await {
+            // It says so itself, and nothing can be measured on such a machine.
+            assert_contains(&run.text(), &["is this computer overloaded?"]);
+            continue;
+        }
+        assert_eq!(code, Some(0), "{}", run.text());
         let width = number(&run.text(), "track_width");
         let speed = number(&run.text(), "full_speed");
         assert!((width / TRACK_WIDTH - 1.0).abs() < 0.03, "{width}");
@@ -100,28 +106,35 @@ async fn a_person_is_guided_and_gets_the_line_for_the_config() {
     let rig = Rig::quiet().await;
     let mut terminal = Terminal::start(&["calibrate", "--robot", &rig.address], &rig);
     let mark = rig.sim.state().pose;
-    for (step, again) in [("1/3", false), ("1/3", true), ("2/3", true)] {
-        rig.sim.place(mark);
-        terminal.shows(&format!("{step}  ")).await;
-        terminal.shows("Enter starts it").await;
-        assert!(!rig.sim.state().moving(), "nothing moves before Enter");
-        terminal.types("");
-        let (way, _) = measured(&rig).await;
-        terminal.shows("in centimetres?").await;
-        if again {
+    // As a person does, it repeats a measurement: the first one, and each that a stall has spoilt.
+    let mut repeats = true;
+    for (step, question) in [
+        ("1/3", "in centimetres?"),
+        ("2/3", "in centimetres?"),
+        ("3/3", "How many degrees"),
+    ] {
+        let (way, angle) = loop {
+            rig.sim.place(mark);
+            terminal.shows(&format!("{step}  ")).await;
+            terminal.shows("Enter starts it").await;
+            assert!(!rig.sim.state().moving(), "nothing moves before Enter");
+            let watch = Stopwatch::start();
+            terminal.types("");
+            let measured = measured(&rig).await;
+            terminal.shows(question).await;
+            if !std::mem::take(&mut repeats) && watch.stalled().is_zero() {
+                break measured;
+            }
+            terminal.types("r");
+        };
+        if step == "3/3" {
+            terminal.types(&format!("{:.0}", angle.to_degrees()));
+        } else {
             terminal.types("far");
             terminal.shows("Type a number, such as").await;
             terminal.types(&format!("{:.1}", way * 100.0).replace('.', ","));
-        } else {
-            terminal.types("r");
         }
     }
-    terminal.shows("3/3  ").await;
-    terminal.shows("Enter starts it").await;
-    terminal.types("");
-    let (_, angle) = measured(&rig).await;
-    terminal.shows("How many degrees").await;
-    terminal.types(&format!("{:.0}", angle.to_degrees()));
     terminal.shows("Paste this line into your config").await;
     assert_eq!(terminal.code().await, Some(0), "{}", terminal.text());
     let text = terminal.text();

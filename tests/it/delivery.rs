@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::{Child, Command as Process, Output, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process};
 use rustix::thread::{LinkNameSpaceType, move_into_link_name_space};
@@ -17,7 +17,7 @@ use spykee::sim::{Handle, Options, Server, World};
 use spykee::wire::{Command, Engage, Power, Report};
 use tokio::time::{sleep, timeout};
 
-use crate::rig::{QUIET_WORLD, WAIT_LIMIT, accepted, assert_contains, moves};
+use crate::rig::{QUIET_WORLD, Stopwatch, WAIT_LIMIT, accepted, assert_contains, moves};
 
 const ROBOT: &str = "10.9.0.1:9000";
 
@@ -319,7 +319,7 @@ async fn a_stop_that_does_not_arrive_is_reported_as_lost_in_time() {
     let (mut agent, _) = rig.driving(STREAMING_SCRIPT).await;
     assert!(rig.net.shell(DROP).status.success());
     agent.interrupt();
-    let began = Instant::now();
+    let began = Stopwatch::start();
     let said = agent.ended().await;
     assert_contains(&said, &["has not confirmed the stop"]);
     assert!(

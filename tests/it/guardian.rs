@@ -13,7 +13,7 @@ use spykee::wire::{Command, Engage, Refusal, Report};
 use tokio::time::{Instant, timeout};
 
 use crate::rig::{
-    QUIET_WORLD, Rig, Run, WAIT_LIMIT, assert_contains, becomes, near_home, state_of,
+    QUIET_WORLD, Rig, Run, Stopwatch, WAIT_LIMIT, assert_contains, becomes, near_home, state_of,
 };
 
 /// Twice the time that the guardian promises, for a busy machine.
@@ -32,7 +32,7 @@ async fn driving() -> (Rig, Run) {
 
 /// Waits until the tracks rest; returns how long that took.
 async fn rests(rig: &Rig) -> Duration {
-    let began = Instant::now();
+    let began = Stopwatch::start();
     let resting = rig.sim.wait_state(|state| !state.moving());
     timeout(WAIT_LIMIT, resting)
         .await
@@ -91,19 +91,16 @@ async fn the_robot_stops_when_the_agent_is_stopped_and_the_agent_can_resume() {
 
 /// The guardian acts in a hang that is too short to count as a suspension.
 #[tokio::test(flavor = "multi_thread")]
-async fn an_agent_that_hung_briefly_knows_that_the_guardian_has_ended_its_docking() {
+async fn an_agent_that_hung_briefly_begins_the_docking_again_that_the_guardian_has_ended() {
     let rig = Rig::quiet().await;
     rig.sim.hide_station(true);
-    let run = rig.run(
-        "local _, code = robot.dock({ retries = 0 })
-        print('docking: ' .. tostring(code)) task.wait(600)",
-    );
+    let run = rig.run("robot.dock({ retries = 0 }) task.wait(600)");
     let dock = rig.heard_dock(0).await;
     run.signal(Signal::STOP);
     let cancel = Command::Engine(Engage::CancelDock);
-    rig.heard(dock, |command| *command == cancel).await;
+    let cancelled = rig.heard(dock, |command| *command == cancel).await;
     run.signal(Signal::CONT);
-    run.says("docking: disconnected").await;
+    rig.heard_dock(cancelled).await;
 }
 
 /// The driving thread does not return from a wait, as if it hung in a driver.
@@ -373,7 +370,7 @@ async fn without_a_guardian_nothing_drives_until_there_is_another_one() {
         let stop = rig.heard_stop(from).await;
         // The guardian wrote nothing itself.
         let cancel = Command::Engine(Engage::CancelDock);
-        assert!(!rig.commands(from).contains(&cancel));
+        assert!(!rig.commands(from).contains(&cancel) || run.has_stalled().await);
         run.says("no guardian process answers").await;
         replaced(&run, old).await;
         assert!(matches!(state_of(old), '?' | 'Z'), "it is gone");
@@ -466,6 +463,7 @@ async fn killed_during(kind: FaultKind, signals: &[Signal]) {
     let (rig, run) = driving_into_faults().await;
     let from = rig.sim.heard_count();
     let began = Instant::now();
+    let watch = Stopwatch::start();
     rig.sim.begin(lasting(kind, LASTS));
     rig.sim.disconnect_all();
     run.says("reconnecting").await;
@@ -478,7 +476,8 @@ async fn killed_during(kind: FaultKind, signals: &[Signal]) {
     assert!(rig.sim.state().moving());
     rests(&rig).await;
     let took = began.elapsed();
-    assert!(LASTS <= took && took < LASTS + 2 * LIMIT, "{took:?}");
+    let limit = LASTS + 2 * LIMIT + watch.stalled();
+    assert!(LASTS <= took && took < limit, "{took:?}");
     rig.heard_stop(from).await;
     let gone = async {
         while !matches!(state_of(guardian), '?' | 'Z') {

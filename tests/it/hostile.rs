@@ -16,11 +16,11 @@ use serde_json::Value;
 use spykee::wire::{Command, EngineReport, Led, Report};
 use tokio::time::{Instant, sleep, timeout};
 
-use crate::rig::{Rig, Run, WAIT_LIMIT, moves};
+use crate::rig::{Rig, Run, Stopwatch, WAIT_LIMIT, longest_stall, moves};
 
 /// From the mark, which is set before an attack begins, to the stop of the tracks. On a busy
 /// machine, hosts are scheduled after everything else.
-const STOPPED_WITHIN: Duration = Duration::from_secs(1);
+const STOPPED_WITHIN: Duration = Duration::from_secs(2);
 /// From the end of a behaviour to the end of its process.
 const GONE_WITHIN: Duration = Duration::from_secs(1);
 /// The longest permitted silence of the well-behaved behaviour, whose beat is 50 ms; this machine
@@ -184,6 +184,7 @@ impl Round {
         let name = &attack.name;
         let host = host_of(&self.run, name);
         let from = self.rig.sim.heard_count();
+        let watch = Stopwatch::start();
         self.rig
             .sim
             .inject(Report::Engine(EngineReport::Unknown(FIRST_TURN + turn)));
@@ -193,6 +194,7 @@ impl Round {
             .await;
         let stop = self.rig.heard_stop(mark).await;
         let took = self.rig.at(stop).0.saturating_sub(self.rig.at(mark).0);
+        let took = took.saturating_sub(watch.stalled());
         let (reason, message) = self.ending(name).await;
         eprintln!(
             "{name}: {reason}, tracks stopped after {} ms: {message}",
@@ -208,10 +210,10 @@ impl Round {
         self.reasons.insert(reason);
         let gone = gone(host).await;
         self.promise(gone, || format!("{name}: its host is still running"));
-        // A host may be so slow that its motion is stopped for silence before it attacks; it then
-        // drives on.
+        // A host may be so slow, or the machine stall, that its motion is stopped for silence before
+        // it attacks; it then drives on.
         let commands = self.rig.commands(stop);
-        let drives_on = match times_count() {
+        let drives_on = match times_count() && watch.stalled().is_zero() {
             true => commands.iter().any(moves),
             false => {
                 let is_motion = |command: &&Command| matches!(command, Command::Move { .. });
@@ -293,7 +295,7 @@ async fn run_attacks(ending: &str) {
     let from = timeout(at_most(WAIT_LIMIT), first_beat).await;
     let from = from.unwrap_or_else(|_| panic!("no behaviour starts:\n{}", round.run.text()));
     let memory = resident_kib(&round.run);
-    let begun = Instant::now();
+    let begun = Stopwatch::start();
     for (turn, attack) in (0..).zip(&attacks) {
         round.attack(attack, turn).await;
     }
@@ -304,7 +306,7 @@ async fn run_attacks(ending: &str) {
         "{} attacks in {took:?}: {beats} beats, longest gap {gap:?}, grown by {growth} KiB",
         attacks.len()
     );
-    round.promise(gap <= at_most(LONGEST_GAP), || {
+    round.promise(gap <= at_most(LONGEST_GAP) + longest_stall(), || {
         format!("the well-behaved behaviour was silent for {gap:?}")
     });
     let due = took.as_millis() / BEAT.as_millis();
@@ -329,7 +331,7 @@ fn host_of(run: &Run, name: &str) -> Pid {
 }
 
 async fn gone(host: Pid) -> bool {
-    let begun = Instant::now();
+    let begun = Stopwatch::start();
     while Path::new(&format!("/proc/{}", host.as_raw_nonzero())).exists() {
         if begun.elapsed() > at_most(GONE_WITHIN) {
             return false;

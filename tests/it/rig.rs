@@ -4,9 +4,9 @@
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command as Process, ExitStatus, Stdio};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, LazyLock, Mutex};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use spykee::sim::{Firmware, Handle, Options, Server, World};
 use spykee::wire::{Accepted, Command, Engage, Report};
@@ -14,6 +14,81 @@ use tokio::time::timeout;
 
 /// The limit of every wait for an expected event, generous even for a slow machine.
 pub const WAIT_LIMIT: Duration = Duration::from_secs(60);
+
+/// How often [`STALLS`] checks whether the machine stalls.
+const STALL_CHECK: Duration = Duration::from_millis(20);
+/// A check that comes this late shows a stall.
+const STALL: Duration = Duration::from_millis(100);
+
+/// The stalls of the machine, which stop a test and its programs alike.
+static STALLS: LazyLock<Mutex<Stalls>> = LazyLock::new(|| {
+    std::thread::spawn(|| {
+        loop {
+            std::thread::sleep(STALL_CHECK);
+            Stalls::now();
+        }
+    });
+    Mutex::new(Stalls {
+        checked: Instant::now(),
+        total: Duration::ZERO,
+        longest: Duration::ZERO,
+    })
+});
+
+#[derive(Clone, Copy)]
+struct Stalls {
+    checked: Instant,
+    total: Duration,
+    longest: Duration,
+}
+
+impl Stalls {
+    fn now() -> Stalls {
+        let mut stalls = STALLS.lock().unwrap();
+        let gap = stalls.checked.elapsed();
+        stalls.checked += gap;
+        if gap > STALL {
+            stalls.total += gap;
+            stalls.longest = stalls.longest.max(gap);
+        }
+        *stalls
+    }
+}
+
+/// The longest stall of the machine since the first [`Stopwatch`] was started.
+pub fn longest_stall() -> Duration {
+    Stalls::now().longest
+}
+
+/// Measures the time in which the machine did not stall.
+pub struct Stopwatch {
+    begun: Instant,
+    stalled: Duration,
+}
+
+impl Stopwatch {
+    pub fn start() -> Stopwatch {
+        let stalls = Stalls::now();
+        Stopwatch {
+            begun: stalls.checked,
+            stalled: stalls.total,
+        }
+    }
+
+    /// For how long the machine has stalled since the start.
+    pub fn stalled(&self) -> Duration {
+        Stalls::now().total - self.stalled
+    }
+
+    pub fn elapsed(&self) -> Duration {
+        let stalls = Stalls::now();
+        let stalled = stalls.total - self.stalled;
+        stalls
+            .checked
+            .duration_since(self.begun)
+            .saturating_sub(stalled)
+    }
+}
 
 /// A robot in a plain room with an almost full battery that hardly drains.
 pub const QUIET_WORLD: &str = "
@@ -226,6 +301,24 @@ impl Rig {
         self.heard(from, moves).await
     }
 
+    /// Checks that nothing has stopped the robot since `from` for longer than a stall of the machine
+    /// does: it still moves, and the log explains each stop.
+    pub async fn drives_on(&self, run: &Run, from: usize) {
+        let moving = timeout(
+            WAIT_LIMIT,
+            self.sim.wait_heard(self.sim.heard_count(), moves),
+        )
+        .await;
+        let heard = self.commands(from);
+        let text = run.text();
+        assert!(moving.is_ok(), "it was stopped: {heard:?}\n{text}");
+        let stops = heard.contains(&Command::STOP);
+        assert!(
+            !stops || run.has_stalled().await,
+            "it was stopped: {heard:?}\n{text}"
+        );
+    }
+
     pub async fn heard_dock(&self, from: usize) -> usize {
         self.heard(from, |command| *command == Command::Engine(Engage::Dock))
             .await
@@ -371,6 +464,45 @@ impl Run {
         };
         let waited = timeout(WAIT_LIMIT, said).await;
         waited.unwrap_or_else(|_| panic!("`{text}` was not printed:\n{}", self.text()));
+    }
+
+    /// Whether it says that the machine has stalled, or one of its processes for a moment: then the
+    /// tracks were stopped, and moved again.
+    pub async fn has_stalled(&self) -> bool {
+        const SIGNS: [&str; 3] = [
+            "the machine stalled for",
+            "this program hung",
+            "showed no life for 250 ms",
+        ];
+        // The newest lines may still be on their way.
+        for _ in 0..20 {
+            let text = self.text();
+            if SIGNS.iter().any(|sign| text.contains(sign)) {
+                return true;
+            }
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+        false
+    }
+
+    /// Checks to which powers the tracks were set one after the other. A stall of the machine stops
+    /// them for a moment, so that then the stops do not count.
+    pub async fn assert_powers(&self, powers: &[i8], expected: &[i8]) {
+        if powers != expected && self.has_stalled().await {
+            let without_stops = |powers: &[i8]| {
+                let mut powers: Vec<i8> = powers.iter().copied().filter(|one| *one != 0).collect();
+                powers.dedup();
+                powers
+            };
+            assert_eq!(
+                without_stops(powers),
+                without_stops(expected),
+                "{}",
+                self.text()
+            );
+        } else {
+            assert_eq!(powers, expected, "{}", self.text());
+        }
     }
 
     pub fn signal(&self, signal: rustix::process::Signal) {

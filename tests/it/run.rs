@@ -3,9 +3,8 @@
 use std::time::Duration;
 
 use spykee::wire::{Command, Login};
-use tokio::time::Instant;
 
-use crate::rig::{Rig, assert_contains};
+use crate::rig::{Rig, Stopwatch, assert_contains};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_script_that_ends_normally_ends_the_run_with_0() {
@@ -232,7 +231,7 @@ async fn logs_as_json_are_one_object_a_line() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_flood_of_log_lines_is_summarised() {
     let rig = Rig::quiet().await;
-    let begun = Instant::now();
+    let begun = Stopwatch::start();
     let mut run = rig.run("for i = 1, 5000 do print('line', i) end task.wait(1.2)");
     assert_eq!(run.code().await, Some(0), "{}", run.text());
     assert!(

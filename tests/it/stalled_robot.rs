@@ -8,9 +8,9 @@ use std::time::Duration;
 use rustix::process::{Pid, Signal};
 use socket2::{Domain, Socket, Type};
 use spykee::wire::{Command, Decoder, Engage, Power, Report};
-use tokio::time::{Instant, sleep, timeout};
+use tokio::time::{sleep, timeout};
 
-use crate::rig::{Rig, WAIT_LIMIT, accepted, moves, state_of};
+use crate::rig::{Rig, Stopwatch, WAIT_LIMIT, accepted, moves, state_of};
 
 /// Speech soon fills the robot's small receive buffer.
 const TALKS: &str = "robot.stream('video', true) robot.stream('audio_out', true)
@@ -90,11 +90,11 @@ impl Robot {
     /// Waits until the receive buffer is full.
     async fn filled(&self) {
         let mut len = 0;
-        let mut since = Instant::now();
+        let mut since = Stopwatch::start();
         while len == 0 || since.elapsed() < NO_LONGER_GROWS {
             let now = rustix::io::ioctl_fionread(&self.stream).unwrap();
             if now != len {
-                (len, since) = (now, Instant::now());
+                (len, since) = (now, Stopwatch::start());
             }
             sleep(Duration::from_millis(5)).await;
         }

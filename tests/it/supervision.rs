@@ -76,7 +76,8 @@ async fn a_behaviour_that_fails_repeatedly_is_given_up_with_an_alarm_and_disturb
     let alarm = |command: &Command| *command == Command::Play(Sound::Alarm);
     let alarmed = rig.heard(0, alarm).await;
     let heard = rig.commands(0);
-    assert_eq!(tracks(&heard[..alarmed]), [45, 0, 45, 0, 45, 0]);
+    run.assert_powers(&tracks(&heard[..alarmed]), &[45, 0, 45, 0, 45, 0])
+        .await;
     assert_eq!(heard.iter().filter(|one| alarm(one)).count(), 1);
     run.says("restart 1 of 2 within 60 s").await;
     run.says("restart 2 of 2 within 60 s").await;
@@ -172,15 +173,18 @@ async fn a_saved_script_is_reloaded_and_a_faulty_one_does_not_drive() {
     save("robot.move(60, 60) task.wait(600)");
     let at = wait_for_move(&rig, at, 54).await;
     run.says("bye reload").await;
-    assert_eq!(tracks(&rig.commands(0)), [36, 0, 54]);
+    run.assert_powers(&tracks(&rig.commands(0)), &[36, 0, 54])
+        .await;
     save("robot.move(80, 80)\nx = = 1");
     run.says("script.lua:2").await;
     run.says("the old script still runs").await;
     wait_for_move(&rig, rig.sim.heard_count(), 54).await;
     save("print('short')");
-    let at = wait_for_move(&rig, at, 0).await;
+    wait_for_move(&rig, at, 0).await;
     run.says("short").await;
     wait_for_output(&run, "stands still until the script is saved again", 1).await;
+    rig.stands_still().await;
+    let at = rig.sim.heard_count();
     save("if true");
     wait_for_output(&run, "stands still until the script is saved again", 2).await;
     assert!(run.lives());

@@ -102,6 +102,14 @@ impl Rig {
         })
     }
 
+    fn stall(&mut self, gap: Duration, guardian_wrote: bool) -> Vec<Act> {
+        self.now += gap;
+        self.handle(Fact::Stalled {
+            gap,
+            guardian_wrote,
+        })
+    }
+
     /// Lets time pass as the pilot does, from deadline to deadline, with the host alive or not.
     fn pass(&mut self, span: Duration, alive: bool) -> Vec<Act> {
         let end = self.now + span;

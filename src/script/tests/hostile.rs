@@ -6,7 +6,7 @@ use std::time::Instant as RealTime;
 use super::*;
 
 /// Each must end within a few seconds on a busy machine; without the guards all run over 10 s.
-const BOUND: Duration = Duration::from_secs(5);
+const BOUND: Duration = Duration::from_secs(8);
 
 /// Runs hostile code until the script has ended; returns the rig.
 #[track_caller]
@@ -286,7 +286,7 @@ fn table_move_has_its_timeout_fix() {
     // The flag may disappear in a later Luau: then this call must be quick without it.
     let began = RealTime::now();
     ends("pcall(table.move, {}, 1, 2e9, -2e9, {})");
-    assert!(began.elapsed() < Duration::from_secs(2));
+    assert!(began.elapsed() < Duration::from_secs(4));
 }
 
 #[test]

@@ -2,10 +2,10 @@
 
 use rustix::process::Signal;
 use spykee::wire::Command;
-use tokio::time::{Duration, Instant};
+use tokio::time::Duration;
 
 use super::fault_run::FaultRun;
-use crate::rig::moves;
+use crate::rig::{Stopwatch, moves};
 
 pub async fn drives_on(fault_run: FaultRun) {
     fault_run.begin_faults();
@@ -90,7 +90,7 @@ pub async fn ends_in_time(mut fault_run: FaultRun) {
     fault_run.begin_faults();
     fault_run.says_more("moved", 1).await;
     fault_run.run.signal(Signal::INT);
-    let interrupted = Instant::now();
+    let interrupted = Stopwatch::start();
     assert_eq!(
         fault_run.run.code().await,
         Some(130),

@@ -92,9 +92,9 @@ pub const SCENARIOS: &[Scenario] = scenarios! {
         "the script receives `disconnected`; the agent returns when the other user has gone", robot::waits_for_the_other, Drives;
     "no battery level", "{fault: no_power}",
         "silence counts as low: stop and BASE_FIND", robot::silence_counts_as_low, Drives;
-    "no battery level after the login", "{fault: no_power, for: 2.5}, {fault: drop}",
+    "no battery level after the login", "{fault: no_power, for: 6}, {fault: drop}",
         "nothing moves before the first level has arrived", robot::waits_for_a_level, Drives;
-    "a battery level that jumps", "{fault: power_jumps, percent: 5, for: 1}",
+    "a battery level that jumps", "{fault: power_jumps, percent: 5, for: 3}",
         "one low level is enough: stop and BASE_FIND in one write; no motion until it is good again", robot::goes_home_in_one_write, Drives;
     "battery levels of random bytes", "{fault: power_garbage, chance: 0.4}",
         "one low level is enough; the garbage that follows does not release the robot, and it still gets home", robot::gets_home_through_garbage, Drives;

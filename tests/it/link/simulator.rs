@@ -32,7 +32,7 @@ async fn sim(firmware: Firmware) -> Sim {
 impl Sim {
     async fn connect(&self, login: &Login) -> Result<Session, LinkError> {
         let options = Options {
-            login_timeout: Duration::from_secs(2),
+            login_timeout: Duration::from_secs(5),
             dead_after: Duration::from_millis(500),
             ..Options::default()
         };

@@ -131,7 +131,7 @@ fn a_silent_host_that_stands_by_is_ended_and_the_one_that_drives_is_not_disturbe
     let mut acts = rig.drive(PATROL, 40.0);
     rig.now += 100 * MS;
     acts.extend(rig.drive(AVOID, -50.0));
-    acts.extend(rig.pass(1000 * MS, &[AVOID]));
+    acts.extend(rig.pass(3000 * MS, &[AVOID]));
     assert_eq!(moves(&acts), [36, -45]);
     assert!(acts.contains(&Act::Kill(PATROL, EndReason::Cpu)));
 }
@@ -142,7 +142,7 @@ fn a_silent_driver_is_stopped_before_the_lower_takes_over() {
     let mut acts = rig.drive(PATROL, 40.0);
     rig.now += 100 * MS;
     acts.extend(rig.drive(AVOID, -50.0));
-    acts.extend(rig.pass(1000 * MS, &[PATROL]));
+    acts.extend(rig.pass(3000 * MS, &[PATROL]));
     assert_eq!(moves(&acts), [36, -45, 0, 36]);
     assert!(acts.contains(&Act::Kill(AVOID, EndReason::Cpu)));
 }

@@ -159,7 +159,7 @@ fn a_silent_host_is_stopped_first_and_then_ended() {
     let acts = rig.pass(20 * MS, false);
     assert_eq!(sent(&acts), [Command::STOP]);
     assert!(!acts.iter().any(|act| matches!(act, Act::Kill(..))));
-    let acts = rig.pass(300 * MS, false);
+    let acts = rig.pass(2 * SECOND, false);
     let stop = acts
         .iter()
         .position(|act| *act == Act::Send(Command::STOP))
@@ -172,7 +172,7 @@ fn a_silent_host_is_stopped_first_and_then_ended() {
     assert!(!sent(&acts).contains(&FORWARD));
     assert!(acts.contains(&Act::Announce(Event::Safety {
         action: SafetyAction::Kill,
-        reason: "a script showed no life for 500 ms".into()
+        reason: "a script showed no life for 2000 ms".into()
     })));
 }
 
@@ -361,6 +361,60 @@ fn after_a_sleep_nothing_old_is_repeated() {
     assert_eq!(events(&acts), [ended(1, MotionEnd::Disconnected)]);
     assert_eq!(sent(&rig.pass(SECOND, true)), []);
     assert_eq!(sent(&rig.drive(2, None)), [FORWARD]);
+}
+
+#[test]
+fn after_a_stall_the_tracks_stop_and_move_again_when_the_host_shows_life() {
+    for guardian_wrote in [false, true] {
+        let mut rig = Rig::online(60);
+        rig.drive(1, None);
+        let acts = rig.stall(950 * MS, guardian_wrote);
+        assert_eq!(sent(&acts), [Command::STOP]);
+        assert_eq!(events(&acts), []);
+        assert_eq!(sent(&rig.pass(200 * MS, false)), []);
+        assert_eq!(sent(&rig.handle(Fact::Alive(WHO))), [FORWARD]);
+    }
+}
+
+#[test]
+fn a_host_that_is_silent_after_a_stall_is_ended_as_usual() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    rig.stall(950 * MS, false);
+    let grace = Limits::default().host_grace.get();
+    let acts = rig.pass(grace - MS, false);
+    assert_eq!(acts, []);
+    let acts = rig.pass(MS, false);
+    assert!(acts.contains(&Act::Kill(WHO, EndReason::Cpu)), "{acts:?}");
+}
+
+#[test]
+fn the_silence_of_a_stall_is_not_the_robots() {
+    let mut rig = Rig::online(60);
+    rig.handle(Fact::Streaming(true));
+    rig.drive(1, None);
+    for _ in 0..10 {
+        assert!(!reconnects(&rig.stall(SECOND, false)));
+        let acts = rig.pass(250 * MS, true);
+        assert!(!reconnects(&acts), "{acts:?}");
+    }
+    assert!(reconnects(&rig.pass(SECOND, true)));
+}
+
+#[test]
+fn after_a_stall_only_what_the_guardian_has_ended_begins_again() {
+    let mut rig = Rig::online(60);
+    rig.dock(1);
+    assert_eq!(rig.stall(SECOND, false), []);
+    assert_eq!(sent(&rig.stall(SECOND, true)), [Command::STOP, FIND]);
+    let mut rig = Rig::docked(charging(80));
+    rig.undock(1);
+    assert_eq!(rig.stall(SECOND, false), []);
+    assert_eq!(rig.stall(SECOND, true), [Act::Send(LEAVE)]);
+    let (mut rig, _) = lost(20, standing());
+    rig.pass(2 * SECOND, false);
+    assert_eq!(rig.stall(SECOND, false), []);
+    assert_eq!(sent(&rig.stall(SECOND, true)), [Command::STOP, FIND]);
 }
 
 #[test]
