@@ -18,6 +18,7 @@ use super::messages::{Found, ToPage};
 use super::metrics::Metrics;
 use super::scripts::{Behaviour, RunDefinition};
 use super::state::{People, Person, Rate};
+use super::viewer::OpenPage;
 use super::world::SimulatedRobot;
 use super::{manual_drive, scripts, state, world};
 use crate::agent::{BehaviourState, PilotClientError};
@@ -65,7 +66,8 @@ pub(super) struct Broadcast {
 
 #[derive(Debug, Default)]
 pub(super) struct ViewerList {
-    pub(super) count: usize,
+    /// Those that have come first come first.
+    pub(super) open: Vec<OpenPage>,
     pub(super) driver: Option<(Person, watch::Sender<TimedSetpoint>)>,
 }
 
@@ -108,7 +110,7 @@ impl Broadcast {
     }
 
     pub(super) fn viewer_count(&self) -> usize {
-        self.lock_viewers().count
+        self.lock_viewers().open.len()
     }
 
     pub(super) fn robot(&self) -> Option<RobotInfo> {
@@ -280,7 +282,7 @@ impl Broadcast {
         let driver = viewers.driver.as_ref().map(|(person, _)| person.clone());
         People {
             driver,
-            viewers: viewers.count,
+            viewers: viewers.open.len(),
         }
     }
 }
