@@ -282,7 +282,7 @@ impl Rig {
     /// The same, with a pipe as its standard input.
     pub fn spykee_with_pipe(&self, args: &[&str]) -> (Run, ChildStdin) {
         let mut run = Run::start(args, self.folder.path(), Stdio::piped(), &[]);
-        let pipe = run.child.stdin.take().unwrap();
+        let pipe = run.take_input().unwrap();
         (run, pipe)
     }
 
@@ -431,7 +431,7 @@ pub struct Run {
 }
 
 impl Run {
-    fn start(args: &[&str], folder: &Path, input: Stdio, environment: &[(&str, &str)]) -> Run {
+    pub fn start(args: &[&str], folder: &Path, input: Stdio, environment: &[(&str, &str)]) -> Run {
         let mut process = program(args);
         process.current_dir(folder);
         process.envs(environment.iter().copied());
@@ -448,6 +448,11 @@ impl Run {
             lines,
             readers: vec![out, err],
         }
+    }
+
+    /// Its standard input, if that is a pipe.
+    pub fn take_input(&mut self) -> Option<ChildStdin> {
+        self.child.stdin.take()
     }
 
     /// Everything that was written to stdout and stderr so far.
