@@ -44,7 +44,7 @@ use crate::timetable::Record;
 #[command(
     after_help = "Examples:\n  spykee serve --config /etc/spykee/spykee.yaml\n  \
                         spykee serve --sim --date \"2026-03-29 01:59\"\n\n\
-                  `spykee schedule` lists the coming starts, `spykee service` creates a systemd unit."
+                  `spykee config schedule` lists the coming starts, `spykee service` creates a systemd unit."
 )]
 pub(super) struct ServeArgs {
     #[command(flatten)]

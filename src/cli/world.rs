@@ -1,4 +1,4 @@
-//! `spykee world`: draws, lists and checks worlds.
+//! `spykee sim show|list|check`: draws, lists and checks worlds.
 
 use std::ffi::OsStr;
 use std::fmt::Write as _;
@@ -11,15 +11,9 @@ use super::embedded::load;
 use super::{Exit, Failure, print};
 use crate::sim::{Handle, World};
 
-/// Draw maps of simulated worlds, list the built-in worlds, check world files
-#[derive(Debug, Clone, clap::Args)]
-pub(super) struct WorldArgs {
-    #[command(subcommand)]
-    action: Action,
-}
-
+/// What to do with worlds.
 #[derive(Debug, Clone, clap::Subcommand)]
-enum Action {
+pub(super) enum WorldAction {
     /// Draw the map of a world
     Show {
         /// World file, or the name of a built-in world [default: living_room]
@@ -61,14 +55,14 @@ pub(super) fn parse_png(text: &str) -> Result<PathBuf, ArgumentError> {
 ///
 /// # Errors
 /// A world that cannot be used, a picture that cannot be written.
-pub(super) fn run(args: &WorldArgs) -> Result<Exit, Failure> {
-    match &args.action {
-        Action::Show {
+pub(super) fn run(action: &WorldAction) -> Result<Exit, Failure> {
+    match action {
+        WorldAction::Show {
             world, yaml: true, ..
         } => show_yaml(world.as_deref()),
-        Action::Show { world, output, .. } => show(world.as_deref(), output),
-        Action::List => list(),
-        Action::Check { worlds } => check(worlds),
+        WorldAction::Show { world, output, .. } => show(world.as_deref(), output),
+        WorldAction::List => list(),
+        WorldAction::Check { worlds } => check(worlds),
     }
 }
 

@@ -29,7 +29,7 @@ pub enum Rule {
     StartMissed,
     /// A script called `notify.send`.
     Script,
-    /// `spykee notify test`; every target receives it.
+    /// `spykee config test-notify`; every target receives it.
     Test,
 }
 

@@ -6,7 +6,7 @@ use std::path::{MAIN_SEPARATOR, Path, PathBuf};
 
 use image::{ImageFormat, RgbImage};
 
-use super::Failure;
+use crate::cli::Failure;
 
 const HELP: &str =
     "for one picture, --annotate names a file that ends in .png; for several, a folder";

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::Failure;
-use super::argument::ArgumentError;
+use crate::cli::Failure;
+use crate::cli::argument::ArgumentError;
 use crate::files;
 use crate::vision::{FrameError, MAX_JPEG_LEN, Roi, Size};
 
