@@ -464,7 +464,6 @@ mod tests {
             "camera:\n  hfov: 0\n",
             "camera:\n  distortion: [-3, 0]\n",
             "limits:\n  memory_bytes: 0\n",
-            "limits:\n  frame_bytes: -1\n",
             "limits:\n  callback_budget_ms: 0.5\n",
             "limits:\n  noise_dbfs: .nan\n",
             "schedule:\n- { run: patrol, at: \"0 25 * * *\" }\n",

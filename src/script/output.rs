@@ -7,7 +7,7 @@ use tokio::time::Instant;
 
 use super::failure::printable;
 use super::modules::ModuleName;
-use super::options::Limits;
+use super::options::{Limits, NOTICES_A_DAY};
 use crate::rate_limit::Budget;
 use crate::robot::{DeclaredParam, HostReport, Intent};
 
@@ -226,8 +226,8 @@ pub(super) struct DailyLimits {
 impl DailyLimits {
     pub(super) fn new(limits: &Limits) -> DailyLimits {
         DailyLimits {
-            bytes: Budget::new(limits.journal_bytes_a_day),
-            notices: Budget::new(limits.notices_a_day),
+            bytes: Budget::new(limits.journal_bytes_a_day()),
+            notices: Budget::new(NOTICES_A_DAY),
         }
     }
 
