@@ -3,6 +3,7 @@
 
 mod api;
 mod argument;
+mod assembly;
 mod behaviour;
 mod behaviour_loader;
 mod broker;
@@ -224,7 +225,6 @@ pub fn main() -> ExitCode {
 /// What [`run_for_test`] returns.
 #[derive(Debug)]
 pub struct TestOutput {
-    /// The exit code.
     pub code: u8,
     /// What was written to stdout.
     pub out: String,
