@@ -50,12 +50,9 @@ impl Rule {
     }
 }
 
-/// A notification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Notice {
-    /// The rule that caused it.
     pub rule: Rule,
-    /// The text for people.
     pub text: String,
     /// The robot's name or uid; `spykee` while none is known.
     pub robot: String,
@@ -73,7 +70,6 @@ impl Notice {
     }
 }
 
-/// The result of a delivery.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Delivery {
     /// The message was delivered.

@@ -203,7 +203,6 @@ pub enum TargetError {
     /// Both `body` and `json` are given.
     #[error("it has both `body` and `json`; one of them is sent")]
     TwoBodies,
-    /// A token is given for a command.
     #[error("a command cannot have a token: it would show in lists of processes")]
     TokenOfCommand,
     /// Not a valid topic, or a pattern of topics.
@@ -212,7 +211,6 @@ pub enum TargetError {
          +, # and braces"
     )]
     Topic,
-    /// A token is given for a topic.
     #[error("a topic takes no token: the broker's is `mqtt.password_file`")]
     TokenOfTopic,
     /// A picture as a form is requested for a topic.
@@ -220,7 +218,6 @@ pub enum TargetError {
     PictureOfTopic,
 }
 
-/// Errors in [`Options`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum OptionsError {
     /// Too many targets.
@@ -234,7 +231,6 @@ pub enum OptionsError {
     /// A target is not valid.
     #[error("notify.targets.{name}: {source}")]
     Target {
-        /// Its name.
         name: String,
         /// What is wrong with it.
         source: TargetError,
@@ -249,9 +245,6 @@ impl Options {
     }
 
     /// Checks what the types cannot express.
-    ///
-    /// # Errors
-    /// See [`OptionsError`].
     pub fn check(&self) -> Result<(), OptionsError> {
         if self.targets.len() > MAX_TARGETS {
             return Err(OptionsError::TooMany);

@@ -30,7 +30,6 @@ pub(super) fn send(
 /// Why no valid request results after the placeholders are replaced.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum RequestError {
-    /// The address.
     #[error("its url is not valid")]
     Url,
     /// The header field of this name.
