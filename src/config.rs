@@ -30,7 +30,6 @@ pub use self::mqtt::{Mqtt, MqttError, Tls};
 pub use self::remote::{Remote, ServiceUrl, ServiceUrlError};
 pub use self::schema::schema;
 
-/// The default data folder.
 const DATA_FOLDER: &str = "spykee-data";
 
 /// The contents of a config file; everything is optional.
@@ -164,7 +163,6 @@ pub enum ConfigError {
     /// The file cannot be read.
     #[error("cannot read the config {path}: {source}")]
     Read {
-        /// Its path.
         path: String,
         /// The system's error.
         source: std::io::Error,
@@ -181,9 +179,6 @@ pub enum ConfigError {
 
 impl Config {
     /// Reads a file. Paths in it are relative to its folder.
-    ///
-    /// # Errors
-    /// See [`ConfigError`].
     pub fn load(path: &Path) -> Result<Config, ConfigError> {
         Config::parse_file(&Config::read(path)?, path)
     }

@@ -38,9 +38,6 @@ impl ColourArgs {
 }
 
 /// Finds blobs, or learns a colour.
-///
-/// # Errors
-/// Pictures, colours or config that cannot be used.
 pub(super) fn run(args: &ColourArgs, console: &Console) -> Result<Exit, Failure> {
     match &args.action {
         Action::Find(args) => find::run(args, console),
@@ -49,9 +46,6 @@ pub(super) fn run(args: &ColourArgs, console: &Console) -> Result<Exit, Failure>
 }
 
 /// The colours with these names, in the same order. The config's names override built-in ones.
-///
-/// # Errors
-/// An unknown name (the error suggests the nearest known one); too many names.
 fn of_names(names: &[String], config: &Config) -> Result<Vec<Colour>, Failure> {
     if names.len() > MAX_COLOURS {
         return Err(Failure::usage(format_args!(

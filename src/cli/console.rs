@@ -78,9 +78,6 @@ impl Console {
     }
 
     /// Collects the output instead, as if stderr were a file.
-    ///
-    /// # Errors
-    /// The system cannot start a thread.
     pub(super) fn collecting(
         into: Collected,
         format: LogFormat,
@@ -129,7 +126,6 @@ impl Console {
         self.features.colour
     }
 
-    /// Whether logs are JSON.
     pub fn is_json(&self) -> bool {
         self.format == LogFormat::Json
     }

@@ -45,9 +45,6 @@ pub(super) struct TestArgs {
 }
 
 /// Sends the message.
-///
-/// # Errors
-/// No such target, or secrets that cannot be read.
 pub(super) fn run(args: &TestArgs) -> Result<Exit, Failure> {
     let settings = args.settings.load()?;
     let options = &settings.config.notify;
@@ -77,7 +74,6 @@ pub(super) fn run(args: &TestArgs) -> Result<Exit, Failure> {
     Ok(exit)
 }
 
-/// The absolute path of a picture.
 fn absolute(path: &Path) -> Result<PathBuf, Failure> {
     path.canonicalize().map_err(|error| {
         Failure::usage(format_args!(
@@ -111,10 +107,6 @@ fn chosen<'a>(
 }
 
 /// The notifications of a run, if the config wants any.
-///
-/// # Errors
-/// Secrets that cannot be read, or a config that was found, not named, and has targets that are
-/// only allowed in a named config.
 pub(super) fn start(settings: &Effective, bus: &Bus) -> Result<Option<Notifier>, Failure> {
     let options = &settings.config.notify;
     if options.targets.is_empty() {

@@ -41,9 +41,6 @@ pub(super) struct ScheduleArgs {
 }
 
 /// Prints the predicted starts.
-///
-/// # Errors
-/// A config that cannot be used.
 pub(super) fn run(args: &ScheduleArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let table = config.timetable();

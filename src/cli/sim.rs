@@ -55,9 +55,6 @@ struct ServerArgs {
 }
 
 /// Serves until interrupted, or looks at worlds.
-///
-/// # Errors
-/// A world that cannot be used; an address that cannot be listened on.
 pub(super) fn run(args: &SimArgs, console: &Console) -> Result<Exit, Failure> {
     if let Some(action) = &args.action {
         return world::run(action);
@@ -150,9 +147,6 @@ pub(super) struct FirmwareArgs {
 
 impl FirmwareArgs {
     /// Loads the firmware from the file, or returns the default.
-    ///
-    /// # Errors
-    /// An invalid file; the error says what is wrong and where.
     pub(super) fn load(&self) -> Result<Firmware, Failure> {
         let Some(path) = &self.firmware else {
             return Ok(Firmware::default());
@@ -163,9 +157,6 @@ impl FirmwareArgs {
     }
 
     /// Refuses the flag for a real robot, which has its own firmware.
-    ///
-    /// # Errors
-    /// The flag was given and the robot is not simulated.
     pub(super) fn refuse_unless(&self, simulated: bool) -> Result<(), Failure> {
         if simulated || self.firmware.is_none() {
             return Ok(());

@@ -39,9 +39,6 @@ pub(super) enum WorldAction {
 }
 
 /// Parses the name of a file that ends in `.png`.
-///
-/// # Errors
-/// Another ending.
 pub(super) fn parse_png(text: &str) -> Result<PathBuf, ArgumentError> {
     let path = PathBuf::from(text);
     let ending = path.extension().unwrap_or_default();
@@ -52,9 +49,6 @@ pub(super) fn parse_png(text: &str) -> Result<PathBuf, ArgumentError> {
 }
 
 /// Shows, lists or checks worlds.
-///
-/// # Errors
-/// A world that cannot be used, a picture that cannot be written.
 pub(super) fn run(action: &WorldAction) -> Result<Exit, Failure> {
     match action {
         WorldAction::Show {
@@ -95,9 +89,6 @@ fn show_yaml(world: Option<&Path>) -> Result<Exit, Failure> {
 }
 
 /// Writes a picture.
-///
-/// # Errors
-/// The file cannot be written; the error names it and the system's reason.
 pub(super) fn save(picture: &image::RgbImage, path: &Path) -> Result<(), Failure> {
     picture
         .save(path)
@@ -158,9 +149,6 @@ pub(super) struct TraceFile(PathBuf);
 
 impl TraceFile {
     /// Creates the file, so that an invalid name is reported before the robot moves.
-    ///
-    /// # Errors
-    /// The file cannot be created.
     pub(super) fn create(path: &Path) -> Result<TraceFile, Failure> {
         let made = std::fs::File::create(path);
         made.map_err(|error| Failure::unwritable(path, error))?;
@@ -168,9 +156,6 @@ impl TraceFile {
     }
 
     /// Draws this robot's path and events so far.
-    ///
-    /// # Errors
-    /// The file cannot be written.
     pub(super) fn write(&self, sim: &Handle) -> Result<(), Failure> {
         save(&sim.trace().draw(sim.world()), &self.0)?;
         tracing::info!("the robot's path is drawn in {}", self.0.display());

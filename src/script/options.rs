@@ -246,10 +246,5 @@ pub struct ScenarioCall<'a> {
 /// What a scenario script calls through `scenario`, `expect` and `sim`.
 pub trait ScenarioApi {
     /// Answers one call at once.
-    ///
-    /// # Errors
-    ///
-    /// If the call is wrong, with a message for the script's author; it is raised as an error at
-    /// that line.
     fn answer(&self, call: ScenarioCall<'_>) -> ScenarioCallResult;
 }

@@ -34,7 +34,6 @@ const OVERHEAD: usize = 100;
 pub enum Output {
     /// A command for the robot.
     Intent(Intent),
-    /// A line for the log.
     Log(LogLine),
     /// Something that the script has done or wants and that does not concern the robot.
     HostReport(HostReport),
@@ -77,9 +76,7 @@ pub enum Level {
 /// few kilobytes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LogLine {
-    /// The level.
     pub level: Level,
-    /// The message.
     pub text: String,
     /// Further values, by name.
     pub fields: Vec<(String, String)>,

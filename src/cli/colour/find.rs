@@ -102,9 +102,6 @@ struct Search<'a> {
 
 /// Searches each picture and prints the blobs found. Reports an unusable picture on stderr and
 /// continues with the others.
-///
-/// # Errors
-/// Colours, config or `--annotate` that cannot be used.
 pub(super) fn run(args: &FindArgs, console: &Console) -> Result<Exit, Failure> {
     let mut search = Search::new(args)?;
     let mut exit = Exit::Done;

@@ -81,9 +81,6 @@ struct Count {
 }
 
 /// Learns the colour and prints it as YAML to paste into a config, or as JSON.
-///
-/// # Errors
-/// No usable picture; a part that is too grey or too mixed.
 pub(super) fn run(args: &LearnArgs, console: &Console) -> Result<Exit, Failure> {
     let mut exit = Exit::Done;
     let mut images = Vec::new();
