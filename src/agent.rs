@@ -24,7 +24,7 @@ pub use self::running_pilot::{
 };
 use crate::behaviour::{Launch, Launcher, Reload, RestartPolicy};
 use crate::link::LinkError;
-use crate::pilot::{Connector, Heartbeat, Reactions, Settings, Status};
+use crate::pilot::{Connector, Heartbeat, LinkState, Reactions, Settings, Status};
 use crate::robot::channel::Request;
 pub use crate::robot::{AgentEvent, Bus, BusMessage, Listener, TimedEvent};
 use crate::robot::{EndReason, Pictures, Priority};
@@ -86,6 +86,8 @@ pub struct Outcome {
     pub safety: bool,
     /// Ended by the token, and not by the end of its behaviours or by the time limit.
     pub interrupted: bool,
+    /// The robot may be driving: no stop was confirmed.
+    pub owes_stop: bool,
 }
 
 /// Why a run was aborted.
@@ -176,6 +178,7 @@ impl Agent {
                     exits: vec![refused],
                     safety: false,
                     interrupted: false,
+                    owes_stop: false,
                 });
             }
         };
@@ -196,7 +199,7 @@ impl Agent {
             },
         };
         match lived {
-            Ok(reason) => run.end(reason, stop.is_cancelled()).await,
+            Ok(reason) => run.end(reason, &stop).await,
             Err(error) => {
                 run.abandon().await;
                 Err(error)
@@ -230,7 +233,7 @@ impl Run {
         tokio::pin!(over);
         loop {
             let alone = self.behaviour_set.is_empty() && !self.stays;
-            let home = self.pilot.wait_until_home();
+            let home = self.pilot.wait_until_settled();
             tokio::select! {
                 biased;
                 () = stop.cancelled() => return Ok(EndReason::Shutdown),
@@ -244,16 +247,23 @@ impl Run {
         }
     }
 
-    /// Ends the run: first the tracks, then the scripts' last words, then the link.
-    async fn end(self, reason: EndReason, interrupted: bool) -> Result<Outcome, AgentError> {
+    /// Ends the run: first the tracks, then the scripts' last words, then the link; unless
+    /// interrupted, only when a stop that is owed was executed.
+    async fn end(self, reason: EndReason, stop: &CancellationToken) -> Result<Outcome, AgentError> {
+        let interrupted = stop.is_cancelled();
         self.pilot.stop_motion();
         let exits = self.behaviour_set.end(reason).await;
         let safety = reason == EndReason::Safety || self.pilot.status().low;
-        self.pilot.end().await;
+        if self.pilot.status().link == LinkState::Lost {
+            stop.run_until_cancelled(self.pilot.wait_until_stopped())
+                .await;
+        }
+        let delivery = self.pilot.end().await;
         Ok(Outcome {
             exits,
             safety,
             interrupted,
+            owes_stop: delivery.is_owed(),
         })
     }
 

@@ -17,6 +17,7 @@ mod web;
 
 pub use client::{AskError, Client, runs};
 pub use emergency_stop::EmergencyStop;
+pub use folder::guardian_socket;
 pub use report::{Level, Report, RunningBehaviourReport, Start};
 pub use request::{BehaviourListing, Change, MAX_SPEECH, Next, Overview, RunRequest, RunResponse};
 pub use server::{ControlServer, Run};

@@ -9,6 +9,7 @@
 
 mod connection;
 mod core;
+mod debt;
 mod outputs;
 mod reaction;
 mod requests;
@@ -27,19 +28,21 @@ use tracing::{debug, info, warn};
 
 use crate::clock::until;
 pub use crate::link::Delivery;
-use crate::link::{Incoming, LinkError, Writer, close_gracefully};
+use crate::link::{Executes, Incoming, LinkError, Writer, close_gracefully};
 use crate::rate_limit::Repeats;
 use crate::robot::channel::{MAX_REQUESTS, Request, Suspend};
 use crate::robot::{
     AgentEvent, Battery, BehaviourId, Bus, DockEnd, Event, Frame, PartialFrame, Pictures,
-    RobotInfo, Streams,
+    RobotInfo, StopConfirmation, Streams,
 };
-use crate::safety::{Fact, Limits, Watchdog};
-use crate::wire::{Accepted, Command, EngineReport, Report};
+use crate::safety::{Fact, LastWords, Limits, Watchdog};
+use crate::wire::{Accepted, EngineReport, Report};
 
 pub use self::connection::Connector;
 use self::connection::{Connection, ConnectionEvent, ConnectionEventError, LinkLost, NewSession};
+use self::core::Interruption;
 pub use self::core::{DrivingCore, Heartbeat};
+use self::debt::{Answered, Debt, DebtAction};
 use self::outputs::{EmergencyStopState, QuietHours, Restrictions, tell_guardian};
 use self::reaction::Stopwatch;
 pub use self::reaction::{Reactions, Tally};
@@ -60,6 +63,15 @@ const SOUND_EVENT_INTERVAL: Duration = Duration::from_millis(500);
 
 /// How long the robot may take at the end to acknowledge what was sent last.
 pub const DELIVERY: Duration = Duration::from_secs(2);
+/// The shortest time for that, when most of it was spent on reaching the robot.
+const SHORTEST_DELIVERY: Duration = Duration::from_millis(300);
+
+/// A robot that answers questions, moves, and leaves one unanswered for this long is stopped.
+const STALL: Duration = Duration::from_secs(3);
+
+/// For how long after a lost link the attempts to connect follow each other without growing pauses,
+/// if the robot may be driving.
+pub const HURRY_LIMIT: Duration = Duration::from_secs(600);
 
 /// How often an unknown message of the robot is logged, per kind.
 const UNKNOWN_EVERY: Duration = Duration::from_secs(60);
@@ -102,6 +114,11 @@ pub struct Pilot {
     actuators: ActuatorState,
     emergency_stop: EmergencyStopState,
     silence: Silence,
+    debt: Debt,
+    /// A robot that answers questions executes nothing at present.
+    executes_nothing: bool,
+    /// When the link was lost.
+    lost_at: Option<Instant>,
     minutes_left: MinutesLeft,
     pictures: watch::Sender<Pictures>,
     status: watch::Sender<Status>,
@@ -152,6 +169,9 @@ impl Pilot {
             actuators: ActuatorState::default(),
             emergency_stop: EmergencyStopState::default(),
             silence: Silence::new(Instant::now()),
+            debt: Debt::default(),
+            executes_nothing: false,
+            lost_at: None,
             minutes_left: MinutesLeft::default(),
             pictures,
             status,
@@ -187,8 +207,8 @@ impl Pilot {
     }
 
     /// Connects, serves and reconnects until told to close. Then waits up to [`DELIVERY`] for a
-    /// login in progress or the last words of a lost link, and as long again for the robot's
-    /// acknowledgement; returns whether that has come for what was sent last.
+    /// link if a stop is owed, and for the answer of the robot's program; returns how far the last
+    /// stop has come.
     ///
     /// # Errors
     /// [`LinkError`] if the very first connection fails, so that a person can read it at the start.
@@ -217,6 +237,7 @@ impl Pilot {
                     motion_stopped = true;
                     self.handle(Fact::RunEnding)
                 }
+                () = guardian_changed(self.heartbeat.as_mut()) => self.check_guardian(),
                 () = until(deadline) => self.poll(&mut requests).await,
                 // The next turn tells the guardian what is left of a partly written message.
                 written = progress(self.writer.as_mut()) => written.map_err(LinkLost::from),
@@ -238,13 +259,14 @@ impl Pilot {
         Ok(self.close(connection).await)
     }
 
-    fn next_deadline(&self) -> Option<Instant> {
+    fn next_deadline(&mut self) -> Option<Instant> {
         let silence = self.writer.as_ref().map(|_| self.silence.next_deadline());
         let beat = self.heartbeat.as_ref().map(Heartbeat::due);
         let deadlines = [
             self.watchdog.next_deadline(),
             self.streams_due,
             silence,
+            self.execution_deadline(),
             beat,
         ];
         deadlines.into_iter().flatten().min()
@@ -254,7 +276,22 @@ impl Pilot {
     /// before is repeated.
     fn heartbeat(&mut self) -> Result<(), LinkLost> {
         let heartbeat = self.heartbeat.as_mut();
-        match heartbeat.and_then(|heartbeat| heartbeat.beat(Instant::now())) {
+        let interruption = heartbeat.and_then(|heartbeat| heartbeat.beat(Instant::now()));
+        self.note_guardian(interruption)
+    }
+
+    fn check_guardian(&mut self) -> Result<(), LinkLost> {
+        let heartbeat = self.heartbeat.as_mut();
+        let interruption = heartbeat.and_then(Heartbeat::check_guardian);
+        self.note_guardian(interruption)
+    }
+
+    fn note_guardian(&mut self, interruption: Option<Interruption>) -> Result<(), LinkLost> {
+        let guarded = self.heartbeat.as_ref().is_none_or(Heartbeat::is_guarded);
+        if guarded != self.watchdog.is_guarded() {
+            self.handle(Fact::Guarded(guarded))?;
+        }
+        match interruption {
             Some(interruption) => {
                 warn!("{interruption}: the robot is stopped first");
                 self.handle(Fact::Suspended)
@@ -291,7 +328,56 @@ impl Pilot {
         let acts = self.watchdog.poll(Instant::now());
         woken.and(served).and(self.perform(acts))?;
         self.catch_up_streams()?;
+        self.check_execution()?;
         self.check_silence()
+    }
+
+    /// When to look again whether the robot has executed what it was sent.
+    fn execution_deadline(&mut self) -> Option<Instant> {
+        let now = Instant::now();
+        let writer = self.writer.as_mut()?;
+        let debt = self.debt.next_deadline(writer.executes(now), now);
+        let stalled = writer.overdue_since().map(|since| since + STALL);
+        let stalled = if self.executes_nothing { None } else { stalled };
+        debt.into_iter().chain(stalled).min()
+    }
+
+    /// Asks whether the last stop is executed, and pays the debt when it is. Stops a robot that
+    /// moves but no longer executes what it is sent.
+    fn check_execution(&mut self) -> Result<(), LinkLost> {
+        let now = Instant::now();
+        let Some(writer) = &mut self.writer else {
+            return Ok(());
+        };
+        let executes = writer.executes(now);
+        let answered = Answered {
+            executes,
+            executed: writer.is_executed(),
+            acknowledged: writer.is_acknowledged(),
+        };
+        let overdue = writer.overdue_since();
+        match self.debt.poll(answered, now) {
+            Some(DebtAction::Ask) => writer.ask(now)?,
+            Some(DebtAction::Paid(how)) => {
+                debug!("the stop: {how:?}");
+                self.tell_guardian_of_debt();
+            }
+            None => {}
+        }
+        if let Executes::Every(period) = executes {
+            self.silence.note_answers();
+            self.watchdog.apply(Fact::Pace(period), now);
+        }
+        let stalled = overdue.is_some_and(|since| now >= since + STALL);
+        let before = std::mem::replace(&mut self.executes_nothing, stalled);
+        if stalled && !before && self.watchdog.moving() {
+            warn!(
+                "the robot has executed nothing for {} s: it is stopped",
+                STALL.as_secs()
+            );
+            return self.handle(Fact::Suspended);
+        }
+        Ok(())
     }
 
     /// Asks a silent robot for a sign of life, and ends the link if it stays silent.
@@ -300,7 +386,10 @@ impl Pilot {
             return Ok(());
         }
         match self.silence.poll(Instant::now()) {
-            Some(SilenceAction::Ask) => self.send(&[Command::PowerQuery]),
+            Some(SilenceAction::Ask) => match &mut self.writer {
+                Some(writer) => Ok(writer.ask(Instant::now())?),
+                None => Ok(()),
+            },
             Some(SilenceAction::Gone(silence)) => {
                 let silence = silence.as_secs();
                 let reason = format!("nothing received from the robot for {silence} s");
@@ -344,6 +433,10 @@ impl Pilot {
 
     fn publish(&mut self) {
         self.publish_docking();
+        if self.debt.is_owed() && self.watchdog.is_docked_and_still() {
+            self.debt.forgive();
+            self.tell_guardian_of_debt();
+        }
         let link = match (&self.writer, &self.info) {
             (Some(_), _) => LinkState::Up,
             (None, _) if self.released => LinkState::Released,
@@ -360,11 +453,32 @@ impl Pilot {
             dock_state: self.watchdog.dock_state(),
             shed: self.watchdog.shed(),
             emergency_stop: self.emergency_stop.is_on(),
+            stop: self.stop_confirmation(),
+            owes_stop: self.owes_stop(),
             actuators: self.actuators,
             frames: self.status.borrow().frames,
         };
         self.publish_status(&newest);
         self.status.send_if_modified(|status| status.update(newest));
+    }
+
+    /// Whether the robot may be moving, and not on its own way home with a low battery.
+    fn owes_stop(&self) -> bool {
+        self.debt.is_owed() && self.watchdog.last_words() != LastWords::Nothing
+    }
+
+    /// Whether the next attempt to connect must not wait.
+    pub(super) fn is_hurried(&self) -> bool {
+        let urgent = self.debt.is_owed()
+            || self.emergency_stop.is_on()
+            || self.watchdog.low().is_some() && !self.watchdog.docked();
+        let recent = |lost: Instant| lost.elapsed() < HURRY_LIMIT;
+        urgent && self.lost_at.is_some_and(recent)
+    }
+
+    fn stop_confirmation(&self) -> StopConfirmation {
+        self.debt
+            .confirmation(self.writer.is_some(), Instant::now())
     }
 
     // What comes over the connection.
@@ -376,14 +490,21 @@ impl Pilot {
             ConnectionEvent::Incoming(Incoming::Report(report)) => self.report(report)?,
             ConnectionEvent::Incoming(Incoming::PartialFrame(part)) => self.partial_frame(part),
             ConnectionEvent::Lost(error) => return Err(LinkLost::from(error).into()),
-            ConnectionEvent::Accepted(socket) => self.watch_login(socket),
+            ConnectionEvent::Accepted(socket) => self.watch_login(socket)?,
             ConnectionEvent::Ended(delivery) => {
                 debug!("at the end of a link: {delivery}");
-                self.release_guardian();
+                if !delivery.is_owed() {
+                    self.debt.forgive();
+                    self.tell_guardian_of_debt();
+                    self.release_guardian();
+                }
             }
             ConnectionEvent::Failed(error) => {
-                // If the robot had accepted the login, the last words were sent.
-                self.release_guardian();
+                // Until a stop is confirmed, the guardian keeps the old connection open: a robot that
+                // still believes in it refuses other logins.
+                if !self.owes_stop() {
+                    self.release_guardian();
+                }
                 if self.info.is_none() {
                     return Err(ConnectionEventError::First(error));
                 }
@@ -400,6 +521,7 @@ impl Pilot {
             peer,
             early,
             writer,
+            login,
         } = session;
         let Accepted {
             uid,
@@ -418,14 +540,16 @@ impl Pilot {
             simulated: self.simulated,
         };
         self.writer = Some(writer);
-        self.watch_link();
+        self.set_route(peer, login);
+        let watched = self.watch_link();
         self.actuators.forget_lights();
         self.silence.begin(Instant::now());
+        self.executes_nothing = false;
         self.publish_link_up(&info, docked);
         self.info = Some(info);
         self.failed = Repeats::new(FAILED_EVERY);
-        let mut lost = self
-            .handle(Fact::LinkUp { docked, power })
+        let mut lost = watched
+            .and(self.handle(Fact::LinkUp { docked, power }))
             .and(self.repeat_emergency_stop());
         self.note_level();
         self.publish_battery();
@@ -434,8 +558,30 @@ impl Pilot {
             lost = lost.and(self.report(report));
         }
         lost?;
+        self.ask_after_login()?;
         self.apply_streams(true)?;
         self.sound_alarm()
+    }
+
+    /// The first questions measure how fast the robot executes; their answers also show that the
+    /// stop of the login is executed.
+    fn ask_after_login(&mut self) -> Result<(), LinkLost> {
+        let now = Instant::now();
+        let Some(writer) = &mut self.writer else {
+            return Ok(());
+        };
+        if !self.watchdog.is_robot_moving() && self.debt.is_owed() {
+            self.debt.ask_at_once(now);
+            return self.check_execution();
+        }
+        Ok(writer.ask(now)?)
+    }
+
+    fn answered(&mut self) -> Result<(), LinkLost> {
+        if let Some(writer) = &mut self.writer {
+            writer.answer(Instant::now());
+        }
+        self.check_execution()
     }
 
     /// The events that tell a behaviour the state of a connected robot.
@@ -458,8 +604,13 @@ impl Pilot {
         let lost = self.handle(Fact::BytesReceived);
         match report {
             Report::Power(power) => {
-                self.silence.level(Instant::now());
-                return lost.and(self.take_battery_fact(Fact::Power(power)));
+                let lost = lost.and(self.take_battery_fact(Fact::Power(power)));
+                let asks_for_config = self.writer.as_mut().is_some_and(Writer::asks_for_config);
+                return if asks_for_config {
+                    lost
+                } else {
+                    lost.and(self.answered())
+                };
             }
             Report::Engine(report) => return lost.and(self.engine(report)),
             Report::Video(jpeg) => self.frame(jpeg),
@@ -467,7 +618,12 @@ impl Pilot {
             Report::SoundFinished => self.sessions.tell_all(&Event::SoundFinished),
             Report::Unknown(packet) => self.log_unknown_message(packet.kind),
             Report::Accepted(_) | Report::Refused(_) => debug!("unexpected login reply"),
-            Report::Config(_) | Report::Networks(_) | Report::Log(_) => {}
+            Report::Config(_) => {
+                if self.writer.as_mut().is_some_and(Writer::asks_for_config) {
+                    return lost.and(self.answered());
+                }
+            }
+            Report::Networks(_) | Report::Log(_) => {}
         }
         lost
     }
@@ -590,6 +746,8 @@ impl Pilot {
             warn!("disconnected: {lost}; reconnecting")
         }
         self.minutes_left.forget();
+        self.debt.link_lost();
+        self.lost_at = Some(Instant::now());
         let acts = self.watchdog.handle(Fact::LinkDown, Instant::now());
         // Without a link nothing is sent, so this cannot fail.
         let _ = self.perform(acts);
@@ -599,9 +757,10 @@ impl Pilot {
     }
 
     /// Ends the run's motion (see [`Fact::RunEnding`]), switches the streams off, and closes the
-    /// link when that has been acknowledged, or [`DELIVERY`] is over.
+    /// link when that is confirmed, or [`DELIVERY`] is over.
     async fn close(mut self, mut connection: Connection) -> Delivery {
-        self.settle(&mut connection).await;
+        let until = Instant::now() + DELIVERY;
+        self.settle(&mut connection, until).await;
         let stopped = self.handle(Fact::RunEnding);
         let off = self.sessions.streams_off();
         if let Err(lost) = stopped.and_then(|()| self.send(&off)) {
@@ -610,30 +769,43 @@ impl Pilot {
         self.store_last_words(&mut connection);
         let delivery = match (self.writer.take(), connection.into_reader()) {
             (Some(writer), Some(reader)) => {
-                self.beat_during(close_gracefully(reader, writer, DELIVERY))
+                let limit = until.saturating_duration_since(Instant::now());
+                let limit = limit.max(SHORTEST_DELIVERY);
+                self.beat_during(close_gracefully(reader, writer, limit))
                     .await
             }
+            _ if self.owes_stop() => Delivery::OutOfReach,
             _ => Delivery::Offline,
         };
+        let is_guarded = self
+            .heartbeat
+            .as_mut()
+            .and_then(Heartbeat::guardian)
+            .is_some();
         match delivery {
-            Delivery::Acknowledged => info!("{delivery}"),
+            Delivery::Executed | Delivery::Acknowledged => info!("{delivery}"),
             Delivery::Offline if self.info.is_none() => debug!("never connected"),
-            Delivery::NotAcknowledged { .. } | Delivery::Offline => warn!("{delivery}"),
+            Delivery::Offline => warn!("{delivery}"),
+            Delivery::NotConfirmed { .. } | Delivery::OutOfReach if is_guarded => warn!(
+                "{delivery}; the guardian process keeps trying to stop it for {} minutes",
+                HURRY_LIMIT.as_secs() / 60
+            ),
+            Delivery::NotConfirmed { .. } | Delivery::OutOfReach => warn!("{delivery}"),
         }
-        // What has not been acknowledged is left to the guardian, which keeps the connection open
-        // until it is.
-        if delivery == Delivery::Acknowledged {
+        // What is not confirmed is left to the guardian.
+        if !delivery.is_owed() {
+            self.debt.forgive();
+            self.tell_guardian_of_debt();
             self.release_guardian();
         }
         delivery
     }
 
-    /// Waits, for at most [`DELIVERY`], until the last words of a lost link are delivered, and until
-    /// a login that the robot has accepted is complete: before its first POWER it obeys no stop.
-    async fn settle(&mut self, connection: &mut Connection) {
-        let until = Instant::now() + DELIVERY;
+    /// Without a link, waits at most `until` then: for one on which a stop that is owed can be sent,
+    /// and for a login that the robot has accepted, since before its first POWER it obeys no stop.
+    async fn settle(&mut self, connection: &mut Connection, until: Instant) {
         self.store_last_words(connection);
-        while connection.is_unsettled() {
+        while self.writer.is_none() && (self.owes_stop() || connection.is_unsettled()) {
             let next = timeout_at(until, connection.next());
             let Ok(event) = self.beat_during(next).await else {
                 if self
@@ -756,6 +928,14 @@ fn describe(report: EngineReport) -> String {
         EngineReport::Charged => "the battery is full".to_owned(),
         EngineReport::BaseNotFound => "station not found".to_owned(),
         EngineReport::Unknown(code) => format!("ENGINE {code}, an unknown value"),
+    }
+}
+
+/// See [`Heartbeat::guardian_changed`].
+async fn guardian_changed(heartbeat: Option<&mut Heartbeat>) {
+    match heartbeat {
+        Some(heartbeat) => heartbeat.guardian_changed().await,
+        None => std::future::pending().await,
     }
 }
 

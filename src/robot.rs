@@ -10,6 +10,7 @@ mod frame;
 mod intent;
 mod param;
 mod quantity;
+mod stop_confirmation;
 
 pub use agent_event::{
     AgentEvent, Bus, BusMessage, HostReport, Listener, TimedEvent, WatchdogState,
@@ -21,6 +22,7 @@ pub use intent::{DockPlan, Intent};
 pub use param::{DeclaredParam, DeclaredParams, ParamBoard, ParamChange, ParamValue};
 pub use quantity::{Percent, Seconds, TrackPower, float_within, whole_within};
 use serde::{Deserialize, Serialize};
+pub use stop_confirmation::StopConfirmation;
 
 use crate::wire::{Command, Power};
 

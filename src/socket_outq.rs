@@ -1,9 +1,12 @@
-//! How many of the written bytes the other side has not acknowledged yet. No crate in use has a
-//! safe wrapper for this one query, so this file holds the only unsafe blocks about sockets.
+//! What the system knows of a connection: how many of the written bytes the other side has not
+//! acknowledged yet, and how long a byte takes there and back. No crate in use has safe wrappers for
+//! these queries, so this file holds the only unsafe blocks about sockets.
 #![allow(unsafe_code)]
 
 use std::ffi::c_int;
-use std::os::fd::AsFd;
+use std::mem::MaybeUninit;
+use std::os::fd::{AsFd, AsRawFd};
+use std::time::Duration;
 
 use rustix::ioctl::{Getter, Opcode, ioctl};
 
@@ -19,6 +22,29 @@ pub fn unacknowledged(socket: impl AsFd) -> Option<usize> {
     // SAFETY: the getter's opcode only writes that int and changes nothing else.
     let answer = unsafe { ioctl(socket, getter) }.ok()?;
     usize::try_from(answer).ok()
+}
+
+/// The smoothed time that the network needs there and back, as TCP measures it. `None` if the system
+/// does not tell.
+pub fn round_trip(socket: impl AsFd) -> Option<Duration> {
+    let mut info = MaybeUninit::<libc::tcp_info>::zeroed();
+    let mut size = libc::socklen_t::try_from(size_of::<libc::tcp_info>()).ok()?;
+    // SAFETY: the system writes at most `size` bytes to `info`, and their number to `size`.
+    let failed = unsafe {
+        libc::getsockopt(
+            socket.as_fd().as_raw_fd(),
+            libc::IPPROTO_TCP,
+            libc::TCP_INFO,
+            info.as_mut_ptr().cast(),
+            &raw mut size,
+        )
+    };
+    if failed != 0 {
+        return None;
+    }
+    // SAFETY: all fields are integers, so that zeros are valid values where nothing was written.
+    let info = unsafe { info.assume_init() };
+    Some(Duration::from_micros(info.tcpi_rtt.into()))
 }
 
 #[cfg(test)]
@@ -38,6 +64,7 @@ mod tests {
         while unacknowledged(&near) != Some(0) {
             std::thread::yield_now();
         }
+        assert!(round_trip(&near).unwrap() < Duration::from_secs(60));
         near.set_nonblocking(true).unwrap();
         while near.write(&[7; 65_536]).is_ok() {}
         assert!(unacknowledged(&near).unwrap() > 0);
@@ -47,5 +74,6 @@ mod tests {
     fn a_file_that_is_not_a_socket_returns_none() {
         let file = tempfile::tempfile().unwrap();
         assert_eq!(unacknowledged(&file), None);
+        assert_eq!(round_trip(&file), None);
     }
 }

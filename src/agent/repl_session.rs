@@ -102,7 +102,7 @@ impl RunningSession {
         tokio::select! {
             biased;
             () = stop.cancelled() => Ok(false),
-            stayed = self.pilot.wait_until_home() => Ok(stayed),
+            stayed = self.pilot.wait_until_settled() => Ok(stayed),
         }
     }
 

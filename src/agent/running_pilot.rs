@@ -206,11 +206,13 @@ impl RunningPilot {
         is_away(&self.status.borrow())
     }
 
-    /// Waits until a robot with a low battery is home, also across lost links; returns at once if
-    /// none is away, or the pilot has ended. Returns whether one was away. Cancel-safe.
-    pub fn wait_until_home(&self) -> impl Future<Output = bool> + Send + use<> {
+    /// Waits until a robot that may be driving has executed a stop, for at most
+    /// [`HURRY_LIMIT`](pilot::HURRY_LIMIT), and until one with a low battery is home, also across lost links; returns at once if neither is
+    /// the case, or the pilot has ended. Returns whether one was low and away. Cancel-safe.
+    pub fn wait_until_settled(&self) -> impl Future<Output = bool> + Send + use<> {
         let mut status = self.status.clone();
         async move {
+            wait_until_stopped(&mut status).await;
             if !is_away(&status.borrow_and_update()) {
                 return false;
             }
@@ -218,6 +220,12 @@ impl RunningPilot {
             let _ = status.wait_for(|status| !is_away(status)).await;
             true
         }
+    }
+
+    /// Waits until a robot that may be driving has executed a stop, for at most
+    /// [`HURRY_LIMIT`](pilot::HURRY_LIMIT). Cancel-safe.
+    pub(super) async fn wait_until_stopped(&self) {
+        wait_until_stopped(&mut self.status.clone()).await;
     }
 
     /// Stops the tracks, then closes the link when the last commands are acknowledged, or the time
@@ -234,11 +242,31 @@ impl RunningPilot {
                 warn!("at the end of the link: {error}");
                 Delivery::Offline
             }
-            Ok(Err(_)) => Delivery::NotAcknowledged {
+            Ok(Err(_)) => Delivery::NotConfirmed {
                 after: Duration::ZERO,
             },
-            Err(_) => Delivery::NotAcknowledged { after: LINK_END },
+            Err(_) => Delivery::NotConfirmed { after: LINK_END },
         }
+    }
+}
+
+async fn wait_until_stopped(status: &mut watch::Receiver<Status>) {
+    if !status.borrow_and_update().owes_stop {
+        return;
+    }
+    let stopped = status.wait_for(|status| !status.owes_stop || status.link == LinkState::Lost);
+    if stopped.await.is_ok_and(|status| !status.owes_stop) {
+        return;
+    }
+    let minutes = pilot::HURRY_LIMIT.as_secs() / 60;
+    warn!(
+        "the robot is out of reach, and may be driving: trying to stop it for {minutes} minutes \
+         (Ctrl-C leaves that to the guardian process)"
+    );
+    let stopped = status.wait_for(|status| !status.owes_stop);
+    match timeout(pilot::HURRY_LIMIT, stopped).await {
+        Ok(_) => info!("the robot has stopped"),
+        Err(_) => warn!("gave up after {minutes} minutes: the robot may be driving"),
     }
 }
 

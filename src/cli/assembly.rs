@@ -14,7 +14,8 @@ use super::embedded::{EmbeddedSim, Simulated};
 use super::live::PageInputs;
 use super::robot_target::{connector, resolve_or_simulate_with};
 use super::startup::{
-    JOURNAL_END, driving_core, emergency_stop, heartbeat, journal, launcher, rescue, runtime,
+    JOURNAL_END, driving_core, emergency_stop, guardian_files, heartbeat, journal, launcher,
+    rescue, runtime, warn_of_unpaid_stop,
 };
 use super::status::StatusLine;
 use super::{Console, Failure, RUNTIME_LIMIT, RobotChoice, broker, notify};
@@ -104,6 +105,7 @@ impl Assembly {
             firmware: setup.firmware,
         };
         let (target, sim) = resolve_or_simulate_with(setup.choice, &setup.login, setup.seed, kind)?;
+        warn_of_unpaid_stop(config);
         let handle = sim.as_ref().map(EmbeddedSim::handle);
         let simulated = sim.is_some();
         let server = ControlServer::open(config.data_folder());
@@ -116,7 +118,7 @@ impl Assembly {
         if setup.waits {
             connector = retry_until_connected(connector, link, setup.seed, attempts.clone());
         }
-        let mut heartbeat = heartbeat(simulated);
+        let mut heartbeat = heartbeat(simulated, guardian_files(config))?;
         if let Some(beats) = setup.beats {
             heartbeat = heartbeat.notify_beats(beats);
         }

@@ -11,6 +11,7 @@ use super::startup::{driving_core, heartbeat, launcher};
 use super::{Exit, Failure};
 use crate::agent::{AgentError, Docked, PilotClient, PilotClientError, PilotSetup, RunningPilot};
 use crate::behaviour::Launch;
+use crate::guardian::GuardianFiles;
 use crate::pilot::{Connector, Settings, Status};
 use crate::robot::channel::{Request, Role};
 use crate::robot::{BehaviourId, DockEnd, DockPlan, MotionEnd, Priority, Setpoint};
@@ -48,12 +49,14 @@ pub(super) async fn drive(
     let work = async {
         driver.connect().await?;
         let done = job(&mut driver).await;
-        let stayed = driver.pilot.wait_until_home().await;
+        let stayed = driver.pilot.wait_until_settled().await;
         done.map(|exit| if stayed { Exit::Safety } else { exit })
     };
     let done = unless_stopped(&stop, work).await;
     let away = driver.pilot.is_away();
-    driver.pilot.end().await;
+    if driver.pilot.end().await.is_owed() {
+        return Ok(Exit::Unreachable);
+    }
     done.unwrap_or(Ok(if away {
         Exit::Safety
     } else {
@@ -79,7 +82,7 @@ impl Driver {
             settings,
             rescue,
         } = parts;
-        let heartbeat = heartbeat(settings.simulated);
+        let heartbeat = heartbeat(settings.simulated, GuardianFiles::default())?;
         let mut setup = PilotSetup::new(settings, connector, core.clone(), Some(heartbeat));
         let requests = setup.requests();
         handle_signals(core, requests.clone(), stop.clone())?;

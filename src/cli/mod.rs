@@ -203,7 +203,7 @@ pub fn main() -> ExitCode {
             return host_main(args);
         }
         Some(first) if first == WORKER_ARGUMENT => return work(args),
-        Some(first) if first == GUARDIAN_ARGUMENT => return guardian_main(),
+        Some(first) if first == GUARDIAN_ARGUMENT => return guardian_main(args),
         _ => {}
     }
     secret::remove_from_environment();

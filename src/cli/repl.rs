@@ -15,12 +15,15 @@ use tokio_util::sync::CancellationToken;
 use super::interrupt::{Terminal, handle_prompt_signals, handle_signals, listen};
 use super::robot_target::{connector, resolve_or_simulate, robot_choice};
 use super::settings::SettingsArgs;
-use super::startup::{driving_core, heartbeat, launcher, refuse_if_stopped, rescue, runtime};
+use super::startup::{
+    driving_core, guardian_files, heartbeat, launcher, refuse_if_stopped, rescue, runtime,
+};
 use super::{ConnectionArgs, Console, Exit, Failure};
 use crate::agent::{AgentError, PilotSetup, ReplError, ReplSession};
 use crate::behaviour::{Launch, Library, PromptCommand, PromptMessage};
 use crate::clock::until;
 use crate::config::Config;
+use crate::guardian::GuardianFiles;
 use crate::robot::EndReason;
 use crate::script::{self, Evaluated, Level, LogLine};
 use editor::{EditorCommand, Next, Typed};
@@ -63,7 +66,11 @@ pub(super) fn run(args: &ReplArgs, console: &Console) -> Result<Exit, Failure> {
     let core = driving_core()?;
     let connector = connector(target, login, config.link.clone());
     let settings = config.pilot(sim.is_some(), seed);
-    let heartbeat = Some(heartbeat(sim.is_some()));
+    let files = GuardianFiles {
+        stop_socket: None,
+        ..guardian_files(&config)
+    };
+    let heartbeat = Some(heartbeat(sim.is_some(), files)?);
     let repl_session = ReplSession {
         launch: launch(&config, seed)?,
         launcher: launcher()?,

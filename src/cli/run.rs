@@ -353,7 +353,9 @@ fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
         let mut exits = outcome.exits.iter();
         exits.any(|(_, exit)| is(exit.reason))
     };
-    Ok(if outcome.interrupted && outcome.safety {
+    Ok(if outcome.owes_stop {
+        Exit::Unreachable
+    } else if outcome.interrupted && outcome.safety {
         Exit::Safety
     } else if outcome.interrupted {
         Exit::Interrupted

@@ -4,8 +4,9 @@ use super::running::RemoteArgs;
 use super::settings::SettingsArgs;
 use super::table::{Side, aligned};
 use super::{Exit, Failure, block_on, print};
-use crate::clock::{self, Zone};
+use crate::clock::{self, Clock, Zone};
 use crate::control::{self, Overview, Report};
+use crate::guardian;
 use crate::robot::Battery;
 
 const HEAD: [(&str, Side); 8] = [
@@ -51,6 +52,9 @@ pub(super) fn run(args: &StatusArgs) -> Result<Exit, Failure> {
         tracing::warn!(
             "runs that do not answer: {silent}; are they suspended by Ctrl-Z, or of another version?"
         );
+    }
+    if let Some(line) = guardian::unpaid_stop(data, Clock::default().now()) {
+        tracing::warn!("the guardian of an earlier run: {line}");
     }
     let runs: Vec<Overview> = runs.into_iter().map(|run| run.overview).collect();
     if args.json {

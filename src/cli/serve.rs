@@ -218,6 +218,7 @@ async fn serve(
 
 fn exit(outcome: Result<Outcome, AgentError>) -> Result<Exit, Failure> {
     match outcome {
+        Ok(outcome) if outcome.owes_stop => Ok(Exit::Unreachable),
         Ok(outcome) if outcome.safety => Ok(Exit::Safety),
         Ok(_) => Ok(Exit::Done),
         Err(AgentError::Link(error)) => Err(error.into()),

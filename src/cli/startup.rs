@@ -3,6 +3,7 @@
 
 use std::convert::Infallible;
 use std::io;
+use std::path::Path;
 use std::time::Duration;
 
 use tokio::runtime::{Builder, Runtime};
@@ -16,7 +17,7 @@ use crate::behaviour::{Launch, Launcher};
 use crate::clock::Clock;
 use crate::config::Config;
 use crate::control::{self, ControlServer, EmergencyStop};
-use crate::guardian::Guardian;
+use crate::guardian::{self, Guardian, GuardianFiles};
 use crate::journal::{self, Journal};
 use crate::pilot::{DrivingCore, Heartbeat, Status};
 
@@ -93,23 +94,37 @@ pub(super) async fn serve(server: io::Result<ControlServer>, run: control::Run) 
     std::future::pending().await
 }
 
+/// This program's own file, even if an upgrade has put another one in its place.
+const THIS_PROGRAM: &str = "/proc/self/exe";
+
 /// The heartbeat of a run, with a guardian unless the robot is simulated in this program and so
 /// ends with it.
-pub(super) fn heartbeat(simulated: bool) -> Heartbeat {
+///
+/// # Errors
+/// The guardian cannot be started, and nothing may drive without one.
+pub(super) fn heartbeat(simulated: bool, files: GuardianFiles) -> Result<Heartbeat, Failure> {
     if simulated {
-        return Heartbeat::new(None);
+        return Ok(Heartbeat::new(None));
     }
-    let started = std::env::current_exe().and_then(|executable| Guardian::start(&executable));
-    Heartbeat::new(match started {
-        Ok(guardian) => Some(guardian),
-        Err(error) => {
-            tracing::warn!(
-                "this run has no guardian ({error}): if this program is killed or suspended, \
-                 nothing stops the robot"
-            );
-            None
-        }
-    })
+    let guardian = Guardian::start(Path::new(THIS_PROGRAM), files)
+        .map_err(|error| Failure::io("start the guardian process", error))?;
+    Ok(Heartbeat::new(Some(guardian)))
+}
+
+/// The files of the guardian of a run that serves requests in this data folder.
+pub(super) fn guardian_files(config: &Config) -> GuardianFiles {
+    let data = std::path::absolute(config.data_folder()).ok();
+    GuardianFiles {
+        record: data.as_deref().map(guardian::record_path),
+        stop_socket: data.map(|data| control::guardian_socket(&data, std::process::id())),
+    }
+}
+
+/// Says what the guardian of an earlier run has left: a stop that the robot may not have executed.
+pub(super) fn warn_of_unpaid_stop(config: &Config) {
+    if let Some(line) = guardian::unpaid_stop(config.data_folder(), Clock::default().now()) {
+        tracing::warn!("the guardian of an earlier run: {line}");
+    }
 }
 
 /// The rescue behaviour that the config selects.

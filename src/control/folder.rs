@@ -13,10 +13,18 @@ use rustix::fs::{AtFlags, Mode, OFlags, fchmod, fstat, open, unlinkat};
 /// Name of the folder, in the data folder beside those of the behaviours.
 const NAME: &str = ".run";
 const SUFFIX: &str = ".sock";
+/// The same of the socket of a run's guardian.
+const GUARDIAN_SUFFIX: &str = ".guardian";
 /// Access for the user only.
 const PRIVATE: u32 = 0o700;
 /// Maximum number of runs per data folder that are considered.
 const MAX_RUNS: usize = 32;
+
+/// Where the guardian of the run with this process ID listens for a person's STOP (see
+/// [`request_stop`](crate::guardian::request_stop)).
+pub fn guardian_socket(data: &Path, process: u32) -> PathBuf {
+    data.join(NAME).join(format!("{process}{GUARDIAN_SUFFIX}"))
+}
 
 #[derive(Debug)]
 pub(super) struct Folder {
@@ -82,7 +90,7 @@ impl Folder {
     }
 
     pub(super) fn connect_all(&self) -> Vec<UnixStream> {
-        let names = self.names().into_iter();
+        let names = self.names(SUFFIX).into_iter();
         names.filter_map(|name| self.connect(&name).ok()).collect()
     }
 
@@ -100,9 +108,10 @@ impl Folder {
         Ok(stream)
     }
 
-    /// Removes the sockets of killed runs.
+    /// Removes the sockets of killed runs and guardians.
     fn sweep(&self) {
-        for name in self.names() {
+        let guardians = self.names(GUARDIAN_SUFFIX);
+        for name in self.names(SUFFIX).into_iter().chain(guardians) {
             let refused = |error: &io::Error| error.kind() == io::ErrorKind::ConnectionRefused;
             if self.connect(&name).is_err_and(|error| refused(&error)) {
                 let _ = unlinkat(&self.open, &name, AtFlags::empty());
@@ -110,12 +119,12 @@ impl Folder {
         }
     }
 
-    fn names(&self) -> Vec<String> {
+    fn names(&self, suffix: &str) -> Vec<String> {
         let Ok(entries) = std::fs::read_dir(&self.path) else {
             return vec![];
         };
         let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-        let mut names: Vec<String> = names.filter(|name| name.ends_with(SUFFIX)).collect();
+        let mut names: Vec<String> = names.filter(|name| name.ends_with(suffix)).collect();
         names.sort();
         names.truncate(MAX_RUNS);
         names

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use tokio::time::Instant;
 
+use super::debt::OpenLink;
 use super::message::{GuardianMessage, LastWordsData};
 
 /// How long the driving core may be silent before the guardian acts in its place.
@@ -21,12 +22,24 @@ pub(super) struct PendingWrite {
     pub(super) closes: bool,
 }
 
+/// The link on which the guardian would write.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+enum Link {
+    #[default]
+    None,
+    /// The robot obeys only after its first POWER.
+    Login,
+    Ready,
+    /// Its write half is closed.
+    Written,
+}
+
 #[derive(Debug, Default)]
 pub(super) struct DeadMan {
-    /// The data to send; present while there is a link.
-    words: Option<LastWordsData>,
+    /// The data to send; kept without a link too.
+    words: LastWordsData,
+    link: Link,
     beaten: Option<Instant>,
-    login: bool,
     /// Nothing is written before this time.
     deferred: Option<Instant>,
     /// The data was sent, and no beat has come since.
@@ -36,38 +49,69 @@ pub(super) struct DeadMan {
 impl DeadMan {
     pub(super) fn handle(&mut self, message: GuardianMessage, now: Instant) {
         match message {
-            GuardianMessage::Watch(words) => {
-                *self = DeadMan {
-                    words: Some(words),
-                    ..DeadMan::default()
-                };
+            GuardianMessage::Watch(words) => self.begin(Link::Ready, words),
+            GuardianMessage::Login(words) => self.begin(Link::Login, words),
+            GuardianMessage::LastWords(words) => {
+                self.written &= self.words == words;
+                self.words = words;
             }
-            GuardianMessage::Login(words) => {
-                *self = DeadMan {
-                    words: Some(words),
-                    login: true,
-                    ..DeadMan::default()
-                };
-            }
-            GuardianMessage::LastWords(words) if self.words.is_some() => {
-                self.written &= self.words.as_ref() == Some(&words);
-                self.words = Some(words);
-            }
-            GuardianMessage::LastWords(_) | GuardianMessage::Wrote => return,
             GuardianMessage::Heartbeat => self.written = false,
-            GuardianMessage::Release => self.words = None,
+            GuardianMessage::Release => self.lose_link(),
+            GuardianMessage::Route(_) | GuardianMessage::Debt(_) => {}
+            GuardianMessage::Wrote => return,
         }
         self.beaten = Some(now);
     }
 
+    fn begin(&mut self, link: Link, words: LastWordsData) {
+        *self = DeadMan {
+            words,
+            link,
+            ..DeadMan::default()
+        };
+    }
+
+    /// The link is closed or broken. The last words stay: there may be another way to the robot.
+    pub(super) fn lose_link(&mut self) {
+        self.link = Link::None;
+        self.words.rest.clear();
+    }
+
+    /// The link may be written to from now on.
+    pub(super) fn set_ready(&mut self) {
+        self.link = Link::Ready;
+    }
+
     /// Whether there is a link on which the robot obeys only after its first POWER.
     pub(super) fn is_login(&self) -> bool {
-        self.login && self.words.is_some()
+        self.link == Link::Login
     }
 
     /// The robot does not obey yet: writes nothing for the time [`LOOK`].
     pub(super) fn defer(&mut self, now: Instant) {
         self.deferred = Some(now + LOOK);
+    }
+
+    /// Whether the core does not beat.
+    pub(super) fn is_silent(&self, now: Instant) -> bool {
+        self.silent_from().is_none_or(|from| from <= now)
+    }
+
+    /// When the core counts as silent if it does not beat before; `None`: it has never beaten.
+    pub(super) fn silent_from(&self) -> Option<Instant> {
+        Some(self.beaten? + HEARTBEAT_TIMEOUT)
+    }
+
+    /// The last words are these until the agent says otherwise, and to be written even if others
+    /// were.
+    pub(super) fn replace_last(&mut self, last: Vec<u8>) {
+        self.words.last = last;
+        self.written = false;
+    }
+
+    /// The whole messages to send; none if the robot is best left alone.
+    pub(super) fn last_words(&self) -> &[u8] {
+        &self.words.last
     }
 
     /// Returns the data to send if the core has been silent for too long; once per silence.
@@ -78,32 +122,42 @@ impl DeadMan {
         self.take_pending()
     }
 
-    /// The agent is gone: returns the data to send, even if it was sent before.
-    pub(super) fn end(&mut self) -> Option<PendingWrite> {
-        self.take_pending()
+    /// The link as the agent leaves it.
+    pub(super) fn open_link(&self) -> OpenLink {
+        match self.link {
+            Link::None => OpenLink::None,
+            Link::Login => OpenLink::Login,
+            Link::Ready => OpenLink::Ready,
+            Link::Written => OpenLink::Written,
+        }
     }
 
     /// When [`DeadMan::poll`] has something to return.
     pub(super) fn next_deadline(&self) -> Option<Instant> {
-        let listening = self.words.is_some() && !self.written;
-        if !listening {
+        if self.written || !matches!(self.link, Link::Login | Link::Ready) {
             return None;
         }
-        let due = self.beaten? + HEARTBEAT_TIMEOUT;
+        let due = self.silent_from()?;
         Some(self.deferred.map_or(due, |at| due.max(at)))
     }
 
-    fn take_pending(&mut self) -> Option<PendingWrite> {
-        let LastWordsData { rest, last } = self.words.as_ref()?;
+    /// The data to send now, even if it was sent before.
+    pub(super) fn take_pending(&mut self) -> Option<PendingWrite> {
+        let LastWordsData { rest, last } = &self.words;
         let pending = PendingWrite {
             bytes: [rest.as_slice(), last].concat(),
             closes: !rest.is_empty(),
         };
         self.written = true;
         if pending.closes {
-            self.words = None;
+            self.words.rest.clear();
+            self.link = Link::Written;
         }
-        Some(pending).filter(|pending| !pending.bytes.is_empty())
+        if pending.bytes.is_empty() {
+            None
+        } else {
+            Some(pending)
+        }
     }
 }
 
@@ -154,14 +208,20 @@ mod tests {
         dead_man.handle(GuardianMessage::LastWords(words(b"rest", b"dock")), now);
         let pending = dead_man.poll(now + HEARTBEAT_TIMEOUT).unwrap();
         assert_eq!((&*pending.bytes, pending.closes), (&b"restdock"[..], true));
-        assert_eq!(dead_man.end(), None, "the link is closed");
+        assert_eq!(dead_man.poll(now + 9 * HEARTBEAT_TIMEOUT), None);
+        assert_eq!(dead_man.open_link(), OpenLink::Written);
+        assert_eq!(dead_man.last_words(), b"dock", "for another link");
     }
 
     #[test]
-    fn the_end_of_the_agent_leads_to_a_write_even_after_an_earlier_one() {
-        let (mut dead_man, now) = guarding(words(b"", b"stop"));
-        assert!(dead_man.poll(now + HEARTBEAT_TIMEOUT).is_some());
-        assert!(dead_man.end().is_some());
+    fn a_persons_stop_is_written_even_after_the_last_words() {
+        let (mut dead_man, now) = guarding(words(b"", b"dock"));
+        assert!(!dead_man.is_silent(now));
+        let silent = now + HEARTBEAT_TIMEOUT;
+        assert!(dead_man.poll(silent).is_some());
+        assert!(dead_man.is_silent(silent));
+        dead_man.replace_last(b"stop".to_vec());
+        assert_eq!(dead_man.poll(silent).unwrap().bytes, b"stop");
     }
 
     #[test]
@@ -169,7 +229,7 @@ mod tests {
         let (mut dead_man, now) = guarding(words(b"", b"stop"));
         dead_man.handle(GuardianMessage::LastWords(LastWordsData::default()), now);
         assert_eq!(dead_man.poll(now + HEARTBEAT_TIMEOUT), None);
-        assert_eq!(dead_man.end(), None);
+        assert_eq!(dead_man.last_words(), b"");
     }
 
     #[test]
@@ -191,18 +251,16 @@ mod tests {
     }
 
     #[test]
-    fn without_a_link_nothing_is_sent() {
+    fn without_a_link_nothing_is_sent_but_the_last_words_are_kept() {
         let mut dead_man = DeadMan::default();
-        dead_man.handle(
-            GuardianMessage::LastWords(words(b"", b"stop")),
-            Instant::now(),
-        );
-        assert_eq!((dead_man.next_deadline(), dead_man.end()), (None, None));
-        let (mut dead_man, now) = guarding(words(b"", b"stop"));
+        let now = Instant::now();
+        dead_man.handle(GuardianMessage::LastWords(words(b"", b"stop")), now);
+        assert_eq!(dead_man.next_deadline(), None);
+        assert_eq!(dead_man.last_words(), b"stop");
+        let (mut dead_man, now) = guarding(words(b"rest", b"stop"));
         dead_man.handle(GuardianMessage::Release, now);
-        assert_eq!(
-            (dead_man.poll(now + HEARTBEAT_TIMEOUT), dead_man.end()),
-            (None, None)
-        );
+        assert_eq!(dead_man.poll(now + HEARTBEAT_TIMEOUT), None);
+        assert_eq!(dead_man.open_link(), OpenLink::None);
+        assert_eq!(dead_man.last_words(), b"stop");
     }
 }

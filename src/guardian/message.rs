@@ -2,6 +2,7 @@
 
 use std::io::{self, IoSlice, IoSliceMut};
 use std::mem::MaybeUninit;
+use std::net::SocketAddr;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
 use rustix::io::Errno;
@@ -22,6 +23,22 @@ pub(super) struct LastWordsData {
     pub(super) last: Vec<u8>,
 }
 
+/// How to reach the robot again, and log in.
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Route {
+    /// The robot's address.
+    pub address: SocketAddr,
+    /// The bytes of the AUTH_REQUEST message.
+    pub login: Vec<u8>,
+}
+
+/// Without the login, which holds a password.
+impl std::fmt::Debug for Route {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Route {{ {} }}", self.address)
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum GuardianMessage {
     /// A link is open; its socket is sent along with this message.
@@ -30,6 +47,9 @@ pub(super) enum GuardianMessage {
     /// along with this message.
     Login(LastWordsData),
     LastWords(LastWordsData),
+    Route(Route),
+    /// Whether a stop is owed: the robot may drive until a stop is executed.
+    Debt(bool),
     /// The driving core is alive; the answer: so is the guardian.
     Heartbeat,
     /// The link is closed; nothing is left to write.

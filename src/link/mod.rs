@@ -4,6 +4,7 @@
 pub mod discover;
 mod error;
 mod options;
+mod pace;
 mod reader;
 mod send_queue;
 mod session;
@@ -12,6 +13,7 @@ mod writer;
 
 pub use error::LinkError;
 pub use options::{Backoff, Options};
+pub use pace::{Delays, Executes};
 pub use reader::{Incoming, Reader};
 pub use session::{
     Delivery, MAX_EARLY_REPORTS, Session, Supervision, close_gracefully, connect, open,

@@ -1,20 +1,22 @@
 //! Establishes a session: connects, logs in, waits for the two answers that allow motion
 //! (`PROTOCOL.md`, *Order after login*), and stops the tracks.
 
-use std::convert::Infallible;
 use std::fmt;
 use std::io;
 use std::net::SocketAddr;
 use std::os::fd::OwnedFd;
+use std::pin::Pin;
+use std::task::{Context, Poll};
 use std::time::Duration;
 
 use socket2::{SockRef, TcpKeepalive};
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::TcpStream;
+use tokio::net::tcp::OwnedWriteHalf;
 use tokio::sync::watch;
-use tokio::time::{Instant, timeout, timeout_at};
+use tokio::time::{Instant, sleep, timeout, timeout_at};
 
-use super::{LinkError, Options, Reader, Target, Writer, discover};
+use super::{Executes, LinkError, Options, Reader, Target, Writer, discover};
 use crate::wire::{Accepted, Command, Login, Power, Report};
 
 /// The most reports that [`Session::early`] holds; further ones are dropped.
@@ -22,6 +24,10 @@ pub const MAX_EARLY_REPORTS: usize = 32;
 
 /// How long the last words may take to be acknowledged when a login has failed.
 const DELIVERY_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// The longest wait for a TCP connection while a stop is owed: the system repeats a lost request
+/// only after a second.
+const HURRIED_CONNECT: Duration = Duration::from_secs(1);
 
 /// How long discovery may take to name the connected user.
 const WHO_TIMEOUT: Duration = Duration::from_secs(1);
@@ -42,6 +48,8 @@ pub struct Session {
     pub reader: Reader,
     /// Sends to the robot.
     pub writer: Writer,
+    /// How it was logged in to.
+    pub login: Login,
 }
 
 /// Connects and logs in. The first command of every session is MOVE 0 0; it is written before this
@@ -56,14 +64,20 @@ pub async fn connect(
     supervision: impl Into<Supervision>,
     options: &Options,
 ) -> Result<Session, LinkError> {
+    let supervision = supervision.into();
+    let mut options = options.clone();
+    if supervision.hurried {
+        options.connect_timeout = options.connect_timeout.min(HURRIED_CONNECT);
+    }
+    let options = &options;
     let stream = open_tcp(target, options).await?;
     let io = |error| LinkError::from_io(error, options.dead_after);
     let peer = stream.peer_addr().map_err(io)?;
     let direct = duplicate(&stream);
     let (reader, writer) = stream.into_split();
     let reader = Reader::new(Box::new(reader), options.dead_after);
+    let writer = KeptOpen(Some(writer));
     let mut writer = Writer::new(Box::new(writer), direct, options.dead_after);
-    let supervision = supervision.into();
     writer.share_last_words(supervision.last_words());
     let limit = options.login_timeout;
     match log_in(reader, writer, peer, login, &supervision, limit).await {
@@ -114,6 +128,7 @@ async fn log_in(
             early: answers.early,
             reader,
             writer,
+            login: login.clone(),
         }),
         Err(error) => {
             // The robot has accepted the login, so it may be driving.
@@ -192,6 +207,7 @@ impl Answers {
 #[derive(Debug, Clone)]
 pub struct Supervision {
     last_words: watch::Receiver<Vec<Command>>,
+    hurried: bool,
     accepted: watch::Sender<Option<OwnedFd>>,
 }
 
@@ -200,8 +216,15 @@ impl Supervision {
     pub fn new(last_words: watch::Receiver<Vec<Command>>) -> Supervision {
         Supervision {
             last_words,
+            hurried: false,
             accepted: watch::Sender::new(None),
         }
+    }
+
+    /// Gives up a connection sooner, because a stop is owed: the robot may be in reach again.
+    #[must_use]
+    pub fn hurried(self, hurried: bool) -> Supervision {
+        Supervision { hurried, ..self }
     }
 
     /// A duplicate of the socket from the robot's acceptance of the login on, for a process that
@@ -279,50 +302,69 @@ pub(super) fn duplicate(stream: &TcpStream) -> Option<std::net::TcpStream> {
 /// How long the robot may take to close its half, once it has acknowledged everything.
 const LINGER: Duration = Duration::from_millis(300);
 
-/// Whether the last data of a connection was delivered.
+/// How far the last commands of a connection have come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Delivery {
-    /// The robot's side has acknowledged everything written. Whether its program has read it is not
-    /// known. If the transport does not report acknowledgements: everything was written.
+    /// The robot's program has executed them: it has answered a question that followed them.
+    Executed,
+    /// The robot's system has acknowledged them; its program answers no question.
     Acknowledged,
-    /// The robot's side has not acknowledged everything.
-    NotAcknowledged {
+    /// Neither: the robot may be driving.
+    NotConfirmed {
         /// How long the wait was.
         after: Duration,
     },
-    /// There was no connection at the end.
+    /// There was no connection, and the robot was not driving.
     Offline,
+    /// There was no connection, and the robot may be driving.
+    OutOfReach,
+}
+
+impl Delivery {
+    /// Whether the robot may still be driving.
+    pub fn is_owed(self) -> bool {
+        matches!(self, Delivery::NotConfirmed { .. } | Delivery::OutOfReach)
+    }
 }
 
 impl fmt::Display for Delivery {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Delivery::Acknowledged => f.write_str("the robot's side has acknowledged the stop"),
-            Delivery::NotAcknowledged { after } => write!(
+            Delivery::Executed => f.write_str("the robot has executed the stop"),
+            Delivery::Acknowledged => f.write_str(
+                "the robot's side has acknowledged the stop; its program does not say whether it has executed it",
+            ),
+            Delivery::NotConfirmed { after } => write!(
                 f,
-                "the robot's side has not acknowledged the last stop within {:.1} s",
+                "the robot has not confirmed the stop within {:.1} s: it may be driving",
                 after.as_secs_f64()
             ),
             Delivery::Offline => {
                 f.write_str("the robot was out of reach at the end: no stop was sent")
             }
+            Delivery::OutOfReach => {
+                f.write_str("the robot is out of reach, and may be driving: no stop could be sent")
+            }
         }
     }
 }
 
-/// Ends a connection: waits up to `limit` until the written data is acknowledged, reading on
-/// meanwhile, because closing a socket with unread data resets the connection and discards what is
-/// not acknowledged. Queued speech is dropped. Send the last words before; on failure, the writer's
-/// drop sends them again.
+/// How long the program of a robot that answers no question may take to execute what its system has
+/// acknowledged.
+const UNSEEN_EXECUTION: Duration = Duration::from_secs(1);
+/// How often to check whether the robot's system has acknowledged everything.
+const RECHECK: Duration = Duration::from_millis(10);
+
+/// Ends a connection: asks the robot's program whether it has executed what was sent, and waits up to
+/// `limit` for the answer, reading on meanwhile, because closing a socket with unread data resets the
+/// connection and discards what is not acknowledged. Queued speech is dropped. Send the last words
+/// before. If they are not confirmed, the socket is not shut down, so that another process may
+/// continue with its duplicate, and the writer's drop sends them again.
 pub async fn close_gracefully(mut reader: Reader, mut writer: Writer, limit: Duration) -> Delivery {
     writer.drop_audio();
-    let acknowledged = tokio::select! {
-        biased;
-        _ = broken(&mut reader) => false,
-        acknowledged = timeout(limit, writer.acknowledged()) => matches!(acknowledged, Ok(Ok(()))),
-    };
-    if !acknowledged {
-        return Delivery::NotAcknowledged { after: limit };
+    let delivery = confirm(&mut reader, &mut writer, limit).await;
+    if delivery.is_owed() {
+        return delivery;
     }
     let hanging_up = async {
         writer.shut_down().await;
@@ -330,14 +372,87 @@ pub async fn close_gracefully(mut reader: Reader, mut writer: Writer, limit: Dur
     };
     // A robot that does not close its half has received everything all the same.
     let _ = timeout(LINGER, hanging_up).await;
-    Delivery::Acknowledged
+    delivery
 }
 
-/// Reads and discards; returns when the connection breaks, but not when the robot has only closed
-/// its half: it may still acknowledge ours.
-async fn broken(reader: &mut Reader) -> Result<Infallible, LinkError> {
-    reader.discard().await?;
-    std::future::pending().await
+async fn confirm(reader: &mut Reader, writer: &mut Writer, limit: Duration) -> Delivery {
+    let began = Instant::now();
+    let not_confirmed = Delivery::NotConfirmed { after: limit };
+    if writer.ask(began).is_err() {
+        return not_confirmed;
+    }
+    let mut reads = true;
+    loop {
+        let now = Instant::now();
+        let executes = writer.executes(now);
+        if writer.is_executed() {
+            return Delivery::Executed;
+        }
+        let unseen = !matches!(executes, Executes::Every(_)) && writer.is_acknowledged();
+        if unseen && executes == Executes::NoAnswer && now >= began + UNSEEN_EXECUTION {
+            return Delivery::Acknowledged;
+        }
+        if now >= began + limit {
+            return if unseen {
+                Delivery::Acknowledged
+            } else {
+                not_confirmed
+            };
+        }
+        tokio::select! {
+            biased;
+            report = reader.next(), if reads => match report {
+                Ok(Report::Power(_)) => writer.answer(now),
+                Ok(_) => {}
+                // A robot that has only closed its half may still acknowledge ours.
+                Err(LinkError::Closed) => reads = false,
+                Err(_) => return not_confirmed,
+            },
+            written = writer.progress() => if written.is_err() {
+                return not_confirmed;
+            },
+            () = sleep(RECHECK) => {}
+        }
+    }
+}
+
+/// The write half of a socket. Dropping it does not shut the socket down: another process may have
+/// to go on with its duplicate.
+struct KeptOpen(Option<OwnedWriteHalf>);
+
+impl KeptOpen {
+    fn half(&mut self) -> io::Result<Pin<&mut OwnedWriteHalf>> {
+        self.0
+            .as_mut()
+            .map(Pin::new)
+            .ok_or_else(|| io::ErrorKind::NotConnected.into())
+    }
+}
+
+impl AsyncWrite for KeptOpen {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        cx: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        self.half()?.poll_write(cx, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.half()?.poll_flush(cx)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        self.half()?.poll_shutdown(cx)
+    }
+}
+
+impl Drop for KeptOpen {
+    fn drop(&mut self) {
+        if let Some(half) = self.0.take() {
+            half.forget();
+        }
+    }
 }
 
 #[cfg(test)]

@@ -12,15 +12,13 @@ use bytes::Bytes;
 use tokio::io::{AsyncWrite, AsyncWriteExt};
 use tokio::sync::watch;
 use tokio::task::coop;
-use tokio::time::{Instant, sleep, timeout, timeout_at};
+use tokio::time::{Instant, timeout, timeout_at};
 
 use super::LinkError;
+use super::pace::{Delays, Executes};
 use super::send_queue::SendQueue;
-use crate::socket_outq::unacknowledged;
+use crate::socket_outq::{round_trip, unacknowledged};
 use crate::wire::Command;
-
-/// How often to check whether the robot has acknowledged the written data.
-const RECHECK: Duration = Duration::from_millis(2);
 
 /// The write half of a [`super::Session`]. Its owner is the only code that moves the robot.
 ///
@@ -41,6 +39,8 @@ pub struct Writer {
     /// The tracks may be on: a drop must send the last words.
     armed: bool,
     unflushed: bool,
+    /// The question whose answer shows that the newest stop is executed.
+    asked: Option<u64>,
     /// A message was cut, or the rest of a cut one has changed, since [`Writer::progress`] last
     /// returned.
     rest_changed: bool,
@@ -61,6 +61,7 @@ impl Writer {
             dead_after,
             armed: false,
             unflushed: false,
+            asked: None,
             rest_changed: false,
         }
     }
@@ -131,6 +132,64 @@ impl Writer {
         self.queue.drop_audio();
     }
 
+    /// Asks the robot's program whether it has executed everything that was sent so far: see
+    /// [`Writer::is_executed`].
+    ///
+    /// # Errors
+    /// Those of [`Writer::send`].
+    pub fn ask(&mut self, now: Instant) -> Result<(), LinkError> {
+        self.asked = self.queue.ask(now);
+        self.write_ready()
+    }
+
+    /// Notes a report that answers questions: POWER, or CONFIG of a robot that is asked for that.
+    pub fn answer(&mut self, now: Instant) {
+        let network = self.direct.as_ref().and_then(round_trip);
+        let pace = self.queue.pace();
+        pace.answer(network.unwrap_or_default(), now);
+    }
+
+    /// Whether CONFIG is what the robot is asked for at present, and not POWER.
+    pub fn asks_for_config(&mut self) -> bool {
+        self.queue.pace().question() == Command::ConfigQuery
+    }
+
+    /// Whether the robot's program has executed everything that was sent before the last
+    /// [`Writer::ask`].
+    pub fn is_executed(&mut self) -> bool {
+        let asked = self.asked;
+        asked.is_some_and(|asked| self.queue.pace().is_answered(asked))
+    }
+
+    /// Whether the robot's program answers questions, and how fast it executes what it is sent.
+    pub fn executes(&mut self, now: Instant) -> Executes {
+        let pace = self.queue.pace();
+        pace.poll(now);
+        pace.executes()
+    }
+
+    /// The delays of what is sent; `None` before the first answer.
+    pub fn delays(&mut self) -> Option<Delays> {
+        self.queue.pace().delays()
+    }
+
+    /// Since when a robot that answers questions has left one unanswered for longer than it should.
+    pub fn overdue_since(&mut self) -> Option<Instant> {
+        self.queue.pace().overdue_since()
+    }
+
+    /// Whether everything urgent is written, and the robot's system has acknowledged it, as far as
+    /// this computer's system can tell.
+    pub fn is_acknowledged(&self) -> bool {
+        if !self.queue.no_urgent_pending() {
+            return false;
+        }
+        let direct = self.direct.as_ref();
+        direct
+            .and_then(unacknowledged)
+            .is_none_or(|bytes| bytes == 0)
+    }
+
     /// Writes the queued data. Returns only when the rest of a partly written message has changed,
     /// and with it [`Writer::last_words`]. Cancel-safe: messages are never cut or mixed.
     ///
@@ -169,22 +228,6 @@ impl Writer {
     pub async fn write(&mut self, commands: &[Command]) -> Result<(), LinkError> {
         self.send(commands, Instant::now())?;
         self.written().await
-    }
-
-    /// Waits until everything is written and the robot's system has acknowledged it, as far as this
-    /// computer's system can tell. Cancel-safe.
-    pub(super) async fn acknowledged(&mut self) -> Result<(), LinkError> {
-        self.written().await?;
-        while let Some(direct) = &self.direct {
-            if let Ok(Some(error)) = direct.take_error() {
-                return Err(LinkError::from_io(error, self.dead_after));
-            }
-            if unacknowledged(direct).is_none_or(|bytes| bytes == 0) {
-                break;
-            }
-            sleep(RECHECK).await;
-        }
-        Ok(())
     }
 
     /// Closes the write half. Nothing is sent any more, not even by a drop.
@@ -271,7 +314,7 @@ impl Writer {
         }
         let now = Instant::now();
         self.queue.replace_unstarted(&self.last_words, now);
-        while !self.queue.no_command_pending() {
+        while !self.queue.no_urgent_pending() {
             let offer = self.offer(now);
             match self.write_now(&offer) {
                 Ok(count @ 1..) => self.queue.advance(count, now),

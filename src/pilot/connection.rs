@@ -9,16 +9,21 @@ use std::time::Duration;
 use rand::SeedableRng;
 use rand::rngs::StdRng;
 use tokio::sync::watch;
-use tokio::time::{Sleep, sleep};
+use tokio::time::{Instant, Sleep, sleep};
 
 use crate::link::{
     self, Backoff, Delivery, Incoming, LinkError, Options, Reader, Session, Supervision, Writer,
 };
-use crate::wire::{Accepted, Command, Power, Report};
+use crate::wire::{Accepted, Command, Login, Power, Report};
 
 type Connecting = Pin<Box<dyn Future<Output = Result<Session, LinkError>> + Send>>;
 
-/// How long the last words of an ended link may take to be acknowledged.
+/// The longest pause between two attempts while a stop is owed.
+const HURRIED_PAUSE: Duration = Duration::from_millis(250);
+/// An attempt that began before a stop was owed, and takes longer than this, is given up for another.
+const HURRIED_ATTEMPT: Duration = Duration::from_secs(1);
+
+/// How long the last words of an ended link may take to be confirmed.
 const DELIVERY_TIMEOUT: Duration = Duration::from_millis(500);
 
 type LastDelivery = Pin<Box<dyn Future<Output = Delivery> + Send>>;
@@ -33,6 +38,8 @@ pub(super) struct NewSession {
     pub(super) peer: SocketAddr,
     pub(super) early: Vec<Report>,
     pub(super) writer: Writer,
+    /// How it was logged in to.
+    pub(super) login: Login,
 }
 
 pub(super) enum ConnectionEvent {
@@ -61,6 +68,7 @@ enum State {
 
 struct Attempt {
     connecting: Connecting,
+    began: Instant,
     /// The socket, once the robot has accepted the login.
     accepted: watch::Receiver<Option<OwnedFd>>,
 }
@@ -104,6 +112,7 @@ pub(super) struct Connection {
     rng: StdRng,
     last_words: watch::Sender<Vec<Command>>,
     released: bool,
+    hurried: bool,
 }
 
 impl Connection {
@@ -114,7 +123,7 @@ impl Connection {
         last_words: Vec<Command>,
     ) -> Connection {
         let last_words = watch::Sender::new(last_words);
-        let state = begin_attempt(&mut connector, &last_words);
+        let state = begin_attempt(&mut connector, &last_words, false);
         Connection {
             connector,
             state,
@@ -122,6 +131,7 @@ impl Connection {
             rng: StdRng::seed_from_u64(seed),
             last_words,
             released: false,
+            hurried: false,
         }
     }
 
@@ -135,6 +145,28 @@ impl Connection {
         if matches!(self.state, State::Connecting(_) | State::Pausing(_)) {
             self.backoff.reset();
             self.state = State::Pausing(Box::pin(sleep(Duration::ZERO)));
+        }
+    }
+
+    /// Whether a stop is owed, or the robot must be sent home: attempts then follow each other with
+    /// short pauses.
+    pub(super) fn set_hurried(&mut self, hurried: bool) {
+        let begins = hurried && !self.hurried;
+        self.hurried = hurried;
+        if !begins || self.released {
+            return;
+        }
+        match &self.state {
+            State::Pausing(pause) if pause.deadline() > Instant::now() + HURRIED_PAUSE => {
+                self.state = State::Pausing(Box::pin(sleep(HURRIED_PAUSE)));
+            }
+            State::Connecting(attempt)
+                if attempt.accepted.borrow().is_none()
+                    && attempt.began.elapsed() > HURRIED_ATTEMPT =>
+            {
+                self.state = State::Pausing(Box::pin(sleep(Duration::ZERO)));
+            }
+            _ => {}
         }
     }
 
@@ -190,7 +222,7 @@ impl Connection {
                     };
                 }
             }
-            self.state = begin_attempt(&mut self.connector, &self.last_words);
+            self.state = begin_attempt(&mut self.connector, &self.last_words, self.hurried);
         }
     }
 
@@ -235,6 +267,7 @@ impl Connection {
             early,
             reader,
             writer,
+            login,
         } = session;
         self.state = State::Up(reader);
         self.backoff.reset();
@@ -244,11 +277,17 @@ impl Connection {
             peer,
             early,
             writer,
+            login,
         }))
     }
 
     fn schedule_reconnect(&mut self) {
         let pause = self.backoff.next(&mut self.rng);
+        let pause = if self.hurried {
+            pause.min(HURRIED_PAUSE)
+        } else {
+            pause
+        };
         self.state = State::Pausing(Box::pin(sleep(pause)));
     }
 }
@@ -260,12 +299,17 @@ impl Attempt {
     }
 }
 
-fn begin_attempt(connector: &mut Connector, last_words: &watch::Sender<Vec<Command>>) -> State {
-    let supervision = Supervision::new(last_words.subscribe());
+fn begin_attempt(
+    connector: &mut Connector,
+    last_words: &watch::Sender<Vec<Command>>,
+    hurried: bool,
+) -> State {
+    let supervision = Supervision::new(last_words.subscribe()).hurried(hurried);
     let accepted = supervision.accepted();
     let connecting = connector(supervision);
     State::Connecting(Attempt {
         connecting,
+        began: Instant::now(),
         accepted,
     })
 }
@@ -276,7 +320,6 @@ mod tests {
     use tokio::sync::mpsc;
 
     use super::*;
-    use crate::wire::Login;
 
     /// A connection to robots that accept each login, and the robots' ends of its links.
     fn connection() -> (Connection, mpsc::UnboundedReceiver<DuplexStream>) {
@@ -328,10 +371,7 @@ mod tests {
         connection.disconnect(Some(writer));
         assert!(connection.is_unsettled());
         let ended = connection.next().await;
-        assert!(matches!(
-            ended,
-            ConnectionEvent::Ended(Delivery::Acknowledged)
-        ));
+        assert!(matches!(ended, ConnectionEvent::Ended(_)));
         assert!(!connection.is_unsettled());
         assert!(robots.try_recv().is_err(), "an attempt has begun");
         assert!(matches!(connection.next().await, ConnectionEvent::Up(_)));

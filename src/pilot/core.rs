@@ -144,13 +144,35 @@ impl Heartbeat {
         let mut wrote = false;
         if self.due <= now {
             self.due = now + HEARTBEAT_INTERVAL;
-            wrote = self.guardian.as_mut().is_some_and(Guardian::heartbeat);
+            wrote = match &mut self.guardian {
+                Some(guardian) => guardian.heartbeat(now),
+                None => false,
+            };
             if let Some(beats) = &self.beats {
                 beats.notify_one();
             }
         }
         let slept = self.see_awake(boot_time()).map(Interruption::Suspended);
         slept.or(wrote.then_some(Interruption::GuardianWrote))
+    }
+
+    /// Whether a guardian answers, or none is wanted. Nothing may drive otherwise.
+    pub(super) fn is_guarded(&self) -> bool {
+        self.guardian.as_ref().is_none_or(Guardian::is_answering)
+    }
+
+    /// Waits until [`Heartbeat::check_guardian`] has something to check: the guardian answers, has
+    /// died, or another one has started. Cancel-safe.
+    pub(super) async fn guardian_changed(&mut self) {
+        match &mut self.guardian {
+            Some(guardian) => guardian.changed().await,
+            None => std::future::pending().await,
+        }
+    }
+
+    pub(super) fn check_guardian(&mut self) -> Option<Interruption> {
+        let wrote = self.guardian.as_mut().is_some_and(Guardian::check);
+        wrote.then_some(Interruption::GuardianWrote)
     }
 
     fn see_awake(&mut self, now: Duration) -> Option<Duration> {

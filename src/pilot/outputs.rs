@@ -3,6 +3,7 @@
 //! while the alarm sounds. Also keeps the last words: what the writer, the connection and the
 //! guardian send to the robot if all else fails.
 
+use std::net::SocketAddr;
 use std::os::fd::{AsFd, OwnedFd};
 use std::time::Duration;
 
@@ -12,11 +13,12 @@ use tracing::warn;
 use super::Pilot;
 use super::connection::{Connection, LinkLost};
 use super::core::Heartbeat;
+use crate::guardian::Route;
 use crate::link::Writer;
 use crate::robot::Event;
 use crate::robot::channel::{Quiet, Role};
 use crate::safety::{Act, Fact, Watchdog};
-use crate::wire::{Command, Engage, Led, Stream};
+use crate::wire::{Command, Engage, Led, Login, Stream};
 
 /// The commands that begin it: the tracks stop, and a search ends.
 const STOP: [Command; 2] = [Command::STOP, Command::Engine(Engage::CancelDock)];
@@ -174,6 +176,10 @@ impl Pilot {
             return Ok(());
         }
         self.renew_last_words();
+        if self.writer.is_some() {
+            self.debt.handle(commands, Instant::now());
+            self.tell_guardian_of_debt();
+        }
         let Some(writer) = &mut self.writer else {
             return Ok(());
         };
@@ -223,7 +229,9 @@ impl Pilot {
 
     fn send_emergency_stop(&mut self) -> Result<(), LinkLost> {
         self.emergency_stop.last_sent = Some(Instant::now());
-        self.send(&STOP)
+        self.send(&STOP)?;
+        self.debt.ask_at_once(Instant::now());
+        self.check_execution()
     }
 
     pub(super) fn replace_while_stopped(&self, commands: &[Command]) -> Vec<Command> {
@@ -259,13 +267,18 @@ impl Pilot {
     /// connection stops connecting.
     pub(super) fn store_last_words(&mut self, connection: &mut Connection) {
         let last_words = self.renew_last_words();
-        if connection.is_logging_in()
+        // Without a link, too: the guardian dials for a debt. It keeps the rest of a message on a
+        // link that is ending.
+        let ends = connection.is_unsettled() && !connection.is_logging_in();
+        if self.writer.is_none()
+            && !ends
             && let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian)
         {
             guardian.set_last_words(&[], &bytes_of(&last_words));
         }
         connection.set_last_words(last_words);
         connection.set_released(self.released);
+        connection.set_hurried(self.is_hurried());
         if let Some(writer) = &self.writer {
             tell_guardian(&mut self.heartbeat, writer);
         }
@@ -282,22 +295,44 @@ impl Pilot {
 
     /// Gives the guardian the socket of a link whose login the robot has accepted, and its last
     /// words; `None`: that link has ended.
-    pub(super) fn watch_login(&mut self, socket: Option<OwnedFd>) {
+    pub(super) fn watch_login(&mut self, socket: Option<OwnedFd>) -> Result<(), LinkLost> {
         let last_words = bytes_of(&self.renew_last_words());
         let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian) else {
-            return;
+            return Ok(());
         };
         match socket {
-            Some(socket) => guardian.watch_login(socket.as_fd(), last_words),
-            None => guardian.release(),
+            Some(socket) => guardian
+                .watch_login(socket.as_fd(), last_words)
+                .map_err(unguarded),
+            None => {
+                guardian.release();
+                Ok(())
+            }
         }
     }
 
-    pub(super) fn watch_link(&mut self) {
+    pub(super) fn watch_link(&mut self) -> Result<(), LinkLost> {
         let guardian = self.heartbeat.as_mut().and_then(Heartbeat::guardian);
         let socket = self.writer.as_ref().and_then(Writer::socket);
         if let (Some(guardian), Some(socket), Some(writer)) = (guardian, socket, &self.writer) {
-            guardian.watch(socket, writer.last_words().1);
+            let last_words = writer.last_words().1;
+            guardian.watch(socket, last_words).map_err(unguarded)?;
+        }
+        Ok(())
+    }
+
+    /// Tells the guardian how to reach the robot if this program no longer can.
+    pub(super) fn set_route(&mut self, address: SocketAddr, login: Login) {
+        if let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian) {
+            let login = Command::Login(login).to_bytes().to_vec();
+            guardian.set_route(Route { address, login });
+        }
+    }
+
+    /// Tells the guardian whether a stop is owed; only a change is sent.
+    pub(super) fn tell_guardian_of_debt(&mut self) {
+        if let Some(guardian) = self.heartbeat.as_mut().and_then(Heartbeat::guardian) {
+            guardian.set_debt(self.debt.is_owed());
         }
     }
 
@@ -318,6 +353,11 @@ fn while_stopped(command: &Command) -> Option<Command> {
         Command::Engine(Engage::Undock) => None,
         other => Some(other.clone()),
     }
+}
+
+/// A link that the guardian cannot keep.
+fn unguarded(error: std::io::Error) -> LinkLost {
+    LinkLost::because(format!("the guardian cannot watch this link: {error}"))
 }
 
 fn disturbs(command: &Command) -> bool {

@@ -1,24 +1,20 @@
 //! Detects a robot whose system still acknowledges data while its program is dead: nothing is
 //! received any more, even when no stream is on. It is not known whether a real robot answers when
 //! it is asked for its battery level (`PROTOCOL.md`, *Not known*), so silence means something only
-//! after the robot has answered once: it is asked after each login, even while it reports. Pure:
-//! reads no clock.
+//! after the robot has answered questions. Pure: reads no clock.
 
 use std::time::Duration;
 
 use tokio::time::Instant;
 
-/// The robot is asked for its battery level this long after a login, unless it is known to answer,
-/// after this silence, and again after each further one.
+/// The robot is asked after this silence, and again after each further one.
 const ASK_AFTER: Duration = Duration::from_secs(20);
-/// A level that comes within this time after the question counts as the answer.
-const ANSWER: Duration = Duration::from_secs(2);
 /// The silence that ends the link to a robot that answers, two questions included.
 const LONGEST: Duration = Duration::from_secs(60);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum SilenceAction {
-    /// Ask for the battery level.
+    /// Ask a question.
     Ask,
     /// The robot is gone, even if its system still acknowledges data.
     Gone(Duration),
@@ -27,8 +23,6 @@ pub(super) enum SilenceAction {
 #[derive(Debug)]
 pub(super) struct Silence {
     last_received: Instant,
-    /// The login, until the first question after it.
-    login: Option<Instant>,
     asked: Option<Instant>,
     answers: bool,
 }
@@ -37,7 +31,6 @@ impl Silence {
     pub(super) fn new(now: Instant) -> Silence {
         Silence {
             last_received: now,
-            login: Some(now),
             asked: None,
             answers: false,
         }
@@ -46,7 +39,6 @@ impl Silence {
     /// Handles a new login. Whether the robot answers is still known.
     pub(super) fn begin(&mut self, now: Instant) {
         self.last_received = now;
-        self.login = Some(now);
         self.asked = None;
     }
 
@@ -54,9 +46,9 @@ impl Silence {
         self.last_received = now;
     }
 
-    pub(super) fn level(&mut self, now: Instant) {
-        self.answers |= self.asked.take().is_some_and(|asked| now < asked + ANSWER);
-        self.note_received(now);
+    /// The robot is known to answer questions.
+    pub(super) fn note_answers(&mut self) {
+        self.answers = true;
     }
 
     pub(super) fn poll(&mut self, now: Instant) -> Option<SilenceAction> {
@@ -68,7 +60,6 @@ impl Silence {
         if self.next_question() > now {
             return None;
         }
-        self.login = None;
         self.asked = Some(now);
         Some(SilenceAction::Ask)
     }
@@ -83,12 +74,8 @@ impl Silence {
     }
 
     fn next_question(&self) -> Instant {
-        let since = match (self.login, self.asked) {
-            (Some(login), _) if !self.answers => login,
-            (_, Some(asked)) => asked.max(self.last_received),
-            (_, None) => self.last_received,
-        };
-        since + ASK_AFTER
+        let since = self.asked.unwrap_or(self.last_received);
+        since.max(self.last_received) + ASK_AFTER
     }
 }
 
@@ -111,9 +98,7 @@ mod tests {
 
     fn new() -> (Silence, Instant) {
         let start = Instant::now();
-        let mut silence = Silence::new(start);
-        silence.begin(start);
-        (silence, start)
+        (Silence::new(start), start)
     }
 
     #[test]
@@ -129,99 +114,40 @@ mod tests {
     }
 
     #[test]
-    fn a_robot_that_reports_is_asked_once_after_a_login_and_then_known_to_answer() {
+    fn a_robot_that_answers_is_gone_after_two_questions_also_after_another_login() {
         let (mut silence, start) = new();
-        for second in 0..20 {
-            silence.level(start + second * SECOND);
-            assert_eq!(silence.poll(start + second * SECOND), None);
-        }
-        assert_eq!(
-            pass(&mut silence, start, 20, 21),
-            [(20, SilenceAction::Ask)]
-        );
-        silence.level(start + 21 * SECOND);
-        silence.begin(start + 30 * SECOND);
+        silence.note_answers();
         let gone = SilenceAction::Gone(60 * SECOND);
-        let expected = [
-            (50, SilenceAction::Ask),
-            (70, SilenceAction::Ask),
-            (90, gone),
-        ];
-        assert_eq!(pass(&mut silence, start, 30, 91), expected);
-    }
-
-    #[test]
-    fn a_robot_that_answered_once_is_gone_when_it_stops_answering() {
-        let (mut silence, start) = new();
-        assert_eq!(pass(&mut silence, start, 0, 21), [(20, SilenceAction::Ask)]);
-        silence.level(start + 21 * SECOND);
-        let gone = SilenceAction::Gone(60 * SECOND);
-        let expected = [
-            (41, SilenceAction::Ask),
-            (61, SilenceAction::Ask),
-            (81, gone),
-        ];
-        assert_eq!(pass(&mut silence, start, 21, 82), expected);
-        silence.begin(start + 82 * SECOND);
-        let expected = [
-            (102, SilenceAction::Ask),
-            (122, SilenceAction::Ask),
-            (142, gone),
-        ];
-        let again = pass(&mut silence, start, 82, 143);
-        assert_eq!(again, expected, "known after another login too");
-    }
-
-    #[test]
-    fn levels_that_come_unasked_give_silence_no_meaning() {
-        let (mut silence, start) = new();
-        for second in [15, 30, 45, 60] {
-            silence.level(start + second * SECOND);
+        for login in [0, 100] {
+            silence.begin(start + login * SECOND);
+            let expected = [
+                (login + 20, SilenceAction::Ask),
+                (login + 40, SilenceAction::Ask),
+                (login + 60, gone),
+            ];
+            let verdicts = pass(&mut silence, start, login, login + 61);
+            assert_eq!(verdicts, expected);
         }
-        let verdicts = pass(&mut silence, start, 61, 3000);
-        assert!(
-            verdicts
-                .iter()
-                .all(|(_, verdict)| *verdict == SilenceAction::Ask)
-        );
     }
 
     #[test]
-    fn any_message_ends_the_silence_and_a_late_level_is_not_an_answer() {
+    fn any_message_ends_the_silence() {
         let (mut silence, start) = new();
+        silence.note_answers();
         pass(&mut silence, start, 0, 21);
-        silence.level(start + 25 * SECOND);
         for second in 26..500 {
             silence.note_received(start + second * SECOND);
             assert_eq!(silence.poll(start + second * SECOND), None);
         }
-        let verdicts = pass(&mut silence, start, 500, 700);
-        assert!(
-            verdicts
-                .iter()
-                .all(|(_, verdict)| *verdict == SilenceAction::Ask)
-        );
-    }
-
-    #[test]
-    fn a_level_at_the_end_of_the_time_for_an_answer_is_not_an_answer() {
-        let (mut silence, start) = new();
-        silence.poll(start + 20 * SECOND);
-        silence.level(start + 20 * SECOND + ANSWER);
-        assert!(!silence.answers);
-        silence.poll(start + 60 * SECOND);
-        silence.level(start + 60 * SECOND + ANSWER - Duration::from_millis(1));
-        assert!(silence.answers);
     }
 
     #[test]
     fn the_last_deadline_is_the_end_of_the_link() {
         let (mut silence, start) = new();
+        silence.note_answers();
         silence.poll(start + 20 * SECOND);
-        silence.level(start + 21 * SECOND);
-        silence.poll(start + 41 * SECOND);
-        silence.poll(start + 61 * SECOND + SECOND / 2);
-        assert_eq!(silence.next_deadline(), start + 81 * SECOND);
+        silence.poll(start + 41 * SECOND + SECOND / 2);
+        assert_eq!(silence.next_deadline(), start + 60 * SECOND);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use tokio::time::Instant;
 use tracing::info;
 
-use crate::robot::{Battery, Setpoint, TrackPower};
+use crate::robot::{Battery, Setpoint, StopConfirmation, TrackPower};
 use crate::safety::{DockState, WatchdogState};
 use crate::wire::{Command, Led, Sound};
 
@@ -69,6 +69,10 @@ pub struct Status {
     pub frames: u64,
     /// A person has stopped the robot and not released it yet.
     pub emergency_stop: bool,
+    /// What is known of the last stop.
+    pub stop: StopConfirmation,
+    /// The robot may be moving: no stop was executed since it was last told to move.
+    pub owes_stop: bool,
     /// Last tracks, lights and sound commanded.
     pub actuators: ActuatorState,
 }
@@ -87,6 +91,8 @@ impl Default for Status {
             shed: false,
             frames: 0,
             emergency_stop: false,
+            stop: StopConfirmation::None,
+            owes_stop: false,
             actuators: ActuatorState::default(),
         }
     }

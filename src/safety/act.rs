@@ -1,5 +1,7 @@
 //! The inputs and outputs of the watchdog, and what the robot is sent if the agent dies.
 
+use std::time::Duration;
+
 use crate::robot::{BehaviourId, EndReason, Event, Intent, Priority};
 use crate::wire::{Command, Engage, EngineReport, Power};
 
@@ -21,6 +23,8 @@ pub enum Fact {
     Power(Power),
     /// An ENGINE message was received.
     Engine(EngineReport),
+    /// The time that the robot's program takes for one message.
+    Pace(Duration),
     /// Whether a stream is on that makes the robot send data.
     Streaming(bool),
     /// A behaviour requests something that moves the robot.
@@ -42,6 +46,8 @@ pub enum Fact {
     /// The machine or the program was suspended or hung. For how long, and what the robot has done
     /// meanwhile, is not known.
     Suspended,
+    /// Whether a guardian process answers, which stops the robot if this program no longer can.
+    Guarded(bool),
     /// The run ends: nothing may move any more, except a robot with a low battery that searches on
     /// its own.
     RunEnding,

@@ -17,10 +17,12 @@ pub struct Tracks {
     /// The earliest time for the next setpoint that is not a stop.
     next_free: Instant,
     moving_since: Option<Instant>,
+    resend: Duration,
 }
 
 impl Tracks {
-    /// How often a moving setpoint is repeated (5 Hz), for a firmware that may forget it.
+    /// How often a moving setpoint is repeated (5 Hz), for a firmware that may forget it; less
+    /// often if the robot executes so slowly that repeats would fill its queue.
     pub const RESEND: Duration = Duration::from_millis(200);
     /// The most MOVE messages in a second.
     pub const PER_SECOND: u32 = 50;
@@ -35,7 +37,13 @@ impl Tracks {
             sent_at: now,
             next_free: now,
             moving_since: None,
+            resend: Tracks::RESEND,
         }
+    }
+
+    /// Sets the time that the robot takes to execute one message.
+    pub fn set_pace(&mut self, period: Duration) {
+        self.resend = Tracks::RESEND.max(period * 5 / 2);
     }
 
     /// Sets the wanted setpoint; the next [`Tracks::poll`] sends it.
@@ -62,7 +70,7 @@ impl Tracks {
     pub fn next_deadline(&self) -> Option<Instant> {
         match (self.wanted == self.last_sent, self.wanted.is_stop()) {
             (true, true) => None,
-            (true, false) => Some(self.sent_at + Tracks::RESEND),
+            (true, false) => Some(self.sent_at + self.resend),
             (false, true) => Some(self.sent_at),
             (false, false) => Some(self.next_free),
         }

@@ -55,6 +55,8 @@ pub struct DockReport {
 pub struct Watchdog {
     limits: Limits,
     online: bool,
+    /// A guardian answers, or none is wanted.
+    guarded: bool,
     run_ending: bool,
     dock_tracker: DockTracker,
     /// BASE_FIND was sent, and neither a report of the robot nor another command has ended the
@@ -96,6 +98,7 @@ impl Watchdog {
             dock_tracker: DockTracker::new(limits.charge_timeout.get()),
             limits,
             online: false,
+            guarded: true,
             run_ending: false,
             searching: false,
             may_search: false,
@@ -133,6 +136,7 @@ impl Watchdog {
             Fact::BytesReceived => self.note_received(now),
             Fact::Power(power) => self.power(power, now),
             Fact::Engine(news) => self.engine(news, now),
+            Fact::Pace(period) => self.tracks.set_pace(period),
             Fact::Streaming(on) => {
                 if on && !self.streaming {
                     self.note_received(now);
@@ -148,6 +152,7 @@ impl Watchdog {
             Fact::Gone(by) => self.gone(by, now),
             Fact::Rescuer(by) => self.set_rescuer(by, now),
             Fact::Suspended => self.resume(now),
+            Fact::Guarded(guarded) => self.set_guarded(guarded, now),
             Fact::RunEnding => self.end_run(now),
         }
     }
@@ -248,6 +253,16 @@ impl Watchdog {
         })
     }
 
+    /// Whether it is on its station and was not told to leave it: it does not drive.
+    pub fn is_docked_and_still(&self) -> bool {
+        self.docked() && !self.is_robot_moving()
+    }
+
+    /// The last [`Fact::Guarded`]; `true` before the first.
+    pub fn is_guarded(&self) -> bool {
+        self.guarded
+    }
+
     /// Whether the last setpoint sent to the tracks moves them.
     pub fn moving(&self) -> bool {
         self.tracks.moving_since().is_some()
@@ -266,7 +281,10 @@ impl Watchdog {
             Some(MotionEnd::Disconnected)
         } else if self.run_ending {
             Some(MotionEnd::Cancelled)
-        } else if self.battery_monitor.low().is_some() || self.battery_monitor.critical() {
+        } else if !self.guarded
+            || self.battery_monitor.low().is_some()
+            || self.battery_monitor.critical()
+        {
             Some(MotionEnd::Safety)
         } else if self.docked() || self.dock_tracker.is_leaving() {
             Some(MotionEnd::Docked)
@@ -366,6 +384,37 @@ impl Watchdog {
         }
         self.link_down(now);
         self.online = true;
+        self.cancel_earlier_search(now);
+        self.stop_tracks(now);
+        self.dock_tracker.contradict_leaving();
+        self.search_at_once(now);
+    }
+
+    /// Without a guardian nothing drives, because nothing would stop the robot if this program died
+    /// too: all requests end and the tracks stop. A robot with a low battery still searches.
+    fn set_guarded(&mut self, guarded: bool, now: Instant) {
+        if std::mem::replace(&mut self.guarded, guarded) == guarded {
+            return;
+        }
+        if guarded {
+            let reason = "a guardian process watches again: the robot may move";
+            return self.announce(SafetyAction::Release, reason.to_owned());
+        }
+        let reason = "no guardian process answers, which would stop the robot if this program \
+                      died: the robot stands until one does";
+        self.announce(SafetyAction::Hold, reason.to_owned());
+        if !self.online {
+            return;
+        }
+        self.end_motion(MotionEnd::Safety);
+        if let Some(leaving) = self.leaving.take() {
+            self.answer_undock(leaving.caller, DockEnd::Safety);
+        }
+        if self.docking.as_ref().is_some_and(|active| active.forced) {
+            return;
+        }
+        self.end_docking(DockEnd::Safety, now);
+        self.interrupt_homing(now);
         self.cancel_earlier_search(now);
         self.stop_tracks(now);
         self.dock_tracker.contradict_leaving();
@@ -720,7 +769,7 @@ impl Watchdog {
 
     /// Whether a blind move is allowed: by the config, off the station, and before the run ends.
     fn may_move_blindly(&self) -> bool {
-        !self.run_ending && !self.docked() && self.limits.blind_moves
+        !self.run_ending && self.guarded && !self.docked() && self.limits.blind_moves
     }
 
     /// The way home, while the robot is in reach, off its station, and no docking is under way.
@@ -737,6 +786,7 @@ impl Watchdog {
             return Setpoint::STOP;
         };
         match homing.setpoint(now) {
+            _ if !self.guarded => Setpoint::STOP,
             _ if homing.grantee().is_some() => self.arbiter.setpoint(),
             Some(setpoint) if self.may_move_blindly() => setpoint,
             _ => Setpoint::STOP,
@@ -897,7 +947,7 @@ impl Watchdog {
         if self.refusal() == Some(MotionEnd::Preempted) && self.outranks_docking(priority) {
             self.end_docking(DockEnd::Preempted, now);
         }
-        let is_grantee = self.grantee() == Some(by);
+        let is_grantee = self.guarded && self.grantee() == Some(by);
         if let (Some(end), false) = (self.refusal(), is_grantee) {
             let earlier = self.arbiter.clear_of(by, MotionEnd::Preempted);
             self.tell_ended(earlier);
@@ -968,7 +1018,7 @@ impl Watchdog {
             Some(DockEnd::Cancelled)
         } else if self.dock_state() == DockState::Charging {
             Some(DockEnd::AlreadyDocked)
-        } else if self.is_alarming() || crowded {
+        } else if self.is_alarming() || crowded || !(self.guarded || self.homing.is_some()) {
             Some(DockEnd::Safety)
         } else if self.is_outranked(caller.priority) {
             Some(DockEnd::Preempted)
@@ -1001,7 +1051,7 @@ impl Watchdog {
             Some(DockEnd::Cancelled)
         } else if left {
             Some(DockEnd::NotDocked)
-        } else if low || self.battery_monitor.critical() {
+        } else if low || self.battery_monitor.critical() || !self.guarded {
             Some(DockEnd::Safety)
         } else if self.is_outranked(caller.priority) || self.docks_above(caller.priority) {
             Some(DockEnd::Preempted)

@@ -7,7 +7,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use rustix::process::{Pid, Signal, kill_process, kill_process_group};
-use spykee::wire::{Command, Engage};
+use spykee::guardian::{StopAnswer, request_stop};
+use spykee::sim::{Fault, FaultKind, Options, Timing, World};
+use spykee::wire::{Command, Engage, Refusal, Report};
 use tokio::time::{Instant, timeout};
 
 use crate::rig::{
@@ -356,20 +358,217 @@ async fn a_guardian_that_is_killed_is_replaced() {
     assert!(took < LIMIT, "{took:?}");
 }
 
+/// A script that drives on whenever it may.
+const DRIVE_ON: &str = "while true do robot.move(40, 40) task.wait(0.1) end";
+
 #[tokio::test(flavor = "multi_thread")]
-async fn a_guardian_that_does_not_answer_is_replaced_without_a_command_to_the_robot() {
+async fn without_a_guardian_nothing_drives_until_there_is_another_one() {
+    for signal in [Signal::KILL, Signal::STOP] {
+        let rig = Rig::quiet().await;
+        let run = rig.run(DRIVE_ON);
+        rig.heard_motion(0).await;
+        let old = run.guardian().unwrap();
+        let from = rig.sim.heard_count();
+        kill_process(old, signal).unwrap();
+        let stop = rig.heard_stop(from).await;
+        // The guardian wrote nothing itself.
+        let cancel = Command::Engine(Engage::CancelDock);
+        assert!(!rig.commands(from).contains(&cancel));
+        run.says("no guardian process answers").await;
+        replaced(&run, old).await;
+        assert!(matches!(state_of(old), '?' | 'Z'), "it is gone");
+        rig.heard_motion(stop).await;
+        run.signal(Signal::KILL);
+        let took = rests(&rig).await;
+        assert!(took < LIMIT, "{took:?}");
+    }
+}
+
+/// Processes other than this one whose name `pkill spykee` would match.
+fn called_spykee(pids: impl IntoIterator<Item = Pid>) -> Vec<Pid> {
+    let comm = |pid: &Pid| std::fs::read_to_string(format!("/proc/{}/comm", pid.as_raw_nonzero()));
+    let matches = |pid: &Pid| comm(pid).is_ok_and(|comm| comm.contains("spykee"));
+    pids.into_iter().filter(matches).collect()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_robot_stops_when_every_process_of_the_programs_name_is_killed() {
     let (rig, run) = driving().await;
-    let old = run.guardian().unwrap();
-    let from = rig.sim.heard_count();
-    kill_process(old, Signal::STOP).unwrap();
-    run.says("the guardian process does not answer").await;
-    replaced(&run, old).await;
-    assert_eq!(state_of(old), '?', "it is gone");
-    rig.heard_motion(rig.sim.heard_count()).await;
-    assert!(!rig.commands(from).contains(&Command::STOP));
-    run.signal(Signal::KILL);
+    let guardian = run.guardian().unwrap();
+    let family = crate::rig::children_of(run.pid());
+    let victims = called_spykee(family.into_iter().chain([run.pid()]));
+    assert!(victims.contains(&run.pid()) && !victims.contains(&guardian));
+    for victim in victims {
+        let _ = kill_process(victim, Signal::KILL);
+    }
     let took = rests(&rig).await;
     assert!(took < LIMIT, "{took:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn another_guardian_starts_though_the_programs_file_was_replaced() {
+    let rig = Rig::quiet().await;
+    let program = rig.folder().join("program");
+    std::fs::copy(env!("CARGO_BIN_EXE_spykee"), &program).unwrap();
+    let script = rig.file("script.lua", DRIVE_ON);
+    let mut agent = std::process::Command::new(&program)
+        .args(["run", script.to_str().unwrap(), "--robot", &rig.address])
+        .current_dir(rig.folder())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    rig.heard_motion(0).await;
+    let pid = Pid::from_child(&agent);
+    let old = crate::rig::guardian_of(pid).unwrap();
+    let upgrade = rig.file("upgrade", "not a program");
+    std::fs::rename(upgrade, &program).unwrap();
+    let from = rig.sim.heard_count();
+    kill_process(old, Signal::KILL).unwrap();
+    let stop = rig.heard_stop(from).await;
+    rig.heard_motion(stop).await;
+    assert_ne!(crate::rig::guardian_of(pid), Some(old));
+    agent.kill().unwrap();
+    agent.wait().unwrap();
+    let took = rests(&rig).await;
+    assert!(took < LIMIT, "{took:?}");
+}
+
+// A stop that is owed.
+
+/// A robot that drives, in a simulator that can have faults.
+async fn driving_into_faults() -> (Rig, Run) {
+    let world = World::from_yaml(QUIET_WORLD, "test world").unwrap();
+    let options = Options {
+        faults: Some(vec![]),
+        ..Options::default()
+    };
+    let rig = Rig::with(world, options).await;
+    let run = rig.run(DRIVE);
+    rig.heard_motion(0).await;
+    (rig, run)
+}
+
+const SECOND: Duration = Duration::from_secs(1);
+
+fn lasting(kind: FaultKind, lasts: Duration) -> Fault {
+    let mut fault = Fault::new(kind);
+    fault.timing = Timing {
+        lasts: Some(lasts),
+        ..fault.timing
+    };
+    fault
+}
+
+/// Begins a fault that keeps the agent out, waits until the agent knows, and kills it with this
+/// signal; the robot drives on until a stop is heard after the fault.
+async fn killed_during(kind: FaultKind, signals: &[Signal]) {
+    const LASTS: Duration = Duration::from_secs(5);
+    let (rig, run) = driving_into_faults().await;
+    let from = rig.sim.heard_count();
+    let began = Instant::now();
+    rig.sim.begin(lasting(kind, LASTS));
+    rig.sim.disconnect_all();
+    run.says("reconnecting").await;
+    // Past the first attempt to reconnect.
+    tokio::time::sleep(SECOND).await;
+    let guardian = run.guardian().unwrap();
+    for signal in signals {
+        run.signal(*signal);
+    }
+    assert!(rig.sim.state().moving());
+    rests(&rig).await;
+    let took = began.elapsed();
+    assert!(LASTS <= took && took < LASTS + 2 * LIMIT, "{took:?}");
+    rig.heard_stop(from).await;
+    let gone = async {
+        while !matches!(state_of(guardian), '?' | 'Z') {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    };
+    timeout(WAIT_LIMIT, gone).await.expect("it has not ended");
+    let record = std::fs::read_to_string(rig.folder().join("spykee-data/guardian.log")).unwrap();
+    let dials = format!("the robot may be driving: dialling {}", rig.address);
+    assert_contains(&record, &[&dials, "the robot has executed the stop after"]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_guardian_dials_when_the_agent_is_killed_in_the_pause_of_a_reconnect() {
+    killed_during(FaultKind::RefuseLogin(Refusal::InUse), &[Signal::KILL]).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_guardian_dials_when_the_agent_is_killed_out_of_reach() {
+    killed_during(FaultKind::Reboot { forgets: false }, &[Signal::KILL]).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_guardian_dials_when_a_run_out_of_reach_is_ended_and_then_killed() {
+    let signals = [Signal::TERM, Signal::KILL];
+    killed_during(FaultKind::Reboot { forgets: false }, &signals).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_robot_stops_after_a_kill_during_a_login_with_much_video_before_the_first_power() {
+    let (rig, run) = logging_in(Duration::from_secs(2)).await;
+    let told = rig.sim.heard_count();
+    run.signal(Signal::KILL);
+    for _ in 0..20 {
+        let frame = bytes::Bytes::from_static(&[7; 10_000]);
+        rig.sim.inject(Report::Video(frame));
+        // The simulator drops frames that are queued behind others.
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    rig.heard_stop(told).await;
+    let took = rests(&rig).await;
+    assert!(took < LIMIT, "{took:?}");
+}
+
+// A person's STOP.
+
+async fn ask_to_stop(path: &std::path::Path) -> StopAnswer {
+    let path = path.to_owned();
+    let asked = tokio::task::spawn_blocking(move || request_stop(&path));
+    asked.await.unwrap().unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_guardian_serves_a_persons_stop_in_place_of_an_agent_that_hangs() {
+    let rig = Rig::near_home().await;
+    rig.sim.hide_station(true);
+    let mut run = rig.run(DRIVE);
+    rig.heard_motion(0).await;
+    rig.sim.set_battery(10.0);
+    let dock = rig.heard_dock(0).await;
+    let name = format!("spykee-data/.run/{}.guardian", run.pid().as_raw_nonzero());
+    let path = rig.folder().join(name);
+    assert_eq!(ask_to_stop(&path).await, StopAnswer::Alive);
+    run.signal(Signal::STOP);
+    becomes(run.pid(), 'T').await;
+    let hung = async {
+        while ask_to_stop(&path).await == StopAnswer::Alive {
+            tokio::time::sleep(Duration::from_millis(20)).await;
+        }
+    };
+    timeout(WAIT_LIMIT, hung).await.expect("it does not hang");
+    rig.heard_cancel(dock).await;
+    rests(&rig).await;
+    run.signal(Signal::KILL);
+    run.code().await;
+    let gone = async {
+        while path.exists() {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+    };
+    timeout(WAIT_LIMIT, gone).await.expect("its socket is left");
+    // The guardian's last words were the STOP, though the battery is low.
+    assert_eq!(rig.commands(dock).last(), Some(&Command::PowerQuery));
+    ends_with_a_stop(&rig, dock);
+}
+
+fn ends_with_a_stop(rig: &Rig, from: usize) {
+    let tracks = |command: &Command| matches!(command, Command::Move { .. } | Command::Engine(_));
+    let last = rig.commands(from).into_iter().rfind(tracks);
+    assert_eq!(last, Some(Command::STOP));
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -245,11 +245,13 @@ impl Rig {
         stands.expect("the tracks do not rest");
     }
 
+    /// The commands that were received, without the questions that measure the robot's speed.
     pub fn commands(&self, from: usize) -> Vec<Command> {
         self.sim
             .heard_since(from)
             .into_iter()
             .map(|heard| heard.command)
+            .filter(|command| *command != Command::PowerQuery)
             .collect()
     }
 

@@ -124,15 +124,14 @@ impl RobotSession {
         })
     }
 
-    /// Disconnects when all commands are acknowledged.
+    /// Disconnects when all commands are confirmed.
     async fn end(self) -> Result<(), Failure> {
         let Session { reader, writer, .. } = self.link;
         match close_gracefully(reader, writer, DELIVERY).await {
-            Delivery::NotAcknowledged { after } if self.must_confirm => {
+            Delivery::NotConfirmed { after } if self.must_confirm => {
                 let seconds = after.as_secs_f64();
-                let what = format_args!(
-                    "the robot's side has not acknowledged the commands within {seconds:.1} s"
-                );
+                let what =
+                    format_args!("the robot has not confirmed the commands within {seconds:.1} s");
                 let failure = Failure::new(Exit::Unreachable, what);
                 Err(failure.help("is the robot still in reach of its Wi-Fi? try again"))
             }

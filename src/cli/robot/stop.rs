@@ -83,8 +83,8 @@ pub(super) fn stop(args: &StopArgs) -> Result<Exit, Failure> {
             ending.cancel();
         });
         match stop_with_retries(&target, limit, &ended).await? {
-            Some(Delivery::Acknowledged) => {
-                print("stopped: the robot's side has acknowledged it\n")?;
+            Some(delivery @ (Delivery::Executed | Delivery::Acknowledged)) => {
+                print(&format!("stopped: {delivery}\n"))?;
                 Ok(Exit::Done)
             }
             Some(delivery) => {
@@ -121,7 +121,7 @@ async fn stop_with_retries(
         let tried = try_stop(target, ended).await;
         let again = Instant::now() + PAUSE < until && !ended.is_cancelled();
         match tried {
-            Ok(Some(delivery)) if delivery != Delivery::Acknowledged && again => {
+            Ok(Some(delivery)) if delivery.is_owed() && again => {
                 tracing::warn!("{delivery}; trying again");
             }
             Err(error) if !error.is_final() && again => {

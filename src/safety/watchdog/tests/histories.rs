@@ -224,6 +224,7 @@ fn any_fact() -> impl Strategy<Value = Fact> {
         }),
         1 => Just(Fact::RunEnding),
         2 => Just(Fact::Suspended),
+        2 => prop::bool::weighted(0.7).prop_map(Fact::Guarded),
         4 => prop::option::weighted(0.9, who()).prop_map(Fact::Rescuer),
     ]
 }

@@ -443,3 +443,71 @@ fn at_the_end_of_a_run_a_behaviours_docking_ends_and_the_watchdogs_goes_on() {
     let mut rig = Rig::online(20);
     assert_eq!(sent(&rig.handle(Fact::RunEnding)), [Command::STOP, FIND]);
 }
+
+fn safety_actions(acts: &[Act]) -> Vec<SafetyAction> {
+    let action = |act: &Act| match act {
+        Act::Announce(Event::Safety { action, .. }) => Some(*action),
+        _ => None,
+    };
+    acts.iter().filter_map(action).collect()
+}
+
+#[test]
+fn without_a_guardian_nothing_drives_until_one_answers_again() {
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    let acts = rig.handle(Fact::Guarded(false));
+    assert_eq!(sent(&acts), [Command::STOP]);
+    assert_eq!(events(&acts), [ended(1, MotionEnd::Safety)]);
+    assert_eq!(safety_actions(&acts), [SafetyAction::Hold]);
+    assert_eq!(rig.dog.refusal(), Some(MotionEnd::Safety));
+    assert_eq!(rig.handle(Fact::Guarded(false)), [], "it is known");
+    assert_eq!(events(&rig.drive(2, None)), [ended(2, MotionEnd::Safety)]);
+    assert_eq!(dock_ended(&rig.dock(3)), Some((DockEnd::Safety, 0)));
+    assert_eq!(undock_ended(&rig.undock(4)), Some(DockEnd::Safety));
+    assert_eq!(sent(&rig.pass(SECOND, true)), []);
+    let acts = rig.handle(Fact::Guarded(true));
+    assert_eq!(safety_actions(&acts), [SafetyAction::Release]);
+    assert_eq!(sent(&rig.drive(5, None)), [FORWARD]);
+}
+
+#[test]
+fn without_a_guardian_a_docking_of_a_behaviour_and_an_undocking_end() {
+    let mut rig = Rig::online(60);
+    rig.dock(1);
+    let acts = rig.handle(Fact::Guarded(false));
+    assert_eq!(dock_ended(&acts), Some((DockEnd::Safety, 1)));
+    assert!(sent(&acts).contains(&CANCEL) && sent(&acts).ends_with(&[Command::STOP]));
+    let mut rig = Rig::docked(charging(90));
+    rig.undock(1);
+    let acts = rig.handle(Fact::Guarded(false));
+    assert_eq!(undock_ended(&acts), Some(DockEnd::Safety));
+    assert_eq!(sent(&acts), [Command::STOP]);
+}
+
+#[test]
+fn without_a_guardian_a_low_robot_still_searches_but_makes_no_blind_move() {
+    let mut rig = searching(20, Limits::default());
+    assert_eq!(sent(&rig.handle(Fact::Guarded(false))), []);
+    rig.handle(Fact::Engine(EngineReport::BaseNotFound));
+    let acts = rig.pass(60 * SECOND, false);
+    assert!(count(&acts, &FIND) > 0, "{acts:?}");
+    assert!(tracks(&acts).iter().all(|setpoint| *setpoint == (0, 0)));
+    let mut rig = Rig::online(60);
+    rig.drive(1, None);
+    rig.handle(Fact::Guarded(false));
+    let acts = [rig.report(power(20)), rig.report(power(20))].concat();
+    assert_eq!(count(&acts, &FIND), 1, "{acts:?}");
+}
+
+#[test]
+fn without_a_link_the_loss_of_a_guardian_sends_nothing_and_counts_for_the_next() {
+    let mut rig = Rig::with(Limits::default());
+    assert_eq!(sent(&rig.handle(Fact::Guarded(false))), []);
+    rig.handle(Fact::LinkUp {
+        docked: false,
+        power: power(60),
+    });
+    rig.now += SECOND;
+    assert_eq!(sent(&rig.drive(1, None)), []);
+}

@@ -1,0 +1,434 @@
+//! The guardian's ends of connections to the robot: the link that the agent has left, and the one
+//! that the guardian has dialled. Nothing here blocks.
+
+use std::io;
+use std::net::SocketAddr;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::time::Duration;
+
+use rustix::event::PollFlags;
+use rustix::io::Errno;
+use rustix::net::{RecvFlags, SendFlags, Shutdown, getpeername, recv, send, shutdown};
+use socket2::{Domain, Protocol, SockRef, Socket, TcpKeepalive, Type};
+
+use crate::socket_outq::unacknowledged;
+use crate::wire::{Decoder, Report};
+
+const CHUNK_LEN: usize = 16 * 1024;
+/// The most chunks that are read at a time, so that a flood of data keeps nothing else waiting.
+const MAX_CHUNKS: usize = 64;
+/// What is searched for a login's first POWER while the agent lives; more than a robot is known to
+/// send before.
+const PEEK_LEN: usize = 1024 * 1024;
+/// A POWER message but for its level. On the agent's link it must be found between any other bytes:
+/// the agent may have read the beginning of a message.
+const POWER: [u8; 5] = [b'P', b'K', 3, 0, 1];
+/// How long what is written on a dialled connection may stay unacknowledged. Then it is dialled
+/// anew: the kernel's own repetitions come at ever longer intervals.
+const DEAD_AFTER: Duration = Duration::from_millis(1500);
+const PROBE_INTERVAL: Duration = Duration::from_secs(1);
+
+/// What was read.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(super) struct Received {
+    /// POWER messages.
+    pub(super) powers: u32,
+    pub(super) end: Option<End>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum End {
+    /// The robot has closed its half in an orderly way.
+    Closed,
+    Broken,
+}
+
+/// The link that the agent has used.
+#[derive(Debug)]
+pub(super) struct RobotLink {
+    stream: Stream,
+    /// The last bytes read, which may be the beginning of a POWER.
+    tail: Vec<u8>,
+}
+
+impl RobotLink {
+    pub(super) fn new(socket: OwnedFd) -> RobotLink {
+        RobotLink {
+            stream: Stream::new(socket),
+            tail: Vec::new(),
+        }
+    }
+
+    /// Outlives an outage of this length, though the agent would not have.
+    pub(super) fn outlive(&self, outage: Duration) {
+        let _ = SockRef::from(&self.stream.socket).set_tcp_user_timeout(Some(outage));
+    }
+
+    /// Whether the first POWER has come, or the connection has ended, so that there is nothing to
+    /// wait for. Reads nothing away from the agent, which may resume.
+    pub(super) fn has_first_power(&self) -> bool {
+        let mut bytes = vec![0_u8; PEEK_LEN];
+        let flags = RecvFlags::PEEK | RecvFlags::DONTWAIT;
+        match recv(&self.stream.socket, &mut bytes[..], flags) {
+            Ok((0, _)) => true,
+            Ok((count, _)) => powers_in(&bytes[..count]) > 0,
+            Err(Errno::AGAIN | Errno::INTR) => false,
+            Err(_) => true,
+        }
+    }
+
+    pub(super) fn read(&mut self) -> Received {
+        let mut powers = 0;
+        let tail = &mut self.tail;
+        let end = self.stream.read(|chunk| {
+            tail.extend_from_slice(chunk);
+            powers += powers_in(tail);
+            tail.drain(..tail.len().saturating_sub(POWER.len() - 1));
+            true
+        });
+        Received { powers, end }
+    }
+
+    /// Writes without blocking; what is not accepted now follows with [`RobotLink::flush`]. The
+    /// write half is closed if messages could be mixed otherwise: if `closes`, or if the bytes were
+    /// not accepted at once, so that an agent that resumes may write in between. The read half
+    /// stays open: closed, it would make the kernel reset the connection when the robot sends
+    /// something, and drop what is not delivered yet.
+    pub(super) fn write_in_place_of_agent(&mut self, bytes: &[u8], closes: bool) -> bool {
+        let alive = self.write(bytes);
+        if closes || !self.stream.unsent.is_empty() {
+            self.half_close();
+        }
+        alive
+    }
+
+    /// The same on a link that nobody else writes to. Returns whether the link still works.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> bool {
+        self.stream.write(bytes)
+    }
+
+    /// Closes the write half when everything is written.
+    pub(super) fn half_close(&mut self) {
+        self.stream.closes = true;
+        self.stream.flush();
+    }
+
+    /// Whether its write half is closed, or will be.
+    pub(super) fn is_closing(&self) -> bool {
+        self.stream.closes
+    }
+
+    pub(super) fn flush(&mut self) -> bool {
+        self.stream.flush()
+    }
+
+    pub(super) fn is_acknowledged(&self) -> bool {
+        self.stream.is_acknowledged()
+    }
+
+    /// What to wait for, besides the end of the connection.
+    pub(super) fn interest(&self, reads: bool) -> PollFlags {
+        self.stream.interest(reads)
+    }
+}
+
+impl AsFd for RobotLink {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.stream.socket.as_fd()
+    }
+}
+
+/// The number of POWER messages among other bytes.
+fn powers_in(bytes: &[u8]) -> u32 {
+    let found = bytes.windows(POWER.len()).filter(|part| *part == POWER);
+    u32::try_from(found.count()).unwrap_or(u32::MAX)
+}
+
+/// A connection that the guardian has opened itself.
+#[derive(Debug)]
+pub(super) struct DialledLink {
+    stream: Stream,
+    connected: bool,
+    decoder: Decoder,
+    accepted: bool,
+    obeys: bool,
+}
+
+/// What was learned on a dialled connection.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(super) struct DialledNews {
+    pub(super) connected: bool,
+    /// The login is accepted.
+    pub(super) accepted: bool,
+    /// The first POWER has come after that.
+    pub(super) obeys: bool,
+    /// POWER messages after the first.
+    pub(super) powers: u32,
+    pub(super) failed: bool,
+}
+
+impl DialledLink {
+    /// Begins to connect.
+    pub(super) fn begin(address: SocketAddr) -> io::Result<DialledLink> {
+        let socket = Socket::new(
+            Domain::for_address(address),
+            Type::STREAM,
+            Some(Protocol::TCP),
+        )?;
+        socket.set_nonblocking(true)?;
+        socket.set_tcp_nodelay(true)?;
+        let keepalive = TcpKeepalive::new()
+            .with_time(PROBE_INTERVAL)
+            .with_interval(PROBE_INTERVAL);
+        socket.set_tcp_keepalive(&keepalive)?;
+        socket.set_tcp_user_timeout(Some(DEAD_AFTER))?;
+        match socket.connect(&address.into()) {
+            Ok(()) => {}
+            Err(error) if error.raw_os_error() == Some(libc::EINPROGRESS) => {}
+            Err(error) => return Err(error),
+        }
+        Ok(DialledLink {
+            stream: Stream::new(socket.into()),
+            connected: false,
+            decoder: Decoder::new(),
+            accepted: false,
+            obeys: false,
+        })
+    }
+
+    /// A failure is noticed by [`DialledLink::progress`].
+    pub(super) fn write(&mut self, bytes: &[u8]) {
+        self.stream.write(bytes);
+    }
+
+    pub(super) fn is_acknowledged(&self) -> bool {
+        self.stream.is_acknowledged()
+    }
+
+    pub(super) fn interest(&self) -> PollFlags {
+        if self.connected {
+            self.stream.interest(true)
+        } else {
+            PollFlags::OUT
+        }
+    }
+
+    /// Reads, writes, and finds out what has changed.
+    pub(super) fn progress(&mut self) -> DialledNews {
+        let mut news = DialledNews::default();
+        if !self.connected {
+            match SockRef::from(&self.stream.socket).take_error() {
+                Ok(None) => {}
+                Ok(Some(_)) | Err(_) => news.failed = true,
+            }
+            if news.failed || getpeername(&self.stream.socket).is_err() {
+                return news;
+            }
+            self.connected = true;
+            news.connected = true;
+        }
+        let decoder = &mut self.decoder;
+        let accepted = &mut self.accepted;
+        let obeys = &mut self.obeys;
+        let end = self.stream.read(|chunk| {
+            let mut bytes = chunk;
+            while let Ok(Some(packet)) = decoder.decode(&mut bytes) {
+                match Report::parse(packet) {
+                    Report::Accepted(_) => {
+                        *accepted = true;
+                        news.accepted = true;
+                    }
+                    Report::Refused(_) => news.failed = true,
+                    Report::Power(_) if *obeys => news.powers += 1,
+                    Report::Power(_) if *accepted => {
+                        *obeys = true;
+                        news.obeys = true;
+                    }
+                    _ => {}
+                }
+            }
+            // Out of step: what is left is not a message.
+            bytes.is_empty()
+        });
+        news.failed |= end.is_some() || !self.stream.flush();
+        news
+    }
+}
+
+impl AsFd for DialledLink {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.stream.socket.as_fd()
+    }
+}
+
+/// A socket that does not block, with the bytes that it has not accepted yet.
+#[derive(Debug)]
+struct Stream {
+    socket: OwnedFd,
+    unsent: Vec<u8>,
+    /// Close the write half when everything is written.
+    closes: bool,
+    closed: bool,
+}
+
+impl Stream {
+    fn new(socket: OwnedFd) -> Stream {
+        Stream {
+            socket,
+            unsent: Vec::new(),
+            closes: false,
+            closed: false,
+        }
+    }
+
+    /// Reads what has come; ends at the end of the connection, or when `take` returns `false`.
+    fn read(&self, mut take: impl FnMut(&[u8]) -> bool) -> Option<End> {
+        let mut chunk = [0_u8; CHUNK_LEN];
+        for _ in 0..MAX_CHUNKS {
+            match recv(&self.socket, &mut chunk[..], RecvFlags::DONTWAIT) {
+                Ok((0, _)) => return Some(End::Closed),
+                Ok((count, _)) if take(&chunk[..count]) => {}
+                Ok(_) => return Some(End::Broken),
+                Err(Errno::INTR) => {}
+                Err(Errno::AGAIN) => return None,
+                Err(_) => return Some(End::Broken),
+            }
+        }
+        None
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> bool {
+        self.unsent.extend_from_slice(bytes);
+        self.flush()
+    }
+
+    /// Returns whether the connection still works.
+    fn flush(&mut self) -> bool {
+        while !self.unsent.is_empty() {
+            let flags = SendFlags::DONTWAIT | SendFlags::NOSIGNAL;
+            match send(&self.socket, &self.unsent, flags) {
+                Ok(count) => {
+                    self.unsent.drain(..count);
+                }
+                Err(Errno::INTR) => {}
+                Err(Errno::AGAIN) => return true,
+                Err(_) => return false,
+            }
+        }
+        if self.closes && !self.closed {
+            self.closed = true;
+            let _ = shutdown(&self.socket, Shutdown::Write);
+        }
+        true
+    }
+
+    fn is_acknowledged(&self) -> bool {
+        self.unsent.is_empty() && unacknowledged(&self.socket).is_none_or(|count| count == 0)
+    }
+
+    fn interest(&self, reads: bool) -> PollFlags {
+        let mut interest = PollFlags::empty();
+        interest.set(PollFlags::IN, reads);
+        interest.set(PollFlags::OUT, !self.unsent.is_empty());
+        interest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read, Write};
+    use std::net::{TcpListener, TcpStream};
+    use std::os::unix::net::UnixStream;
+
+    use rustix::net::sockopt::set_socket_send_buffer_size;
+
+    use super::*;
+
+    /// Many times what the socket takes at once.
+    const LONG: usize = 256 * 1024;
+
+    fn pair() -> (RobotLink, TcpStream) {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let near = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
+        let (robot, _) = listener.accept().unwrap();
+        (RobotLink::new(near.into()), robot)
+    }
+
+    #[test]
+    fn a_link_on_which_messages_could_be_mixed_is_closed_for_writing_only() {
+        for (len, closes, closed) in [(20, false, false), (20, true, true), (LONG, false, true)] {
+            let (near, mut far) = UnixStream::pair().unwrap();
+            near.set_nonblocking(true).unwrap();
+            far.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+            set_socket_send_buffer_size(&near, 4096).unwrap();
+            let reader = std::thread::spawn(move || {
+                far.read_exact(&mut vec![0; len]).unwrap();
+                far
+            });
+            let mut link = RobotLink::new(near.into());
+            assert!(link.write_in_place_of_agent(&vec![7; len], closes));
+            while link.interest(false) != PollFlags::empty() {
+                assert!(link.flush());
+                std::thread::yield_now();
+            }
+            let mut far = reader.join().unwrap();
+            let refused = matches!(rustix::io::write(&link, b"agent"), Err(Errno::PIPE));
+            assert_eq!(refused, closed, "{len} bytes, {closes}");
+            assert!(far.write_all(b"video").is_ok());
+        }
+    }
+
+    fn wait_for_first_power(link: &RobotLink) {
+        while !link.has_first_power() {
+            std::thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn the_battery_level_is_found_behind_video_and_stays_to_be_read() {
+        let (mut link, mut robot) = pair();
+        assert!(!link.has_first_power());
+        robot.write_all(b"PK\x10\x00\x01\x01").unwrap();
+        robot.write_all(&[7; 3 * CHUNK_LEN]).unwrap();
+        assert!(!link.has_first_power());
+        robot.write_all(b"PK\x03\x00\x01\x50").unwrap();
+        wait_for_first_power(&link);
+        let mut powers = 0;
+        while powers == 0 {
+            powers += link.read().powers;
+        }
+        assert_eq!(powers, 1);
+        assert!(!link.has_first_power(), "it was read");
+    }
+
+    #[test]
+    fn battery_levels_are_counted_once_however_they_are_cut() {
+        let (mut link, mut robot) = pair();
+        let bytes = [
+            &b"\x07PKPK\x03\x00\x01\x50"[..],
+            b"PK\x03\x00\x01\x03PK\x03\x00",
+        ]
+        .concat();
+        let mut powers = 0;
+        for byte in bytes.chunks(1) {
+            robot.write_all(byte).unwrap();
+            powers += link.read().powers;
+        }
+        drop(robot);
+        let end = loop {
+            let received = link.read();
+            powers += received.powers;
+            if let Some(end) = received.end {
+                break end;
+            }
+        };
+        assert_eq!((powers, end), (2, End::Closed));
+    }
+
+    #[test]
+    fn a_connection_that_has_ended_is_not_waited_for() {
+        let (link, robot) = pair();
+        drop(robot);
+        wait_for_first_power(&link);
+    }
+}

@@ -1,0 +1,336 @@
+//! How fast the robot's program executes what it is sent. It takes messages from a queue, and may be
+//! slower than they are sent (`PROTOCOL.md`, *Told by people who drove real ones*): what the queue
+//! holds delays a stop. So the program is asked questions that it answers in turn; the time to the
+//! answer is the age of its queue. Motion, lights, sounds and speech are written only as fast as
+//! they are executed. Pure: reads no clock.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::wire::Command;
+
+/// The time for one message that is assumed until it is measured, and of a robot that answers no
+/// question.
+const CAUTIOUS: Duration = Duration::from_millis(200);
+const SHORTEST: Duration = Duration::from_millis(1);
+const LONGEST: Duration = Duration::from_secs(2);
+/// How old the robot's queue may get, where its speed allows that.
+const MAX_AGE: Duration = Duration::from_millis(300);
+/// The shortest time between two questions while the robot moves.
+const QUESTION_INTERVAL: Duration = Duration::from_millis(500);
+/// A question that was not answered for this long is asked again. The answer then counts for all
+/// earlier questions: a robot may answer several with one message.
+const ASK_AGAIN: Duration = Duration::from_secs(1);
+/// A robot that has never answered, and does not answer a question for this long, is asked another
+/// kind of question, then none.
+const FIRST_ANSWER: Duration = Duration::from_secs(2);
+/// A robot that has answered, and does not answer for this long, is asked no more.
+const LAST_ANSWER: Duration = Duration::from_secs(10);
+/// The delay of an answer that the network alone may cause.
+const JITTER: Duration = Duration::from_millis(50);
+/// How often the speed of a robot that is not fast is measured while it moves.
+const MEASURE_INTERVAL: Duration = Duration::from_secs(20);
+/// The time for one message of a robot that need not be measured again.
+const FAST: Duration = Duration::from_millis(30);
+/// The most questions whose answers are awaited.
+const MAX_QUESTIONS: usize = 16;
+
+/// Whether the robot's program answers questions, and how fast it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Executes {
+    /// It was not asked long enough.
+    Unknown,
+    /// It answers: the time that it takes for one message.
+    Every(Duration),
+    /// It answers no question: what it has executed cannot be known.
+    NoAnswer,
+}
+
+/// The delays of what is sent, as last measured.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Delays {
+    /// From the arrival of a message at the robot to its execution.
+    pub robot: Duration,
+    /// There and back through the network, as the system measures it.
+    pub network: Duration,
+}
+
+#[derive(Debug, Clone)]
+struct Question {
+    number: u64,
+    at: Instant,
+    /// The number of messages written up to this one.
+    written: u64,
+    /// When it was expected to be executed, from `at` on.
+    expected: Duration,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Answered {
+    at: Instant,
+    written: u64,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Pace {
+    question: Command,
+    /// Whether it answers questions; `None`: not known yet.
+    answers: Option<bool>,
+    /// The number of answers.
+    seen: u32,
+    period: Duration,
+    measured: bool,
+    measured_at: Option<Instant>,
+    /// When it will have executed everything that was written.
+    busy_until: Option<Instant>,
+    /// The number of messages written.
+    written: u64,
+    /// Questions without an answer, in order.
+    open: VecDeque<Question>,
+    /// The number of questions written.
+    asked: u64,
+    last_answer: Option<Answered>,
+    delays: Option<Delays>,
+    /// What was written up to this question is executed.
+    answered_up_to: Option<u64>,
+}
+
+impl Default for Pace {
+    fn default() -> Pace {
+        Pace {
+            question: Command::PowerQuery,
+            answers: None,
+            seen: 0,
+            period: CAUTIOUS,
+            measured: false,
+            measured_at: None,
+            busy_until: None,
+            written: 0,
+            open: VecDeque::new(),
+            asked: 0,
+            last_answer: None,
+            delays: None,
+            answered_up_to: None,
+        }
+    }
+}
+
+impl Pace {
+    /// The message that is the question at present.
+    pub(super) fn question(&self) -> Command {
+        self.question.clone()
+    }
+
+    /// Notes that a message was written, or its first byte.
+    pub(super) fn wrote(&mut self, is_question: bool, now: Instant) {
+        self.written += 1;
+        let busy_until = self.free_at(now) + self.spacing();
+        self.busy_until = Some(busy_until);
+        if is_question {
+            if self.open.len() >= MAX_QUESTIONS {
+                self.open.pop_front();
+            }
+            self.open.push_back(Question {
+                number: self.asked,
+                at: now,
+                written: self.written,
+                expected: busy_until.saturating_duration_since(now),
+            });
+            self.asked += 1;
+        }
+    }
+
+    /// Notes a message of the kind that answers questions; `network` is the time that the network
+    /// needs there and back. A message that comes unasked while a question is open counts as its
+    /// answer: ask twice where that matters.
+    pub(super) fn answer(&mut self, network: Duration, now: Instant) {
+        let Some(oldest) = self.open.front() else {
+            return;
+        };
+        let again = oldest.at + ASK_AGAIN;
+        let asked_again = self.open.back().is_some_and(|newest| newest.at >= again);
+        let question = if asked_again {
+            self.open.drain(..).next_back()
+        } else {
+            self.open.pop_front()
+        };
+        let Some(question) = question else {
+            return;
+        };
+        self.seen += 1;
+        // A single POWER may have come unasked.
+        if self.seen > 1 || self.question == Command::ConfigQuery {
+            self.answers = Some(true);
+        }
+        let age = now.saturating_duration_since(question.at);
+        let delay = age.saturating_sub(network);
+        self.delays = Some(Delays {
+            robot: delay,
+            network,
+        });
+        self.measure(&question, delay, now);
+        self.last_answer = Some(Answered {
+            at: now,
+            written: question.written,
+        });
+        self.answered_up_to = Some(question.number);
+        // The question itself may still be under execution.
+        let behind = self.written - question.written + 1;
+        let behind = u32::try_from(behind).unwrap_or(u32::MAX);
+        self.busy_until = Some(now + self.spacing().saturating_mul(behind));
+    }
+
+    /// If it was busy from the last answer to this one, the time between them is that of the messages
+    /// between them. Otherwise a late answer shows that it is slower than assumed.
+    fn measure(&mut self, question: &Question, delay: Duration, now: Instant) {
+        let busy_since = self.last_answer.filter(|last| last.at >= question.at);
+        if let Some(last) = busy_since {
+            let messages = u32::try_from(question.written - last.written).unwrap_or(u32::MAX);
+            let sample = now.saturating_duration_since(last.at) / messages.max(1);
+            self.period = if self.measured {
+                (self.period + sample) / 2
+            } else {
+                sample
+            };
+            self.measured = true;
+            self.measured_at = Some(now);
+        } else if delay > question.expected + question.expected / 4 + JITTER {
+            let slower = delay.as_secs_f64() / question.expected.as_secs_f64();
+            self.period = self.period.mul_f64(slower.min(3.0));
+        }
+        self.period = self.period.clamp(SHORTEST, LONGEST);
+    }
+
+    /// Whether another message may be written that can wait.
+    pub(super) fn admits(&self, now: Instant) -> bool {
+        self.next_admission(now).is_some_and(|at| at <= now)
+    }
+
+    /// When the next message may be written that can wait; `None`: not before an answer.
+    pub(super) fn next_admission(&self, now: Instant) -> Option<Instant> {
+        if self.is_overdue(now) {
+            return None;
+        }
+        let spacing = self.spacing();
+        let limit = MAX_AGE.max(spacing + spacing / 3);
+        let admission = self.free_at(now) + spacing;
+        Some(admission.checked_sub(limit).map_or(now, |at| at.max(now)))
+    }
+
+    /// How many more messages may be written at once.
+    pub(super) fn admitted(&self, waiting: usize, now: Instant) -> usize {
+        let mut model = self.clone();
+        let mut count = 0;
+        while count < waiting && model.admits(now) {
+            model.wrote(false, now);
+            count += 1;
+        }
+        count
+    }
+
+    /// Whether it is time for another question, while the robot moves.
+    pub(super) fn is_question_due(&self, now: Instant) -> bool {
+        if self.answers == Some(false) {
+            return false;
+        }
+        let interval = match self.open.back() {
+            Some(_) => ASK_AGAIN,
+            None => QUESTION_INTERVAL.max(self.period * 5),
+        };
+        let last = self.open.back().map(|open| open.at);
+        let last = last.or(self.last_answer.map(|last| last.at));
+        match last {
+            Some(at) => now >= at + interval,
+            // It was asked another kind of question, in vain.
+            None => self.asked > 0 && self.answers.is_none(),
+        }
+    }
+
+    /// How many questions to ask now, while the robot moves: two in a row measure its speed, which
+    /// may seem lower than it is after a disturbance.
+    pub(super) fn questions(&self, now: Instant) -> usize {
+        let old = self
+            .measured_at
+            .is_none_or(|at| now >= at + MEASURE_INTERVAL);
+        if old && self.period > FAST && self.free_at(now) <= now {
+            2
+        } else {
+            1
+        }
+    }
+
+    /// Advances the time: gives up asking a robot that does not answer.
+    pub(super) fn poll(&mut self, now: Instant) {
+        let patience = if self.answers == Some(true) {
+            LAST_ANSWER
+        } else {
+            FIRST_ANSWER
+        };
+        let waits = |open: &Question| now >= open.at + patience;
+        if !self.open.front().is_some_and(waits) {
+            return;
+        }
+        self.open.clear();
+        self.seen = 0;
+        self.period = self.period.max(CAUTIOUS);
+        self.measured = false;
+        if self.answers.is_none() && self.question == Command::PowerQuery {
+            self.question = Command::ConfigQuery;
+        } else {
+            self.question = Command::PowerQuery;
+            self.answers = Some(false);
+        }
+    }
+
+    /// Since when a robot that answers has left the oldest question unanswered, if that is longer
+    /// than its speed explains.
+    pub(super) fn overdue_since(&self) -> Option<Instant> {
+        let oldest = self.open.front()?;
+        (self.answers == Some(true)).then_some(oldest.at + oldest.expected)
+    }
+
+    fn is_overdue(&self, now: Instant) -> bool {
+        self.overdue_since()
+            .is_some_and(|since| now >= since + ASK_AGAIN)
+    }
+
+    /// Whether it is worth asking.
+    pub(super) fn may_answer(&self) -> bool {
+        self.answers != Some(false)
+    }
+
+    /// The number of the question that is written next.
+    pub(super) fn next_question(&self) -> u64 {
+        self.asked
+    }
+
+    /// Whether what was written before this question is executed.
+    pub(super) fn is_answered(&self, number: u64) -> bool {
+        self.answered_up_to
+            .is_some_and(|answered| answered >= number)
+    }
+
+    /// Whether its program answers, and how fast it is.
+    pub(super) fn executes(&self) -> Executes {
+        match self.answers {
+            None => Executes::Unknown,
+            Some(true) => Executes::Every(self.period),
+            Some(false) => Executes::NoAnswer,
+        }
+    }
+
+    pub(super) fn delays(&self) -> Option<Delays> {
+        self.delays
+    }
+
+    /// The time planned for one message: a little longer than measured, so that the queue shrinks.
+    fn spacing(&self) -> Duration {
+        self.period + self.period / 10
+    }
+
+    fn free_at(&self, now: Instant) -> Instant {
+        self.busy_until.map_or(now, |busy| busy.max(now))
+    }
+}
