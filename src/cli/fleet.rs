@@ -93,9 +93,6 @@ impl FleetArgs {
 }
 
 /// Connects to the broker and carries out the command.
-///
-/// # Errors
-/// The config names no broker, or the broker cannot be reached.
 pub(super) fn run(args: &FleetArgs) -> Result<Exit, Failure> {
     let account = broker::account(args.settings().load()?)?.ok_or_else(|| {
         Failure::usage("the config names no broker")

@@ -104,9 +104,6 @@ impl Topic {
 const DEFAULT_LIMIT: u32 = 1000;
 
 /// Prints the journal.
-///
-/// # Errors
-/// No journal, or one that cannot be read.
 pub(super) fn run(args: &HistoryArgs) -> Result<Exit, Failure> {
     let config = args.settings.config()?;
     let data = config.data_folder();

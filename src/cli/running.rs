@@ -31,9 +31,6 @@ pub(super) struct RemoteArgs {
 
 impl RemoteArgs {
     /// A client of the service that the command line or else the config names, if any.
-    ///
-    /// # Errors
-    /// An invalid token; the service cannot be reached or refuses the token.
     pub(super) fn client(&self, settings: &SettingsArgs) -> Result<Option<Client>, Failure> {
         let effective = settings.load()?;
         let options = &effective.config.remote;
@@ -77,9 +74,6 @@ fn unreachable(url: &ServiceUrl, error: &AskError) -> Failure {
 
 /// The run or service that the flags select: see [`find_run_of_target`]. `None` with `--sim`, which
 /// starts its own robot.
-///
-/// # Errors
-/// Flags that cannot be combined; see also [`find_run_of_target`].
 pub(super) fn find_run(
     settings: &SettingsArgs,
     connection: &ConnectionArgs,
@@ -136,10 +130,6 @@ fn service_of(
 
 /// The run that uses this robot; without one, the service that the command line or the config
 /// names, the run that uses the config's robot, or else the only run.
-///
-/// # Errors
-/// Flags that cannot be combined; a config that cannot be used; a service that cannot be reached;
-/// several runs are active and no robot was named.
 pub(super) fn find_run_of_target(
     settings: &SettingsArgs,
     robot: Option<&Target>,
@@ -174,9 +164,6 @@ pub(super) fn uses_robot(run: &Overview, target: &Target) -> bool {
 
 /// Sends a request to a run and waits for its reply, at most `limit`. `None` if interrupted; then
 /// the run cancels the request.
-///
-/// # Errors
-/// The run does not answer, its robot cannot be reached, or it refuses the request.
 pub(super) fn ask(
     run: &Client,
     request: &RunRequest,

@@ -8,7 +8,7 @@ use serde_json::Value;
 use tokio::time::Instant;
 
 use super::notice::Rule;
-use crate::robot::{AgentEvent, Battery, DockEnd, EndReason, STOP_HOLDS, SafetyAction};
+use crate::robot::{AgentEvent, Battery, DockEnd, EndReason, RobotInfo, STOP_HOLDS, SafetyAction};
 
 /// Minimum interval between two notifications of the same problem.
 const AGAIN: Duration = Duration::from_secs(600);
@@ -61,22 +61,24 @@ impl Rules {
         self.robot.as_deref().unwrap_or("spykee")
     }
 
+    fn link_up(&mut self, robot: &RobotInfo) -> Option<Notification> {
+        let name = if robot.name.is_empty() {
+            &robot.uid
+        } else {
+            &robot.name
+        };
+        self.robot = Some(name.clone());
+        let was = std::mem::replace(&mut self.link, Link::Up);
+        if !matches!(was, Link::Missing) {
+            return None;
+        }
+        let text = format!("{name} is in reach again");
+        Some(notification(Rule::Unreachable, text))
+    }
+
     pub(super) fn handle_event(&mut self, what: &AgentEvent, now: Instant) -> Option<Notification> {
         match what {
-            AgentEvent::LinkUp { robot, .. } => {
-                let name = if robot.name.is_empty() {
-                    &robot.uid
-                } else {
-                    &robot.name
-                };
-                self.robot = Some(name.clone());
-                let was = std::mem::replace(&mut self.link, Link::Up);
-                if !matches!(was, Link::Missing) {
-                    return None;
-                }
-                let text = format!("{name} is in reach again");
-                Some(notification(Rule::Unreachable, text))
-            }
+            AgentEvent::LinkUp { robot, .. } => self.link_up(robot),
             AgentEvent::LinkDown { reason } => {
                 if let Link::Up = self.link {
                     self.link = Link::Down(now, Some(reason.clone()));
@@ -107,6 +109,13 @@ impl Rules {
                     format!("docking failed after {seconds:.0} s: {why} (requested by {by})");
                 self.once(Rule::NotDocked, "", text, now)
             }
+            _ => self.of_behaviour(what, now),
+        }
+    }
+
+    /// Handles what a behaviour did.
+    fn of_behaviour(&mut self, what: &AgentEvent, now: Instant) -> Option<Notification> {
+        match what {
             AgentEvent::Ended {
                 behaviour,
                 reason: EndReason::Error | EndReason::Cpu | EndReason::Memory,

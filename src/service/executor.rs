@@ -398,12 +398,10 @@ impl Executor {
 /// The client with which an idle robot is sent home; its number is between those of the persons and
 /// of the rescue behaviour.
 const IDLE_CLIENT: BehaviourId = BehaviourId(0xFFFD);
-/// The lowest priority.
 const LOWEST: Priority = Priority(i16::MIN);
 
 #[derive(Debug)]
 pub(super) enum OrderResult {
-    /// A start.
     Started(String, Result<(), RosterError>),
     /// A stop or a restart.
     Changed(String, Result<(), RosterError>),
@@ -489,9 +487,6 @@ impl Orders {
     }
 
     /// Replaces the behaviours of the roster.
-    ///
-    /// # Errors
-    /// See [`Roster::define`].
     pub(super) async fn define(&self, specs: Vec<BehaviourSpec>) -> Result<(), RosterError> {
         self.roster.define(specs).await
     }

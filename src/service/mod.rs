@@ -34,7 +34,6 @@ use crate::timetable::{Planner, Record, Timetable};
 /// What a service does: everything that a reload may change.
 #[derive(Debug, Clone)]
 pub struct ServicePlan {
-    /// All behaviours.
     pub specs: Vec<BehaviourSpec>,
     /// Names of the behaviours that are started as soon as the robot is connected.
     pub always: Vec<String>,
@@ -75,7 +74,6 @@ pub struct IdlePolicy {
 /// A new plan, and the behaviours affected by the change.
 #[derive(Debug)]
 pub struct Reload {
-    /// The new plan.
     pub service_plan: ServicePlan,
     /// Behaviours whose definition has changed; the running ones are restarted.
     pub changed: Vec<String>,
@@ -96,7 +94,6 @@ pub struct Service {
     pub status: watch::Receiver<Status>,
     /// The time of day.
     pub clock: Clock,
-    /// The plan at the start.
     pub service_plan: ServicePlan,
     /// What was under way when the previous service ended, and the file where this is recorded;
     /// without a file nothing is recorded.

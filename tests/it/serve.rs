@@ -416,7 +416,11 @@ async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
                 - { run: patrol, at: '0 10 * * *' }\n- { run: patrl, at: '0 12 * * *' }\n";
     config(&rig, "", rest);
     let from = ["--from", "2026-05-04 08:00", "--config", "spykee.yaml"];
-    let text = succeed(&rig, &[&["schedule", "--next", "4"], &from[..]].concat()).await;
+    let text = succeed(
+        &rig,
+        &[&["config", "schedule", "--next", "4"], &from[..]].concat(),
+    )
+    .await;
     let lines: Vec<&str> = text.lines().collect();
     assert!(
         lines[1].starts_with("Mon 2026-05-04 09:00  patrol     11:00"),
@@ -434,7 +438,7 @@ async fn schedule_lists_what_will_happen_and_what_will_not_and_why() {
         lines[4].contains("23:00") && lines[4].contains("quiet"),
         "{text}"
     );
-    let json = [&["schedule", "--next", "1", "--json"], &from[..]].concat();
+    let json = [&["config", "schedule", "--next", "1", "--json"], &from[..]].concat();
     let (_, text) = run_spykee(&rig, &json).await;
     assert_contains(&text, &["\"2026-05-04T09:00:00+00:00\""]);
     // A service with such a timetable does not start.
