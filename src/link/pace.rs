@@ -219,9 +219,15 @@ impl Pace {
         Some(admission.checked_sub(limit).map_or(now, |at| at.max(now)))
     }
 
-    /// How many more messages may be written at once.
-    pub(super) fn admitted(&self, waiting: usize, now: Instant) -> usize {
+    /// How many of `waiting` messages may be written at once, after `urgent` ones.
+    pub(super) fn admitted(&self, urgent: usize, waiting: usize, now: Instant) -> usize {
+        if waiting == 0 {
+            return 0;
+        }
         let mut model = self.clone();
+        for _ in 0..urgent {
+            model.wrote(false, now);
+        }
         let mut count = 0;
         while count < waiting && model.admits(now) {
             model.wrote(false, now);

@@ -228,7 +228,9 @@ impl SendQueue {
     ) -> Bytes {
         self.pace.poll(now);
         self.ask_while_moving(now);
-        let paced = self.pace.admitted(self.paced.len(), now);
+        let paced = self
+            .pace
+            .admitted(self.urgent.len(), self.paced.len(), now);
         let commands = self.gather(paced);
         if !commands.is_empty() {
             self.stalled = self.stalled.or(Some(now));
@@ -282,7 +284,7 @@ impl SendQueue {
         }
         self.stalled = None;
         self.speech.charge(count, now);
-        if self.urgent() == 0 && self.pace.admitted(self.paced.len(), now) == 0 {
+        if self.urgent() == 0 && self.pace.admitted(0, self.paced.len(), now) == 0 {
             self.partly_written = self.speech.first().unwrap_or_default();
             self.speech.advance();
             self.pace.wrote(false, now);
