@@ -1,7 +1,7 @@
 //! `scripts/soak`, `scripts/month`, `scripts/rescue`, `scripts/explore` and `scripts/stops`: long runs, each
 //! with a table of what was promised and what happened. They exit with 1 if a promise was broken.
 
-#![allow(clippy::unwrap_used, unreachable_pub)]
+#![allow(clippy::unwrap_used, clippy::expect_used, unreachable_pub)]
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -125,6 +125,9 @@ struct StopsArgs {
     /// Runs at the same time [default: one for each processor; with broken links 16]
     #[arg(long, value_parser = number!(u16).range(1..))]
     jobs: Option<u16>,
+    /// Only slow robots that this behaviour drives
+    #[arg(long)]
+    driver: Vec<Driver>,
     /// Only runs that end like this
     #[arg(long)]
     end: Vec<End>,
@@ -327,7 +330,11 @@ fn run_stops(args: &StopsArgs) -> bool {
     let asked = |part| args.part.is_none_or(|only| only == part);
     let mut is_kept = true;
     if asked(StopsPart::Queue) {
-        let cells = queue::play_all(&queue::SPEEDS, &Driver::ALL, args.seeds, threads);
+        let drivers = match &args.driver[..] {
+            [] => &Driver::ALL,
+            asked => asked,
+        };
+        let cells = queue::play_all(&queue::SPEEDS, drivers, args.seeds, threads);
         println!("{}", queue::heading());
         for (trial, cell) in &cells {
             println!("{}", queue::row(trial, cell));

@@ -104,7 +104,8 @@ const SERVICE: &str = "service: { user: root }\nlive: { listen: '127.0.0.1:0' }\
 pub enum Outage {
     /// Its Wi-Fi starts again: connections end, and new ones are refused.
     Refused,
-    /// Bytes are lost, and the connection stays dead.
+    /// Bytes are lost, and the connection stays dead: it counts as in reach when the program's system
+    /// has given up that connection.
     Silent,
     /// All packets are lost, those of new connections too.
     Packets,
@@ -133,6 +134,11 @@ const WATCH: Duration = Duration::from_secs(15);
 const STANDS: Duration = Duration::from_secs(4);
 const START_LIMIT: Duration = Duration::from_secs(60);
 const POLL: Duration = Duration::from_millis(20);
+/// So long after the first byte that was lost, the system gives up a connection: the default of the
+/// config's `link: { dead_after }`.
+const DEAD_AFTER: Duration = Duration::from_secs(3);
+/// A driving run sends something at least so often.
+const REPEATS: Duration = Duration::from_millis(500);
 
 /// Whether the robot was stopped.
 #[derive(Debug, Clone)]
@@ -170,6 +176,7 @@ impl Robot {
                 let options = Options {
                     listen,
                     faults: Some(Vec::new()),
+                    unacknowledged: Some(DEAD_AFTER),
                     ..Options::default()
                 };
                 let server = Server::bind(world, options).await.unwrap();
@@ -253,6 +260,10 @@ async fn play(case: &Case, network: Option<&Network>) -> Outcome {
     let ahead = rng.random_range(AHEAD).min(case.out.as_secs_f64() * 0.8);
     let breaks = ends + Duration::from_millis(50) - Duration::from_secs_f64(ahead + 0.05);
     let back = breaks + case.out;
+    let given_up = match case.outage {
+        Outage::Silent => breaks + DEAD_AFTER + REPEATS,
+        _ => breaks,
+    };
     let breaking = async {
         sleep_until(breaks).await;
         case.outage.begin(&robot.sim, case.out, network);
@@ -260,7 +271,7 @@ async fn play(case: &Case, network: Option<&Network>) -> Outcome {
         if let Some(network) = network {
             network.forward();
         }
-        Instant::now()
+        Instant::now().max(given_up)
     };
     let ending = async {
         sleep_until(ends).await;

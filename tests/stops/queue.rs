@@ -44,7 +44,7 @@ balls: [{ at: [5, 4], colour: red }]
 ";
 
 /// What drives the robot.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Driver {
     /// After a ball that moves around the room.
     FollowColour,
@@ -175,7 +175,7 @@ pub fn play(trial: &Trial) -> Stopped {
             {
                 return Stopped::NeverDrove;
             }
-            let mut rng = StdRng::seed_from_u64(trial.seed);
+            let mut rng = StdRng::seed_from_u64(2 * trial.seed + trial.stopper as u64);
             let ball = (trial.driver == Driver::FollowColour).then(|| move_ball(sim, trial.seed));
             sleep(Duration::from_secs_f64(rng.random_range(10.0..40.0))).await;
             let asked = simulation.now();
@@ -185,7 +185,8 @@ pub fn play(trial: &Trial) -> Stopped {
                 Stopper::Person => drop(run.requests().send(Request::EmergencyStop(true)).await),
                 Stopper::EndOfRun => run.stop(),
             }
-            let Ok(stop) = timeout(STOP_LIMIT, executed(sim, from, asked)).await else {
+            let stop = timeout(STOP_LIMIT, executed(sim, from, asked)).await;
+            let Some(stop) = stop.ok().or_else(|| already_stopped(sim)) else {
                 return Stopped::Never;
             };
             sleep(WATCH).await;
@@ -194,7 +195,7 @@ pub fn play(trial: &Trial) -> Stopped {
             }
             let later = sim.heard_since(stop.index + 1);
             Stopped::Executed {
-                age: (stop.at - asked).as_secs_f64(),
+                age: stop.at.saturating_sub(asked).as_secs_f64(),
                 way: sim.state().distance - way,
                 again: later.iter().any(|heard| moves(&heard.command)),
             }
@@ -232,6 +233,14 @@ async fn executed(sim: &Handle, from: usize, asked: Duration) -> ReceivedCommand
         }
         sleep(POLL).await;
     }
+}
+
+/// The last MOVE, if it is a stop: nobody stops a robot again that was told to stop before.
+fn already_stopped(sim: &Handle) -> Option<ReceivedCommand> {
+    let heard = sim.heard();
+    let mut moves = heard.into_iter().rev();
+    let last = moves.find(|heard| matches!(heard.command, Command::Move { .. }));
+    last.filter(|heard| heard.command == Command::STOP)
 }
 
 /// The age by which a STOP is to be executed, seconds: the queue may be 0.3 s old, or two periods on a
