@@ -228,9 +228,7 @@ impl SendQueue {
     ) -> Bytes {
         self.pace.poll(now);
         self.ask_while_moving(now);
-        let paced = self
-            .pace
-            .admitted(self.urgent.len(), self.paced.len(), now);
+        let paced = self.pace.admitted(self.urgent.len(), self.paced.len(), now);
         let commands = self.gather(paced);
         if !commands.is_empty() {
             self.stalled = self.stalled.or(Some(now));

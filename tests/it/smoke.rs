@@ -162,7 +162,6 @@ fn a_robot_that_executes_slowly_does_the_same_with_the_same_seed() {
 }
 
 #[test]
-#[ignore = "not kept yet"]
 fn a_slow_robot_executes_a_stop_soon() {
     expect_stops(&[Some(3.0), Some(5.0), Some(8.0)]);
 }
@@ -181,7 +180,6 @@ fn a_robot_out_of_reach_is_stopped_when_it_is_back_if_its_run_goes_on() {
 }
 
 #[test]
-#[ignore = "not kept yet"]
 fn a_robot_out_of_reach_at_the_end_of_its_run_is_stopped_when_it_is_back() {
     expect_stopped_after_a_break(&[End::ScriptReturns, End::For, End::Interrupt, End::Killed]);
 }
