@@ -132,6 +132,28 @@ pub struct Rig {
 impl Drop for Rig {
     fn drop(&mut self) {
         self.server.abort();
+        end_guardians(self.folder());
+    }
+}
+
+/// Ends the guardians of runs in this folder. Those of killed agents would dial for ten minutes, and the
+/// address may be that of another test's robot by then.
+fn end_guardians(folder: &Path) {
+    let folder = folder.to_string_lossy().into_owned();
+    let processes = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+    for process in processes {
+        let command = std::fs::read(process.path().join("cmdline")).unwrap_or_default();
+        let command = String::from_utf8_lossy(&command);
+        let number = process
+            .file_name()
+            .to_str()
+            .and_then(|name| name.parse().ok());
+        if command.contains("__guardian")
+            && command.contains(&folder)
+            && let Some(pid) = number.and_then(rustix::process::Pid::from_raw)
+        {
+            let _ = rustix::process::kill_process(pid, rustix::process::Signal::KILL);
+        }
     }
 }
 
