@@ -5,10 +5,11 @@ import { h, say, since, stamp } from "./dom.js";
 import { t } from "./texts.js";
 
 const AGAIN = 1000;
-/** A request may hang: until then, others are sent beside it. */
+/** A request may hang: until then, others are sent beside it. After this time without an answer STOP counts as not
+ *  delivered. */
 const TIMEOUT = 3000;
 const MOST = 3;
-/** After this time without an answer STOP counts as not delivered, and a person may give up; milliseconds. */
+/** After this time a person may give up; milliseconds. */
 const PATIENCE = 2000;
 const KEY = "spykee.stop";
 
@@ -39,6 +40,8 @@ export function emergencyStop(connection, changed) {
   let pressed = null;
   /** When the server last answered. */
   let answered = null;
+  /** Whether an earlier one held when it was pressed: what is under way then is about that one. */
+  let already = false;
   let confirmation = "none";
   let state = null;
   let requests = new Set();
@@ -48,6 +51,7 @@ export function emergencyStop(connection, changed) {
     if (pressed === null) {
       pressed = stamp();
       answered = null;
+      already = state?.emergency_stop ?? false;
       confirmation = "sending";
       connection.stopping = true;
       keep(true);
@@ -113,7 +117,7 @@ export function emergencyStop(connection, changed) {
   function sentence() {
     if (pressed !== null) {
       if (answered === null || since(answered) > TIMEOUT) {
-        return connection.late || since(pressed) > PATIENCE ? "stop_no_connection" : "stop_sending";
+        return connection.late || since(pressed) > TIMEOUT ? "stop_no_connection" : "stop_sending";
       }
       return confirmation === "not_confirmed" ? "stop_out_of_reach" : "stop_sending";
     }
@@ -152,8 +156,7 @@ export function emergencyStop(connection, changed) {
     const said = now.stop_confirmation ?? (now.link === "up" ? "executed" : "not_confirmed");
     if (pressed === null) {
       confirmation = said;
-    } else if (now.emergency_stop && (answered !== null || since(pressed) > PATIENCE)) {
-      // Not what was under way when STOP was pressed: that may be about an earlier one.
+    } else if (now.emergency_stop && (!already || answered !== null || since(pressed) > PATIENCE)) {
       hear(said);
     }
     show();
