@@ -497,16 +497,13 @@ impl Pilot {
                     self.debt.forgive();
                     self.tell_guardian_of_debt();
                 }
-                if !delivery.is_owed() {
-                    self.release_guardian();
-                }
+                // Closes the old connection, even if a stop is owed: a robot that still believes in it
+                // refuses other logins.
+                self.release_guardian();
             }
             ConnectionEvent::Failed(error) => {
-                // Until a stop is confirmed, the guardian keeps the old connection open: a robot that
-                // still believes in it refuses other logins.
-                if !self.owes_stop() {
-                    self.release_guardian();
-                }
+                // If the robot had accepted the login, the last words were sent.
+                self.release_guardian();
                 if self.info.is_none() {
                     return Err(ConnectionEventError::First(error));
                 }
@@ -769,6 +766,7 @@ impl Pilot {
             warn!("at the end: {lost}");
         }
         self.store_last_words(&mut connection);
+        let owed = self.owes_stop();
         let delivery = match (self.writer.take(), connection.into_reader()) {
             (Some(writer), Some(reader)) => {
                 let limit = until.saturating_duration_since(Instant::now());
@@ -776,8 +774,13 @@ impl Pilot {
                 self.beat_during(close_gracefully(reader, writer, limit))
                     .await
             }
-            _ if self.owes_stop() => Delivery::OutOfReach,
+            _ if owed => Delivery::OutOfReach,
             _ => Delivery::Offline,
+        };
+        let delivery = if owed || !delivery.is_owed() {
+            delivery
+        } else {
+            Delivery::NotDriving
         };
         let is_guarded = self
             .heartbeat
@@ -787,7 +790,7 @@ impl Pilot {
         match delivery {
             Delivery::Executed | Delivery::Acknowledged => info!("{delivery}"),
             Delivery::Offline if self.info.is_none() => debug!("never connected"),
-            Delivery::Offline => warn!("{delivery}"),
+            Delivery::NotDriving | Delivery::Offline => warn!("{delivery}"),
             Delivery::NotConfirmed { .. } | Delivery::OutOfReach if is_guarded => warn!(
                 "{delivery}; the guardian process keeps trying to stop it for {} minutes",
                 HURRY_LIMIT.as_secs() / 60

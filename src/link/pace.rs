@@ -16,8 +16,9 @@ use crate::wire::Command;
 const CAUTIOUS: Duration = Duration::from_millis(200);
 const SHORTEST: Duration = Duration::from_millis(1);
 const LONGEST: Duration = Duration::from_secs(2);
-/// How old the robot's queue may get, where its speed allows that.
-const MAX_AGE: Duration = Duration::from_millis(300);
+/// How old the robot's queue may get, where its speed allows that: 0.3 s with the message that is
+/// being executed.
+const MAX_AGE: Duration = Duration::from_millis(250);
 /// The shortest time between two questions while the robot moves.
 const QUESTION_INTERVAL: Duration = Duration::from_millis(500);
 /// A question that was not answered for this long is asked again. The answer then counts for all

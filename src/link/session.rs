@@ -314,6 +314,8 @@ pub enum Delivery {
         /// How long the wait was.
         after: Duration,
     },
+    /// The robot was not driving, and has not confirmed that it still stands.
+    NotDriving,
     /// There was no connection, and the robot was not driving.
     Offline,
     /// There was no connection, and the robot may be driving.
@@ -339,6 +341,9 @@ impl fmt::Display for Delivery {
                 "the robot has not confirmed the stop within {:.1} s: it may be driving",
                 after.as_secs_f64()
             ),
+            Delivery::NotDriving => {
+                f.write_str("the robot was not driving; it has not confirmed the last stop")
+            }
             Delivery::Offline => {
                 f.write_str("the robot was out of reach at the end: no stop was sent")
             }

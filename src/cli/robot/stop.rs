@@ -127,6 +127,16 @@ fn tell(run: &StoppedRun) -> Result<Told, Failure> {
     match &run.answer {
         StopAnswer::Run { outcome, ends } => {
             warn_of(&outcome.kept);
+            if run
+                .overview
+                .as_ref()
+                .is_some_and(|run| run.low && !run.docked)
+            {
+                tracing::warn!(
+                    "the battery is low: `spykee robot reset-stop`, then `spykee robot dock` sends \
+                     the robot to its station"
+                );
+            }
             let simulated = run.overview.as_ref().is_some_and(|run| run.simulated);
             let words = outcome.confirmation;
             if *ends && simulated {

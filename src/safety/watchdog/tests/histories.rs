@@ -228,7 +228,7 @@ fn any_fact() -> impl Strategy<Value = Fact> {
             gap: Duration::from_millis(gap),
             guardian_wrote,
         }),
-        2 => prop::bool::weighted(0.7).prop_map(Fact::Guarded),
+        1 => prop::bool::weighted(0.85).prop_map(Fact::Guarded),
         4 => prop::option::weighted(0.9, who()).prop_map(Fact::Rescuer),
     ]
 }
